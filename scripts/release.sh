@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What is handed to others, in DIRECTORY (default: dist): a static binary for Linux in a .tar.gz with man pages and completions, a Debian package, the
+# What is handed to others, in DIRECTORY (default: dist): a static binary for Linux in a .tar.gz with man pages, completions and JSON Schemas, a Debian package, the
 # wheel, what is in it (SBOM, CycloneDX) and checksums. What is made is tried: installed into an empty root, and run there without an
 # environment.
 #
@@ -39,6 +39,8 @@ if [ -z "${CALIB_BINARY:-}" ]; then
     cargo rustc --release --locked --bin calib -- -C target-feature=+crt-static
     CALIB_BINARY=$target/release/calib
 fi
+share=$work/share
+cargo run --quiet --release --locked --example json_schemas -- "$share/json"
 install -m 755 "$CALIB_BINARY" "$calib"
 strip "$calib"
 # Only now: packages that look at it would be compiled again.
@@ -50,7 +52,6 @@ if ldd "$calib" 2>&1 | grep -q '=>'; then
 fi
 
 echo "== man pages, completions, SBOM"
-share=$work/share
 mkdir -p "$share/man/man1" "$share/completions"
 "$calib" -q man "$share/man/man1"
 for shell in bash zsh fish; do
@@ -61,7 +62,7 @@ python3 scripts/sbom.py > "$out/calib-$version.cdx.json"
 echo "== archive"
 name=calib-$version-linux-$(uname -m)
 mkdir "$work/$name"
-cp -r "$calib" "$share/man" "$share/completions" README.md CHANGELOG.md LICENSE-APACHE LICENSE-MIT "$work/$name"
+cp -r "$calib" "$share/man" "$share/completions" "$share/json" README.md CHANGELOG.md LICENSE-APACHE LICENSE-MIT "$work/$name"
 # What the figures are written in.
 cp crates/calib-report/assets/fonts/LICENSE "$work/$name/LICENSE-FONTS"
 tar --mode=u=rwX,go=rX --sort=name --mtime="@$when" --owner=0 --group=0 --numeric-owner -C "$work" -c "$name" | gzip -9n > "$out/$name.tar.gz"

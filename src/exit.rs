@@ -1,6 +1,5 @@
-use calib_data::DataError;
 use calib_pipeline::{Observer, Outcome, Remark, StepError};
-use calib_study::{Place, StudyError};
+use calib_study::Place;
 
 use crate::output::{excerpt, is_to_be_tried_again};
 
@@ -36,34 +35,15 @@ impl From<Outcome> for ExitStatus {
 }
 
 /// Say what went wrong, and with which status to exit.
-pub(crate) fn report(error: &anyhow::Error, observer: &dyn Observer) -> ExitStatus {
-    let told = StepError::told(error);
-    observer.remark(Remark::Error(&told));
-    if was_interrupted(error) {
-        return if is_to_be_tried_again() { ExitStatus::TryAgain } else { ExitStatus::Interrupted };
+pub(crate) fn report(error: &StepError, observer: &dyn Observer) -> ExitStatus {
+    observer.remark(Remark::Error(&error.to_string()));
+    match error.exit_code() {
+        130 if is_to_be_tried_again() => ExitStatus::TryAgain,
+        130 => ExitStatus::Interrupted,
+        4 => ExitStatus::Incomplete,
+        _ => {
+            excerpt(&error.place().map(Place::excerpt).unwrap_or_default());
+            ExitStatus::BadInput
+        }
     }
-    if is_incomplete(error) {
-        return ExitStatus::Incomplete;
-    }
-    excerpt(&place(error).map(Place::excerpt).unwrap_or_default());
-    ExitStatus::BadInput
-}
-
-fn was_interrupted(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| {
-        cause.downcast_ref().is_some_and(StepError::was_interrupted)
-            || matches!(cause.downcast_ref(), Some(DataError::Interrupted))
-    })
-}
-
-fn is_incomplete(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| cause.downcast_ref().is_some_and(StepError::is_incomplete))
-}
-
-/// Where in the study file the reason is, if it is there.
-fn place(error: &anyhow::Error) -> Option<&Place> {
-    error.chain().find_map(|cause| {
-        let of_step = || cause.downcast_ref::<StepError>()?.place();
-        of_step().or_else(|| cause.downcast_ref::<StudyError>()?.place())
-    })
 }

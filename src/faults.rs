@@ -3,16 +3,16 @@
 //! It is part of every build, so that what is tested is what is shipped. It can do no harm that whoever sets the
 //! environment of calib could not do anyway.
 
+use calib_pipeline::{Context as _, StepError, bail};
 use std::{env, fs::File};
 
-use anyhow::Context as _;
 use calib_files::faults::{self, Fault};
 
 /// Which operation goes wrong, and how.
 const VARIABLE: &str = "CALIB_FAULT";
 
 /// Arm what the environment asks for; usually nothing.
-pub(crate) fn arm() -> anyhow::Result<()> {
+pub(crate) fn arm() -> Result<(), StepError> {
     let Some(text) = env::var_os(VARIABLE).filter(|text| !text.is_empty()) else { return Ok(()) };
     let text = text.to_string_lossy();
     let expected = || {
@@ -32,7 +32,7 @@ pub(crate) fn arm() -> anyhow::Result<()> {
         "full" => Fault::Full(number()?),
         "kill" => Fault::Kill(number()?),
         "list" => Fault::List(File::create(what).with_context(|| format!("cannot write {what}"))?),
-        _ => anyhow::bail!(expected()),
+        _ => bail!(expected()),
     });
     Ok(())
 }

@@ -18,7 +18,7 @@ fn of_calib(py: Python<'_>, name: &str, text: &str) -> PyErr {
 
 /// What a step could not do.
 pub(crate) fn of_step(py: Python<'_>, error: &StepError) -> PyErr {
-    if error.was_interrupted() {
+    if error.was_cancelled() {
         return PyKeyboardInterrupt::new_err(error.to_string());
     }
     let name = if error.place().is_some() { "StudyError" } else { "CalibError" };

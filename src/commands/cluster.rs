@@ -4,21 +4,18 @@ use std::num::NonZeroUsize;
 
 use calib_pipeline::{
     ArrayOf, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Engine, Leftovers, Of,
-    Outcome, Printer, Submission, cluster_merge, cluster_plan, cluster_run, cluster_status,
-    cluster_submit,
+    Outcome, Printer, StepError, Submission, cluster_merge, cluster_plan, cluster_run,
+    cluster_status, cluster_submit, ensure,
 };
 
 use super::share::number;
 use crate::cli::{ClusterCommand, ClusterEngine, MissingAs};
 
 /// Do what is asked of a plan.
-pub(super) fn run(command: ClusterCommand, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(super) fn run(command: ClusterCommand, printer: &Printer) -> Result<Outcome, StepError> {
     Ok(match command {
         ClusterCommand::Plan { study, of: _, task_minutes, max_tasks, shards, plan } => {
-            anyhow::ensure!(
-                task_minutes > 0.0,
-                "--task-minutes must be above 0, got {task_minutes}"
-            );
+            ensure!(task_minutes > 0.0, "--task-minutes must be above 0, got {task_minutes}");
             let options = ClusterPlanOptions {
                 directory: plan,
                 task_minutes,

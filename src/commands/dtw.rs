@@ -1,10 +1,9 @@
 use std::{io::Write as _, path::Path};
 
-use anyhow::{Context as _, bail};
 use calib_dtw::{Alignment, Distance, Dtw, Ends, PatternSet, Series, Settings, StepPattern};
 use calib_files::{FileError, check_output, is_same_file, write_output};
 use calib_pipeline::{
-    Outcome, Printer, Standing,
+    Context as _, Outcome, Printer, Standing, StepError, bail,
     output::{count, table},
     require_memory,
 };
@@ -39,7 +38,7 @@ impl PatternResult {
 }
 
 /// Compare two series, with one or several step patterns.
-pub(super) fn run(args: &DtwArgs, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(super) fn run(args: &DtwArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let standing = if args.force { Standing::Replaced } else { Standing::Kept };
     if let Some(path) = &args.path {
         check_output(path, standing)?;
@@ -83,7 +82,7 @@ fn compared(
     settings: Settings,
     query: Series<'_>,
     reference: Series<'_>,
-) -> anyhow::Result<Vec<PatternResult>> {
+) -> Result<Vec<PatternResult>, StepError> {
     let set = PatternSet::new(args.step_pattern.as_slice(), settings);
     let distances = set.distances(query, reference)?;
     let patterns = args.step_pattern.iter().zip(distances);
@@ -98,7 +97,7 @@ fn aligned(
     reference: Series<'_>,
     (path, standing): (&Path, Standing),
     printer: &Printer,
-) -> anyhow::Result<PatternResult> {
+) -> Result<PatternResult, StepError> {
     let [pattern] = args.step_pattern.as_slice() else {
         bail!(
             "--path wants exactly one --step-pattern, got {}; choose one, such as --step-pattern {}",
@@ -129,7 +128,7 @@ fn write_path(path: &Path, standing: Standing, alignment: &Alignment) -> Result<
     })
 }
 
-fn show(results: &[PatternResult], printer: &Printer) -> anyhow::Result<()> {
+fn show(results: &[PatternResult], printer: &Printer) -> Result<(), StepError> {
     let number = |number: f64| {
         if number == 0.0 || (1e-3..1e9).contains(&number) {
             format!("{number:.6}")

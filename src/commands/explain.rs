@@ -1,11 +1,10 @@
 //! What a key of a study means, from the schema that editors have.
 
-use anyhow::bail;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
-use calib_pipeline::{Outcome, Printer};
+use calib_pipeline::{Outcome, Printer, StepError, bail};
 
 /// Keys that are suggested for one that is not there.
 const SUGGESTED: usize = 6;
@@ -21,7 +20,7 @@ pub(crate) struct Explained {
 }
 
 /// Explain a key, a section with its keys, or without a name all sections.
-pub(super) fn run(key: Option<&str>, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(super) fn run(key: Option<&str>, printer: &Printer) -> Result<Outcome, StepError> {
     let schema = calib_study::schema();
     let Some(path) = key else {
         printer.lines(&list(&schema, &schema, ""))?;

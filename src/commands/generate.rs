@@ -5,12 +5,12 @@ use clap::CommandFactory as _;
 use clap_complete::Shell;
 use clap_mangen::Man;
 
-use calib_pipeline::{Outcome, Printer};
+use calib_pipeline::{Outcome, Printer, StepError};
 
 use crate::cli::Cli;
 
 /// Print a completion script.
-pub(super) fn completions(shell: Shell, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(super) fn completions(shell: Shell, printer: &Printer) -> Result<Outcome, StepError> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "calib", &mut script);
     printer.lines(&String::from_utf8_lossy(&script))?;
@@ -18,7 +18,7 @@ pub(super) fn completions(shell: Shell, printer: &Printer) -> anyhow::Result<Out
 }
 
 /// Write one man page a command.
-pub(super) fn man(directory: &Path, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(super) fn man(directory: &Path, printer: &Printer) -> Result<Outcome, StepError> {
     calib_files::create_directory(directory)?;
     remove_temporaries(directory, Below::Unknown)?;
     let mut calib = Cli::command().disable_help_subcommand(true);
@@ -29,7 +29,7 @@ pub(super) fn man(directory: &Path, printer: &Printer) -> anyhow::Result<Outcome
 }
 
 /// The page of a command, and those of its commands.
-fn pages(command: &clap::Command, directory: &Path) -> anyhow::Result<()> {
+fn pages(command: &clap::Command, directory: &Path) -> Result<(), StepError> {
     for below in command.get_subcommands().filter(|below| !below.is_hide_set()) {
         pages(below, directory)?;
     }

@@ -1,7 +1,6 @@
-use anyhow::ensure;
 use calib_data::{Dropped, Imported, Shape};
 use calib_pipeline::{
-    Outcome, Printer, Standing, check_log, on_this_machine,
+    Outcome, Printer, Standing, StepError, check_log, ensure, on_this_machine,
     output::{count, counted},
     text_left_alone,
 };
@@ -9,7 +8,7 @@ use calib_pipeline::{
 use crate::cli::ImportArgs;
 
 /// Write a log of any form as one wide Parquet file.
-pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(super) fn run(args: &ImportArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let out = args.out.display();
     ensure!(
         args.out.extension().is_some_and(|extension| extension == "parquet"),
@@ -52,7 +51,7 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> anyhow::Result<Outcom
 }
 
 /// What of the files is not in the rows.
-fn show_dropped(imported: &Imported, printer: &Printer) -> anyhow::Result<()> {
+fn show_dropped(imported: &Imported, printer: &Printer) -> Result<(), StepError> {
     let Dropped { without_time, undecided, repeated, bad_quality } = imported.dropped;
     let told = [
         (without_time, "without a timestamp of the years 1 to 9998: dropped"),

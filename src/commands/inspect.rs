@@ -1,9 +1,9 @@
-use anyhow::{Context as _, ensure};
 use calib_data::{
     Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile, format_time,
 };
 use calib_pipeline::{
-    Descriptions, Job, LogTold, Outcome, Printer, Request, check_log, data_of, on_this_machine,
+    Context as _, Descriptions, Job, LogTold, Outcome, Printer, Request, StepError, check_log,
+    data_of, ensure, on_this_machine,
     output::{bytes, count, counted, span, table},
     text_left_alone,
 };
@@ -15,7 +15,7 @@ use super::{import::shape_name, inspect_channels::show_channels};
 use crate::cli::InspectArgs;
 
 /// Show what is in a log, and what preprocessing would make of it.
-pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let Settings { data, preprocess, deployments, job } = settings(args)?;
     printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
     text_left_alone(&data, printer)?;
@@ -39,7 +39,8 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> anyhow::Result<Outco
                 .with_context(|| format!("[deployments.{name}]"))?;
             Ok(profile.held_out.map(|held_out| (name, held_out)))
         };
-        let deployments: Vec<_> = deployments.into_iter().map(of).collect::<anyhow::Result<_>>()?;
+        let deployments: Vec<_> =
+            deployments.into_iter().map(of).collect::<Result<_, StepError>>()?;
         let deployments: Vec<(String, PartProfile)> = deployments.into_iter().flatten().collect();
         show_parts(&profile, &deployments, printer)?;
         if let Some(acted) = acted {
@@ -84,7 +85,7 @@ pub(super) struct Inspected<'a> {
 }
 
 /// A study's own sections, or the defaults for data alone.
-fn settings(args: &InspectArgs) -> anyhow::Result<Settings> {
+fn settings(args: &InspectArgs) -> Result<Settings, StepError> {
     let study = if args.data.extension().is_some_and(|extension| extension == "toml") {
         let job = Job::resolve(Request {
             set: args.set.clone(),
@@ -121,7 +122,7 @@ struct Settings {
     job: Option<Job>,
 }
 
-fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
+fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
     printer.result(&format!("read as {}", shape_name(profile.shape)))?;
     let long = profile.end.micros_since(profile.start) as f64 / 1e6;
     printer.result(&format!(
@@ -167,7 +168,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn show_gaps(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
+fn show_gaps(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
     let gaps = &profile.gaps;
     if gaps.count == 0 {
         return printer.result("gaps: none");
@@ -194,7 +195,7 @@ fn show_parts(
     profile: &Profile,
     deployments: &[(String, PartProfile)],
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     printer.result("")?;
     let imputed: u64 = profile.channels.iter().map(|channel| channel.imputed).sum();
     printer.result(&format!(

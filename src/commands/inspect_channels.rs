@@ -3,7 +3,7 @@
 use calib_data::{ChannelProfile, Profile};
 
 use calib_pipeline::{
-    Descriptions, Printer,
+    Descriptions, Printer, StepError,
     output::{count, counted, percent, significant, span, table},
 };
 
@@ -18,7 +18,7 @@ pub(super) fn show_channels(
     descriptions: &Descriptions,
     args: &InspectArgs,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let limit = if args.all { profile.channels.len() } else { LISTED };
     let dropped: Vec<&ChannelProfile> =
         profile.channels.iter().filter(|channel| channel.dropped.is_some()).collect();

@@ -13,8 +13,7 @@ mod series;
 mod share;
 mod simulate;
 
-use anyhow::{Context as _, ensure};
-use calib_pipeline::{Logs, Outcome, Printer, ValidityOptions};
+use calib_pipeline::{Context as _, Logs, Outcome, Printer, StepError, ValidityOptions, ensure};
 pub use schemas::json_schemas;
 
 use crate::{
@@ -26,7 +25,7 @@ use crate::{
 const MANY_THREADS: usize = 1024;
 
 /// Do what the command line says.
-pub(crate) fn run(cli: Cli, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
     if let Some(threads) = cli.global.threads {
         ensure!(
             (1..=MANY_THREADS).contains(&threads),

@@ -1,8 +1,7 @@
 use std::path::Path;
 
-use anyhow::Context as _;
 use calib_files::{FileError, read_regular, write_new};
-use calib_pipeline::{Job, Outcome, Printer, Request};
+use calib_pipeline::{Context as _, Job, Outcome, Printer, Request, StepError, bail};
 
 use crate::cli::QuickstartArgs;
 
@@ -10,7 +9,7 @@ use crate::cli::QuickstartArgs;
 const STUDY: &str = include_str!("../../configs/quickstart.toml");
 
 /// Simulate a plant, run the whole chain on it, and leave everything in a directory.
-pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let directory = &args.directory;
     printer.heading(
         "calib quickstart: four and a half days of a simulated plant, from its logs to a verdict",
@@ -25,7 +24,7 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> anyhow::Result<Ou
 }
 
 /// Leave the study file beside the data, as a start for the user's own.
-fn write_study(directory: &Path, seed: u64) -> anyhow::Result<std::path::PathBuf> {
+fn write_study(directory: &Path, seed: u64) -> Result<std::path::PathBuf, StepError> {
     let path = directory.join("study.toml");
     // The schema lies beside the original only.
     let (_schema, text) = STUDY.split_once('\n').context("the study has lines")?;
@@ -34,7 +33,7 @@ fn write_study(directory: &Path, seed: u64) -> anyhow::Result<std::path::PathBuf
         return Ok(path);
     }
     match write_new(&path, |file| std::io::Write::write_all(file, text.as_bytes())) {
-        Err(FileError::Occupied { .. }) => anyhow::bail!(
+        Err(FileError::Occupied { .. }) => bail!(
             "{} exists and is another study; run the steps on it one by one, or choose another directory",
             path.display()
         ),

@@ -8,7 +8,7 @@ use schemars::Schema;
 
 use super::{dtw::Results, explain::Explained, inspect::Inspected};
 
-/// The schemas of what all commands print, by command; `docs/json` in the repository.
+/// The schemas of what all commands print, by command. `cargo run --example json_schemas -- FOLDER` writes them.
 pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
     let own = [
         ("dtw", JsonDocuments::of::<Results>()),

@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
 use calib_data::table::{Table, read_parquet, read_parquet_columns};
 use calib_files::{array_bytes, read_array, read_csv};
-use calib_pipeline::{check_table, require_memory};
+use calib_pipeline::{Context as _, StepError, bail, check_table, require_memory};
 
 /// Columns that a message lists.
 const LISTED: usize = 20;
@@ -44,7 +43,7 @@ impl Format {
 }
 
 /// Read the series that `text` names.
-pub(super) fn read(text: &str) -> anyhow::Result<Samples> {
+pub(super) fn read(text: &str) -> Result<Samples, StepError> {
     let source = source(text)?;
     let (path, column) = (&source.path, source.column.as_deref());
     match source.format {
@@ -60,7 +59,7 @@ pub(super) fn path(text: &str) -> PathBuf {
 }
 
 /// Split at the colon after the file's extension: both parts may hold others.
-fn source(text: &str) -> anyhow::Result<Source> {
+fn source(text: &str) -> Result<Source, StepError> {
     let lower = text.to_ascii_lowercase();
     for (format, extension) in Format::ALL {
         if lower.ends_with(extension) {
@@ -78,7 +77,7 @@ fn source(text: &str) -> anyhow::Result<Source> {
 }
 
 /// A series `[n]`, or `[n, channels]`; the column is the number of a channel.
-fn from_npy(path: &Path, column: Option<&str>) -> anyhow::Result<Samples> {
+fn from_npy(path: &Path, column: Option<&str>) -> Result<Samples, StepError> {
     let what = format!("reading {}", path.display());
     require_memory(array_bytes(path)?, &what, "take fewer samples or channels of it")?;
     let array = read_array(path)?;
@@ -98,7 +97,7 @@ fn from_npy(path: &Path, column: Option<&str>) -> anyhow::Result<Samples> {
     Ok(Samples::of_column(array.values.into_iter().skip(number).step_by(channels).collect()))
 }
 
-fn from_csv(path: &Path, column: Option<&str>) -> anyhow::Result<Vec<f64>> {
+fn from_csv(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError> {
     let mut columns = read_csv(path)?;
     let position = if let Some(name) = column {
         columns.iter().position(|column| column.name == name).with_context(|| {
@@ -114,7 +113,7 @@ fn from_csv(path: &Path, column: Option<&str>) -> anyhow::Result<Vec<f64>> {
     column.numbers.with_context(|| format!("{}, column `{}`", path.display(), column.name))
 }
 
-fn from_parquet(path: &Path, column: Option<&str>) -> anyhow::Result<Vec<f64>> {
+fn from_parquet(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError> {
     let context = || path.display().to_string();
     if let Some(name) = column {
         check_table(path, Some(&[name])).with_context(context)?;
@@ -130,7 +129,7 @@ fn from_parquet(path: &Path, column: Option<&str>) -> anyhow::Result<Vec<f64>> {
 }
 
 /// Position of the only numeric column.
-fn only_numeric(path: &Path, columns: &[(&str, bool)]) -> anyhow::Result<usize> {
+fn only_numeric(path: &Path, columns: &[(&str, bool)]) -> Result<usize, StepError> {
     let mut numeric = columns.iter().enumerate().filter(|(_, (_, is_numeric))| *is_numeric);
     match (numeric.next(), numeric.next()) {
         (Some((position, _)), None) => Ok(position),

@@ -1,6 +1,6 @@
 //! Which share of the work a process has, as it was typed or as a system that runs many of them says.
 
-use anyhow::{Context as _, ensure};
+use calib_pipeline::{Context as _, StepError, ensure};
 use calib_study::{Job, Policy, Share};
 
 /// What systems call the number of a task, and what the first one is.
@@ -17,7 +17,7 @@ pub(super) fn number(
     option: &str,
     typed: &str,
     environment: impl Fn(&str) -> Option<String>,
-) -> anyhow::Result<usize> {
+) -> Result<usize, StepError> {
     if typed != "auto" {
         return typed
             .parse()
@@ -38,7 +38,7 @@ pub(super) fn number(
 pub(super) fn share(
     typed: &str,
     environment: impl Fn(&str) -> Option<String>,
-) -> anyhow::Result<Share> {
+) -> Result<Share, StepError> {
     let form = || {
         format!(
             "--share must be a share and how many there are, such as 0/8 or auto/8, got '{typed}'"
@@ -54,7 +54,7 @@ pub(super) fn share(
 }
 
 /// The job, of which only a share is to be done where one was asked for.
-pub(super) fn shared(job: Job, typed: Option<&str>) -> anyhow::Result<Job> {
+pub(super) fn shared(job: Job, typed: Option<&str>) -> Result<Job, StepError> {
     let Some(typed) = typed else { return Ok(job) };
     let policy = job.policy();
     ensure!(

@@ -1,9 +1,9 @@
 use std::path::PathBuf;
 
-use anyhow::{bail, ensure};
 use calib_data::Moment;
 use calib_pipeline::{
-    Job, Outcome, Printer, Request, SimulateTask, Standing, Stopwatch, output::duration, plant_of,
+    Job, Outcome, Printer, Request, SimulateTask, Standing, StepError, Stopwatch, bail, ensure,
+    output::duration, plant_of,
 };
 use calib_plant::PlantOptions;
 use calib_study::{SimulateConfig, shell_words};
@@ -14,7 +14,7 @@ use crate::cli::{PlantArgs, SimulateArgs, Task};
 const TRANSITIONS: usize = 5000;
 
 /// Simulate a plant and write one Parquet file a day.
-pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> Result<Outcome, StepError> {
     if let Some(task) = args.task.task {
         return of_task(args, task, printer);
     }
@@ -46,7 +46,7 @@ pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> anyhow::Result<Outc
 }
 
 /// Write the log of a policy in a classic task.
-fn of_task(args: &SimulateArgs, task: Task, printer: &Printer) -> anyhow::Result<Outcome> {
+fn of_task(args: &SimulateArgs, task: Task, printer: &Printer) -> Result<Outcome, StepError> {
     let seed = args.plant.seed;
     ensure!(
         PlantArgs { seed: None, ..args.plant.clone() } == PlantArgs::default()
@@ -77,7 +77,7 @@ fn of_task(args: &SimulateArgs, task: Task, printer: &Printer) -> anyhow::Result
 }
 
 /// What `calib simulate STUDY` is to write, and where; and what to do next.
-fn described(args: &SimulateArgs) -> anyhow::Result<(PathBuf, PlantOptions, String)> {
+fn described(args: &SimulateArgs) -> Result<(PathBuf, PlantOptions, String), StepError> {
     let shown = args.target.display();
     ensure!(
         args.plant == PlantArgs::default(),
@@ -97,12 +97,11 @@ fn described(args: &SimulateArgs) -> anyhow::Result<(PathBuf, PlantOptions, Stri
 }
 
 /// What was typed, and the defaults for the rest.
-fn config(args: &PlantArgs) -> anyhow::Result<SimulateConfig> {
+fn config(args: &PlantArgs) -> Result<SimulateConfig, StepError> {
     let defaults = SimulateConfig::default();
-    let start = args
-        .start
-        .as_ref()
-        .map(|start| Moment::new(start).map_err(|reason| anyhow::anyhow!("--start: {reason}")));
+    let start = args.start.as_ref().map(|start| {
+        Moment::new(start).map_err(|reason| StepError::message(format!("--start: {reason}")))
+    });
     Ok(SimulateConfig {
         days: args.days.unwrap_or(defaults.days),
         channels: args.channels.unwrap_or(defaults.channels),

@@ -7,10 +7,9 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use anyhow::{Context as _, ensure};
 use calib_core::Monitor;
 use calib_pipeline::{
-    Observer, Remark, Shown, Stopwatch,
+    Context as _, Observer, Remark, Shown, StepError, Stopwatch, ensure,
     output::{Lines, Result, Stage, harmless},
 };
 use jiff::Timestamp;
@@ -55,7 +54,7 @@ impl Journal {
         terminal: Terminal,
         voice: Voice,
         path: Option<&Path>,
-    ) -> anyhow::Result<Self> {
+    ) -> std::result::Result<Self, StepError> {
         let file = path.map(open).transpose()?;
         let started = Stopwatch::start();
         let (stage, file) = (Mutex::new(None), file.map(Mutex::new));
@@ -78,7 +77,7 @@ impl Journal {
 }
 
 /// Open a journal, or begin one. Whatever else has content is somebody's, and nothing is appended to it.
-fn open(path: &Path) -> anyhow::Result<File> {
+fn open(path: &Path) -> std::result::Result<File, StepError> {
     let mut begin = Vec::new();
     if path.exists() {
         let file = calib_files::open_regular(path)?;

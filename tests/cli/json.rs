@@ -1,51 +1,9 @@
-//! What `--json` prints is what `docs/json` says, which is what the structs say. Every run of these tests with `--json` is held to
-//! it (`harness.rs`).
-
-use std::{collections::BTreeSet, fs, path::PathBuf};
+//! What `--json` prints is what the schemas of the structs say. Every run of these tests with `--json` is held to them
+//! (`harness.rs`).
 
 use serde_json::Value;
 
 use crate::harness::{Place, schema};
-
-/// The schemas of the repository.
-fn folder() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs/json")
-}
-
-/// Name and content of each, as the structs have it.
-fn written() -> Vec<(String, String)> {
-    let of = |(command, schema): (&str, schemars::Schema)| {
-        let text = serde_json::to_string_pretty(&schema).expect("JSON") + "\n";
-        (schema::file_name(command), text)
-    };
-    calib::json_schemas().into_iter().map(of).collect()
-}
-
-#[test]
-fn the_schemas_are_those_of_the_structs() {
-    let there: BTreeSet<String> = fs::read_dir(folder())
-        .expect("docs/json")
-        .flatten()
-        .map(|entry| entry.file_name().to_string_lossy().into_owned())
-        .collect();
-    let names: BTreeSet<String> = written().into_iter().map(|(name, _)| name).collect();
-    assert_eq!(there, names);
-    for (name, text) in written() {
-        assert!(
-            fs::read_to_string(folder().join(&name)).expect("readable") == text,
-            "docs/json/{name} is not current; run `cargo test --release --test cli write_the_schemas -- --ignored`"
-        );
-    }
-}
-
-#[test]
-#[ignore = "writes the schemas"]
-fn write_the_schemas() {
-    fs::create_dir_all(folder()).expect("writable");
-    for (name, text) in written() {
-        fs::write(folder().join(name), text).expect("writable");
-    }
-}
 
 #[test]
 fn every_command_with_json_has_a_schema() {

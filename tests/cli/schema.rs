@@ -1,23 +1,18 @@
-//! Whether a document is what its schema says: as much of JSON Schema as the schemas of `docs/json` have, and a panic at the rest.
+//! Whether a document is what its schema says: as much of JSON Schema as they have, and a panic at the rest.
 //!
 //! Stricter than a validator in one thing: a key that the schema does not know is a problem, as if `unevaluatedProperties` were
 //! `false` everywhere. The schemas themselves leave it open, so that who holds documents to them is not stopped by a key that a later
 //! version adds.
 
-use std::{collections::BTreeSet, fs};
+use std::collections::BTreeSet;
 
 use serde_json::{Map, Value};
 
-/// The file of a command's schema.
-pub(crate) fn file_name(command: &str) -> String {
-    format!("{}.schema.json", command.replace(' ', "-"))
-}
-
-/// The schema of what `command` prints, as it is in the repository.
+/// The schema of what `command` prints.
 pub(crate) fn of(command: &str) -> Value {
-    let path = format!("{}/docs/json/{}", env!("CARGO_MANIFEST_DIR"), file_name(command));
-    serde_json::from_str(&fs::read_to_string(&path).unwrap_or_else(|_| panic!("no {path}")))
-        .expect("JSON")
+    let mut schemas = calib::json_schemas();
+    let schema = schemas.remove(command).unwrap_or_else(|| panic!("no schema of {command}"));
+    schema.into()
 }
 
 /// What of `value` is not as `schema` says, and where.

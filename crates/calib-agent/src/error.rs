@@ -1,3 +1,5 @@
+use calib_core::Cancelled;
+
 use crate::ConfigError;
 
 /// Why agents could not be trained.
@@ -108,7 +110,7 @@ pub enum AgentError {
     /// The state of a long run could not be kept.
     #[error("cannot keep the state of a run: {0}")]
     Keep(String),
-    /// The user asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }

@@ -257,11 +257,8 @@ impl<'a> Population<'a> {
         };
         if ready {
             for update in 0..self.updates_per_step {
-                if update > 0
-                    && update.is_multiple_of(self.updates_per_look)
-                    && monitor.interrupted()
-                {
-                    return Err(AgentError::Interrupted);
+                if update > 0 && update.is_multiple_of(self.updates_per_look) {
+                    monitor.check()?;
                 }
                 self.update(t, update, known);
             }

@@ -1,4 +1,4 @@
-use calib_core::{Monitor, Seed, Stream};
+use calib_core::{Cancelled, Monitor, Seed, Stream};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -225,9 +225,7 @@ impl<'a> PretrainRun<'a> {
                 let mut learned = vec![Learned::default(); live.len()];
                 let mut losses = vec![0.0_f64; live.len()];
                 for starts in order.chunks(batch) {
-                    if monitor.interrupted() {
-                        return Err(AgentError::Interrupted);
-                    }
+                    monitor.check()?;
                     if !live.is_empty() {
                         let batch = Batch { stream, starts, present: None };
                         values.learn(batch, &live, &mut learned);
@@ -249,7 +247,7 @@ impl<'a> PretrainRun<'a> {
                 };
                 Ok(live.iter().zip(losses).map(epoch).collect())
             })
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<_, Cancelled>>()?;
         for (learner, epoch) in epochs.into_iter().flatten() {
             if let Some(epoch) = epoch {
                 self.settle(learner, epoch);

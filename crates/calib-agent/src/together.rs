@@ -75,7 +75,7 @@ pub fn train_together(
             let now = (now * steps as f64) as u64;
             monitor.advance(now.saturating_sub(reported));
             reported = reported.max(now);
-            if monitor.interrupted() { Err(AgentError::Interrupted) } else { Ok(()) }
+            Ok(monitor.check()?)
         })?;
         done += group.len();
         for (outcomes, own) in outcomes.iter_mut().zip(cohort.outcomes()) {

@@ -148,8 +148,8 @@ pub fn train_learners(
                     told = 0;
                 }
                 told = told.saturating_add(work_per_step);
-                let stop = monitor.interrupted();
-                let enough = keeper.work_between() / if stop { 8 } else { 1 };
+                let checked = monitor.check();
+                let enough = keeper.work_between() / if checked.is_err() { 8 } else { 1 };
                 if work >= enough {
                     let mut trackers = trackers.clone();
                     for (&member, tracker) in members.iter().zip(population.trackers()) {
@@ -162,7 +162,7 @@ pub fn train_learners(
                     work = 0;
                 }
                 work = work.saturating_add(work_per_step);
-                if stop { Err(AgentError::Interrupted) } else { Ok(()) }
+                Ok(checked?)
             })?;
             for (&member, tracker) in members.iter().zip(population.trackers()) {
                 trackers[member] = tracker.clone();

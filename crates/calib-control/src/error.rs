@@ -1,4 +1,4 @@
-use calib_core::{SegmentError, StatesError};
+use calib_core::{Cancelled, SegmentError, StatesError};
 use calib_knn::KnnError;
 use calib_stats::StatsError;
 
@@ -129,7 +129,7 @@ pub enum ControlError {
     NoStarts,
     /// The search failed.
     #[error(transparent)]
-    Knn(#[from] KnnError),
+    Knn(KnnError),
     /// The states are not states.
     #[error(transparent)]
     States(#[from] StatesError),
@@ -139,7 +139,16 @@ pub enum ControlError {
     /// A statistic could not be taken.
     #[error(transparent)]
     Stats(#[from] StatsError),
-    /// The user asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl From<KnnError> for ControlError {
+    fn from(error: KnnError) -> Self {
+        match error {
+            KnnError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Knn(other),
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Fitted Q evaluation: the value of a policy from a log, without a model. A baseline.
 
-use calib_core::{Monitor, States, TransitionIndex};
+use calib_core::{Cancelled, Monitor, States, TransitionIndex};
 use rayon::prelude::*;
 
 use crate::{
@@ -36,19 +36,17 @@ pub fn fitted_q_evaluation(
     monitor: &dyn Monitor,
 ) -> Result<Vec<f64>, ControlError> {
     monitor.begin("fitted Q evaluation", candidates.len() as u64);
-    let values: Option<Vec<f64>> = candidates
+    let values: Result<Vec<f64>, Cancelled> = candidates
         .par_iter()
         .map(|&config| {
-            if monitor.interrupted() {
-                return None;
-            }
+            monitor.check()?;
             let mut agent = from_log(log, config, updates);
             let value = evaluated(log, starts, &mut agent, config, timeout);
             monitor.advance(1);
-            Some(if value.is_finite() { value } else { f64::NEG_INFINITY })
+            Ok(if value.is_finite() { value } else { f64::NEG_INFINITY })
         })
         .collect();
-    values.ok_or(ControlError::Interrupted)
+    Ok(values?)
 }
 
 /// An agent that learnt from `updates` recorded transitions.

@@ -1,6 +1,6 @@
 //! Importance sampling: the value of a policy from a log whose policy is known, without a model. A baseline.
 
-use calib_core::{Monitor, TransitionIndex};
+use calib_core::{Cancelled, Monitor, TransitionIndex};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -46,18 +46,16 @@ pub fn importance_sampling(
 ) -> Result<Option<Vec<Importance>>, ControlError> {
     let Some(logged) = log.probabilities() else { return Ok(None) };
     monitor.begin("importance sampling", candidates.len() as u64);
-    let values: Option<Vec<Importance>> = candidates
+    let values: Result<Vec<Importance>, Cancelled> = candidates
         .par_iter()
         .map(|&config| {
-            if monitor.interrupted() {
-                return None;
-            }
+            monitor.check()?;
             let ratios = log_ratios(log, logged, config, updates);
             monitor.advance(1);
-            Some(estimate(&episodes(log, &ratios), config.gamma, timeout))
+            Ok(estimate(&episodes(log, &ratios), config.gamma, timeout))
         })
         .collect();
-    values.map(Some).ok_or(ControlError::Interrupted)
+    Ok(Some(values?))
 }
 
 /// ln π(a | s) − ln b(a | s) of each transition for the policy that the candidate learns from the log.

@@ -1,6 +1,6 @@
 //! Every candidate in every member.
 
-use calib_core::{Monitor, Seed};
+use calib_core::{Cancelled, Monitor, Seed};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -57,19 +57,17 @@ pub fn sweep<M: Ensemble>(
     let of_member = extent.runs * candidates.len();
     let units = model.members() * of_member;
     monitor.begin("agents in members", units as u64);
-    let runs: Vec<Option<Run>> = (0..units)
+    let runs: Vec<Result<Run, Cancelled>> = (0..units)
         .into_par_iter()
         .map(|unit| {
-            if monitor.interrupted() {
-                return None;
-            }
+            monitor.check()?;
             let (member, rest) = (unit / of_member, unit % of_member);
             let (run, candidate) = (rest / candidates.len(), rest % candidates.len());
             let seed = seed.child("member").number(member as u64).number(run as u64);
             let mut walk = model.walk(member);
             let life = one_life(candidates[candidate], &mut walk, extent.span, seed);
             monitor.advance(1);
-            Some(Run {
+            Ok(Run {
                 member,
                 run,
                 candidate,
@@ -81,7 +79,7 @@ pub fn sweep<M: Ensemble>(
             })
         })
         .collect();
-    runs.into_iter().collect::<Option<_>>().ok_or(ControlError::Interrupted)
+    Ok(runs.into_iter().collect::<Result<_, _>>()?)
 }
 
 /// The mean return of every candidate in an environment whose truth is known, `[runs][candidates]`; each run begins with `make`.
@@ -97,21 +95,18 @@ pub fn truth<E: Environment>(
 ) -> Result<Vec<Vec<f64>>, ControlError> {
     let units = extent.runs * candidates.len();
     monitor.begin("agents in the truth", units as u64);
-    let flat: Option<Vec<f64>> = (0..units)
+    let flat: Result<Vec<f64>, Cancelled> = (0..units)
         .into_par_iter()
         .map(|unit| {
-            if monitor.interrupted() {
-                return None;
-            }
+            monitor.check()?;
             let (run, candidate) = (unit / candidates.len(), unit % candidates.len());
             let seed = seed.child("truth").number(run as u64);
             let life = one_life(candidates[candidate], &mut make(), extent.span, seed);
             monitor.advance(1);
-            Some(life.mean_return())
+            Ok(life.mean_return())
         })
         .collect();
-    let flat = flat.ok_or(ControlError::Interrupted)?;
-    Ok(flat.chunks(candidates.len()).map(<[f64]>::to_vec).collect())
+    Ok(flat?.chunks(candidates.len()).map(<[f64]>::to_vec).collect())
 }
 
 fn one_life(

@@ -8,7 +8,7 @@
 //! - [`States`], [`Frames`]: normalised states `[n, d]`, and their timestamps and segments.
 //! - [`Transitions`], [`TransitionIndex`], [`RowIndex`]: pairs of successive rows of one segment.
 //! - [`Seed`], [`Rng`]: named, derived randomness that is stable across platforms and releases.
-//! - [`Monitor`]: progress and cancellation, seen from inside long work.
+//! - [`Monitor`], [`Cancelled`]: progress and cancellation, seen from inside long work.
 //! - [`Stream`], [`RowStream`]: what an agent sees; replay and rollout look the same to it.
 //!
 //! ```
@@ -38,7 +38,7 @@ mod transition;
 pub use column::{Bounds, Column, ColumnKind, Normalised, Normaliser, Physical};
 pub use frames::{Frames, FramesError};
 pub use index::{RowIndex, TransitionIndex};
-pub use monitor::{Monitor, Silent};
+pub use monitor::{Cancelled, Monitor, Silent};
 pub use seed::{Rng, Seed};
 pub use segment::{Segment, SegmentError, Segments};
 pub use states::{States, StatesError};

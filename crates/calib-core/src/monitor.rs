@@ -1,3 +1,8 @@
+/// The observer asked to stop. Whatever was finished by then stays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("interrupted")]
+pub struct Cancelled;
+
 /// How long work says what it has done, and learns that it should stop.
 ///
 /// The command line draws a progress bar from it; libraries and tests pass [`Silent`].
@@ -11,6 +16,14 @@ pub trait Monitor: Sync {
     /// Whether the user asked to stop. Work then ends at its next safe point.
     fn interrupted(&self) -> bool {
         false
+    }
+
+    /// For `monitor.check()?` where work can end.
+    ///
+    /// # Errors
+    /// [`Cancelled`] if [`interrupted`](Self::interrupted).
+    fn check(&self) -> Result<(), Cancelled> {
+        if self.interrupted() { Err(Cancelled) } else { Ok(()) }
     }
 }
 

@@ -1,5 +1,6 @@
 use std::path::PathBuf;
 
+use calib_core::Cancelled;
 use calib_files::FileError;
 
 /// Why a log cannot be used. Every message says what was found where, and what to do.
@@ -333,9 +334,9 @@ pub enum DataError {
         /// Time of the row.
         at: String,
     },
-    /// The user asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 /// A number of bytes as people read it.

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, io, path::Path};
 
-use calib_core::{Monitor, Timestamp};
+use calib_core::{Cancelled, Monitor, Timestamp};
 use calib_files::{FileError, Spill, Standing, check_output, is_same_file, write_output};
 use pl::{IntoColumn as _, NewChunkedArray as _};
 use polars::prelude as pl;
@@ -201,7 +201,7 @@ fn write(
         Ok(())
     });
     if interrupted {
-        return Err(DataError::Interrupted);
+        return Err(Cancelled.into());
     }
     Ok(written?)
 }

@@ -4,8 +4,6 @@ mod distance;
 mod dtw;
 mod error;
 mod kernel;
-mod lower_bound;
-mod nearest;
 mod path;
 mod pattern;
 mod pattern_set;
@@ -18,7 +16,6 @@ pub use distance::Distance;
 pub use dtw::{Alignment, Dtw};
 pub use error::{DtwError, NoPath};
 pub use kernel::dispatch::InstructionSet;
-pub use nearest::Nearest;
 pub use pattern::{
     Branch, Cell, LONGEST_BRANCH, Normalisation, ParsePatternError, PatternError, RabinerJuangType,
     Recursion, SlopeWeighting, Smoothing, Step, StepPattern,

@@ -1,3 +1,4 @@
+use calib_core::Cancelled;
 use calib_files::FileError;
 
 /// Why there is no parametric model, or no rollout of it.
@@ -57,7 +58,7 @@ pub enum DynamicsError {
     /// A file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The user asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }

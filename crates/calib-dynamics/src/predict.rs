@@ -232,9 +232,7 @@ impl Rollouts<'_> {
             // Lanes that nobody wants stay where they are.
             current[rollouts.len() * columns..].fill(0.0);
             if step % STEPS_PER_LOOK == 0 || step == steps {
-                if monitor.interrupted() {
-                    return Err(DynamicsError::Interrupted);
-                }
+                monitor.check()?;
                 let done = (step - 1) % STEPS_PER_LOOK + 1;
                 monitor.advance((done * rollouts.len()) as u64);
             }

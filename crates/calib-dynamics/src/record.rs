@@ -70,7 +70,7 @@ pub trait Trainer {
     /// Train for one epoch. The monitor advances by its updates; the caller begins the task.
     ///
     /// # Errors
-    /// [`DynamicsError::Diverged`], or [`DynamicsError::Interrupted`]; then the trainer is of no more use.
+    /// [`DynamicsError::Diverged`], or [`DynamicsError::Cancelled`]; then the trainer is of no more use.
     fn epoch(&mut self, monitor: &dyn Monitor) -> Result<EpochLoss, DynamicsError>;
 
     /// Everything that the next epoch follows from.

@@ -79,9 +79,7 @@ pub fn pass(
     let order = epoch_order(items, seed, epoch);
     let mut sum = 0.0;
     for batch in order.chunks(batch_size) {
-        if monitor.interrupted() {
-            return Err(DynamicsError::Interrupted);
-        }
+        monitor.check()?;
         sum += update(batch)? * batch.len() as f64;
         monitor.advance(1);
     }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::{
     KnnError,
-    index::{covariance, going_on, leading_axes},
+    index::{covariance, leading_axes},
 };
 
 /// Rows from which the axes are estimated.
@@ -54,7 +54,7 @@ pub(crate) fn leading_components(
         }
         monitor.advance((chunk.len() / count) as u64);
     });
-    going_on(monitor)?;
+    monitor.check()?;
     let components = States::new(values, rows, count);
     Ok(components.unwrap_or_else(|_| unreachable!("components are finite")))
 }

@@ -3,11 +3,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Exclusion, KnnError, PrototypeKind, SelfMatch, Shortcuts, Weights};
 
-/// The `[model]` section of a study.
+/// The keys of `[model]` in a study that are about neighbours.
 ///
 /// | key | default | meaning |
 /// |---|---|---|
-/// | `kind` | `"knn"` | nearest neighbours, or a parametric model of another crate: `"nn"`, `"gru"`, `"torchscript"` |
 /// | `members` | 5 | blocks `B`, and members of the ensemble; at least 2 |
 /// | `neighbors` | 3 | neighbours `k` of each transition; at least 1 |
 /// | `exclude_self` | false | forbid a row as its own neighbour |
@@ -23,8 +22,6 @@ use crate::{Exclusion, KnnError, PrototypeKind, SelfMatch, Shortcuts, Weights};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelConfig {
-    /// What kind of model; the other keys are about `"knn"`.
-    pub kind: ModelKind,
     /// Blocks and members of the ensemble.
     pub members: usize,
     /// Neighbours of each transition.
@@ -54,7 +51,6 @@ pub struct ModelConfig {
 impl Default for ModelConfig {
     fn default() -> Self {
         Self {
-            kind: ModelKind::Knn,
             members: 5,
             neighbors: 3,
             exclude_self: false,
@@ -69,21 +65,6 @@ impl Default for ModelConfig {
             index: IndexKind::Auto,
         }
     }
-}
-
-/// Kinds of calibration models.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ModelKind {
-    /// Nearest neighbours: an ensemble whose rollouts never leave the data.
-    #[default]
-    Knn,
-    /// A feed-forward network that predicts the next state.
-    Nn,
-    /// A recurrent network that predicts the next state.
-    Gru,
-    /// A network of the user's, exported from PyTorch.
-    Torchscript,
 }
 
 /// How one of the neighbours is drawn.

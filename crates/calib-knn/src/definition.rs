@@ -3,7 +3,7 @@
 use calib_core::{Monitor, TransitionIndex};
 use rayon::prelude::*;
 
-use crate::{KnnError, KnnModel, index::going_on};
+use crate::{KnnError, KnnModel};
 
 /// A row of a table: member and transition.
 pub(crate) type Cell = (usize, TransitionIndex);
@@ -44,7 +44,7 @@ pub(crate) fn by_definition(
             cells.par_iter().map(|&cell| Search::new(model, cell)).collect();
         let task = cells.len().div_ceil(2 * rayon::current_num_threads()).max(LANES);
         for start in (0..sources).step_by(STRIP) {
-            going_on(monitor)?;
+            monitor.check()?;
             let end = sources.min(start + STRIP);
             searched.par_chunks_mut(task).for_each(|searches| {
                 see_strip(model, searches, start..end);
@@ -241,7 +241,7 @@ mod tests {
         let cells = [(0, model.member(0).nth(7))];
         let monitor = Counting::new(1);
         let stopped = by_definition(&model, &cells, &monitor);
-        assert!(matches!(stopped, Err(KnnError::Interrupted)));
+        assert!(matches!(stopped, Err(KnnError::Cancelled(_))));
         assert_eq!(monitor.done.into_inner(), STRIP as u64, "after the strip that it was in");
     }
 }

@@ -1,3 +1,4 @@
+use calib_core::Cancelled;
 use calib_files::FileError;
 
 /// Why a neighbour model cannot be built, opened or asked.
@@ -137,7 +138,7 @@ pub enum KnnError {
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The user asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }

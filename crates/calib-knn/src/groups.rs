@@ -3,9 +3,7 @@ use std::ops::Range;
 use calib_core::Monitor;
 use rayon::prelude::*;
 
-use crate::{
-    KnnError, MemberLists, Sources, findable::Findable, index::going_on, lists::Candidate,
-};
+use crate::{KnnError, MemberLists, Sources, findable::Findable, lists::Candidate};
 
 /// Sources between two looks at the monitor.
 const CHUNK: usize = 1 << 14;
@@ -49,7 +47,7 @@ impl Groups {
             }
             monitor.advance(chunk.len() as u64);
         });
-        going_on(monitor)?;
+        monitor.check()?;
         hashed.par_sort_unstable();
         // The group of a transition is named by its first member. Equal hashes almost always mean equal states.
         let mut named: Vec<(u32, u32)> = Vec::with_capacity(hashed.len());

@@ -60,7 +60,7 @@ mod weights;
 
 pub use blocks::Blocks;
 pub use choice::{IndexChoice, Reason};
-pub use config::{IndexKind, ModelConfig, ModelKind, WeightsKind};
+pub use config::{IndexKind, ModelConfig, WeightsKind};
 pub use error::KnnError;
 pub use exclusion::{Exclusion, SelfMatch};
 pub use faults::{Fault, faults};

@@ -4,11 +4,8 @@ use calib_core::Monitor;
 use rayon::prelude::*;
 
 use crate::{
-    KnnError, Sources,
-    components::leading_components,
-    distance::squared,
-    groups::Groups,
-    index::{going_on, leaves},
+    KnnError, Sources, components::leading_components, distance::squared, groups::Groups,
+    index::leaves,
 };
 
 /// Principal components in which clusters are made and covered.
@@ -67,7 +64,7 @@ pub(crate) fn covering(
         })
         .copied()
         .collect();
-    going_on(monitor)?;
+    monitor.check()?;
     kept.par_sort_unstable();
     Ok(kept)
 }

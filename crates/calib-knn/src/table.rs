@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::{
     Blocks, Exclusion, IndexChoice, IndexKind, KnnError, Parts,
     candidates::Candidates,
-    index::{Found, Planned, Queries, Sources, going_on},
+    index::{Found, Planned, Queries, Sources},
     parts::PART_QUERIES,
     recurrence::Filling,
 };
@@ -185,7 +185,7 @@ fn fill(
             for (number, order) in order.chunks(part).enumerate() {
                 let read = kept.as_ref().and_then(|kept| kept.read(number, order.len()));
                 let (found, origin) = if let Some(found) = read {
-                    going_on(monitor)?;
+                    monitor.check()?;
                     monitor.advance(order.len() as u64);
                     (found, Origin::File)
                 } else {

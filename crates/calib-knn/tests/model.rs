@@ -226,9 +226,9 @@ fn searches_and_comparisons_end_when_they_are_told_to() {
     let model = model(&ModelConfig::default());
     let (queries, _) = walk(&[700], 5, 99);
     let searched = model.nearest_sources(&queries, 4, &ScratchPlace::Memory, &Stopped);
-    assert!(matches!(searched, Err(KnnError::Interrupted)));
-    assert!(matches!(verify(&model, 5, Seed::new(1), &Stopped), Err(KnnError::Interrupted)));
-    assert!(matches!(recall(&model, 5, Seed::new(1), &Stopped), Err(KnnError::Interrupted)));
+    assert!(matches!(searched, Err(KnnError::Cancelled(_))));
+    assert!(matches!(verify(&model, 5, Seed::new(1), &Stopped), Err(KnnError::Cancelled(_))));
+    assert!(matches!(recall(&model, 5, Seed::new(1), &Stopped), Err(KnnError::Cancelled(_))));
 }
 
 #[test]

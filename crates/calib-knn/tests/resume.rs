@@ -89,7 +89,7 @@ fn a_build_that_is_interrupted_again_and_again_goes_on() {
             let stops = StopsAt::new(300 * interrupted + 350);
             match build(kind, columns, &workplace, &stops) {
                 Ok(model) => break model,
-                Err(KnnError::Interrupted) => interrupted += 1,
+                Err(KnnError::Cancelled(_)) => interrupted += 1,
                 Err(error) => panic!("{error}"),
             }
             assert!(round < 60, "the build never ends");
@@ -133,7 +133,7 @@ fn what_was_kept_is_what_the_tables_hold() {
     let parts = Parts::new(partial.clone(), "data").of_queries(300);
     let workplace = Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) };
     let stopped = build(IndexKind::Join, 12, &workplace, &StopsAt::new(1500));
-    assert!(matches!(stopped, Err(KnnError::Interrupted)));
+    assert!(matches!(stopped, Err(KnnError::Cancelled(_))));
     // A part that was never searched like this, but is whole by its fingerprint: if it is put into the tables,
     // they show it; if its queries are searched again, they do not.
     let path = partial.join("00000000.part");

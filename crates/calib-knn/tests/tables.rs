@@ -300,7 +300,7 @@ fn work_ends_when_the_user_asks() {
         let monitor = Impatient(0.into(), 0);
         let stopped =
             build_tables(&states, &transitions, &blocks, 3, case.exclusion, kind, &monitor);
-        assert!(matches!(stopped, Err(KnnError::Interrupted)));
+        assert!(matches!(stopped, Err(KnnError::Cancelled(_))));
         assert!(monitor.0.into_inner() < 31_992);
     }
 }
@@ -353,7 +353,7 @@ fn progress_reaches_its_end_and_a_scan_ends_inside_a_block() {
     }
     // A block has 1024 queries.
     let (stopped, progress) = build(IndexKind::Scan, 0);
-    assert!(matches!(stopped, Err(KnnError::Interrupted)));
+    assert!(matches!(stopped, Err(KnnError::Cancelled(_))));
     assert!((1..512).contains(&progress), "{progress}");
 }
 

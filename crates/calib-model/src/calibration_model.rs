@@ -2,7 +2,7 @@ use std::{fmt, ops::Range};
 
 use calib_core::{Frames, Monitor, RowIndex, Seed, States};
 use calib_files::ScratchPlace;
-use calib_knn::{KnnModel, Weights};
+use calib_knn::Weights;
 
 use crate::{ModelError, ModelStart, StartSource, Trajectory};
 
@@ -73,8 +73,8 @@ pub trait CalibrationModel: fmt::Debug + Send + Sync {
     /// Bytes that a search for start states works in at most, on so many threads; 0 where nothing is searched.
     fn search_bytes(&self, threads: usize) -> u64;
 
-    /// The tables, if it is a model of neighbours.
-    fn neighbors(&self) -> Option<&KnnModel>;
+    /// The rows that `member` was not made from, if there are any: its own block of an ensemble that leaves blocks out.
+    fn left_out_rows(&self, member: usize) -> Option<Range<usize>>;
 }
 
 /// Where a search for nearest states has its large arrays, and who watches it.

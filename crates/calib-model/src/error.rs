@@ -1,4 +1,4 @@
-use calib_core::RowIndex;
+use calib_core::{Cancelled, RowIndex};
 use calib_knn::KnnError;
 
 /// Why there is no start state or no rollout.
@@ -69,15 +69,15 @@ pub enum RolloutError {
     /// The search for start states failed.
     #[error(transparent)]
     Search(KnnError),
-    /// The user asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 impl From<KnnError> for RolloutError {
     fn from(error: KnnError) -> Self {
         match error {
-            KnnError::Interrupted => Self::Interrupted,
+            KnnError::Cancelled(cancelled) => Self::Cancelled(cancelled),
             other => Self::Search(other),
         }
     }

@@ -1,3 +1,4 @@
+use calib_core::Cancelled;
 use calib_dynamics::DynamicsError;
 use calib_knn::KnnError;
 
@@ -18,15 +19,15 @@ pub enum ModelError {
     /// A start of a model of neighbours was given to a network, or the other way round.
     #[error("the start is one of another kind of model")]
     OtherStart,
-    /// The user asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 impl From<RolloutError> for ModelError {
     fn from(error: RolloutError) -> Self {
         match error {
-            RolloutError::Interrupted => Self::Interrupted,
+            RolloutError::Cancelled(cancelled) => Self::Cancelled(cancelled),
             other => Self::Start(other),
         }
     }
@@ -35,7 +36,7 @@ impl From<RolloutError> for ModelError {
 impl From<DynamicsError> for ModelError {
     fn from(error: DynamicsError) -> Self {
         match error {
-            DynamicsError::Interrupted => Self::Interrupted,
+            DynamicsError::Cancelled(cancelled) => Self::Cancelled(cancelled),
             other => Self::Network(other),
         }
     }
@@ -44,7 +45,7 @@ impl From<DynamicsError> for ModelError {
 impl From<KnnError> for ModelError {
     fn from(error: KnnError) -> Self {
         match error {
-            KnnError::Interrupted => Self::Interrupted,
+            KnnError::Cancelled(cancelled) => Self::Cancelled(cancelled),
             other => Self::Search(other),
         }
     }

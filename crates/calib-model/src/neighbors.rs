@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use calib_core::{Monitor, Seed, States};
+use calib_core::{Monitor, Seed, States, TransitionIndex};
 use calib_knn::{KnnModel, Weights};
 
 use crate::{
@@ -19,6 +19,11 @@ impl NeighborModel {
     /// The tables `knn` over what was recorded, which are the states that `knn` compares or what these represent.
     pub fn new(knn: KnnModel, recorded: States) -> Self {
         Self { knn, recorded }
+    }
+
+    /// The tables.
+    pub fn knn(&self) -> &KnnModel {
+        &self.knn
     }
 }
 
@@ -94,14 +99,20 @@ impl CalibrationModel for NeighborModel {
     }
 
     fn state_bytes(&self) -> u64 {
-        size_of::<calib_core::RowIndex>() as u64 + size_of::<calib_core::TransitionIndex>() as u64
+        size_of::<calib_core::RowIndex>() as u64 + size_of::<TransitionIndex>() as u64
     }
 
     fn search_bytes(&self, threads: usize) -> u64 {
         self.knn.search_need(self.knn.k(), threads).working
     }
 
-    fn neighbors(&self) -> Option<&KnnModel> {
-        Some(&self.knn)
+    fn left_out_rows(&self, member: usize) -> Option<Range<usize>> {
+        let block = self.knn.blocks().own(member);
+        // A member with all of the log leaves nothing out.
+        if block.is_empty() || self.knn.members() == 1 {
+            return None;
+        }
+        let source = |transition| self.knn.transitions().source(TransitionIndex(transition)).get();
+        Some(source(block.start)..source(block.end - 1) + 2)
     }
 }

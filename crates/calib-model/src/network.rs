@@ -4,7 +4,7 @@ use calib_core::{Frames, Monitor, Seed, Segments, Silent, States, Transitions};
 use calib_dynamics::{
     Dynamics, DynamicsError, LANES, Noise, Prediction, Residuals, Rollouts, Start, predict,
 };
-use calib_knn::{KnnModel, Weights};
+use calib_knn::Weights;
 
 use crate::{
     CalibrationModel, ModelError, ModelStart, Rolling, Search, StartRow, StartSource, Trajectory,
@@ -152,7 +152,7 @@ impl CalibrationModel for NetworkModel {
         0
     }
 
-    fn neighbors(&self) -> Option<&KnnModel> {
+    fn left_out_rows(&self, _member: usize) -> Option<Range<usize>> {
         None
     }
 }

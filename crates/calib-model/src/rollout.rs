@@ -86,7 +86,7 @@ pub fn rollout_seed(seed: Seed, member: usize, number: usize) -> Seed {
 /// Progress counts steps.
 ///
 /// # Errors
-/// [`RolloutError::Interrupted`] if the monitor says so.
+/// [`RolloutError::Cancelled`] if the monitor says so.
 pub fn rollouts(
     member: &Member<'_>,
     starts: &[StartState],
@@ -103,9 +103,7 @@ pub fn rollouts(
             let mut walk =
                 Walk::new(member, start, steps, rollout_seed(seed, member.number(), number));
             for done in (0..steps).step_by(BATCH) {
-                if monitor.interrupted() {
-                    return Err(RolloutError::Interrupted);
-                }
+                monitor.check()?;
                 let batch = BATCH.min(steps - done);
                 walk.advance(batch, weights);
                 monitor.advance(batch as u64);

@@ -1,20 +1,21 @@
 //! A study from its log to the verdict.
 
-use anyhow::{Context as _, ensure};
 use calib_core::Seed;
+use calib_model::ModelFamily;
 use calib_plant::Plant;
 use calib_study::{Each, Job, Study};
 
 use crate::{
+    Context as _, StepError,
     agents::pretrain,
     base::{
         clock::Stopwatch,
         options::{BuildOptions, Device},
-        outcome::{Outcome, was_interrupted},
-        torch::NoLibtorch,
+        outcome::Outcome,
     },
     course::Course,
     each::each_part,
+    ensure,
     log::{
         plant_of_study::PlantOfStudy,
         simulate::{Found, sentence},
@@ -68,13 +69,14 @@ impl Step {
         }
     }
 
-    fn run(self, job: &Job, going: &Going<'_>) -> anyhow::Result<Outcome> {
+    fn run(self, job: &Job, going: &Going<'_>) -> Result<Outcome, StepError> {
         let &Going { plan, course, counted, device, talk: printer } = going;
         match self {
             // What is made before rollouts is the same for all deployments.
             Self::Represent => represent::run(&job.before_deployment()?, device, printer),
             Self::BuildModel => {
-                let device = device.filter(|_| job.study().is_parametric());
+                let device =
+                    device.filter(|_| job.study().model.kind.family() == ModelFamily::Network);
                 let options = BuildOptions { device, ..BuildOptions::default() };
                 build_model::run(&job.before_deployment()?, &options, printer)
             }
@@ -109,7 +111,11 @@ struct Model {
 }
 
 /// Run every step that a study needs, as far as it is not done.
-pub(crate) fn run(job: &Job, device: Option<Device>, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(
+    job: &Job,
+    device: Option<Device>,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
     run_to(Extent::Report, job, device, printer)
 }
 
@@ -119,7 +125,7 @@ pub(crate) fn run_to(
     job: &Job,
     device: Option<Device>,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
     let mut models = models(job)?;
     // Only the verdict is the result; the steps before it just report.
@@ -128,7 +134,7 @@ pub(crate) fn run_to(
     let jobs: Vec<&Job> = models.iter().map(|model| &model.job).collect();
     // What a device cannot do is found out before anything is made.
     let on_devices = jobs.iter().map(|job| sweep::on_device(device, job.study()));
-    let on_devices = on_devices.collect::<anyhow::Result<Vec<_>>>()?;
+    let on_devices = on_devices.collect::<Result<Vec<_>, StepError>>()?;
     let arithmetic = on_devices.iter().flatten().map(|of| of.class()).next();
     let mut plan = Plan::of(job, &jobs, arithmetic)?;
     talk.say_all(&plan.lines());
@@ -198,7 +204,7 @@ fn is_made(plant: &PlantOfStudy, job: &Job) -> bool {
 }
 
 /// The plan, for machines that asked for it.
-fn tell(plan: &Plan, job: &Job, printer: &Printer) -> anyhow::Result<()> {
+fn tell(plan: &Plan, job: &Job, printer: &Printer) -> Result<(), StepError> {
     if job.policy().is_dry() && printer.is_for_machines() { printer.json(plan) } else { Ok(()) }
 }
 
@@ -209,7 +215,7 @@ fn judge(
     left_out: &[String],
     course: &Course<'_>,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     course.stage("evaluate");
     let remaining = models.iter().filter(|model| model.left_out.is_none());
     let all = remaining.map(|model| model.job.parts(Each::Deployment));
@@ -229,7 +235,7 @@ fn judge(
 }
 
 /// The models of a study, all of them checked before the first step begins.
-fn models(job: &Job) -> anyhow::Result<Vec<Model>> {
+fn models(job: &Job) -> Result<Vec<Model>, StepError> {
     let several = job.model().is_none();
     let model = |job: Job| {
         let name = job.model().filter(|_| several).map(str::to_owned);
@@ -251,7 +257,7 @@ fn simulate(
     job: &Job,
     course: &Course<'_>,
     talk: &Printer,
-) -> anyhow::Result<bool> {
+) -> Result<bool, StepError> {
     let shown = plant.directory.display().to_string();
     if plant.found == Found::NotSimulated {
         talk.say(&format!(
@@ -280,7 +286,12 @@ fn remaining(models: &[Model]) -> Vec<&'static str> {
 
 impl Model {
     /// Take one step. What this calib cannot do for want of libtorch leaves the model out, and the others go on.
-    fn take(&mut self, step: Step, extent: Extent, going: &Going<'_>) -> anyhow::Result<Outcome> {
+    fn take(
+        &mut self,
+        step: Step,
+        extent: Extent,
+        going: &Going<'_>,
+    ) -> Result<Outcome, StepError> {
         let Going { course, counted, talk, .. } = going;
         if !step.is_wanted(self.job.study(), extent) {
             return Ok(Outcome::Done);
@@ -294,7 +305,9 @@ impl Model {
             self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
         course.stage(&format!("{command}{of_model}"));
         match step.run(&self.job, going) {
-            Err(reason) if reason.is::<NoLibtorch>() && self.name.is_some() => {
+            Err(reason)
+                if matches!(reason.root(), StepError::Unavailable(_)) && self.name.is_some() =>
+            {
                 let name = self.name.as_deref().unwrap_or_default();
                 let told = format!("model {name} is left out: {reason}");
                 talk.warn(&told);
@@ -305,7 +318,7 @@ impl Model {
             Err(reason)
                 if self.job.policy().is_dry()
                     && matches!(step, Step::Rollout | Step::Sweep)
-                    && !was_interrupted(&reason) =>
+                    && !reason.was_cancelled() =>
             {
                 not_yet(command, &reason, talk);
                 // What another arithmetic takes is not known.
@@ -320,8 +333,8 @@ impl Model {
     }
 }
 
-fn not_yet(command: &str, reason: &anyhow::Error, talk: &Printer) {
-    talk.say(&format!("dry run: {command} waits for the steps before it ({reason:#})"));
+fn not_yet(command: &str, reason: &StepError, talk: &Printer) {
+    talk.say(&format!("dry run: {command} waits for the steps before it ({reason})"));
 }
 
 /// How the steps ended: a negative answer of one is one of the whole.

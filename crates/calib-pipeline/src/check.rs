@@ -5,7 +5,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context as _, ensure};
 use calib_core::Monitor as _;
 use calib_data::{DataConfig, PreprocessConfig, table::read_parquet};
 use calib_files::{fingerprint_file, is_temporary, read_sealed_json, read_sealed_tensors};
@@ -15,12 +14,14 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::{
+    Context as _, StepError,
     base::{
         artefact::{Files, MANIFEST},
         memory,
         options::Logs,
-        outcome::{Interrupted, Outcome},
+        outcome::Outcome,
     },
+    ensure,
     output::{Printer, count},
 };
 
@@ -46,7 +47,7 @@ pub(crate) struct Damage {
 }
 
 /// Read everything below a folder of results, and name what is damaged.
-pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, StepError> {
     ensure!(root.is_dir(), "{} is no folder; give a folder of results", root.display());
     let mut check = Check { checked: Checked::default(), printer };
     check.folder(root)?;
@@ -67,7 +68,7 @@ pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> anyhow::Result<
     Ok(if checked.damages.is_empty() { Outcome::Done } else { Outcome::Negative })
 }
 
-fn show(checked: &Checked, root: &Path, printer: &Printer) -> anyhow::Result<()> {
+fn show(checked: &Checked, root: &Path, printer: &Printer) -> Result<(), StepError> {
     for Damage { path, reason, made_by } in &checked.damages {
         printer.result(&format!("{}: {reason}; `{made_by}` makes it again", path.display()))?;
     }
@@ -92,8 +93,8 @@ struct Check<'a> {
 }
 
 impl Check<'_> {
-    fn folder(&mut self, folder: &Path) -> anyhow::Result<()> {
-        ensure!(!self.printer.progress().interrupted(), Interrupted);
+    fn folder(&mut self, folder: &Path) -> Result<(), StepError> {
+        self.printer.progress().check()?;
         let read = || format!("cannot read {}", folder.display());
         let mut entries = fs::read_dir(folder)
             .and_then(Iterator::collect::<Result<Vec<_>, _>>)
@@ -121,7 +122,9 @@ impl Check<'_> {
         let path = folder.join(MANIFEST);
         let manifest = match read_sealed_json::<Value>(&path) {
             Ok(manifest) => manifest,
-            Err(error) => return self.note(folder, &path, Some(told(&error.into()))),
+            Err(error) => {
+                return self.note(folder, &path, Some(StepError::from(error).to_string()));
+            }
         };
         self.note(folder, &path, None);
         let agents = manifest["agents"].as_array().into_iter().flatten();
@@ -134,7 +137,7 @@ impl Check<'_> {
                 let damage = match fingerprint_file(&path) {
                     Ok(found) if found == written => None,
                     Ok(_) => Some("it is not what was written".to_owned()),
-                    Err(error) => Some(told(&error.into())),
+                    Err(error) => Some(StepError::from(error).to_string()),
                 };
                 self.note(folder, &path, damage);
             }
@@ -150,15 +153,15 @@ impl Check<'_> {
         } else if name == "training.json" && sealed(path) {
             beside(path, "encoder", "encoder.safetensors")
         } else if is_unit {
-            read_sealed_json::<Value>(path).map(drop).map_err(anyhow::Error::from)
+            read_sealed_json::<Value>(path).map(drop).map_err(StepError::from)
         } else if name == "checkpoint.safetensors" || name == ".unfinished.safetensors" {
-            read_sealed_tensors(path).map(drop).map_err(anyhow::Error::from)
+            read_sealed_tensors(path).map(drop).map_err(StepError::from)
         } else if name.ends_with(".parquet") {
             table(path)
         } else {
             return;
         };
-        self.note(folder, path, read.err().map(|error| told(&error)));
+        self.note(folder, path, read.err().map(|error| error.to_string()));
     }
 
     /// Count a file, once.
@@ -204,7 +207,7 @@ impl Check<'_> {
             match read {
                 Ok(_) => self.checked.logs.push(shown),
                 Err(error) => {
-                    let reason = format!("the log cannot be read: {}", told(&error));
+                    let reason = format!("the log cannot be read: {error}");
                     let made_by = "export or simulate".to_owned();
                     self.checked.damages.push(Damage { path: shown.into(), reason, made_by });
                 }
@@ -214,23 +217,23 @@ impl Check<'_> {
 }
 
 /// Find the log of results below `root`: they lie beside their study, and paths start from there.
-fn found_from(data: &mut DataConfig, root: &Path) -> anyhow::Result<()> {
+fn found_from(data: &mut DataConfig, root: &Path) -> Result<(), StepError> {
     for path in &mut data.path.0 {
         *path =
-            with_variables(path, |name| std::env::var(name).ok()).map_err(anyhow::Error::msg)?;
+            with_variables(path, |name| std::env::var(name).ok()).map_err(StepError::message)?;
     }
     data.resolve(root.parent().unwrap_or(Path::new("")));
     Ok(())
 }
 
 /// A table, whose pages have checksums.
-fn table(path: &Path) -> anyhow::Result<()> {
+fn table(path: &Path) -> Result<(), StepError> {
     memory::check_table(path, None)?;
-    read_parquet(path).map(drop).map_err(anyhow::Error::from)
+    read_parquet(path).map(drop).map_err(StepError::from)
 }
 
 /// A record that tells of a file beside it.
-fn beside(path: &Path, key: &str, name: &str) -> anyhow::Result<()> {
+fn beside(path: &Path, key: &str, name: &str) -> Result<(), StepError> {
     let record: Value = read_sealed_json(path)?;
     let found = fingerprint_file(&path.with_file_name(name))?;
     ensure!(record[key] == found.as_str(), "{name} beside it is not what was written");
@@ -240,10 +243,6 @@ fn beside(path: &Path, key: &str, name: &str) -> anyhow::Result<()> {
 /// Files of networks are called as those of representations, and are no sealed ones.
 fn sealed(path: &Path) -> bool {
     path.parent().and_then(Path::file_name).is_none_or(|folder| folder != "model")
-}
-
-fn told(error: &anyhow::Error) -> String {
-    error.chain().map(ToString::to_string).collect::<Vec<_>>().join(": ")
 }
 
 /// What a folder of results is called, and what makes it.

@@ -5,6 +5,7 @@ use std::cell::Cell;
 use calib_study::{Each, Job, Study};
 
 use crate::{
+    StepError,
     output::{Printer, Stage},
     plan::Plan,
 };
@@ -25,7 +26,7 @@ impl<'a> Course<'a> {
         stages: usize,
         plan: &Plan,
         models: &[&Job],
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let mut later = 0.0;
         for model in models {
             let parts = model.parts(Each::Deployment)?;
@@ -64,7 +65,6 @@ impl<'a> Course<'a> {
 
 /// Passes over streams that a sweep makes, as far as the study tells.
 fn passes(study: &Study) -> f64 {
-    let members = if study.is_parametric() { 1 } else { study.model.members };
     let online = if study.data.held_out.is_some() { study.sweep.online_runs } else { 0 };
-    (members * study.member_runs() + online + study.sweep.log_replay_runs) as f64
+    (study.members() * study.member_runs() + online + study.sweep.log_replay_runs) as f64
 }

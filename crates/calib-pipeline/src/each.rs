@@ -1,9 +1,8 @@
 //! A step of each model and deployment of a study.
 
-use anyhow::ensure;
 use calib_study::{Each, Job};
 
-use crate::{Outcome, output::Printer};
+use crate::{Outcome, StepError, ensure, output::Printer};
 
 /// Whether a step is for a whole study or for one of its models and deployments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,8 +16,8 @@ pub(crate) fn each(
     each: Each,
     job: &Job,
     printer: &Printer,
-    run: impl Fn(&Job, Which) -> anyhow::Result<Outcome>,
-) -> anyhow::Result<Outcome> {
+    run: impl Fn(&Job, Which) -> Result<Outcome, StepError>,
+) -> Result<Outcome, StepError> {
     let parts = job.parts(each)?;
     if let [only] = parts.as_slice() {
         return run(only, Which::TheOnly);
@@ -36,8 +35,8 @@ pub(crate) fn each_part(
     each: Each,
     job: &Job,
     printer: &Printer,
-    run: impl Fn(&Job) -> anyhow::Result<Outcome>,
-) -> anyhow::Result<Outcome> {
+    run: impl Fn(&Job) -> Result<Outcome, StepError>,
+) -> Result<Outcome, StepError> {
     match job.parts(each)?.as_slice() {
         [only] => run(only),
         parts => each_of(parts, printer, run),
@@ -47,8 +46,8 @@ pub(crate) fn each_part(
 fn each_of(
     parts: &[Job],
     printer: &Printer,
-    run: impl Fn(&Job) -> anyhow::Result<Outcome>,
-) -> anyhow::Result<Outcome> {
+    run: impl Fn(&Job) -> Result<Outcome, StepError>,
+) -> Result<Outcome, StepError> {
     let mut ended = Outcome::Done;
     for part in parts {
         printer.heading(&part.name());

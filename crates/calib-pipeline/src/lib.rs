@@ -43,6 +43,7 @@ mod verdict;
 
 pub use base::{
     clock::Stopwatch,
+    error::{Context, StepError},
     left_alone::text_left_alone,
     memory::{MemorySize, check_log, check_table, on_this_machine, require as require_memory},
     options::{
@@ -50,7 +51,7 @@ pub use base::{
         Device, Engine, Leftovers, Logs, Of, ProposeOptions, Spill, Standing, Submission,
         ValidityExtent, ValidityOptions,
     },
-    outcome::{Outcome, StepError},
+    outcome::Outcome,
 };
 pub use calib_study::{Job, Request, StudyError};
 pub use control::{LogTold, SimulateTask, SimulatedTask};

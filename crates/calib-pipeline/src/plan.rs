@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use calib_represent::RepresentationKind;
 use calib_study::{Each, Job, Made, Study};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
+    StepError,
     agents::pretrain_files::PretrainManifest,
     base::artefact,
     log::{plant_of_study, prepared},
@@ -53,7 +53,11 @@ impl State {
 impl Plan {
     /// What a run of these `models` of the study would do, whose agents are trained by an `arithmetic` that is not calib's own, if one is named. Nothing
     /// is read but manifests, and the log if it was prepared.
-    pub(crate) fn of(job: &Job, models: &[&Job], arithmetic: Option<&str>) -> anyhow::Result<Self> {
+    pub(crate) fn of(
+        job: &Job,
+        models: &[&Job],
+        arithmetic: Option<&str>,
+    ) -> Result<Self, StepError> {
         let mut plan = Self::default();
         let read = plan.log(&job.before_deployment()?);
         let study = job.study();
@@ -78,11 +82,11 @@ impl Plan {
     }
 
     /// The steps of one model; what follows from what is to be done is to be done as well.
-    fn model(&mut self, job: &Job, read: bool, arithmetic: Option<&str>) -> anyhow::Result<()> {
+    fn model(&mut self, job: &Job, read: bool, arithmetic: Option<&str>) -> Result<(), StepError> {
         let first = job.before_deployment()?;
         let (study, paths) = (first.study(), first.layout());
         let mut current = read;
-        if !study.is_parametric() && study.representation.kind != RepresentationKind::None {
+        if study.has_representation() {
             let found = artefact::read::<RepresentationManifest>(&paths.representation());
             current &= is_same(&first, Made::Representation, found.map(|found| found.study));
             self.add("represent", &first, current);

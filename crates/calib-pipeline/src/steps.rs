@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use calib_plant::PlantOptions;
-use calib_represent::RepresentationKind;
 use calib_study::{Each, Job, Study};
 
 use crate::{
@@ -30,7 +29,7 @@ use crate::{
 /// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
 pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    Ok(chain::run(job, device, printer)?)
+    chain::run(job, device, printer)
 }
 
 /// Write the log of the plant that the study describes; nothing is said of a study that describes none.
@@ -38,7 +37,7 @@ pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Outco
 /// # Errors
 /// As [`run`]; also if the folder holds other logs.
 pub fn simulate(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepError> {
-    Ok(simulation::of_study(job, printer)?)
+    simulation::of_study(job, printer)
 }
 
 /// Write the log of this plant, a Parquet file a day, as far as it is missing; `force` begins anew.
@@ -51,7 +50,7 @@ pub fn simulate_plant(
     force: bool,
     printer: &Printer,
 ) -> Result<Simulated, StepError> {
-    Ok(simulation::simulate(directory, plant, force, printer)?)
+    simulation::simulate(directory, plant, force, printer)
 }
 
 /// Train or import representations of the states, score them, and choose one.
@@ -64,16 +63,14 @@ pub fn represent(
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    Ok(each(Each::Model, job, printer, |job, which| {
+    each(Each::Model, job, printer, |job, which| {
         // Of several models some search among the states themselves.
-        let study = job.study();
-        let none = study.is_parametric() || study.representation.kind == RepresentationKind::None;
-        if which == Which::OneOfSeveral && none {
+        if which == Which::OneOfSeveral && !job.study().has_representation() {
             printer.say("no representation: nothing to train");
             return Ok(Outcome::Done);
         }
         representations::run(job, device, printer)
-    })?)
+    })
 }
 
 /// Build the calibration models.
@@ -86,7 +83,7 @@ pub fn build_model(
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    Ok(each(Each::Model, job, printer, |job, _| model::run(job, options, printer))?)
+    each(Each::Model, job, printer, |job, _| model::run(job, options, printer))
 }
 
 /// Roll the models out, and compare with what was recorded.
@@ -95,7 +92,7 @@ pub fn build_model(
 /// As [`run`].
 pub fn rollout(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    Ok(each(Each::Rollouts, job, printer, |job, _| rollouts::run(job, printer))?)
+    each(Each::Rollouts, job, printer, |job, _| rollouts::run(job, printer))
 }
 
 /// Pre-train one agent a sensor.
@@ -104,11 +101,8 @@ pub fn rollout(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// As [`run`].
 pub fn pretrain(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    let run = || -> anyhow::Result<Outcome> {
-        job.refuse_deployment()?;
-        agents::run(job, printer)
-    };
-    Ok(run()?)
+    job.refuse_deployment()?;
+    agents::run(job, printer)
 }
 
 /// Train agents for every value of the grid, in the models, Online and on the replayed log; through libtorch on `device`, if one is named, which
@@ -120,7 +114,7 @@ pub fn sweep(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Out
     prepared::begin_command();
     let counted = Counted::default();
     let run = |job: &Job, _| sweeping::run(job, &counted, device, printer);
-    Ok(each(Each::Deployment, job, printer, run)?)
+    each(Each::Deployment, job, printer, run)
 }
 
 /// Choose a value, judge the choice by held-out data, and write the report.
@@ -129,11 +123,10 @@ pub fn sweep(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Out
 /// As [`run`].
 pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    let run = || match job.parts(Each::Deployment)?.as_slice() {
+    match job.parts(Each::Deployment)?.as_slice() {
         [only] if only.is_same_part(job) => judging::run(job, printer),
         parts => compare::run(job, parts, &[], printer),
-    };
-    Ok(run()?)
+    }
 }
 
 /// Read a log of decisions, build its model with actions, let every candidate act in it, and say which to deploy.
@@ -142,7 +135,7 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// As [`run`]; also if the study has no `[control]` section.
 pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    Ok(controls::run(job, printer)?)
+    controls::run(job, printer)
 }
 
 /// What the log of a study with `[control]` did: its actions, where they were taken, and where it says what they do. Nothing of another study.
@@ -150,7 +143,7 @@ pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// # Errors
 /// As [`control`].
 pub fn inspect_actions(job: &Job, printer: &Printer) -> Result<Option<LogTold>, StepError> {
-    Ok(controls::inspect(job, printer)?)
+    controls::inspect(job, printer)
 }
 
 /// Write the log of a policy in a classic task, and a study of it.
@@ -158,7 +151,7 @@ pub fn inspect_actions(job: &Job, printer: &Printer) -> Result<Option<LogTold>, 
 /// # Errors
 /// If the folder cannot be written, or the observer asks to stop.
 pub fn simulate_task(wanted: &SimulateTask, printer: &Printer) -> Result<SimulatedTask, StepError> {
-    Ok(controls::simulate(wanted, printer)?)
+    controls::simulate(wanted, printer)
 }
 
 /// Judge runs that something else made, of a table that [`SweepStreams::write`](crate::SweepStreams::write) wrote or that has its columns,
@@ -172,7 +165,7 @@ pub fn evaluate_runs(
     output: Option<&Path>,
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
-    Ok(external::runs::run(runs, study, output, printer)?)
+    external::runs::run(runs, study, output, printer)
 }
 
 /// Look at a log, try small models of it, and write a study with a reason for every value.
@@ -181,7 +174,7 @@ pub fn evaluate_runs(
 /// As [`run`]; also if nothing in the log can be predicted.
 pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    Ok(proposals::run(options, printer)?)
+    proposals::run(options, printer)
 }
 
 /// Compare a folder of results with what was written.
@@ -189,7 +182,7 @@ pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, S
 /// # Errors
 /// As [`run`].
 pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, StepError> {
-    Ok(checking::run(results, logs, printer)?)
+    checking::run(results, logs, printer)
 }
 
 /// Judge how well calib chooses, over several studies with held-out data.
@@ -198,7 +191,7 @@ pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, S
 /// As [`run`].
 pub fn validity(options: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    Ok(validities::run(options, printer)?)
+    validities::run(options, printer)
 }
 
 /// Divide what is left of a study's sweeps into shards, with everything that they read, in a folder of their own.
@@ -211,7 +204,7 @@ pub fn cluster_plan(
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    Ok(cluster::make(job, options, printer)?)
+    cluster::make(job, options, printer)
 }
 
 /// Make one shard of a plan. Whoever makes it twice gets the same bytes.
@@ -219,7 +212,7 @@ pub fn cluster_plan(
 /// # Errors
 /// If the plan is another calib's or damaged, the shard fails ([`StepError::is_incomplete`]), or the observer asks to stop.
 pub fn cluster_run(plan: &Path, shard: usize, printer: &Printer) -> Result<Outcome, StepError> {
-    Ok(cluster::run(plan, shard, printer)?)
+    cluster::run(plan, shard, printer)
 }
 
 /// Say what is done of a plan, what is not, and why; [`Outcome::Incomplete`] if anything is not.
@@ -231,7 +224,7 @@ pub fn cluster_status(
     options: ClusterStatusOptions,
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
-    Ok(cluster::status(plan, options, printer)?)
+    cluster::status(plan, options, printer)
 }
 
 /// Bring the results of all shards together, as one process would have written them.
@@ -239,7 +232,7 @@ pub fn cluster_status(
 /// # Errors
 /// If a shard is missing or not what it should be ([`StepError::is_incomplete`]): nothing is written then.
 pub fn cluster_merge(plan: &Path, printer: &Printer) -> Result<Outcome, StepError> {
-    Ok(cluster::merge(plan, printer)?)
+    cluster::merge(plan, printer)
 }
 
 /// Hand a plan to a system that runs its shards.
@@ -251,5 +244,5 @@ pub fn cluster_submit(
     options: &ClusterSubmitOptions,
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
-    Ok(cluster::submit(plan, options, printer)?)
+    cluster::submit(plan, options, printer)
 }

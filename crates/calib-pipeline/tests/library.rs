@@ -69,7 +69,7 @@ fn a_study_is_run_stopped_and_gone_on_with() {
     let job = Job::resolve(Request::new(&file)).expect("a study");
     let stopping = Kept { until: Some("] sweep\")"), ..Kept::default() };
     let stopped = calib_pipeline::run(&job, None, &Printer::new(Arc::new(stopping)));
-    assert!(stopped.expect_err("it is asked to stop").was_interrupted());
+    assert!(stopped.expect_err("it is asked to stop").was_cancelled());
     assert!(folder.path().join("study-results/model/manifest.json").exists());
     assert!(!folder.path().join("study-results/sweep/manifest.json").exists());
     let going_on = Arc::new(Kept::default());
@@ -89,7 +89,7 @@ fn a_mistake_has_its_place() {
     let job = Job::resolve(Request::new(&file)).expect("a study");
     let error = calib_pipeline::run(&job, None, &Printer::new(Arc::new(Kept::default())))
         .expect_err("no such sensor");
-    assert!(!error.was_interrupted());
+    assert!(!error.was_cancelled());
     assert!(error.to_string().contains("PIT301"), "{error}");
 }
 

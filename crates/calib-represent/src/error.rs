@@ -1,3 +1,4 @@
+use calib_core::Cancelled;
 use calib_files::FileError;
 
 use crate::ConfigError;
@@ -30,9 +31,9 @@ pub enum RepresentError {
     /// Arithmetic that another library does failed.
     #[error("{0}")]
     Backend(String),
-    /// The user asked to stop.
-    #[error("interrupted")]
-    Interrupted,
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// A file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),

@@ -92,7 +92,7 @@ pub struct Trained {
 /// goes on from there when it is called again: to the same bytes, as if it had never stopped.
 ///
 /// # Errors
-/// As [`Training::new`]; an unusable checkpoint; [`RepresentError::Interrupted`].
+/// As [`Training::new`]; an unusable checkpoint; [`RepresentError::Cancelled`].
 pub fn train(
     config: &LaplacianConfig,
     task: Task<'_>,
@@ -127,9 +127,9 @@ pub fn train_with(
     };
     let mut divergence = None;
     while training.done() < config.steps && divergence.is_none() {
-        if monitor.interrupted() {
+        if let Err(cancelled) = monitor.check() {
             keep(training, &progress)?;
-            return Err(RepresentError::Interrupted);
+            return Err(cancelled.into());
         }
         let loss = training.step()?;
         monitor.advance(1);

@@ -3,7 +3,8 @@
 use std::{collections::BTreeMap, fmt};
 
 use calib_dynamics::DynamicsConfig;
-use calib_knn::{IndexKind, ModelConfig, ModelKind, WeightsKind};
+use calib_knn::{IndexKind, ModelConfig, WeightsKind};
+use calib_model::{ModelFamily, ModelKind};
 use calib_represent::RepresentationKind;
 use serde::Serialize;
 use serde_json::Value;
@@ -136,7 +137,7 @@ impl Inputs {
     fn modelled(&mut self, study: &Study) {
         self.training(study);
         self.add("model.kind", &study.model.kind);
-        if !study.is_parametric() {
+        if study.model.kind.family() == ModelFamily::Neighbors {
             self.add("model", &ModelConfig { index: IndexKind::Auto, ..*study.model });
             if study.model.weights != WeightsKind::Softmax {
                 self.remove(&["model.temperature"]);

@@ -2,6 +2,7 @@ use std::{borrow::Cow, cell::RefCell, fmt, ops::Deref};
 
 use calib_data::TimeRange;
 use calib_knn::{IndexKind, ModelConfig};
+use calib_model::ModelKind;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{
     Deserialize, Serialize,
@@ -11,7 +12,9 @@ use serde::{
 /// The `[model]` section: the model, and what it is built from.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ModelSection {
-    /// The model.
+    /// What kind of model; most other keys are about `"knn"` (default: `"knn"`).
+    pub kind: ModelKind,
+    /// Keys about neighbours.
     #[serde(flatten)]
     pub config: ModelConfig,
     /// The part of the training range that the model is built from (default: all that is not for pre-training).
@@ -25,7 +28,7 @@ impl ModelSection {
     #[must_use]
     pub fn of_any_index(&self) -> Self {
         let config = ModelConfig { index: IndexKind::Auto, ..self.config };
-        Self { config, period: self.period.clone() }
+        Self { kind: self.kind, config, period: self.period.clone() }
     }
 }
 
@@ -37,15 +40,16 @@ impl Deref for ModelSection {
     }
 }
 
-/// The key that is not the model's own.
+/// The keys that are not about neighbours.
 const PERIOD: &str = "period";
+const KIND: &str = "kind";
 
 impl JsonSchema for ModelSection {
     fn schema_name() -> Cow<'static, str> {
         "ModelSection".into()
     }
 
-    /// That of the model's own keys, and the period.
+    /// That of the keys about neighbours, with the kind and the period.
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let mut schema = ModelConfig::json_schema(generator);
         let mut period = generator.subschema_for::<Option<TimeRange>>();
@@ -54,8 +58,15 @@ impl JsonSchema for ModelSection {
             "The part of the training range that the model is built from (default: all that is not for pre-training)."
                 .into(),
         );
+        let mut kind = generator.subschema_for::<ModelKind>();
+        kind.insert("default".to_owned(), "knn".into());
+        kind.insert(
+            "description".to_owned(),
+            "What kind of model; the other keys are about `\"knn\"`.".into(),
+        );
         let keys = schema.get_mut("properties").and_then(serde_json::Value::as_object_mut);
         if let Some(keys) = keys {
+            keys.insert(KIND.to_owned(), kind.into());
             keys.insert(PERIOD.to_owned(), period.into());
         }
         schema.insert("description".to_owned(), "The `[model]` section.".into());
@@ -76,10 +87,10 @@ impl<'de> Deserialize<'de> for ModelSection {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ModelSection, A::Error> {
-                let period = RefCell::new(None);
-                let rest = Rest { map, period: &period };
+                let own = RefCell::new(ModelSection::default());
+                let rest = Rest { map, own: &own };
                 let config = ModelConfig::deserialize(MapAccessDeserializer::new(rest))?;
-                Ok(ModelSection { config, period: period.into_inner() })
+                Ok(ModelSection { config, ..own.into_inner() })
             }
         }
 
@@ -87,10 +98,10 @@ impl<'de> Deserialize<'de> for ModelSection {
     }
 }
 
-/// The entries of the section without the period, which is put aside.
+/// The entries of the section that are about neighbours; the others are put aside.
 struct Rest<'a, A> {
     map: A,
-    period: &'a RefCell<Option<TimeRange>>,
+    own: &'a RefCell<ModelSection>,
 }
 
 impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
@@ -103,9 +114,13 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
         loop {
             match self.map.next_key_seed(Key(seed))? {
                 None => return Ok(None),
-                Some(Found::Other(key)) => return Ok(Some(key)),
+                Some(Found::Neighbors(key)) => return Ok(Some(key)),
                 Some(Found::Period(again)) => {
-                    *self.period.borrow_mut() = Some(self.map.next_value()?);
+                    self.own.borrow_mut().period = Some(self.map.next_value()?);
+                    seed = again;
+                }
+                Some(Found::Kind(again)) => {
+                    self.own.borrow_mut().kind = self.map.next_value()?;
                     seed = again;
                 }
             }
@@ -117,13 +132,16 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
     }
 }
 
-/// A key, told apart from the period.
+/// A key, with what reads it or the next one.
 struct Key<K>(K);
 
 enum Found<K, T> {
     /// The period, with what reads the next key.
     Period(K),
-    Other(T),
+    /// The kind, with what reads the next key.
+    Kind(K),
+    /// A key about neighbours, or an unknown one.
+    Neighbors(T),
 }
 
 impl<'de, K: DeserializeSeed<'de>> DeserializeSeed<'de> for Key<K> {
@@ -142,13 +160,15 @@ impl<'de, K: DeserializeSeed<'de>> Visitor<'de> for Key<K> {
     }
 
     fn visit_str<E: de::Error>(self, key: &str) -> Result<Self::Value, E> {
-        if key == PERIOD {
-            return Ok(Found::Period(self.0));
+        match key {
+            PERIOD => return Ok(Found::Period(self.0)),
+            KIND => return Ok(Found::Kind(self.0)),
+            _ => {}
         }
         let key = self.0.deserialize(de::value::StrDeserializer::<E>::new(key));
-        key.map(Found::Other).map_err(|error| {
-            // The model does not know of the period, but whoever mistypes it should.
-            let known = format!("expected one of `{PERIOD}`, ");
+        key.map(Found::Neighbors).map_err(|error| {
+            // The keys about neighbours do not know of the others, but whoever mistypes one should.
+            let known = format!("expected one of `{PERIOD}`, `{KIND}`, ");
             E::custom(error.to_string().replacen("expected one of ", &known, 1))
         })
     }
@@ -159,10 +179,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_period_is_a_key_beside_the_models_own() {
-        let text = "neighbors = 5\nperiod = { start = 2022-11-01 }\nmembers = 3\n";
+    fn period_and_kind_are_keys_beside_those_of_neighbors() {
+        let text = "neighbors = 5\nperiod = { start = 2022-11-01 }\nkind = \"nn\"\nmembers = 3\n";
         let section: ModelSection = toml::from_str(text).expect("valid");
-        assert_eq!((section.neighbors, section.members), (5, 3));
+        assert_eq!((section.kind, section.neighbors, section.members), (ModelKind::Nn, 5, 3));
         let period = section.period.as_ref().expect("given");
         assert_eq!(period.to_string(), "2022-11-01 .. end of the log");
         let written = toml::to_string(&section).expect("TOML");

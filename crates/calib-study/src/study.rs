@@ -4,8 +4,7 @@ use calib_agent::{AgentConfig, Part};
 use calib_control::ControlConfig;
 use calib_data::{DataConfig, Description, PreprocessConfig, TimeRange};
 use calib_dynamics::{DynamicsConfig, Noise};
-use calib_knn::ModelKind;
-use calib_model::{RolloutConfig, StartKind};
+use calib_model::{ModelFamily, RolloutConfig, StartKind};
 use calib_represent::{RepresentationConfig, RepresentationKind};
 use calib_sweep::{Beginning, Rule, SweepConfig};
 use schemars::JsonSchema;
@@ -71,17 +70,32 @@ impl Study {
     /// What rollouts of the study's network add to its predictions, if they do.
     pub fn rollout_noise(&self) -> Option<Noise> {
         let noise = self.dynamics.noise;
-        (self.is_parametric() && noise != Noise::None).then_some(noise)
+        match self.model.kind.family() {
+            ModelFamily::Network if noise != Noise::None => Some(noise),
+            ModelFamily::Network | ModelFamily::Neighbors => None,
+        }
     }
 
-    /// Whether the model is a network, to which `[dynamics]` applies.
-    pub fn is_parametric(&self) -> bool {
-        self.model.kind != ModelKind::Knn
+    /// Members of the model: blocks of an ensemble of neighbours, or one network.
+    pub fn members(&self) -> usize {
+        match self.model.kind.family() {
+            ModelFamily::Neighbors => self.model.members,
+            ModelFamily::Network => 1,
+        }
+    }
+
+    /// Whether neighbours are searched in a representation of the states.
+    pub fn has_representation(&self) -> bool {
+        self.model.kind.family() == ModelFamily::Neighbors
+            && self.representation.kind != RepresentationKind::None
     }
 
     /// Runs of every value in each member of the model.
     pub fn member_runs(&self) -> usize {
-        if self.is_parametric() { self.sweep.runs_of_network() } else { self.sweep.member_runs }
+        match self.model.kind.family() {
+            ModelFamily::Neighbors => self.sweep.member_runs,
+            ModelFamily::Network => self.sweep.runs_of_network(),
+        }
     }
 
     /// Whether start states of `[rollout]` follow from the deployment.
@@ -106,13 +120,13 @@ impl Study {
 
     /// What the model is called in figures and tables.
     pub fn model_name(&self) -> &'static str {
-        match (self.model.kind, self.representation.kind) {
-            (ModelKind::Nn, _) => "NN",
-            (ModelKind::Gru, _) => "GRU",
-            (ModelKind::Torchscript, _) => "TorchScript model",
-            (ModelKind::Knn, RepresentationKind::None) => "Euclidean kNN",
-            (ModelKind::Knn, RepresentationKind::Laplacian) => "Laplacian kNN",
-            (ModelKind::Knn, RepresentationKind::Import) => "kNN in an imported representation",
+        match (self.model.kind.family(), self.representation.kind) {
+            (ModelFamily::Network, _) => self.model.kind.label(),
+            (ModelFamily::Neighbors, RepresentationKind::None) => "Euclidean kNN",
+            (ModelFamily::Neighbors, RepresentationKind::Laplacian) => "Laplacian kNN",
+            (ModelFamily::Neighbors, RepresentationKind::Import) => {
+                "kNN in an imported representation"
+            }
         }
     }
 }

@@ -25,7 +25,7 @@ fn written() -> String {
 fn the_schema_is_that_of_the_structs() {
     assert!(
         read(SCHEMA) == written(),
-        "{SCHEMA} is not current; run `cargo test --release --workspace --test schema write_the_schema -- --ignored`"
+        "{SCHEMA} is not current; run `cargo test --workspace --test schema write_the_schema -- --ignored`"
     );
 }
 

@@ -30,9 +30,7 @@ pub(crate) fn run(
         let size = (first.options.span.states(), first.stream()?.stream.width());
         let most = runs_together(accelerator, &first.learners(), size);
         for now in group.chunks(most) {
-            if monitor.interrupted() {
-                return Err(SweepError::Interrupted);
-            }
+            monitor.check()?;
             let cohort: Vec<&Pass<'_, '_>> = now.iter().map(|&number| &passes[number]).collect();
             let made = together(&cohort, accelerator, sink, monitor)?;
             for (&number, made) in now.iter().zip(made) {
@@ -74,7 +72,7 @@ fn together(
 /// Why training of a cohort ended.
 fn failed(source: AgentError) -> SweepError {
     match source {
-        AgentError::Interrupted => SweepError::Interrupted,
+        AgentError::Cancelled(cancelled) => cancelled.into(),
         source => SweepError::Together(source),
     }
 }

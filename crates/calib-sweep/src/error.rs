@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use calib_agent::AgentError;
+use calib_core::Cancelled;
 use calib_files::FileError;
 use calib_model::ModelError;
 use calib_stats::StatsError;
@@ -180,7 +181,7 @@ pub enum SweepError {
     /// A stream of an environment that was described and not opened.
     #[error("{0} was not opened here")]
     Closed(EnvironmentId),
-    /// The user asked to stop; finished units are stored.
-    #[error("interrupted")]
-    Interrupted,
+    /// The observer asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }

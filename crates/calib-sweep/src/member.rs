@@ -1,6 +1,6 @@
 use std::sync::{Arc, OnceLock};
 
-use calib_core::{Seed, States, TransitionIndex};
+use calib_core::{Seed, States};
 use calib_files::Fingerprint;
 use calib_model::{CalibrationModel, ModelError, ModelStart, Rolling, Trajectory, Weights};
 
@@ -81,15 +81,7 @@ impl Environment for MemberEnvironment<'_> {
     }
 
     fn fitting_rows(&self, _run: usize) -> FittingRows {
-        let Some(neighbors) = self.model.neighbors() else { return FittingRows::All };
-        let block = neighbors.blocks().own(self.member);
-        let row =
-            |transition: u32| neighbors.transitions().source(TransitionIndex(transition)).get();
-        // A member with all of the log has no rows that it does not replay.
-        if block.is_empty() || neighbors.members() == 1 {
-            return FittingRows::All;
-        }
-        FittingRows::Only(row(block.start)..row(block.end - 1) + 2)
+        self.model.left_out_rows(self.member).map_or(FittingRows::All, FittingRows::Only)
     }
 
     fn stream(&self, run: usize) -> Result<RunStream, SweepError> {

@@ -127,7 +127,7 @@ impl Pass<'_, '_> {
     /// Why training ended.
     fn failed(&self, source: AgentError) -> SweepError {
         match source {
-            AgentError::Interrupted => SweepError::Interrupted,
+            AgentError::Cancelled(cancelled) => cancelled.into(),
             source => SweepError::Agent { unit: self.jobs[0].unit.clone(), source },
         }
     }

@@ -259,7 +259,7 @@ impl<'a> Plan<'a> {
     /// Long passes keep their state in the store, so that a killed one goes on in the middle.
     ///
     /// # Errors
-    /// The first failure, or [`SweepError::Interrupted`]; finished units stay stored.
+    /// The first failure, or [`SweepError::Cancelled`]; finished units stay stored.
     pub fn complete(
         &self,
         stored: BTreeMap<Unit, UnitResult>,
@@ -327,9 +327,7 @@ impl<'a> Plan<'a> {
             .into_par_iter()
             .with_max_len(1)
             .map(|pass| {
-                if monitor.interrupted() {
-                    return Err(SweepError::Interrupted);
-                }
+                monitor.check()?;
                 pass.run(store, monitor)
             })
             .collect::<Result<Vec<_>, _>>()?;

@@ -1,7 +1,7 @@
 use std::{error::Error, fmt};
 
 use calib_agent::{AgentConfig, AgentError, CurveRule, RunOutcome, score_predictions};
-use calib_core::{Monitor, Seed, Stream};
+use calib_core::{Cancelled, Monitor, Seed, Stream};
 use calib_files::Fingerprint;
 
 use crate::{PlanOptions, SweepError, Unit, plan::Job};
@@ -54,8 +54,8 @@ pub struct Predicted {
 /// Why a program gave no predictions.
 #[derive(Debug)]
 pub enum Stopped {
-    /// The user asked to stop.
-    Interrupted,
+    /// The observer asked to stop.
+    Cancelled(Cancelled),
     /// It failed.
     Failed(Box<dyn Error + Send + Sync>),
 }
@@ -95,7 +95,7 @@ pub(crate) fn outcomes(
 
 fn of_unit(stopped: Stopped, unit: &Unit) -> SweepError {
     match stopped {
-        Stopped::Interrupted => SweepError::Interrupted,
+        Stopped::Cancelled(cancelled) => cancelled.into(),
         Stopped::Failed(source) => SweepError::Program { unit: unit.clone(), source },
     }
 }

@@ -97,7 +97,7 @@ impl Study {
         let inputs = Fingerprint::of(b"data");
         let members: Vec<MemberEnvironment<'_>> = (0..self.model.members())
             .map(|number| {
-                let member = self.model.neighbors().expect("tables").member(number);
+                let member = self.model.knn().member(number);
                 let starts = start_states(&member, StartSource::Random, runs, seed)
                     .expect("starts")
                     .into_iter()
@@ -285,7 +285,7 @@ fn long_runs_go_on_in_the_middle() {
         let monitor = Impatient { asked: AtomicU64::new(0), patience: 5 };
         let plan = |plan: Plan<'_>| plan.keeping_after(800_000_000).run(&stopped, &monitor);
         match in_pool(1, || study.with_plan(1, plan)) {
-            Err(SweepError::Interrupted) => resumed += u32::from(unfinished.is_dir()),
+            Err(SweepError::Cancelled(_)) => resumed += u32::from(unfinished.is_dir()),
             other => break other.expect("runs"),
         }
         assert!(resumed < 1_000, "it gets on");

@@ -6,7 +6,7 @@ use calib_agent::{
     Precision, ReplayKind, Run, RunOutcome, ValueFunction, parameter_count, runs_together,
     train_learners, train_together,
 };
-use calib_core::{Monitor, RowStream, Seed, Segments, Silent, States, Stream};
+use calib_core::{Cancelled, Monitor, RowStream, Seed, Segments, Silent, States, Stream};
 use calib_nn::Moments;
 use calib_torch::{DeviceChoice, Populations, device};
 
@@ -235,7 +235,7 @@ fn what_no_accelerator_trains_is_refused() {
     let learner = Learner { config: &config, cumulant: 0, start: None, baseline: None };
     let error = train_together(&[long], &[learner], &populations(), &Silent);
     assert!(matches!(error, Err(AgentError::ShortStream { .. })));
-    assert_eq!(train(&network(), &Stopped), Err(AgentError::Interrupted));
+    assert_eq!(train(&network(), &Stopped), Err(Cancelled.into()));
     let narrow = States::new(vec![0.0; 200], 100, 2).expect("finite");
     let narrow = RowStream::replay(narrow, &Segments::from_lengths([100]).expect("one"));
     let runs = [run(&stream, 90, 1), run(&narrow, 90, 1)];

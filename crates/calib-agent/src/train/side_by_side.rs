@@ -2,7 +2,7 @@
 
 use std::{cell::RefCell, sync::atomic::AtomicU64};
 
-use calib_core::Silent;
+use calib_core::{Cancelled, Silent};
 use calib_nn::Moments;
 
 use super::{
@@ -176,7 +176,7 @@ fn an_interrupted_run_keeps_its_state() {
         let memory = Memory { work, states: RefCell::default() };
         let impatient = Impatient { patience: 500, advanced: AtomicU64::new(0) };
         let stopped = train_learners(run(&stream), &learners, &memory, &impatient);
-        assert_eq!(stopped, Err(AgentError::Interrupted));
+        assert_eq!(stopped, Err(Cancelled.into()));
         memory
     };
     assert!(stop(8_000_000_000).states.take().is_empty(), "a short run is not worth it");

@@ -1,6 +1,6 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use calib_core::{Rng, RowIndex, RowStream, Segments, Silent, States};
+use calib_core::{Cancelled, Rng, RowIndex, RowStream, Segments, Silent, States};
 
 use super::*;
 use crate::{
@@ -325,7 +325,7 @@ fn the_monitor_sees_the_stream_once_and_can_stop() {
     assert!(finished.is_ok());
     assert_eq!(advanced, 999);
     let (stopped, advanced) = seen(500);
-    assert_eq!(stopped, Err(AgentError::Interrupted));
+    assert_eq!(stopped, Err(Cancelled.into()));
     assert!((500..600).contains(&advanced), "{advanced}");
 }
 
@@ -351,7 +351,7 @@ fn a_step_of_many_updates_can_be_stopped() {
         // Asked before each of the steps that fill a mini-batch, and then within the first that learns.
         let monitor = Patience(AtomicU64::new(0));
         let stopped = train(&stream, 0, &agents, curve, Seed::new(5), &monitor);
-        assert!(matches!(stopped, Err(AgentError::Interrupted)), "{stopped:?}");
+        assert!(matches!(stopped, Err(AgentError::Cancelled(_))), "{stopped:?}");
     }
 }
 

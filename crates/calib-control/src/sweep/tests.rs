@@ -51,7 +51,7 @@ fn whoever_interrupts_is_heard() {
     let extent = Extent { runs: 1, span: Span { steps: 10, timeout: 5 } };
     let candidates = [AgentConfig::default()];
     let told = sweep(&small_model(), &candidates, extent, Seed::new(5), &Impatient);
-    assert!(matches!(told, Err(ControlError::Interrupted)));
+    assert!(matches!(told, Err(ControlError::Cancelled(_))));
 }
 
 #[test]

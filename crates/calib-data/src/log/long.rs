@@ -194,9 +194,7 @@ pub(crate) fn stream_parquet(
     let mut unit = data.timestamp_unit;
     let mut pouring = Pouring::new(clock, sink);
     for slice in file.slices(&(0..file.rows)) {
-        if monitor.interrupted() {
-            return Err(DataError::Interrupted);
-        }
+        monitor.check()?;
         let columns = file.read(&fields, &slice)?;
         let mut part = Part::default();
         let times = Times::of(&columns[0], file, data, slice.start)?;

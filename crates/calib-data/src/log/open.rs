@@ -44,9 +44,7 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
     monitor.begin("reading timestamps", sources.len() as u64);
     let mut heads = Vec::with_capacity(sources.len());
     for source in &sources {
-        if monitor.interrupted() {
-            return Err(DataError::Interrupted);
-        }
+        monitor.check()?;
         let head = Head::open(source.clone(), data)?;
         match &head {
             Head::Parquet(file) if file.is_result => {}
@@ -196,9 +194,7 @@ fn tables(
     }
     let mut instants = Vec::with_capacity(files.len());
     for (file, &time) in files.iter().zip(&times) {
-        if monitor.interrupted() {
-            return Err(DataError::Interrupted);
-        }
+        monitor.check()?;
         let read = times::read_timestamps(file, time, data)?;
         instants.push(read.instants);
         undecided += read.undecided;

@@ -139,9 +139,7 @@ impl Log {
                 });
             }
             Origin::Series(series, window) => {
-                if monitor.interrupted() {
-                    return Err(DataError::Interrupted);
-                }
+                monitor.check()?;
                 batch
                     .par_iter_mut()
                     .zip(channels)
@@ -225,9 +223,7 @@ impl Log {
         }
         let fields: Vec<usize> = present.iter().map(|&(_, field)| field).collect();
         for slice in log_file.slices(&map.needed()) {
-            if monitor.interrupted() {
-                return Err(DataError::Interrupted);
-            }
+            monitor.check()?;
             let columns = log_file.read(&fields, &slice)?;
             let mut slots: Vec<Option<_>> = vec![None; batch.len()];
             for (&(slot, _), column) in present.iter().zip(columns) {
@@ -378,9 +374,7 @@ impl Log {
             };
             let map = &rows.maps[file];
             for slice in log_file.slices(&map.needed()) {
-                if monitor.interrupted() {
-                    return Err(DataError::Interrupted);
-                }
+                monitor.check()?;
                 let column = log_file.read(&[field], &slice)?.swap_remove(0);
                 if let RawColumn::Cells(cells, store) = &column {
                     let is_lost = cells.iter().any(|&cell| store.words.is_other(cell));

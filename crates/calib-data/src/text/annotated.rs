@@ -79,9 +79,7 @@ impl Annotated {
         monitor: &dyn Monitor,
     ) -> Result<(), DataError> {
         while let Some(block) = self.blocks.next(1)? {
-            if monitor.interrupted() {
-                return Err(DataError::Interrupted);
-            }
+            monitor.check()?;
             for (range, line) in block.parts {
                 let mut records = RecordReader::new(&block.bytes[range], MARKS);
                 while records.advance() {

@@ -76,9 +76,7 @@ impl TextFile {
     ) -> Result<(), DataError> {
         let mut blocks = self.blocks()?;
         while let Some(block) = blocks.next(rayon::current_num_threads())? {
-            if monitor.interrupted() {
-                return Err(DataError::Interrupted);
-            }
+            monitor.check()?;
             let records = |(range, line): &(Range<usize>, u64)| {
                 self.records(&block.bytes[range.clone()], *line)
             };

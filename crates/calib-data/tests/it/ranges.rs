@@ -205,6 +205,6 @@ fn loading_stops_when_asked() {
     for patience in 0..3 {
         let monitor = Impatient(AtomicU64::new(patience));
         let stopped = load(&folder.data(), &PreprocessConfig::default(), &monitor);
-        assert!(matches!(stopped, Err(DataError::Interrupted)), "after {patience}");
+        assert!(matches!(stopped, Err(DataError::Cancelled(_))), "after {patience}");
     }
 }

@@ -1,6 +1,6 @@
 //! What must hold for any series.
 
-use calib_dtw::{Dtw, Ends, LocalDistance, PatternSet, Series, Settings, StepPattern, Window};
+use calib_dtw::{Dtw, Ends, PatternSet, Series, Settings, StepPattern, Window};
 use proptest::prelude::*;
 
 use crate::oracle;
@@ -64,88 +64,6 @@ proptest! {
         for (pattern, distance) in patterns.into_iter().zip(together) {
             prop_assert_eq!(Dtw::new(pattern).distance(&x, &y).ok(), distance.ok());
         }
-    }
-}
-
-fn any_settings() -> impl Strategy<Value = Settings> {
-    let windows = vec![
-        Window::None,
-        Window::Itakura,
-        Window::SakoeChiba { radius: 2 },
-        Window::SakoeChiba { radius: 30 },
-        Window::Slanted { radius: 3 },
-    ];
-    let ends = vec![Ends::Closed, Ends::OpenEnd, Ends::OpenBegin, Ends::OpenBoth];
-    let local = vec![LocalDistance::Absolute, LocalDistance::Squared, LocalDistance::Euclidean];
-    (prop::sample::select(windows), prop::sample::select(ends), prop::sample::select(local))
-        .prop_map(|(window, ends, local_distance)| Settings { local_distance, window, ends })
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2000))]
-
-    #[test]
-    fn lower_bounds_are_below(
-        pattern in any_pattern(),
-        settings in any_settings(),
-        (x, y) in pair(),
-        lift in -30.0f64..30.0,
-        channels in 1usize..3,
-    ) {
-        let y: Vec<f64> = y.iter().map(|y| y + lift).collect();
-        let cut = |x: &[f64]| x.len() / channels * channels;
-        let (x, y) = (&x[..cut(&x)], &y[..cut(&y)]);
-        let series = |x| Series::with_channels(x, channels).expect("whole samples");
-        let dtw = Dtw::with_settings(pattern, settings);
-        if let Ok(distance) = dtw.distance(series(x), series(y)) {
-            let bound = dtw.lower_bound(series(x), series(y)).expect("as good as the distance");
-            prop_assert!(bound <= distance.raw, "{} > {}", bound, distance.raw);
-        }
-    }
-
-    #[test]
-    fn the_nearest_is_the_least_of_all_distances(
-        pattern in any_pattern(),
-        settings in any_settings(),
-        seed in any::<u64>(),
-        lengths in prop::collection::vec(20usize..60, 1..12),
-    ) {
-        let query = oracle::series(seed, 40);
-        let references: Vec<Vec<f64>> = lengths.iter().enumerate().map(|(n, len)| oracle::series(seed ^ (n as u64 % 5), *len)).collect();
-        let references: Vec<Series<'_>> = references.iter().map(Series::from).collect();
-        let dtw = Dtw::with_settings(pattern, settings);
-        let Ok(nearest) = dtw.nearest(&query, &references) else {
-            prop_assert!(settings.ends.open_begin());
-            return Ok(());
-        };
-        let mut best: Option<(usize, f64)> = None;
-        for (index, reference) in references.iter().enumerate() {
-            if let Ok(distance) = dtw.distance(&query, *reference)
-                && best.is_none_or(|(_, least)| distance.raw < least)
-            {
-                best = Some((index, distance.raw));
-            }
-        }
-        prop_assert_eq!(nearest.map(|n| (n.index, n.distance.raw)), best);
-    }
-}
-
-#[test]
-fn bounds_rule_most_far_series_out() {
-    let series: Vec<Vec<f64>> = (0..200)
-        .map(|seed| {
-            let walk = oracle::series(seed, 150);
-            walk.iter().map(|x| x + (seed % 50) as f64).collect()
-        })
-        .collect();
-    let references: Vec<Series<'_>> = series.iter().map(Series::from).collect();
-    let dtw = Dtw::new(StepPattern::symmetric2()).window(Window::SakoeChiba { radius: 15 });
-    let queries = &references[..10];
-    let nearest = dtw.nearest_of_each(queries, &references).unwrap();
-    for (index, nearest) in nearest.into_iter().enumerate() {
-        let nearest = nearest.unwrap();
-        assert_eq!((nearest.index, nearest.distance.raw), (index, 0.0));
-        assert!(nearest.pruned + nearest.abandoned == 199 && nearest.pruned > 150, "{nearest:?}");
     }
 }
 

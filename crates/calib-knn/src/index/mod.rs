@@ -40,7 +40,7 @@ pub trait NeighborIndex: Sync {
     /// Progress is counted in queries.
     ///
     /// # Errors
-    /// [`KnnError::Interrupted`] if the monitor says so; some lists are then missing.
+    /// [`KnnError::Cancelled`] if the monitor says so; some lists are then missing.
     fn search(
         &self,
         queries: &Queries<'_>,
@@ -48,11 +48,6 @@ pub trait NeighborIndex: Sync {
         found: &mut Found,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError>;
-}
-
-/// An error if the user asked to stop.
-pub(crate) fn going_on(monitor: &dyn Monitor) -> Result<(), KnnError> {
-    if monitor.interrupted() { Err(KnnError::Interrupted) } else { Ok(()) }
 }
 
 /// Search `order` in blocks of `size` queries, in parallel, and put the lists of each in their places. `search` tells the monitor
@@ -73,7 +68,7 @@ fn in_blocks(
             piece.store(place, lists);
         }
     });
-    going_on(monitor)
+    Ok(monitor.check()?)
 }
 
 /// Do the same with every instruction set that this processor has.

@@ -2,7 +2,7 @@ use calib_core::Monitor;
 use calib_files::ScratchPlace;
 
 use super::{graph::Graph, reaching::add_reaching};
-use crate::{KnnError, bits::Bits, index::going_on};
+use crate::{KnnError, bits::Bits};
 
 /// Transitions from which the large component is looked for, at most.
 const PROBES: u32 = 16;
@@ -30,7 +30,7 @@ impl Anchor {
         // 1/2, 1/4, 3/4, 1/8, … (van der Corput's sequence): more and more evenly spread.
         let shares = (1..=PROBES).map(|n| f64::from(n.reverse_bits()) / 2_f64.powi(32));
         for share in shares {
-            going_on(monitor)?;
+            monitor.check()?;
             // Something leads to a neighbour.
             let node = graph.row(graph.at(share))[0];
             let anchor = Self::new(graph, node, place, monitor)?;

@@ -3,7 +3,7 @@ use std::ops::Range;
 use calib_core::Monitor;
 use rayon::prelude::*;
 
-use crate::{KnnError, NeighborTable, Weights, bits::Bits, index::going_on};
+use crate::{KnnError, NeighborTable, Weights, bits::Bits};
 
 /// Sweeps through a set after which what is still missing is looked for in another way.
 const SWEEPS: usize = 64;
@@ -132,7 +132,7 @@ impl<'a> Graph<'a> {
         known: &mut Bits,
         monitor: &dyn Monitor,
     ) -> Result<bool, KnnError> {
-        going_on(monitor)?;
+        monitor.check()?;
         let mut edges = Vec::with_capacity(self.k);
         let (words, mut found) = (known.words().len(), false);
         for position in 0..words {
@@ -167,7 +167,7 @@ impl<'a> Graph<'a> {
         let mut edges = Vec::with_capacity(self.k);
         // Forwards, as most edges lead, then once more for each time that a walk must go back.
         for _ in 0..SWEEPS {
-            going_on(monitor)?;
+            monitor.check()?;
             let mut found = false;
             for word in 0..known.words().len() {
                 loop {

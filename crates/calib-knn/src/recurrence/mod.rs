@@ -28,7 +28,7 @@ mod settle;
 #[cfg(test)]
 mod shapes;
 
-use calib_core::{Monitor, TransitionIndex};
+use calib_core::{Cancelled, Monitor, TransitionIndex};
 use calib_files::{Scratch, ScratchPlace};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -91,6 +91,12 @@ enum Halt {
 impl From<KnnError> for Halt {
     fn from(error: KnnError) -> Self {
         Self::Error(error)
+    }
+}
+
+impl From<Cancelled> for Halt {
+    fn from(cancelled: Cancelled) -> Self {
+        Self::Error(cancelled.into())
     }
 }
 

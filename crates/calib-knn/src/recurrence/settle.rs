@@ -2,7 +2,7 @@ use calib_core::Monitor;
 use calib_files::{Scratch, ScratchPlace};
 
 use super::Halt;
-use crate::{bits::Bits, index::going_on};
+use crate::bits::Bits;
 
 /// Transitions between two looks at the monitor.
 const LOOK: u32 = 1 << 12;
@@ -61,7 +61,7 @@ pub(super) fn settle(
     let mut search = Search::new(nodes, place)?;
     for root in nodes.iter() {
         while !settled.contains(root) && !graph.is_left_out(root) && search.low(root) == 0 {
-            going_on(monitor)?;
+            monitor.check()?;
             search.from(root, settled, graph, monitor)?;
         }
     }
@@ -139,7 +139,7 @@ impl<'a> Search<'a> {
                 Next::New(node) => {
                     self.find(node);
                     if self.found.is_multiple_of(LOOK) {
-                        going_on(monitor)?;
+                        monitor.check()?;
                     }
                 }
                 Next::Done => self.finish(settled, graph)?,

@@ -170,7 +170,7 @@ fn work_ends_when_the_user_asks() {
     let member = model.member(0);
     let starts = start_states(&member, StartSource::Random, 2, Seed::new(1)).expect("starts");
     let stopped = rollouts(&member, &starts, 100, Weights::Linear, Seed::new(1), &Stopped);
-    assert!(matches!(stopped, Err(RolloutError::Interrupted)));
+    assert!(matches!(stopped, Err(RolloutError::Cancelled(_))));
 }
 
 proptest! {

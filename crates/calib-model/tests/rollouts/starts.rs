@@ -203,7 +203,7 @@ fn a_search_for_starts_ends_when_the_user_asks() {
     ] {
         let place = ScratchPlace::Memory;
         let stopped = start_states_of_all(&model, source, 441, Seed::new(1), &place, &LongStopped);
-        assert!(matches!(stopped, Err(RolloutError::Interrupted)), "{stopped:?}");
+        assert!(matches!(stopped, Err(RolloutError::Cancelled(_))), "{stopped:?}");
     }
 }
 

@@ -1,6 +1,5 @@
 use std::collections::BTreeMap;
 
-use anyhow::{Context as _, bail};
 use calib_agent::{
     AgentConfig, Epoch, FittedPredictor, Fitter, Learner, Pretraining, PretrainingDiverged,
     StateFile, parameter_count, pretrain, pretraining_bytes, with_traces,
@@ -11,12 +10,14 @@ use calib_study::{Job, Study};
 use serde::Serialize;
 
 use crate::{
+    Context as _, StepError,
     agents::{
         pretrain_files::{
             self, PretrainManifest, PretrainedAgent, TrainedAgent, agent_key, write_agent,
         },
         shares::{self, OfShares},
     },
+    bail,
     base::{
         artefact::{self, Below, Claim, Files, MANIFEST, Manifest as _, TOOL},
         clock::Stopwatch,
@@ -36,7 +37,7 @@ pub(super) struct Wanted {
 }
 
 /// Pre-train one agent a sensor.
-pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     check(study)?;
@@ -116,7 +117,7 @@ fn tabled(
     agents: Vec<PretrainedAgent>,
     diverged: BTreeMap<String, usize>,
     directory: &std::path::Path,
-) -> anyhow::Result<PretrainManifest> {
+) -> Result<PretrainManifest, StepError> {
     let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
     let mut manifest = PretrainManifest {
         format: PretrainManifest::FORMAT,
@@ -154,7 +155,7 @@ struct Timings {
     wall_secs: f64,
 }
 
-fn check(study: &Study) -> anyhow::Result<()> {
+fn check(study: &Study) -> Result<(), StepError> {
     if let Some(checkpoint) = &study.pretrain.checkpoint {
         bail!(
             "pretrain.checkpoint takes the agents from {}: there is nothing to pre-train",
@@ -170,7 +171,7 @@ fn check(study: &Study) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn wanted(study: &Study, parts: &Parts) -> anyhow::Result<Vec<Wanted>> {
+fn wanted(study: &Study, parts: &Parts) -> Result<Vec<Wanted>, StepError> {
     let Parts { dataset, pretrain, .. } = parts;
     let part = pretrain.as_ref().context("agents are pre-trained")?;
     let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?.into_iter();
@@ -213,7 +214,7 @@ fn finished(directory: &std::path::Path, wanted: &[Wanted]) -> BTreeMap<String, 
 }
 
 /// Where unfinished training is kept.
-fn state_file(directory: &std::path::Path, missing: &[&Wanted]) -> anyhow::Result<StateFile> {
+fn state_file(directory: &std::path::Path, missing: &[&Wanted]) -> Result<StateFile, StepError> {
     let keys: Vec<&str> = missing.iter().map(|wanted| wanted.key.as_str()).collect();
     Ok(StateFile::new(directory.join(".unfinished.safetensors"), artefact::key(&keys)?))
 }
@@ -224,7 +225,7 @@ fn announce(
     wanted: &[Wanted],
     missing: usize,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
     let width = part.frames.states().columns();
     let parameters = parameter_count(&study.agent, study.agent.seen_width(width));
@@ -272,7 +273,7 @@ pub(super) fn train(
     missing: &[&Wanted],
     file: &StateFile,
     printer: &Printer,
-) -> anyhow::Result<Vec<Result<TrainedAgent, PretrainingDiverged>>> {
+) -> Result<Vec<Result<TrainedAgent, PretrainingDiverged>>, StepError> {
     if missing.is_empty() {
         return Ok(Vec::new());
     }
@@ -316,7 +317,7 @@ fn finish(
     trained: usize,
     clock: Stopwatch,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let directory = job.layout().pretrain();
     if printer.is_for_machines() {
         printer.json(manifest)?;

@@ -5,7 +5,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context as _, bail, ensure};
 use calib_agent::{AgentConfig, Checkpoint, Epoch, FittedPredictor, Pretrained, layer_sizes};
 use calib_core::{Normaliser, Period};
 use calib_data::{Dataset, table::Table};
@@ -17,10 +16,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    Context as _, StepError, bail,
     base::{
         artefact::{self, Files, Manifest},
         stale::Kept,
     },
+    ensure,
     log::partition::{PretrainPart, span},
 };
 
@@ -87,7 +88,7 @@ pub(crate) fn agent_key(
     data: &Fingerprint,
     sensor: &str,
     column: usize,
-) -> anyhow::Result<String> {
+) -> Result<String, StepError> {
     let agent = study.pretrain.agent(&study.agent);
     let settings = study.pretrain.settings();
     artefact::key(&(PretrainManifest::FORMAT, data, sensor, column, agent, settings, study.seed))
@@ -107,11 +108,11 @@ pub(crate) fn write_agent(
     agent: AgentConfig,
     width: usize,
     trained: TrainedAgent,
-) -> anyhow::Result<PretrainedAgent> {
+) -> Result<PretrainedAgent, StepError> {
     let TrainedAgent { pretrained, baseline } = trained;
     let layer_sizes = layer_sizes(&agent, agent.seen_width(width));
     let [weights, moments] = names(sensor);
-    let of = |prefix: &str, values: Vec<f32>| -> anyhow::Result<Vec<Tensor>> {
+    let of = |prefix: &str, values: Vec<f32>| -> Result<Vec<Tensor>, StepError> {
         let mut tensors =
             Mlp::from_parameters(&layer_sizes, &values)?.to_tensors(Naming::Sequential);
         for tensor in &mut tensors {
@@ -154,10 +155,10 @@ fn read_agent(
     agent: &PretrainedAgent,
     rule: MomentsRule,
     command: &str,
-) -> anyhow::Result<Checkpoint> {
+) -> Result<Checkpoint, StepError> {
     artefact::check_files(directory, &agent.files, command)?;
     let [weights, moments] = names(&agent.sensor);
-    let parameters = |file: &Tensors, prefix: &str| -> anyhow::Result<Vec<f32>> {
+    let parameters = |file: &Tensors, prefix: &str| -> Result<Vec<f32>, StepError> {
         let network = Mlp::from_tensors(file, prefix, Naming::Sequential)?;
         let sizes: Vec<usize> = [network.inputs()]
             .into_iter()
@@ -170,7 +171,8 @@ fn read_agent(
         );
         Ok(network.parameters().to_vec())
     };
-    let read = |name: &str| -> anyhow::Result<Tensors> { Ok(read_tensors(&directory.join(name))?) };
+    let read =
+        |name: &str| -> Result<Tensors, StepError> { Ok(read_tensors(&directory.join(name))?) };
     let moments = match rule {
         MomentsRule::Reset => None,
         MomentsRule::Keep => {
@@ -227,7 +229,7 @@ pub(crate) fn starts(
     part: Option<&PretrainPart>,
     sensors: &[(String, usize)],
     candidates: &[Candidate],
-) -> anyhow::Result<(BTreeMap<String, Start>, Vec<String>)> {
+) -> Result<(BTreeMap<String, Start>, Vec<String>), StepError> {
     let study = job.study();
     let (Some(directory), Some(part)) = (directory(job), part) else {
         return Ok((BTreeMap::new(), vec![]));
@@ -304,7 +306,7 @@ fn check_columns(
     directory: &Path,
     manifest: &PretrainManifest,
     dataset: &Dataset,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let (made, now) = (&manifest.normaliser, &dataset.normaliser);
     ensure!(
         made.len() == now.len(),
@@ -351,7 +353,7 @@ fn check_candidate(
     agent: &PretrainedAgent,
     candidate: &Candidate,
     width: usize,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     ensure!(
         candidate.agent.traces == agent.agent.traces,
         "{} sees traces of {:?} and the agent for {} in {} was pre-trained with {:?}; give both the same",

@@ -15,6 +15,7 @@ use calib_study::{Job, Share};
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    StepError,
     agents::{
         pretrain::{Wanted, train},
         pretrain_files::{self, PretrainedAgent, write_agent},
@@ -93,7 +94,7 @@ pub(super) fn run(
     parts: &Parts,
     (wanted, missing): (&[Wanted], &[&Wanted]),
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let (study, directory) = (job.study(), job.layout().pretrain());
     artefact::own(&directory)?;
     let own: Vec<&str> = wanted
@@ -147,7 +148,7 @@ pub(super) fn run(
 }
 
 /// Put what shares have made where the manifest will look for it.
-pub(super) fn take(directory: &Path, found: &OfShares) -> anyhow::Result<()> {
+pub(super) fn take(directory: &Path, found: &OfShares) -> Result<(), StepError> {
     for name in found.agents.values().flat_map(|agent| agent.files.keys()) {
         link_or_copy(&directory.join(SHARES).join(name), &directory.join(name))?;
     }

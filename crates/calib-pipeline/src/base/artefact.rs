@@ -7,7 +7,6 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use anyhow::{Context as _, bail};
 use calib_data::table::{RESULTS_KEY, Table};
 pub(crate) use calib_files::Below;
 use calib_files::{
@@ -16,7 +15,7 @@ use calib_files::{
 };
 use serde::{Serialize, de::DeserializeOwned};
 
-use crate::output::Printer;
+use crate::{Context as _, StepError, bail, output::Printer};
 
 /// Version of calib that wrote a file.
 pub(crate) const TOOL: &str = concat!("calib ", env!("CARGO_PKG_VERSION"));
@@ -49,7 +48,7 @@ pub(crate) type Files = BTreeMap<String, Fingerprint>;
 pub(crate) fn fingerprints<'a>(
     directory: &Path,
     names: impl IntoIterator<Item = &'a str>,
-) -> anyhow::Result<Files> {
+) -> Result<Files, StepError> {
     let of = |name: &str| Ok((name.to_owned(), fingerprint_file(&directory.join(name))?));
     names.into_iter().map(of).collect()
 }
@@ -76,21 +75,22 @@ pub(crate) fn are_whole(directory: &Path, files: &Files) -> bool {
 
 /// Check that the files of a complete directory are what was written, before the first use; `command` makes them
 /// again.
-pub(crate) fn check_files(directory: &Path, files: &Files, command: &str) -> anyhow::Result<()> {
+pub(crate) fn check_files(directory: &Path, files: &Files, command: &str) -> Result<(), StepError> {
     for (name, written) in files {
         let path = directory.join(name);
         let found = fingerprint_once(&path).with_context(|| format!("run `{command}` again"))?;
-        anyhow::ensure!(
-            found == *written,
-            "{} is not what was written: it was damaged or replaced; run `{command}` to make it again",
-            path.display()
-        );
+        if found != *written {
+            return Err(StepError::Stale(format!(
+                "{} is not what was written: it was damaged or replaced; run `{command}` to make it again",
+                path.display()
+            )));
+        }
     }
     Ok(())
 }
 
 /// The manifest of `directory`, or why there is none and which `command` makes it.
-pub(crate) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::Result<M> {
+pub(crate) fn require<M: Manifest>(directory: &Path, command: &str) -> Result<M, StepError> {
     let path = directory.join(MANIFEST);
     if !path.exists() {
         bail!("{} does not exist; run `{command}` first", path.display());
@@ -105,13 +105,14 @@ pub(crate) fn require<M: Manifest>(directory: &Path, command: &str) -> anyhow::R
         }
         manifest => manifest.with_context(|| format!("run `{command}` to make it again"))?,
     };
-    anyhow::ensure!(
-        manifest.format() == M::FORMAT,
-        "{} has format {}, this calib reads format {}; run `{command}`",
-        path.display(),
-        manifest.format(),
-        M::FORMAT
-    );
+    if manifest.format() != M::FORMAT {
+        return Err(StepError::Stale(format!(
+            "{} has format {}, this calib reads format {}; run `{command}`",
+            path.display(),
+            manifest.format(),
+            M::FORMAT
+        )));
+    }
     Ok(manifest)
 }
 
@@ -133,7 +134,7 @@ impl Claim {
     /// # Errors
     /// If it cannot be written, another process has claimed it, or, where all below is to be calib's, it has something
     /// else in it.
-    pub(crate) fn new(directory: &Path, below: Below) -> anyhow::Result<Self> {
+    pub(crate) fn new(directory: &Path, below: Below) -> Result<Self, StepError> {
         Self::of_nobody(directory, below)?.with_context(|| taken(directory))
     }
 
@@ -141,7 +142,7 @@ impl Claim {
     ///
     /// # Errors
     /// As [`Claim::new`].
-    pub(crate) fn of_nobody(directory: &Path, below: Below) -> anyhow::Result<Option<Self>> {
+    pub(crate) fn of_nobody(directory: &Path, below: Below) -> Result<Option<Self>, StepError> {
         let record = match below {
             Below::Ours => own(directory)?,
             Below::Unknown => FolderRecord::open(directory)?,
@@ -153,12 +154,16 @@ impl Claim {
     ///
     /// # Errors
     /// As [`Claim::new`].
-    pub(crate) fn of_named(directory: &Path) -> anyhow::Result<Self> {
+    pub(crate) fn of_named(directory: &Path) -> Result<Self, StepError> {
         let record = FolderRecord::open_own(directory)?;
         Self::with(directory, record, Below::Unknown)?.with_context(|| taken(directory))
     }
 
-    fn with(directory: &Path, record: FolderRecord, below: Below) -> anyhow::Result<Option<Self>> {
+    fn with(
+        directory: &Path,
+        record: FolderRecord,
+        below: Below,
+    ) -> Result<Option<Self>, StepError> {
         let refused = || format!("cannot write to {}", directory.display());
         let lock = lock(&directory.join(LOCK)).with_context(refused)?;
         if matches!(lock, Lock::Taken) {
@@ -174,13 +179,13 @@ impl Claim {
     }
 
     /// From here until [`complete`](Self::complete) the directory does not count as a result.
-    pub(crate) fn begin(&self) -> anyhow::Result<()> {
+    pub(crate) fn begin(&self) -> Result<(), StepError> {
         remove_file(&self.directory.join(MANIFEST))
             .with_context(|| format!("cannot write to {}", self.directory.display()))
     }
 
     /// Complete the directory with its manifest. It stays claimed as long as the claim is held.
-    pub(crate) fn complete<M: Manifest>(&self, manifest: &M) -> anyhow::Result<()> {
+    pub(crate) fn complete<M: Manifest>(&self, manifest: &M) -> Result<(), StepError> {
         Ok(write_sealed_json(&self.directory.join(MANIFEST), manifest)?)
     }
 }
@@ -222,7 +227,7 @@ pub(crate) fn adopt<'a, M: Manifest>(
     files: impl IntoIterator<Item = &'a str>,
     manifest: &M,
     directory: &Path,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     for name in files {
@@ -233,14 +238,14 @@ pub(crate) fn adopt<'a, M: Manifest>(
 
 /// Go on where a disk lets nothing be written: what is finished can still be shown. Every other failure stays one.
 pub(crate) fn or_read_only(
-    written: anyhow::Result<()>,
+    written: Result<(), StepError>,
     place: &Path,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     match written {
         Err(error) if is_refusal(&error) => {
             let place = place.display();
-            printer.warn(&format!("{place} was not written: {error:#}; results are only shown"));
+            printer.warn(&format!("{place} was not written: {error}; results are only shown"));
             Ok(())
         }
         other => other,
@@ -248,14 +253,14 @@ pub(crate) fn or_read_only(
 }
 
 /// Whether nothing may be written there.
-pub(crate) fn is_refusal(error: &anyhow::Error) -> bool {
-    use io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
-    let mut causes = error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>());
-    causes.any(|cause| matches!(cause.kind(), PermissionDenied | ReadOnlyFilesystem))
+pub(crate) fn is_refusal(error: &StepError) -> bool {
+    let StepError::Storage(error) = error.root() else { return false };
+    let FileError::Io { source, .. } = error.as_ref() else { return false };
+    matches!(source.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem)
 }
 
 /// A table of results, marked as one: a search for logs leaves it out.
-pub(crate) fn write_table(table: Table, path: &Path) -> anyhow::Result<()> {
+pub(crate) fn write_table(table: Table, path: &Path) -> Result<(), StepError> {
     Ok(marked(table).write_parquet(path)?)
 }
 
@@ -265,7 +270,7 @@ pub(crate) fn marked(table: Table) -> Table {
 }
 
 /// Fingerprint of some inputs.
-pub(crate) fn key(inputs: &impl Serialize) -> anyhow::Result<String> {
+pub(crate) fn key(inputs: &impl Serialize) -> Result<String, StepError> {
     let text = serde_json::to_vec(inputs)?;
     let fingerprint: Fingerprint = Fingerprinter::default().add(&text).finish();
     Ok(fingerprint.to_string())

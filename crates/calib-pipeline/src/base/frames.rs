@@ -2,19 +2,20 @@
 
 use std::{path::Path, sync::Arc};
 
-use anyhow::Context as _;
 use calib_core::{Frames, Segments, States, Timestamp};
 use calib_data::table::{Table, read_parquet_columns};
 use calib_files::{map_npy, write_npy};
 
+use crate::{Context as _, StepError};
+
 /// Write the states.
-pub(crate) fn write_states(path: &Path, frames: &Frames) -> anyhow::Result<()> {
+pub(crate) fn write_states(path: &Path, frames: &Frames) -> Result<(), StepError> {
     let states = frames.states();
     Ok(write_npy(path, states.as_slice(), states.rows(), states.columns())?)
 }
 
 /// The states that were written: mapped, so that they take memory only while there is some.
-pub(crate) fn map_states(path: &Path) -> anyhow::Result<States> {
+pub(crate) fn map_states(path: &Path) -> Result<States, StepError> {
     let mapped = map_npy::<f32>(path)?;
     let (rows, columns) = (mapped.rows(), mapped.columns());
     Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
@@ -30,7 +31,7 @@ pub(crate) fn rows_table(frames: &Frames) -> Table {
 }
 
 /// The rows of a table whose `states` are these.
-pub(crate) fn open(path: &Path, states: States) -> anyhow::Result<Frames> {
+pub(crate) fn open(path: &Path, states: States) -> Result<Frames, StepError> {
     let table = read_parquet_columns(path, &["timestamp", "segment"])?;
     let timestamps = table.column::<Timestamp>("timestamp")?.to_vec();
     let lengths = table.column::<u32>("segment")?.chunk_by(|a, b| a == b).map(<[u32]>::len);

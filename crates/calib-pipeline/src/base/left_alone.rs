@@ -2,7 +2,10 @@
 
 use calib_data::DataConfig;
 
-use crate::output::{Printer, counted};
+use crate::{
+    StepError,
+    output::{Printer, counted},
+};
 
 /// Files that are named.
 const NAMED: usize = 3;
@@ -11,7 +14,7 @@ const NAMED: usize = 3;
 ///
 /// # Errors
 /// If a folder cannot be read.
-pub fn text_left_alone(data: &DataConfig, printer: &Printer) -> anyhow::Result<()> {
+pub fn text_left_alone(data: &DataConfig, printer: &Printer) -> Result<(), StepError> {
     let left = calib_data::text_left_alone(data)?;
     if left.is_empty() {
         return Ok(());

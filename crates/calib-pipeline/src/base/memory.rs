@@ -9,7 +9,10 @@ use std::{
 use calib_data::{DataConfig, table::declared_bytes};
 use calib_files::ScratchPlace;
 
-use crate::output::{bytes, count};
+use crate::{
+    StepError, ensure,
+    output::{bytes, count},
+};
 
 /// A log as this machine reads it: text files are kept, column by column, in the system's folder for temporary files while they
 /// are read, and what would not fit into memory is refused.
@@ -102,10 +105,10 @@ pub struct NoRoom {
 ///
 /// # Errors
 /// If it cannot, or a footer cannot be read.
-pub fn check_log(data: &DataConfig) -> anyhow::Result<()> {
+pub fn check_log(data: &DataConfig) -> Result<(), StepError> {
     let calib_data::Declared { rows, least_bytes } = calib_data::Declared::of(data)?;
     if let Some(available) = available() {
-        anyhow::ensure!(
+        ensure!(
             least_bytes <= available,
             "the log in {} declares {} rows, which take {} of memory at least, and {} are available; \
              choose fewer files with data.path, or use a machine with more memory",
@@ -122,7 +125,7 @@ pub fn check_log(data: &DataConfig) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// If it cannot, or the footer cannot be read.
-pub fn check_table(path: &Path, names: Option<&[&str]>) -> anyhow::Result<()> {
+pub fn check_table(path: &Path, names: Option<&[&str]>) -> Result<(), StepError> {
     let what = format!("reading {}", path.display());
     Ok(require(declared_bytes(path, names)?, &what, "take fewer rows of it, or fewer columns")?)
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod artefact;
 pub(crate) mod clock;
+pub(crate) mod error;
 pub(crate) mod frames;
 pub(crate) mod left_alone;
 pub(crate) mod memory;

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use anyhow::ensure;
 use calib_study::{Difference, Job, Made, Study};
+
+use crate::StepError;
 
 /// Differences that are told one by one.
 const TOLD: usize = 3;
@@ -20,18 +21,19 @@ pub(crate) struct Kept<'a> {
 
 impl Kept<'_> {
     /// Refuse it where it follows from other keys than those of the job.
-    pub(crate) fn check(self, job: &Job) -> anyhow::Result<()> {
+    pub(crate) fn check(self, job: &Job) -> Result<(), StepError> {
         let differences = job.study().differences(self.result, self.study);
-        ensure!(
-            differences.is_empty(),
+        if differences.is_empty() {
+            return Ok(());
+        }
+        Err(StepError::Stale(format!(
             "the {} in {} {} made with {}; run `{}` again",
             self.name(),
             self.directory.display(),
             self.verb(),
             told(&differences),
             job.command(self.command())
-        );
-        Ok(())
+        )))
     }
 
     fn verb(&self) -> &'static str {

@@ -1,31 +1,17 @@
 //! What is done through libtorch, and what is said where it is not there.
 
-use anyhow::{bail, ensure};
 use calib_agent::Accelerator;
 use calib_core::{Monitor, Seed};
 use calib_dynamics::{Dynamics, DynamicsConfig, Trainer, Transitioning};
 use calib_files::{Tensors, Unfinished};
-use calib_knn::ModelKind;
+use calib_model::ModelKind;
 use calib_represent::{LaplacianConfig, Task, Trained};
 
-use crate::base::options::Device;
-
-/// What wants libtorch in a calib that was built without it.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "{0} wants libtorch, and this calib was built without it; in the source tree run \
-     `bash scripts/libtorch.sh cargo build --release --features torch`"
-)]
-pub(crate) struct NoLibtorch(String);
-
-fn wanted(what: &str) -> NoLibtorch {
-    NoLibtorch(what.to_owned())
-}
+use crate::{StepError, base::options::Device};
 
 /// Check that this program has libtorch, or say that `what` wants it.
-pub(crate) fn require(what: &str) -> anyhow::Result<()> {
-    ensure!(cfg!(feature = "torch"), wanted(what));
-    Ok(())
+pub(crate) fn require(what: &str) -> Result<(), StepError> {
+    if cfg!(feature = "torch") { Ok(()) } else { Err(StepError::Unavailable(what.to_owned())) }
 }
 
 /// A trainer of a network on a device, going on from a checkpoint if there is one, and what it computes with.
@@ -37,7 +23,7 @@ pub(crate) fn trainer(
     seed: Seed,
     device: Device,
     checkpoint: Option<&Tensors>,
-) -> anyhow::Result<(Box<dyn Trainer>, String)> {
+) -> Result<(Box<dyn Trainer>, String), StepError> {
     use calib_torch::{FeedForwardTrainer, RecurrentTrainer};
     let device = calib_torch::device(choice(device))?;
     let trainer: Box<dyn Trainer> = match (kind, checkpoint) {
@@ -49,7 +35,9 @@ pub(crate) fn trainer(
         (ModelKind::Gru, Some(found)) => {
             Box::new(RecurrentTrainer::resume(data, config, seed, device, found)?)
         }
-        (ModelKind::Knn | ModelKind::Torchscript, _) => bail!("such a model is not trained"),
+        _ => {
+            return Err(StepError::message("such a model is not trained"));
+        }
     };
     let device = if device.is_cuda() { "GPU" } else { "processor" };
     Ok((trainer, format!("libtorch on the {device}")))
@@ -63,19 +51,19 @@ pub(crate) fn trainer(
     _seed: Seed,
     _device: Device,
     _checkpoint: Option<&Tensors>,
-) -> anyhow::Result<(Box<dyn Trainer>, String)> {
-    bail!(wanted("such training"))
+) -> Result<(Box<dyn Trainer>, String), StepError> {
+    Err(StepError::Unavailable("such training".to_owned()))
 }
 
 /// What trains agents side by side on a device.
 #[cfg(feature = "torch")]
-pub(crate) fn accelerator(device: Device) -> anyhow::Result<Box<dyn Accelerator>> {
+pub(crate) fn accelerator(device: Device) -> Result<Box<dyn Accelerator>, StepError> {
     Ok(Box::new(calib_torch::Populations::new(calib_torch::device(choice(device))?)))
 }
 
 #[cfg(not(feature = "torch"))]
-pub(crate) fn accelerator(_device: Device) -> anyhow::Result<Box<dyn Accelerator>> {
-    bail!(wanted("--device"))
+pub(crate) fn accelerator(_device: Device) -> Result<Box<dyn Accelerator>, StepError> {
+    Err(StepError::Unavailable("--device".to_owned()))
 }
 
 /// Train an encoder on a device, going on from a checkpoint if there is one.
@@ -86,7 +74,7 @@ pub(crate) fn represent(
     checkpoint: &Unfinished,
     device: Device,
     monitor: &dyn Monitor,
-) -> anyhow::Result<Trained> {
+) -> Result<Trained, StepError> {
     let device = calib_torch::device(choice(device))?;
     let mut training = calib_torch::LaplacianTraining::new(config, task, device)?;
     Ok(calib_represent::train_with(&mut training, config, task, Some(checkpoint), monitor)?)
@@ -99,8 +87,8 @@ pub(crate) fn represent(
     _checkpoint: &Unfinished,
     _device: Device,
     _monitor: &dyn Monitor,
-) -> anyhow::Result<Trained> {
-    bail!(wanted("such training"))
+) -> Result<Trained, StepError> {
+    Err(StepError::Unavailable("such training".to_owned()))
 }
 
 /// A model that was exported from PyTorch, for states of `columns` values; it runs on the processor.
@@ -108,7 +96,7 @@ pub(crate) fn represent(
 pub(crate) fn open_script(
     path: &std::path::Path,
     columns: usize,
-) -> anyhow::Result<Box<dyn Dynamics>> {
+) -> Result<Box<dyn Dynamics>, StepError> {
     Ok(Box::new(calib_torch::Script::open(path, columns, calib_torch::Device::Cpu)?))
 }
 
@@ -116,8 +104,8 @@ pub(crate) fn open_script(
 pub(crate) fn open_script(
     _path: &std::path::Path,
     _columns: usize,
-) -> anyhow::Result<Box<dyn Dynamics>> {
-    bail!(wanted("model.kind = \"torchscript\""))
+) -> Result<Box<dyn Dynamics>, StepError> {
+    Err(StepError::Unavailable("model.kind = \"torchscript\"".to_owned()))
 }
 
 #[cfg(feature = "torch")]

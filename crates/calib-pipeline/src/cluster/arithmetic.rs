@@ -5,6 +5,8 @@ use calib_agent::{AgentConfig, CurveRule, OptimiserKind, Part, Precision, ValueF
 use calib_core::{RowIndex, RowStream, Seed, Silent, States};
 use calib_files::Fingerprinter;
 
+use crate::StepError;
+
 /// Arguments of each elementary function.
 const ARGUMENTS: usize = 2048;
 /// Columns and steps of what agents learn from.
@@ -13,7 +15,7 @@ const STEPS: usize = 160;
 
 /// Some digits that stand for the numbers that this processor, its system and its libraries compute. Where they are equal, so
 /// are results.
-pub(crate) fn class() -> anyhow::Result<String> {
+pub(crate) fn class() -> Result<String, StepError> {
     let mut of = Fingerprinter::default();
     for bits in elementary().chain(trained()?) {
         of.add(&bits.to_le_bytes());
@@ -32,7 +34,7 @@ fn elementary() -> impl Iterator<Item = u64> {
 }
 
 /// The errors of agents of every kind.
-fn trained() -> anyhow::Result<Vec<u64>> {
+fn trained() -> Result<Vec<u64>, StepError> {
     let mut random = Seed::new(5).rng();
     let values = (0..STEPS * COLUMNS).map(|_| random.unit() as f32).collect();
     let rows = (0..STEPS).map(RowIndex::new).collect();

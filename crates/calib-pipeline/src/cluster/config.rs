@@ -2,9 +2,10 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use anyhow::Context as _;
 use calib_files::read_regular;
 use serde::{Deserialize, Serialize};
+
+use crate::{Context as _, StepError, ensure};
 
 /// What is asked of a batch system.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,16 +58,16 @@ impl Default for ClusterConfig {
 
 impl ClusterConfig {
     /// The file at `path`, or nothing but defaults.
-    pub(crate) fn read(path: Option<&Path>) -> anyhow::Result<Self> {
+    pub(crate) fn read(path: Option<&Path>) -> Result<Self, StepError> {
         let Some(path) = path else { return Ok(Self::default()) };
         let text = String::from_utf8(read_regular(path)?)
             .with_context(|| format!("{} is no text", path.display()))?;
         let config: Self = toml::from_str(&text).with_context(|| path.display().to_string())?;
-        anyhow::ensure!(config.threads > 0, "{}: threads must be at least 1", path.display());
+        ensure!(config.threads > 0, "{}: threads must be at least 1", path.display());
         let texts = config.slurm.iter().flat_map(|(key, value)| [key, value]);
         let texts = texts.chain([&config.image, &config.volume]);
         for text in texts {
-            anyhow::ensure!(
+            ensure!(
                 !text.chars().any(char::is_control),
                 "{}: {text:?} has a line break or another control character",
                 path.display()

@@ -5,12 +5,10 @@ use std::{
     path::Path,
 };
 
-use anyhow::{Context as _, ensure};
 use calib_agent::{FittedPredictor, StateFile, ValueState};
 use calib_core::Frames;
 use calib_files::{Fingerprint, fingerprint_file, link_or_copy};
-use calib_knn::ModelKind;
-use calib_model::CalibrationModel;
+use calib_model::ModelFamily;
 use calib_study::Job;
 use calib_sweep::{
     Baselines, ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, Start, Unit,
@@ -18,6 +16,7 @@ use calib_sweep::{
 };
 
 use crate::{
+    Context as _, StepError,
     base::{
         artefact::{self, Files},
         frames,
@@ -26,7 +25,8 @@ use crate::{
         plan_file::SweepPart,
         results::{Extent, Header, Results},
     },
-    model::kinds,
+    ensure,
+    model::kinds::{self, OpenedModel},
     sweep::{
         environments::{Described, Sources, Streaming},
         setting::{Setting, agent_seed, raced},
@@ -56,7 +56,7 @@ pub(crate) fn write(
     setting: &Setting,
     stored: &BTreeMap<Unit, UnitResult>,
     header: Header,
-) -> anyhow::Result<Files> {
+) -> Result<Files, StepError> {
     let mut files = setting.model.manifest.lasting_files();
     for name in files.keys() {
         link_or_copy(&job.layout().model().join(name), &directory.join(name))?;
@@ -99,7 +99,7 @@ const AGENTS: &str = "agents to start from";
 /// What is kept of each sensor's agent beside its parameters.
 type StartNames = BTreeMap<String, (Fingerprint, Option<FittedPredictor>)>;
 
-fn write_starts(directory: &Path, starts: &BTreeMap<String, Start>) -> anyhow::Result<()> {
+fn write_starts(directory: &Path, starts: &BTreeMap<String, Start>) -> Result<(), StepError> {
     let names: BTreeMap<&String, (&Fingerprint, &Option<FittedPredictor>)> = starts
         .iter()
         .map(|(sensor, start)| (sensor, (&start.fingerprint, &start.baseline)))
@@ -109,7 +109,7 @@ fn write_starts(directory: &Path, starts: &BTreeMap<String, Start>) -> anyhow::R
     Ok(file.write(&names, values.collect())?)
 }
 
-fn read_starts(directory: &Path) -> anyhow::Result<BTreeMap<String, Start>> {
+fn read_starts(directory: &Path) -> Result<BTreeMap<String, Start>, StepError> {
     let file = StateFile::new(directory.join(STARTS), AGENTS.to_owned());
     let (names, values): (StartNames, Vec<(usize, ValueState)>) =
         file.read().with_context(|| format!("{} is damaged", file.path().display()))?;
@@ -126,7 +126,7 @@ pub(crate) struct Inputs<'p> {
     part: &'p SweepPart,
     opened: BTreeSet<EnvironmentId>,
     states: Option<Frames>,
-    model: Option<Box<dyn CalibrationModel>>,
+    model: Option<OpenedModel>,
     held_out: Option<Frames>,
     starts: BTreeMap<String, Start>,
     /// Results that were there when the work was planned.
@@ -140,7 +140,7 @@ impl<'p> Inputs<'p> {
         directory: &Path,
         part: &'p SweepPart,
         opened: BTreeSet<EnvironmentId>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let files = Checked { directory, files: &part.files };
         let members: Vec<usize> = opened.iter().filter_map(member).collect();
         let replays = opened.contains(&EnvironmentId::LogReplay);
@@ -166,7 +166,7 @@ impl<'p> Inputs<'p> {
     }
 
     /// All environments of the part: those whose streams are wanted, opened, and what the others are.
-    pub(crate) fn environments(&self) -> anyhow::Result<Vec<Box<dyn Environment + '_>>> {
+    pub(crate) fn environments(&self) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
         let states = self.states.as_ref();
         let sources = Sources {
             states,
@@ -175,7 +175,7 @@ impl<'p> Inputs<'p> {
             held_out: self.held_out.as_ref(),
         };
         let rolling = Streaming::of(&self.part.study, self.part.span)?;
-        let open = |described: &Described| -> anyhow::Result<Box<dyn Environment + '_>> {
+        let open = |described: &Described| -> Result<Box<dyn Environment + '_>, StepError> {
             if self.opened.contains(&described.id()) {
                 return described.open(sources, rolling);
             }
@@ -197,7 +197,7 @@ impl<'p> Inputs<'p> {
         &'a self,
         environments: &'a [Box<dyn Environment + 'a>],
         baselines: Option<&'a Baselines<'a>>,
-    ) -> anyhow::Result<Plan<'a>> {
+    ) -> Result<Plan<'a>, StepError> {
         let SweepPart { study, candidates, sensors, span, .. } = self.part;
         let as_dyn = environments.iter().map(|environment| &**environment).collect();
         let options = PlanOptions {
@@ -227,7 +227,7 @@ struct Checked<'a> {
 
 impl Checked<'_> {
     /// Whether there is such a file, which is then whole.
-    fn has(&self, name: &str) -> anyhow::Result<bool> {
+    fn has(&self, name: &str) -> Result<bool, StepError> {
         let Some(written) = self.files.get(name) else { return Ok(false) };
         let path = self.directory.join(name);
         let found = artefact::fingerprint_once(&path)?;
@@ -239,12 +239,12 @@ impl Checked<'_> {
         Ok(true)
     }
 
-    fn require(&self, name: &str) -> anyhow::Result<()> {
+    fn require(&self, name: &str) -> Result<(), StepError> {
         ensure!(self.has(name)?, "the plan has no {name}; plan the work again");
         Ok(())
     }
 
-    fn frames(&self, states: &str, rows: &str) -> anyhow::Result<Frames> {
+    fn frames(&self, states: &str, rows: &str) -> Result<Frames, StepError> {
         self.require(states)?;
         self.require(rows)?;
         frames::open(&self.directory.join(rows), frames::map_states(&self.directory.join(states))?)
@@ -256,13 +256,13 @@ impl Checked<'_> {
         part: &SweepPart,
         states: &Frames,
         members: &[usize],
-    ) -> anyhow::Result<Box<dyn CalibrationModel>> {
+    ) -> Result<OpenedModel, StepError> {
         let settings = &part.study.model;
-        let is_read = |name: &str| match settings.kind {
-            ModelKind::Knn => {
+        let is_read = |name: &str| match settings.kind.family() {
+            ModelFamily::Neighbors => {
                 members.iter().any(|member| name.starts_with(&format!("members/{member}/")))
             }
-            _ => !name.starts_with("held_out"),
+            ModelFamily::Network => !name.starts_with("held_out"),
         };
         let mut read = self.files.keys().filter(|name| is_read(name));
         read.try_for_each(|name| self.require(name))?;

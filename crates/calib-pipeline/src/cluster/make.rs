@@ -5,7 +5,6 @@ use std::{
     path::Path,
 };
 
-use anyhow::{bail, ensure};
 use calib_agent::training_bytes;
 use calib_files::{
     FileError, FolderRecord, create_directory, is_temporary, remove_known, write_new_sealed_json,
@@ -14,6 +13,7 @@ use calib_study::{Each, Job};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Unit, UnitResult};
 
 use crate::{
+    StepError, bail,
     base::{
         artefact::{Claim, Files},
         options::ClusterPlanOptions,
@@ -30,6 +30,7 @@ use crate::{
         results::{self, Header},
         status::summary,
     },
+    ensure,
     output::Printer,
     sweep::{Found, Source, cost::MeasuredPasses, plan::agents_of, setting::Setting, unit_store},
 };
@@ -42,7 +43,7 @@ pub(crate) fn make(
     job: &Job,
     options: &ClusterPlanOptions,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     ensure!(
         !job.study().agent.is_external(),
         "agent.kind = \"external\": a plan does not carry the program to other machines; run `{}` where it is",
@@ -129,7 +130,7 @@ fn remove_inputs(directory: &Path, record: &FolderRecord) -> Result<(), FileErro
     remove_known(&directory.join(INPUTS), &mut { is_ours })
 }
 
-fn told(plan: &PlanFile, printer: &Printer) -> anyhow::Result<()> {
+fn told(plan: &PlanFile, printer: &Printer) -> Result<(), StepError> {
     let summary = summary(plan);
     if printer.is_for_machines() {
         return printer.json(&summary);
@@ -174,7 +175,7 @@ impl Planning<'_> {
         number: usize,
         job: &Job,
         printer: &Printer,
-    ) -> anyhow::Result<Option<(SweepPart, Vec<Work>)>> {
+    ) -> Result<Option<(SweepPart, Vec<Work>)>, StepError> {
         let study = job.study();
         let setting = match Setting::of(job, printer)? {
             Ok(setting) => setting,
@@ -238,7 +239,7 @@ impl Planning<'_> {
         job: &Job,
         setting: &Setting,
         stored: &BTreeMap<Unit, UnitResult>,
-    ) -> anyhow::Result<(Files, u64)> {
+    ) -> Result<(Files, u64), StepError> {
         let place = inputs_in(self.directory, number);
         let described = &setting.environments.described;
         let Some(record) = self.record.as_deref_mut() else {
@@ -265,7 +266,7 @@ impl Planning<'_> {
         plan: &Plan<'_>,
         pass: &PassId,
         stored: &BTreeMap<Unit, UnitResult>,
-    ) -> anyhow::Result<bool> {
+    ) -> Result<bool, StepError> {
         if plan.stage(pass.environment, pass.run) > 0 {
             return Ok(pass.units().any(|unit| !stored.contains_key(&unit)));
         }

@@ -1,11 +1,10 @@
 //! Who makes a plan and its shards: results of different versions of calib, or of processors that compute other numbers,
 //! never stand beside each other.
 
-use anyhow::bail;
 use calib_sweep::RESULT_VERSION;
 use serde::{Deserialize, Serialize};
 
-use crate::{base::artefact::TOOL, cluster::arithmetic};
+use crate::{StepError, bail, base::artefact::TOOL, cluster::arithmetic};
 
 /// What a result depends on beside its inputs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,7 +22,7 @@ pub(crate) struct Maker {
 
 impl Maker {
     /// This process.
-    pub(crate) fn here() -> anyhow::Result<Self> {
+    pub(crate) fn here() -> Result<Self, StepError> {
         Ok(Self {
             tool: TOOL.to_owned(),
             commit: option_env!("CALIB_COMMIT").map(str::to_owned),
@@ -33,7 +32,7 @@ impl Maker {
     }
 
     /// Refuse this process where the plan is another's.
-    pub(crate) fn check(&self) -> anyhow::Result<()> {
+    pub(crate) fn check(&self) -> Result<(), StepError> {
         match self.difference(&Self::here()?) {
             Some(difference) => {
                 bail!("the plan is of {difference}; results of both would not belong together")

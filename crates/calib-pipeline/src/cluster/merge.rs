@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use anyhow::bail;
-
 use crate::{
-    base::outcome::{Incomplete, Outcome, StepError},
+    StepError,
+    base::outcome::Outcome,
     cluster::{missing::ranges, plan_file::Opened, results::Extent},
     output::{Printer, count, counted},
     sweep::{Pool, put_together},
@@ -15,7 +14,7 @@ use crate::{
 const TOLD: usize = 20;
 
 /// Write the results of all shards as the sweep of one process would have written them.
-pub(crate) fn merge(directory: &Path, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn merge(directory: &Path, printer: &Printer) -> Result<Outcome, StepError> {
     let opened = Opened::of(directory)?;
     opened.plan.maker.check()?;
     let pool = collect(&opened, printer)?;
@@ -43,7 +42,7 @@ pub(crate) fn merge(directory: &Path, printer: &Printer) -> anyhow::Result<Outco
 ///
 /// # Errors
 /// [`Incomplete`] if one is missing or not what it should be; what is wrong with each is told.
-fn collect(opened: &Opened, printer: &Printer) -> anyhow::Result<Pool> {
+fn collect(opened: &Opened, printer: &Printer) -> Result<Pool, StepError> {
     let (mut pool, mut faulty) = (Pool::new(), Vec::new());
     for number in 0..opened.plan.shards.len() {
         let fault = match opened.read(number) {
@@ -57,7 +56,7 @@ fn collect(opened: &Opened, printer: &Printer) -> anyhow::Result<Pool> {
                 count(opened.plan.shards[number].units(&opened.plan))
             ),
             Ok(None) => "it has no results".to_owned(),
-            Err(error) => StepError::told(&error),
+            Err(error) => error.to_string(),
         };
         if faulty.len() < TOLD {
             printer.error(&format!("shard {number}: {fault}"));
@@ -66,7 +65,7 @@ fn collect(opened: &Opened, printer: &Printer) -> anyhow::Result<Pool> {
     }
     if !faulty.is_empty() {
         let place = opened.directory.display();
-        bail!(Incomplete(format!(
+        return Err(StepError::Incomplete(format!(
             "{} of {} are not whole ({}); nothing was written; run them (again), \
              or `calib cluster submit {place} --missing-only`",
             count(faulty.len()),

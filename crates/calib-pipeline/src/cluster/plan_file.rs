@@ -5,15 +5,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context as _, ensure};
 use calib_files::{Fingerprint, fingerprint_file, read_sealed_json};
 use calib_study::{Job, Request, Study};
 use calib_sweep::{Candidate, EnvironmentId, PassId, Span};
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    Context as _, StepError, bail,
     base::artefact::Files,
     cluster::{maker::Maker, results::Results},
+    ensure,
     sweep::environments::Described,
 };
 
@@ -52,7 +53,7 @@ pub(crate) struct Asked {
 }
 
 impl Asked {
-    pub(crate) fn of(job: &Job) -> anyhow::Result<Self> {
+    pub(crate) fn of(job: &Job) -> Result<Self, StepError> {
         let request = job.request();
         let absolute = |path: &PathBuf| std::path::absolute(path);
         Ok(Self {
@@ -67,7 +68,7 @@ impl Asked {
     }
 
     /// The study as it was when the work was planned, whatever stands in its file now.
-    pub(crate) fn job(&self) -> anyhow::Result<Job> {
+    pub(crate) fn job(&self) -> Result<Job, StepError> {
         let request = Request {
             study: self.study.clone(),
             set: self.set.clone(),
@@ -162,7 +163,7 @@ impl PlanFile {
         all.filter(move |(_, shard)| shard.stage == stage).map(|(number, _)| number)
     }
 
-    pub(crate) fn pass(&self, planned: &PlannedPass) -> anyhow::Result<PassId> {
+    pub(crate) fn pass(&self, planned: &PlannedPass) -> Result<PassId, StepError> {
         let part = self.sweep(planned.part)?;
         let sensors =
             part.groups.get(planned.group).context("the plan names a group that it lacks")?;
@@ -175,7 +176,7 @@ impl PlanFile {
     }
 
     /// What shards make of a part.
-    pub(crate) fn sweep(&self, part: usize) -> anyhow::Result<&SweepPart> {
+    pub(crate) fn sweep(&self, part: usize) -> Result<&SweepPart, StepError> {
         let part = self.parts.get(part).and_then(|part| part.sweep.as_ref());
         part.context("the plan names a part that it lacks")
     }
@@ -194,7 +195,7 @@ impl Opened {
     ///
     /// # Errors
     /// If there is none, it is damaged, or of another format.
-    pub(crate) fn of(directory: &Path) -> anyhow::Result<Self> {
+    pub(crate) fn of(directory: &Path) -> Result<Self, StepError> {
         let path = path_in(directory);
         ensure!(
             path.exists(),
@@ -215,7 +216,7 @@ impl Opened {
     }
 
     /// The shard of this number.
-    pub(crate) fn shard(&self, number: usize) -> anyhow::Result<&Shard> {
+    pub(crate) fn shard(&self, number: usize) -> Result<&Shard, StepError> {
         let count = self.plan.shards.len();
         self.plan.shards.get(number).with_context(|| match count {
             0 => "the plan has no shards: nothing is left to train; run `calib cluster merge`"
@@ -248,17 +249,14 @@ impl Opened {
     ///
     /// # Errors
     /// What is wrong with them.
-    pub(crate) fn read(&self, shard: usize) -> anyhow::Result<Option<Results>> {
+    pub(crate) fn read(&self, shard: usize) -> Result<Option<Results>, StepError> {
         let path = self.results(shard);
         let results = match Results::read(&path) {
             Err(error) if error.is_not_found() => return Ok(None),
             results => results?,
         };
         if let Some(difference) = self.plan.maker.difference(&results.header.maker) {
-            anyhow::bail!(
-                "{} was made by another calib: the plan is of {difference}",
-                path.display()
-            );
+            bail!("{} was made by another calib: the plan is of {difference}", path.display());
         }
         let own = results.header.plan == self.fingerprint.as_str() && results.header.shard == shard;
         ensure!(own, "{} is of another plan or shard", path.display());

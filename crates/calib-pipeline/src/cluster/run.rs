@@ -6,8 +6,7 @@ use std::{
     sync::atomic::{AtomicBool, Ordering},
 };
 
-use anyhow::bail;
-use calib_core::Monitor;
+use calib_core::{Cancelled, Monitor};
 use calib_files::FileError;
 use calib_sweep::{
     EnvironmentId, PassId, Plan, Ready, SweepError, Unit, UnitResult, remove_states,
@@ -15,11 +14,8 @@ use calib_sweep::{
 use rayon::prelude::*;
 
 use crate::{
-    base::{
-        clock::Stopwatch,
-        memory,
-        outcome::{Incomplete, Outcome, StepError, was_interrupted},
-    },
+    StepError,
+    base::{clock::Stopwatch, memory, outcome::Outcome},
     cluster::{
         attempt::{Diary, Ended},
         inputs::Inputs,
@@ -31,7 +27,11 @@ use crate::{
 };
 
 /// Make what a shard lacks of its results.
-pub(crate) fn run(directory: &Path, number: usize, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(
+    directory: &Path,
+    number: usize,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
     let opened = Opened::of(directory)?;
     opened.plan.maker.check()?;
     let shard = opened.shard(number)?;
@@ -39,8 +39,8 @@ pub(crate) fn run(directory: &Path, number: usize, printer: &Printer) -> anyhow:
     let ended = Running { opened: &opened, number, shard, diary: &diary, printer }.run();
     diary.ends(match &ended {
         Ok(_) => Ended::Done,
-        Err(error) if was_interrupted(error) => Ended::Stopped,
-        Err(error) => Ended::Failed(StepError::told(error)),
+        Err(error) if error.was_cancelled() => Ended::Stopped,
+        Err(error) => Ended::Failed(error.to_string()),
     });
     ended
 }
@@ -62,7 +62,7 @@ struct Task<'p> {
 }
 
 impl Running<'_> {
-    fn run(&self) -> anyhow::Result<Outcome> {
+    fn run(&self) -> Result<Outcome, StepError> {
         let clock = Stopwatch::start();
         let (opened, number) = (self.opened, self.number);
         let units = match opened.read(number) {
@@ -76,7 +76,7 @@ impl Running<'_> {
                 return Err(FileError::Foreign { path: opened.results(number) }.into());
             }
             Err(error) => {
-                let told = StepError::told(&error);
+                let told = error.to_string();
                 self.printer.warn(&format!("{told}; shard {number} begins anew"));
                 // What is written next is not put beside it.
                 calib_files::remove_file(&opened.results(number))?;
@@ -95,14 +95,14 @@ impl Running<'_> {
         let sink = ShardSink::new(opened.results(number), states.clone(), header, units);
         let had = sink.len();
         let parts: BTreeSet<usize> = self.shard.passes.iter().map(|pass| pass.part).collect();
-        let failed: anyhow::Result<usize> =
+        let failed: Result<usize, StepError> =
             parts.into_iter().map(|part| self.part(part, &before, &sink)).sum();
         // However it ends, what was made stays.
         let written = sink.flush().map_err(unfinished);
         let failed = failed?;
         written?;
         if failed > 0 {
-            bail!(Incomplete(format!(
+            return Err(StepError::Incomplete(format!(
                 "{} of shard {number} failed; `calib cluster status` names them",
                 counted(failed, "pass")
             )));
@@ -115,10 +115,10 @@ impl Running<'_> {
     }
 
     /// Refuse what would be killed half-way.
-    fn check_memory(&self) -> anyhow::Result<()> {
+    fn check_memory(&self) -> Result<(), StepError> {
         let needed = self.shard.memory;
         match memory::available() {
-            Some(available) if needed > available => bail!(Incomplete(format!(
+            Some(available) if needed > available => Err(StepError::Incomplete(format!(
                 "shard {} may take {} of memory and {} are available; ask for more memory a task",
                 self.number,
                 bytes(needed),
@@ -129,17 +129,19 @@ impl Running<'_> {
     }
 
     /// Results of the stages before, by part; in a race they decide which values go on.
-    fn before(&self) -> anyhow::Result<Vec<UnitResult>> {
+    fn before(&self) -> Result<Vec<UnitResult>, StepError> {
         let mut all = Vec::new();
         for earlier in 0..self.shard.stage {
             for number in self.opened.plan.of_stage(earlier) {
                 let results = self.opened.read(number)?;
                 match results.filter(|results| results.extent == Extent::Whole) {
                     Some(results) => all.extend(results.units.into_values()),
-                    None => bail!(Incomplete(format!(
-                        "shard {} follows from shard {number}, which is not done",
-                        self.number
-                    ))),
+                    None => {
+                        return Err(StepError::Incomplete(format!(
+                            "shard {} follows from shard {number}, which is not done",
+                            self.number
+                        )));
+                    }
                 }
             }
         }
@@ -147,12 +149,17 @@ impl Running<'_> {
     }
 
     /// Make the passes of one part; how many failed.
-    fn part(&self, part: usize, before: &[UnitResult], sink: &ShardSink) -> anyhow::Result<usize> {
+    fn part(
+        &self,
+        part: usize,
+        before: &[UnitResult],
+        sink: &ShardSink,
+    ) -> Result<usize, StepError> {
         let (plan, directory) = (&self.opened.plan, self.opened.inputs(part));
         let planned: Vec<&PlannedPass> =
             self.shard.passes.iter().filter(|pass| pass.part == part).collect();
         let passes: Vec<PassId> =
-            planned.iter().map(|planned| plan.pass(planned)).collect::<anyhow::Result<_>>()?;
+            planned.iter().map(|planned| plan.pass(planned)).collect::<Result<_, StepError>>()?;
         let wanted: BTreeSet<EnvironmentId> = passes.iter().map(|pass| pass.environment).collect();
         let inputs = Inputs::open(&directory, plan.sweep(part)?, wanted)?;
         let environments = inputs.environments()?;
@@ -187,7 +194,7 @@ impl Running<'_> {
         for (task, ended) in tasks.iter().zip(ended) {
             match ended {
                 TaskEnd::Done => {}
-                TaskEnd::Stopped => bail!(SweepError::Interrupted),
+                TaskEnd::Stopped => return Err(Cancelled.into()),
                 TaskEnd::Failed(told) => {
                     failed += 1;
                     self.printer.error(&format!("{}: {told}", task.name));
@@ -222,12 +229,12 @@ impl Running<'_> {
                 self.diary.made(&task.name, made.len(), task.predicted_secs, clock.elapsed());
                 TaskEnd::Done
             }
-            Err(SweepError::Interrupted) => TaskEnd::Stopped,
+            Err(SweepError::Cancelled(_)) => TaskEnd::Stopped,
             Err(error) => {
                 if matches!(error, SweepError::File(_)) {
                     writable.store(false, Ordering::Relaxed);
                 }
-                let told = StepError::told(&error.into());
+                let told = StepError::from(error).to_string();
                 self.diary.failed(&task.name, &told);
                 TaskEnd::Failed(told)
             }
@@ -253,7 +260,6 @@ fn name(part: &str, planned: &PlannedPass, pass: &PassId) -> String {
 }
 
 /// A disk that refuses is no fault of the plan: another attempt may find room.
-fn unfinished(error: SweepError) -> anyhow::Error {
-    let told = StepError::told(&error.into());
-    Incomplete(told).into()
+fn unfinished(error: SweepError) -> StepError {
+    StepError::Incomplete(StepError::from(error).to_string())
 }

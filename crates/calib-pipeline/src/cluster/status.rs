@@ -8,9 +8,10 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
+    StepError,
     base::{
         options::{ArrayOf, ClusterStatusOptions, Leftovers},
-        outcome::{Outcome, StepError},
+        outcome::Outcome,
     },
     cluster::{
         attempt::{self, Attempt, Ended},
@@ -121,7 +122,7 @@ pub(crate) fn status(
     directory: &Path,
     options: ClusterStatusOptions,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let opened = Opened::of(directory)?;
     if options.leftovers == Leftovers::Removed {
         clean(&opened)?;
@@ -166,7 +167,7 @@ fn standing(opened: &Opened, number: usize) -> Standing {
         },
         Ok(None) if attempts.is_empty() => (State::Missing, 0, None),
         Ok(None) => (State::Begun, 0, None),
-        Err(error) => (State::Faulty, 0, Some(StepError::told(&error))),
+        Err(error) => (State::Faulty, 0, Some(error.to_string())),
     };
     let note = match state {
         State::Done => None,
@@ -224,7 +225,7 @@ fn tell(
     shards: &[Standing],
     done: usize,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let of = |wanted| shards.iter().filter(move |shard| shard.state == wanted).count();
     printer.result(&format!(
         "{done} of {} done, {} begun, {} missing, {} faulty; {} of {} units",
@@ -261,7 +262,7 @@ fn tell(
 }
 
 /// Remove what nobody needs any more: states of shards that are done, and what killed processes left half-written.
-fn clean(opened: &Opened) -> anyhow::Result<()> {
+fn clean(opened: &Opened) -> Result<(), StepError> {
     for number in 0..opened.plan.shards.len() {
         if standing(opened, number).state == State::Done {
             remove_states(&opened.states(number))?;

@@ -6,11 +6,11 @@ use std::{
     process::Command,
 };
 
-use anyhow::{Context as _, bail, ensure};
 use calib_files::{FolderRecord, write_atomically};
 use calib_study::shell_words;
 
 use crate::{
+    Context as _, StepError, bail,
     base::{
         options::{ClusterSubmitOptions, Engine, Of, Submission},
         outcome::Outcome,
@@ -25,6 +25,7 @@ use crate::{
         plan_file::Opened,
         status::missing,
     },
+    ensure,
     output::{Printer, counted},
 };
 
@@ -40,7 +41,7 @@ pub(crate) fn submit(
     directory: &Path,
     options: &ClusterSubmitOptions,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let opened = Opened::of(&std::path::absolute(directory)?)?;
     let config = ClusterConfig::read(options.config.as_deref())?;
     let submission = Submitting { opened: &opened, config: &config, options, printer };
@@ -79,7 +80,7 @@ impl Submitting<'_> {
         self.opened.directory.display().to_string()
     }
 
-    fn slurm(&self) -> anyhow::Result<Outcome> {
+    fn slurm(&self) -> Result<Outcome, StepError> {
         let (place, stages) = (self.place(), self.stages());
         // Slurm reads options up to the first blank, and has no quotes for them.
         ensure!(
@@ -126,13 +127,13 @@ impl Submitting<'_> {
     }
 
     /// What judges the merged sweep.
-    fn evaluate(&self) -> anyhow::Result<String> {
+    fn evaluate(&self) -> Result<String, StepError> {
         let command = self.opened.plan.asked.job()?.command("evaluate");
         let rest = command.strip_prefix("calib").unwrap_or(&command).to_owned();
         Ok(format!("{}{rest}", self.config.calib))
     }
 
-    fn ray(&self) -> anyhow::Result<Outcome> {
+    fn ray(&self) -> Result<Outcome, StepError> {
         let text = ray::DRIVER.to_owned();
         let script = Script { name: "ray/calib_ray.py".to_owned(), text };
         let written = self.write(&[script])?;
@@ -154,7 +155,7 @@ impl Submitting<'_> {
         }
     }
 
-    fn kubernetes(&self) -> anyhow::Result<Outcome> {
+    fn kubernetes(&self) -> Result<Outcome, StepError> {
         let plan = &self.opened.plan;
         let mut scripts = Vec::new();
         for stage in 0..plan.stages() {
@@ -174,7 +175,7 @@ impl Submitting<'_> {
     }
 
     /// Keep the scripts in the plan, or show them.
-    fn write(&self, scripts: &[Script]) -> anyhow::Result<Vec<PathBuf>> {
+    fn write(&self, scripts: &[Script]) -> Result<Vec<PathBuf>, StepError> {
         let mut written = Vec::new();
         if !self.is_dry() {
             let names = scripts.iter().map(|script| script.name.clone());
@@ -195,7 +196,7 @@ impl Submitting<'_> {
 }
 
 /// Submit a script, and return the number of its job.
-fn sbatch(script: &Path, after: Option<&str>) -> anyhow::Result<String> {
+fn sbatch(script: &Path, after: Option<&str>) -> Result<String, StepError> {
     let mut command = Command::new("sbatch");
     command.arg("--parsable");
     if let Some(after) = after {

@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::log::Names;
+use crate::StepError;
 
 /// Parts of a column in the map of coverage.
 const PARTS: usize = 5;
@@ -67,7 +68,7 @@ pub(super) fn described(
     model: &ActionModel,
     distance: Distance,
     names: &Names,
-) -> anyhow::Result<LogTold> {
+) -> Result<LogTold, StepError> {
     let log = model.log();
     let own = |spreads: Vec<Spread>| -> Vec<Spread> {
         let of = |(place, spread): (usize, Spread)| spread.map(|of| names.physical(place, of));
@@ -80,7 +81,7 @@ pub(super) fn described(
         covered,
         states: own(spreads),
     };
-    let map = |(place, column): (usize, &String)| -> anyhow::Result<ColumnMap> {
+    let map = |(place, column): (usize, &String)| -> Result<ColumnMap, StepError> {
         let CoverageMap { upper, states, covered } = model.coverage_map(place, PARTS)?;
         let upper = upper.into_iter().map(|of| names.physical(place, of)).collect();
         Ok(ColumnMap { column: column.clone(), upper, states, covered })

@@ -10,7 +10,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::described::LogTold;
-use crate::base::artefact::{self, Below, Claim, Files, Manifest, TOOL};
+use crate::{
+    StepError,
+    base::artefact::{self, Below, Claim, Files, Manifest, TOOL},
+};
 
 pub(super) use crate::base::artefact::CONTROL_VERDICT as VERDICT;
 pub(super) const RUNS: &str = "runs.parquet";
@@ -81,7 +84,7 @@ impl<'a> From<&'a Told> for ToldToMachines<'a> {
 }
 
 /// What a verdict follows from.
-pub(super) fn key(study: &Study, log: &Fingerprint) -> anyhow::Result<String> {
+pub(super) fn key(study: &Study, log: &Fingerprint) -> Result<String, StepError> {
     let resamples = study.evaluate.resamples;
     let laplacian = |of: &&ControlConfig| of.model.distance == Distance::Laplacian;
     let represented =
@@ -106,8 +109,8 @@ pub(super) fn write(
     study: &Study,
     (log, told): (&Fingerprint, &Told),
     runs: &[Run],
-    show: impl FnOnce() -> anyhow::Result<Vec<String>>,
-) -> anyhow::Result<()> {
+    show: impl FnOnce() -> Result<Vec<String>, StepError>,
+) -> Result<(), StepError> {
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     artefact::write_table(table(runs), &directory.join(RUNS))?;

@@ -6,12 +6,13 @@ use super::{
     log, show,
 };
 use crate::{
+    StepError,
     output::{Printer, counted},
     represent::decisions,
 };
 
 /// What the log of a study with `[control]` did, in which states, and where it says what an action does; nothing of another study.
-pub(crate) fn inspect(job: &Job, printer: &Printer) -> anyhow::Result<Option<LogTold>> {
+pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<LogTold>, StepError> {
     let Some(config) = &job.study().control else { return Ok(None) };
     let log = log::read(job, config, printer)?;
     let plain = || (Distance::Euclidean, log.decisions.states().clone());
@@ -39,7 +40,7 @@ impl LogTold {
     ///
     /// # Errors
     /// If nothing can be printed.
-    pub fn show(&self, printer: &Printer) -> anyhow::Result<()> {
+    pub fn show(&self, printer: &Printer) -> Result<(), StepError> {
         let columns = counted(self.columns.len(), "column");
         printer.result("")?;
         printer.result(&format!(

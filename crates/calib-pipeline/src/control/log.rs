@@ -1,4 +1,3 @@
-use anyhow::{Context as _, ensure};
 use calib_control::{
     ActionModel, Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts,
 };
@@ -10,7 +9,9 @@ use calib_study::Job;
 
 use super::described::SettingTold;
 use crate::{
+    Context as _, StepError,
     base::memory,
+    ensure,
     log::plant_of_study::data_of,
     output::{Printer, count},
     represent::Material,
@@ -48,7 +49,7 @@ pub(super) fn read(
     job: &Job,
     config: &ControlConfig,
     printer: &Printer,
-) -> anyhow::Result<ActionLog> {
+) -> Result<ActionLog, StepError> {
     let study = job.study();
     let mut data = DataConfig { held_out: None, ..data_of(job)? };
     // They are names here, and not patterns.
@@ -166,7 +167,10 @@ fn with_numbers<'a>(
 }
 
 /// What was set of every continuous action.
-fn settings_told(config: &ControlConfig, acted: &[Vec<f64>]) -> anyhow::Result<Vec<SettingTold>> {
+fn settings_told(
+    config: &ControlConfig,
+    acted: &[Vec<f64>],
+) -> Result<Vec<SettingTold>, StepError> {
     if config.levels.is_none() {
         return Ok(Vec::new());
     }
@@ -199,7 +203,7 @@ fn start_rows(log: &Decisions, start: StartRows) -> Vec<usize> {
 }
 
 /// Refuse a model that memory cannot hold.
-pub(super) fn require_model(log: &Decisions, config: &ControlConfig) -> anyhow::Result<()> {
+pub(super) fn require_model(log: &Decisions, config: &ControlConfig) -> Result<(), StepError> {
     let starts = start_rows(log, config.start).len();
     Ok(memory::require(
         ActionModel::bytes(log, starts, &config.model),
@@ -214,7 +218,11 @@ pub(super) fn require_model(log: &Decisions, config: &ControlConfig) -> anyhow::
 }
 
 /// The states in which episodes begin, and what `metric` makes of them.
-pub(super) fn starts(log: &Decisions, metric: &States, start: StartRows) -> anyhow::Result<Starts> {
+pub(super) fn starts(
+    log: &Decisions,
+    metric: &States,
+    start: StartRows,
+) -> Result<Starts, StepError> {
     let rows = start_rows(log, start);
     ensure!(!rows.is_empty(), "the log has no episode");
     let of = |states: &States| {

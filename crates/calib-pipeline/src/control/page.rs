@@ -12,6 +12,7 @@ use calib_study::Job;
 
 use super::{figures, files::Told, show};
 use crate::{
+    StepError,
     represent::{decisions, report_table},
     rollouts::figures as drawn,
 };
@@ -24,7 +25,7 @@ pub(super) fn path(directory: &Path) -> PathBuf {
 }
 
 /// Write the page, and each figure as SVG and PNG; the names of the files.
-pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> anyhow::Result<Vec<String>> {
+pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> Result<Vec<String>, StepError> {
     let figures = figures::all(told);
     let mut names = vec![PAGE.to_owned()];
     for (name, figure) in &figures {

@@ -1,4 +1,3 @@
-use anyhow::bail;
 use calib_control::{
     ActionModel, AgentConfig, Algorithm, ControlConfig, Distance, Extent, Span, Support,
     fitted_q_evaluation, importance_sampling, judge, sweep,
@@ -12,13 +11,14 @@ use super::{
     page, show,
 };
 use crate::{
+    StepError, bail,
     base::{clock::Stopwatch, memory, outcome::Outcome},
     output::{Printer, count, counted, duration},
     represent::decisions,
 };
 
 /// From the log of decisions to the verdict.
-pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
     job.refuse_deployment()?;
     let study = job.study();
@@ -84,7 +84,7 @@ fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer:
 }
 
 /// Whether agents that learn side by side fit into memory, and a word where most of their time would go into pairs of columns.
-fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> anyhow::Result<()> {
+fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Result<(), StepError> {
     let (columns, actions) = (log.names.columns.len(), log.decisions.levels());
     let mut largest = 0;
     for candidate in candidates {
@@ -121,7 +121,7 @@ fn judged(
     config: &ControlConfig,
     log: ActionLog,
     printer: &Printer,
-) -> anyhow::Result<Judged> {
+) -> Result<Judged, StepError> {
     let (study, progress) = (job.study(), printer.progress());
     let seed = calib_core::Seed::new(study.seed).child("control");
     let candidates = config.grid.candidates(config.agent)?;

@@ -6,6 +6,7 @@ use super::{
     files::{Told, ToldToMachines},
 };
 use crate::{
+    StepError,
     base::outcome::Outcome,
     output::{Printer, count, counted, percent, significant, table},
 };
@@ -14,7 +15,7 @@ use crate::{
 const SHOWN: usize = 8;
 
 /// Show the verdict; negative where the log does not support it.
-pub(super) fn show(told: &Told, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(super) fn show(told: &Told, printer: &Printer) -> Result<Outcome, StepError> {
     if printer.is_for_machines() {
         printer.json(&ToldToMachines::from(told))?;
     } else {

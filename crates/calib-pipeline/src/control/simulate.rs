@@ -3,7 +3,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context as _, ensure};
 use calib_control::{
     Acrobot, Agent, Begin, Behaviour, CartPole, Ending, Environment as _, Membrane, Pendulum,
     PuddleWorld, Quality, Recorded, Simulated, Span, Task, TaskKind, record,
@@ -15,7 +14,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::show::held;
-use crate::output::Printer;
+use crate::{Context as _, StepError, ensure, output::Printer};
 
 /// A log to write of a task whose truth is known.
 #[derive(Clone, Debug)]
@@ -75,7 +74,10 @@ const fn step(kind: TaskKind) -> i64 {
 const PAUSE: i64 = 60;
 
 /// Write the log of a policy in a task, and a study of it.
-pub(crate) fn simulate(wanted: &SimulateTask, printer: &Printer) -> anyhow::Result<SimulatedTask> {
+pub(crate) fn simulate(
+    wanted: &SimulateTask,
+    printer: &Printer,
+) -> Result<SimulatedTask, StepError> {
     ensure!(wanted.transitions > 0, "--transitions must be at least 1");
     let log = wanted.directory.join("log.parquet");
     let study = wanted.directory.join("study.toml");
@@ -102,7 +104,7 @@ fn of<T: Task>(
     task: &T,
     log: &Path,
     study: &Path,
-) -> anyhow::Result<SimulatedTask> {
+) -> Result<SimulatedTask, StepError> {
     let (kind, timeout) = (wanted.task, wanted.task.timeout());
     let seed = Seed::new(wanted.seed).child(kind.name()).child(wanted.policy.name());
     let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
@@ -131,7 +133,7 @@ fn behaviour<T: Task>(
     wanted: &SimulateTask,
     world: &mut Simulated<T>,
     seed: Seed,
-) -> anyhow::Result<Behaviour> {
+) -> Result<Behaviour, StepError> {
     let (kind, policy) = (wanted.task, wanted.policy);
     if policy == Quality::Random {
         return Ok(Behaviour::Random);
@@ -153,7 +155,7 @@ fn behaviour<T: Task>(
 }
 
 /// A row a step, in the task's own units; episodes a gap apart.
-fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> anyhow::Result<()> {
+fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> Result<(), StepError> {
     let mut timestamps = Vec::with_capacity(recorded.actions.len());
     // 2024-01-01.
     let mut now = 1_704_067_200_000_000;

@@ -2,13 +2,12 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use anyhow::{Context as _, bail, ensure};
 use calib_agent::{AgentConfig, Part, PartScore, Scores};
 use calib_data::table::{Table, read_parquet};
 use calib_sweep::{Candidate, EnvironmentId, RunRow, Unit, UnitResult};
 use serde_json::Value;
 
-use crate::base::memory::check_table;
+use crate::{Context as _, StepError, bail, base::memory::check_table, ensure};
 
 /// More values than anybody compares.
 const MOST_CANDIDATES: usize = 100_000;
@@ -28,14 +27,14 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    fn numbers(&self, name: &str, default: f64) -> anyhow::Result<Vec<f64>> {
+    fn numbers(&self, name: &str, default: f64) -> Result<Vec<f64>, StepError> {
         match self.table.values(name) {
             None => Ok(vec![default; self.rows]),
             Some(_) => Ok(self.table.numbers(name)?),
         }
     }
 
-    fn counts(&self, name: &str, default: Option<u64>) -> anyhow::Result<Vec<u64>> {
+    fn counts(&self, name: &str, default: Option<u64>) -> Result<Vec<u64>, StepError> {
         if let (None, Some(default)) = (self.table.values(name), default) {
             return Ok(vec![default; self.rows]);
         }
@@ -50,7 +49,7 @@ impl Columns<'_> {
         numbers.into_iter().enumerate().map(count).collect()
     }
 
-    fn truths(&self, name: &str) -> anyhow::Result<Vec<bool>> {
+    fn truths(&self, name: &str) -> Result<Vec<bool>, StepError> {
         match self.table.values(name) {
             None => Ok(vec![false; self.rows]),
             Some(_) => Ok(self.table.column::<bool>(name)?.to_vec()),
@@ -59,13 +58,13 @@ impl Columns<'_> {
 }
 
 /// Read a table of runs, whose errors count for `part`.
-pub(super) fn read(path: &Path, part: Part) -> anyhow::Result<Runs> {
+pub(super) fn read(path: &Path, part: Part) -> Result<Runs, StepError> {
     check_table(path, None)?;
     let table = read_parquet(path)?;
     of_table(&table, part).with_context(|| format!("{} is no table of runs", path.display()))
 }
 
-fn of_table(table: &Table, part: Part) -> anyhow::Result<Runs> {
+fn of_table(table: &Table, part: Part) -> Result<Runs, StepError> {
     let environments = table.column::<String>("environment")?;
     let sensors = table.column::<String>("sensor")?;
     let rows = environments.len();
@@ -126,7 +125,7 @@ struct Measured {
 }
 
 impl Measured {
-    fn of(columns: &Columns<'_>) -> anyhow::Result<Self> {
+    fn of(columns: &Columns<'_>) -> Result<Self, StepError> {
         let start_row = columns.counts("start_row", Some(0))?;
         let far = start_row.iter().position(|&start| start > u64::from(u32::MAX));
         if let Some(row) = far {
@@ -157,7 +156,7 @@ impl Measured {
     }
 
     /// One run; errors in units of the scale.
-    fn row(&self, row: usize, candidate: usize, part: Part) -> anyhow::Result<RunRow> {
+    fn row(&self, row: usize, candidate: usize, part: Part) -> Result<RunRow, StepError> {
         let (rmse, scale) = (self.rmse[row], self.error_scale[row]);
         ensure!(rmse >= 0.0, "rmse is {rmse}; expected an error, or +∞ where the run diverged");
         ensure!(
@@ -194,7 +193,7 @@ fn scores(part: Part, score: PartScore) -> Scores {
 }
 
 /// `member:3`, `online`, `log-replay`.
-fn environment(text: &str) -> anyhow::Result<EnvironmentId> {
+fn environment(text: &str) -> Result<EnvironmentId, StepError> {
     match text.split_once(':') {
         None if text == "online" => return Ok(EnvironmentId::Online),
         None if text == "log-replay" => return Ok(EnvironmentId::LogReplay),
@@ -211,7 +210,7 @@ fn environment(text: &str) -> anyhow::Result<EnvironmentId> {
 }
 
 /// The candidates, by what their rows say of them.
-fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> anyhow::Result<Vec<Candidate>> {
+fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, StepError> {
     let count = numbers.iter().max().map_or(0, |most| *most as usize + 1);
     ensure!(count <= MOST_CANDIDATES, "candidate {} is not numbered from 0 on", count - 1);
     let mut firsts: Vec<Option<usize>> = vec![None; count];
@@ -257,7 +256,7 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> anyhow::Result<Vec<Cand
         }
         Ok(Candidate { index, is_default: defaults[row], values, agent })
     };
-    let all = (0..count).map(candidate).collect::<anyhow::Result<Vec<Candidate>>>()?;
+    let all = (0..count).map(candidate).collect::<Result<Vec<Candidate>, StepError>>()?;
     let mut names: BTreeMap<String, usize> = BTreeMap::new();
     for candidate in &all {
         if let Some(other) = names.insert(candidate.label(), candidate.index) {
@@ -353,7 +352,7 @@ mod tests {
     fn refused(table: &Table) -> String {
         match of_table(table, Part::WholeRun) {
             Ok(_) => unreachable!("refused"),
-            Err(error) => format!("{error:#}"),
+            Err(error) => format!("{error}"),
         }
     }
 

@@ -2,7 +2,6 @@
 
 use std::{io::Write as _, path::Path};
 
-use anyhow::ensure;
 use calib_core::{Period, Seed};
 use calib_files::{Fingerprint, fingerprint_file, write_atomically, write_json};
 use calib_report::{Report, Reproduction, Score, caveats};
@@ -11,10 +10,12 @@ use calib_sweep::{Candidate, EnvironmentId, Judging, Span, verdict};
 
 use super::read::{Runs, read};
 use crate::{
+    StepError,
     base::{
         artefact::{Below, Claim, TOOL},
         outcome::Outcome,
     },
+    ensure,
     output::Printer,
     rollouts::figures,
     sweep::{
@@ -35,7 +36,7 @@ pub(crate) fn run(
     study: &Study,
     output: Option<&Path>,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let part = study.part();
     let Runs { sensors, candidates, results } = read(path, part)?;
     let mut sweep = manifest(study, candidates);
@@ -96,7 +97,7 @@ pub(crate) fn run(
 }
 
 /// What simple predictors came to on the windows of these runs, where calib wrote both.
-fn simple_beside(path: &Path) -> anyhow::Result<SimpleErrors> {
+fn simple_beside(path: &Path) -> Result<SimpleErrors, StepError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if !folder.join(simple::FILE).is_file() {
         return Ok(SimpleErrors::default());
@@ -116,7 +117,7 @@ fn report(
     sweep: &SweepManifest,
     study: &Study,
     path: &Path,
-) -> anyhow::Result<Report> {
+) -> Result<Report, StepError> {
     let of = |verdict| sensitivity(verdict, &sweep.candidates, study.model_name());
     Ok(Report {
         title: summary.title.clone(),
@@ -137,7 +138,7 @@ fn report(
     })
 }
 
-fn reproduction(path: &Path, study: &Study) -> anyhow::Result<Reproduction> {
+fn reproduction(path: &Path, study: &Study) -> Result<Reproduction, StepError> {
     let runs = calib_study::shell_words([path.display().to_string()]);
     // A table is judged as it lies there; one that is a pipe has no content that could be read twice.
     let fingerprint =
@@ -151,7 +152,7 @@ fn reproduction(path: &Path, study: &Study) -> anyhow::Result<Reproduction> {
     })
 }
 
-fn write(directory: &Path, summary: &Summary, report: &Report) -> anyhow::Result<()> {
+fn write(directory: &Path, summary: &Summary, report: &Report) -> Result<(), StepError> {
     let named = |sensor: &str| format!("sensitivity-{sensor}");
     let drawn = report.sensitivities.iter().flat_map(|of| figures::names(&named(&of.sensor)));
     let drawn = drawn.map(|name| format!("{FIGURES}/{name}"));

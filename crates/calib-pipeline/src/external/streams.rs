@@ -14,10 +14,9 @@ use calib_sweep::{
 use serde_json::Value;
 
 use crate::{
-    base::{
-        artefact::{self, TOOL},
-        outcome::StepError,
-    },
+    StepError,
+    base::artefact::{self, TOOL},
+    ensure,
     log::{partition, prepared},
     model::model_files,
     output::Printer,
@@ -94,10 +93,10 @@ impl SweepStreams {
     /// If the model was not built, or the log cannot be read.
     pub fn of_job(job: &Job, printer: &Printer) -> Result<Self, StepError> {
         prepared::begin_command();
-        Ok(Self::new(job, printer)?)
+        Self::new(job, printer)
     }
 
-    fn new(job: &Job, printer: &Printer) -> anyhow::Result<Self> {
+    fn new(job: &Job, printer: &Printer) -> Result<Self, StepError> {
         let study = job.study();
         let model = model_files::open(job)?;
         let dataset: Dataset = partition::load(job, printer)?.dataset;
@@ -192,8 +191,8 @@ impl SweepStreams {
     ) -> Result<RunOutcome, StepError> {
         let run = &self.runs[stream];
         let steps = self.steps_of(stream);
-        let score = || -> anyhow::Result<RunOutcome> {
-            anyhow::ensure!(
+        let score = || -> Result<RunOutcome, StepError> {
+            ensure!(
                 predictions.len() == steps,
                 "{} predictions for the {steps} steps of {}, run {}",
                 predictions.len(),
@@ -209,7 +208,7 @@ impl SweepStreams {
                 self.curve,
             )?)
         };
-        Ok(score()?)
+        score()
     }
 
     /// Steps of the run over a stream.
@@ -252,12 +251,12 @@ impl SweepStreams {
         artefact::write_table(curves, &path.with_file_name(FILES[1]))?;
         artefact::write_table(table, path)?;
         let mut simple = self.simple()?;
-        simple.runs = Some(fingerprint_file(path).map_err(anyhow::Error::from)?);
-        Ok(simple.write(path.parent().unwrap_or(Path::new("")))?)
+        simple.runs = Some(fingerprint_file(path)?);
+        simple.write(path.parent().unwrap_or(Path::new("")))
     }
 
     /// What simple predictors come to where agents are judged.
-    fn simple(&self) -> anyhow::Result<SimpleErrors> {
+    fn simple(&self) -> Result<SimpleErrors, StepError> {
         let baselines = Baselines::new(&self.dataset.train);
         let predicted = (&self.sensors[..], &self.dataset.normaliser);
         let span = self.manifest.span;

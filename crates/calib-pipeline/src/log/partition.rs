@@ -2,13 +2,13 @@
 
 use std::{fmt, ops::Range, path::PathBuf};
 
-use anyhow::{Context as _, ensure};
 use calib_core::{Frames, Timestamp};
 use calib_data::{DataConfig, DataError, Dataset, TimeRange, format_time};
 use calib_files::Fingerprint;
 use calib_study::{Job, Partition, Study};
 
 use crate::{
+    Context as _, StepError, ensure,
     log::{
         plant_of_study,
         prepared::{self, Prepared},
@@ -34,13 +34,13 @@ pub(crate) struct PretrainPart {
 }
 
 /// As [`load`], with nothing held out: of a deployment that the log does not have.
-pub(crate) fn load_training(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
+pub(crate) fn load_training(job: &Job, printer: &Printer) -> Result<Parts, StepError> {
     let data = DataConfig { held_out: None, ..plant_of_study::data(job)? };
     parts(job.study(), prepared::open(job, &data, None, printer)?)
 }
 
 /// Read the log of a study and divide its training range.
-pub(crate) fn load(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
+pub(crate) fn load(job: &Job, printer: &Printer) -> Result<Parts, StepError> {
     let (study, data) = (job.study(), plant_of_study::data(job)?);
     let prepared = prepared::open(job, &data, None, printer);
     // What is held out is the deployment, where the study has several.
@@ -52,19 +52,17 @@ pub(crate) fn load(job: &Job, printer: &Printer) -> anyhow::Result<Parts> {
 }
 
 /// Whether a log has nothing to learn or to judge by where the study holds out a part of it.
-pub(crate) fn is_outside(reason: &anyhow::Error) -> bool {
-    let held_out = |error: &DataError| {
-        matches!(
-            error,
-            DataError::OutsideData { key: "held_out", .. }
-                | DataError::NoTransitions { key: "held_out", .. }
-        )
-    };
-    reason.chain().filter_map(|cause| cause.downcast_ref()).any(held_out)
+pub(crate) fn is_outside(reason: &StepError) -> bool {
+    let StepError::Data(reason) = reason.root() else { return false };
+    matches!(
+        reason.as_ref(),
+        DataError::OutsideData { key: "held_out", .. }
+            | DataError::NoTransitions { key: "held_out", .. }
+    )
 }
 
 /// Divide the training range of a log that was read.
-pub(crate) fn parts(study: &Study, prepared: Prepared) -> anyhow::Result<Parts> {
+pub(crate) fn parts(study: &Study, prepared: Prepared) -> Result<Parts, StepError> {
     let Prepared { mut dataset, mut states } = prepared;
     let Division { pretrain, model } = divide(&study.partition(), dataset.train.timestamps())?;
     let pretrain = pretrain.map(|rows| {
@@ -81,7 +79,7 @@ pub(crate) fn parts(study: &Study, prepared: Prepared) -> anyhow::Result<Parts> 
 }
 
 /// The training states of a log that are for the model.
-pub(crate) fn model_rows(study: &Study, times: &[Timestamp]) -> anyhow::Result<Range<usize>> {
+pub(crate) fn model_rows(study: &Study, times: &[Timestamp]) -> Result<Range<usize>, StepError> {
     Ok(divide(&study.partition(), times)?.model)
 }
 
@@ -94,7 +92,7 @@ struct Division {
     model: Range<usize>,
 }
 
-fn divide(partition: &Partition, times: &[Timestamp]) -> anyhow::Result<Division> {
+fn divide(partition: &Partition, times: &[Timestamp]) -> Result<Division, StepError> {
     match partition {
         Partition::Model(None) => Ok(Division { pretrain: None, model: 0..times.len() }),
         Partition::Model(Some(period)) => {
@@ -132,7 +130,7 @@ impl Span {
     }
 
     /// The rows in it, which `key` of the study asks for.
-    fn rows(self, key: &str, times: &[Timestamp]) -> anyhow::Result<Range<usize>> {
+    fn rows(self, key: &str, times: &[Timestamp]) -> Result<Range<usize>, StepError> {
         let before = |limit: i64| times.partition_point(|time| time.as_micros() < limit);
         let rows = before(self.start)..before(self.end.max(self.start));
         ensure!(
@@ -158,7 +156,7 @@ fn in_two(
     fraction: f64,
     periods: [Option<&TimeRange>; 2],
     times: &[Timestamp],
-) -> anyhow::Result<Division> {
+) -> Result<Division, StepError> {
     let all = Span::of_all(times);
     let (pretrain, model) = match periods.map(|period| period.map(|period| all.given(period))) {
         [None, None] => {
@@ -188,7 +186,7 @@ fn in_two(
 }
 
 /// The time from the first to the last state of a part, for people.
-pub(crate) fn span(frames: &Frames) -> anyhow::Result<String> {
+pub(crate) fn span(frames: &Frames) -> Result<String, StepError> {
     let times = frames.timestamps();
     let (first, last) = times.first().zip(times.last()).context("a part has states")?;
     Ok(format!("{} .. {}", format_time(*first), format_time(*last)))
@@ -215,7 +213,7 @@ mod tests {
         fraction: f64,
         pretrain: Option<TimeRange>,
         model: Option<TimeRange>,
-    ) -> anyhow::Result<(Range<usize>, Range<usize>)> {
+    ) -> Result<(Range<usize>, Range<usize>), StepError> {
         let partition = Partition::Divided { fraction, pretrain, model };
         let Division { pretrain, model } = divide(&partition, &times())?;
         Ok((pretrain.context("agents are pre-trained")?, model))

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context as _, bail};
 use calib_data::DataConfig;
 use calib_plant::PlantOptions;
 use calib_study::{Job, StudyError};
 
 use crate::{
-    base::{memory, outcome::StepError},
+    Context as _, StepError, bail,
+    base::memory,
     log::simulate::{self, Found, Simulated},
     output::Printer,
 };
@@ -22,7 +22,7 @@ pub(crate) struct PlantOfStudy {
 
 impl PlantOfStudy {
     /// What `[simulate]` describes; nothing if the study has no such section.
-    pub(crate) fn of(job: &Job) -> anyhow::Result<Option<Self>> {
+    pub(crate) fn of(job: &Job) -> Result<Option<Self>, StepError> {
         let Some(config) = &job.study().simulate else { return Ok(None) };
         let options = config.plant().context("[simulate]")?;
         let folder = data_to_read(job)?.path.0.into_iter().next();
@@ -32,13 +32,13 @@ impl PlantOfStudy {
     }
 
     /// Write what is missing of the log; `force` begins anew.
-    pub(crate) fn make(self, force: bool, printer: &Printer) -> anyhow::Result<Simulated> {
+    pub(crate) fn make(self, force: bool, printer: &Printer) -> Result<Simulated, StepError> {
         simulate::simulate(&self.directory, self.options, force, printer)
     }
 }
 
 /// The `[data]` section to read with, once the log is there.
-pub(crate) fn data(job: &Job) -> anyhow::Result<DataConfig> {
+pub(crate) fn data(job: &Job) -> Result<DataConfig, StepError> {
     if let Some(PlantOfStudy { directory, found, .. }) = PlantOfStudy::of(job)? {
         let (directory, command) = (directory.display(), job.command("simulate"));
         match found {
@@ -58,7 +58,7 @@ pub(crate) fn data(job: &Job) -> anyhow::Result<DataConfig> {
 }
 
 /// Refuse a log that is not what `[simulate]` wrote, where the study has such a section.
-pub(crate) fn check_days(job: &Job) -> anyhow::Result<()> {
+pub(crate) fn check_days(job: &Job) -> Result<(), StepError> {
     match PlantOfStudy::of(job)? {
         Some(PlantOfStudy { directory, found: Found::Whole, .. }) => {
             simulate::check_days(&directory)
@@ -87,5 +87,5 @@ pub fn plant_of(job: &Job) -> Result<Option<(PathBuf, PlantOptions)>, StepError>
 /// # Errors
 /// If the log of the plant that the study describes is not there, or a variable of the environment is not set.
 pub fn data_of(job: &Job) -> Result<DataConfig, StepError> {
-    Ok(data(job)?)
+    data(job)
 }

@@ -7,7 +7,6 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use anyhow::{Context as _, bail};
 use calib_core::{Frames, Normaliser, Period};
 use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed};
 use calib_files::{
@@ -18,6 +17,7 @@ use calib_study::{Each, Job};
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    Context as _, StepError, bail,
     base::{
         artefact::{self, Below, Claim, Files, MANIFEST, Manifest, TOOL},
         clock, frames, memory,
@@ -93,7 +93,7 @@ pub(crate) fn open(
     data: &DataConfig,
     memory: Option<u64>,
     printer: &Printer,
-) -> anyhow::Result<Prepared> {
+) -> Result<Prepared, StepError> {
     let place = Place::of(job, data)?;
     if let Some(known) = place.opened() {
         return Ok(known);
@@ -125,7 +125,7 @@ pub(crate) fn look(
     data: &DataConfig,
     memory: Option<u64>,
     printer: &Printer,
-) -> anyhow::Result<Known> {
+) -> Result<Known, StepError> {
     let place = Place::of(job, data)?;
     if let Some(known) = place.opened().or_else(|| place.kept(job)) {
         return Ok(Known::Prepared(Box::new(known)));
@@ -174,7 +174,7 @@ struct Source {
 }
 
 impl Place {
-    fn of(job: &Job, data: &DataConfig) -> anyhow::Result<Self> {
+    fn of(job: &Job, data: &DataConfig) -> Result<Self, StepError> {
         let (root, key) = (job.layout().dataset(), key(data, &job.study().preprocess)?);
         let directory = root.join(folder(&key));
         Ok(Self { directory, root, key, sources: sources(data)? })
@@ -214,8 +214,8 @@ impl Place {
         self.map(manifest).ok()
     }
 
-    fn map(&self, manifest: DatasetManifest) -> anyhow::Result<Prepared> {
-        let open = |name: &str| -> anyhow::Result<Frames> {
+    fn map(&self, manifest: DatasetManifest) -> Result<Prepared, StepError> {
+        let open = |name: &str| -> Result<Frames, StepError> {
             let states = frames::map_states(&self.states(name))?;
             frames::open(&self.rows(name), states)
         };
@@ -246,7 +246,7 @@ impl Place {
         data: &DataConfig,
         memory: Option<u64>,
         printer: &Printer,
-    ) -> anyhow::Result<Prepared> {
+    ) -> Result<Prepared, StepError> {
         plant_of_study::check_days(job)?;
         memory::check_log(data)?;
         // A log that was simulated just now is not changed unseen while it is read, and known again next time.
@@ -267,7 +267,7 @@ impl Place {
     }
 
     /// None where nothing can be written, or where another calib is preparing the same: this one then reads for itself.
-    fn claim(&self) -> anyhow::Result<Option<Claim>> {
+    fn claim(&self) -> Result<Option<Claim>, StepError> {
         match Claim::of_nobody(&self.directory, Below::Ours) {
             Err(error) if artefact::is_refusal(&error) => Ok(None),
             claim => claim,
@@ -281,7 +281,7 @@ impl Place {
         surveyed: &Surveyed,
         there: Option<u64>,
         writable: Writable,
-    ) -> anyhow::Result<(ScratchPlace, u64)> {
+    ) -> Result<(ScratchPlace, u64), StepError> {
         let (states, working) = (surveyed.state_bytes(), surveyed.working_bytes());
         let fits = there.is_none_or(|there| states <= there / 2);
         let (place, taken) = if fits || writable == Writable::No {
@@ -302,7 +302,7 @@ impl Place {
         Ok((place, taken))
     }
 
-    fn keep(&self, claim: &Claim, job: &Job, dataset: Dataset) -> anyhow::Result<Prepared> {
+    fn keep(&self, claim: &Claim, job: &Job, dataset: Dataset) -> Result<Prepared, StepError> {
         let directory = &self.directory;
         claim.begin()?;
         remove_file(&directory.join(SOURCES))?;
@@ -341,7 +341,12 @@ impl Place {
     }
 
     /// Write states, or give those of another log of the study, which may differ in what it holds out, a second name.
-    fn write_states(&self, name: &str, frames: &Frames, dataset: &Dataset) -> anyhow::Result<()> {
+    fn write_states(
+        &self,
+        name: &str,
+        frames: &Frames,
+        dataset: &Dataset,
+    ) -> Result<(), StepError> {
         let path = self.states(name);
         if name == TRAIN {
             for other in folders(&self.root).filter(|other| *other != self.directory) {
@@ -357,7 +362,7 @@ impl Place {
     }
 
     /// Remove the logs that no part of the study reads any more.
-    fn remove_others(&self, job: &Job) -> anyhow::Result<()> {
+    fn remove_others(&self, job: &Job) -> Result<(), StepError> {
         let mut read = BTreeSet::from([self.directory.clone()]);
         for model in job.choose(None, None)?.models()? {
             for part in model.parts(Each::Deployment)?.iter().chain([&model]) {
@@ -392,7 +397,7 @@ impl Source {
 }
 
 /// Fingerprint of what a prepared log follows from, beside the content of its files.
-fn key(data: &DataConfig, preprocess: &PreprocessConfig) -> anyhow::Result<String> {
+fn key(data: &DataConfig, preprocess: &PreprocessConfig) -> Result<String, StepError> {
     let data = DataConfig { path: Paths::default(), ..data.clone() };
     artefact::key(&(DatasetManifest::FORMAT, TOOL, data, preprocess))
 }
@@ -402,18 +407,18 @@ fn folder(key: &str) -> &str {
     &key[..key.len().min(KEY_DIGITS)]
 }
 
-fn sources(data: &DataConfig) -> anyhow::Result<Sources> {
+fn sources(data: &DataConfig) -> Result<Sources, StepError> {
     let files = calib_data::log_files(data)?.into_iter();
     let source = |path: PathBuf| {
         let path =
             fs::canonicalize(&path).with_context(|| format!("cannot read {}", path.display()))?;
         Ok(Source { stamp: Stamp::of(&path)?, path })
     };
-    Ok(Sources { files: files.map(source).collect::<anyhow::Result<_>>()? })
+    Ok(Sources { files: files.map(source).collect::<Result<_, StepError>>()? })
 }
 
 /// Remove the files of a prepared log, and its folder if nothing of anybody's is left in it.
-fn forget(directory: &Path) -> anyhow::Result<()> {
+fn forget(directory: &Path) -> Result<(), StepError> {
     for name in [MANIFEST, SOURCES].map(str::to_owned).into_iter().chain(parts()) {
         remove_file(&directory.join(name))?;
     }

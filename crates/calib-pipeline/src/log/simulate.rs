@@ -1,6 +1,5 @@
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail, ensure};
 use calib_core::{Monitor as _, Timestamp};
 use calib_data::table::write_log;
 use calib_files::{FileError, FolderRecord, read_sealed_json, remove_file, write_sealed_json};
@@ -10,10 +9,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    base::{
-        artefact::{Below, Claim, Files, TOOL, fingerprint_once, fingerprints},
-        outcome::Interrupted,
-    },
+    Context as _, StepError, bail,
+    base::artefact::{Below, Claim, Files, TOOL, fingerprint_once, fingerprints},
+    ensure,
     log::{
         changes::{self, CHANGES, DatedChange},
         plant_of_study,
@@ -46,7 +44,7 @@ impl Simulation {
     }
 
     /// The names of all files of it: the day files, and what says what they are.
-    fn names(&self) -> anyhow::Result<Vec<String>> {
+    fn names(&self) -> Result<Vec<String>, StepError> {
         // What no plant can have is no record of one.
         let plant = Plant::new(self.options.clone())?;
         let changes = (plant.options().change.strength > 0.0).then_some(CHANGES);
@@ -56,7 +54,7 @@ impl Simulation {
     }
 
     /// Refuse days that are there and not what was written: what is simulated would follow from them without a word.
-    fn check_days(&self, directory: &Path) -> anyhow::Result<()> {
+    fn check_days(&self, directory: &Path) -> Result<(), StepError> {
         for (name, written) in &self.files {
             let path = directory.join(name);
             ensure!(
@@ -115,7 +113,7 @@ impl Simulated {
 }
 
 /// Write the log of the plant that a study describes, as far as it is missing.
-pub(crate) fn of_study(job: &Job, printer: &Printer) -> anyhow::Result<Option<Simulated>> {
+pub(crate) fn of_study(job: &Job, printer: &Printer) -> Result<Option<Simulated>, StepError> {
     let Some((directory, plant)) = plant_of_study::plant_of(job)? else { return Ok(None) };
     simulate(&directory, plant, job.policy().redoes(), printer).map(Some)
 }
@@ -127,7 +125,7 @@ pub(crate) fn simulate(
     options: PlantOptions,
     force: bool,
     printer: &Printer,
-) -> anyhow::Result<Simulated> {
+) -> Result<Simulated, StepError> {
     let mut plant = Plant::new(options.clone())?;
     let simulation = Simulation {
         tool: TOOL.to_owned(),
@@ -151,9 +149,7 @@ pub(crate) fn simulate(
         changes,
     };
     while plant.day() < plant.days() {
-        if progress.interrupted() {
-            return Err(Interrupted.into());
-        }
+        progress.check()?;
         let path = directory.join(file_name(simulation.options.start, plant.day()));
         if path.exists() && !force {
             if plant.skip_day().is_none() {
@@ -209,7 +205,7 @@ pub(crate) enum Found {
 }
 
 /// Whether `directory` has the log of this plant.
-pub(crate) fn find(directory: &Path, options: &PlantOptions) -> anyhow::Result<Found> {
+pub(crate) fn find(directory: &Path, options: &PlantOptions) -> Result<Found, StepError> {
     let damaged = || records(directory);
     let found = match Simulation::read(directory) {
         Ok(found) => found,
@@ -230,7 +226,7 @@ pub(crate) fn find(directory: &Path, options: &PlantOptions) -> anyhow::Result<F
 }
 
 /// Refuse days of a simulated log that are not what was written, before they are read.
-pub(crate) fn check_days(directory: &Path) -> anyhow::Result<()> {
+pub(crate) fn check_days(directory: &Path) -> Result<(), StepError> {
     Simulation::read(directory).map_or(Ok(()), |found| found.check_days(directory))
 }
 
@@ -254,7 +250,7 @@ fn own(
     record: &mut FolderRecord,
     simulation: &Simulation,
     force: bool,
-) -> anyhow::Result<Files> {
+) -> Result<Files, StepError> {
     let path = directory.join(SIMULATION);
     let damaged = || records(directory);
     let found = Simulation::read(directory);

@@ -1,12 +1,12 @@
 //! How far the tables of a model are what they should be.
 
-use anyhow::bail;
 use calib_core::{Monitor, Seed};
 use calib_files::fingerprint_file;
 use calib_knn::{KnnError, KnnModel, Recall, faults, recall, verify};
 use calib_study::{Job, Study};
 
 use crate::{
+    StepError, bail,
     base::outcome::Outcome,
     model::model_files,
     output::{Printer, count},
@@ -50,10 +50,10 @@ pub(crate) fn check_against_brute_force(
     job: &Job,
     sample: usize,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let (study, paths) = (job.study(), job.layout());
     let model = model_files::open(job)?;
-    let Some(knn) = model.model.neighbors() else { bail!("the model has no neighbour tables") };
+    let Some(knn) = model.model.tables() else { bail!("the model has no neighbour tables") };
     let seed = Seed::new(study.seed).child("verify");
     for (name, written) in &model.manifest.files {
         let path = paths.model().join(name);

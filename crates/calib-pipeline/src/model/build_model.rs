@@ -3,17 +3,17 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::bail;
 use calib_core::{Seed, Silent, States, Transitions};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
 use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
-use calib_model::{JumpStatistics, StartSource, rollout, start_states};
+use calib_model::{JumpStatistics, ModelFamily, StartSource, rollout, start_states};
 use calib_study::{Job, Layout, Study};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
+    StepError, bail,
     base::{
         artefact::{self, Below, Claim, TOOL},
         clock::Stopwatch,
@@ -43,10 +43,14 @@ const PARTIAL: &str = "partial";
 const PROBE_STEPS: usize = 10_000;
 
 /// Build the model of a study.
-pub(crate) fn run(job: &Job, options: &BuildOptions, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(
+    job: &Job,
+    options: &BuildOptions,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
-    if study.is_parametric() {
+    if study.model.kind.family() == ModelFamily::Network {
         return build_network::run(job, options, printer);
     }
     if options.device.is_some() {
@@ -121,7 +125,7 @@ pub(crate) fn up_to_date(directory: &Path, key: &str) -> Option<ModelManifest> {
 }
 
 /// Say what would be built.
-fn planned(plan: &BuildPlan, directory: &Path, printer: &Printer) -> anyhow::Result<Outcome> {
+fn planned(plan: &BuildPlan, directory: &Path, printer: &Printer) -> Result<Outcome, StepError> {
     if printer.is_for_machines() {
         printer.json(plan)?;
     }
@@ -134,7 +138,7 @@ pub(crate) fn find(
     paths: &Layout,
     key: &str,
     printer: &Printer,
-) -> anyhow::Result<Option<ModelManifest>> {
+) -> Result<Option<ModelManifest>, StepError> {
     let directory = paths.model();
     if let Some(found) = up_to_date(&directory, key) {
         return Ok(Some(found));
@@ -151,7 +155,7 @@ pub(crate) fn find(
 
 /// Remove the parts that are left of a build that was killed at its very end, and say whether the model is still
 /// there: another calib may have begun another one, whose parts they then are.
-fn is_still_there(directory: &Path, key: &str) -> anyhow::Result<bool> {
+fn is_still_there(directory: &Path, key: &str) -> Result<bool, StepError> {
     let parts = directory.join(PARTIAL);
     if !parts.exists() {
         return Ok(true);
@@ -194,7 +198,7 @@ fn build(
     directory: &Path,
     clock: Stopwatch,
     printer: &Printer,
-) -> anyhow::Result<ModelManifest> {
+) -> Result<ModelManifest, StepError> {
     let transitions = Transitions::new(dataset.train.segments().clone());
     if let Some(representation) = representation {
         // The plan could not always know how many coordinates ψ has. Nothing is given up for what cannot be built.
@@ -273,7 +277,7 @@ fn refresh(
     dataset: &Dataset,
     representation: Option<&Representation>,
     directory: &Path,
-) -> anyhow::Result<ModelManifest> {
+) -> Result<ModelManifest, StepError> {
     if manifest.study == *study && manifest.has_profile(directory) {
         return Ok(manifest);
     }
@@ -301,7 +305,7 @@ fn refresh(
         .par_iter()
         .enumerate()
         .map(refreshed)
-        .collect::<anyhow::Result<Vec<MemberSummary>>>()?;
+        .collect::<Result<Vec<MemberSummary>, StepError>>()?;
     manifest.study = study.clone();
     let claim = Claim::new(directory, Below::Ours)?;
     model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
@@ -328,7 +332,7 @@ fn summary(
     knn: &KnnModel,
     member: usize,
     recurrence: MemberRecurrence,
-) -> anyhow::Result<MemberSummary> {
+) -> Result<MemberSummary, StepError> {
     let of = knn.member(member);
     let seed = Seed::new(study.seed).child("jump probe").number(member as u64);
     let starts = start_states(&of, StartSource::Random, 1, seed)?;
@@ -342,7 +346,7 @@ pub(crate) fn fingerprints(
     directory: &Path,
     members: usize,
     further: &[&str],
-) -> anyhow::Result<BTreeMap<String, Fingerprint>> {
+) -> Result<BTreeMap<String, Fingerprint>, StepError> {
     let own = ["states.npy", "rows.parquet", "profile.json"];
     let mut names: Vec<String> = own.iter().chain(further).map(|&name| name.to_owned()).collect();
     for member in 0..members {
@@ -360,7 +364,7 @@ fn summarise(
     built: bool,
     clock: Stopwatch,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let verb = if built { "wrote" } else { "up to date:" };
     printer.result(&format!("{verb} {} in {}", directory.display(), duration(clock.elapsed())))?;
     if let Some(recall) = &manifest.recall {

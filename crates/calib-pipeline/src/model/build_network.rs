@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use anyhow::bail;
 use calib_core::Transitions;
 use calib_data::Dataset;
 use calib_files::write_json;
-use calib_knn::ModelKind;
+use calib_model::ModelKind;
 use calib_study::{Job, Study};
 use serde::Serialize;
 
 use crate::{
+    StepError, bail,
     base::{
         artefact::{self, Below, Claim, TOOL},
         clock::Stopwatch,
@@ -27,7 +27,11 @@ use crate::{
 };
 
 /// Train the network of a study.
-pub(crate) fn run(job: &Job, options: &BuildOptions, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(
+    job: &Job,
+    options: &BuildOptions,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     let directory = paths.model();
@@ -80,7 +84,7 @@ fn build(
     (dataset, states): (&Dataset, Option<&Path>),
     key: String,
     (clock, printer): (Stopwatch, &Printer),
-) -> anyhow::Result<ModelManifest> {
+) -> Result<ModelManifest, StepError> {
     let (study, directory) = (job.study(), &job.layout().model());
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
@@ -132,7 +136,7 @@ fn refresh(
     study: &Study,
     dataset: &Dataset,
     directory: &Path,
-) -> anyhow::Result<ModelManifest> {
+) -> Result<ModelManifest, StepError> {
     if manifest.study == *study && manifest.has_profile(directory) {
         return Ok(manifest);
     }

@@ -2,13 +2,13 @@
 
 use std::ops::Range;
 
-use anyhow::bail;
 use calib_core::{Segment, Segments, Timestamp, Transitions};
 use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
+    StepError, bail,
     base::{
         memory,
         options::{BuildOptions, Spill},
@@ -102,7 +102,7 @@ impl BuildPlan {
         model: &ModelConfig,
         width: Width,
         options: &BuildOptions,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let (rows, columns) = (part.len(), data.columns);
         // Before any state is read, and anything of an older model given up.
         let segments = segments_of(&data.segments, &part);

@@ -5,13 +5,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::bail;
 use calib_core::{Frames, Normaliser, Period, States};
 use calib_knn::{KnnModel, Weights};
 use calib_study::{Job, Study};
 
 use crate::{
-    base::outcome::StepError,
+    StepError, bail,
     model::model_files::{self, OpenModel},
 };
 
@@ -34,7 +33,7 @@ impl Calibration {
     /// # Errors
     /// If it was not built, was built of another study, is damaged, or is a network, which has no neighbours.
     pub fn of_job(job: &Job) -> Result<Self, StepError> {
-        Ok(Self::new(&job.layout().model(), model_files::open(job)?)?)
+        Self::new(&job.layout().model(), model_files::open(job)?)
     }
 
     /// The model in a folder, whatever study it is of.
@@ -42,12 +41,12 @@ impl Calibration {
     /// # Errors
     /// If there is none, it is damaged, or it is a network.
     pub fn in_directory(directory: &Path) -> Result<Self, StepError> {
-        Ok(Self::new(directory, model_files::open_directory(directory)?)?)
+        Self::new(directory, model_files::open_directory(directory)?)
     }
 
-    fn new(directory: &Path, opened: OpenModel) -> anyhow::Result<Self> {
+    fn new(directory: &Path, opened: OpenModel) -> Result<Self, StepError> {
         let weights = opened.manifest.study.model.weights()?;
-        if opened.model.neighbors().is_none() {
+        if opened.model.tables().is_none() {
             bail!(
                 "the model in {} is a network, which has no neighbours; set model.kind = \"knn\" and build it again",
                 directory.display()
@@ -73,7 +72,7 @@ impl Calibration {
 
     /// The ensemble. The states of it are what distances are measured in.
     pub fn knn(&self) -> &KnnModel {
-        let neighbors = self.opened.model.neighbors();
+        let neighbors = self.opened.model.tables();
         neighbors.unwrap_or_else(|| unreachable!("others are refused when they are opened"))
     }
 
@@ -97,6 +96,6 @@ impl Calibration {
     /// # Errors
     /// If neighbours are searched in a representation that was imported without an encoder.
     pub fn in_metric(&self, states: &States) -> Result<States, StepError> {
-        Ok(self.opened.in_metric(states)?)
+        self.opened.in_metric(states)
     }
 }

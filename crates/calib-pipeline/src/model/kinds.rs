@@ -1,14 +1,41 @@
 //! The calibration model of a study, of whatever kind: only here, and where it is built, it matters which.
 
-use std::path::Path;
+use std::{ops::Deref, path::Path};
 
 use calib_core::{Frames, States, Transitions};
 use calib_files::ScratchPlace;
-use calib_knn::{KnnModel, ModelConfig, ModelKind};
-use calib_model::{CalibrationModel, NeighborModel, NetworkModel};
+use calib_knn::{KnnModel, ModelConfig};
+use calib_model::{CalibrationModel, ModelFamily, NeighborModel, NetworkModel};
 use calib_study::Study;
 
-use crate::{base::memory, model::train_model};
+use crate::{StepError, base::memory, model::train_model};
+
+/// A model that was opened, by what it is made of. It is used as any [`CalibrationModel`].
+pub(crate) enum OpenedModel {
+    Neighbors(NeighborModel),
+    Network(NetworkModel),
+}
+
+impl OpenedModel {
+    /// The tables, where it has some.
+    pub(crate) fn tables(&self) -> Option<&KnnModel> {
+        match self {
+            Self::Neighbors(model) => Some(model.knn()),
+            Self::Network(_) => None,
+        }
+    }
+}
+
+impl Deref for OpenedModel {
+    type Target = dyn CalibrationModel;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Self::Neighbors(model) => model,
+            Self::Network(model) => model,
+        }
+    }
+}
 
 /// Open the model in `directory` of what `frames` recorded. Neighbours are those of `metric`; of these `members` are opened,
 /// or all.
@@ -18,15 +45,15 @@ pub(crate) fn open(
     frames: &Frames,
     metric: States,
     members: Option<&[usize]>,
-) -> anyhow::Result<Box<dyn CalibrationModel>> {
+) -> Result<OpenedModel, StepError> {
     let settings: &ModelConfig = &study.model;
     let recorded = frames.states().clone();
-    if settings.kind != ModelKind::Knn {
-        let network = train_model::open(directory, settings.kind, recorded.columns())?;
+    if study.model.kind.family() == ModelFamily::Network {
+        let network = train_model::open(directory, study.model.kind, recorded.columns())?;
         let model = NetworkModel::new(network, frames)?;
-        let Some(noise) = study.rollout_noise() else { return Ok(Box::new(model)) };
+        let Some(noise) = study.rollout_noise() else { return Ok(OpenedModel::Network(model)) };
         let residuals = train_model::open_residuals(directory, recorded.columns())?;
-        return Ok(Box::new(model.with_noise(noise, residuals)));
+        return Ok(OpenedModel::Network(model.with_noise(noise, residuals)));
     }
     let transitions = Transitions::new(frames.segments().clone());
     let (count, exclusion) = (settings.members, settings.exclusion());
@@ -36,7 +63,7 @@ pub(crate) fn open(
         }
         None => KnnModel::open(directory, metric, transitions, count, exclusion),
     };
-    Ok(Box::new(NeighborModel::new(knn?, recorded)))
+    Ok(OpenedModel::Neighbors(NeighborModel::new(knn?, recorded)))
 }
 
 /// Where a search for start states has its large arrays: in memory if they fit, else in files in `directory`.

@@ -2,25 +2,30 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use anyhow::{Context as _, bail, ensure};
 use calib_core::{Frames, Normaliser, Period, States, Timestamp, TransitionIndex};
 use calib_data::{Dataset, Profile, table::Table};
 use calib_files::{Fingerprint, fingerprint_file, link_or_copy, read_json, write_json};
 use calib_knn::{KnnModel, ModelConfig, Recall, SEARCH_VERSION, Shortcuts, WeightsKind};
-use calib_model::{CalibrationModel, JumpStatistics};
+use calib_model::JumpStatistics;
 use calib_nn::Mlp;
-use calib_represent::{RepresentationKind, encode};
+use calib_represent::encode;
 use calib_study::{Job, Made, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    Context as _, StepError, bail,
     base::{
         artefact::{self, Files, Manifest},
         frames,
         stale::Kept,
     },
-    model::{kinds, recurrence::MemberRecurrence, train_model::TrainingSummary},
+    ensure,
+    model::{
+        kinds::{self, OpenedModel},
+        recurrence::MemberRecurrence,
+        train_model::TrainingSummary,
+    },
     represent::{self, Representation},
 };
 
@@ -85,7 +90,7 @@ pub(crate) struct MemberSummary {
 impl ModelManifest {
     /// Fingerprint of all that later results follow from: of the inputs and of what was written, weights and tables
     /// to the last bit.
-    pub(crate) fn content(&self) -> anyhow::Result<String> {
+    pub(crate) fn content(&self) -> Result<String, StepError> {
         // The profile tells of the held-out range too, which nothing that follows from the model does.
         let files: BTreeMap<_, _> =
             self.files.iter().filter(|(name, _)| *name != PROFILE).collect();
@@ -121,7 +126,7 @@ pub(crate) fn model_key(
     data: &Fingerprint,
     model: &ModelConfig,
     representation: Option<&Representation>,
-) -> anyhow::Result<String> {
+) -> Result<String, StepError> {
     key_of(SEARCH_VERSION, data, model, representation)
 }
 
@@ -131,7 +136,7 @@ fn key_of(
     data: &Fingerprint,
     model: &ModelConfig,
     representation: Option<&Representation>,
-) -> anyhow::Result<String> {
+) -> Result<String, StepError> {
     // The search structure does not change the tables. Weights change what is drawn from them, and so also what walks are trapped in.
     let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
     let softmax = model.weights == WeightsKind::Softmax;
@@ -153,7 +158,7 @@ fn key_of(
 pub(crate) struct OpenModel {
     pub(crate) manifest: ModelManifest,
     pub(crate) frames: Frames,
-    pub(crate) model: Box<dyn CalibrationModel>,
+    pub(crate) model: OpenedModel,
     /// What computes the representation that neighbours are searched in, where there is one and it can.
     encoder: Option<Mlp>,
 }
@@ -161,14 +166,10 @@ pub(crate) struct OpenModel {
 impl OpenModel {
     /// States that were not recorded with the model's, as they are compared with them: ψ of them where neighbours
     /// are searched in a representation.
-    pub(crate) fn in_metric(&self, states: &States) -> anyhow::Result<States> {
+    pub(crate) fn in_metric(&self, states: &States) -> Result<States, StepError> {
         match &self.encoder {
             Some(encoder) => Ok(encode(encoder, states)?),
-            None if self.manifest.study.is_parametric()
-                || self.manifest.study.representation.kind == RepresentationKind::None =>
-            {
-                Ok(states.clone())
-            }
+            None if !self.manifest.study.has_representation() => Ok(states.clone()),
             None => bail!(
                 "the representation was imported without an encoder, so the states nearest to others than \
                  its own cannot be found; use another rollout.start than \"nearest\", or \
@@ -183,7 +184,7 @@ pub(crate) fn write_states(
     directory: &Path,
     frames: &Frames,
     prepared: Option<&Path>,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let path = directory.join(STATES);
     match prepared {
         Some(prepared) => Ok(link_or_copy(prepared, &path)?),
@@ -192,7 +193,7 @@ pub(crate) fn write_states(
 }
 
 /// The same frames over the states that were written.
-pub(crate) fn map_states(directory: &Path, frames: &Frames) -> anyhow::Result<Frames> {
+pub(crate) fn map_states(directory: &Path, frames: &Frames) -> Result<Frames, StepError> {
     let states = frames::map_states(&directory.join(STATES))?;
     Ok(Frames::new(frames.timestamps().to_vec(), frames.segments().clone(), states)?)
 }
@@ -203,7 +204,7 @@ pub(crate) fn write(
     directory: &Path,
     dataset: &Dataset,
     knn: Option<&KnnModel>,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let frames = &dataset.train;
     artefact::write_table(rows_table(frames, knn), &directory.join("rows.parquet"))?;
     write_json(&directory.join(PROFILE), &dataset.profile)?;
@@ -216,7 +217,7 @@ pub(crate) fn rewrite_profile(
     directory: &Path,
     dataset: &Dataset,
     files: &mut Files,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let path = directory.join(PROFILE);
     write_json(&path, &dataset.profile)?;
     files.insert(PROFILE.to_owned(), fingerprint_file(&path)?);
@@ -238,7 +239,7 @@ fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
 }
 
 /// Open the model of a job; tables and states are mapped, and checked.
-pub(crate) fn open(job: &Job) -> anyhow::Result<OpenModel> {
+pub(crate) fn open(job: &Job) -> Result<OpenModel, StepError> {
     let directory = &job.layout().model();
     let build = job.command("build-model");
     let manifest: ModelManifest = artefact::require(directory, &build)?;
@@ -247,7 +248,7 @@ pub(crate) fn open(job: &Job) -> anyhow::Result<OpenModel> {
 }
 
 /// Open the model in a folder, whatever study it is of.
-pub(crate) fn open_directory(directory: &Path) -> anyhow::Result<OpenModel> {
+pub(crate) fn open_directory(directory: &Path) -> Result<OpenModel, StepError> {
     let build = "calib build-model STUDY";
     ensure!(
         !directory.join(artefact::CONTROL_VERDICT).exists(),
@@ -258,7 +259,7 @@ pub(crate) fn open_directory(directory: &Path) -> anyhow::Result<OpenModel> {
 }
 
 /// What the folder of this manifest holds, checked; `build` makes it again.
-fn opened(directory: &Path, manifest: ModelManifest, build: &str) -> anyhow::Result<OpenModel> {
+fn opened(directory: &Path, manifest: ModelManifest, build: &str) -> Result<OpenModel, StepError> {
     artefact::check_files(directory, &manifest.files, build)?;
     let again =
         || format!("the model in {} is damaged; run `{build} --force`", directory.display());
@@ -277,7 +278,7 @@ pub(crate) fn check_data(
     job: &Job,
     manifest: &ModelManifest,
     dataset: &Dataset,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     if dataset.fingerprint != manifest.data {
         bail!(
             "the model in {} was built from other data (fingerprint {}, the study's data has {}); run `{}` again",
@@ -291,7 +292,7 @@ pub(crate) fn check_data(
 }
 
 /// The profile of the data that the model was built from.
-pub(crate) fn read_profile(directory: &Path) -> anyhow::Result<Profile> {
+pub(crate) fn read_profile(directory: &Path) -> Result<Profile, StepError> {
     Ok(read_json(&directory.join(PROFILE))?)
 }
 
@@ -300,7 +301,7 @@ pub(crate) fn sensor_columns(
     study: &Study,
     normaliser: &Normaliser,
     profile: &Profile,
-) -> anyhow::Result<Vec<(String, usize)>> {
+) -> Result<Vec<(String, usize)>, StepError> {
     let column = |sensor: &String| {
         let column = sensor_column(sensor, normaliser, profile).context("sweep.sensors")?;
         Ok((sensor.clone(), column))
@@ -313,7 +314,7 @@ fn sensor_column(
     sensor: &str,
     normaliser: &Normaliser,
     profile: &Profile,
-) -> anyhow::Result<usize> {
+) -> Result<usize, StepError> {
     if let Some(column) = normaliser.position(sensor) {
         return Ok(column);
     }

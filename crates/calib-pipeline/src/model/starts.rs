@@ -1,6 +1,5 @@
 //! Start states as a study asks for them.
 
-use anyhow::{Context as _, bail};
 use calib_core::{Frames, RowIndex, Seed, States, Timestamp};
 use calib_data::{DataConfig, Moment};
 use calib_files::Fingerprint;
@@ -10,7 +9,7 @@ use calib_model::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{model::model_files::OpenModel, output::significant};
+use crate::{Context as _, StepError, bail, model::model_files::OpenModel, output::significant};
 
 /// What start states follow from, beside the model and `[rollout]`. Streams are shared by deployments in which it is
 /// the same.
@@ -46,7 +45,7 @@ impl<'a> Starts<'a> {
         model: &'a OpenModel,
         held_out: Option<&Frames>,
         seed: Seed,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let listed = match config.start {
             StartKind::Rows => listed_rows(config, data, &model.frames)?,
             _ => Vec::new(),
@@ -64,7 +63,7 @@ impl<'a> Starts<'a> {
         &self,
         count: usize,
         search: Search<'_>,
-    ) -> anyhow::Result<Vec<Vec<ModelStart>>> {
+    ) -> Result<Vec<Vec<ModelStart>>, StepError> {
         self.model.model.starts(self.source()?, count, self.seed, search).context("[rollout]")
     }
 
@@ -72,7 +71,7 @@ impl<'a> Starts<'a> {
     pub(crate) fn origin(
         &self,
         deployment: Option<&Fingerprint>,
-    ) -> anyhow::Result<Option<Origin>> {
+    ) -> Result<Option<Origin>, StepError> {
         Ok(match self.config.start {
             StartKind::Random | StartKind::Rows => None,
             StartKind::Nearest => Some(Origin::States(deployment.cloned())),
@@ -87,14 +86,14 @@ impl<'a> Starts<'a> {
         })
     }
 
-    fn month(&self) -> anyhow::Result<u8> {
+    fn month(&self) -> Result<u8, StepError> {
         self.config
             .month
             .or_else(|| self.deployed.map(month_of))
             .context("rollout.start = \"calendar_month\" wants rollout.month, or a held-out range")
     }
 
-    fn source(&self) -> anyhow::Result<StartSource<'_>> {
+    fn source(&self) -> Result<StartSource<'_>, StepError> {
         let (timestamps, before) = (self.model.frames.timestamps(), self.deployed);
         Ok(match self.config.start {
             StartKind::Random => StartSource::Random,
@@ -182,18 +181,18 @@ fn listed_rows(
     config: &RolloutConfig,
     data: &DataConfig,
     frames: &Frames,
-) -> anyhow::Result<Vec<RowIndex>> {
+) -> Result<Vec<RowIndex>, StepError> {
     let mut rows = config.rows.clone();
     for text in &config.timestamps {
-        let moment =
-            Moment::new(text).map_err(|reason| anyhow::anyhow!("rollout.timestamps: {reason}"))?;
+        let moment = Moment::new(text)
+            .map_err(|reason| StepError::message(format!("rollout.timestamps: {reason}")))?;
         rows.push(row_at(frames, data.instant(&moment), text)?);
     }
     Ok(rows)
 }
 
 /// The row that is nearest in time, if it lies within two seconds or two rows.
-fn row_at(frames: &Frames, instant: Timestamp, text: &str) -> anyhow::Result<RowIndex> {
+fn row_at(frames: &Frames, instant: Timestamp, text: &str) -> Result<RowIndex, StepError> {
     let timestamps = frames.timestamps();
     let after = timestamps.partition_point(|&time| time < instant);
     let candidates = [after.checked_sub(1), Some(after).filter(|&row| row < timestamps.len())];

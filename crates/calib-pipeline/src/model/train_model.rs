@@ -7,7 +7,6 @@ use std::{
     time::Duration,
 };
 
-use anyhow::{Context as _, bail, ensure};
 use calib_core::{Monitor as _, Seed, Transitions};
 use calib_data::Dataset;
 use calib_dynamics::{
@@ -18,12 +17,13 @@ use calib_files::{
     Fingerprint, Unfinished, fingerprint_file, read_regular, read_tensors, remove_file,
     write_atomically, write_json, write_tensors,
 };
-use calib_knn::ModelKind;
+use calib_model::ModelKind;
 use calib_study::{Job, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    Context as _, StepError, bail,
     base::{
         artefact::{self, Manifest as _},
         clock::Stopwatch,
@@ -31,6 +31,7 @@ use crate::{
         options::Device,
         torch,
     },
+    ensure,
     model::model_files::ModelManifest,
     output::{Printer, bytes, count, counted, significant},
 };
@@ -89,7 +90,7 @@ pub(crate) fn files(kind: ModelKind) -> &'static [&'static str] {
 }
 
 /// Check that this program can train such models on such a device, before anything is done.
-pub(crate) fn check_available(study: &Study, device: Option<Device>) -> anyhow::Result<()> {
+pub(crate) fn check_available(study: &Study, device: Option<Device>) -> Result<(), StepError> {
     match study.model.kind {
         ModelKind::Torchscript => {
             ensure!(
@@ -104,7 +105,7 @@ pub(crate) fn check_available(study: &Study, device: Option<Device>) -> anyhow::
 }
 
 /// Fingerprint of what a network follows from: what its kind does not use is left out.
-pub(crate) fn key(data: &Fingerprint, job: &Job) -> anyhow::Result<String> {
+pub(crate) fn key(data: &Fingerprint, job: &Job) -> Result<String, StepError> {
     let study = job.study();
     let kind = study.model.kind;
     if kind == ModelKind::Torchscript {
@@ -121,13 +122,13 @@ pub(crate) fn key(data: &Fingerprint, job: &Job) -> anyhow::Result<String> {
 }
 
 /// Where the study's `TorchScript` file is; relative paths start from the study file.
-fn script_path(job: &Job) -> anyhow::Result<PathBuf> {
+fn script_path(job: &Job) -> Result<PathBuf, StepError> {
     let path = job.study().dynamics.path.as_ref().context("dynamics.path is not set")?;
     Ok(job.beside(path))
 }
 
 /// Copy the study's `TorchScript` file to the model, once it is known to fit the states.
-pub(crate) fn import(job: &Job, dataset: &Dataset, directory: &Path) -> anyhow::Result<()> {
+pub(crate) fn import(job: &Job, dataset: &Dataset, directory: &Path) -> Result<(), StepError> {
     let path = script_path(job)?;
     torch::open_script(&path, dataset.train.states().columns())?;
     let content = read_regular(&path)?;
@@ -143,13 +144,13 @@ fn write_residuals(
     directory: &Path,
     kind: ModelKind,
     data: &Transitioning<'_>,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let residuals = Residuals::of(&*open(directory, kind, data.columns())?, data)?;
     Ok(write_tensors(&directory.join(RESIDUALS), &residuals.to_tensors())?)
 }
 
 /// Open what [`write_residuals`] wrote.
-pub(crate) fn open_residuals(directory: &Path, columns: usize) -> anyhow::Result<Residuals> {
+pub(crate) fn open_residuals(directory: &Path, columns: usize) -> Result<Residuals, StepError> {
     Ok(Residuals::from_tensors(&read_tensors(&directory.join(RESIDUALS))?, columns)?)
 }
 
@@ -187,7 +188,7 @@ fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
 }
 
 /// Refuse a training that memory cannot hold. What libtorch takes depends on the device.
-fn check_memory(study: &Study, dataset: &Dataset, device: Option<Device>) -> anyhow::Result<()> {
+fn check_memory(study: &Study, dataset: &Dataset, device: Option<Device>) -> Result<(), StepError> {
     let is_native = matches!(study.model.kind, ModelKind::Nn | ModelKind::Gru) && device.is_none();
     if !is_native {
         return Ok(());
@@ -207,7 +208,7 @@ pub(crate) fn train(
     directory: &Path,
     device: Option<Device>,
     printer: &Printer,
-) -> anyhow::Result<TrainingSummary> {
+) -> Result<TrainingSummary, StepError> {
     check_memory(study, dataset, device)?;
     let transitions = Transitions::new(dataset.train.segments().clone());
     let config = &study.dynamics;
@@ -254,7 +255,7 @@ fn run_epochs(
     config: &DynamicsConfig,
     checkpoint: &Unfinished,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let progress = printer.progress();
     let left = config.epochs.saturating_sub(trainer.record().epochs.len());
     progress.begin("training", (left * trainer.updates_per_epoch()) as u64);
@@ -277,7 +278,7 @@ fn summary(
     record: &TrainingRecord,
     data: &Transitioning<'_>,
     backend: String,
-) -> anyhow::Result<TrainingSummary> {
+) -> Result<TrainingSummary, StepError> {
     let kept = record.epochs.get(record.kept.wrapping_sub(1)).context("no epoch was run")?;
     Ok(TrainingSummary {
         backend,
@@ -291,7 +292,7 @@ fn summary(
 }
 
 /// Forget training that was put aside.
-pub(crate) fn remove_checkpoint(directory: &Path) -> anyhow::Result<()> {
+pub(crate) fn remove_checkpoint(directory: &Path) -> Result<(), StepError> {
     Ok(remove_file(&directory.join(CHECKPOINT))?)
 }
 
@@ -300,7 +301,7 @@ pub(crate) fn open(
     directory: &Path,
     kind: ModelKind,
     columns: usize,
-) -> anyhow::Result<Box<dyn Dynamics>> {
+) -> Result<Box<dyn Dynamics>, StepError> {
     let weights = || read_tensors(&directory.join(WEIGHTS));
     Ok(match kind {
         ModelKind::Nn => Box::new(FeedForward::from_tensors(&weights()?)?),

@@ -1,11 +1,11 @@
 use std::{fmt, sync::Arc};
 
-use anyhow::Context as _;
 use calib_core::Monitor;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{Answer, Observer, Remark, Result, Shown, Stage, Unobserved};
+use crate::{Context as _, StepError};
 
 /// Decides what an observer is told: results, or talk where a step is on the way to another result.
 #[derive(Clone)]
@@ -88,7 +88,7 @@ impl Printer {
     ///
     /// # Errors
     /// If it cannot be passed on.
-    pub fn result(&self, text: &str) -> anyhow::Result<()> {
+    pub fn result(&self, text: &str) -> std::result::Result<(), StepError> {
         if self.results == Results::Talk {
             self.say(text);
             return Ok(());
@@ -100,7 +100,7 @@ impl Printer {
     ///
     /// # Errors
     /// If they cannot be passed on.
-    pub fn lines(&self, text: &str) -> anyhow::Result<()> {
+    pub fn lines(&self, text: &str) -> std::result::Result<(), StepError> {
         let text = text.trim_end_matches('\n');
         if self.results == Results::Talk {
             self.remark(Remark::Table(text));
@@ -113,7 +113,10 @@ impl Printer {
     ///
     /// # Errors
     /// If it cannot be passed on.
-    pub fn json(&self, value: &(impl Serialize + JsonSchema)) -> anyhow::Result<()> {
+    pub fn json(
+        &self,
+        value: &(impl Serialize + JsonSchema),
+    ) -> std::result::Result<(), StepError> {
         let text = serde_json::to_string_pretty(value)?;
         if self.results == Results::Talk {
             self.remark(Remark::Table(&text));
@@ -175,7 +178,7 @@ impl Printer {
         }
     }
 
-    fn pass(&self, result: Result<'_>) -> anyhow::Result<()> {
+    fn pass(&self, result: Result<'_>) -> std::result::Result<(), StepError> {
         self.observer.result(result).context("cannot write to stdout")
     }
 }

@@ -14,7 +14,6 @@ use std::{
     time::Duration,
 };
 
-use anyhow::Context as _;
 use calib_agent::AgentConfig;
 use calib_core::Monitor;
 use calib_files::{Fingerprint, Fingerprinter, fingerprint_file};
@@ -24,6 +23,8 @@ use calib_sweep::{Predicted, Program, Stopped, Wanted};
 use error::{ProgramError, failed};
 use message::{Begin, Predictions, Ready, begin, states};
 use process::Process;
+
+use crate::{Context as _, StepError};
 
 /// The program of a study.
 #[derive(Debug)]
@@ -42,7 +43,7 @@ impl ExternalAgents {
     ///
     /// # Errors
     /// If a file that the command names cannot be read.
-    pub(crate) fn of(job: &Job) -> anyhow::Result<Option<Self>> {
+    pub(crate) fn of(job: &Job) -> Result<Option<Self>, StepError> {
         let AgentConfig { command, states_per_message, timeout_secs, .. } = &job.study().agent;
         if !job.study().agent.is_external() {
             return Ok(None);
@@ -166,7 +167,7 @@ fn is_path(program: &str) -> bool {
 }
 
 /// Of a command, and of the content of each file that it names.
-fn fingerprint(command: &[String], folder: &Path) -> anyhow::Result<Fingerprint> {
+fn fingerprint(command: &[String], folder: &Path) -> Result<Fingerprint, StepError> {
     let mut all = Fingerprinter::default();
     for (place, word) in command.iter().enumerate() {
         all.add(word.as_bytes());

@@ -94,9 +94,13 @@ impl<'p> Process<'p> {
         loop {
             match self.lines.recv_timeout(look) {
                 Ok(line) => return self.answer(&line, asked).map_err(failed),
-                Err(_) if monitor.interrupted() => return Err(Stopped::Interrupted),
-                Err(RecvTimeoutError::Disconnected) => return Err(failed(self.ended(asked))),
-                Err(RecvTimeoutError::Timeout) => waited += look,
+                Err(ended) => {
+                    monitor.check().map_err(Stopped::Cancelled)?;
+                    match ended {
+                        RecvTimeoutError::Disconnected => return Err(failed(self.ended(asked))),
+                        RecvTimeoutError::Timeout => waited += look,
+                    }
+                }
             }
             if waited >= self.program.timeout {
                 let secs = self.program.timeout.as_secs_f64();

@@ -42,7 +42,7 @@ fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<Predicted>, Stri
         steps: 9,
     };
     program.predictions(&wanted, &Silent).map_err(|stopped| match stopped {
-        Stopped::Interrupted => "interrupted".to_owned(),
+        Stopped::Cancelled(_) => "interrupted".to_owned(),
         Stopped::Failed(error) => {
             let source = error.source().map_or_else(String::new, |source| format!(": {source}"));
             format!("{error}{source}")

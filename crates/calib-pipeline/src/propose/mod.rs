@@ -4,7 +4,6 @@ mod trial;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, ensure};
 use calib_core::Timestamp;
 use calib_data::{ChannelSketch, Sketch, sketch};
 use calib_files::{TemporaryFolder, check_output, write_output};
@@ -18,10 +17,12 @@ use serde::Serialize;
 
 use self::trial::{Predicted, Trials, halved};
 use crate::{
+    Context as _, StepError, bail,
     base::{
         clock::Stopwatch, left_alone::text_left_alone, memory, options::ProposeOptions,
         outcome::Outcome,
     },
+    ensure,
     output::{Printer, count, duration, span},
 };
 
@@ -56,7 +57,7 @@ pub(crate) struct Chosen {
 }
 
 /// Look at a log, and write a study of it.
-pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> Result<Outcome, StepError> {
     let file = args.study.display();
     ensure!(
         args.study.extension().is_some_and(|extension| extension == "toml"),
@@ -116,7 +117,7 @@ fn bridged(look: &Look) -> Option<String> {
 const NAMED: usize = 3;
 
 /// The path of the log as it is written into a study: as it was typed, where that means the same from there.
-fn path_in_study(logs: &Path, study: &Path) -> anyhow::Result<String> {
+fn path_in_study(logs: &Path, study: &Path) -> Result<String, StepError> {
     let beside = study.parent().is_none_or(|folder| folder.as_os_str().is_empty());
     let path = if beside || logs.is_absolute() {
         logs.to_owned()
@@ -138,7 +139,7 @@ struct Look {
 }
 
 impl Look {
-    fn at(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Self> {
+    fn at(args: &ProposeOptions, printer: &Printer) -> Result<Self, StepError> {
         let study = calib_study::of_data(&args.logs, &args.set)?;
         let mut data = memory::on_this_machine(study.data);
         memory::check_log(&data)?;
@@ -167,19 +168,19 @@ impl Look {
 }
 
 /// The sensors that were asked for.
-fn named(names: &[String], sketch: &Sketch, scope: &Scope) -> anyhow::Result<Sensors> {
+fn named(names: &[String], sketch: &Sketch, scope: &Scope) -> Result<Sensors, StepError> {
     let find = |name: &String| {
         let channel = sketch.channels.iter().position(|of| of.name == *name);
         let channel = channel.with_context(|| {
             format!("--sensor {name}: the log has no such channel; `calib inspect` shows all")
         })?;
         if let Some(LeftOut { why, .. }) = scope.left_out.iter().find(|of| of.channel == channel) {
-            anyhow::bail!("--sensor {name}: {why}, so it cannot be predicted");
+            bail!("--sensor {name}: {why}, so it cannot be predicted");
         }
         Ok(channel)
     };
     Ok(Sensors {
-        proposed: names.iter().map(find).collect::<anyhow::Result<_>>()?,
+        proposed: names.iter().map(find).collect::<Result<_, StepError>>()?,
         others: Vec::new(),
     })
 }
@@ -204,7 +205,7 @@ impl Proposal {
         path: &str,
         look: &Look,
         printer: &Printer,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let Look { sketch, scope, .. } = look;
         let place = TemporaryFolder::new()?;
         let trials = Trials { args, place: &place, printer };
@@ -312,7 +313,7 @@ impl Evidence {
         trials: &Trials<'_>,
         horizon: &mut Horizon,
         text: impl Fn(ProposedAgent, Horizon) -> String,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let say = |words: &str| trials.printer.say(words);
         say("comparing agents with simple predictors on the last third of the training range");
         let mut predicted = trials.compare(horizon, |at| text(ProposedAgent::Linear, at))?;
@@ -387,7 +388,7 @@ fn show(
     look: &Look,
     chosen: &Proposal,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let Look { sketch, scope, .. } = look;
     let name = |&channel: &usize| sketch.channels[channel].name.clone();
     let predicted: Vec<String> =

@@ -7,6 +7,7 @@ use calib_study::{Job, Request};
 use calib_sweep::SensorVerdict;
 
 use crate::{
+    StepError, bail,
     base::{
         artefact,
         clock::{Stopwatch, Taken},
@@ -15,7 +16,7 @@ use crate::{
     model::{build_model, jumps, model_files::ModelManifest},
     output::{Printer, span},
     rollouts::rollout,
-    sweep::{self, plan::Counted, streams::Unscorable},
+    sweep::{self, plan::Counted},
     verdict::evaluate,
 };
 
@@ -86,12 +87,12 @@ pub(super) struct Trials<'a> {
 
 impl Trials<'_> {
     /// A study whose results go to a folder of its own: a log is prepared once in a folder, and what else is there goes.
-    fn job(&self, text: String, folder: &str) -> anyhow::Result<Job> {
+    fn job(&self, text: String, folder: &str) -> Result<Job, StepError> {
         self.job_with(text, folder, &[])
     }
 
     /// The same with some keys of the study changed.
-    fn job_with(&self, text: String, folder: &str, set: &[&str]) -> anyhow::Result<Job> {
+    fn job_with(&self, text: String, folder: &str, set: &[&str]) -> Result<Job, StepError> {
         let request = Request {
             output: Some(self.place.path().join(folder)),
             set: self
@@ -113,7 +114,7 @@ impl Trials<'_> {
         candidates: &[usize],
         text: impl Fn(usize) -> String,
         period_secs: f64,
-    ) -> anyhow::Result<(usize, String, f64)> {
+    ) -> Result<(usize, String, f64), StepError> {
         let mut best: Option<(usize, usize, String, f64)> = None;
         let mut before = None;
         for &spacing in candidates.iter().take(TRIALS) {
@@ -161,7 +162,7 @@ impl Trials<'_> {
         most_steps: usize,
         horizon: &mut Horizon,
         text: impl Fn(usize, Horizon) -> (String, Size),
-    ) -> anyhow::Result<Measured> {
+    ) -> Result<Measured, StepError> {
         let silent = &self.printer.silent();
         self.printer.say("measuring how long a study takes");
         let steps = |of: usize| of.min(most_steps);
@@ -172,7 +173,7 @@ impl Trials<'_> {
             rollout::run(&job, silent)
         });
         made?;
-        let sweep = |steps: usize, horizon: &mut Horizon| -> anyhow::Result<Swept> {
+        let sweep = |steps: usize, horizon: &mut Horizon| -> Result<Swept, StepError> {
             let taken = self.sweep(steps, horizon, &text)?;
             Ok(Swept { agent_steps: text(steps, *horizon).1.agent_steps(), taken })
         };
@@ -204,7 +205,7 @@ impl Trials<'_> {
         &self,
         horizon: &mut Horizon,
         text: impl Fn(Horizon) -> String,
-    ) -> anyhow::Result<Vec<Predicted>> {
+    ) -> Result<Vec<Predicted>, StepError> {
         let silent = &self.printer.silent();
         let study = |horizon: Horizon| self.job_with(text(horizon), COMPARED, &SMALLEST_MODEL);
         build_model::run(&study(*horizon)?, &BuildOptions::default(), silent)?;
@@ -220,7 +221,7 @@ impl Trials<'_> {
         steps: usize,
         horizon: &mut Horizon,
         text: &impl Fn(usize, Horizon) -> (String, Size),
-    ) -> anyhow::Result<Taken> {
+    ) -> Result<Taken, StepError> {
         let silent = self.printer.silent();
         scorable(horizon, |horizon| {
             let job = self.job(text(steps, horizon).0, COSTS)?;
@@ -233,17 +234,19 @@ impl Trials<'_> {
 /// What `sweep` gives at a horizon that is halved until some step of it can be scored.
 fn scorable<T>(
     horizon: &mut Horizon,
-    sweep: impl Fn(Horizon) -> anyhow::Result<T>,
-) -> anyhow::Result<T> {
+    sweep: impl Fn(Horizon) -> Result<T, StepError>,
+) -> Result<T, StepError> {
     for _ in 0..HALVED {
         match sweep(*horizon) {
-            Err(reason) if reason.is::<Unscorable>() && horizon.states > 2.0 => {
+            Err(reason)
+                if matches!(reason.root(), StepError::Unscorable(_)) && horizon.states > 2.0 =>
+            {
                 *horizon = halved(*horizon);
             }
             swept => return swept,
         }
     }
-    anyhow::bail!(
+    bail!(
         "no horizon was found at which held-out data can be scored: its unbroken pieces are too short"
     )
 }

@@ -4,11 +4,11 @@ use calib_core::States;
 use calib_study::Job;
 
 use super::{Material, RepresentationManifest, made, read, trained, up_to_date};
-use crate::{base::artefact, output::Printer};
+use crate::{StepError, base::artefact, output::Printer};
 
 /// Fingerprint of what the representation of the states of `material` follows from. What kind of representation a model without actions has does not
 /// matter.
-fn key(job: &Job, material: Material<'_>) -> anyhow::Result<String> {
+fn key(job: &Job, material: Material<'_>) -> Result<String, StepError> {
     let study = job.study();
     let candidates = study.representation.candidates();
     let format = <RepresentationManifest as artefact::Manifest>::FORMAT;
@@ -16,7 +16,11 @@ fn key(job: &Job, material: Material<'_>) -> anyhow::Result<String> {
 }
 
 /// ψ of every state: what is there, or trained as `[representation]` says on pairs along the episodes, and chosen as for prediction.
-pub(crate) fn of(job: &Job, material: Material<'_>, printer: &Printer) -> anyhow::Result<States> {
+pub(crate) fn of(
+    job: &Job,
+    material: Material<'_>,
+    printer: &Printer,
+) -> Result<States, StepError> {
     let directory = &job.layout().control_representation();
     let key = key(job, material)?;
     let kept = if job.policy().redoes() { None } else { up_to_date(directory, &key) };
@@ -33,7 +37,7 @@ pub(crate) fn of(job: &Job, material: Material<'_>, printer: &Printer) -> anyhow
 ///
 /// # Errors
 /// If it cannot be trained, or written.
-pub(crate) fn mend(job: &Job, material: Material<'_>, printer: &Printer) -> anyhow::Result<()> {
+pub(crate) fn mend(job: &Job, material: Material<'_>, printer: &Printer) -> Result<(), StepError> {
     let directory = &job.layout().control_representation();
     if directory.exists() && up_to_date(directory, &key(job, material)?).is_none() {
         of(job, material, printer)?;
@@ -42,7 +46,7 @@ pub(crate) fn mend(job: &Job, material: Material<'_>, printer: &Printer) -> anyh
 }
 
 /// ψ of every state, if it was trained and one qualified.
-pub(crate) fn kept(job: &Job, material: Material<'_>) -> anyhow::Result<Option<States>> {
+pub(crate) fn kept(job: &Job, material: Material<'_>) -> Result<Option<States>, StepError> {
     let directory = &job.layout().control_representation();
     let Some(manifest) = up_to_date(directory, &key(job, material)?) else { return Ok(None) };
     if manifest.chosen.is_none() {

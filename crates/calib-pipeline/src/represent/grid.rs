@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Candidate, ENCODER, Material};
 use crate::{
+    StepError,
     base::{artefact, options::Device, torch},
     output::Printer,
 };
@@ -55,7 +56,7 @@ pub(super) fn train(
     task: (&Split, Seed, Option<Device>),
     directory: &Path,
     printer: &Printer,
-) -> anyhow::Result<Vec<(Candidate, Option<Mlp>)>> {
+) -> Result<Vec<(Candidate, Option<Mlp>)>, StepError> {
     let grid = keyed(study, material)?;
     train_missing(&grid, material, task, directory, printer)?;
     grid.iter().map(|(key, _)| finished(&place(directory, key), key)).collect()
@@ -69,7 +70,7 @@ pub(super) fn train_share(
     directory: &Path,
     share: Share,
     printer: &Printer,
-) -> anyhow::Result<usize> {
+) -> Result<usize, StepError> {
     artefact::own(directory)?;
     let grid = keyed(study, material)?.into_iter().enumerate();
     let own: Vec<Keyed> =
@@ -81,7 +82,7 @@ pub(super) fn train_share(
 /// A candidate, and the fingerprint of what it follows from.
 type Keyed = (String, LaplacianConfig);
 
-fn keyed(study: &Study, material: Material<'_>) -> anyhow::Result<Vec<Keyed>> {
+fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<Keyed>, StepError> {
     let keyed = |config: LaplacianConfig| {
         Ok((artefact::key(&(TRAINING, material.fingerprint, &config, study.seed))?, config))
     };
@@ -99,7 +100,7 @@ fn train_missing(
     (split, seed, device): (&Split, Seed, Option<Device>),
     directory: &Path,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let Material { states, segments, .. } = material;
     let task = Task { states, segments, split, seed };
     let at = |key: &str| place(directory, key);
@@ -109,7 +110,7 @@ fn train_missing(
     there.iter().try_for_each(|(key, _)| checkpoint(&at(key), key).remove())?;
     let progress = printer.progress();
     progress.begin("training", missing.iter().map(|(_, config)| config.steps as u64).sum());
-    missing.into_par_iter().try_for_each(|(key, config)| -> anyhow::Result<()> {
+    missing.into_par_iter().try_for_each(|(key, config)| -> Result<(), StepError> {
         let directory = at(key);
         let checkpoint = checkpoint(&directory, key);
         let trained = match device {
@@ -165,7 +166,7 @@ fn read(directory: &Path, key: &str) -> Option<TrainingRecord> {
     (record.key == key && record.encoder == encoder).then_some(record)
 }
 
-fn finished(directory: &Path, key: &str) -> anyhow::Result<(Candidate, Option<Mlp>)> {
+fn finished(directory: &Path, key: &str) -> Result<(Candidate, Option<Mlp>), StepError> {
     let record: TrainingRecord = read_sealed_json(&directory.join(RECORD))?;
     let encoder = match record.divergence {
         Some(_) => None,

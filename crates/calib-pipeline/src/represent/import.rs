@@ -5,7 +5,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context as _, bail, ensure};
 use calib_core::{States, StatesError, Timestamp};
 use calib_data::{
     Dataset,
@@ -15,7 +14,7 @@ use calib_files::{Fingerprint, read_array, read_json, read_tensors};
 use calib_study::Job;
 use serde::Deserialize;
 
-use crate::base::memory;
+use crate::{Context as _, StepError, bail, base::memory, ensure};
 
 /// Numbers by row, as they were found.
 struct Found {
@@ -35,14 +34,14 @@ struct Sidecar {
 }
 
 /// The file that the study names, from the study's folder.
-pub(super) fn file(job: &Job) -> anyhow::Result<PathBuf> {
+pub(super) fn file(job: &Job) -> Result<PathBuf, StepError> {
     let path = job.study().representation.path.as_deref();
     let path = path.context("[representation]: kind = \"import\" wants `path`, the file")?;
     Ok(job.beside(path))
 }
 
 /// ψ of every training state, checked.
-pub(super) fn read(job: &Job, dataset: &Dataset) -> anyhow::Result<States> {
+pub(super) fn read(job: &Job, dataset: &Dataset) -> Result<States, StepError> {
     let path = &file(job)?;
     let config = &job.study().representation;
     let extension = path.extension().map(|of| of.to_string_lossy().to_lowercase());
@@ -63,7 +62,7 @@ pub(super) fn read(job: &Job, dataset: &Dataset) -> anyhow::Result<States> {
     join(found, dataset).with_context(cannot)
 }
 
-fn npy(path: &Path) -> anyhow::Result<Found> {
+fn npy(path: &Path) -> Result<Found, StepError> {
     let array = read_array(path)?;
     let &[rows, _] = array.shape.as_slice() else {
         bail!("expected two dimensions, rows x dimensions of ψ, got the shape {:?}", array.shape);
@@ -72,7 +71,7 @@ fn npy(path: &Path) -> anyhow::Result<Found> {
     Ok(Found { values, rows, timestamps: None, data: None })
 }
 
-fn safetensors(path: &Path, name: Option<&str>) -> anyhow::Result<Found> {
+fn safetensors(path: &Path, name: Option<&str>) -> Result<Found, StepError> {
     let content = read_tensors(path)?;
     let names: Vec<&str> = content.tensors.iter().map(|tensor| tensor.name.as_str()).collect();
     let tensor = match (name, content.tensors.as_slice()) {
@@ -93,7 +92,7 @@ fn safetensors(path: &Path, name: Option<&str>) -> anyhow::Result<Found> {
     Ok(Found { values: tensor.values.clone(), rows, timestamps: None, data })
 }
 
-fn parquet(path: &Path, timestamp: Option<&str>, columns: &[String]) -> anyhow::Result<Found> {
+fn parquet(path: &Path, timestamp: Option<&str>, columns: &[String]) -> Result<Found, StepError> {
     let wanted: Vec<&str> = columns.iter().map(String::as_str).chain(timestamp).collect();
     memory::check_table(path, (!columns.is_empty()).then_some(wanted.as_slice()))?;
     let times = timestamp.map(|name| read_parquet_columns(path, &[name])).transpose()?;
@@ -117,7 +116,7 @@ fn parquet(path: &Path, timestamp: Option<&str>, columns: &[String]) -> anyhow::
 }
 
 /// The columns of a table as rows.
-fn interleaved(table: &Table) -> anyhow::Result<Vec<f32>> {
+fn interleaved(table: &Table) -> Result<Vec<f32>, StepError> {
     let names: Vec<&str> = table.names().collect();
     let mut values = vec![0.0; table.rows() * names.len()];
     for (column, name) in names.iter().enumerate() {
@@ -133,7 +132,7 @@ fn interleaved(table: &Table) -> anyhow::Result<Vec<f32>> {
 }
 
 /// Refuse a file that says that it was made for other data.
-fn check_origin(path: &Path, found: &Found, dataset: &Dataset) -> anyhow::Result<()> {
+fn check_origin(path: &Path, found: &Found, dataset: &Dataset) -> Result<(), StepError> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".json");
     let beside = PathBuf::from(beside);
@@ -149,7 +148,7 @@ fn check_origin(path: &Path, found: &Found, dataset: &Dataset) -> anyhow::Result
 }
 
 /// One row of ψ for each training state.
-fn join(found: Found, dataset: &Dataset) -> anyhow::Result<States> {
+fn join(found: Found, dataset: &Dataset) -> Result<States, StepError> {
     let Found { values, rows, timestamps, .. } = found;
     let expected = dataset.train.rows();
     let dimension = values.len().checked_div(rows).unwrap_or(0);
@@ -180,7 +179,7 @@ fn join(found: Found, dataset: &Dataset) -> anyhow::Result<States> {
     checked(joined, expected, dimension)
 }
 
-fn checked(values: Vec<f32>, rows: usize, dimension: usize) -> anyhow::Result<States> {
+fn checked(values: Vec<f32>, rows: usize, dimension: usize) -> Result<States, StepError> {
     // Of two states of this size the squared distance, Σ (x - y)², is still a number.
     let largest = (f32::MAX / (4.0 * dimension as f32)).sqrt();
     if let Some(place) = values.iter().position(|value| value.is_finite() && value.abs() > largest)
@@ -194,7 +193,7 @@ fn checked(values: Vec<f32>, rows: usize, dimension: usize) -> anyhow::Result<St
     }
     States::new(values, rows, dimension).map_err(|error| match error {
         StatesError::NotFinite { row, column } => {
-            anyhow::anyhow!("ψ of state {row} is not finite in dimension {column}")
+            StepError::message(format!("ψ of state {row} is not finite in dimension {column}"))
         }
         shape @ StatesError::Shape { .. } => shape.into(),
     })

@@ -7,7 +7,6 @@ mod table;
 
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
-use anyhow::{Context as _, bail};
 use calib_core::{Seed, Segments, States};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, fingerprint_file, map_npy, write_npy};
@@ -21,6 +20,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    Context as _, StepError, bail,
     base::{
         artefact::{self, Below, Claim, Files, Manifest, TOOL},
         clock::Stopwatch,
@@ -103,7 +103,11 @@ const ENCODER: &str = "encoder.safetensors";
 const PSI: &str = "representation.npy";
 
 /// Train or import the representations of a study, and choose one.
-pub(crate) fn run(job: &Job, device: Option<Device>, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(
+    job: &Job,
+    device: Option<Device>,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     if device.is_some() {
@@ -154,7 +158,7 @@ fn train_share(
     dataset: &Dataset,
     share: Share,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let (study, directory) = (job.study(), job.layout().representation());
     if study.representation.kind == RepresentationKind::Import {
         printer.say("an imported representation is not trained: there is nothing to share");
@@ -185,7 +189,7 @@ fn find(
     paths: &Layout,
     key: &str,
     printer: &Printer,
-) -> anyhow::Result<Option<RepresentationManifest>> {
+) -> Result<Option<RepresentationManifest>, StepError> {
     let directory = paths.representation();
     if let Some(found) = up_to_date(&directory, key) {
         return Ok(Some(found));
@@ -214,7 +218,7 @@ const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the dist
     try a greater `zeta` or `dimension`, more `steps`, or a smaller `learning_rate` in [representation]";
 
 /// Fingerprint of what the representations follow from.
-fn key(job: &Job, dataset: &Dataset) -> anyhow::Result<String> {
+fn key(job: &Job, dataset: &Dataset) -> Result<String, StepError> {
     let study = job.study();
     let imported = match study.representation.kind {
         RepresentationKind::Import => Some(fingerprint_file(&import::file(job)?)?),
@@ -282,7 +286,7 @@ fn make(
     dataset: &Dataset,
     key: String,
     printer: &Printer,
-) -> anyhow::Result<RepresentationManifest> {
+) -> Result<RepresentationManifest, StepError> {
     let directory = &job.layout().representation();
     let material = Material::of(dataset);
     made(job, directory, material, key, |split| {
@@ -299,8 +303,8 @@ fn made(
     directory: &Path,
     material: Material<'_>,
     key: String,
-    try_all: impl FnOnce(&Split) -> anyhow::Result<Tried>,
-) -> anyhow::Result<RepresentationManifest> {
+    try_all: impl FnOnce(&Split) -> Result<Tried, StepError>,
+) -> Result<RepresentationManifest, StepError> {
     let split = Split::in_time(material.segments)?;
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
@@ -343,7 +347,7 @@ fn score_of(study: &Study, material: Material<'_>, split: &Split, psi: &States) 
     score(material.states, psi, material.segments, &split.validation, seed(study))
 }
 
-fn imported(job: &Job, dataset: &Dataset, split: &Split) -> anyhow::Result<Tried> {
+fn imported(job: &Job, dataset: &Dataset, split: &Split) -> Result<Tried, StepError> {
     let psi = import::read(job, dataset)?;
     let scores = Some(score_of(job.study(), Material::of(dataset), split, &psi));
     let candidate =
@@ -358,7 +362,7 @@ fn trained(
     (material, split): (Material<'_>, &Split),
     directory: &Path,
     printer: &Printer,
-) -> anyhow::Result<Tried> {
+) -> Result<Tried, StepError> {
     let study = job.study();
     if device.is_none() {
         memory::require(needed_bytes(study, material), "training the representations", LESS)?;
@@ -392,7 +396,7 @@ pub(crate) struct Representation {
 }
 
 /// What `calib represent` left for the study; none if neighbours are searched among the states themselves.
-pub(crate) fn open(job: &Job, dataset: &Dataset) -> anyhow::Result<Option<Representation>> {
+pub(crate) fn open(job: &Job, dataset: &Dataset) -> Result<Option<Representation>, StepError> {
     let (study, paths) = (job.study(), job.layout());
     if study.representation.kind == RepresentationKind::None {
         return Ok(None);
@@ -415,7 +419,7 @@ fn read(
     directory: &Path,
     manifest: &RepresentationManifest,
     command: &str,
-) -> anyhow::Result<Representation> {
+) -> Result<Representation, StepError> {
     if manifest.chosen.is_none() {
         bail!("{}: {NONE_QUALIFIES}; then run `{command}`", directory.display());
     }
@@ -466,7 +470,10 @@ pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
 }
 
 /// Put the representation into a model's directory, which then needs nothing else; names of the files.
-pub(crate) fn copy_to(directory: &Path, of: &Representation) -> anyhow::Result<Vec<&'static str>> {
+pub(crate) fn copy_to(
+    directory: &Path,
+    of: &Representation,
+) -> Result<Vec<&'static str>, StepError> {
     let Representation { psi, encoder, .. } = of;
     write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
     let Some(encoder) = encoder else { return Ok(vec![PSI]) };
@@ -478,14 +485,14 @@ pub(crate) fn copy_to(directory: &Path, of: &Representation) -> anyhow::Result<V
 pub(crate) fn of_model(
     directory: &Path,
     files: &Files,
-) -> anyhow::Result<(Option<States>, Option<Mlp>)> {
+) -> Result<(Option<States>, Option<Mlp>), StepError> {
     let has = |name: &str| files.contains_key(name).then(|| directory.join(name));
     let psi = has(PSI).map(|path| mapped(&path)).transpose()?;
     let encoder = has(ENCODER).map(|path| read_encoder(&path)).transpose()?;
     Ok((psi, encoder))
 }
 
-fn mapped(path: &Path) -> anyhow::Result<States> {
+fn mapped(path: &Path) -> Result<States, StepError> {
     let mapped = map_npy::<f32>(path)?;
     let (rows, columns) = (mapped.rows(), mapped.columns());
     Ok(States::from_shared(Arc::new(mapped), rows, columns)?)

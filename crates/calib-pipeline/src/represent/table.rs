@@ -9,6 +9,7 @@ use calib_stats::Direction;
 
 use super::{Candidate, RepresentationManifest};
 use crate::{
+    StepError,
     base::artefact,
     output::{Printer, significant, table},
 };
@@ -35,7 +36,7 @@ pub(super) fn write(
     directory: &Path,
     candidates: &[Candidate],
     chosen: Option<usize>,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let numbers = || (0..candidates.len() as u32).collect::<Vec<u32>>();
     let mut of = Table::new()
         .with("candidate", numbers())
@@ -95,7 +96,7 @@ fn telling(candidates: &[Candidate]) -> Vec<Field> {
 }
 
 /// Print all candidates with both scores, and which is chosen.
-pub(super) fn show(manifest: &RepresentationManifest, printer: &Printer) -> anyhow::Result<()> {
+pub(super) fn show(manifest: &RepresentationManifest, printer: &Printer) -> Result<(), StepError> {
     let fields = telling(&manifest.candidates);
     let mut header = vec!["candidate"];
     header.extend(fields.iter().map(|(name, _)| *name));

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    StepError,
     model::model_files::OpenModel,
     output::{Printer, count},
     rollouts::truth::Record,
@@ -55,7 +56,7 @@ pub(crate) fn of(
     record: Record<'_>,
     all: &[Vec<Trajectory>],
     sensors: &[(String, usize)],
-) -> anyhow::Result<Collapse> {
+) -> Result<Collapse, StepError> {
     let states = model.frames.states();
     let rollouts: Vec<&Trajectory> = all.iter().flatten().collect();
     let columns = model.manifest.normaliser.columns();
@@ -70,7 +71,7 @@ pub(crate) fn of(
     }
     let sensors =
         sensors.iter().map(|(name, column)| sensor(record, &rollouts, name, *column, states));
-    let sensors = sensors.collect::<anyhow::Result<_>>()?;
+    let sensors = sensors.collect::<Result<_, StepError>>()?;
     Ok(Collapse { rollouts: rollouts.len(), sensors, ended })
 }
 
@@ -80,7 +81,7 @@ fn sensor(
     name: &str,
     column: usize,
     states: &States,
-) -> anyhow::Result<SensorCollapse> {
+) -> Result<SensorCollapse, StepError> {
     let data = Spread::of(states, column);
     let mut steps = Vec::new();
     let (mut recorded, mut recorded_collapsed, mut escaped) = (0, 0, 0);
@@ -132,7 +133,7 @@ impl Spread {
 }
 
 /// Say what was found; silent where nothing is wrong.
-pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> anyhow::Result<()> {
+pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepError> {
     let all = collapse.rollouts;
     for ended in &collapse.ended {
         printer.warn(&format!(

@@ -7,10 +7,14 @@ use calib_data::table::Table;
 use calib_files::{file_name, write_atomically};
 use calib_report::{Figure, RolloutFigure, RolloutGrid, RolloutRow, Trajectory};
 
-use crate::rollouts::trajectory_columns::Columns;
+use crate::{StepError, rollouts::trajectory_columns::Columns};
 
 /// Write a figure as `NAME.svg` and `NAME.png`; what the two files are called.
-pub(crate) fn write(directory: &Path, name: &str, figure: &Figure) -> anyhow::Result<[String; 2]> {
+pub(crate) fn write(
+    directory: &Path,
+    name: &str,
+    figure: &Figure,
+) -> Result<[String; 2], StepError> {
     let (svg, png) = (figure.svg(), figure.png()?);
     let names = names(name);
     write_atomically(&directory.join(&names[0]), |file| file.write_all(svg.as_bytes()))?;
@@ -32,7 +36,7 @@ pub(crate) fn rollouts(
     trajectories: &Table,
     sensors: &[String],
     period_secs: f64,
-) -> anyhow::Result<Vec<RolloutFigure>> {
+) -> Result<Vec<RolloutFigure>, StepError> {
     let groups = groups(trajectories)?;
     let mut figures = Vec::with_capacity(sensors.len());
     for (sensor, named) in sensors.iter().zip(Columns::of(sensors)) {
@@ -95,7 +99,7 @@ pub(crate) fn starts(
     trajectories: &Table,
     sensors: &[String],
     period_secs: f64,
-) -> anyhow::Result<Vec<Starts>> {
+) -> Result<Vec<Starts>, StepError> {
     let groups = groups(trajectories)?;
     let mut all = Vec::with_capacity(sensors.len());
     for (sensor, named) in sensors.iter().zip(Columns::of(sensors)) {
@@ -186,7 +190,7 @@ struct Group {
     rows: std::ops::Range<usize>,
 }
 
-fn groups(trajectories: &Table) -> anyhow::Result<Vec<Group>> {
+fn groups(trajectories: &Table) -> Result<Vec<Group>, StepError> {
     let members = trajectories.column::<u32>("member")?;
     let numbers = trajectories.column::<u32>("rollout")?;
     let wanted = trajectories.column::<u32>("wanted_row")?;

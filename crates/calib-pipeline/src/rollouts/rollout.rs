@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    StepError,
     base::{
         artefact::{self, Below, Claim, Files, Manifest, TOOL},
         clock::Stopwatch,
@@ -77,7 +78,7 @@ impl Manifest for RolloutManifest {
 ///
 /// # Errors
 /// If a table is not what was written.
-pub(crate) fn finished(job: &Job, model: &str) -> anyhow::Result<Option<RolloutManifest>> {
+pub(crate) fn finished(job: &Job, model: &str) -> Result<Option<RolloutManifest>, StepError> {
     let paths = job.layout();
     let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(|found| {
         found.model == *model && job.study().differences(Made::Rollouts, &found.study).is_empty()
@@ -89,7 +90,7 @@ pub(crate) fn finished(job: &Job, model: &str) -> anyhow::Result<Option<RolloutM
 }
 
 /// Roll every member out and set the trajectories beside the recorded ones.
-pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     let model = model_files::open(job)?;
@@ -98,7 +99,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
     let deployment = match held_out(job, &model, printer) {
         Err(reason) if job.deployment().is_some() && partition::is_outside(&reason) => {
             let name = job.deployment().unwrap_or_default();
-            printer.error(&format!("deployment {name} is left out: {reason:#}"));
+            printer.error(&format!("deployment {name} is left out: {reason}"));
             return Ok(Outcome::Negative);
         }
         deployment => deployment?,
@@ -170,7 +171,7 @@ fn sensors(
     study: &Study,
     model: &OpenModel,
     directory: &Path,
-) -> anyhow::Result<Vec<(String, usize)>> {
+) -> Result<Vec<(String, usize)>, StepError> {
     let normaliser = &model.manifest.normaliser;
     if study.sweep.sensors.is_empty() {
         let columns = normaliser.columns().iter().enumerate();
@@ -207,7 +208,7 @@ fn roll_out(
     key: String,
     directory: &Path,
     printer: &Printer,
-) -> anyhow::Result<RolloutManifest> {
+) -> Result<RolloutManifest, StepError> {
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     let config = &study.rollout;
@@ -278,7 +279,7 @@ fn compare(
     directory: &Path,
     steps: usize,
     printer: &Printer,
-) -> anyhow::Result<Option<Comparison>> {
+) -> Result<Option<Comparison>, StepError> {
     if steps == 0 {
         comparison::remove(directory)?;
         return Ok(None);
@@ -294,7 +295,7 @@ fn held_out(
     job: &Job,
     model: &OpenModel,
     printer: &Printer,
-) -> anyhow::Result<Option<(Frames, Fingerprint)>> {
+) -> Result<Option<(Frames, Fingerprint)>, StepError> {
     let (study, paths) = (job.study(), job.layout());
     // A model that deployments share was built without what is held out of one of them.
     let is_held_out = study.data.held_out.is_some()
@@ -369,7 +370,11 @@ fn trajectories(
     table
 }
 
-fn summarise(manifest: &RolloutManifest, study: &Study, printer: &Printer) -> anyhow::Result<()> {
+fn summarise(
+    manifest: &RolloutManifest,
+    study: &Study,
+    printer: &Printer,
+) -> Result<(), StepError> {
     for (number, member) in manifest.members.iter().enumerate() {
         let replaced = member.starts.text().map_or_else(String::new, |text| format!("; {text}"));
         let moves = member.jumps.as_ref().map_or_else(|| "predictions".to_owned(), jumps::line);

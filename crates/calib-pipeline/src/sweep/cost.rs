@@ -7,7 +7,6 @@ use std::{
     time::Duration,
 };
 
-use anyhow::Context as _;
 use calib_agent::{
     AgentConfig, AgentError, Checkpoint, CurveRule, Learner, NoKeeper, Run, train_learners,
 };
@@ -16,6 +15,7 @@ use calib_study::Study;
 use calib_sweep::{Candidate, Environment, RunStream, Start};
 
 use crate::{
+    Context as _, StepError,
     base::clock::Stopwatch,
     sweep::setting::{Setting, agent_seed},
 };
@@ -99,7 +99,7 @@ impl Cost {
         environments: &[Box<dyn Environment + '_>],
         measured: &MeasuredPasses,
         monitor: &dyn Monitor,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let environment = environments.iter().find(|environment| environment.runs() > 0);
         let environment = environment.context("the sweep has no runs")?;
         let clock = Stopwatch::start();
@@ -119,7 +119,7 @@ impl Cost {
         making: f64,
         measured: &MeasuredPasses,
         monitor: &dyn Monitor,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let work = work(trained, &agents(trained, 1), streamed.stream.width());
         if let Some(sensor) = measured.known(work) {
             return Ok(Self { fixed: making, sensor });
@@ -195,7 +195,7 @@ fn seconds(
     streamed: &RunStream,
     sensors: usize,
     monitor: &dyn Monitor,
-) -> anyhow::Result<f64> {
+) -> Result<f64, StepError> {
     let stream = &*streamed.stream;
     let all = agents(trained, sensors);
     let whole = work(trained, &all, stream.width());
@@ -210,17 +210,17 @@ fn seconds_of(
     streamed: &RunStream,
     agents: &[Agent<'_>],
     monitor: &dyn Monitor,
-) -> anyhow::Result<f64> {
+) -> Result<f64, StepError> {
     let stream = &*streamed.stream;
     let (whole, most) = (trained.steps, trained.steps.min(stream.len().saturating_sub(1)));
     let learners: Vec<Learner<'_>> = agents.iter().map(Agent::learner).collect();
     let curve = CurveRule { windows: trained.study.sweep.curve_points };
     let seed = agent_seed(trained.study);
-    let timed = |steps: usize| -> anyhow::Result<Timed> {
+    let timed = |steps: usize| -> Result<Timed, StepError> {
         let run = Run { stream, steps, curve, seed };
         let watch = Deadline { monitor, clock: Stopwatch::start(), done: AtomicU64::new(0) };
         match train_learners(run, &learners, &NoKeeper, &watch) {
-            Err(AgentError::Interrupted) if !monitor.interrupted() => {
+            Err(AgentError::Cancelled(_)) if !monitor.interrupted() => {
                 let done = watch.done.into_inner().max(1) as f64;
                 Ok(Timed::Late(watch.clock.elapsed().as_secs_f64() / done * whole as f64))
             }

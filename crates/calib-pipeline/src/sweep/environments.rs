@@ -1,7 +1,6 @@
 //! The environments of a sweep: members, Online and log replay. What each is made of is described first, so that other
 //! processes can open it.
 
-use anyhow::Context as _;
 use calib_core::{Frames, Seed};
 use calib_data::Dataset;
 use calib_files::Fingerprint;
@@ -14,6 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    Context as _, StepError,
     model::{
         kinds::search_place,
         model_files::OpenModel,
@@ -56,7 +56,7 @@ pub(crate) struct Streaming {
 
 impl Streaming {
     /// As a job asks for.
-    pub(crate) fn of(study: &Study, span: Span) -> anyhow::Result<Self> {
+    pub(crate) fn of(study: &Study, span: Span) -> Result<Self, StepError> {
         let seed = Seed::new(study.seed).child("rollout");
         Ok(Self { span, weights: study.model.weights()?, seed })
     }
@@ -91,7 +91,7 @@ impl Described {
         &self,
         sources: Sources<'a>,
         Streaming { span, weights, seed }: Streaming,
-    ) -> anyhow::Result<Box<dyn Environment + 'a>> {
+    ) -> Result<Box<dyn Environment + 'a>, StepError> {
         let lacks = || format!("what {} is made of is not there", self.id());
         Ok(match self {
             Self::Member { number, starts, inputs } => {
@@ -128,7 +128,7 @@ impl Environments {
         dataset: &Dataset,
         streams: &Streams,
         printer: &Printer,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let (study, paths) = (job.study(), job.layout());
         let mut described = Vec::new();
         let configured = study.sweep_starts();
@@ -182,7 +182,7 @@ pub(crate) fn open_all<'a>(
     described: &[Described],
     sources: Sources<'a>,
     rolling: Streaming,
-) -> anyhow::Result<Vec<Box<dyn Environment + 'a>>> {
+) -> Result<Vec<Box<dyn Environment + 'a>>, StepError> {
     described.iter().map(|one| one.open(sources, rolling)).collect()
 }
 

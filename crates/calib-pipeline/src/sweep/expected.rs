@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
+    StepError,
     base::outcome::Outcome,
     model::model_files,
     output::{Printer, bytes, count, duration},
@@ -86,7 +87,7 @@ pub(crate) fn before_model(
     job: &Job,
     counted: &Counted,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let study = job.study();
     let candidates = candidates_of(study)?;
     let (parts, streams) = scorable(job, &candidates, &printer.silent())?;
@@ -97,9 +98,8 @@ pub(crate) fn before_model(
     let steps = streams.demand.span.steps;
     let trained =
         Trained { study, candidates: &candidates, sensors: &sensors, starts: &starts, steps };
-    let members = if study.is_parametric() { 1 } else { study.model.members };
     let online = if dataset.held_out.is_some() { study.sweep.online_runs } else { 0 };
-    let passes = members * study.member_runs() + online + study.sweep.log_replay_runs;
+    let passes = study.members() * study.member_runs() + online + study.sweep.log_replay_runs;
     let units = passes * sensors.len();
     let sizes = Sizes::of(study, dataset, streams.demand.span, [units, passes]);
     let threads = rayon::current_num_threads();

@@ -2,15 +2,16 @@
 
 use std::{cell::RefCell, collections::BTreeSet};
 
-use anyhow::bail;
 use calib_agent::{Accelerator, AgentConfig, MOST_TOGETHER, training_bytes};
 use calib_data::Dataset;
+use calib_model::ModelFamily;
 use calib_study::{Job, Study};
 use calib_sweep::{Candidate, Span};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
+    StepError, bail,
     base::memory,
     output::{Printer, bytes, count, table},
     sweep::{cost::MeasuredPasses, expected::Expected},
@@ -150,7 +151,10 @@ impl Sizes {
             curve_points: study.sweep.curve_points,
             units,
             passes,
-            predicted_runs: if study.is_parametric() { study.member_runs() } else { 0 },
+            predicted_runs: match study.model.kind.family() {
+                ModelFamily::Network => study.member_runs(),
+                ModelFamily::Neighbors => 0,
+            },
         }
     }
 }
@@ -191,7 +195,7 @@ impl Memory {
     ///
     /// # Errors
     /// If there is less memory, with what to do.
-    pub(crate) fn check(&self) -> anyhow::Result<()> {
+    pub(crate) fn check(&self) -> Result<(), StepError> {
         let Some(available) = self.available.filter(|_| !self.fits()) else { return Ok(()) };
         let shared = self.data + self.predictions + self.results;
         let fit = available.saturating_sub(shared) / self.thread.max(1);
@@ -231,7 +235,7 @@ impl Memory {
 
 impl SweepPlan<'_> {
     /// Say what will be done, and refuse what would not fit. Of a dry run it is all there is.
-    pub(crate) fn announce(&self, job: &Job, printer: &Printer) -> anyhow::Result<()> {
+    pub(crate) fn announce(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
         self.tell(job.study(), printer)?;
         if job.policy().is_dry() {
             self.show(printer)?;
@@ -241,7 +245,7 @@ impl SweepPlan<'_> {
         Ok(())
     }
 
-    fn tell(&self, study: &Study, printer: &Printer) -> anyhow::Result<()> {
+    fn tell(&self, study: &Study, printer: &Printer) -> Result<(), StepError> {
         let shared = match self.shared {
             0 => String::new(),
             shared => format!(", {} of them with an earlier model or deployment", count(shared)),
@@ -268,7 +272,7 @@ impl SweepPlan<'_> {
     }
 
     /// Every value, as a list or for machines.
-    fn show(&self, printer: &Printer) -> anyhow::Result<()> {
+    fn show(&self, printer: &Printer) -> Result<(), StepError> {
         if printer.is_for_machines() {
             return printer.json(self);
         }

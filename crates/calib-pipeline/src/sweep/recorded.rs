@@ -3,12 +3,11 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use calib_core::{Frames, Normalised, Timestamp};
 use calib_data::{Dataset, format_time, table::Table, table::read_parquet};
 use calib_report::{PeriodUse, RecordedFigure, RecordedPeriod, min_max_in_time};
 
-use crate::{base::artefact::write_table, log::partition::PretrainPart};
+use crate::{Context as _, StepError, base::artefact::write_table, log::partition::PretrainPart};
 
 /// The file in the directory of a sweep.
 pub(crate) const RECORDED: &str = "recorded.parquet";
@@ -27,7 +26,7 @@ pub(crate) fn write(
     dataset: &Dataset,
     pretrain: Option<&PretrainPart>,
     sensors: &[(String, usize)],
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let pretrain = pretrain.map(|part| (PRETRAINING, &part.frames));
     let held_out = dataset.held_out.as_ref().map(|frames| (HELD_OUT, frames));
     let periods = pretrain.into_iter().chain([(TRAINING, &dataset.train)]).chain(held_out);
@@ -75,7 +74,7 @@ pub(crate) fn figures(
     directory: &Path,
     sensors: &[String],
     deployment: Option<&str>,
-) -> anyhow::Result<Vec<RecordedFigure>> {
+) -> Result<Vec<RecordedFigure>, StepError> {
     let path = directory.join(RECORDED);
     let table = read_parquet(&path).with_context(|| path.display().to_string())?;
     let rows = Rows {

@@ -10,6 +10,7 @@ use calib_sweep::{
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    StepError,
     base::{
         artefact::{self, Below, Claim},
         clock::Stopwatch,
@@ -47,7 +48,7 @@ pub(crate) fn run(
     counted: &Counted,
     device: Option<Device>,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let accelerator = on_device(device, job.study())?;
     sweep(job, counted, Source { pool: None, accelerator: accelerator.as_deref() }, printer)
 }
@@ -59,7 +60,7 @@ pub(crate) fn run(
 pub(crate) fn on_device(
     device: Option<Device>,
     study: &Study,
-) -> anyhow::Result<Option<Box<dyn Accelerator>>> {
+) -> Result<Option<Box<dyn Accelerator>>, StepError> {
     let Some(device) = device else { return Ok(None) };
     candidates_of(study)?.iter().try_for_each(|of| check_accelerated(&of.agent))?;
     Ok(Some(torch::accelerator(device)?))
@@ -69,7 +70,11 @@ pub(crate) fn on_device(
 ///
 /// # Errors
 /// [`SweepError::Incomplete`] if something is, before anything is written.
-pub(crate) fn put_together(job: &Job, pool: &Pool, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn put_together(
+    job: &Job,
+    pool: &Pool,
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
     sweep(job, &Counted::default(), Source { pool: Some(pool), accelerator: None }, printer)
 }
 
@@ -87,7 +92,7 @@ fn sweep(
     counted: &Counted,
     Source { pool, accelerator }: Source<'_>,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
     let (study, directory) = (job.study(), job.layout().sweep());
     let setting = match Setting::of(job, printer)? {
@@ -169,7 +174,7 @@ fn manifest_of(
     setting: &Setting,
     results: &[UnitResult],
     printer: &Printer,
-) -> anyhow::Result<SweepManifest> {
+) -> Result<SweepManifest, StepError> {
     let Setting { model, dataset, candidates, streams, sensors, still, .. } = setting;
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
     printer.say_all(saved(results, setting.runs()).as_slice());
@@ -226,7 +231,7 @@ fn finished(directory: &Path, job: &Job) -> Option<SweepManifest> {
 }
 
 /// Claim the directory of a sweep that has something to write.
-fn begin(directory: &Path) -> anyhow::Result<Claim> {
+fn begin(directory: &Path) -> Result<Claim, StepError> {
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
     Ok(claim)
@@ -245,7 +250,7 @@ fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
 }
 
 /// Write down why nothing can be scored in a deployment, so that the other ones are judged without it.
-fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> anyhow::Result<Outcome> {
+fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<Outcome, StepError> {
     let Unsettled { dataset, model, candidates, reason } = unsettled;
     let study = job.study();
     let name = job.deployment().unwrap_or_default();
@@ -287,7 +292,7 @@ impl Found {
         store: &UnitStore,
         job: &Job,
         Source { pool, accelerator }: Source<'_>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         if job.policy().redoes() {
             return Ok(Self::default());
         }
@@ -311,7 +316,7 @@ struct Timings {
     wall_secs: f64,
 }
 
-fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> anyhow::Result<()> {
+fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> Result<(), StepError> {
     let wall_secs = clock.elapsed().as_secs_f64();
     Ok(write_json(&directory.join("timings.json"), &Timings { units, wall_secs })?)
 }
@@ -328,7 +333,7 @@ fn finish(
     ran: usize,
     clock: Stopwatch,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     if printer.is_for_machines() {
         printer.json(manifest)?;
     } else {

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::bail;
 use calib_agent::Accelerator;
 use calib_core::{Monitor, Seed};
 use calib_data::Dataset;
@@ -13,7 +12,9 @@ use calib_sweep::{
 };
 
 use crate::{
+    StepError,
     agents::pretrain_files,
+    bail,
     log::partition::{self, Parts, PretrainPart},
     model::model_files::{self, OpenModel},
     output::Printer,
@@ -24,7 +25,7 @@ use crate::{
         notes::standing_still,
         simple::SimpleErrors,
         standing_still::Still,
-        streams::{Streams, Unscorable},
+        streams::Streams,
     },
 };
 
@@ -57,7 +58,7 @@ pub(crate) struct Unsettled {
 
 impl Setting {
     /// Read and check everything that the sweep of a job follows from.
-    pub(crate) fn of(job: &Job, printer: &Printer) -> anyhow::Result<Result<Self, Unsettled>> {
+    pub(crate) fn of(job: &Job, printer: &Printer) -> Result<Result<Self, Unsettled>, StepError> {
         let study = job.study();
         let candidates = candidates_of(study)?;
         let model = model_files::open(job)?;
@@ -92,7 +93,7 @@ impl Setting {
     }
 
     /// The environments, opened.
-    pub(crate) fn open(&self, study: &Study) -> anyhow::Result<Vec<Box<dyn Environment + '_>>> {
+    pub(crate) fn open(&self, study: &Study) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
         self.open_of(study, self.streams.demand.span)
     }
 
@@ -105,14 +106,18 @@ impl Setting {
         study: &Study,
         measured: &MeasuredPasses,
         monitor: &dyn Monitor,
-    ) -> anyhow::Result<Cost> {
+    ) -> Result<Cost, StepError> {
         let span = self.streams.demand.span;
         let short = Span { steps: span.steps.min(MEASURED_STEPS), ..span };
         let environments = self.open_of(study, short)?;
         Cost::measure(Trained::of(study, self), &environments, measured, monitor)
     }
 
-    fn open_of(&self, study: &Study, span: Span) -> anyhow::Result<Vec<Box<dyn Environment + '_>>> {
+    fn open_of(
+        &self,
+        study: &Study,
+        span: Span,
+    ) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
         let sources = Sources {
             states: Some(&self.model.frames),
             model: Some(&*self.model.model),
@@ -128,7 +133,7 @@ impl Setting {
         &self,
         environments: &[Box<dyn Environment + '_>],
         baselines: &Baselines<'_>,
-    ) -> anyhow::Result<SimpleErrors> {
+    ) -> Result<SimpleErrors, StepError> {
         let environments: Vec<&dyn Environment> =
             environments.iter().map(|environment| &**environment).collect();
         let windows = recorded_windows(&environments)?;
@@ -180,7 +185,7 @@ pub(crate) fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, Sweep
 }
 
 /// The values that a study sweeps.
-pub(crate) fn candidates_of(study: &Study) -> anyhow::Result<Vec<Candidate>> {
+pub(crate) fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> {
     if study.sweep.sensors.is_empty() {
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }
@@ -193,17 +198,19 @@ pub(crate) fn scorable(
     job: &Job,
     candidates: &[Candidate],
     printer: &Printer,
-) -> anyhow::Result<(Parts, Result<Streams, String>)> {
+) -> Result<(Parts, Result<Streams, String>), StepError> {
     let is_one_of_several = job.deployment().is_some();
     let parts = match partition::load(job, printer) {
         Err(reason) if is_one_of_several && partition::is_outside(&reason) => {
             let rest = partition::load_training(job, printer)?;
-            return Ok((rest, Err(format!("{reason:#}"))));
+            return Ok((rest, Err(format!("{reason}"))));
         }
         parts => parts?,
     };
     let streams = match Streams::of(job.study(), &parts.dataset, candidates, printer) {
-        Err(reason) if is_one_of_several && reason.is::<Unscorable>() => Err(reason.to_string()),
+        Err(reason) if is_one_of_several && matches!(reason.root(), StepError::Unscorable(_)) => {
+            Err(reason.to_string())
+        }
         streams => Ok(streams?),
     };
     Ok((parts, streams))

@@ -9,6 +9,8 @@ use calib_sweep::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::StepError;
+
 /// Where they are.
 pub(crate) const FILE: &str = "simple.json";
 
@@ -33,7 +35,7 @@ impl SimpleErrors {
         (sensors, normaliser): (&[(String, usize)], &Normaliser),
         gamma: f64,
         span: Span,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let scores = simple_scores(baselines, windows, sensors, gamma, span)?;
         let unit = |(sensor, column): &(String, usize)| {
             (sensor.clone(), normaliser.columns()[*column].bounds.scale * (1.0 - gamma))
@@ -42,11 +44,11 @@ impl SimpleErrors {
         Ok(Self { runs: None, units: sensors.iter().map(unit).collect(), fitted, scores })
     }
 
-    pub(crate) fn write(&self, directory: &Path) -> anyhow::Result<()> {
+    pub(crate) fn write(&self, directory: &Path) -> Result<(), StepError> {
         Ok(write_sealed_json(&directory.join(FILE), self)?)
     }
 
-    pub(crate) fn read(directory: &Path) -> anyhow::Result<Self> {
+    pub(crate) fn read(directory: &Path) -> Result<Self, StepError> {
         Ok(read_sealed_json(&directory.join(FILE))?)
     }
 }

@@ -1,6 +1,5 @@
 //! How long the streams of a sweep are, and which windows of the log they replay.
 
-use anyhow::bail;
 use calib_agent::{Part, ReturnMoments};
 use calib_core::{Frames, RowStream, Seed, Timestamp};
 use calib_data::Dataset;
@@ -10,6 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    StepError,
     base::artefact::MANIFEST,
     log::partition::{self, Parts},
     output::{Printer, count},
@@ -25,20 +25,15 @@ pub(crate) struct Streams {
     pub(crate) notes: Vec<String>,
 }
 
-/// A held-out range that no step of can be scored: nothing can be said about a choice there.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub(crate) struct Unscorable(String);
-
 impl Streams {
     /// # Errors
-    /// [`Unscorable`] if no step of the held-out range could be scored, which is better known before any is trained on.
+    /// [`StepError::Unscorable`] if no step of the held-out range could be scored, which is better known before any is trained on.
     pub(crate) fn of(
         study: &Study,
         dataset: &Dataset,
         candidates: &[Candidate],
         printer: &Printer,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let sweep = &study.sweep;
         let mut notes = Vec::new();
         let mut steps = sweep.steps;
@@ -79,8 +74,8 @@ impl Streams {
 /// Refuse a study whose only held-out range could not be scored, before a model is built. What there are several of is left out one by one.
 ///
 /// # Errors
-/// [`Unscorable`], or a log that cannot be read.
-pub(crate) fn check(job: &Job, printer: &Printer) -> anyhow::Result<()> {
+/// [`StepError::Unscorable`], or a log that cannot be read.
+pub(crate) fn check(job: &Job, printer: &Printer) -> Result<(), StepError> {
     let study = job.study();
     if !study.deployments.is_empty() || job.layout().model().join(MANIFEST).exists() {
         return Ok(());
@@ -97,7 +92,7 @@ fn held_out_windows(
     held_out: &Frames,
     demand: Demand,
     notes: &mut Vec<String>,
-) -> anyhow::Result<Windows> {
+) -> Result<Windows, StepError> {
     let asked = study.sweep.online_windows.min(study.sweep.online_runs);
     let windows = Windows::held_out(held_out.segments(), demand, asked);
     if windows.starts.is_empty() {
@@ -107,7 +102,7 @@ fn held_out_windows(
             Part::WholeRun => "or a smaller gamma",
             _ => "a smaller gamma, or sweep.scored = \"whole_run\"",
         };
-        bail!(Unscorable(format!(
+        return Err(StepError::Unscorable(format!(
             "no step of the held-out range{range} can be scored: with gamma = {} the last {} steps of each unbroken piece have \
              truncated returns, its longest piece has {} states, and {} of runs of {} steps are scored; use a longer range, \
              {other}",

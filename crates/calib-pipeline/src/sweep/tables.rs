@@ -7,7 +7,7 @@ use calib_data::table::Table;
 use calib_sweep::{Candidate, ErrorScale, RunRow, UnitResult};
 use serde_json::Value;
 
-use crate::{base::artefact::write_table, sweep::SweepManifest};
+use crate::{StepError, base::artefact::write_table, ensure, sweep::SweepManifest};
 
 /// Where runs and learning curves are written.
 pub(crate) const FILES: [&str; 2] = ["runs.parquet", "curves.parquet"];
@@ -17,7 +17,7 @@ pub(crate) fn write(
     directory: &Path,
     sweep: &SweepManifest,
     results: &[UnitResult],
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let candidates = &sweep.candidates;
     let [runs, curves] = FILES.map(|name| directory.join(name));
     write_table(runs_table(sweep, results), &runs)?;
@@ -39,7 +39,7 @@ pub(crate) fn external_runs(
     sweep: &SweepManifest,
     part: Part,
     results: &[UnitResult],
-) -> anyhow::Result<Table> {
+) -> Result<Table, StepError> {
     let (rows, candidates) = (rows_of(results), &sweep.candidates);
     let of_rows = || rows.iter().map(|(_, row)| &candidates[row.candidate]);
     let mut table = named(&rows)
@@ -51,7 +51,7 @@ pub(crate) fn external_runs(
         let values: Vec<Option<&Value>> = of_rows()
             .map(|of| of.values.iter().find_map(|(name, value)| (name == field).then_some(value)))
             .collect();
-        anyhow::ensure!(
+        ensure!(
             !(OWN.contains(&field.as_str()) || table.values(field).is_some()),
             "a swept value cannot be called `{field}`: runs have a column of that name"
         );

@@ -10,7 +10,7 @@ use calib_report::{
 use calib_validity::{Method, MethodSummary, ModelPair, Validity};
 
 use super::{Judgement, show, tables::short};
-use crate::rollouts::figures;
+use crate::{StepError, rollouts::figures};
 
 /// Regrets below this are drawn here: logarithms have no zero.
 const FLOOR: f64 = 1e-3;
@@ -21,7 +21,7 @@ const MARKERS: [Marker; 5] =
     [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::TriangleDown];
 
 /// Write all figures as SVG and PNG.
-pub(super) fn write(directory: &Path, judgement: &Judgement) -> anyhow::Result<()> {
+pub(super) fn write(directory: &Path, judgement: &Judgement) -> Result<(), StepError> {
     for (name, figure) in all(judgement) {
         figures::write(directory, name, &Figure::new(figure.chart))?;
     }

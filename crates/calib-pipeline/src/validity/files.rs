@@ -7,9 +7,9 @@ use calib_files::write_json;
 use calib_validity::{Method, ModelPair, Pair, PairRegret};
 
 use super::{Judgement, Task, show::part_name};
-use crate::base::artefact::write_table;
+use crate::{StepError, base::artefact::write_table};
 
-pub(super) fn write(directory: &Path, judgement: &Judgement) -> anyhow::Result<()> {
+pub(super) fn write(directory: &Path, judgement: &Judgement) -> Result<(), StepError> {
     write_table(pairs(judgement), &directory.join("pairs.parquet"))?;
     Ok(write_json(&directory.join("validity.json"), &judgement.summary())?)
 }

@@ -1,13 +1,14 @@
 //! What a study says about its sensors.
 
-use anyhow::bail;
 use calib_agent::Part;
 use calib_core::Silent;
+use calib_model::ModelFamily;
 use calib_sweep::{Baseline, Candidate, RaceRule, SensorVerdict, SweepError, Truth};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
 use super::{race, studies::Listed, task::Task};
 use crate::{
+    StepError, bail,
     rollouts::{
         one_step::{self, OneStep},
         rollout::{self, RolloutManifest},
@@ -48,7 +49,7 @@ pub(super) fn gather(
     study: &Listed,
     models: &[Option<String>],
     least_windows: usize,
-) -> anyhow::Result<Result<Gathered, Reason>> {
+) -> Result<Result<Gathered, Reason>, StepError> {
     let mut gathered: Option<Gathered> = None;
     let mut reasons = Vec::new();
     for deployment in &study.deployments {
@@ -62,7 +63,7 @@ pub(super) fn gather(
             continue;
         }
         let of = models.iter().map(|model| of_model(study, (model.as_deref(), deployment)));
-        let of = of.collect::<anyhow::Result<Vec<_>>>()?;
+        let of = of.collect::<Result<Vec<_>, StepError>>()?;
         let Some(first) = of.first() else {
             return Ok(Err(Reason("no model of it can be made here".to_owned())));
         };
@@ -90,7 +91,7 @@ pub(super) fn gather(
 fn of_model(
     study: &Listed,
     (model, deployment): (Option<&str>, Option<&str>),
-) -> anyhow::Result<OfModel> {
+) -> Result<OfModel, StepError> {
     let judged = evaluate::judge(&study.job.choose(model, deployment)?, &Silent)?;
     let name = judged.job.model_name().to_owned();
     let key = &judged.manifest.model;
@@ -100,7 +101,9 @@ fn of_model(
 }
 
 fn networks(models: &[OfModel]) -> Vec<String> {
-    let networks = models.iter().filter(|model| model.judged.study().is_parametric());
+    let networks = models
+        .iter()
+        .filter(|model| model.judged.study().model.kind.family() == ModelFamily::Network);
     networks.map(|model| model.name.clone()).collect()
 }
 
@@ -110,13 +113,13 @@ fn add(
     sensor: &str,
     deployment: Option<&str>,
     (study, models): (&Listed, &[OfModel]),
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let own = models[0].judged.study().part();
     let parts = [own, Part::AfterFirstQuarter];
     for part in if own == parts[1] { &parts[..1] } else { &parts } {
         let verdicts = models.iter().map(|model| verdict(model, sensor, *part));
         // A run that the part has no step of cannot be judged by it.
-        let Some(verdicts) = verdicts.collect::<anyhow::Result<Option<Vec<_>>>>()? else {
+        let Some(verdicts) = verdicts.collect::<Result<Option<Vec<_>>, StepError>>()? else {
             continue;
         };
         let Some(truth) = verdicts.first().and_then(|first| first.truth.as_ref()) else {
@@ -148,7 +151,7 @@ fn add(
 }
 
 /// What a model's sweep says of a sensor by the errors over `part`; none if they have no step there.
-fn verdict(model: &OfModel, sensor: &str, part: Part) -> anyhow::Result<Option<SensorVerdict>> {
+fn verdict(model: &OfModel, sensor: &str, part: Part) -> Result<Option<SensorVerdict>, StepError> {
     let Judged { job, manifest, results, summary } = &model.judged;
     let study = job.study();
     if part == study.part() {
@@ -186,7 +189,7 @@ fn pair(
     }
 }
 
-fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> anyhow::Result<ModelPair> {
+fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> Result<ModelPair, StepError> {
     let own = |sensor: &String| *sensor == verdict.sensor;
     let one_step = model.one_step.as_ref();
     let of_sensor = one_step.and_then(|of| of.sensors.iter().find(|of| own(&of.sensor)));

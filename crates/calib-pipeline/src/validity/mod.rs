@@ -18,7 +18,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::bail;
 use calib_agent::Part;
 use calib_study::{Share, shell_words};
 use calib_validity::{Pair, Validity, judge};
@@ -26,6 +25,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
+    StepError, bail,
     base::{
         artefact::{self, Below, Claim, TOOL},
         clock::Stopwatch,
@@ -100,7 +100,7 @@ struct Judgement {
 }
 
 /// Run what is missing of each study, and judge all of them together.
-pub(crate) fn run(args: &ValidityOptions, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
     let listing = studies::list(args)?;
     studies::check(&listing.studies)?;
     let directory = output(args, &listing);
@@ -137,7 +137,7 @@ fn run_share(
     listing: &Listing,
     args: &ValidityOptions,
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let all = all(listing, args, printer)?;
     let own = (0..listing.studies.len()).filter(|place| share.has(*place)).count();
     printer.result(&format!(
@@ -189,7 +189,7 @@ struct All {
 }
 
 /// Go through all studies.
-fn all(listing: &Listing, args: &ValidityOptions, printer: &Printer) -> anyhow::Result<All> {
+fn all(listing: &Listing, args: &ValidityOptions, printer: &Printer) -> Result<All, StepError> {
     let clock = Stopwatch::start();
     let mut all = All::default();
     let is_own = |place: &usize| args.share.is_none_or(|share| share.has(*place));
@@ -232,7 +232,7 @@ fn take(
     args: &ValidityOptions,
     lacking: &mut BTreeMap<String, usize>,
     printer: &Printer,
-) -> anyhow::Result<Result<Gathered, Reason>> {
+) -> Result<Result<Gathered, Reason>, StepError> {
     if let Some(reason) = study.out_of_reach()? {
         return Ok(Err(Reason(reason)));
     }
@@ -259,7 +259,7 @@ fn take(
 }
 
 /// Judge what was gathered, by each score.
-fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> anyhow::Result<Judgement> {
+fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> Result<Judgement, StepError> {
     let All { gathered, left_out, lacking } = all;
     let Some((_, first)) = gathered.first() else {
         let told = left_out.iter().map(|of| format!("{}: {}", of.plant, of.reason));
@@ -292,7 +292,7 @@ fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> anyhow::Res
         plants,
         left_out,
         missing,
-        scores: by_score.into_iter().map(score).collect::<anyhow::Result<_>>()?,
+        scores: by_score.into_iter().map(score).collect::<Result<_, StepError>>()?,
         command: command(listing, args),
     })
 }

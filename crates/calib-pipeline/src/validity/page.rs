@@ -6,9 +6,10 @@ use calib_files::write_atomically;
 use calib_report::{Overview, Table};
 
 use super::{Judgement, claims::findings, figures, show, tables};
+use crate::StepError;
 
 /// Write the page.
-pub(super) fn write(path: &Path, judgement: &Judgement) -> anyhow::Result<()> {
+pub(super) fn write(path: &Path, judgement: &Judgement) -> Result<(), StepError> {
     let page = Overview {
         title: "Does calib choose well?".to_owned(),
         subtitle: Some(show::subtitle(judgement)),

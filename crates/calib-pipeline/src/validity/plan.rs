@@ -3,10 +3,13 @@
 use std::time::Duration;
 
 use super::{studies::Listing, task::Task};
-use crate::output::{Printer, duration, table};
+use crate::{
+    StepError,
+    output::{Printer, duration, table},
+};
 
 /// Every plant with its task, and what is left to run.
-pub(super) fn show(listing: &Listing, printer: &Printer) -> anyhow::Result<()> {
+pub(super) fn show(listing: &Listing, printer: &Printer) -> Result<(), StepError> {
     let mut rows = Vec::with_capacity(listing.studies.len());
     let (mut unfinished, mut finished, mut secs) = (0, 0, 0.0);
     for study in &listing.studies {

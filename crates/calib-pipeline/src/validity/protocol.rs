@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{bail, ensure};
 use calib_study::{Drawn, Protocol};
 
 use super::studies::files;
-use crate::{base::options::ValidityOptions, chain::Extent};
+use crate::{StepError, bail, base::options::ValidityOptions, chain::Extent, ensure};
 
 /// A protocol, its file, and where what follows from it goes.
 pub(super) struct Named {
@@ -18,7 +17,7 @@ pub(super) struct Named {
 
 impl Named {
     /// The protocol among the arguments: a file, or the one in a folder, whose other files are then the studies that it draws from.
-    pub(super) fn find(args: &ValidityOptions) -> anyhow::Result<Option<Self>> {
+    pub(super) fn find(args: &ValidityOptions) -> Result<Option<Self>, StepError> {
         let mut found = Vec::new();
         for argument in &args.studies {
             for path in files(argument)? {
@@ -66,7 +65,7 @@ impl Named {
     }
 
     /// All studies, with `overrides` over what is drawn.
-    pub(super) fn draw(&self, overrides: &[String]) -> anyhow::Result<Vec<Drawn>> {
+    pub(super) fn draw(&self, overrides: &[String]) -> Result<Vec<Drawn>, StepError> {
         Ok(self.protocol.draw(&self.file, &self.studies(), overrides)?)
     }
 }

@@ -3,7 +3,7 @@
 use calib_core::Seed;
 use calib_sweep::{EnvironmentId, Judging, RaceRule, SensorVerdict, UnitResult, raced, verdict};
 
-use crate::verdict::evaluate::Judged;
+use crate::{StepError, verdict::evaluate::Judged};
 
 /// A race on the runs that were made.
 pub(super) struct Outcome {
@@ -18,7 +18,7 @@ pub(super) fn outcome(
     judged: &Judged,
     whole: &SensorVerdict,
     race: RaceRule,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     let Judged { job, manifest, results, .. } = judged;
     let study = job.study();
     let own = results.iter().filter(|result| result.unit.sensor == whole.sensor).cloned();

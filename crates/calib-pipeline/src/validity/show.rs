@@ -5,10 +5,13 @@ use calib_report::{Cell, Table};
 use calib_validity::{CAP, FEWEST_PLANTS, Validity};
 
 use super::{Judgement, Score, claims::findings, tables};
-use crate::output::{Printer, count, counted, percent, significant, table};
+use crate::{
+    StepError,
+    output::{Printer, count, counted, percent, significant, table},
+};
 
 /// Print all tables.
-pub(super) fn show(judgement: &Judgement, printer: &Printer) -> anyhow::Result<()> {
+pub(super) fn show(judgement: &Judgement, printer: &Printer) -> Result<(), StepError> {
     printer.result(&subtitle(judgement))?;
     for (number, score) in judgement.scores.iter().enumerate() {
         printer.result("")?;
@@ -30,7 +33,7 @@ pub(super) fn show(judgement: &Judgement, printer: &Printer) -> anyhow::Result<(
     Ok(())
 }
 
-fn print(of: &Table, printer: &Printer) -> anyhow::Result<()> {
+fn print(of: &Table, printer: &Printer) -> Result<(), StepError> {
     printer.result("")?;
     printer.result(&of.title)?;
     let header: Vec<&str> = of.columns.iter().map(String::as_str).collect();

@@ -2,23 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail, ensure};
 use calib_core::Seed;
 use calib_files::read_regular;
-use calib_knn::ModelKind;
+use calib_model::ModelKind;
 use calib_study::{Drawn, Job, Request, Study, StudyError};
 use calib_sweep::{Candidate, candidates};
 
 use super::protocol::Named;
 use crate::{
+    Context as _, StepError, bail,
     base::{artefact::MANIFEST, options::ValidityOptions},
     chain::{self, Extent},
+    ensure,
     log::{
         plant_of_study::{self, PlantOfStudy},
         simulate::Found,
     },
     output::Printer,
-    sweep::{self, streams::Unscorable},
+    sweep,
     verdict::evaluate,
 };
 
@@ -44,14 +45,14 @@ pub(super) struct Listed {
 }
 
 /// The studies that `args` name; a folder stands for all `*.toml` in it, in alphabetical order, and a protocol for what it draws.
-pub(super) fn list(args: &ValidityOptions) -> anyhow::Result<Listing> {
+pub(super) fn list(args: &ValidityOptions) -> Result<Listing, StepError> {
     if let Some(protocol) = Named::find(args)? {
         let drawn = protocol.draw(&args.set)?;
         let listed = |drawn: Drawn| {
             let job = drawn.job(&protocol.studies())?;
             Ok(Listed::new(drawn.plant.clone(), job, Some(drawn)))
         };
-        let studies = drawn.into_iter().map(listed).collect::<anyhow::Result<_>>()?;
+        let studies = drawn.into_iter().map(listed).collect::<Result<_, StepError>>()?;
         return Ok(Listing { studies, protocol: Some(protocol) });
     }
     let mut studies: Vec<Listed> = Vec::new();
@@ -92,7 +93,7 @@ impl Listed {
     }
 
     /// Why its data cannot be looked for here, if that is so: they lie where a variable of the environment says, and it is not set.
-    pub(super) fn out_of_reach(&self) -> anyhow::Result<Option<String>> {
+    pub(super) fn out_of_reach(&self) -> Result<Option<String>, StepError> {
         match plant_of_study::data_to_read(&self.job) {
             Err(StudyError::UnsetVariable { name, .. }) => Ok(Some(format!("{name} is not set"))),
             Err(error) => Err(error.into()),
@@ -111,7 +112,7 @@ impl Listed {
     }
 
     /// How many of its models, in how many deployments each, are still to be swept by this calib.
-    pub(super) fn left(&self) -> anyhow::Result<usize> {
+    pub(super) fn left(&self) -> Result<usize, StepError> {
         let is_written = self.is_written()?;
         let mut left = 0;
         for part in self.parts() {
@@ -124,7 +125,7 @@ impl Listed {
     }
 
     /// How long its sweeps took, as far as they say so.
-    pub(super) fn swept_secs(&self) -> anyhow::Result<f64> {
+    pub(super) fn swept_secs(&self) -> Result<f64, StepError> {
         let mut secs = 0.0;
         for part in self.parts() {
             secs += sweep::wall_secs(part?.layout()).unwrap_or(0.0);
@@ -133,14 +134,14 @@ impl Listed {
     }
 
     /// Whether its file is what it is to be.
-    fn is_written(&self) -> anyhow::Result<bool> {
+    fn is_written(&self) -> Result<bool, StepError> {
         let Some(drawn) = &self.drawn else { return Ok(true) };
         let path = self.path();
         Ok(path.exists() && read_regular(path)? == drawn.text.as_bytes())
     }
 
     /// Write the file of a drawn study, if it is not there as it is to be.
-    fn write(&self) -> anyhow::Result<()> {
+    fn write(&self) -> Result<(), StepError> {
         if let Some(drawn) = &self.drawn
             && !self.is_written()?
         {
@@ -157,7 +158,7 @@ impl Listed {
         &self,
         extent: Extent,
         printer: &Printer,
-    ) -> anyhow::Result<Option<String>> {
+    ) -> Result<Option<String>, StepError> {
         self.write()?;
         let talk = printer.talking();
         // The log of a plant that was drawn otherwise before is nobody's but the protocol's.
@@ -168,7 +169,9 @@ impl Listed {
             plant.make(true, &talk).context("[simulate]")?;
         }
         match chain::run_to(extent, &self.job, None, &talk) {
-            Err(reason) if reason.is::<Unscorable>() => Ok(Some(reason.to_string())),
+            Err(reason) if matches!(reason.root(), StepError::Unscorable(_)) => {
+                Ok(Some(reason.to_string()))
+            }
             ended => ended.map(|_| None),
         }
     }
@@ -189,7 +192,7 @@ impl Listed {
 }
 
 /// What is known before anything is run: whether there is held-out data to judge by, and whether all sweep and score the same.
-pub(super) fn check(studies: &[Listed]) -> anyhow::Result<()> {
+pub(super) fn check(studies: &[Listed]) -> Result<(), StepError> {
     let mut first: Option<(&Listed, Vec<String>)> = None;
     for listed in studies {
         let (study, path, plant) = (listed.study(), listed.path(), &listed.plant);
@@ -231,7 +234,7 @@ fn or_the_only(names: Vec<String>) -> Vec<Option<String>> {
 }
 
 /// The file, or all `*.toml` of a folder.
-pub(super) fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>, StepError> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
     }

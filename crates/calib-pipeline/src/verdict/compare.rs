@@ -2,7 +2,6 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
-use anyhow::ensure;
 use calib_core::Monitor;
 use calib_files::write_json;
 use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
@@ -11,10 +10,12 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
+    StepError,
     base::{
         artefact::{self, TOOL},
         outcome::Outcome,
     },
+    ensure,
     output::Printer,
     rollouts::{
         comparison::{self, Comparison, Pair},
@@ -75,7 +76,7 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    fn new(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Self> {
+    fn new(job: &Job, monitor: &dyn Monitor) -> Result<Self, StepError> {
         let judged = judge(job, monitor)?;
         let (paths, manifest) = (job.layout(), &judged.manifest);
         let report = report::assemble(&judged)?;
@@ -132,7 +133,7 @@ pub(crate) fn run(
     parts: &[Job],
     left_out: &[String],
     printer: &Printer,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, StepError> {
     // The study without any model says where the common results lie.
     let paths = job.layout();
     if job.policy().is_dry() {
@@ -154,7 +155,7 @@ pub(crate) fn run(
     let names: Vec<String> = parts.iter().map(Job::name).collect();
     let monitor = printer.progress();
     let part = |job: &Job| Part::new(job, &*monitor);
-    let parts = parts.iter().map(part).collect::<anyhow::Result<Vec<Part>>>()?;
+    let parts = parts.iter().map(part).collect::<Result<Vec<Part>, StepError>>()?;
     same_arithmetic(&names, &parts)?;
     for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
         let written = report::write(&judged.job, report, &judged.summary, &*monitor);
@@ -189,7 +190,7 @@ pub(crate) fn run(
 }
 
 /// Refuse sweeps of which one was made on a device and another one was not: they round otherwise.
-fn same_arithmetic(names: &[String], parts: &[Part]) -> anyhow::Result<()> {
+fn same_arithmetic(names: &[String], parts: &[Part]) -> Result<(), StepError> {
     let of = |part: &Part| {
         let class = part.judged.manifest.arithmetic.clone();
         class.unwrap_or_else(|| "calib itself".to_owned())
@@ -207,7 +208,7 @@ fn same_arithmetic(names: &[String], parts: &[Part]) -> anyhow::Result<()> {
 }
 
 /// Write the figures, the page and the summary, unless they are there and show the same.
-fn write(job: &Job, whole: &Report, summaries: &Summaries) -> anyhow::Result<()> {
+fn write(job: &Job, whole: &Report, summaries: &Summaries) -> Result<(), StepError> {
     let paths = job.layout();
     kept_report::keep(job, whole, summaries, || {
         let figures = write_figures(paths, whole)?;
@@ -219,7 +220,7 @@ fn write(job: &Job, whole: &Report, summaries: &Summaries) -> anyhow::Result<()>
 
 /// Sensitivity figures with all models: one a sensor and deployment, and all of them; rollouts of all models.
 /// The names of the files.
-fn write_figures(paths: &Layout, whole: &Report) -> anyhow::Result<Vec<String>> {
+fn write_figures(paths: &Layout, whole: &Report) -> Result<Vec<String>, StepError> {
     let directory = paths.evaluate().join(report::FIGURES);
     let mut written = Vec::new();
     let names = report::placed(whole.sensitivities.iter().map(|of| of.sensor.as_str()));
@@ -269,7 +270,7 @@ pub(crate) fn by_deployment(parts: &[Part]) -> Vec<Vec<&Part>> {
 }
 
 /// Verdicts sensor by sensor, all rank curves over the same Online errors, distances side by side.
-fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> anyhow::Result<Report> {
+fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> Result<Report, StepError> {
     let study = job.study();
     let deployments = by_deployment(parts);
     let first = &parts[0].report;

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
+    StepError,
     rollouts::{
         comparison::{self, ComparedModel, Comparison, Pair, PairedModels},
         one_step::{self, PairedErrors, Predicting},
@@ -97,7 +98,7 @@ impl Pooled {
 }
 
 /// The rollouts of each model in all deployments; those that deployments share count once.
-pub(crate) fn pooled(deployments: &[Vec<&Part>]) -> anyhow::Result<Vec<Pooled>> {
+pub(crate) fn pooled(deployments: &[Vec<&Part>]) -> Result<Vec<Pooled>, StepError> {
     let mut models: Vec<Vec<&Part>> = Vec::new();
     let compared = |part: &&&Part| part.comparison().is_some();
     for part in deployments.iter().flatten().filter(compared) {
@@ -121,7 +122,7 @@ pub(crate) fn pooled(deployments: &[Vec<&Part>]) -> anyhow::Result<Vec<Pooled>> 
 }
 
 /// Every two models in every group, and in all deployments where there are several groups.
-pub(crate) fn comparisons(deployments: &[Vec<&Part>]) -> anyhow::Result<Comparisons> {
+pub(crate) fn comparisons(deployments: &[Vec<&Part>]) -> Result<Comparisons, StepError> {
     let (mut all, groups) = (Comparisons::default(), groups(deployments));
     for group in &groups {
         let placed = |of| In { deployments: group.deployments.clone(), of };

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use calib_report::{DataProfile, Table};
 
 use crate::{
+    StepError,
     rollouts::{
         collapse,
         comparison::{self, ComparedModel},
@@ -18,7 +19,7 @@ use crate::{
 };
 
 /// Distances of rollouts, start states, collapse and representations; `deployments` are all parts, by deployment.
-pub(crate) fn tables(deployments: &[Vec<&Part>]) -> anyhow::Result<Vec<Table>> {
+pub(crate) fn tables(deployments: &[Vec<&Part>]) -> Result<Vec<Table>, StepError> {
     let mut tables = Vec::new();
     // Deployments that share all rollouts have one table.
     let groups = groups(deployments);

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::Context as _;
 use calib_data::{Description, Profile, read_tags};
 use calib_report::Report;
 use calib_study::Job;
+
+use crate::{Context as _, StepError};
 
 /// What is known of each channel: what the study says in `[sensors]`, or else the list of tags, or else the header of the log.
 #[derive(Clone, Debug, Default)]
@@ -16,7 +17,7 @@ impl Descriptions {
     ///
     /// # Errors
     /// A list of tags that cannot be read.
-    pub fn of(job: &Job, profile: &Profile) -> anyhow::Result<Self> {
+    pub fn of(job: &Job, profile: &Profile) -> Result<Self, StepError> {
         let study = job.study();
         let tags = match &study.evaluate.tags {
             Some(path) => {

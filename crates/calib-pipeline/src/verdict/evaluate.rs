@@ -1,4 +1,3 @@
-use anyhow::{Context as _, bail, ensure};
 use calib_agent::Part;
 use calib_core::{Monitor, Seed};
 use calib_model::StartKind;
@@ -13,11 +12,13 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::{
+    Context as _, StepError, bail,
     base::{
         artefact::{self, MANIFEST, TOOL},
-        outcome::{Outcome, go_on},
+        outcome::Outcome,
         stale::Kept,
     },
+    ensure,
     log::partition,
     model::model_files::{self, ModelManifest},
     output::Printer,
@@ -102,7 +103,7 @@ impl Judged {
 }
 
 /// Judge a finished sweep and write the report.
-pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
+pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     let monitor = printer.progress();
     let judged = judge(job, &*monitor)?;
     let (paths, summary) = (judged.paths(), &judged.summary);
@@ -131,14 +132,14 @@ pub(crate) fn told(summary: &Summary) -> Outcome {
 }
 
 /// Why a deployment is not judged, if it is not.
-pub(crate) fn left_out(job: &Job) -> anyhow::Result<Option<String>> {
+pub(crate) fn left_out(job: &Job) -> Result<Option<String>, StepError> {
     let name = job.deployment().unwrap_or_default();
     let reason = finished_sweep(job)?.left_out;
     Ok(reason.map(|reason| format!("deployment {name} is left out: {reason}")))
 }
 
 /// Judge a finished sweep; nothing is written.
-pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Judged> {
+pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepError> {
     let (study, paths) = (job.study(), job.layout());
     let manifest = finished_sweep(job)?;
     if let Some(reason) = &manifest.left_out {
@@ -153,13 +154,13 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> anyhow::Result<Judged> 
     let doubts = profile.value_doubts();
     let verdicts = sensors
         .map(|sensor| {
-            go_on(monitor)?;
+            monitor.check()?;
             let mut verdict = verdict_of(sensor, study.part(), (study, &manifest, &results))?;
             let of_it = doubts.iter().filter(|(name, _)| name == sensor);
             verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
             Ok(verdict)
         })
-        .collect::<anyhow::Result<Vec<_>>>()
+        .collect::<Result<Vec<_>, StepError>>()
         .with_context(|| {
             format!(
                 "{} cannot be judged; if they were edited, `{} --force` makes them again",
@@ -219,7 +220,7 @@ pub(crate) fn is_swept(job: &Job) -> bool {
 }
 
 /// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
-fn stale_rollouts(job: &Job, model: &str) -> anyhow::Result<Vec<String>> {
+fn stale_rollouts(job: &Job, model: &str) -> Result<Vec<String>, StepError> {
     let directory = job.layout().rollout();
     let finished = rollout::finished(job, model)?;
     let stale = if finished.is_none() && directory.join(MANIFEST).exists() {
@@ -237,7 +238,7 @@ fn stale_rollouts(job: &Job, model: &str) -> anyhow::Result<Vec<String>> {
 }
 
 /// The manifest of a sweep that was made with this study and the model as it is now.
-fn finished_sweep(job: &Job) -> anyhow::Result<SweepManifest> {
+fn finished_sweep(job: &Job) -> Result<SweepManifest, StepError> {
     let (paths, again) = (job.layout(), job.command("sweep"));
     let mut manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
     let directory = &paths.sweep();
@@ -255,7 +256,7 @@ fn finished_sweep(job: &Job) -> anyhow::Result<SweepManifest> {
 }
 
 /// Whether a log that may be another than the one that was swept holds the same states.
-fn check_log(job: &Job, swept: &SweepManifest) -> anyhow::Result<()> {
+fn check_log(job: &Job, swept: &SweepManifest) -> Result<(), StepError> {
     if job.reads_the_log_of(&swept.study) {
         return Ok(());
     }
@@ -272,14 +273,14 @@ fn check_log(job: &Job, swept: &SweepManifest) -> anyhow::Result<()> {
 }
 
 /// The verdicts, what stands in their way, and where the report is.
-fn print(summary: &Summary, paths: &Layout, printer: &Printer) -> anyhow::Result<()> {
+fn print(summary: &Summary, paths: &Layout, printer: &Printer) -> Result<(), StepError> {
     print_advice(summary, printer)?;
     print_notes(&[&summary.caveats[..], &summary.notes].concat(), printer)?;
     printer.result(&format!("report: {}", paths.report().display()))
 }
 
 /// The verdict on each sensor.
-pub(crate) fn print_advice(summary: &Summary, printer: &Printer) -> anyhow::Result<()> {
+pub(crate) fn print_advice(summary: &Summary, printer: &Printer) -> Result<(), StepError> {
     for lines in &summary.advice {
         for (position, line) in lines.iter().enumerate() {
             printer.result(&if position == 0 { line.clone() } else { format!("    {line}") })?;
@@ -289,6 +290,6 @@ pub(crate) fn print_advice(summary: &Summary, printer: &Printer) -> anyhow::Resu
 }
 
 /// What the reader must know before relying on verdicts.
-pub(crate) fn print_notes(notes: &[String], printer: &Printer) -> anyhow::Result<()> {
+pub(crate) fn print_notes(notes: &[String], printer: &Printer) -> Result<(), StepError> {
     notes.iter().try_for_each(|note| printer.result(&format!("note: {note}")))
 }

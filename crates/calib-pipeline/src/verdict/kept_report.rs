@@ -1,11 +1,13 @@
 //! A report is written when what it shows has changed, and not otherwise: drawing takes longer than judging.
 
-use anyhow::Context as _;
 use calib_report::Report;
 use calib_study::Job;
 use serde::{Deserialize, Serialize};
 
-use crate::base::artefact::{self, Below, Claim, Files, Manifest, TOOL};
+use crate::{
+    Context as _, StepError,
+    base::artefact::{self, Below, Claim, Files, Manifest, TOOL},
+};
 
 /// `manifest.json` of the verdicts and figures of a study.
 #[derive(Serialize, Deserialize)]
@@ -32,8 +34,8 @@ pub(crate) fn keep(
     job: &Job,
     report: &Report,
     summary: &impl Serialize,
-    write: impl FnOnce() -> anyhow::Result<Vec<String>>,
-) -> anyhow::Result<()> {
+    write: impl FnOnce() -> Result<Vec<String>, StepError>,
+) -> Result<(), StepError> {
     let directory = job.layout().evaluate();
     // Rows of a report are shown to the last digit, and so are they here.
     let key = artefact::key(&(ReportManifest::FORMAT, TOOL, format!("{report:?}"), summary))?;

@@ -7,9 +7,12 @@ use calib_stats::{Summary, summarise};
 use calib_study::{Job, Study};
 use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
 
-use crate::verdict::{
-    compare::Part,
-    verdict_rows::{field, setting},
+use crate::{
+    StepError,
+    verdict::{
+        compare::Part,
+        verdict_rows::{field, setting},
+    },
 };
 
 /// One figure for each sensor and environment in which values were swept: Online, then the members.
@@ -17,7 +20,7 @@ pub(crate) fn curves(
     job: &Job,
     candidates: &[Candidate],
     results: &[UnitResult],
-) -> anyhow::Result<Vec<LearningCurves>> {
+) -> Result<Vec<LearningCurves>, StepError> {
     let mut environments: Vec<EnvironmentId> =
         results.iter().map(|result| result.unit.environment).collect();
     environments
@@ -97,7 +100,7 @@ pub(crate) fn of_several(
 
 /// The points of one value over its `runs`. A run that diverged has an infinite error from then on; where its curve
 /// would have gone on is told by `all` runs in the same environment.
-fn points(runs: &[&RunRow], all: &[&RunRow]) -> anyhow::Result<Vec<(usize, Summary)>> {
+fn points(runs: &[&RunRow], all: &[&RunRow]) -> Result<Vec<(usize, Summary)>, StepError> {
     let mut steps: Vec<usize> =
         all.iter().flat_map(|row| &row.curve).map(|point| point.step).collect();
     steps.sort_unstable();

@@ -2,7 +2,6 @@
 
 use std::{io::Write as _, path::Path};
 
-use anyhow::{Context as _, ensure};
 use calib_core::Monitor;
 use calib_data::table::read_parquet_columns;
 use calib_files::{write_atomically, write_json};
@@ -13,10 +12,9 @@ use calib_represent::RepresentationKind;
 use calib_study::{Job, Layout, Study};
 
 use crate::{
-    base::{
-        artefact::{self, Below},
-        outcome::go_on,
-    },
+    Context as _, StepError,
+    base::artefact::{self, Below},
+    ensure,
     model::{
         build_model, jumps as jump_text,
         model_files::{self, ModelManifest},
@@ -47,7 +45,7 @@ pub(crate) fn write(
     report: &Report,
     summary: &Summary,
     monitor: &dyn Monitor,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     kept_report::keep(job, report, summary, || write_all(job.layout(), report, summary, monitor))
 }
 
@@ -56,22 +54,22 @@ fn write_all(
     report: &Report,
     summary: &Summary,
     monitor: &dyn Monitor,
-) -> anyhow::Result<Vec<String>> {
+) -> Result<Vec<String>, StepError> {
     write_json(&paths.evaluate().join(SUMMARY), summary)?;
     let directory = paths.evaluate().join(FIGURES);
     let mut written = write_comparisons(&directory, report)?;
     for sensitivity in &report.sensitivities {
-        go_on(monitor)?;
+        monitor.check()?;
         let name = format!("sensitivity-{}", sensitivity.sensor);
         written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
     }
     for curves in &report.learning {
-        go_on(monitor)?;
+        monitor.check()?;
         let name = format!("learning-{}-{}", curves.sensor, curves.environment.file_name());
         written.extend(figures::write(&directory, &name, &curves.figure()?)?);
     }
     for rollout in &report.rollouts {
-        go_on(monitor)?;
+        monitor.check()?;
         let name = format!("rollout-{}", rollout.sensor);
         written.extend(figures::write(&directory, &name, &rollout.figure()?)?);
     }
@@ -91,7 +89,7 @@ pub(crate) fn names(figures: Vec<String>) -> Vec<String> {
 }
 
 /// Write `report.html`.
-pub(crate) fn write_page(paths: &Layout, report: &Report) -> anyhow::Result<()> {
+pub(crate) fn write_page(paths: &Layout, report: &Report) -> Result<(), StepError> {
     let html = report.html()?;
     if let Some(directory) = paths.report().parent().filter(|directory| directory.is_dir()) {
         calib_files::remove_temporaries(directory, Below::Unknown)?;
@@ -100,7 +98,10 @@ pub(crate) fn write_page(paths: &Layout, report: &Report) -> anyhow::Result<()> 
 }
 
 /// Write the figures that show all sensors, or all models, beside each other; the names of the files.
-pub(crate) fn write_comparisons(directory: &Path, report: &Report) -> anyhow::Result<Vec<String>> {
+pub(crate) fn write_comparisons(
+    directory: &Path,
+    report: &Report,
+) -> Result<Vec<String>, StepError> {
     let mut written = Vec::new();
     if !report.sensitivities.is_empty() {
         let panels = Sensitivity::panels(&report.sensitivities)?;
@@ -131,7 +132,7 @@ pub(crate) fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> 
 }
 
 /// Everything that is known of a finished sweep and its model.
-pub(crate) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
+pub(crate) fn assemble(judged: &Judged) -> Result<Report, StepError> {
     let cannot = || {
         let page = judged.paths().report();
         let page = page.display();
@@ -142,7 +143,7 @@ pub(crate) fn assemble(judged: &Judged) -> anyhow::Result<Report> {
     assembled(judged).with_context(cannot)
 }
 
-fn assembled(judged: &Judged) -> anyhow::Result<Report> {
+fn assembled(judged: &Judged) -> Result<Report, StepError> {
     let Judged { job, manifest: sweep, summary, results } = judged;
     let (study, paths, build) = (job.study(), job.layout(), job.command("build-model"));
     let name = job.model_name();
@@ -198,7 +199,7 @@ fn tables(
     job: &Job,
     model: &ModelManifest,
     rollouts: Option<&RolloutManifest>,
-) -> anyhow::Result<Vec<Table>> {
+) -> Result<Vec<Table>, StepError> {
     let (study, paths) = (job.study(), job.layout());
     let name = job.model_name();
     let mut tables = Vec::new();
@@ -260,7 +261,7 @@ pub(crate) fn representation_table(study: &Study, paths: &Layout) -> Option<Tabl
 pub(crate) fn rollout_figures(
     paths: &Layout,
     manifest: &RolloutManifest,
-) -> anyhow::Result<(Vec<RolloutFigure>, Vec<Starts>)> {
+) -> Result<(Vec<RolloutFigure>, Vec<Starts>), StepError> {
     let mut columns =
         ["member", "rollout", "wanted_row", "wanted_timestamp"].map(str::to_owned).to_vec();
     let of_sensors = Columns::of(&manifest.sensors).into_iter();
@@ -293,14 +294,11 @@ fn jumps(name: &str, model: &ModelManifest) -> Vec<JumpStatistics> {
 
 /// The commands that make the report of studies that differ in their models only.
 pub(crate) fn commands(models: &[&Study]) -> Vec<&'static str> {
-    let represented = |study: &&Study| {
-        !study.is_parametric() && study.representation.kind != RepresentationKind::None
-    };
     let pretrained =
         |study: &&Study| study.pretrain.epochs > 0 && study.pretrain.checkpoint.is_none();
     let needed = [
         ("pretrain", models.iter().any(pretrained)),
-        ("represent", models.iter().any(represented)),
+        ("represent", models.iter().any(|study| study.has_representation())),
     ];
     let needed = needed.into_iter().filter(|(_, needed)| *needed).map(|(command, _)| command);
     needed.chain(["build-model", "rollout", "sweep", "evaluate"]).collect()
@@ -310,7 +308,7 @@ fn reproduction(
     job: &Job,
     commands: &[&str],
     sweep: &SweepManifest,
-) -> anyhow::Result<Reproduction> {
+) -> Result<Reproduction, StepError> {
     let written = job.whole()?;
     let laid_over = job.profile().map_or_else(String::new, |name| {
         format!("# with [profiles.{name}] laid over the rest: as a file of its own it is run without --profile\n")

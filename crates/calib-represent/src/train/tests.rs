@@ -64,7 +64,7 @@ fn an_interrupted_training_goes_on_to_the_same_bytes() {
         let monitor = After(AtomicUsize::new(updates + 77));
         // What was done before counts, so that every call gets further.
         let error = train(&config(), task, Some(&checkpoint), &monitor);
-        assert!(matches!(error, Err(RepresentError::Interrupted)) || updates == 37, "{error:?}");
+        assert!(matches!(error, Err(RepresentError::Cancelled(_))) || updates == 37, "{error:?}");
     }
     let parts = train(&config(), task, Some(&checkpoint), &Silent).expect("goes on");
     assert!(parts == whole, "{:?} and {:?}", parts.points, whole.points);

@@ -112,9 +112,7 @@ impl Plan<'_> {
         if jobs.is_empty() {
             return Ok(Vec::new());
         }
-        if monitor.interrupted() {
-            return Err(SweepError::Interrupted);
-        }
+        monitor.check()?;
         let pass = self.pass(jobs);
         match self.accelerator {
             Some(accelerator) => cohorts::run(&[pass], accelerator, sink, monitor),

@@ -192,9 +192,7 @@ pub(super) fn train(
     let (mut batch, mut targets) = (Vec::new(), Vec::new());
     let mut gradient = vec![0.0; config.batch * outputs];
     for update in 1..=config.updates {
-        if monitor.interrupted() {
-            return Err(ControlError::Interrupted);
-        }
+        monitor.check()?;
         batch.clear();
         targets.clear();
         for _ in 0..config.batch {

@@ -12,7 +12,7 @@ mod kernel;
 mod spread;
 mod tree;
 
-use super::{Found, NeighborIndex, Queries, Sources, going_on, pending::Pool};
+use super::{Found, NeighborIndex, Queries, Sources, pending::Pool};
 use crate::{KnnError, distance::Margin, groups::Groups};
 use block::{Band, Limit, QUERIES};
 use embedding::Embedding;
@@ -254,7 +254,7 @@ fn map(
             (a.max(b), far)
         },
     );
-    going_on(monitor)?;
+    monitor.check()?;
     Ok(all)
 }
 
@@ -311,7 +311,7 @@ impl NeighborIndex for Join<'_> {
             }
             monitor.advance(searched.lists.len() as u64);
         });
-        going_on(monitor)
+        Ok(monitor.check()?)
     }
 }
 

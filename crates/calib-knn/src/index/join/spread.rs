@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use calib_core::Monitor;
 
-use crate::{KnnError, index::going_on};
+use crate::KnnError;
 
 /// Images from which a node chooses its widest coordinate.
 const SAMPLE: usize = 512;
@@ -25,7 +25,7 @@ pub(crate) fn leaves(
     let mut order: Vec<u32> = (0..count as u32).collect();
     let spread = Spread { images, width, count, leaves, strip: size, monitor };
     spread.arrange(&mut order, 0..leaves);
-    going_on(monitor)?;
+    monitor.check()?;
     Ok(((0..=leaves).map(|leaf| boundary(count, leaves, leaf) as u32).collect(), order))
 }
 

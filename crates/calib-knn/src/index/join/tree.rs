@@ -7,7 +7,7 @@ use calib_files::{Scratch, ScratchPlace};
 use rayon::prelude::*;
 
 use super::spread::{Spread, boundary};
-use crate::{KnnError, index::going_on};
+use crate::KnnError;
 
 /// Most images of a leaf.
 pub(super) const LEAF: usize = STRIPS * STRIP;
@@ -64,7 +64,7 @@ impl Tree {
         let starts = (0..=leaves).map(|leaf| boundary(count, leaves, leaf) as u32).collect();
         let spread = Spread { images, width, count, leaves, strip: STRIP, monitor };
         spread.arrange(&mut order, 0..leaves);
-        going_on(monitor)?;
+        monitor.check()?;
         let mut tree = Self {
             width,
             count,
@@ -76,7 +76,7 @@ impl Tree {
             leaf_nodes: vec![0; leaves],
         };
         tree.fill_strips(images, &order, monitor);
-        going_on(monitor)?;
+        monitor.check()?;
         tree.add_node(images, &order, 0..leaves as u32);
         Ok((tree, order))
     }

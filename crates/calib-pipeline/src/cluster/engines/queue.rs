@@ -5,6 +5,8 @@ use std::{collections::BTreeMap, path::Path, process::Command};
 use calib_files::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
+use crate::StepError;
+
 /// Where it is kept which jobs were submitted, in the folder of the plan.
 pub(crate) const JOBS: &str = "slurm/jobs.json";
 
@@ -18,7 +20,7 @@ pub(crate) struct Submitted {
 
 impl Submitted {
     /// Keep it beside the scripts.
-    pub(crate) fn write(&self, plan: &Path) -> anyhow::Result<()> {
+    pub(crate) fn write(&self, plan: &Path) -> Result<(), StepError> {
         Ok(write_json(&plan.join(JOBS), self)?)
     }
 }

@@ -1,13 +1,12 @@
 use std::path::Path;
 
-use anyhow::{Context as _, ensure};
 use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet};
 use calib_files::remove_file;
 use calib_study::Job;
 
 use super::{MEASURES, pair::Pair};
-use crate::{STEP_PATTERNS, base::artefact::write_table};
+use crate::{Context as _, STEP_PATTERNS, StepError, base::artefact::write_table, ensure};
 
 const DTW: &str = "dtw.parquet";
 const OTHERS: &str = "measures.parquet";
@@ -16,13 +15,13 @@ const OTHERS: &str = "measures.parquet";
 pub(crate) const FILES: [&str; 2] = [DTW, OTHERS];
 
 /// Write one row a rollout, sensor and step pattern, and one row a rollout and sensor.
-pub(crate) fn write(directory: &Path, pairs: &[Pair]) -> anyhow::Result<()> {
+pub(crate) fn write(directory: &Path, pairs: &[Pair]) -> Result<(), StepError> {
     write_table(dtw(pairs), &directory.join(DTW))?;
     write_table(measures(pairs), &directory.join(OTHERS))
 }
 
 /// Remove what an earlier run wrote, where nothing is compared any more.
-pub(crate) fn remove(directory: &Path) -> anyhow::Result<()> {
+pub(crate) fn remove(directory: &Path) -> Result<(), StepError> {
     for name in FILES {
         remove_file(&directory.join(name))?;
     }
@@ -30,12 +29,12 @@ pub(crate) fn remove(directory: &Path) -> anyhow::Result<()> {
 }
 
 /// The pairs that were written beside the rollouts of a job.
-pub(crate) fn read(job: &Job) -> anyhow::Result<Vec<Pair>> {
+pub(crate) fn read(job: &Job) -> Result<Vec<Pair>, StepError> {
     let again = || format!("run `{} --force`", job.command("rollout"));
     of_directory(&job.layout().rollout()).with_context(again)
 }
 
-fn of_directory(directory: &Path) -> anyhow::Result<Vec<Pair>> {
+fn of_directory(directory: &Path) -> Result<Vec<Pair>, StepError> {
     let (dtw, others) = (directory.join(DTW), directory.join(OTHERS));
     let pairs = from_tables(&read_parquet(&dtw)?, &read_parquet(&others)?);
     pairs.with_context(|| {
@@ -79,7 +78,7 @@ fn measures(pairs: &[Pair]) -> Table {
 }
 
 /// The pairs of both tables, which have their rows in the same order.
-fn from_tables(dtw: &Table, others: &Table) -> anyhow::Result<Vec<Pair>> {
+fn from_tables(dtw: &Table, others: &Table) -> Result<Vec<Pair>, StepError> {
     let patterns = STEP_PATTERNS.len();
     ensure!(dtw.rows() == patterns * others.rows(), "there are not {patterns} rows for each");
     let names = dtw.column::<String>("step_pattern")?;
@@ -141,12 +140,12 @@ mod tests {
             .write_parquet(&directory.path().join(OTHERS))
             .expect("writable");
         let refused =
-            format!("{:#}", of_directory(directory.path()).expect_err("one row is missing"));
+            format!("{}", of_directory(directory.path()).expect_err("one row is missing"));
         assert!(refused.contains("not those of one comparison"), "{refused}");
         measures(&[pair(1, 5, 1.0)])
             .write_parquet(&directory.path().join(OTHERS))
             .expect("writable");
-        let refused = format!("{:#}", of_directory(directory.path()).expect_err("another member"));
+        let refused = format!("{}", of_directory(directory.path()).expect_err("another member"));
         assert!(refused.contains("row 0 is of another rollout"), "{refused}");
         remove(directory.path()).expect("there");
         remove(directory.path()).expect("nothing to do");

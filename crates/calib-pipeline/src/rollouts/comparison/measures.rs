@@ -5,15 +5,19 @@ use calib_stats::{
     autocorrelation_distance, increments, spectral_distance, usual_lags, usual_segment, wasserstein,
 };
 
+use crate::StepError;
+
 /// A distance of two series, of equal length, on the normalised sensor.
 pub(super) struct Measure {
     /// Its column in `measures.parquet`.
     pub(super) column: &'static str,
     /// What people read.
     pub(super) label: &'static str,
-    /// The distance of a rollout and the recorded series; `None` where it is not defined.
-    pub(super) of: fn(&[f64], &[f64]) -> anyhow::Result<Option<f64>>,
+    pub(super) of: Distance,
 }
+
+/// Of a rollout and the recorded series; `None` where it is not defined.
+type Distance = fn(&[f64], &[f64]) -> Result<Option<f64>, StepError>;
 
 pub(super) const MEASURES: [Measure; 5] = [
     Measure {

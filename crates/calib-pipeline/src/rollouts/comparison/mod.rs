@@ -18,8 +18,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    STEP_PATTERNS,
-    base::outcome::Interrupted,
+    STEP_PATTERNS, StepError,
     model::model_files::OpenModel,
     output::Printer,
     rollouts::truth::{Record, Truth, row},
@@ -125,7 +124,7 @@ pub(crate) fn compare(
     sensors: &[(String, usize)],
     steps: usize,
     printer: &Printer,
-) -> anyhow::Result<Compared> {
+) -> Result<Compared, StepError> {
     let set = PatternSet::new(step_patterns()?, Settings::default());
     let (jobs, ended_early) = jobs(record, all, steps);
     let pairs: Vec<(&Job<'_>, usize)> =
@@ -135,9 +134,7 @@ pub(crate) fn compare(
     let pairs = pairs
         .into_par_iter()
         .map(|(job, sensor)| {
-            if progress.interrupted() {
-                return Err(Interrupted.into());
-            }
+            progress.check()?;
             let states = model.frames.states();
             let column = sensors[sensor].1;
             let reference: Vec<f64> = job.recorded.values(column).map(f64::from).collect();
@@ -155,12 +152,12 @@ pub(crate) fn compare(
                 steps: query.len() as u32 - 1,
                 // Series of equal length have a path in each of these patterns.
                 warping: warping.collect::<Result<_, _>>()?,
-                measures: measures.collect::<anyhow::Result<_>>()?,
+                measures: measures.collect::<Result<_, StepError>>()?,
             };
             progress.advance(1);
             Ok(pair)
         })
-        .collect::<anyhow::Result<Vec<_>>>()?;
+        .collect::<Result<Vec<_>, StepError>>()?;
     let rollouts: usize = all.iter().map(Vec::len).sum();
     let left_out = rollouts - jobs.len() - ended_early;
     let against = if all.iter().flatten().any(is_of_deployment) {
@@ -177,7 +174,7 @@ fn is_of_deployment(trajectory: &Trajectory) -> bool {
     matches!(trajectory.start().0, Wanted::Deployment(_))
 }
 
-fn step_patterns() -> anyhow::Result<Vec<StepPattern>> {
+fn step_patterns() -> Result<Vec<StepPattern>, StepError> {
     STEP_PATTERNS.iter().map(|name| Ok(name.parse()?)).collect()
 }
 

@@ -13,7 +13,7 @@ use super::{
     Comparison, MEASURES,
     pair::{Distance, Pair},
 };
-use crate::STEP_PATTERNS;
+use crate::{STEP_PATTERNS, StepError};
 
 /// A start state and how many steps were compared from it on: in two models the same stretch, if both are.
 type Stretch = (Timestamp, u32);
@@ -87,7 +87,7 @@ impl<'a> ComparedModel<'a> {
         other: &Self,
         sensor: &str,
         distance: Distance,
-    ) -> anyhow::Result<Option<Difference>> {
+    ) -> Result<Option<Difference>, StepError> {
         let known = |of: &Self| of.known(sensor, distance);
         let (own, others) = (known(self), known(other));
         if own.is_empty() || others.is_empty() || !self.is_held_to_the_record_of(other) {
@@ -111,7 +111,7 @@ impl<'a> ComparedModel<'a> {
 }
 
 /// Every two of the models that are held to the same record.
-pub(crate) fn all_pairs(models: &[ComparedModel<'_>]) -> anyhow::Result<Vec<PairedModels>> {
+pub(crate) fn all_pairs(models: &[ComparedModel<'_>]) -> Result<Vec<PairedModels>, StepError> {
     let mut all = Vec::new();
     for (place, one) in models.iter().enumerate() {
         for other in &models[place + 1..] {
@@ -121,11 +121,14 @@ pub(crate) fn all_pairs(models: &[ComparedModel<'_>]) -> anyhow::Result<Vec<Pair
     Ok(all)
 }
 
-fn two(one: &ComparedModel<'_>, other: &ComparedModel<'_>) -> anyhow::Result<Option<PairedModels>> {
+fn two(
+    one: &ComparedModel<'_>,
+    other: &ComparedModel<'_>,
+) -> Result<Option<PairedModels>, StepError> {
     let shared = one.comparison.sensors.iter().map(|of| of.sensor.as_str());
     let shared = shared.filter(|sensor| other.pairs.contains_key(sensor));
     let sensors: Vec<PairedSensor> =
-        shared.map(|sensor| of_sensor(one, other, sensor)).collect::<anyhow::Result<_>>()?;
+        shared.map(|sensor| of_sensor(one, other, sensor)).collect::<Result<_, StepError>>()?;
     if sensors.is_empty() || !one.is_held_to_the_record_of(other) {
         return Ok(None);
     }
@@ -136,7 +139,7 @@ fn of_sensor(
     one: &ComparedModel<'_>,
     other: &ComparedModel<'_>,
     sensor: &str,
-) -> anyhow::Result<PairedSensor> {
+) -> Result<PairedSensor, StepError> {
     let minus = |distance| one.minus(other, sensor, distance);
     let dtw = STEP_PATTERNS.iter().enumerate().map(|(place, step_pattern)| {
         let distance = minus(Distance::Raw(place))?;
@@ -149,8 +152,8 @@ fn of_sensor(
     });
     Ok(PairedSensor {
         sensor: sensor.to_owned(),
-        dtw: dtw.collect::<anyhow::Result<_>>()?,
-        measures: measures.collect::<anyhow::Result<_>>()?,
+        dtw: dtw.collect::<Result<_, StepError>>()?,
+        measures: measures.collect::<Result<_, StepError>>()?,
     })
 }
 
@@ -160,7 +163,7 @@ fn difference(
     own: &[(&Pair, f64)],
     others: &[(&Pair, f64)],
     members: bool,
-) -> anyhow::Result<Difference> {
+) -> Result<Difference, StepError> {
     let stretches =
         |of: &[(&Pair, f64)]| of.iter().map(|(pair, _)| stretch(pair)).collect::<BTreeSet<_>>();
     let (all, all_others) = (stretches(own), stretches(others));
@@ -201,7 +204,7 @@ fn stretch(pair: &Pair) -> Stretch {
 }
 
 /// Means over the rollouts of each stretch.
-fn means(of: &[(&Pair, f64)]) -> anyhow::Result<BTreeMap<Stretch, f64>> {
+fn means(of: &[(&Pair, f64)]) -> Result<BTreeMap<Stretch, f64>, StepError> {
     let (stretches, values): (Vec<Stretch>, Vec<f64>) =
         of.iter().map(|(pair, value)| (stretch(pair), *value)).unzip();
     Ok(cluster_means(&stretches, &values)?.into_iter().map(|(of, mean)| (*of, mean)).collect())

@@ -5,11 +5,12 @@ use super::{
     pair::Pair,
     summary::{Counts, summary},
 };
+use crate::StepError;
 
 /// As if all rollouts had been compared at once; nothing where there are none.
 pub(crate) fn pool(
     all: &[(&Comparison, &[Pair])],
-) -> anyhow::Result<Option<(Comparison, Vec<Pair>)>> {
+) -> Result<Option<(Comparison, Vec<Pair>)>, StepError> {
     let Some((first, _)) = all.iter().find(|(of, _)| !of.sensors.is_empty()) else {
         return Ok(None);
     };

@@ -4,7 +4,7 @@ use calib_stats::{ClusterSummary, Interval};
 
 use super::{Against, Comparison, PairedModels, SensorComparison};
 use crate::{
-    STEP_PATTERNS,
+    STEP_PATTERNS, StepError,
     output::{Printer, count, significant, table},
 };
 
@@ -12,7 +12,7 @@ use crate::{
 const LISTED: usize = 12;
 
 /// Print means over rollouts: warping distances, then the other measures.
-pub(crate) fn show(comparison: &Comparison, printer: &Printer) -> anyhow::Result<()> {
+pub(crate) fn show(comparison: &Comparison, printer: &Printer) -> Result<(), StepError> {
     for (number, why) in left_out(comparison) {
         let all = comparison.rollouts + comparison.left_out + comparison.ended_early;
         printer.result(&format!("  {number} of {all} rollouts not compared: {why}"))?;
@@ -52,7 +52,7 @@ fn list(
     header: &[&str],
     cells: impl Fn(&SensorComparison) -> Vec<String>,
     printer: &Printer,
-) -> anyhow::Result<()> {
+) -> Result<(), StepError> {
     let row = |sensor: &SensorComparison| [vec![sensor.sensor.clone()], cells(sensor)].concat();
     let rows: Vec<Vec<String>> = comparison.sensors.iter().take(LISTED).map(row).collect();
     printer.lines(&table(header, &rows))?;
@@ -104,7 +104,7 @@ fn mean_and_half(summary: Option<&ClusterSummary>) -> String {
 }
 
 /// Every two models by their warping distance with the first step pattern, sensor by sensor; nothing where there are no two.
-pub(crate) fn show_pairs(pairs: &[&PairedModels], printer: &Printer) -> anyhow::Result<()> {
+pub(crate) fn show_pairs(pairs: &[&PairedModels], printer: &Printer) -> Result<(), StepError> {
     let mut rows = Vec::new();
     for place in 0..LISTED {
         for PairedModels { models: [one, other], sensors } in pairs {

@@ -9,7 +9,7 @@ use super::{
     Against, Comparison, MEASURES, MeasureSummary, PatternSummary, SensorComparison,
     pair::{Distance, Pair},
 };
-use crate::STEP_PATTERNS;
+use crate::{STEP_PATTERNS, StepError};
 
 /// Rollouts that were compared, and those that were left out for each reason.
 #[derive(Clone, Copy)]
@@ -24,7 +24,7 @@ pub(super) fn summary(
     pairs: &[Pair],
     counts: Counts,
     against: Against,
-) -> anyhow::Result<Comparison> {
+) -> Result<Comparison, StepError> {
     let steps = || pairs.iter().map(|pair| pair.steps as usize);
     let stretches = stretches(pairs);
     let own = |name: &str| pairs.iter().filter(|pair| pair.sensor == name).collect::<Vec<_>>();
@@ -38,7 +38,7 @@ pub(super) fn summary(
         fewest_steps: steps().min().unwrap_or(0),
         most_steps: steps().max().unwrap_or(0),
         against,
-        sensors: sensors.collect::<anyhow::Result<_>>()?,
+        sensors: sensors.collect::<Result<_, StepError>>()?,
     })
 }
 
@@ -81,7 +81,7 @@ fn overlapping(stretches: &[(u32, u32)]) -> usize {
     shares.into_iter().filter(|&shares| shares).count()
 }
 
-fn of_sensor(name: &str, pairs: &[&Pair]) -> anyhow::Result<SensorComparison> {
+fn of_sensor(name: &str, pairs: &[&Pair]) -> Result<SensorComparison, StepError> {
     let dtw = STEP_PATTERNS.iter().enumerate().filter_map(|(place, pattern)| {
         let summary = || {
             let Some(distance) = of_distance(pairs, Distance::Raw(place))? else {
@@ -99,13 +99,13 @@ fn of_sensor(name: &str, pairs: &[&Pair]) -> anyhow::Result<SensorComparison> {
     });
     Ok(SensorComparison {
         sensor: name.to_owned(),
-        dtw: dtw.collect::<anyhow::Result<_>>()?,
-        measures: measures.collect::<anyhow::Result<_>>()?,
+        dtw: dtw.collect::<Result<_, StepError>>()?,
+        measures: measures.collect::<Result<_, StepError>>()?,
     })
 }
 
 /// Over the start states of the pairs for which the distance is defined; nothing where there are none.
-fn of_distance(pairs: &[&Pair], distance: Distance) -> anyhow::Result<Option<ClusterSummary>> {
+fn of_distance(pairs: &[&Pair], distance: Distance) -> Result<Option<ClusterSummary>, StepError> {
     let known = pairs.iter().filter_map(|pair| Some((pair.start, distance.of(pair)?)));
     let (starts, values): (Vec<Timestamp>, Vec<f64>) = known.unzip();
     if values.is_empty() {

@@ -9,7 +9,7 @@ use super::{
     paired::ComparedModel,
     show::{basis, left_out, plus_minus},
 };
-use crate::{STEP_PATTERNS, output::significant};
+use crate::{STEP_PATTERNS, StepError, output::significant};
 
 /// Columns before those of the models, in the table of warping distances and in that of the others.
 const OF_WARPING: [&str; 3] = ["sensor", "step pattern", "distance"];
@@ -17,7 +17,7 @@ const OF_OTHERS: [&str; 2] = ["sensor", "distance"];
 
 /// Tables for the report: for each model its means, with the best of a row and all that cannot be told apart from it in bold
 /// where there are several; then every two of them.
-pub(crate) fn report_tables(models: &[ComparedModel<'_>]) -> anyhow::Result<Vec<Table>> {
+pub(crate) fn report_tables(models: &[ComparedModel<'_>]) -> Result<Vec<Table>, StepError> {
     // A model of which nothing could be compared has empty columns beside those of others.
     let Some(first) = models.iter().find(|of| !of.comparison.sensors.is_empty()) else {
         return Ok(Vec::new());
@@ -84,7 +84,7 @@ impl Rows {
         models: &[ComparedModel<'_>],
         sensor: &str,
         distance: Distance,
-    ) -> anyhow::Result<()> {
+    ) -> Result<(), StepError> {
         let leading = row.len();
         let summaries: Vec<Option<&ClusterSummary>> =
             models.iter().map(|of| of.summary(sensor, distance)).collect();
@@ -104,7 +104,7 @@ fn not_worse(
     summaries: &[Option<&ClusterSummary>],
     sensor: &str,
     distance: Distance,
-) -> anyhow::Result<Vec<usize>> {
+) -> Result<Vec<usize>, StepError> {
     let known =
         || summaries.iter().enumerate().filter_map(|(model, of)| Some((model, (*of)?.mean)));
     let best = known().min_by(|(_, one), (_, other)| one.total_cmp(other));
@@ -183,7 +183,7 @@ fn bases(models: &[ComparedModel<'_>]) -> String {
 fn two_by_two(
     models: &[ComparedModel<'_>],
     sensors: &[SensorComparison],
-) -> anyhow::Result<Option<Table>> {
+) -> Result<Option<Table>, StepError> {
     let pairs = models.iter().enumerate().flat_map(|(place, one)| {
         models[place + 1..]
             .iter()

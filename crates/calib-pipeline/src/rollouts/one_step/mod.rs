@@ -3,7 +3,6 @@
 mod steps;
 mod tables;
 
-use anyhow::Context as _;
 use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
 use calib_data::TimeRange;
 use calib_files::{
@@ -16,6 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    Context as _, StepError,
     base::artefact::{self, Below, Claim, TOOL},
     model::{kinds::search_place, model_files::OpenModel},
     output::Printer,
@@ -47,7 +47,7 @@ pub(crate) struct OneStep {
     pub(crate) transitions: usize,
     pub(crate) members: usize,
     /// Over all columns of the states.
-    pub(crate) all_columns: StepError,
+    pub(crate) all_columns: PredictionError,
     pub(crate) sensors: Vec<SensorError>,
     /// Fingerprint of the errors of every transition.
     steps: Fingerprint,
@@ -58,12 +58,12 @@ pub(crate) struct OneStep {
 pub(crate) struct SensorError {
     pub(crate) sensor: String,
     #[serde(flatten)]
-    pub(crate) error: StepError,
+    pub(crate) error: PredictionError,
 }
 
 /// Normalised units.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct StepError {
+pub(crate) struct PredictionError {
     /// None if a prediction was not finite.
     pub(crate) rmse: Option<f64>,
     /// Of predicting that nothing changes.
@@ -74,13 +74,13 @@ pub(crate) struct StepError {
     pub(crate) relative_interval: Option<Interval>,
 }
 
-impl StepError {
+impl PredictionError {
     /// Of a sensor, or of all columns.
     fn new(
         (rmse, no_change_rmse): (f64, f64),
         steps: &Steps,
         sensor: Option<&str>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, StepError> {
         let rmse = Some(rmse).filter(|rmse| rmse.is_finite());
         let relative = rmse.filter(|_| no_change_rmse > 0.0).map(|rmse| rmse / no_change_rmse);
         let beside = steps.beside_no_change(sensor)?.filter(|_| relative.is_some());
@@ -108,7 +108,7 @@ pub(crate) fn is_stale(job: &Job, model: &str) -> bool {
 }
 
 /// Nothing is known one step ahead.
-pub(crate) fn remove(paths: &Layout) -> anyhow::Result<()> {
+pub(crate) fn remove(paths: &Layout) -> Result<(), StepError> {
     for path in [paths.rollout().join(FILE), Steps::file(&paths.rollout())] {
         remove_file(&path)?;
     }
@@ -123,7 +123,7 @@ pub(crate) fn ensure(
     (held_out, fingerprint): &(Frames, Fingerprint),
     sensors: &[(String, usize)],
     printer: &Printer,
-) -> anyhow::Result<Option<OneStep>> {
+) -> Result<Option<OneStep>, StepError> {
     let (study, paths) = (job.study(), job.layout());
     let weights = (study.model.weights, study.model.temperature);
     let content = model.manifest.content()?;
@@ -134,7 +134,7 @@ pub(crate) fn ensure(
         return Ok(Some(stored));
     }
     if let Err(reason) = model.in_metric(&rows_of(held_out.states(), &[])?) {
-        printer.say(&format!("no one-step errors: {reason:#}"));
+        printer.say(&format!("no one-step errors: {reason}"));
         return Ok(None);
     }
     let transitions = Transitions::new(held_out.segments().clone());
@@ -142,7 +142,7 @@ pub(crate) fn ensure(
     let progress = printer.progress();
     let (errors, steps) = errors(job, model, held_out, &rows, sensors, &progress)?;
     let of_sensor = |(sensor, column): &(String, usize)| {
-        let error = StepError::new(errors.of_column(*column), &steps, Some(sensor))?;
+        let error = PredictionError::new(errors.of_column(*column), &steps, Some(sensor))?;
         Ok(SensorError { sensor: sensor.clone(), error })
     };
     // What a killed process left half-written goes.
@@ -157,8 +157,8 @@ pub(crate) fn ensure(
         held_out: transitions.len(),
         transitions: rows.len(),
         members: model.model.members(),
-        all_columns: StepError::new(errors.of_all(), &steps, None)?,
-        sensors: sensors.iter().map(of_sensor).collect::<anyhow::Result<_>>()?,
+        all_columns: PredictionError::new(errors.of_all(), &steps, None)?,
+        sensors: sensors.iter().map(of_sensor).collect::<Result<_, StepError>>()?,
         steps: fingerprint_file(&Steps::file(&paths.rollout()))?,
     };
     write_sealed_json(&paths.rollout().join(FILE), &one_step)?;
@@ -179,7 +179,7 @@ fn errors(
     rows: &[RowIndex],
     sensors: &[(String, usize)],
     monitor: &dyn Monitor,
-) -> anyhow::Result<(StepErrors, Steps)> {
+) -> Result<(StepErrors, Steps), StepError> {
     let states = held_out.states();
     let columns = states.columns();
     let mut errors = StepErrors::new(columns);
@@ -206,7 +206,7 @@ fn errors(
 }
 
 /// Some rows of the states.
-fn rows_of(states: &States, rows: &[RowIndex]) -> anyhow::Result<States> {
+fn rows_of(states: &States, rows: &[RowIndex]) -> Result<States, StepError> {
     let values: Vec<f32> = rows.iter().flat_map(|row| states.row(row.get())).copied().collect();
     States::new(values, rows.len(), states.columns()).context("held-out states")
 }

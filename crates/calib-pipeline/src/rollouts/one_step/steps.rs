@@ -9,7 +9,7 @@ use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet};
 use calib_stats::{ErrorRatio, error_ratio};
 
-use crate::base::artefact::write_table;
+use crate::{StepError, base::artefact::write_table, ensure};
 
 /// Its file, in the directory of rollouts.
 const FILE: &str = "one_step.parquet";
@@ -84,7 +84,7 @@ impl Steps {
     pub(super) fn beside_no_change(
         &self,
         sensor: Option<&str>,
-    ) -> anyhow::Result<Option<ErrorRatio>> {
+    ) -> Result<Option<ErrorRatio>, StepError> {
         let Some(own) = self.series(sensor).filter(|of| !of.squares.is_empty()) else {
             return Ok(None);
         };
@@ -96,7 +96,7 @@ impl Steps {
         &self,
         other: &Self,
         sensor: Option<&str>,
-    ) -> anyhow::Result<Option<ErrorRatio>> {
+    ) -> Result<Option<ErrorRatio>, StepError> {
         let Some((own, others)) = self.series(sensor).zip(other.series(sensor)) else {
             return Ok(None);
         };
@@ -116,7 +116,7 @@ impl Steps {
     }
 
     /// One row a transition and sensor; no sensor stands for all columns.
-    pub(super) fn write(&self, directory: &Path) -> anyhow::Result<()> {
+    pub(super) fn write(&self, directory: &Path) -> Result<(), StepError> {
         let all = |of: fn(&Series) -> &Vec<f64>| -> Vec<f64> {
             self.series.iter().flat_map(of).copied().collect()
         };
@@ -131,7 +131,7 @@ impl Steps {
     }
 
     /// What was written to `directory`.
-    pub(super) fn read(directory: &Path) -> anyhow::Result<Self> {
+    pub(super) fn read(directory: &Path) -> Result<Self, StepError> {
         let table = read_parquet(&Self::file(directory))?;
         let times = table.column::<Timestamp>("timestamp")?;
         let sensors = table.optional::<String>("sensor")?;
@@ -149,7 +149,7 @@ impl Steps {
             }
         }
         let steps = series.first().map_or(0, |first| first.squares.len());
-        anyhow::ensure!(
+        ensure!(
             series.iter().all(|of| of.squares.len() == steps),
             "sensors have different numbers of transitions in {}",
             Self::file(directory).display()

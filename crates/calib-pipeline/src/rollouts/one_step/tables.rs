@@ -1,14 +1,16 @@
 //! Errors one step ahead for people: on the terminal, in the report, and of every two models.
 
-use anyhow::Context as _;
 use calib_report::{Best, Cell, Table};
 use calib_stats::{ErrorRatio, Interval};
 use calib_study::Job;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{OneStep, StepError, read, steps::Steps};
-use crate::output::{Printer, count, significant, table};
+use super::{OneStep, PredictionError, read, steps::Steps};
+use crate::{
+    Context as _, StepError,
+    output::{Printer, count, significant, table},
+};
 
 /// A model whose one-step errors are known.
 pub(crate) struct Predicting {
@@ -34,7 +36,7 @@ struct SensorRatio {
 }
 
 /// Print them, beside those of no change.
-pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> anyhow::Result<()> {
+pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepError> {
     printer.result("")?;
     printer.result(&format!(
         "one-step error on held-out data, RMSE of {} transitions, normalised",
@@ -53,7 +55,7 @@ pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> anyhow::Result<()> 
 }
 
 /// Sensors, and last all columns together, which have no name.
-fn named(one_step: &OneStep) -> impl Iterator<Item = (Option<&str>, &StepError)> {
+fn named(one_step: &OneStep) -> impl Iterator<Item = (Option<&str>, &PredictionError)> {
     let sensors = one_step.sensors.iter().map(|of| (Some(of.sensor.as_str()), &of.error));
     sensors.chain([(None, &one_step.all_columns)])
 }
@@ -67,7 +69,7 @@ fn range(interval: Interval) -> String {
 }
 
 /// Every two of the models.
-pub(crate) fn all_pairs(models: &[&Predicting]) -> anyhow::Result<Vec<PairedErrors>> {
+pub(crate) fn all_pairs(models: &[&Predicting]) -> Result<Vec<PairedErrors>, StepError> {
     let of_two = |(one, other): (&Predicting, &Predicting)| {
         let sensors = one.one_step.sensors.iter().map(|of| {
             let ratio = one.steps.beside(&other.steps, Some(&of.sensor))?;
@@ -76,7 +78,7 @@ pub(crate) fn all_pairs(models: &[&Predicting]) -> anyhow::Result<Vec<PairedErro
         Ok(PairedErrors {
             models: [one, other].map(|of| of.name.clone()),
             all_columns: one.steps.beside(&other.steps, None)?,
-            sensors: sensors.collect::<anyhow::Result<_>>()?,
+            sensors: sensors.collect::<Result<_, StepError>>()?,
         })
     };
     two_by_two(models).map(of_two).collect()
@@ -93,7 +95,7 @@ fn two_by_two<'a>(
 
 /// Tables for the report: the models side by side, with the best of a row and all that cannot be told apart from it in bold where
 /// there are several; then every two of them.
-pub(crate) fn report_tables(models: &[&Predicting]) -> anyhow::Result<Vec<Table>> {
+pub(crate) fn report_tables(models: &[&Predicting]) -> Result<Vec<Table>, StepError> {
     let Some(first) = models.first() else { return Ok(Vec::new()) };
     let several = models.len() > 1;
     let (mut rows, mut bold) = (Vec::new(), Vec::new());
@@ -131,19 +133,19 @@ pub(crate) fn report_tables(models: &[&Predicting]) -> anyhow::Result<Vec<Table>
 
 impl Predicting {
     /// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study.
-    pub(crate) fn read(name: &str, job: &Job, model: &str) -> anyhow::Result<Option<Self>> {
+    pub(crate) fn read(name: &str, job: &Job, model: &str) -> Result<Option<Self>, StepError> {
         let Some(one_step) = read(job, model) else { return Ok(None) };
         let steps = Steps::read(&job.layout().rollout())
             .with_context(|| format!("run `{} --force`", job.command("rollout")))?;
         Ok(Some(Self { name: name.to_owned(), one_step, steps }))
     }
 
-    fn error(&self, sensor: Option<&str>) -> Option<&StepError> {
+    fn error(&self, sensor: Option<&str>) -> Option<&PredictionError> {
         named(&self.one_step).find(|(name, _)| *name == sensor).map(|(_, error)| error)
     }
 }
 
-fn cells(error: Option<&StepError>) -> [Cell; 3] {
+fn cells(error: Option<&PredictionError>) -> [Cell; 3] {
     let number = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
     let interval = error.and_then(|of| of.relative_interval);
     [
@@ -154,7 +156,7 @@ fn cells(error: Option<&StepError>) -> [Cell; 3] {
 }
 
 /// The model with the smallest error, and all that cannot be told apart from it.
-fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> anyhow::Result<Vec<usize>> {
+fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> Result<Vec<usize>, StepError> {
     let known = || {
         let own = models.iter().enumerate();
         own.filter_map(|(place, of)| Some((place, of.error(sensor)?.rmse?)))
@@ -173,7 +175,7 @@ fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> anyhow::Result<Vec
 }
 
 /// Quotients of the errors of every two models, if there are several.
-fn quotients(models: &[&Predicting]) -> anyhow::Result<Option<Table>> {
+fn quotients(models: &[&Predicting]) -> Result<Option<Table>, StepError> {
     let pairs: Vec<(&Predicting, &Predicting)> = two_by_two(models).collect();
     let Some((first, _)) = pairs.first() else { return Ok(None) };
     let (mut rows, mut bold) = (Vec::new(), Vec::new());

@@ -5,14 +5,14 @@ use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 use calib_core::Seed;
 use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, verdict};
 
-use crate::verdict::compare::Part;
+use crate::{StepError, verdict::compare::Part};
 
 /// What the study's rule chooses from the members of all deployments and the replayed log.
 pub(super) fn choice(
     sensor: &str,
     parts: &[&Part],
     verdicts: &[SensorVerdict],
-) -> anyhow::Result<usize> {
+) -> Result<usize, StepError> {
     let (study, manifest) = (parts[0].judged.study(), &parts[0].judged.manifest);
     let judging = Judging {
         part: study.part(),

@@ -10,6 +10,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::{
+    StepError,
     output::{Printer, percent, table},
     verdict::{
         compare::{Part, by_deployment},
@@ -83,7 +84,7 @@ impl Choice {
 }
 
 /// Sensor by sensor and model by model; nothing where there are no several deployments.
-pub(crate) fn all(parts: &[Part]) -> anyhow::Result<Vec<Deployed>> {
+pub(crate) fn all(parts: &[Part]) -> Result<Vec<Deployed>, StepError> {
     let deployments = by_deployment(parts);
     if deployments.len() < 2 {
         return Ok(Vec::new());
@@ -100,7 +101,7 @@ pub(crate) fn all(parts: &[Part]) -> anyhow::Result<Vec<Deployed>> {
     Ok(rows)
 }
 
-fn of_sensor(sensor: &str, parts: &[&Part]) -> anyhow::Result<Option<Deployed>> {
+fn of_sensor(sensor: &str, parts: &[&Part]) -> Result<Option<Deployed>, StepError> {
     let judged = |part: &Part| {
         let mut verdicts = part.judged.summary.verdicts.iter();
         verdicts.find(|verdict| verdict.sensor == sensor).cloned()
@@ -186,7 +187,7 @@ fn for_all_text(of: &Deployed) -> String {
 }
 
 /// Print the choices side by side; nothing where there are no several deployments.
-pub(crate) fn show(rows: &[Deployed], printer: &Printer) -> anyhow::Result<()> {
+pub(crate) fn show(rows: &[Deployed], printer: &Printer) -> Result<(), StepError> {
     if rows.is_empty() {
         return Ok(());
     }

@@ -1,0 +1,46 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Kinds of calibration models: `model.kind` of a study.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelKind {
+    /// Nearest neighbours: an ensemble whose rollouts never leave the data.
+    #[default]
+    Knn,
+    /// A feed-forward network that predicts the next state.
+    Nn,
+    /// A recurrent network that predicts the next state.
+    Gru,
+    /// A network of the user's, exported from PyTorch.
+    Torchscript,
+}
+
+impl ModelKind {
+    /// What a model of this kind is made of.
+    pub fn family(self) -> ModelFamily {
+        match self {
+            Self::Knn => ModelFamily::Neighbors,
+            Self::Nn | Self::Gru | Self::Torchscript => ModelFamily::Network,
+        }
+    }
+
+    /// What it is called in figures and tables.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Knn => "kNN",
+            Self::Nn => "NN",
+            Self::Gru => "GRU",
+            Self::Torchscript => "TorchScript model",
+        }
+    }
+}
+
+/// What a calibration model is made of, which decides how many members it has and which keys of a study it uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModelFamily {
+    /// Tables of neighbours: an ensemble of blocks, searched in the states or a representation of them.
+    Neighbors,
+    /// One network, to which `[dynamics]` applies.
+    Network,
+}
