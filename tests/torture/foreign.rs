@@ -62,6 +62,7 @@ const PLAN: &[&str] =
     &["cluster", "plan", "study.toml", "-q", "--shards", "2", "--output", "results", "-o", "out"];
 const MODEL: &[&str] = &["build-model", "study.toml", "-q", "--output", "results"];
 const SHARD: &[&str] = &["cluster", "run", "out", "--shard", "0", "-q"];
+const OTHER_SHARD: &[&str] = &["cluster", "run", "out", "--shard", "1", "-q"];
 
 fn acts() -> Vec<Act> {
     vec![
@@ -116,6 +117,10 @@ fn acts() -> Vec<Act> {
         Act::of(&["cluster", "status", "out", "--clean"], &[LOGS, MODEL, PLAN, SHARD])
             .without_force()
             .at(neighbours),
+        Act::of(&["cluster", "merge", "out", "-q"], &[LOGS, MODEL, PLAN, SHARD, OTHER_SHARD])
+            .without_force()
+            .at(neighbours),
+        Act::of(&["control", "pole/study.toml", "-q", "--output", "out"], &[]).at(with_decisions),
         Act::of(&["cluster", "submit", "out", "--engine", "kubernetes"], &[LOGS, MODEL, PLAN])
             .without_force()
             .at(neighbours),
@@ -123,12 +128,26 @@ fn acts() -> Vec<Act> {
             .without_force()
             .at(with_runs),
         Act::of(
-            &["validity", "study.toml", "--output", "out", "--resamples", "50"],
+            &["validity", "study.toml", "--output", "out"],
             &[LOGS, MODEL],
         )
         .without_force()
         .at(neighbours),
     ]
+}
+
+/// A log of decisions, and a study of it.
+fn with_decisions() -> Place {
+    let place = Place::new();
+    let args = ["simulate", "pole", "--task", "cart-pole", "--policy", "random"];
+    place.calib(&[&args[..], &["--transitions", "400"]].concat()).succeeds();
+    let path = place.path().join("pole/study.toml");
+    let text = fs::read_to_string(&path).expect("a study is written beside the log");
+    let (before, _) = text.split_once("[control.grid]").expect("a grid");
+    let small = before.replace("steps = 15000", "steps = 200");
+    let grid = "[control.model]\nmembers = 2\n\n[control.grid]\nstep_size = [0.03, 0.3]\n";
+    fs::write(&path, format!("{small}{grid}")).expect("writable");
+    place
 }
 
 /// A study, and a table of runs that another program made.
