@@ -159,6 +159,7 @@ fn show_log(profile: &Profile, printer: &Printer) -> anyhow::Result<()> {
     for (number, what) in oddities.iter().filter(|(number, _)| *number > 0) {
         printer.result(&format!("{}: {what}", count(*number as usize)))?;
     }
+    profile.sentinel_doubt().iter().for_each(|doubt| printer.warn(doubt));
     profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
     profile.value_doubts().iter().take(DOUBTS).for_each(|(_, doubt)| printer.warn(doubt));
     for pattern in &profile.unused_excludes {

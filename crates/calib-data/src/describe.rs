@@ -26,6 +26,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
         shape: log.shape,
         utc: log.utc,
         bad_quality: log.bad_quality,
+        sentinels: Vec::new(),
         contradictions: ContradictionsFound::default(),
         files: log.files.len(),
         bytes: log.files.iter().map(|file| file.bytes).sum(),

@@ -57,6 +57,7 @@ mod recorded;
 mod refuse;
 mod sample;
 mod select;
+mod sentinels;
 mod sketch;
 mod statistics;
 mod survey;
@@ -82,6 +83,7 @@ pub use profile::{
     Duplicates, FarOut, Gaps, PartProfile, Profile, ValueProfile,
 };
 pub use select::DropReason;
+pub use sentinels::Sentinel;
 pub use sketch::{ChannelSketch, Sketch, sketch};
 pub use tags::read_tags;
 pub use time::{format_time, parse_time};

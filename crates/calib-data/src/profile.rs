@@ -4,7 +4,7 @@ use calib_core::Timestamp;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{DataError, DropReason, Fences, Shape, names::hint};
+use crate::{DataError, DropReason, Fences, Sentinel, Shape, names::hint};
 
 /// Everything worth knowing about a log, and what preprocessing makes of it.
 ///
@@ -21,6 +21,9 @@ pub struct Profile {
     /// Samples of a long table that their quality made missing. Default: 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub bad_quality: u64,
+    /// Numbers that probably stand for a missing value, and are none of `data.missing_values`. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sentinels: Vec<Sentinel>,
     /// Values of the same channel and time that differ. Default: none.
     #[serde(default, skip_serializing_if = "ContradictionsFound::is_none")]
     pub contradictions: ContradictionsFound,
@@ -188,6 +191,9 @@ pub struct ChannelProfile {
     pub missing_fraction: f64,
     /// NaN and infinite values, which count as missing.
     pub non_finite: u64,
+    /// Values that `data.missing_values` names. Default: 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub stood_for_missing: u64,
     /// The most frequent words that are not numbers, which count as missing, and how often each occurs.
     pub words: Vec<(String, u64)>,
     /// Spikes, and held-out values far outside of the training range. Default: none.
@@ -330,6 +336,19 @@ impl Profile {
             ));
         }
         doubts
+    }
+
+    /// What is said of numbers that probably stand for a missing value; none where there are none.
+    pub fn sentinel_doubt(&self) -> Option<String> {
+        let values: Vec<String> = self.sentinels.iter().map(|of| of.value.to_string()).collect();
+        let told: Vec<String> = self.sentinels.iter().map(Sentinel::told).collect();
+        (!told.is_empty()).then(|| {
+            format!(
+                "{}: if that stands for a missing value, as loggers write it, set data.missing_values = [{}]",
+                told.join("; "),
+                values.join(", ")
+            )
+        })
     }
 
     /// What in the values of the kept channels spoils a model or a verdict: channels, each with sentences; empty for a good

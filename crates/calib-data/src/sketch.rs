@@ -6,10 +6,11 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    BridgedStops, DataConfig, DataError, Shape,
+    BridgedStops, DataConfig, DataError, Sentinel, Shape,
     channel::{Moments, Movement},
     log::{Batch, ChannelValues, Log, Seldom},
     outliers::Fences,
+    sentinels::sentinels,
 };
 
 /// Bins at most that a log is cut into.
@@ -36,6 +37,8 @@ pub struct Sketch {
     pub timestamps: Vec<Timestamp>,
     /// Where the rows are cut into bins of equally many rows.
     pub bins: Vec<Range<usize>>,
+    /// Numbers that probably stand for a missing value.
+    pub sentinels: Vec<Sentinel>,
     /// The channels that hold numbers, in the order of the files.
     pub channels: Vec<ChannelSketch>,
 }
@@ -89,10 +92,12 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     let thinned = (ALL_THINNED / wanted.len().max(1)).clamp(LEAST_THINNED, THINNED);
     let look = Look { log: &log, bins: &bins, every: rows.div_ceil(thinned).max(1) };
     let mut channels = Vec::with_capacity(wanted.len());
+    let mut extremes = Vec::with_capacity(wanted.len());
     let mut batch = Batch::default();
     monitor.begin("looking at channels", wanted.len() as u64);
     for some in wanted.chunks(log.batch_size()) {
         let read = log.look(some, &mut batch, monitor)?;
+        extremes.extend(read.iter().map(|values| values.extremes.clone()));
         let sketched = read
             .par_iter_mut()
             .zip(some)
@@ -105,6 +110,12 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         period_secs: log.period.as_secs(),
         timestamps: log.rows.timestamps,
         bins,
+        sentinels: sentinels(
+            channels
+                .iter()
+                .zip(&extremes)
+                .map(|(of, ends): (&ChannelSketch, _)| (of.name.as_str(), ends)),
+        ),
         channels,
     })
 }

@@ -1,6 +1,6 @@
 use std::{collections::HashSet, fmt::Write as _};
 
-use calib_data::{Sketch, entry_of};
+use calib_data::{Sentinel, Sketch, entry_of};
 
 use crate::{
     Cleaning, Clock, Cut, Horizon, Scope, Sensors, Size,
@@ -28,6 +28,8 @@ pub struct Draft<'a> {
     pub cut: &'a Cut,
     /// What counts as a gap.
     pub cleaning: &'a Cleaning,
+    /// Numbers that stand for a missing value; none where the user named them.
+    pub missing_values: &'a [Sentinel],
     /// On which clock, if channels have clocks of their own.
     pub clock: Option<Clock>,
     /// `preprocess.subsample`, and why.
@@ -95,6 +97,12 @@ impl Draft<'_> {
                 &number(clock.max_age_secs),
                 "what is older counts as missing",
             );
+        }
+        if !self.missing_values.is_empty() {
+            let told: Vec<String> = self.missing_values.iter().map(Sentinel::told).collect();
+            let values: Vec<String> =
+                self.missing_values.iter().map(|of| number(of.value)).collect();
+            text.key("missing_values", &format!("[{}]", values.join(", ")), &told.join("; "));
         }
         if scope.is_part {
             let share = scope.rows.len() as f64 / sketch.timestamps.len() as f64;
@@ -270,6 +278,7 @@ mod tests {
             sketch: &log,
             path: "logs",
             cleaning: &Cleaning::of(&log, &scope),
+            missing_values: &[],
             clock: None,
             spacing: (2, "because"),
             horizon: horizon(&log, &sensors.proposed, 2, 1_000),

@@ -20,6 +20,7 @@ pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
     Sketch {
         shape: Shape::Wide,
         utc: false,
+        sentinels: Vec::new(),
         period_secs: 60.0,
         timestamps: (0..rows as i64).map(|row| Timestamp::from_micros(row * 60_000_000)).collect(),
         channels: channels.iter().map(|(name, of)| channel(name, of, rows, &bins)).collect(),

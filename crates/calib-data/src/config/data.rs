@@ -55,6 +55,9 @@ pub struct DataConfig {
     /// What separates a number from its fraction in text files: `.` or `,`. Default: told by the first rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decimal: Option<char>,
+    /// Numbers that stand for a missing value, such as `[-200, -999.9]`, in all channels. Default: none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub missing_values: Vec<f64>,
     /// What happens to rows of the same time with different values of a channel. Default: they are refused.
     #[serde(skip_serializing_if = "Contradictions::are_refused")]
     #[schemars(extend("default" = "refuse"))]
@@ -238,6 +241,7 @@ impl Default for DataConfig {
             good_quality: Vec::new(),
             separator: None,
             decimal: None,
+            missing_values: Vec::new(),
             contradictions: Contradictions::Refuse,
             resample: None,
             max_age_secs: None,

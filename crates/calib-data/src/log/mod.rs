@@ -64,6 +64,8 @@ pub(crate) struct Log {
     recorded: Option<Rows>,
     grid: Option<Grid>,
     contradictions: Contradictions,
+    /// Numbers that stand for a missing value.
+    missing_values: Vec<f64>,
     /// Whether times are UTC rather than what some clock showed.
     pub(crate) utc: bool,
     /// Samples that their quality made missing.

@@ -149,6 +149,7 @@ impl Planned {
             steps: gaps::find_steps(&rows.timestamps, &rows.breaks, period, data.gap_tolerance),
             period_was_detected: data.period_secs.is_none(),
             contradictions: data.contradictions,
+            missing_values: data.missing_values.clone(),
             files,
             shape,
             origin,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
 use calib_core::Timestamp;
-use calib_data::{ChannelSketch, Sketch, sketch};
+use calib_data::{ChannelSketch, Sentinel, Sketch, sketch};
 use calib_files::{TemporaryFolder, check_output, write_output};
 use calib_propose::{
     Cleaning, Clock, Cut, Draft, Horizon, LeftOut, Scope, Sensors, Size, horizon, spacings,
@@ -64,8 +64,8 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Ou
     let clock = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
     let look = Look::at(args, printer)?;
-    let is_given = args.set.iter().any(|one| one.trim_start().starts_with("data.contradictions"));
-    if let Some((keep, why)) = look.cleaning.contradictions.as_ref().filter(|_| !is_given) {
+    let contradictions = look.cleaning.contradictions.as_ref();
+    if let Some((keep, why)) = contradictions.filter(|_| !gives(args, "data.contradictions")) {
         printer.warn(&format!(
             "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
         ));
@@ -84,6 +84,11 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Ou
         calib_study::shell_words([args.study.display().to_string()])
     )]);
     Ok(Outcome::Done)
+}
+
+/// Whether `key` was given with `--set`.
+fn gives(args: &ProposeOptions, key: &str) -> bool {
+    args.set.iter().any(|one| one.split_once('=').is_some_and(|(given, _)| given.trim() == key))
 }
 
 /// What is said of channels that stop for longer than they usually do, where the age at which values are forgotten is that of
@@ -127,6 +132,8 @@ fn path_in_study(logs: &Path, study: &Path) -> anyhow::Result<String> {
 /// What the log is like.
 struct Look {
     sketch: Sketch,
+    /// Numbers that were found to stand for a missing value.
+    sentinels: Vec<Sentinel>,
     clock: Option<Clock>,
     scope: Scope,
     cut: Cut,
@@ -142,6 +149,20 @@ impl Look {
         printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
         text_left_alone(&data, printer)?;
         let mut sketch = sketch(&data, &printer.progress())?;
+        let sentinels = if gives(args, "data.missing_values") {
+            Vec::new()
+        } else {
+            std::mem::take(&mut sketch.sentinels)
+        };
+        if !sentinels.is_empty() {
+            let told: Vec<String> = sentinels.iter().map(Sentinel::told).collect();
+            printer.warn(&format!(
+                "{}: taken for missing values, and the log is looked at again; --set data.missing_values=[] keeps them",
+                told.join("; ")
+            ));
+            data.missing_values = sentinels.iter().map(|of| of.value).collect();
+            sketch = calib_data::sketch(&data, &printer.progress())?;
+        }
         let clock = if data.resample.is_none() { Clock::of(&sketch) } else { None };
         if let Some(clock) = clock {
             printer
@@ -159,7 +180,7 @@ impl Look {
         };
         let cut = Cut::of(&sketch, &scope)?;
         let cleaning = Cleaning::of(&sketch, &scope);
-        Ok(Self { sketch, clock, scope, cut, cleaning, sensors })
+        Ok(Self { sketch, sentinels, clock, scope, cut, cleaning, sensors })
     }
 }
 
@@ -210,6 +231,7 @@ impl Proposal {
                 scope,
                 cut,
                 cleaning: &look.cleaning,
+                missing_values: &look.sentinels,
                 clock: look.clock,
                 spacing: (spacing, words[0]),
                 sensors,
