@@ -68,19 +68,19 @@ mod time;
 
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
 pub use config::{
-    Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths, PreprocessConfig,
-    Reduce, Resample, Shape, TimeRange, TimestampUnit,
+    BadRows, Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths,
+    PreprocessConfig, Reduce, Resample, Shape, TimeRange, TimestampUnit,
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
 pub use guard::may_be_of_a_reader;
 pub use import::{Dropped, Imported, import};
-pub use log::{Declared, log_files, text_left_alone};
+pub use log::{BadRowsFound, ContradictionCause, Declared, log_files, text_left_alone};
 pub use names::entry_of;
 pub use outliers::Fences;
 pub use profile::{
     BackwardStep, BackwardSteps, BridgedStops, ChannelProfile, ContradictionsFound, Description,
-    Duplicates, FarOut, Gaps, PartProfile, Profile, ValueProfile,
+    Duplicates, FarOut, Gaps, PartProfile, Profile, ValueProfile, long_gap, without_times,
 };
 pub use select::DropReason;
 pub use sentinels::Sentinel;

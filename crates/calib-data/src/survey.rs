@@ -127,7 +127,7 @@ impl Survey {
             held_out: held_out_profile,
             unseen_modes: unseen_modes(&log, modes.as_ref()),
             sentinels: sentinels(ends),
-            contradictions: contradictions.told(&log),
+            contradictions: contradictions.told(&log, monitor)?,
             ..describe_rows(&log, conflicting)
         };
         Ok(Self { log, stretches, profile, sensors, modes, train, held_out })
@@ -177,13 +177,14 @@ pub(crate) fn told(channel: &str, of: &Contradiction) -> String {
 }
 
 impl Found {
-    fn told(self, log: &Log) -> ContradictionsFound {
+    fn told(self, log: &Log, monitor: &dyn Monitor) -> Result<ContradictionsFound, DataError> {
         let told = |(channel, of): (usize, Vec<Contradiction>)| {
             let name = &log.channels[channel].name;
             of.iter().map(|of| told(name, of)).collect::<Vec<_>>()
         };
         let examples = self.first.into_iter().flat_map(told).take(SHOWN).collect();
-        ContradictionsFound { count: self.count, examples }
+        let cause = if self.count > 0 { log.cause_of_contradictions(monitor)? } else { None };
+        Ok(ContradictionsFound { count: self.count, examples, cause })
     }
 }
 

@@ -4,12 +4,15 @@ use calib_data::{Sentinel, Sketch, entry_of};
 
 use crate::{
     Cleaning, Clock, Cut, Horizon, Scope, Sensors, Size,
+    sensors::explained,
     size::{LEAST_STEPS, MEMBERS},
     written::{comment, quoted},
 };
 
 /// Steps of a rollout at most: enough to look at.
 const ROLLOUT_STEPS: usize = 3_000;
+/// Values of a predicted sensor are carried over this share of the horizon at most.
+const FILLED: f64 = 0.2;
 /// Sensors that are named in a comment.
 const NAMED: usize = 12;
 /// The column in which comments begin, where there is room.
@@ -42,6 +45,17 @@ pub struct Draft<'a> {
     pub size: &'a Size,
     /// What is said of the size.
     pub size_reason: &'a str,
+    /// What was not chosen here.
+    pub asked: Asked,
+}
+
+/// What the user asked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Asked {
+    /// The sensors.
+    pub sensors: bool,
+    /// The horizon.
+    pub horizon: bool,
 }
 
 impl Draft<'_> {
@@ -107,7 +121,7 @@ impl Draft<'_> {
         if scope.is_part {
             let share = scope.rows.len() as f64 / sketch.timestamps.len() as f64;
             text.comment(&format!(
-                "{:.0} % of the rows are used, {} of {} channels: the part where most of them are there together",
+                "{:.0} % of the rows are of the part where most channels are there together, {} of {}",
                 100.0 * share,
                 scope.channels.len(),
                 sketch.channels.len()
@@ -137,10 +151,10 @@ impl Draft<'_> {
     }
 
     fn preprocess(&self, text: &mut Lines) {
-        let (limit, why) = &self.cleaning.fill_limit;
+        let (limit, why) = self.fill_limit();
         text.section("preprocess");
         text.key("missing", "\"forward_fill\"", "values stand until the next");
-        text.key("fill_limit", &limit.to_string(), why);
+        text.key("fill_limit", &limit.to_string(), &why);
         let spikes: u64 =
             self.scope.channels.iter().map(|&channel| self.sketch.channels[channel].spikes).sum();
         if spikes > 0 {
@@ -148,6 +162,24 @@ impl Draft<'_> {
             text.key("outliers", "\"missing\"", &why);
         }
         text.key("subsample", &self.spacing.0.to_string(), self.spacing.1);
+    }
+
+    /// How far values are carried; those of a sensor that is predicted only over a small part of the horizon, because the agent would predict
+    /// what was filled in.
+    fn fill_limit(&self) -> (usize, String) {
+        let (limit, why) = &self.cleaning.fill_limit;
+        let rows = (self.horizon.states * self.spacing.0 as f64 * FILLED) as usize;
+        let misses = |&channel: &usize| self.sketch.channels[channel].missing_run > 0;
+        if rows.max(1) < *limit && self.sensors.proposed.iter().any(misses) {
+            let share = 100.0 * FILLED;
+            return (
+                rows.max(1),
+                format!(
+                    "{share:.0} % of the horizon, because a sensor that is predicted misses values"
+                ),
+            );
+        }
+        (*limit, why.clone())
     }
 
     fn agent(&self, text: &mut Lines) {
@@ -160,7 +192,11 @@ impl Draft<'_> {
         text.key(
             "gamma",
             &gamma.to_string(),
-            &format!("a horizon of {states:.0} states, {}: until half of what a sensor was is forgotten, but no more than a hundredth of a run", span(secs)),
+            &format!("a horizon of {states:.0} states, {}: {}", span(secs), if self.asked.horizon {
+                "as asked for with --horizon"
+            } else {
+                "until half of what a sensor was is forgotten, but no more than a hundredth of a run"
+            }),
         );
         text.key("learning_rate", "1e-3", "the default that the verdict compares with");
     }
@@ -171,7 +207,18 @@ impl Draft<'_> {
         let name = |&channel: &usize| quoted(&self.sketch.channels[channel].name);
         let proposed: Vec<String> =
             self.sensors.proposed.iter().take(size.sensors).map(name).collect();
-        text.comment("They move throughout the log, stay where they have been before, and are as unlike each other as can be");
+        let why = if self.asked.sensors {
+            "Named with --sensor".to_owned()
+        } else {
+            let explained = self.sensors.proposed.iter().take(size.sensors).map(|&channel| {
+                format!("{:.0} %", 100.0 * explained(self.sketch, channel, &self.scope.channels))
+            });
+            format!(
+                "They move throughout the log, stay where they have been before, and are as unlike each other as can be; other channels explain {} of them",
+                explained.collect::<Vec<_>>().join(", ")
+            )
+        };
+        text.comment(&why);
         text.key("sensors", &format!("[{}]", proposed.join(", ")), "");
         let others: Vec<String> = self
             .sensors
@@ -286,6 +333,7 @@ mod tests {
             cut: &cut,
             sensors: &sensors,
             size: &size,
+            asked: Asked::default(),
             size_reason: "sized to end within 10 min",
         };
         let text = draft.text();

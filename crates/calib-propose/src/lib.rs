@@ -35,7 +35,7 @@ mod written;
 
 pub use cleaning::{Cleaning, Clock};
 pub use cut::Cut;
-pub use draft::Draft;
+pub use draft::{Asked, Draft};
 pub use error::ProposeError;
 pub use given::with_given;
 pub use horizon::{Horizon, horizon};

@@ -300,7 +300,7 @@ pub(crate) struct Codes {
 
 /// Labels, each once.
 #[derive(Default)]
-struct Labels {
+pub(super) struct Labels {
     codes: HashMap<String, usize>,
     /// Each label as a number, where it is one.
     numbers: Vec<Option<f64>>,
@@ -329,7 +329,7 @@ impl Labels {
         self.numbers[code as usize]
     }
 
-    fn list(&self) -> Vec<String> {
+    pub(super) fn list(&self) -> Vec<String> {
         let mut labels = vec![String::new(); self.codes.len()];
         for (label, &code) in &self.codes {
             labels[code].clone_from(label);
@@ -386,7 +386,7 @@ impl Log {
     }
 
     /// The codes of a channel: one per recorded row, and one per duplicate of them.
-    fn codes_of_files(
+    pub(super) fn codes_of_files(
         &self,
         files: &[LogFile],
         channel: usize,
@@ -486,6 +486,6 @@ impl Log {
             format!("at {at} {name} is {before:?} and {now:?}")
         };
         let examples = found.first.iter().map(told).collect();
-        Err(DataError::Contradictions { count: found.count, examples })
+        Err(DataError::Contradictions { count: found.count, examples, cause: None })
     }
 }

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
 use calib_core::Timestamp;
-use calib_data::{ChannelSketch, Sentinel, Sketch, sketch};
+use calib_data::{ChannelSketch, Sentinel, Sketch, format_time, sketch};
 use calib_files::{TemporaryFolder, check_output, write_output};
 use calib_propose::{
-    Cleaning, Clock, Cut, Draft, Horizon, LeftOut, Scope, Sensors, Size, horizon, spacings,
+    Asked, Cleaning, Clock, Cut, Draft, Horizon, Scope, Sensors, Size, horizon, spacings,
 };
 use calib_study::{Job, Request};
 use schemars::JsonSchema;
@@ -18,7 +18,10 @@ use serde::Serialize;
 use self::trial::Trials;
 use crate::{
     base::{
-        clock::Stopwatch, left_alone::text_left_alone, memory, options::ProposeOptions,
+        clock::{self, Stopwatch},
+        left_alone::text_left_alone,
+        memory,
+        options::ProposeOptions,
         outcome::Outcome,
     },
     output::{Printer, count, duration, span},
@@ -59,6 +62,12 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Ou
         args.study.extension().is_some_and(|extension| extension == "toml"),
         "{file}: expected the name of a study file, which ends in .toml"
     );
+    for (key, instead) in [
+        ("data.train_fraction", "it chooses data.train and data.held_out; give these"),
+        ("sweep.sensors", "it sizes the study for the sensors of --sensor; name them there"),
+    ] {
+        ensure!(!gives(args, key), "--set {key} has no effect on `calib init`: {instead}");
+    }
     // Before the trials, and not after them.
     check_output(&args.study, args.standing)?;
     let clock = Stopwatch::start();
@@ -73,7 +82,7 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> anyhow::Result<Ou
     if let Some(bridged) = bridged(&look) {
         printer.warn(&bridged);
     }
-    let chosen = Proposal::of(args, &path, &look, printer)?;
+    let chosen = Proposal::of(args, &path, &look, clock, printer)?;
     write_output(&args.study, args.standing, |file| {
         std::io::Write::write_all(file, chosen.text.as_bytes())
     })?;
@@ -149,6 +158,14 @@ impl Look {
         printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
         text_left_alone(&data, printer)?;
         let mut sketch = sketch(&data, &printer.progress())?;
+        if sketch.without_times {
+            printer.warn(&calib_data::without_times(sketch.period_secs, sketch.files));
+        }
+        if let Some(example) = sketch.bad_rows.examples.first() {
+            let lines = count(sketch.bad_rows.count as usize);
+            printer
+                .warn(&format!("{lines} lines cannot be read and are left out, such as {example}"));
+        }
         let sentinels = if gives(args, "data.missing_values") {
             Vec::new()
         } else {
@@ -172,34 +189,56 @@ impl Look {
             data.max_age_secs = Some(clock.max_age_secs);
             sketch = calib_data::sketch(&data, &printer.progress())?;
         }
-        let scope = Scope::of(&sketch)?;
-        let sensors = if args.sensors.is_empty() {
+        let wanted = named(&args.sensors, &sketch)?;
+        let scope = Scope::with(&sketch, &wanted)?;
+        let sensors = if wanted.is_empty() {
             Sensors::of(&sketch, &scope)?
         } else {
-            named(&args.sensors, &sketch, &scope)?
+            Sensors { proposed: wanted, others: Vec::new() }
         };
         let cut = Cut::of(&sketch, &scope)?;
+        if !args.sensors.is_empty() && scope.is_part {
+            let rows = &sketch.timestamps[scope.rows.clone()];
+            printer.say(&format!(
+                "{} complete from {} to {}: data.train and data.held_out take this stretch",
+                args.sensors.join(" and "),
+                format_time(rows[0]),
+                format_time(rows[rows.len() - 1])
+            ));
+        }
+        for doubt in doubts(&sketch) {
+            printer.warn(&doubt);
+        }
         let cleaning = Cleaning::of(&sketch, &scope);
         Ok(Self { sketch, sentinels, clock, scope, cut, cleaning, sensors })
     }
 }
 
-/// The sensors that were asked for.
-fn named(names: &[String], sketch: &Sketch, scope: &Scope) -> anyhow::Result<Sensors> {
+/// What of the times of a log is probably not as meant, in sentences.
+fn doubts(sketch: &Sketch) -> Vec<String> {
+    let mut doubts = Vec::new();
+    let steps = sketch.timestamps.windows(2).map(|pair| (pair[1].micros_since(pair[0]), pair[0]));
+    if let Some((step, from)) = steps.max()
+        && step > YEAR_MICROS
+    {
+        doubts.push(calib_data::long_gap(from, step));
+    }
+    doubts.extend(sketch.timestamps.last().and_then(|last| clock::in_future(*last)));
+    doubts
+}
+
+/// A gap that is longer is said.
+const YEAR_MICROS: i64 = 365 * 86_400 * 1_000_000;
+
+/// The positions of the sensors that were asked for.
+fn named(names: &[String], sketch: &Sketch) -> anyhow::Result<Vec<usize>> {
     let find = |name: &String| {
         let channel = sketch.channels.iter().position(|of| of.name == *name);
-        let channel = channel.with_context(|| {
+        channel.with_context(|| {
             format!("--sensor {name}: the log has no such channel; `calib inspect` shows all")
-        })?;
-        if let Some(LeftOut { why, .. }) = scope.left_out.iter().find(|of| of.channel == channel) {
-            anyhow::bail!("--sensor {name}: {why}, so it cannot be predicted");
-        }
-        Ok(channel)
+        })
     };
-    Ok(Sensors {
-        proposed: names.iter().map(find).collect::<anyhow::Result<_>>()?,
-        others: Vec::new(),
-    })
+    names.iter().map(find).collect()
 }
 
 /// A study, and what was found on the way to it.
@@ -218,8 +257,10 @@ impl Proposal {
         args: &ProposeOptions,
         path: &str,
         look: &Look,
+        begun: Stopwatch,
         printer: &Printer,
     ) -> anyhow::Result<Self> {
+        let left = || (args.within - begun.elapsed().as_secs_f64()).max(0.0);
         let Look { sketch, scope, sensors, .. } = look;
         let place = TemporaryFolder::new()?;
         let trials = Trials { args, place: &place, printer };
@@ -238,6 +279,7 @@ impl Proposal {
                 horizon,
                 size,
                 size_reason: words[1],
+                asked: Asked { sensors: !args.sensors.is_empty(), horizon: args.horizon.is_some() },
             }
             .text()
         };
@@ -254,7 +296,7 @@ impl Proposal {
             draft(spacing, &cut, ahead(spacing, size.steps), &size, [""; 2])
         };
         let (spacing, why, build_secs) = trials.spacing(&candidates, small, sketch.period_secs)?;
-        let rows = trial::rows_within(args.within, build_secs, look.cut.rows[0] / spacing);
+        let rows = trial::rows_within(left(), build_secs, look.cut.rows[0] / spacing);
         let cut = look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing));
         let steps = most(spacing);
         let mut horizon = ahead(spacing, steps);
@@ -264,19 +306,23 @@ impl Proposal {
         };
         let measured = trials.costs(steps, &mut horizon, trial)?;
         let costs = measured.time;
-        let size = Size::within(args.within, costs, steps, sensors.proposed.len());
+        // Looking and trying are of the time that was asked for.
+        let tried = begun.elapsed().as_secs_f64();
+        let size = Size::within(left(), costs, steps, sensors.proposed.len());
         let expected_secs = size.secs(costs);
         let expected_processor_secs = measured.processors.map(|costs| size.secs(costs));
         let reason = format!(
-            "Sized to end within {}: about {} on this machine, {} of them for the sweep",
+            "Sized to end within {}, of which `calib init` took {}: about {} on this machine, {} of them for the sweep",
             span(args.within),
+            span(tried.round()),
             span(expected_secs.round()),
             span((expected_secs - costs.fixed_secs).round())
         );
-        if expected_secs.round() > args.within {
+        if expected_secs.round() > (args.within - tried).max(0.0) {
             printer.warn(&format!(
-                "{} are not enough for the smallest study that says anything: about {}",
+                "{} are not enough for the smallest study that says anything: `calib init` took {}, and `calib run` will take about {}",
                 span(args.within),
+                span(tried.round()),
                 span(expected_secs.round())
             ));
         }
