@@ -6,7 +6,8 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    BadRowsFound, BridgedStops, Contradictions, DataConfig, DataError, Sentinel, Shape,
+    BadRowsFound, BridgedStops, ContradictionCause, Contradictions, DataConfig, DataError,
+    Sentinel, Shape,
     channel::{Moments, Movement},
     log::{Batch, ChannelValues, Log, SHOWN, Seldom},
     outliers::Fences,
@@ -14,6 +15,8 @@ use crate::{
     survey::told,
 };
 
+/// Up to this share of the rows, contradictions are no reason to refuse a log.
+const FEW: f64 = 0.01;
 /// Bins at most that a log is cut into.
 const BINS: usize = 64;
 /// Values at most of a channel that are kept for comparisons with others; fewer where there are very many channels.
@@ -122,13 +125,17 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
             .map(|(values, &channel)| look.channel(log.channels[channel].name.clone(), values));
         channels.extend(sketched.collect::<Vec<_>>());
     }
-    // A few contradictions may be of a clock; those of several plants or rooms are all of the log.
-    if channels.iter().any(|of: &ChannelSketch| of.contradicting > 0)
+    let count: u64 = channels.iter().map(|of: &ChannelSketch| of.contradicting).sum();
+    if count > 0
         && log.keeps() == Contradictions::Refuse
         && let Some(cause) = log.cause_of_contradictions(monitor)?
     {
-        let count = channels.iter().map(|of| of.contradicting).sum();
-        return Err(DataError::Contradictions { count, examples, cause: Some(cause) });
+        let most = channels.iter().map(|of| of.contradicting).max().unwrap_or(0);
+        // Exports that overlap may differ in a few rows.
+        let is_of_all = most as f64 > FEW * rows as f64;
+        if is_of_all || matches!(cause, ContradictionCause::Column { .. }) {
+            return Err(DataError::Contradictions { count, examples, cause: Some(cause) });
+        }
     }
     Ok(Sketch {
         without_times: log.without_times,

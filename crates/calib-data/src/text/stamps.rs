@@ -192,6 +192,17 @@ impl Candidates {
             self.unreadable.get_or_insert_with(|| Unreadable::Cell(cell.to_owned()));
         }
         self.left = left;
+        // 01/01/2024 shows nobody what is meant.
+        if self.is_ambiguous() && !self.differ(&self.example) && self.differ(cell) {
+            cell.clone_into(&mut self.example);
+        }
+    }
+
+    /// Whether some of them read `cell` differently.
+    fn differ(&self, cell: &str) -> bool {
+        let mut readings = self.left.iter().map(|notation| notation.read(cell));
+        let first = readings.next();
+        readings.any(|reading| Some(reading) != first)
     }
 
     /// Whether those that are left read some cells differently.
@@ -428,6 +439,8 @@ mod tests {
         assert_eq!(candidates.left, [Notation::Pattern("%d/%m/%Y %H:%M".to_owned())]);
         candidates.note("04/13/2024 10:00");
         assert_eq!(unreadable(&candidates), "04/13/2024 10:00");
+        let same = Candidates::of(&["01/01/2024 10:00", "02/01/2024 10:00"], None);
+        assert_eq!(same.example, "02/01/2024 10:00", "the first that shows a difference");
         assert_eq!(notation(&["01/02/03"]).len(), 3, "the year may be anywhere");
     }
 
