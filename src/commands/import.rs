@@ -1,4 +1,4 @@
-use calib_data::{Dropped, Imported, Shape};
+use calib_data::{Dropped, Imported, Shape, without_times};
 use calib_pipeline::{
     Outcome, Printer, Standing, StepError, check_log, ensure, on_this_machine,
     output::{count, counted},
@@ -32,6 +32,9 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> Result<Outcome, StepE
         counted(channels, "channel"),
         shape_name(shape)
     ))?;
+    if let Some(secs) = imported.counted_secs {
+        printer.warn(&without_times(secs, imported.files));
+    }
     show_dropped(&imported, printer)?;
     for (channel, words) in &imported.words {
         let words: Vec<String> =
@@ -52,15 +55,23 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> Result<Outcome, StepE
 
 /// What of the files is not in the rows.
 fn show_dropped(imported: &Imported, printer: &Printer) -> Result<(), StepError> {
-    let Dropped { without_time, undecided, repeated, bad_quality } = imported.dropped;
+    let Dropped { without_time, undecided, repeated, bad_quality, bad_rows } = &imported.dropped;
+    if !bad_rows.is_none() {
+        printer.result(&format!(
+            "{} cannot be read: left out, such as",
+            counted(bad_rows.count as usize, "line")
+        ))?;
+        let examples = bad_rows.examples.iter();
+        examples.map(|of| format!("    {of}")).try_for_each(|of| printer.result(&of))?;
+    }
     let told = [
-        (without_time, "without a timestamp of the years 1 to 9998: dropped"),
+        (*without_time, "without a timestamp of the years 1 to 9998: dropped"),
         (
-            undecided,
+            *undecided,
             "among these of an hour that clocks showed twice or never (data.time_zone), which no other row decides",
         ),
-        (repeated, "of the same time as another: one with it"),
-        (bad_quality, "of bad quality: missing values"),
+        (*repeated, "of the same time as another: one with it"),
+        (*bad_quality, "of bad quality: missing values"),
     ];
     for (number, what) in told.into_iter().filter(|(number, _)| *number > 0) {
         printer.result(&format!(

@@ -57,6 +57,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
         let error = DataError::Contradictions {
             count: profile.contradictions.count,
             examples: profile.contradictions.examples.clone(),
+            cause: profile.contradictions.cause.clone(),
         };
         printer.warn(&format!("a study of this log would be refused: {error}"));
     }
@@ -144,6 +145,8 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
     show_gaps(profile, printer)?;
     let oddities = [
         (profile.duplicates.identical, "duplicate rows (dropped)"),
+        (profile.merged_rows, "rows merged by column with those of another file"),
+        (profile.bad_rows.count, BAD_ROWS),
         (profile.duplicates.conflicting, "rows that contradict another of the same time"),
         (profile.bad_quality, "samples of bad quality (missing values)"),
         (profile.backward_steps.count, "steps back in time (rows are put in order)"),
@@ -159,7 +162,13 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
     ];
     for (number, what) in oddities.iter().filter(|(number, _)| *number > 0) {
         printer.result(&format!("{}: {what}", count(*number as usize)))?;
+        if *what == BAD_ROWS {
+            let examples = profile.bad_rows.examples.iter();
+            examples.map(|of| format!("    {of}")).try_for_each(|of| printer.result(&of))?;
+        }
     }
+    profile.sentinel_doubt().iter().for_each(|doubt| printer.warn(doubt));
+    calib_pipeline::in_future(profile.end).iter().for_each(|doubt| printer.warn(doubt));
     profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
     profile.value_doubts().iter().take(DOUBTS).for_each(|(_, doubt)| printer.warn(doubt));
     for pattern in &profile.unused_excludes {
@@ -184,6 +193,9 @@ fn show_gaps(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
     });
     printer.lines(&table(&["", "from", "to"], &shown.take(GAPS).collect::<Vec<_>>()))
 }
+
+/// What is said of damaged lines, above the first few of them.
+const BAD_ROWS: &str = "lines that cannot be read (left out), such as";
 
 /// Warnings of values that are shown; the notes below the channels have all.
 const DOUBTS: usize = 8;

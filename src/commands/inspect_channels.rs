@@ -70,6 +70,10 @@ fn notes(channel: &ChannelProfile) -> String {
     if channel.non_finite > 0 {
         notes.push(format!("{} not finite", count(channel.non_finite as usize)));
     }
+    if channel.stood_for_missing > 0 {
+        let values = counted(channel.stood_for_missing as usize, "value");
+        notes.push(format!("{values} of data.missing_values"));
+    }
     if channel.far_out.spikes > 0 {
         notes.push(counted(channel.far_out.spikes as usize, "spike"));
     }

@@ -182,3 +182,98 @@ fn a_log_without_a_sensor_says_so() {
     let unknown = place.calib(&["init", "log.csv", "--within", "soon"]).fails(2);
     assert!(unknown.contains("expected a time such as 90s"), "{unknown}");
 }
+
+/// A log as loggers write it: dates and times in two columns, decimal commas, -200 for "no value", a clock that starts anew at midnight, the
+/// wind's direction, a sensor that came later, and a damaged line.
+fn loggers() -> String {
+    let mut text = String::from("Date;Time;CO;NOx;T;NSM;Wind;Late\r\n");
+    let mut noise = 1_u32;
+    for row in 0..2_400_u32 {
+        noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let rough = f64::from(noise >> 16) / 65_536.0;
+        let at = f64::from(row);
+        let wind = (at * 2.3 + 40.0 * rough).rem_euclid(360.0);
+        let values = [
+            2.0 + 1.5 * (at / 5.0).sin() + 0.2 * rough,
+            300.0 + 200.0 * (at / 5.0 + 0.4).sin() + 9.0 * rough,
+            15.0 + 8.0 * (at / 30.0).cos() + 0.4 * rough,
+        ];
+        let value = |value: &f64| {
+            if row % 90 == 11 { "-200".to_owned() } else { format!("{value:.2}").replace('.', ",") }
+        };
+        let values: Vec<String> = values.iter().map(value).collect();
+        let late = if row < 1_100 {
+            String::new()
+        } else {
+            format!("{:.2}", 5.0 + (at / 7.0).sin()).replace('.', ",")
+        };
+        if row == 700 {
+            text.push_str("14/03/2024;0\r\n");
+        }
+        let (minute, day) = (2 * row % 1_440, 13 + 2 * row / 1_440);
+        writeln!(
+            text,
+            "{day}/3/2024;{:02}.{:02}.00;{};{};{};{late}\r",
+            minute / 60,
+            minute % 60,
+            values.join(";"),
+            minute * 60,
+            format!("{wind:.1}").replace('.', ",")
+        )
+        .expect("memory");
+    }
+    text
+}
+
+#[test]
+fn what_a_logger_wrote_goes_to_a_verdict_with_what_was_said() {
+    let place = Place::new();
+    place.write("log.csv", &loggers());
+    let damaged = place.calib(&["init", "log.csv", "--within=1s"]).fails(2);
+    assert!(damaged.contains("log.csv, line 702: 2 cells"), "{damaged}");
+    assert!(damaged.contains("data.bad_rows = \"skip\""), "{damaged}");
+    let skip = "--set=data.bad_rows=skip";
+    let shown = place.calib(&["inspect", "log.csv", skip]);
+    assert!(shown.stdout().contains("1: lines that cannot be read (left out), such as"));
+    assert!(shown.stderr().contains("set data.missing_values = [-200]"), "{}", shown.stderr());
+    let init = place.calib(&["init", "log.csv", "--within=1s", skip]);
+    init.succeeds();
+    assert!(init.stderr().contains("-200 stands 81 times"), "{}", init.stderr());
+    let study = read(&place, "study.toml");
+    for line in [
+        "missing_values = [-200]",
+        "bad_rows = \"skip\"  # given",
+        "a clock: it counts on evenly",
+        "an angle: from 359 to 1 degree",
+        "other channels explain",
+        "of which `calib init` took",
+    ] {
+        assert!(study.contains(line), "{line} in {study}");
+    }
+    let ran = place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+    assert!(ran.contains("CO") || ran.contains("NOx"), "{ran}");
+}
+
+#[test]
+fn what_was_asked_for_is_taken_or_refused() {
+    let place = Place::new();
+    place.write("log.csv", &loggers());
+    let init = |more: &[&str]| {
+        let args = ["init", "log.csv", "--force", "--within=1s", "--set=data.bad_rows=skip"];
+        place.calib(&[&args, more].concat())
+    };
+    let late = init(&["--sensor", "Late", "--horizon", "20m"]);
+    late.succeeds();
+    let said = late.stderr();
+    assert!(said.contains("Late complete from 2024-03-14"), "{said}");
+    assert!(said.contains("data.train and data.held_out take this stretch"), "{said}");
+    let study = read(&place, "study.toml");
+    assert!(study.contains("sensors = [\"Late\"]") && study.contains("Named with --sensor"));
+    assert!(study.contains("as asked for with --horizon"), "{study}");
+    let clock = init(&["--sensor", "NSM"]).fails(2);
+    assert!(clock.contains("NSM: a clock: it counts on evenly, so it cannot be"), "{clock}");
+    let fraction = init(&["--set=data.train_fraction=0.5"]).fails(2);
+    assert!(fraction.contains("has no effect on `calib init`"), "{fraction}");
+    let fraction = place.calib(&["run", "study.toml", "--set=data.train_fraction=0.5"]).fails(2);
+    assert!(fraction.contains("has no effect, because data.train says"), "{fraction}");
+}

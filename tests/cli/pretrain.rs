@@ -98,7 +98,7 @@ fn what_does_not_fit_is_refused() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     assert_snapshot!("no_agents", sweep(&[]));
     place.calib(&["pretrain", "study.toml"]).succeeds();
-    assert_snapshot!("another_gamma", sweep(&["sweep.grid={ gamma = [0.9, 0.5] }"]));
+    assert_snapshot!("another_gamma", sweep(&["agent.gamma=0.5"]));
     assert_snapshot!("another_sensor", sweep(&["sweep.sensors=[\"TUIT101\"]"]));
     let taken = "pretrain={ checkpoint = \"study-results/pretrain\", fraction = 0.4 }";
     assert_snapshot!("another_shape", sweep(&[taken, "agent.value_function=mlp"]));

@@ -97,6 +97,11 @@ impl Surveyed {
         self.survey.train.samples.rows()
     }
 
+    /// What the log is like.
+    pub fn profile(&self) -> &Profile {
+        &self.survey.profile
+    }
+
     /// Time of each training state.
     pub fn timestamps(&self) -> Vec<Timestamp> {
         self.survey.train.samples.timestamps(&self.survey.log.rows.timestamps)

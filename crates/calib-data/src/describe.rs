@@ -10,6 +10,7 @@ use crate::{
 /// The profile of the rows; what concerns channels and ranges is empty.
 pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
     let rows = &log.rows;
+    let merged_rows = log.merged_rows();
     let recorded = log.recorded();
     let irregular = &recorded.irregularities;
     let mut times: Vec<Timestamp> = recorded
@@ -26,6 +27,9 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
         shape: log.shape,
         utc: log.utc,
         bad_quality: log.bad_quality,
+        bad_rows: log.bad_rows.clone(),
+        without_times: log.without_times,
+        sentinels: Vec::new(),
         contradictions: ContradictionsFound::default(),
         files: log.files.len(),
         bytes: log.files.iter().map(|file| file.bytes).sum(),
@@ -40,10 +44,11 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
         null_timestamps: irregular.null_timestamps,
         undecided_times: log.undecided,
         duplicates: Duplicates {
-            identical: recorded.duplicates.len() as u64 - conflicting,
+            identical: (recorded.duplicates.len() as u64 - conflicting).saturating_sub(merged_rows),
             conflicting,
             examples: times,
         },
+        merged_rows,
         backward_steps: BackwardSteps {
             count: irregular.backward_steps,
             examples: backward_steps

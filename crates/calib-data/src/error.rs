@@ -1,7 +1,9 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use calib_core::Cancelled;
 use calib_files::FileError;
+
+use crate::{BadRowsFound, ContradictionCause, names::hint};
 
 /// Why a log cannot be used. Every message says what was found where, and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -128,28 +130,46 @@ pub enum DataError {
     /// Rows contradict each other.
     #[error(
         "rows of the same time contradict each other in {count} values: {}. \
-         If several rows of one time are of different sensors, the log is a long table: name the column that tells them apart with data.tag. \
-         If a clock was set back, data.time_zone may tell the two hours apart. Else data.contradictions = \"first\" or \"last\" keeps one of them",
-        examples.join("; ")
+         {}",
+        examples.join("; "),
+        ContradictionCause::remedy(cause.as_ref())
     )]
     Contradictions {
         /// Values that differ from another one of the same time.
         count: u64,
         /// Three of them.
         examples: Vec<String>,
+        /// Why, if that can be told.
+        cause: Option<ContradictionCause>,
+    },
+    /// Lines of text files are no rows.
+    #[error(
+        "{}{}. {}",
+        if found.count == 1 { String::new() } else { format!("{} of {lines} lines cannot be read: ", found.count) },
+        found.examples.join("; "),
+        if *too_many_to_skip {
+            "That is more than one line in a hundred, which data.bad_rows = \"skip\" would leave out: are data.separator, data.decimal and data.timestamp_format right?"
+        } else {
+            "data.bad_rows = \"skip\" leaves such lines out"
+        }
+    )]
+    BadRows {
+        /// How many, and the first few.
+        found: BadRowsFound,
+        /// All lines below the headers.
+        lines: u64,
+        /// Whether they are too many to be left out.
+        too_many_to_skip: bool,
     },
     /// A file does not have the timestamp column.
-    #[error(
-        "{} has no column {column:?} for the timestamps; set data.timestamp to one of: {candidates}",
-        path.display()
-    )]
+    #[error("{} has no column {column:?} for the timestamps; {remedy}", path.display())]
     NoTimestamp {
         /// The file.
         path: PathBuf,
         /// The configured column.
         column: String,
-        /// Columns that look like timestamps, or all columns.
-        candidates: String,
+        /// Columns that look like timestamps, or all columns, and what else to do.
+        remedy: String,
     },
     /// The timestamp column does not hold timestamps.
     #[error(
@@ -349,6 +369,21 @@ fn size(bytes: u64) -> String {
 }
 
 impl DataError {
+    /// A column that `data.where` names is not there.
+    pub(crate) fn where_column<'a>(
+        path: &Path,
+        name: &str,
+        columns: impl Iterator<Item = &'a str>,
+    ) -> Self {
+        Self::Shape {
+            reason: format!(
+                "{} has no column {name:?}, which data.where names{}",
+                path.display(),
+                hint(name, columns)
+            ),
+        }
+    }
+
     pub(crate) fn config(key: String, got: String, expected: &'static str) -> Self {
         Self::Config { key, got, expected }
     }

@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
-    Contradictions, DataConfig, DataError, Shape,
+    BadRowsFound, Contradictions, DataConfig, DataError, Shape,
     log::{Batch, Codes, Log, Room, SHOWN, log_files},
     survey::told,
 };
@@ -21,10 +21,15 @@ const GROUP_BYTES: usize = 64 << 20;
 const GROUP_ROWS: usize = 1 << 20;
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Imported {
     /// What a row of the files was.
     pub shape: Shape,
+    /// Files that were read.
+    pub files: usize,
+    /// Seconds from one row to the next, where the files have no times and rows are counted. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub counted_secs: Option<f64>,
     /// Rows in the files: samples, where a row was one.
     pub file_rows: u64,
     /// Rows, each instant once.
@@ -52,6 +57,9 @@ pub struct Dropped {
     pub repeated: u64,
     /// Samples whose quality made them missing.
     pub bad_quality: u64,
+    /// Lines of text files that cannot be read, under `data.bad_rows = "skip"`. Default: none.
+    #[serde(skip_serializing_if = "BadRowsFound::is_none")]
+    pub bad_rows: BadRowsFound,
 }
 
 /// Where the values of a channel wait for their row groups.
@@ -90,14 +98,17 @@ pub fn import(
     )?;
     let mut imported = Imported {
         shape: log.shape,
+        files: log.files.len(),
+        counted_secs: log.without_times.then(|| log.period.as_secs()),
         file_rows: log.files.iter().map(|file| file.rows as u64).sum(),
         rows,
         channels: wanted.len(),
         dropped: Dropped {
             without_time: log.recorded().irregularities.null_timestamps,
             undecided: log.undecided,
-            repeated: log.recorded().duplicates.len() as u64,
+            repeated: log.recorded().duplicates.len() as u64 - log.merged_rows(),
             bad_quality: log.bad_quality,
+            bad_rows: log.bad_rows.clone(),
         },
         words: BTreeMap::new(),
         non_finite: BTreeMap::new(),
@@ -167,7 +178,8 @@ fn spill_columns(
     }
     if contradicting > 0 && log.keeps() == Contradictions::Refuse {
         examples.truncate(SHOWN);
-        return Err(DataError::Contradictions { count: contradicting, examples });
+        let cause = log.cause_of_contradictions(monitor)?;
+        return Err(DataError::Contradictions { count: contradicting, examples, cause });
     }
     Ok(columns)
 }

@@ -57,6 +57,7 @@ mod recorded;
 mod refuse;
 mod sample;
 mod select;
+mod sentinels;
 mod sketch;
 mod statistics;
 mod survey;
@@ -67,21 +68,22 @@ mod time;
 
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
 pub use config::{
-    Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths, PreprocessConfig,
-    Reduce, Resample, Shape, TimeRange, TimestampUnit,
+    BadRows, Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths,
+    PreprocessConfig, Reduce, Resample, Shape, TimeRange, TimestampUnit,
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
 pub use guard::may_be_of_a_reader;
 pub use import::{Dropped, Imported, import};
-pub use log::{Declared, log_files, text_left_alone};
+pub use log::{BadRowsFound, ContradictionCause, Declared, log_files, text_left_alone};
 pub use names::entry_of;
 pub use outliers::Fences;
 pub use profile::{
     BackwardStep, BackwardSteps, BridgedStops, ChannelProfile, ContradictionsFound, Description,
-    Duplicates, FarOut, Gaps, PartProfile, Profile, ValueProfile,
+    Duplicates, FarOut, Gaps, PartProfile, Profile, ValueProfile, long_gap, without_times,
 };
 pub use select::DropReason;
+pub use sentinels::Sentinel;
 pub use sketch::{ChannelSketch, Sketch, sketch};
 pub use tags::read_tags;
 pub use time::{format_time, parse_time};

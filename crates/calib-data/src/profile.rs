@@ -4,7 +4,9 @@ use calib_core::Timestamp;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{DataError, DropReason, Fences, Shape, names::hint};
+use crate::{
+    BadRowsFound, ContradictionCause, DataError, DropReason, Fences, Sentinel, Shape, names::hint,
+};
 
 /// Everything worth knowing about a log, and what preprocessing makes of it.
 ///
@@ -21,6 +23,15 @@ pub struct Profile {
     /// Samples of a long table that their quality made missing. Default: 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub bad_quality: u64,
+    /// Lines of text files that were left out because they cannot be read. Default: none.
+    #[serde(default, skip_serializing_if = "BadRowsFound::is_none")]
+    pub bad_rows: BadRowsFound,
+    /// Whether the files have no times, and rows are counted instead. Default: false.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub without_times: bool,
+    /// Numbers that probably stand for a missing value, and are none of `data.missing_values`. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sentinels: Vec<Sentinel>,
     /// Values of the same channel and time that differ. Default: none.
     #[serde(default, skip_serializing_if = "ContradictionsFound::is_none")]
     pub contradictions: ContradictionsFound,
@@ -52,6 +63,9 @@ pub struct Profile {
     pub undecided_times: u64,
     /// Rows whose timestamp another row has.
     pub duplicates: Duplicates,
+    /// Rows that became one with a row of another file that has none of their channels. Default: 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub merged_rows: u64,
     /// Steps back in time inside a file.
     pub backward_steps: BackwardSteps,
     /// Files that start before another that started earlier has ended; they are merged by time.
@@ -83,6 +97,9 @@ pub struct ContradictionsFound {
     pub count: u64,
     /// Some of them, in words.
     pub examples: Vec<String>,
+    /// Why, if that can be told. Default: unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cause: Option<ContradictionCause>,
 }
 
 impl ContradictionsFound {
@@ -188,6 +205,9 @@ pub struct ChannelProfile {
     pub missing_fraction: f64,
     /// NaN and infinite values, which count as missing.
     pub non_finite: u64,
+    /// Values that `data.missing_values` names. Default: 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub stood_for_missing: u64,
     /// The most frequent words that are not numbers, which count as missing, and how often each occurs.
     pub words: Vec<(String, u64)>,
     /// Spikes, and held-out values far outside of the training range. Default: none.
@@ -299,6 +319,30 @@ impl PartProfile {
     }
 }
 
+/// A gap that is longer is said.
+const YEAR_SECS: f64 = 365.0 * 86_400.0;
+
+/// What is said of a gap of years, of so many microseconds from `from` on.
+pub fn long_gap(from: Timestamp, micros: i64) -> String {
+    let years = micros as f64 / 1e6 / YEAR_SECS;
+    let to = Timestamp::from_micros(from.as_micros().saturating_add(micros));
+    format!(
+        "nothing was recorded for {years:.1} years, from {} to {}: if one of these times is wrong, correct or leave out its rows; else data.train and data.held_out \
+         say which part is meant",
+        crate::format_time(from),
+        crate::format_time(to)
+    )
+}
+
+/// What is said of a log without times.
+pub fn without_times(period_secs: f64, files: usize) -> String {
+    let between = if files > 1 { ", with a gap before each further file" } else { "" };
+    format!(
+        "THE LOG HAS NO COLUMN OF TIMES: its rows are taken to be {period_secs} s apart, from 1970-01-01 00:00:00 on{between}, because data.period_secs says so. \
+         If a column has the times, name it with data.timestamp"
+    )
+}
+
 impl Profile {
     /// What in the log's clock is probably not as meant, in sentences; empty for a good log.
     ///
@@ -323,13 +367,33 @@ impl Profile {
                 ));
             }
         }
-        if self.start < EARLY {
+        if let Some((from, to)) = self.gaps.examples.first()
+            && self.gaps.longest_secs > YEAR_SECS
+        {
+            doubts.push(long_gap(*from, to.micros_since(*from)));
+        }
+        if self.without_times {
+            doubts.push(without_times(self.period_secs, self.files));
+        } else if self.start < EARLY {
             doubts.push(format!(
                 "the log starts at {}: is data.timestamp the column of the time, and data.timestamp_unit its unit?",
                 crate::format_time(self.start)
             ));
         }
         doubts
+    }
+
+    /// What is said of numbers that probably stand for a missing value; none where there are none.
+    pub fn sentinel_doubt(&self) -> Option<String> {
+        let values: Vec<String> = self.sentinels.iter().map(|of| of.value.to_string()).collect();
+        let told: Vec<String> = self.sentinels.iter().map(Sentinel::told).collect();
+        (!told.is_empty()).then(|| {
+            format!(
+                "{}: if that stands for a missing value, as loggers write it, set data.missing_values = [{}]",
+                told.join("; "),
+                values.join(", ")
+            )
+        })
     }
 
     /// What in the values of the kept channels spoils a model or a verdict: channels, each with sentences; empty for a good

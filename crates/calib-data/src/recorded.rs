@@ -65,7 +65,8 @@ impl Surveyed {
         }
         if contradicting > 0 && log.keeps() == Contradictions::Refuse {
             examples.truncate(SHOWN);
-            return Err(DataError::Contradictions { count: contradicting, examples });
+            let cause = log.cause_of_contradictions(monitor)?;
+            return Err(DataError::Contradictions { count: contradicting, examples, cause });
         }
         Ok(recorded)
     }

@@ -14,7 +14,11 @@ impl Survey {
         if found.count == 0 || keep != Contradictions::Refuse {
             return Ok(());
         }
-        Err(DataError::Contradictions { count: found.count, examples: found.examples.clone() })
+        Err(DataError::Contradictions {
+            count: found.count,
+            examples: found.examples.clone(),
+            cause: found.cause.clone(),
+        })
     }
 
     /// Refuse a log without channels, or a range without transitions.

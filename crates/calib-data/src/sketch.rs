@@ -6,12 +6,17 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    BridgedStops, DataConfig, DataError, Shape,
+    BadRowsFound, BridgedStops, ContradictionCause, Contradictions, DataConfig, DataError,
+    Sentinel, Shape,
     channel::{Moments, Movement},
-    log::{Batch, ChannelValues, Log, Seldom},
+    log::{Batch, ChannelValues, Log, SHOWN, Seldom},
     outliers::Fences,
+    sentinels::sentinels,
+    survey::told,
 };
 
+/// Up to this share of the rows, contradictions are no reason to refuse a log.
+const FEW: f64 = 0.01;
 /// Bins at most that a log is cut into.
 const BINS: usize = 64;
 /// Values at most of a channel that are kept for comparisons with others; fewer where there are very many channels.
@@ -28,6 +33,12 @@ const LAGS: [usize; 19] =
 pub struct Sketch {
     /// What a row of the files is.
     pub shape: Shape,
+    /// Whether rows have no times but their numbers.
+    pub without_times: bool,
+    /// Number of files.
+    pub files: usize,
+    /// Lines of text files that were left out.
+    pub bad_rows: BadRowsFound,
     /// Whether times are UTC.
     pub utc: bool,
     /// The median step, or the period that was given, in seconds.
@@ -36,6 +47,8 @@ pub struct Sketch {
     pub timestamps: Vec<Timestamp>,
     /// Where the rows are cut into bins of equally many rows.
     pub bins: Vec<Range<usize>>,
+    /// Numbers that probably stand for a missing value.
+    pub sentinels: Vec<Sentinel>,
     /// The channels that hold numbers, in the order of the files.
     pub channels: Vec<ChannelSketch>,
 }
@@ -57,6 +70,10 @@ pub struct ChannelSketch {
     pub rises: f64,
     /// The share of its changes that are as large as most are.
     pub even: f64,
+    /// Whether nearly all changes go up, and all others far down: a total that starts anew.
+    pub restarts: bool,
+    /// Whether it is an angle: it fills a whole turn, and jumps from one end of it to the other.
+    pub wraps: bool,
     /// The share of successive rows without a change.
     pub unchanged: f64,
     /// Autocorrelation at each of these distances, in rows: `1 - mean((x[i + lag] - x[i])²) / (2 variance)`, from rows of the same
@@ -89,22 +106,52 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     let thinned = (ALL_THINNED / wanted.len().max(1)).clamp(LEAST_THINNED, THINNED);
     let look = Look { log: &log, bins: &bins, every: rows.div_ceil(thinned).max(1) };
     let mut channels = Vec::with_capacity(wanted.len());
+    let mut examples = Vec::new();
+    let mut extremes = Vec::with_capacity(wanted.len());
     let mut batch = Batch::default();
     monitor.begin("looking at channels", wanted.len() as u64);
     for some in wanted.chunks(log.batch_size()) {
         let read = log.look(some, &mut batch, monitor)?;
+        for (&channel, values) in some.iter().zip(&*read) {
+            let name = &log.channels[channel].name;
+            let room = SHOWN.saturating_sub(examples.len());
+            let found = values.contradictions.first.iter().take(room);
+            examples.extend(found.map(|of| told(name, of)));
+        }
+        extremes.extend(read.iter().map(|values| values.extremes.clone()));
         let sketched = read
             .par_iter_mut()
             .zip(some)
             .map(|(values, &channel)| look.channel(log.channels[channel].name.clone(), values));
         channels.extend(sketched.collect::<Vec<_>>());
     }
+    let count: u64 = channels.iter().map(|of: &ChannelSketch| of.contradicting).sum();
+    if count > 0
+        && log.keeps() == Contradictions::Refuse
+        && let Some(cause) = log.cause_of_contradictions(monitor)?
+    {
+        let most = channels.iter().map(|of| of.contradicting).max().unwrap_or(0);
+        // Exports that overlap may differ in a few rows.
+        let is_of_all = most as f64 > FEW * rows as f64;
+        if is_of_all || matches!(cause, ContradictionCause::Column { .. }) {
+            return Err(DataError::Contradictions { count, examples, cause: Some(cause) });
+        }
+    }
     Ok(Sketch {
+        without_times: log.without_times,
+        files: log.files.len(),
+        bad_rows: log.bad_rows,
         shape: log.shape,
         utc: log.utc,
         period_secs: log.period.as_secs(),
         timestamps: log.rows.timestamps,
         bins,
+        sentinels: sentinels(
+            channels
+                .iter()
+                .zip(&extremes)
+                .map(|(of, ends): (&ChannelSketch, _)| (of.name.as_str(), ends)),
+        ),
         channels,
     })
 }
@@ -127,7 +174,7 @@ impl Look<'_> {
         let (movement, spikes) = treated(values, timestamps, stretches);
         let values = &*values;
         let moments = Moments::of(values);
-        let changes = Changes::of(values, stretches);
+        let changes = Changes::of(values, stretches, moments);
         let is_there = |row: &usize| !values[*row].is_nan();
         let there = stretches.iter().enumerate().flat_map(|(stretch, rows)| {
             rows.clone().filter(is_there).map(move |row| (stretch, row))
@@ -140,6 +187,8 @@ impl Look<'_> {
             range: moments.map(|of| [of.min, of.max]),
             rises: changes.rises,
             even: changes.even,
+            restarts: changes.restarts,
+            wraps: changes.wraps,
             unchanged: movement.unchanged,
             autocorrelation: moments
                 .map_or_else(Vec::new, |of| autocorrelation(values, stretches, of.std().powi(2))),
@@ -161,7 +210,7 @@ impl Look<'_> {
         let times: Vec<Timestamp> = near.rows.iter().map(|&row| timestamps[row]).collect();
         let (movement, spikes) = treated(&mut near.values, &times, &near.stretches);
         let moments = Moments::of(&near.values);
-        let changes = Changes::of(&near.values, &near.stretches);
+        let changes = Changes::of(&near.values, &near.stretches, moments);
         let mut there: Vec<Sample> = Vec::with_capacity(seldom.rows.len());
         for (stretch, places) in near.stretches.iter().enumerate() {
             let samples = places.clone().filter(|&place| !near.values[place].is_nan());
@@ -192,6 +241,8 @@ impl Look<'_> {
             range: moments.map(|of| [of.min, of.max]),
             rises: changes.rises,
             even: changes.even,
+            restarts: changes.restarts,
+            wraps: changes.wraps,
             unchanged: movement.unchanged,
             autocorrelation: moments
                 .map_or_else(Vec::new, |of| autocorrelation_of_samples(&there, of.std().powi(2))),
@@ -239,10 +290,21 @@ fn moves(values: &[f64]) -> bool {
 struct Changes {
     rises: f64,
     even: f64,
+    restarts: bool,
+    wraps: bool,
 }
 
+/// A total that starts anew rises in this share of its changes, and falls by half of its range in the others.
+const TOTAL_RISES: f64 = 0.9;
+const TOTAL_FALLS: f64 = 0.5;
+/// An angle fills this share of a turn.
+const TURN: f64 = 0.95;
+/// So many jumps of more than half a turn are the least that tells one, and most of them lead nearly once around.
+const JUMPS: usize = 5;
+const AROUND: f64 = 0.8;
+
 impl Changes {
-    fn of(values: &[f64], stretches: &[Range<usize>]) -> Self {
+    fn of(values: &[f64], stretches: &[Range<usize>], moments: Option<Moments>) -> Self {
         let mut changes: Vec<f64> = Vec::new();
         for stretch in stretches {
             let there = values[stretch.clone()].iter().copied().filter(|value| !value.is_nan());
@@ -250,15 +312,35 @@ impl Changes {
             changes.extend(there.windows(2).map(|pair| pair[1] - pair[0]).filter(|of| *of != 0.0));
         }
         if changes.is_empty() {
-            return Self { rises: 0.0, even: 0.0 };
+            return Self { rises: 0.0, even: 0.0, restarts: false, wraps: false };
         }
         let count = changes.len() as f64;
         let rises = changes.iter().filter(|change| **change > 0.0).count() as f64 / count;
+        let [low, high] = moments.map_or([0.0; 2], |of| [of.min, of.max]);
+        let falls = || changes.iter().filter(|change| **change < 0.0);
+        let restarts = rises >= TOTAL_RISES
+            && falls().count() >= 2
+            && falls().all(|fall| -fall >= TOTAL_FALLS * (high - low));
+        let wraps = turn([low, high]).is_some_and(|turn| {
+            let jumps = || changes.iter().filter(|change| change.abs() > turn / 2.0);
+            let around = jumps().filter(|jump| jump.abs() > AROUND * turn).count();
+            around >= JUMPS && 2 * around > jumps().count()
+        });
         let middle = changes.len() / 2;
         let median = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
         let is_even = |change: &&f64| (**change - median).abs() <= 1e-6 * median.abs();
-        Self { rises, even: changes.iter().filter(is_even).count() as f64 / count }
+        let even = changes.iter().filter(is_even).count() as f64 / count;
+        Self { rises, even, restarts, wraps }
     }
+}
+
+/// The turn that a range of values fills, in degrees or radians, from 0 on or around 0.
+fn turn([low, high]: [f64; 2]) -> Option<f64> {
+    [360.0, std::f64::consts::TAU].into_iter().find(|turn| {
+        let slack = 0.01 * turn;
+        let inside = |from: f64| low >= from - slack && high <= from + turn + slack;
+        high - low >= TURN * turn && (inside(0.0) || inside(-turn / 2.0))
+    })
 }
 
 fn autocorrelation(values: &[f64], stretches: &[Range<usize>], variance: f64) -> Vec<(usize, f64)> {
@@ -351,6 +433,28 @@ mod tests {
 
     use super::*;
 
+    fn changes(value: impl Fn(usize) -> f64) -> Changes {
+        let values: Vec<f64> = (0..2_000).map(value).collect();
+        Changes::of(&values, from_ref(&(0..2_000)), Moments::of(&values))
+    }
+
+    #[test]
+    fn angles_and_totals_that_start_anew_are_told() {
+        let wander =
+            |row: usize| 300.0 + 90.0 * (row as f64 / 40.0).sin() + 7.0 * (row as f64 * 1.3).sin();
+        assert!(changes(|row| (wander(row) + 3.0 * row as f64 / 10.0).rem_euclid(360.0)).wraps);
+        assert!(
+            changes(|row| (row as f64 / 30.0 + (row as f64).sin())
+                .sin()
+                .atan2((row as f64 / 30.0).cos()))
+            .wraps
+        );
+        assert!(!changes(|row| 180.0 + 180.0 * (row as f64 / 40.0).sin()).wraps, "a valve");
+        assert!(!changes(|row| ((row * 7_919 + row * row * 104_729) % 360) as f64).wraps, "noise");
+        assert!(changes(|row| (row % 144) as f64 + (row % 7) as f64 / 10.0).restarts);
+        assert!(!changes(|row| (row as f64 / 9.0).sin()).restarts);
+    }
+
     #[test]
     fn autocorrelation_of_a_wave_is_its_cosine() {
         let turn = std::f64::consts::TAU / 40.0;
@@ -386,7 +490,7 @@ mod tests {
 
     #[test]
     fn totals_only_rise_and_clocks_rise_evenly() {
-        let whole = |rows: &[f64]| Changes::of(rows, from_ref(&(0..rows.len())));
+        let whole = |rows: &[f64]| Changes::of(rows, from_ref(&(0..rows.len())), Moments::of(rows));
         let clock: Vec<f64> = (0..100).map(f64::from).collect();
         let clock = whole(&clock);
         assert_eq!((clock.rises, clock.even), (1.0, 1.0));

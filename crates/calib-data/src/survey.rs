@@ -27,6 +27,7 @@ use crate::{
     names::Names,
     sample::Samples,
     select::fit,
+    sentinels::{Extremes, sentinels},
     time::format_time,
 };
 
@@ -78,7 +79,10 @@ impl Survey {
             contradictions: Mutex::default(),
             log: &log,
         };
-        let (channels, sensors) = scan.channels(data, modes.as_ref(), monitor)?;
+        let Scanned { channels, sensors, extremes } =
+            scan.channels(data, modes.as_ref(), monitor)?;
+        let ends =
+            extremes.iter().map(|(channel, ends)| (log.channels[*channel].name.as_str(), ends));
         for &row in modes.iter().flat_map(|modes| &modes.left) {
             scan.dropped_rows[row].store(true, Relaxed);
         }
@@ -122,7 +126,8 @@ impl Survey {
             train: train_profile,
             held_out: held_out_profile,
             unseen_modes: unseen_modes(&log, modes.as_ref()),
-            contradictions: contradictions.told(&log),
+            sentinels: sentinels(ends),
+            contradictions: contradictions.told(&log, monitor)?,
             ..describe_rows(&log, conflicting)
         };
         Ok(Self { log, stretches, profile, sensors, modes, train, held_out })
@@ -147,6 +152,16 @@ struct Scan<'a> {
     contradictions: Mutex<Found>,
 }
 
+/// What a scan found.
+struct Scanned {
+    /// Of all channels.
+    channels: Vec<ChannelProfile>,
+    /// The channels that are kept.
+    sensors: Vec<Sensor>,
+    /// The ends of the channels that were read, with their positions.
+    extremes: Vec<(usize, Extremes)>,
+}
+
 /// Contradictions of all channels.
 #[derive(Default)]
 struct Found {
@@ -162,24 +177,24 @@ pub(crate) fn told(channel: &str, of: &Contradiction) -> String {
 }
 
 impl Found {
-    fn told(self, log: &Log) -> ContradictionsFound {
+    fn told(self, log: &Log, monitor: &dyn Monitor) -> Result<ContradictionsFound, DataError> {
         let told = |(channel, of): (usize, Vec<Contradiction>)| {
             let name = &log.channels[channel].name;
             of.iter().map(|of| told(name, of)).collect::<Vec<_>>()
         };
         let examples = self.first.into_iter().flat_map(told).take(SHOWN).collect();
-        ContradictionsFound { count: self.count, examples }
+        let cause = if self.count > 0 { log.cause_of_contradictions(monitor)? } else { None };
+        Ok(ContradictionsFound { count: self.count, examples, cause })
     }
 }
 
 impl Scan<'_> {
-    /// Profiles of all channels, and the kept ones.
     fn channels(
         &self,
         data: &DataConfig,
         modes: Option<&Modes>,
         monitor: &dyn Monitor,
-    ) -> Result<(Vec<ChannelProfile>, Vec<Sensor>), DataError> {
+    ) -> Result<Scanned, DataError> {
         let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
         let mut profiles: Vec<ChannelProfile> = Vec::new();
         let mut to_read = Vec::new();
@@ -207,6 +222,7 @@ impl Scan<'_> {
                 missing: 0,
                 missing_fraction: 0.0,
                 non_finite: 0,
+                stood_for_missing: 0,
                 words: Vec::new(),
                 far_out: FarOut::default(),
                 bridged: BridgedStops::default(),
@@ -218,11 +234,13 @@ impl Scan<'_> {
             profiles[modes.channel].imputed = modes.imputed;
             profiles[modes.channel].unfilled = modes.left.len() as u64;
         }
-        let mut sensors = Vec::new();
+        let (mut sensors, mut extremes) = (Vec::new(), Vec::new());
         let mut batch = Batch::default();
         monitor.begin("inspecting channels", to_read.len() as u64);
         for channels in to_read.chunks(self.log.batch_size()) {
             let values = self.log.look(channels, &mut batch, monitor)?;
+            let ends = channels.iter().zip(&*values).map(|(at, of)| (*at, of.extremes.clone()));
+            extremes.extend(ends);
             let scanned: Vec<_> = values
                 .par_iter_mut()
                 .zip(channels)
@@ -234,7 +252,7 @@ impl Scan<'_> {
                 sensors.extend(bounds.map(|bounds| Sensor { channel, bounds, fences }));
             }
         }
-        Ok((profiles, sensors))
+        Ok(Scanned { channels: profiles, sensors, extremes })
     }
 
     /// The profile of one channel, and its bounds if it is kept.
@@ -297,6 +315,7 @@ impl Scan<'_> {
             missing: looked.missing as u64,
             missing_fraction: looked.missing_fraction,
             non_finite: channel.not_numbers.non_finite,
+            stood_for_missing: channel.stood_for_missing,
             words: frequent_words(&channel.not_numbers),
             far_out: looked.far_out,
             bridged: channel.bridged.told(),

@@ -42,7 +42,7 @@ mod validity;
 mod verdict;
 
 pub use base::{
-    clock::Stopwatch,
+    clock::{Stopwatch, in_future},
     error::{Context, StepError},
     left_alone::text_left_alone,
     memory::{MemorySize, check_log, check_table, on_this_machine, require as require_memory},

@@ -64,6 +64,13 @@ impl Cut {
         let end = timestamps.partition_point(|time| *time < self.train[1]);
         let start = end.saturating_sub(rows.min(self.rows[0]));
         let mut shortened = self.clone();
+        if start > 0 && end - start < self.rows[0] {
+            let share = 100.0 * (end - start) as f64 / self.rows[0] as f64;
+            shortened.reason = format!(
+                "{}; of the {} rows before, the last {share:.0} % are learnt from: more would not be done in the time asked for",
+                self.reason, self.rows[0]
+            );
+        }
         shortened.train[0] = timestamps[start];
         shortened.rows[0] = end - start;
         shortened
@@ -182,6 +189,8 @@ mod tests {
         assert_eq!(inside.rows, [334, 166]);
         assert_eq!(inside.train, [log.timestamps[1_400], log.timestamps[1_734]]);
         assert_eq!(inside.held_out, [log.timestamps[1_734], log.timestamps[1_900]]);
+        let said = "of the 1900 rows before, the last 26 % are learnt from";
+        assert!(latest.reason.contains(said), "{}", latest.reason);
     }
 
     #[test]

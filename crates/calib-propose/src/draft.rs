@@ -1,15 +1,18 @@
 use std::{collections::HashSet, fmt::Write as _};
 
-use calib_data::{Sketch, entry_of};
+use calib_data::{Sentinel, Sketch, entry_of};
 
 use crate::{
     Cleaning, Clock, Cut, Horizon, ProposedAgent, Scope, Sensors, Size,
+    sensors::explained,
     size::{LEAST_STEPS, MEMBERS},
     written::{comment, quoted},
 };
 
 /// Steps of a rollout at most: enough to look at.
 const ROLLOUT_STEPS: usize = 3_000;
+/// Values of a predicted sensor are carried over this share of the horizon at most.
+const FILLED: f64 = 0.2;
 /// Sensors that are named in a comment.
 const NAMED: usize = 12;
 /// The column in which comments begin, where there is room.
@@ -28,6 +31,8 @@ pub struct Draft<'a> {
     pub cut: &'a Cut,
     /// What counts as a gap.
     pub cleaning: &'a Cleaning,
+    /// Numbers that stand for a missing value; none where the user named them.
+    pub missing_values: &'a [Sentinel],
     /// On which clock, if channels have clocks of their own.
     pub clock: Option<Clock>,
     /// `preprocess.subsample`, and why.
@@ -42,6 +47,17 @@ pub struct Draft<'a> {
     pub agent_reason: &'a str,
     /// What is said of the size.
     pub size_reason: &'a str,
+    /// What was not chosen here.
+    pub asked: Asked,
+}
+
+/// What the user asked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Asked {
+    /// The sensors.
+    pub sensors: bool,
+    /// The horizon.
+    pub horizon: bool,
 }
 
 impl Draft<'_> {
@@ -98,10 +114,16 @@ impl Draft<'_> {
                 "what is older counts as missing",
             );
         }
+        if !self.missing_values.is_empty() {
+            let told: Vec<String> = self.missing_values.iter().map(Sentinel::told).collect();
+            let values: Vec<String> =
+                self.missing_values.iter().map(|of| number(of.value)).collect();
+            text.key("missing_values", &format!("[{}]", values.join(", ")), &told.join("; "));
+        }
         if scope.is_part {
             let share = scope.rows.len() as f64 / sketch.timestamps.len() as f64;
             text.comment(&format!(
-                "{:.0} % of the rows are used, {} of {} channels: the part where most of them are there together",
+                "{:.0} % of the rows are of the part where most channels are there together, {} of {}",
                 100.0 * share,
                 scope.channels.len(),
                 sketch.channels.len()
@@ -131,10 +153,10 @@ impl Draft<'_> {
     }
 
     fn preprocess(&self, text: &mut Lines) {
-        let (limit, why) = &self.cleaning.fill_limit;
+        let (limit, why) = self.fill_limit();
         text.section("preprocess");
         text.key("missing", "\"forward_fill\"", "values stand until the next");
-        text.key("fill_limit", &limit.to_string(), why);
+        text.key("fill_limit", &limit.to_string(), &why);
         let spikes: u64 =
             self.scope.channels.iter().map(|&channel| self.sketch.channels[channel].spikes).sum();
         if spikes > 0 {
@@ -142,6 +164,24 @@ impl Draft<'_> {
             text.key("outliers", "\"missing\"", &why);
         }
         text.key("subsample", &self.spacing.0.to_string(), self.spacing.1);
+    }
+
+    /// How far values are carried; those of a sensor that is predicted only over a small part of the horizon, because the agent would predict
+    /// what was filled in.
+    fn fill_limit(&self) -> (usize, String) {
+        let (limit, why) = &self.cleaning.fill_limit;
+        let rows = (self.horizon.states * self.spacing.0 as f64 * FILLED) as usize;
+        let misses = |&channel: &usize| self.sketch.channels[channel].missing_run > 0;
+        if rows.max(1) < *limit && self.sensors.proposed.iter().any(misses) {
+            let share = 100.0 * FILLED;
+            return (
+                rows.max(1),
+                format!(
+                    "{share:.0} % of the horizon, because a sensor that is predicted misses values"
+                ),
+            );
+        }
+        (*limit, why.clone())
     }
 
     fn agent(&self, text: &mut Lines) {
@@ -169,7 +209,11 @@ impl Draft<'_> {
         text.key(
             "gamma",
             &gamma.to_string(),
-            &format!("a horizon of {states:.0} states, {}: until half of what a sensor was is forgotten, but no more than a hundredth of a run", span(secs)),
+            &format!("a horizon of {states:.0} states, {}: {}", span(secs), if self.asked.horizon {
+                "as asked for with --horizon"
+            } else {
+                "until half of what a sensor was is forgotten, but no more than a hundredth of a run"
+            }),
         );
         text.key(
             "learning_rate",
@@ -184,7 +228,18 @@ impl Draft<'_> {
         let name = |&channel: &usize| quoted(&self.sketch.channels[channel].name);
         let proposed: Vec<String> =
             self.sensors.proposed.iter().take(size.sensors).map(name).collect();
-        text.comment("They move throughout the log, stay where they have been before, and are as unlike each other as can be");
+        let why = if self.asked.sensors {
+            "Named with --sensor".to_owned()
+        } else {
+            let explained = self.sensors.proposed.iter().take(size.sensors).map(|&channel| {
+                format!("{:.0} %", 100.0 * explained(self.sketch, channel, &self.scope.channels))
+            });
+            format!(
+                "They move throughout the log, stay where they have been before, and are as unlike each other as can be; other channels explain {} of them",
+                explained.collect::<Vec<_>>().join(", ")
+            )
+        };
+        text.comment(&why);
         text.key("sensors", &format!("[{}]", proposed.join(", ")), "");
         let others: Vec<String> = self
             .sensors
@@ -296,6 +351,7 @@ mod tests {
             sketch: &log,
             path: "logs",
             cleaning: &Cleaning::of(&log, &scope),
+            missing_values: &[],
             clock: None,
             spacing: (2, "because"),
             horizon: horizon(&log, &sensors.proposed, 2, 1_000),
@@ -304,6 +360,7 @@ mod tests {
             sensors: &sensors,
             size: &size,
             agent_reason: "tried",
+            asked: Asked::default(),
             size_reason: "sized to end within 10 min",
         };
         let text = draft.text();

@@ -12,6 +12,24 @@ pub enum ProposeError {
          with data.path"
     )]
     NothingMoves,
+    /// A sensor that was asked for cannot be predicted.
+    #[error("--sensor {name}: {why}, so it cannot be predicted")]
+    OfNoUse {
+        /// The sensor.
+        name: String,
+        /// Why not.
+        why: String,
+    },
+    /// Sensors that were asked for are not there at the same time.
+    #[error(
+        "--sensor: no stretch of the log has nine tenths of the values of {}; `calib inspect` shows what each misses: choose others, \
+         or name a denser part of the log with data.path",
+        names.join(" and ")
+    )]
+    NeverTogether {
+        /// The sensors.
+        names: Vec<String>,
+    },
     /// There is too little.
     #[error(
         "the log has {rows} rows that could be used, and a study wants {least} at least; export a longer stretch, or at a shorter period"

@@ -38,7 +38,7 @@ mod written;
 pub use agent::{ProposedAgent, Trial, choose_agent};
 pub use cleaning::{Cleaning, Clock};
 pub use cut::Cut;
-pub use draft::Draft;
+pub use draft::{Asked, Draft};
 pub use error::ProposeError;
 pub use given::with_given;
 pub use horizon::{Horizon, horizon};

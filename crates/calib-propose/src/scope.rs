@@ -48,6 +48,10 @@ pub enum Why {
     Total,
     /// It moves in one direction, by equal steps.
     Clock,
+    /// It moves in one direction, and starts anew now and then.
+    Restarting,
+    /// It is an angle.
+    Angle,
     /// It misses too much; the share that is missing.
     Missing(f64),
 }
@@ -61,6 +65,13 @@ impl fmt::Display for Why {
                 write!(f, "a total: it moves one way only, and no state of it comes again")
             }
             Self::Clock => write!(f, "a clock: it counts on evenly"),
+            Self::Restarting => {
+                write!(f, "a total that starts anew: no state of it comes again before that")
+            }
+            Self::Angle => write!(
+                f,
+                "an angle: from 359 to 1 degree is a small step and looks like a large one; a column of its sine and one of its cosine would do"
+            ),
             Self::Missing(share) => write!(f, "misses {:.0} % of the rows", 100.0 * share),
         }
     }
@@ -76,6 +87,20 @@ impl Scope {
     /// # Errors
     /// If no channel is left.
     pub fn of(sketch: &Sketch) -> Result<Self, ProposeError> {
+        Self::with(sketch, &[])
+    }
+
+    /// The same among the parts in which all of the channels at these positions are there and move.
+    ///
+    /// # Errors
+    /// If no channel is left, or one of these is of no use, or they are never there together.
+    pub fn with(sketch: &Sketch, wanted: &[usize]) -> Result<Self, ProposeError> {
+        for &channel in wanted {
+            let of = &sketch.channels[channel];
+            if let Some(why) = unusable(of) {
+                return Err(ProposeError::OfNoUse { name: of.name.clone(), why: why.to_string() });
+            }
+        }
         let bins = sketch.bins.len();
         let usable: Vec<usize> = (0..sketch.channels.len())
             .filter(|&channel| unusable(&sketch.channels[channel]).is_none())
@@ -86,6 +111,7 @@ impl Scope {
             for start in 0..=bins - width {
                 let part = start..start + width;
                 if let Some((worth, channels)) = worth(sketch, &usable, part.clone())
+                    && wanted.iter().all(|channel| channels.binary_search(channel).is_ok())
                     && best.as_ref().is_none_or(|(so_far, ..)| worth > so_far * 1.000_1)
                 {
                     best = Some((worth, part, channels));
@@ -93,7 +119,11 @@ impl Scope {
             }
         }
         let Some((_, part, channels)) = best else {
-            return Err(nothing(sketch));
+            let names = wanted.iter().map(|&channel| sketch.channels[channel].name.clone());
+            return Err(match wanted {
+                [] => nothing(sketch),
+                _ => ProposeError::NeverTogether { names: names.collect() },
+            });
         };
         let left_out = (0..sketch.channels.len())
             .filter(|channel| channels.binary_search(channel).is_err())
@@ -133,12 +163,18 @@ fn unusable(of: &ChannelSketch) -> Option<Why> {
     if low == high {
         return Some(Why::Constant);
     }
+    if of.wraps {
+        return Some(Why::Angle);
+    }
     let many = of.distinct.is_none_or(|distinct| distinct > FEW);
     let one_way = of.rises >= ONE_WAY || of.rises <= 1.0 - ONE_WAY;
-    match (many && one_way, of.even >= EVEN) {
-        (true, true) => Some(Why::Clock),
-        (true, false) => Some(Why::Total),
-        _ => None,
+    // A clock that starts anew at midnight goes back once a day.
+    match (of.even >= EVEN, one_way, of.restarts) {
+        _ if !many => None,
+        (true, ..) => Some(Why::Clock),
+        (false, true, _) => Some(Why::Total),
+        (false, false, true) => Some(Why::Restarting),
+        (false, false, false) => None,
     }
 }
 
@@ -219,6 +255,32 @@ mod tests {
             ("dead", Why::Empty),
         ];
         assert_eq!(why, expected);
+    }
+
+    #[test]
+    fn clocks_that_start_anew_are_left_out() {
+        let log = sketch(
+            6_400,
+            &[("A", wave(40.0)), ("NSM", Box::new(|row| (row % 1_440) as f64 * 60.0))],
+        );
+        let scope = Scope::of(&log).expect("one channel");
+        assert_eq!((scope.channels, scope.left_out[0].why), (vec![0], Why::Clock));
+        let refused = Scope::with(&log, &[1]).expect_err("a clock").to_string();
+        assert!(refused.contains("NSM") && refused.contains("counts on evenly"), "{refused}");
+    }
+
+    #[test]
+    fn the_part_where_a_wanted_channel_is_there_is_taken() {
+        let seldom: Channel =
+            Box::new(|row| if row >= 4_800 { (row as f64 / 9.0).sin() } else { f64::NAN });
+        let first: Channel =
+            Box::new(|row| if row < 3_200 { (row as f64 / 9.0).sin() } else { f64::NAN });
+        let log = sketch(6_400, &[("A", wave(40.0)), ("seldom", seldom), ("first", first)]);
+        assert_eq!(Scope::of(&log).expect("a part").rows, 0..6_400);
+        let scope = Scope::with(&log, &[1]).expect("a part");
+        assert!(scope.rows.start >= 4_700 && scope.is_part, "{:?}", scope.rows);
+        let never = Scope::with(&log, &[1, 2]).expect_err("never together").to_string();
+        assert!(never.contains("seldom and first"), "{never}");
     }
 
     #[test]

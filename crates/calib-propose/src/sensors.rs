@@ -13,6 +13,13 @@ const MOVES: f64 = 0.9;
 /// A sensor of less autocorrelation from row to row is mostly noise.
 const NOISE: f64 = 0.3;
 
+/// What is left of the worth of a sensor that no other channel explains, such as the weather.
+const UNEXPLAINED: f64 = 0.4;
+/// Channels that are compared with each other.
+const COMPARED: usize = 64;
+/// Channels at most that explain another one.
+const EXPLAINING: usize = 4;
+
 /// Which sensors to predict.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensors {
@@ -24,7 +31,7 @@ pub struct Sensors {
 
 impl Sensors {
     /// Three channels that move throughout, are more than noise from one row to the next, stay in what is held out where they have
-    /// been before, and are as unlike each other as can be: the first is the one that rests least, each further one has the
+    /// been before, are explained by other channels rather than by nothing that is in the log, and are as unlike each other as can be: the first is the one that rests least, each further one has the
     /// smallest correlation with those before.
     ///
     /// # Errors
@@ -54,7 +61,16 @@ impl Sensors {
                 is_sensor.then(|| (channel, liveliness(of) * familiar(sketch, scope, of)))
             })
             .collect();
-        worth.sort_by(|left, right| right.1.total_cmp(&left.1).then(left.0.cmp(&right.0)));
+        let in_order = |left: &(usize, f64), right: &(usize, f64)| {
+            right.1.total_cmp(&left.1).then(left.0.cmp(&right.0))
+        };
+        worth.sort_by(in_order);
+        worth.truncate(COMPARED);
+        let others = &scope.channels[..scope.channels.len().min(COMPARED)];
+        for (channel, worth) in &mut worth {
+            *worth *= UNEXPLAINED + (1.0 - UNEXPLAINED) * explained(sketch, *channel, others);
+        }
+        worth.sort_by(in_order);
         let mut proposed: Vec<usize> = Vec::new();
         while proposed.len() < PROPOSED.min(worth.len()) {
             let next = worth
@@ -109,6 +125,43 @@ fn familiar(sketch: &Sketch, scope: &Scope, of: &ChannelSketch) -> f64 {
     let high = before.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let known = after.iter().filter(|value| (low..=high).contains(*value)).count();
     known as f64 / after.len().max(1) as f64
+}
+
+/// The share of the variance of a channel that other channels explain at the same time: what is left is taken up again and again by the one
+/// that correlates most with it (matching pursuit, Mallat and Zhang 1993).
+pub(crate) fn explained(sketch: &Sketch, channel: usize, others: &[usize]) -> f64 {
+    let mut left = centred(&sketch.channels[channel].thinned);
+    let others: Vec<Vec<f64>> = others
+        .iter()
+        .filter(|&&other| other != channel)
+        .map(|&other| centred(&sketch.channels[other].thinned))
+        .collect();
+    let dot = |one: &[f64], other: &[f64]| -> f64 {
+        one.iter().zip(other).map(|(one, other)| one * other).sum()
+    };
+    let squares: Vec<f64> = others.iter().map(|other| dot(other, other)).collect();
+    let whole = dot(&left, &left);
+    if whole <= 0.0 {
+        return 0.0;
+    }
+    for _ in 0..EXPLAINING {
+        let slopes = others.iter().zip(&squares).filter(|(_, square)| **square > 0.0);
+        let slopes = slopes.map(|(other, square)| (other, dot(&left, other) / square, square));
+        let taken = |slope: f64, square: f64| slope * slope * square;
+        let best =
+            slopes.max_by(|one, other| taken(one.1, *one.2).total_cmp(&taken(other.1, *other.2)));
+        let Some((other, slope, _)) = best else { break };
+        left.iter_mut().zip(other).for_each(|(left, other)| *left -= slope * other);
+    }
+    (1.0 - dot(&left, &left) / whole).clamp(0.0, 1.0)
+}
+
+/// Values without their mean, and 0 where they are missing.
+fn centred(values: &[f64]) -> Vec<f64> {
+    let there = values.iter().filter(|value| !value.is_nan());
+    let mean = there.clone().sum::<f64>() / there.count().max(1) as f64;
+    let centred = |value: &f64| if value.is_nan() { 0.0 } else { value - mean };
+    values.iter().map(centred).collect()
 }
 
 /// Pearson's correlation of what both have; 1 where that says nothing, so that such pairs are not taken for unlike.

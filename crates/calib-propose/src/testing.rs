@@ -20,6 +20,10 @@ pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
     Sketch {
         shape: Shape::Wide,
         utc: false,
+        without_times: false,
+        files: 1,
+        bad_rows: calib_data::BadRowsFound::default(),
+        sentinels: Vec::new(),
         period_secs: 60.0,
         timestamps: (0..rows as i64).map(|row| Timestamp::from_micros(row * 60_000_000)).collect(),
         channels: channels.iter().map(|(name, of)| channel(name, of, rows, &bins)).collect(),
@@ -68,6 +72,8 @@ fn channel(name: &str, of: &Channel, rows: usize, bins: &[Range<usize>]) -> Chan
             changed.iter().filter(|change| (**change - first).abs() < 1e-9).count(),
             changed.len(),
         ),
+        restarts: false,
+        wraps: false,
         unchanged: share(changes.len() - changed.len(), changes.len()),
         autocorrelation: lags
             .into_iter()

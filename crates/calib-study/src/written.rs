@@ -8,7 +8,7 @@ use toml::{Table, Value};
 
 use crate::{
     Request, Study, StudyError,
-    error::{Problem, require},
+    error::{Problem, refuse, require},
     message::friendly,
     models, overrides,
     profiles::{self, Results},
@@ -60,6 +60,14 @@ impl Written {
         let names_data = |text: &String| matches!(overrides::key(text), "data" | "data.path");
         if self.request.set.iter().any(names_data) {
             self.table.remove("simulate");
+        }
+        let given = |key: &str| self.request.set.iter().any(|text| overrides::key(text) == key);
+        let has_train = self.table.get("data").is_some_and(|data| data.get("train").is_some());
+        if given("data.train_fraction") && has_train {
+            refuse!(
+                "--set data.train_fraction has no effect, because data.train says which rows are for training; \
+                 give data.train and data.held_out instead"
+            );
         }
         Ok(())
     }

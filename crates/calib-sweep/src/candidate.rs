@@ -53,7 +53,7 @@ pub fn written(value: &Value) -> String {
 /// Values are drawn, where they are drawn, from `seed`.
 ///
 /// # Errors
-/// An empty grid or field, a field that an agent lacks or that no agent uses, a range without numbers, a repeated value, more
+/// An empty grid or field, gamma (each of its values is another question), a field that an agent lacks or that no agent uses, a range without numbers, a repeated value, more
 /// samples than there are combinations, or a combination that is not a valid agent.
 pub fn candidates(
     sweep: &SweepConfig,
@@ -65,6 +65,9 @@ pub fn candidates(
     }
     if sweep.grid.is_empty() {
         return Err(SweepError::EmptyGrid);
+    }
+    if sweep.grid.contains_key("gamma") {
+        return Err(SweepError::GammaInGrid);
     }
     let axes = sweep
         .grid
@@ -129,19 +132,14 @@ fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentC
     Ok(with)
 }
 
-/// The agent of a program: values are its own, but for the discount factor. Where the default is a fraction, a whole number is one too.
+/// The agent of a program: values are its own. Where the default is a fraction, a whole number is one too.
 fn of_program(agent: &AgentConfig, values: &[(String, Value)]) -> AgentConfig {
     let mut with = agent.clone();
     for (field, value) in values {
-        match (field.as_str(), value.as_f64()) {
-            ("gamma", Some(gamma)) => with.gamma = gamma,
-            (_, number) => {
-                let own = agent.parameters.get(field);
-                let fraction = number.filter(|_| own.is_some_and(Value::is_f64));
-                let value = fraction.map_or_else(|| value.clone(), Value::from);
-                with.parameters.insert(field.clone(), value);
-            }
-        }
+        let own = agent.parameters.get(field);
+        let fraction = value.as_f64().filter(|_| own.is_some_and(Value::is_f64));
+        let value = fraction.map_or_else(|| value.clone(), Value::from);
+        with.parameters.insert(field.clone(), value);
     }
     with
 }
@@ -231,12 +229,12 @@ mod tests {
     fn a_grid_is_a_product_and_the_default_is_added_once() {
         let agent = AgentConfig::default();
         let all = candidates(
-            &sweep(&[("gamma", &[0.9, 0.99]), ("learning_rate", &[1e-4, 1e-2])]),
+            &sweep(&[("beta1", &[0.8, 0.95]), ("learning_rate", &[1e-4, 1e-2])]),
             &agent,
         )
         .expect("valid");
         assert_eq!(all.len(), 5);
-        assert_eq!(all[1].label(), "gamma = 0.9, learning_rate = 0.01");
+        assert_eq!(all[1].label(), "beta1 = 0.8, learning_rate = 0.01");
         assert!(all[4].is_default);
         let between = candidates(&sweep(&[("learning_rate", &[1e-4, 1e-2])]), &agent);
         let between = between.expect("valid");
@@ -274,24 +272,19 @@ mod tests {
             ]),
             ..AgentConfig::default()
         };
-        let mut grid = sweep(&[("gamma", &[0.9])]);
+        let mut grid = sweep(&[]);
         grid.grid.insert("rate".to_owned(), vec![1.into(), 2.into()].into());
         grid.grid.insert("kind".to_owned(), vec!["a".into(), "b".into()].into());
         let all = candidates(&grid, &agent).expect("valid");
-        assert_eq!(all.len(), 5, "the default has another gamma");
-        let [first, .., default] = all.as_slice() else { unreachable!("five") };
-        assert_eq!(first.agent.gamma, 0.9);
-        assert_eq!(first.agent.parameters, agent.parameters, "1 is 1.0");
-        assert!(default.is_default && default.agent == agent);
+        assert_eq!(all.len(), 4);
+        let default = all.iter().find(|of| of.is_default).expect("among them");
+        assert_eq!(default.agent, agent, "1 is 1.0");
         let unknown =
             candidates(&sweep(&[("learning_rate", &[0.5])]), &agent).expect_err("unknown");
         assert_eq!(
             unknown.to_string(),
             "sweep.grid.learning_rate is no key of [agent.parameters]; there are: gamma, kind, rate"
         );
-        let wrong =
-            candidates(&sweep(&[("gamma", &[1.5])]), &agent).expect_err("no discount factor");
-        assert!(wrong.to_string().contains("[0, 1)"), "{wrong}");
     }
 
     #[test]
@@ -299,11 +292,14 @@ mod tests {
         let agent = AgentConfig::default();
         let of = |sweep: SweepConfig| candidates(&sweep, &agent).expect_err("invalid").to_string();
         assert!(of(sweep(&[])).contains("sweep.grid is empty"));
-        assert!(of(sweep(&[("gamma", &[])])).contains("sweep.grid.gamma has no values"));
-        assert!(of(sweep(&[("gamma", &[0.5, 0.5])])).contains("twice"));
+        assert!(
+            of(sweep(&[("learning_rate", &[])])).contains("sweep.grid.learning_rate has no values")
+        );
+        assert!(of(sweep(&[("learning_rate", &[0.5, 0.5])])).contains("twice"));
         let misspelt = of(sweep(&[("learning_rat", &[0.5])]));
         assert!(misspelt.contains("learning_rat is no key of [agent]"), "{misspelt}");
         assert!(misspelt.contains("learning_rate"), "{misspelt}");
-        assert!(of(sweep(&[("gamma", &[1.5])])).contains("gamma"));
+        let gamma = of(sweep(&[("gamma", &[0.5, 0.9])]));
+        assert!(gamma.contains("do not compare") && gamma.contains("make two studies"), "{gamma}");
     }
 }

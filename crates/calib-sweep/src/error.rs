@@ -17,6 +17,13 @@ pub enum SweepError {
         /// The agent field.
         field: String,
     },
+    /// The discount factor is swept.
+    #[error(
+        "sweep.grid.gamma: another gamma predicts another return, which varies more or less, so errors across its values do not compare and \
+         none of them is better. Choose gamma for how far ahead you want to know, 1 / (1 - gamma) states; for two horizons make two studies, \
+         such as with --set agent.gamma=0.9 --output near"
+    )]
+    GammaInGrid,
     /// No field to sweep.
     #[error(
         "sweep.grid is empty; name at least one agent field, such as learning_rate = [1e-4, 1e-3]"

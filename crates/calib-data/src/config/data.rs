@@ -55,6 +55,19 @@ pub struct DataConfig {
     /// What separates a number from its fraction in text files: `.` or `,`. Default: told by the first rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decimal: Option<char>,
+    /// What happens to lines of text files that cannot be read. Default: the log is refused.
+    #[serde(skip_serializing_if = "BadRows::are_errors")]
+    #[schemars(extend("default" = "error"))]
+    pub bad_rows: BadRows,
+    /// Only rows that have these values in these columns: `{ turbine = "R80711" }`. Default: all.
+    #[serde(rename = "where", skip_serializing_if = "BTreeMap::is_empty")]
+    pub only: BTreeMap<String, String>,
+    /// Whether channels are called after their file too: `kitchen temperature`. Default: false.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub file_as_prefix: bool,
+    /// Numbers that stand for a missing value, such as `[-200, -999.9]`, in all channels. Default: none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub missing_values: Vec<f64>,
     /// What happens to rows of the same time with different values of a channel. Default: they are refused.
     #[serde(skip_serializing_if = "Contradictions::are_refused")]
     #[schemars(extend("default" = "refuse"))]
@@ -124,6 +137,24 @@ pub enum Contradictions {
     First,
     /// The last value is kept.
     Last,
+}
+
+/// What happens to lines of text files that cannot be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BadRows {
+    /// The log is refused, with all of them counted.
+    #[default]
+    Error,
+    /// They are left out and counted, if they are at most one line in a hundred.
+    Skip,
+}
+
+impl BadRows {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants a reference")]
+    fn are_errors(&self) -> bool {
+        *self == Self::Error
+    }
 }
 
 impl Contradictions {
@@ -238,6 +269,10 @@ impl Default for DataConfig {
             good_quality: Vec::new(),
             separator: None,
             decimal: None,
+            bad_rows: BadRows::Error,
+            only: BTreeMap::new(),
+            file_as_prefix: false,
+            missing_values: Vec::new(),
             contradictions: Contradictions::Refuse,
             resample: None,
             max_age_secs: None,

@@ -1,11 +1,11 @@
 //! From what text says to instants.
 
-use std::path::Path;
-
 use super::{head::Head, rows::NO_TIME, times::CALENDAR};
 use crate::{
     DataConfig, DataError,
-    text::{Candidates, Decimal, Notation, Signs, TextFile, Unreadable, Walls, Zone, shown},
+    text::{
+        Candidates, Decimal, Notation, Records, Signs, TextFile, Unreadable, Walls, Zone, shown,
+    },
     time::Stamp,
 };
 
@@ -110,12 +110,12 @@ pub(crate) fn notations(
     }
     let mut candidates = Vec::with_capacity(heads.len());
     for (head, &time) in heads.iter().zip(times) {
-        let Head::Text(file) = head else {
-            candidates.push(None);
-            continue;
-        };
-        let found = Candidates::of(&file.dialect.cells(time), data.timestamp_unit);
-        candidates.push(Some(checked(found, &file.path, &file.columns()[time].name)?));
+        candidates.push(match head {
+            Head::Text(file) => {
+                Some(Candidates::of(&file.dialect.cells(time), data.timestamp_unit))
+            }
+            _ => None,
+        });
     }
     let mut told: Vec<Notation> = Vec::new();
     for found in candidates.iter().flatten().filter(|found| !found.is_ambiguous()) {
@@ -131,6 +131,17 @@ pub(crate) fn notations(
             let (Head::Text(file), Some(mut found)) = (head, found) else {
                 return Ok(Notation::Iso);
             };
+            if found.left.is_empty() {
+                // Damaged lines of one file are told by how the others write times.
+                let cells = file.dialect.cells(time);
+                let reads = |of: &&Notation| {
+                    2 * cells.iter().filter(|cell| of.read(cell).is_some()).count() > cells.len()
+                };
+                match told.iter().find(reads) {
+                    Some(notation) => return Ok(notation.clone()),
+                    None => found = checked(found, file, time)?,
+                }
+            }
             if found.is_ambiguous() {
                 let mut elsewhere = found.left.iter().filter(|left| told.contains(left));
                 match (elsewhere.next().cloned(), elsewhere.next()) {
@@ -143,16 +154,31 @@ pub(crate) fn notations(
         .collect()
 }
 
-fn checked(found: Candidates, path: &Path, column: &str) -> Result<Candidates, DataError> {
+fn checked(found: Candidates, file: &TextFile, time: usize) -> Result<Candidates, DataError> {
+    let line = |text: &str| {
+        file.dialect.line_of(time, text).map_or_else(String::new, |line| format!("line {line}: "))
+    };
     let reason = match &found.unreadable {
         Some(Unreadable::Cell(text)) if found.left.is_empty() => format!(
-            "{} is in no notation that is known and that the others have; say how it is written with data.timestamp_format, such as \"%d.%m.%Y %H:%M:%S\"",
+            "{}{} is in no notation that is known and that the others have; say how it is written with data.timestamp_format, such as \"%d.%m.%Y %H:%M:%S\"",
+            line(text),
             shown(text)
         ),
         Some(Unreadable::Numbers(reason)) if found.left.is_empty() => reason.clone(),
         _ => return Ok(found),
     };
-    Err(DataError::BadTimestamp { path: path.to_owned(), column: column.to_owned(), reason })
+    let column = file.columns()[time].name.clone();
+    Err(DataError::BadTimestamp { path: file.path.clone(), column, reason })
+}
+
+/// Go to the next record, past lines that are none.
+fn advance(records: &mut Records<'_>) -> Result<bool, DataError> {
+    loop {
+        match records.advance() {
+            Err(DataError::Record { .. }) => {}
+            read => return read,
+        }
+    }
 }
 
 /// Read the times of all rows until one of them tells.
@@ -167,13 +193,16 @@ fn by_all_rows(
     while let Some(block) = blocks.as_mut().map(|blocks| blocks.next(1)).transpose()?.flatten() {
         for (range, line) in &block.parts {
             let mut records = file.records(&block.bytes[range.clone()], *line);
-            while records.advance()? {
-                let text = records.text(time);
-                if !text.trim().is_empty() {
+            while advance(&mut records)? {
+                let text = records.time(time);
+                // What none of them can read is a damaged line, which is told later.
+                if !text.trim().is_empty()
+                    && found.left.iter().any(|of| of.read(text.trim()).is_some())
+                {
                     found.note(text.trim());
                 }
                 if !found.is_ambiguous() {
-                    return checked(found, &file.path, &file.columns()[time].name);
+                    return checked(found, file, time);
                 }
             }
         }

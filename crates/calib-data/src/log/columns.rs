@@ -6,6 +6,7 @@ use calib_core::Monitor;
 use calib_files::{FileError, Spill};
 
 use super::{
+    bad_rows::BadRowsFound,
     clock::{Clock, Fractions, Instants},
     room::Room,
     rows::NO_TIME,
@@ -23,6 +24,7 @@ pub(crate) struct Store {
     pub(crate) words: Words,
     pub(crate) signs: Signs,
     pub(crate) room: Room,
+    pub(crate) bad_rows: BadRowsFound,
 }
 
 /// What cells were read into beside their values.
@@ -31,6 +33,8 @@ pub(crate) struct Seen {
     pub(crate) words: Words,
     /// What they show of how fractions are written, beyond what the first rows told.
     signs: Signs,
+    /// Lines that are no rows.
+    pub(crate) bad_rows: BadRowsFound,
 }
 
 impl Store {
@@ -40,6 +44,7 @@ impl Store {
             words: Words::bounded(),
             signs: Signs::default(),
             room: Room::of(data),
+            bad_rows: BadRowsFound::default(),
         })
     }
 
@@ -49,6 +54,7 @@ impl Store {
     /// If two cells of the log separate fractions by two signs.
     pub(crate) fn adopt(&mut self, seen: Seen, cells: &mut [u64]) -> Result<(), DataError> {
         self.words.adopt(&seen.words, cells);
+        self.bad_rows.adopt(seen.bad_rows);
         self.signs.adopt(seen.signs);
         self.signs.refuse_contradiction()
     }
@@ -177,10 +183,13 @@ impl Part {
         let mut seen = Seen::default();
         let mut stamps = Vec::new();
         let mut by_row: Vec<u64> = Vec::new();
-        while records.advance()? {
-            stamps.push(stamp(&records, time, notation)?);
+        while let Some(stamp) = next_row(&mut records, &mut seen.bad_rows, |records| {
+            // Rows without times get theirs when all of them are counted.
+            if time < width { stamp(records, time, notation) } else { Ok(None) }
+        })? {
+            stamps.push(stamp);
             for column in 0..width {
-                let cell = if column == time {
+                let cell = if column == time || records.is_clock(column) {
                     Cell::Missing
                 } else {
                     cell(&records, column, fractions, &mut seen)?
@@ -199,13 +208,32 @@ impl Part {
     }
 }
 
+/// The time of the next row, which `stamp` reads; `None` if there are no more rows. Lines that are none are noted.
+pub(crate) fn next_row<T>(
+    records: &mut Records<'_>,
+    bad_rows: &mut BadRowsFound,
+    mut stamp: impl FnMut(&Records<'_>) -> Result<T, DataError>,
+) -> Result<Option<T>, DataError> {
+    loop {
+        let read = match records.advance() {
+            Ok(false) => return Ok(None),
+            Ok(true) => stamp(records),
+            Err(error) => Err(error),
+        };
+        match read {
+            Err(bad @ DataError::Record { .. }) => bad_rows.note(&bad),
+            read => return read.map(Some),
+        }
+    }
+}
+
 /// The time of a record; `None` if it has none.
 pub(crate) fn stamp(
     records: &Records<'_>,
     column: usize,
     notation: &Notation,
 ) -> Result<Option<Stamp>, DataError> {
-    let text = records.text(column);
+    let text = records.time(column);
     let text = text.trim();
     if text.is_empty() {
         return Ok(None);

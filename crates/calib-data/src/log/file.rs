@@ -12,8 +12,18 @@ use pl::SerReader as _;
 use polars::prelude as pl;
 use rayon::prelude::*;
 
-use super::{columns::Stored, source::Source, values::RawColumn};
-use crate::{DataError, Description, checksums, guard::guard, statistics, table::RESULTS_KEY};
+use super::{
+    columns::Stored,
+    source::Source,
+    values::{RawColumn, each_label},
+};
+use crate::{
+    DataConfig, DataError, Description, checksums,
+    guard::guard,
+    statistics,
+    table::RESULTS_KEY,
+    text::{TextFile, is_value},
+};
 
 /// Rows that are read at a time, unless a row group has more: bounds what is held twice.
 const SLICE_ROWS: usize = 1 << 20;
@@ -26,6 +36,8 @@ pub(crate) struct LogFile {
     pub(crate) bytes: u64,
     /// Whether calib wrote it as a result, not as a log.
     pub(crate) is_result: bool,
+    /// The column of times of day, where the column of times has only dates.
+    pub(crate) clock: Option<usize>,
     content: Content,
 }
 
@@ -123,13 +135,20 @@ impl LogFile {
         let is_result =
             metadata.key_value_metadata.iter().flatten().any(|of| of.key == RESULTS_KEY);
         let content = Content::Parquet(Parquet { file, metadata, checked: Mutex::default() });
-        Ok(Self { source, fields, rows, bytes, is_result, content })
+        Ok(Self { source, fields, rows, bytes, is_result, clock: None, content })
     }
 
     /// A text file that was read into `stored`.
-    pub(crate) fn stored(source: Source, fields: Vec<Field>, bytes: u64, stored: Stored) -> Self {
+    pub(crate) fn stored(
+        source: Source,
+        fields: Vec<Field>,
+        file: &TextFile,
+        stored: Stored,
+    ) -> Self {
         let rows = stored.columns.rows;
-        Self { source, fields, rows, bytes, is_result: false, content: Content::Stored(stored) }
+        let content = Content::Stored(stored);
+        let (bytes, clock) = (file.bytes, file.clock);
+        Self { source, fields, rows, bytes, is_result: false, clock, content }
     }
 
     /// The timestamps of a file that was text.
@@ -142,6 +161,32 @@ impl LogFile {
 
     pub(crate) fn path(&self) -> &Path {
         &self.source.path
+    }
+
+    /// Which of some rows have what `data.where` asks for; `None` if it asks for nothing.
+    pub(crate) fn chosen(
+        &self,
+        rows: &Range<usize>,
+        data: &DataConfig,
+    ) -> Result<Option<Vec<bool>>, DataError> {
+        if data.only.is_empty() {
+            return Ok(None);
+        }
+        let mut chosen = vec![true; rows.len()];
+        for (name, value) in &data.only {
+            let names = self.fields.iter().map(|field| field.name.as_str());
+            let field = self.field(name);
+            let field = field.ok_or_else(|| DataError::where_column(self.path(), name, names))?;
+            let column = self.read(&[field], rows)?.swap_remove(0);
+            let mut flags = chosen.iter_mut();
+            each_label(&column, |label| {
+                if let Some(flag) = flags.next() {
+                    *flag &= label.is_some_and(|label| is_value(label, value));
+                }
+            })
+            .map_err(|error| self.damaged(&error))?;
+        }
+        Ok(Some(chosen))
     }
 
     /// The position of the column called `name`.

@@ -58,7 +58,11 @@ impl Head {
             Self::Text(file) => (0..file.columns().len())
                 .map(|column| HeadColumn {
                     name: file.columns()[column].name.clone(),
-                    kind: kind_of(&file.dialect.cells(column)),
+                    kind: if file.clock == Some(column) {
+                        FieldKind::Time
+                    } else {
+                        kind_of(&file.dialect.cells(column))
+                    },
                 })
                 .collect(),
             Self::Annotated(..) => Vec::new(),
@@ -70,7 +74,7 @@ impl Head {
         match self {
             Self::Parquet(file) => {
                 let rows = 0..file.rows.min(SAMPLE);
-                if rows.is_empty() {
+                if rows.is_empty() || column >= file.fields.len() {
                     return Ok(Vec::new());
                 }
                 let column = file.read(&[column], &rows)?.swap_remove(0);
@@ -90,19 +94,25 @@ impl Head {
 /// Rows of a Parquet file that are looked at.
 const SAMPLE: usize = 10_000;
 
+/// One cell in so many may be damaged.
+const DAMAGED: usize = 20;
+
 /// What the cells of a text column are; without any they may become numbers.
 fn kind_of(cells: &[&str]) -> FieldKind {
     use crate::text::{Decimal, parse_number};
     let is_number = |cell: &str| {
         [Decimal::Point, Decimal::Comma].iter().any(|&of| parse_number(cell, of).is_some())
     };
-    if cells.is_empty() || cells.iter().any(|cell| is_number(cell)) {
-        FieldKind::Number
-    } else if cells.iter().all(|cell| {
-        let found = crate::text::Candidates::of(&[cell], None).left;
-        !found.is_empty() && !matches!(found[0], Notation::Number(_))
-    }) {
+    let is_time = |cell: &str| {
+        let found = || crate::text::Candidates::of(&[cell], None).left;
+        !is_number(cell) && found().first().is_some_and(|of| !matches!(of, Notation::Number(_)))
+    };
+    // Lines may be damaged, but not many of them.
+    let mut others = cells.iter().filter(|cell| !is_time(cell));
+    if !cells.is_empty() && others.nth(cells.len() / DAMAGED).is_none() {
         FieldKind::Time
+    } else if cells.is_empty() || cells.iter().any(|cell| is_number(cell)) {
+        FieldKind::Number
     } else {
         FieldKind::Text
     }

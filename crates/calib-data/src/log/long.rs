@@ -6,7 +6,7 @@ use calib_core::Monitor;
 
 use super::{
     clock::{Clock, Fractions, Instants},
-    columns::{Seen, cell, stamp},
+    columns::{Seen, cell, next_row, stamp},
     file::LogFile,
     head::Head,
     series::Sink,
@@ -110,7 +110,18 @@ impl Part {
         if let TagOf::File(name) = &roles.tag {
             part.names.position(name);
         }
-        while records.advance()? {
+        let mut bad_rows = std::mem::take(&mut part.seen.bad_rows);
+        while let Some(time) = next_row(&mut records, &mut bad_rows, |records| {
+            let bytes = records.bytes(roles.time);
+            match part.stamps.last() {
+                Some(&last) if !records.has_clock() && bytes == last_time => Ok(last),
+                _ => {
+                    let read = stamp(records, roles.time, notation)?;
+                    last_time = bytes.to_vec();
+                    Ok(read)
+                }
+            }
+        })? {
             let tag = match roles.tag {
                 TagOf::File(_) => 0,
                 TagOf::Column(column) => {
@@ -125,19 +136,12 @@ impl Part {
                     }
                 }
             };
-            let bytes = records.bytes(roles.time);
-            let time = match part.stamps.last() {
-                Some(&last) if bytes == last_time => last,
-                _ => {
-                    last_time = bytes.to_vec();
-                    stamp(&records, roles.time, notation)?
-                }
-            };
             let cell = part.value(&records, roles, fractions)?;
             part.tags.push(tag);
             part.stamps.push(time);
             part.cells.push(cell.encode());
         }
+        part.seen.bad_rows = bad_rows;
         Ok(part)
     }
 
@@ -161,6 +165,17 @@ impl Part {
             }
         }
         Ok(Cell::Missing)
+    }
+
+    /// Leave out the samples that are not chosen.
+    fn keep(&mut self, chosen: Option<&[bool]>) {
+        let Some(chosen) = chosen else { return };
+        let mut flags = chosen.iter();
+        self.tags.retain(|_| flags.next().is_some_and(|is| *is));
+        let mut flags = chosen.iter();
+        self.stamps.retain(|_| flags.next().is_some_and(|is| *is));
+        let mut flags = chosen.iter();
+        self.cells.retain(|_| flags.next().is_some_and(|is| *is));
     }
 
     fn pour(mut self, into: &mut Pouring<'_>) -> Result<(), DataError> {
@@ -237,6 +252,7 @@ pub(crate) fn stream_parquet(
                 *cell = Cell::Missing.encode();
             }
         }
+        let chosen = file.chosen(&slice, data)?;
         part.tags = match &roles.tag {
             TagOf::File(name) => vec![part.names.position(name); slice.len()],
             TagOf::Column(_) => {
@@ -249,6 +265,7 @@ pub(crate) fn stream_parquet(
                 tags
             }
         };
+        part.keep(chosen.as_deref());
         part.pour(&mut pouring)?;
     }
     pouring.finish()

@@ -1,5 +1,7 @@
 //! The log as it lies in its files: rows in time order, channels, ranges.
 
+mod bad_rows;
+mod cause;
 mod clock;
 mod columns;
 mod file;
@@ -34,6 +36,7 @@ use std::{
 
 use calib_core::{Monitor, Period, Timestamp};
 
+pub use self::{bad_rows::BadRowsFound, cause::ContradictionCause};
 use self::{file::LogFile, resample::Grid, rows::Rows, series::Series, split::Split};
 pub(crate) use self::{
     file::{FieldKind, classify},
@@ -64,8 +67,14 @@ pub(crate) struct Log {
     recorded: Option<Rows>,
     grid: Option<Grid>,
     contradictions: Contradictions,
+    /// Numbers that stand for a missing value.
+    missing_values: Vec<f64>,
     /// Whether times are UTC rather than what some clock showed.
     pub(crate) utc: bool,
+    /// Lines of text files that were left out because they cannot be read.
+    pub(crate) bad_rows: BadRowsFound,
+    /// Whether rows have no times but their numbers.
+    pub(crate) without_times: bool,
     /// Samples that their quality made missing.
     pub(crate) bad_quality: u64,
     /// Rows without a time because theirs names no instant, or two between which nothing decides.

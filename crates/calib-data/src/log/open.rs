@@ -1,15 +1,19 @@
 //! The files of a log: what they are, and what they hold.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{
+    collections::{BTreeSet, HashMap},
+    sync::Arc,
+};
 
-use calib_core::Monitor;
+use calib_core::{Monitor, Period};
 
 use super::{
     FileSummary,
+    bad_rows::BadRowsFound,
     clock::{Clock, Fractions, notations},
     columns::{Imported, Store, Stored, import},
     file::{Field, FieldKind, LogFile},
-    head::Head,
+    head::{Head, HeadColumn},
     long::{stream_annotated, stream_parquet, stream_text},
     series::Sink,
     shape::{Recognised, Roles, recognise, time_column},
@@ -36,6 +40,11 @@ pub(super) struct Tables {
     pub(super) instants: Vec<Vec<i64>>,
     /// Rows whose time names no instant, or two between which nothing decides.
     pub(super) undecided: u64,
+    /// Rows that `data.where` leaves out.
+    pub(super) left_out: u64,
+    pub(super) bad_rows: BadRowsFound,
+    /// Whether rows have no times but their numbers.
+    pub(super) without_times: bool,
 }
 
 /// Find, open and recognise the files of a log; and whether its times are UTC.
@@ -58,17 +67,10 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
                 .to_owned(),
         });
     }
-    let time = |head: &Head| match head {
-        Head::Annotated(..) => Ok(0),
-        _ => {
-            time_column(head, &head.columns(), data).ok_or_else(|| times::no_timestamp(head, data))
-        }
-    };
-    let times: Vec<usize> = heads.iter().map(time).collect::<Result<_, _>>()?;
-    for (head, &time) in heads.iter().zip(&times) {
-        times::refuse_dates_apart(head, time)?;
-    }
-    let recognised = recognise(&heads, &times, data)?;
+    let times = time_columns(&mut heads, data)?;
+    let without_times = (0..heads.len()).any(|at| has_no_times(&heads[at], times[at]));
+    let recognised =
+        if without_times { Recognised::Wide } else { recognise(&heads, &times, data)? };
     let notations = match recognised {
         Recognised::Annotated => Vec::new(),
         _ => notations(&heads, &times, data)?,
@@ -91,6 +93,48 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
     };
     Ok((opened?, utc))
 }
+
+/// The position of the time column of each file; in files without one it is the position behind the last column.
+fn time_columns(heads: &mut [Head], data: &DataConfig) -> Result<Vec<usize>, DataError> {
+    let find = |head: &Head| match head {
+        Head::Annotated(..) => Some(0),
+        _ => time_column(head, &head.columns(), data),
+    };
+    let mut found: Vec<Option<usize>> = heads.iter().map(find).collect();
+    // In a file whose first lines are damaged, the column is the one that the others have.
+    let names: Vec<Vec<HeadColumn>> = heads.iter().map(Head::columns).collect();
+    let known: BTreeSet<&str> =
+        (0..heads.len()).filter_map(|at| Some(names[at].get(found[at]?)?.name.as_str())).collect();
+    let known: Vec<&str> = known.into_iter().collect();
+    if let [name] = known[..] {
+        for (found, names) in found.iter_mut().zip(&names) {
+            *found = found.or_else(|| names.iter().position(|column| column.name == name));
+        }
+    }
+    let is_default = data.timestamp == DataConfig::default().timestamp;
+    if data.period_secs.is_some()
+        && is_default
+        && found.iter().all(Option::is_none)
+        && heads.iter().all(|head| times::likely_times(head).is_empty())
+    {
+        return Ok(names.iter().map(Vec::len).collect());
+    }
+    let others = found.iter().flatten().count();
+    let mut times = Vec::with_capacity(heads.len());
+    for (head, found) in heads.iter_mut().zip(found) {
+        let time = found.ok_or_else(|| times::no_timestamp(head, others, data))?;
+        times.push(times::join_times(head, time)?);
+    }
+    Ok(times)
+}
+
+/// Whether `time` is behind the last column.
+fn has_no_times(head: &Head, time: usize) -> bool {
+    !matches!(head, Head::Annotated(..)) && time >= head.columns().len()
+}
+
+/// Periods between the rows of one file without times and those of the next: nothing crosses from one to the other.
+const BETWEEN_FILES: i64 = 10;
 
 /// How text is written.
 struct TextRead {
@@ -125,11 +169,10 @@ fn is_utc(
     for (position, (head, &time)) in heads.iter().zip(times).enumerate() {
         all &= match head {
             Head::Annotated(..) => true,
-            Head::Parquet(file) => {
-                let field = &file.fields[time];
+            Head::Parquet(file) => file.fields.get(time).is_some_and(|field| {
                 field.kind == FieldKind::Number && numbers_count
                     || field.type_name.starts_with("datetime in")
-            }
+            }),
             Head::Text(_) => {
                 let sample = head.sample(time)?;
                 let stamp = sample.first().and_then(|text| notations[position].read(text));
@@ -186,21 +229,42 @@ fn tables(
                 let fields = columns.map(field).collect();
                 let stored =
                     Stored { columns: read.columns, times: read.times, store: Arc::clone(&store) };
-                LogFile::stored(source, fields, file.bytes, stored)
+                LogFile::stored(source, fields, &file, stored)
             }
             (Head::Parquet(file), _) => *file,
             (Head::Text(_) | Head::Annotated(..), _) => continue,
         });
     }
-    let mut instants = Vec::with_capacity(files.len());
+    let bad_rows = store.bad_rows.clone();
+    bad_rows.refuse(files.iter().map(|file| file.rows as u64).sum(), data)?;
+    let (mut instants, mut left_out, mut next) = (Vec::with_capacity(files.len()), 0, 0);
+    let period = data.period_secs.and_then(Period::from_secs).map_or(1, Period::as_micros);
+    let mut without_times = false;
     for (file, &time) in files.iter().zip(&times) {
         monitor.check()?;
-        let read = times::read_timestamps(file, time, data)?;
-        instants.push(read.instants);
-        undecided += read.undecided;
+        if time < file.fields.len() {
+            let read = times::read_timestamps(file, time, data)?;
+            instants.push(read.instants);
+            undecided += read.undecided;
+            left_out += read.left_out;
+        } else {
+            without_times = true;
+            let rows = 0..i64::try_from(file.rows).unwrap_or(i64::MAX);
+            instants.push(rows.map(|row| next + row.saturating_mul(period)).collect());
+            let rows = file.rows as i64 + BETWEEN_FILES;
+            next = rows.saturating_mul(period).saturating_add(next);
+        }
         monitor.advance(1);
     }
-    Ok(Opened::Tables(Tables { files, times, instants, undecided }))
+    Ok(Opened::Tables(Tables {
+        files,
+        times,
+        instants,
+        undecided,
+        left_out,
+        bad_rows,
+        without_times,
+    }))
 }
 
 fn samples(
@@ -226,6 +290,7 @@ fn samples(
         files.push(summary(head, (sink.rows - before) as usize));
         monitor.advance(1);
     }
+    sink.store.bad_rows.refuse(sink.rows, data)?;
     Ok(Opened::Samples(shape, files, sink))
 }
 

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use calib_core::Period;
 
 use super::{
-    Channel, FileSummary, Log, Origin,
+    BadRowsFound, Channel, FileSummary, Log, Origin,
     file::{FieldKind, LogFile},
     gaps,
     open::{Opened, Tables, refuse_pair},
@@ -15,6 +15,7 @@ use super::{
     rows::{Irregularities, NO_TIME, Rows},
     series::Sink,
     split::{self, Split},
+    tag_of_path::prefixes,
 };
 use crate::{DataConfig, DataError, Description, Shape, names::Chosen, time::format_time};
 
@@ -30,6 +31,8 @@ struct Planned {
     span: (i64, i64),
     bad_quality: u64,
     undecided: u64,
+    bad_rows: BadRowsFound,
+    without_times: bool,
 }
 
 impl Opened {
@@ -43,7 +46,7 @@ impl Opened {
 }
 
 fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> {
-    let Tables { files, times, instants, undecided } = tables;
+    let Tables { files, times, instants, undecided, left_out, bad_rows, without_times } = tables;
     let total: usize = instants.iter().map(Vec::len).sum();
     Room::of(data).require_rows(total as u64, None)?;
     let present = || instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
@@ -51,10 +54,13 @@ fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> 
         return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
     };
     let split = Split::new(data, first, last)?;
-    let rows = Rows::plan(&instants, &split.window());
-    refuse_mixed_partitions(&files, &rows.irregularities)?;
+    let mut rows = Rows::plan(&instants, &split.window());
+    rows.irregularities.null_timestamps -= left_out;
+    if !data.file_as_prefix {
+        refuse_mixed_partitions(&files, &rows.irregularities)?;
+    }
     Ok(Planned {
-        channels: list_channels(&files, &times),
+        channels: list_channels(&files, &times, data.file_as_prefix),
         files: files
             .iter()
             .map(|file| FileSummary {
@@ -70,6 +76,8 @@ fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> 
         span: (first, last),
         bad_quality: 0,
         undecided,
+        bad_rows,
+        without_times,
     })
 }
 
@@ -81,6 +89,7 @@ fn plan_samples(
 ) -> Result<Planned, DataError> {
     let null_timestamps = sink.null_times;
     let (bad_quality, undecided) = (sink.bad_quality, sink.undecided);
+    let bad_rows = sink.store.bad_rows.clone();
     let series = sink.finish()?;
     let Some((first, last)) = series.span() else {
         return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
@@ -107,13 +116,26 @@ fn plan_samples(
         span: (first, last),
         bad_quality,
         undecided,
+        bad_rows,
+        without_times: false,
     })
 }
 
 impl Planned {
     fn into_log(self, data: &DataConfig) -> Result<Log, DataError> {
-        let Self { origin, files, shape, channels, rows, split, span, bad_quality, undecided } =
-            self;
+        let Self {
+            origin,
+            files,
+            shape,
+            channels,
+            rows,
+            split,
+            span,
+            bad_quality,
+            undecided,
+            bad_rows,
+            without_times,
+        } = self;
         let (rows, recorded, grid) =
             match data.resample.zip(data.period_secs.and_then(Period::from_secs)) {
                 None => (rows, None, None),
@@ -149,6 +171,7 @@ impl Planned {
             steps: gaps::find_steps(&rows.timestamps, &rows.breaks, period, data.gap_tolerance),
             period_was_detected: data.period_secs.is_none(),
             contradictions: data.contradictions,
+            missing_values: data.missing_values.clone(),
             files,
             shape,
             origin,
@@ -156,6 +179,8 @@ impl Planned {
             recorded,
             grid,
             utc: false,
+            bad_rows,
+            without_times,
             bad_quality,
             undecided,
             channels,
@@ -220,17 +245,23 @@ fn refuse_mixed_partitions(
 }
 
 /// The union of the files' columns, in order of appearance.
-fn list_channels(files: &[LogFile], times: &[usize]) -> Vec<Channel> {
+fn list_channels(files: &[LogFile], times: &[usize], file_as_prefix: bool) -> Vec<Channel> {
+    let prefixes = if file_as_prefix {
+        prefixes(&files.iter().map(LogFile::path).collect::<Vec<_>>())
+    } else {
+        vec![String::new(); files.len()]
+    };
     let mut channels: Vec<Channel> = Vec::new();
     let mut known: HashMap<String, usize> = HashMap::new();
     for (file, (log_file, &time)) in files.iter().zip(times).enumerate() {
         for (position, field) in log_file.fields.iter().enumerate() {
-            if position == time {
+            if position == time || log_file.clock == Some(position) {
                 continue;
             }
-            let index = *known.entry(field.name.clone()).or_insert_with(|| {
+            let name = format!("{}{}", prefixes[file], field.name);
+            let index = *known.entry(name.clone()).or_insert_with(|| {
                 channels.push(Channel {
-                    name: field.name.clone(),
+                    name,
                     type_name: field.type_name.clone(),
                     description: field.description.clone(),
                     readable: false,

@@ -15,7 +15,10 @@ use super::{
     series::Series,
     values::{NotNumbers, RawColumn, cells_to_numbers, each_label, to_numbers, with_label},
 };
-use crate::{Contradictions, DataError, format_time};
+use crate::{
+    Contradictions, DataError, format_time,
+    sentinels::{Extremes, make_missing, stands_for_missing},
+};
 
 /// What a batch of channels may hold in memory, in bytes.
 const BATCH_BYTES: usize = 256 << 20;
@@ -38,6 +41,10 @@ pub(crate) struct ChannelValues {
     /// One per duplicate of the recorded rows.
     duplicates: Vec<f64>,
     pub(crate) not_numbers: NotNumbers,
+    /// Its smallest and largest values, as they were recorded.
+    pub(crate) extremes: Extremes,
+    /// Values that `data.missing_values` made missing.
+    pub(crate) stood_for_missing: u64,
     /// Samples that another one of their tag and time took in.
     pub(crate) repeated: u64,
     /// Stops of its recording that the last value stood in for.
@@ -56,6 +63,8 @@ impl ChannelValues {
         self.duplicates.clear();
         self.duplicates.resize(duplicates, f64::NAN);
         self.not_numbers = NotNumbers::default();
+        self.extremes = Extremes::default();
+        self.stood_for_missing = 0;
         self.repeated = 0;
         self.bridged = Bridged::default();
         self.contradictions = Contradicting::default();
@@ -131,6 +140,7 @@ impl Log {
                 }
                 batch.par_iter_mut().for_each(|channel| {
                     channel.settle(rows, self.contradictions);
+                    channel.extremes = Extremes::of(&channel.values);
                     if let Some(grid) = &self.grid {
                         let (times, values) = self.recorded_values(&channel.values);
                         channel.bridged = grid.bridged(&times);
@@ -173,6 +183,8 @@ impl Log {
         let mut values = vec![f64::NAN; placed.cells.len()];
         let words = &series.store.words;
         cells_to_numbers(&placed.cells, words, &mut values, &mut channel.not_numbers);
+        channel.stood_for_missing = make_missing(&mut values, &self.missing_values);
+        channel.extremes = Extremes::of(&values);
         if let Some(grid) = &self.grid {
             let present = placed.times.iter().zip(&values).filter(|(_, value)| !value.is_nan());
             let (times, values): (Vec<i64>, Vec<f64>) = present.unzip();
@@ -234,16 +246,21 @@ impl Log {
                 .zip(slots)
                 .try_for_each(|(channel, column)| {
                     let Some(column) = column else { return Ok(()) };
-                    let ChannelValues { values, duplicates, not_numbers, .. } = channel;
+                    let ChannelValues {
+                        values, duplicates, not_numbers, stood_for_missing, ..
+                    } = channel;
                     match map {
                         RowMap::Contiguous { file, first } => {
                             let start = first + slice.start - file.start;
                             let out = &mut values[start..start + slice.len()];
-                            to_numbers(&column, out, not_numbers)
+                            to_numbers(&column, out, not_numbers)?;
+                            *stood_for_missing += make_missing(out, &self.missing_values);
+                            Ok(())
                         }
                         RowMap::Scattered(rows) => {
                             let mut read = vec![f64::NAN; slice.len()];
                             to_numbers(&column, &mut read, not_numbers)?;
+                            *stood_for_missing += make_missing(&mut read, &self.missing_values);
                             for (&value, &row) in read.iter().zip(&rows[slice.clone()]) {
                                 if row != LEFT_OUT {
                                     values[row as usize] = value;
@@ -279,10 +296,12 @@ pub(crate) struct Codes {
 
 /// Labels, each once.
 #[derive(Default)]
-struct Labels {
+pub(super) struct Labels {
     codes: HashMap<String, usize>,
     /// Each label as a number, where it is one.
     numbers: Vec<Option<f64>>,
+    /// Numbers that stand for no label.
+    missing_values: Vec<f64>,
 }
 
 impl Labels {
@@ -292,8 +311,12 @@ impl Labels {
         if let Some(&code) = self.codes.get(label) {
             return code as f64;
         }
+        let number: Option<f64> = label.parse().ok();
+        if number.is_some_and(|number| stands_for_missing(number, &self.missing_values)) {
+            return f64::NAN;
+        }
         let code = self.numbers.len();
-        self.numbers.push(label.parse().ok());
+        self.numbers.push(number);
         self.codes.insert(label.to_owned(), code);
         code as f64
     }
@@ -302,7 +325,7 @@ impl Labels {
         self.numbers[code as usize]
     }
 
-    fn list(&self) -> Vec<String> {
+    pub(super) fn list(&self) -> Vec<String> {
         let mut labels = vec![String::new(); self.codes.len()];
         for (label, &code) in &self.codes {
             labels[code].clone_from(label);
@@ -321,7 +344,8 @@ impl Log {
         channel: usize,
         monitor: &dyn Monitor,
     ) -> Result<Codes, DataError> {
-        let mut labels = Labels::default();
+        let missing_values = self.missing_values.clone();
+        let mut labels = Labels { missing_values, ..Labels::default() };
         let (times, codes) = match &self.origin {
             Origin::Tables(files) => {
                 let recorded = self.codes_of_files(files, channel, &mut labels, monitor)?;
@@ -358,7 +382,7 @@ impl Log {
     }
 
     /// The codes of a channel: one per recorded row, and one per duplicate of them.
-    fn codes_of_files(
+    pub(super) fn codes_of_files(
         &self,
         files: &[LogFile],
         channel: usize,
@@ -456,6 +480,6 @@ impl Log {
             format!("at {at} {name} is {before:?} and {now:?}")
         };
         let examples = found.first.iter().map(told).collect();
-        Err(DataError::Contradictions { count: found.count, examples })
+        Err(DataError::Contradictions { count: found.count, examples, cause: None })
     }
 }

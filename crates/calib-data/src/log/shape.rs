@@ -157,7 +157,8 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
         if data.tag.is_none() && data.shape.is_none() && !rest.is_empty() {
             return Err(DataError::Shape {
                 reason: format!(
-                    "{} may be a long table, with tags in {:?}, or a wide one, with channels such as {:?}; say which with data.shape = \"long\" or \"wide\"",
+                    "{} may be a long table, with tags in {:?}, or a wide one, with channels such as {:?}; say which with data.shape = \"long\" or \"wide\". \
+                     If its rows are of several plants, it is wide, and data.where chooses one of them",
                     head.path().display(),
                     columns[tag].name,
                     rest[0]
@@ -170,7 +171,8 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
     if let Some(tag) = tag.filter(|_| data.tag.is_some()) {
         return Err(DataError::Shape {
             reason: format!(
-                "{} has tags in {:?}, and no column is known to hold their values; name it with data.value",
+                "{} has tags in {:?}, and no column is known to hold their values; name it with data.value. If every other column is a channel, the rows are of several plants: \
+                 data.where chooses one of them, without data.tag",
                 head.path().display(),
                 columns[tag].name
             ),
@@ -320,6 +322,7 @@ fn single_value(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Si
     let values: Vec<usize> = match &data.value {
         Some(name) => (0..columns.len()).filter(|&column| columns[column].name == *name).collect(),
         None => (0..columns.len())
+            .filter(|&column| columns[column].kind != FieldKind::Time)
             .filter(|&column| column != time && Some(column) != quality && !is_aside(column))
             .collect(),
     };

@@ -28,7 +28,7 @@ pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<Source>, DataError> {
         if found.is_empty() {
             return Err(DataError::NoFile {
                 pattern: pattern.clone(),
-                reason: "nothing matches whose name ends in .parquet, .parq, .pq, .csv or .tsv (.gz, .zst)".to_owned(),
+                reason: "nothing matches whose name ends in .parquet, .parq, .pq, .csv, .tsv or .txt (.gz, .zst)".to_owned(),
             });
         }
         paths.extend(found);
@@ -88,13 +88,17 @@ fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
     Ok(found)
 }
 
-/// The logs in a folder: Parquet files, and text files only where there are none of these. Beside Parquet, text is
-/// usually about the log: lists of tags, notes, what another program made of it.
+/// The logs in a folder: Parquet files, or else `.csv` and `.tsv`, or else `.txt`. Beside Parquet, text is usually about the log: lists of tags, notes,
+/// what another program made of it; and so is `.txt` beside `.csv`.
 fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     let mut found = Vec::new();
     walk(folder, &mut found)?;
     if found.iter().any(|path| is_parquet(path)) {
         found.retain(|path| is_parquet(path));
+    } else if found.iter().any(|path| !is_plain(path)) {
+        found.retain(|path| !is_plain(path));
+    } else {
+        found.retain(|path| !is_note(path));
     }
     Ok(found)
 }
@@ -107,7 +111,7 @@ pub(crate) fn left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
         let mut found = Vec::new();
         walk(folder, &mut found)?;
         if found.iter().any(|path| is_parquet(path)) {
-            let own = |path: &PathBuf| !is_parquet(path) && !named.contains(path);
+            let own = |path: &PathBuf| !is_parquet(path) && !is_note(path) && !named.contains(path);
             left.extend(found.into_iter().filter(own));
         }
     }
@@ -140,14 +144,30 @@ pub(super) fn is_parquet(path: &Path) -> bool {
     })
 }
 
+/// The name of a file without what packs it, in small letters.
+fn unpacked(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let packed = [".gz", ".zst", ".zstd"].iter().find_map(|packed| name.strip_suffix(packed));
+    packed.unwrap_or(&name).to_owned()
+}
+
 /// Whether a file is called as text in columns is, packed or not.
 pub(super) fn is_text(path: &Path) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    let name = [".gz", ".zst", ".zstd"]
-        .iter()
-        .find_map(|packed| name.strip_suffix(packed))
-        .unwrap_or(&name);
-    [".csv", ".tsv"].iter().any(|known| name.ends_with(known))
+    let name = unpacked(path);
+    [".csv", ".tsv", ".txt"].iter().any(|known| name.ends_with(known))
+}
+
+/// Whether a file is called as text of any kind is.
+fn is_plain(path: &Path) -> bool {
+    unpacked(path).ends_with(".txt")
+}
+
+/// Whether a file is called as what is about a log.
+fn is_note(path: &Path) -> bool {
+    let name = unpacked(path);
+    let notes =
+        ["readme", "read_me", "license", "licence", "copying", "changelog", "notes", "citation"];
+    is_plain(path) && notes.iter().any(|known| name.starts_with(known))
 }
 
 pub(super) fn partitions(path: &Path) -> BTreeMap<String, String> {

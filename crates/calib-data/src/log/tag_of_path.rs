@@ -25,6 +25,19 @@ pub(super) fn tag_of_path(path: &Path) -> String {
     })
 }
 
+/// What the channels of each file are called after, with a space: the file, or where all are called alike its folder.
+pub(super) fn prefixes(paths: &[&Path]) -> Vec<String> {
+    let stems: Vec<String> = paths.iter().map(|path| tag_of_path(path)).collect();
+    let tell = stems.iter().all(|stem| !stem.is_empty()) && stems.iter().any(|of| *of != stems[0]);
+    let folder = |path: &Path| {
+        let folder = path.parent().and_then(Path::file_name).unwrap_or_default();
+        let folder = folder.to_string_lossy();
+        folder.split_once('=').map_or(folder.as_ref(), |(_, value)| value).to_owned()
+    };
+    let names = paths.iter().zip(stems).map(|(path, stem)| if tell { stem } else { folder(path) });
+    names.map(|name| format!("{name} ")).collect()
+}
+
 /// A name without a date at its end, from `2024-03` to `2024-03-01T06-00-00`: eight digits or more, or a year and
 /// a month with something between them. A single number stays: it is a tag's.
 fn without_date(stem: &str) -> &str {

@@ -8,62 +8,100 @@ use super::{
     clock::Clock,
     file::{FieldKind, LogFile},
     head::{Head, HeadColumn},
+    known::{TIMES, plain},
     rows::NO_TIME,
     units::{readings, units},
     values::RawColumn,
 };
 use crate::{
     DataConfig, DataError, TimestampUnit,
-    text::{Notation, compact_pattern, is_time_of_day, shown},
+    text::{Candidates, Notation, compact_pattern, is_time_of_day, shown},
     time::Stamp,
 };
 
-/// What to say of a file without a timestamp column that is known.
-pub(crate) fn no_timestamp(head: &Head, data: &DataConfig) -> DataError {
-    let columns = head.columns();
-    let list = |keep: &dyn Fn(&HeadColumn) -> bool| {
-        let columns = columns.iter().filter(|column| keep(column));
-        columns.map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")
-    };
-    let likely = list(&|column| {
+/// The columns of a file that may have its times, by their kind or name.
+pub(crate) fn likely_times(head: &Head) -> Vec<String> {
+    let is_likely = |column: &HeadColumn| {
         let name = column.name.to_lowercase();
         column.kind == FieldKind::Time || name.contains("time") || name.contains("date")
-    });
-    let candidates = if likely.is_empty() { list(&|_| true) } else { likely };
-    DataError::NoTimestamp {
-        path: head.path().to_owned(),
-        column: data.timestamp.clone(),
-        candidates,
-    }
+    };
+    head.columns().into_iter().filter(is_likely).map(|column| column.name).collect()
 }
 
-/// Refuse a text file with dates in the column `time` and times of day in another one: all rows of a day would be one.
-pub(crate) fn refuse_dates_apart(head: &Head, time: usize) -> Result<(), DataError> {
-    let Head::Text(file) = head else { return Ok(()) };
-    let dates = file.dialect.cells(time);
-    // A log with a row a day may have durations beside its dates.
-    let repeats = dates.windows(2).any(|pair| pair[0] == pair[1]);
-    if !repeats || dates.iter().any(|date| date.contains(':')) {
-        return Ok(());
-    }
-    let is_clock = |&column: &usize| {
-        let cells = file.dialect.cells(column);
-        !cells.is_empty() && cells.iter().all(|cell| is_time_of_day(cell))
+/// What to say of a file without a timestamp column that is known. `others` is how many files have one.
+pub(crate) fn no_timestamp(head: &Head, others: usize, data: &DataConfig) -> DataError {
+    let likely = likely_times(head);
+    let all = || head.columns().into_iter().map(|column| column.name).collect();
+    let has_likely = !likely.is_empty();
+    let candidates = if has_likely { likely } else { all() }.join(", ");
+    let set = format!("set data.timestamp to one of: {candidates}");
+    let remedy = if others > 0 {
+        let have = if others == 1 { "file has" } else { "files have" };
+        format!("{others} other {have} one: leave this file out of data.path, or {set}")
+    } else if has_likely {
+        set
+    } else {
+        format!(
+            "{set}; or, if the log has no times, data.period_secs to the time from one row to the next"
+        )
     };
-    let columns = file.columns();
-    match (0..columns.len()).find(is_clock) {
-        None => Ok(()),
-        Some(clock) => Err(DataError::BadTimestamp {
-            path: file.path.clone(),
-            column: columns[time].name.clone(),
-            reason: format!(
-                "it has dates, such as {}, and {:?} has the times of day; write both into one column, such as 2022-11-01 06:00:00",
-                shown(dates[0]),
-                columns[clock].name
-            ),
-        }),
-    }
+    DataError::NoTimestamp { path: head.path().to_owned(), column: data.timestamp.clone(), remedy }
 }
+
+/// Join the dates in one column of a text file and the times of day in another one. `time` is either of them; the column of dates is
+/// returned.
+pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataError> {
+    let Head::Text(file) = head else { return Ok(time) };
+    let cells = |column: usize| file.dialect.cells(column);
+    let mostly = |cells: &[&str], is: &dyn Fn(&str) -> bool| {
+        let others = cells.iter().filter(|cell| !is(cell)).count();
+        !cells.is_empty() && others * DAMAGED <= cells.len()
+    };
+    let is_date = |cell: &str| {
+        let found = Candidates::of(&[cell], None).left;
+        !cell.contains(':') && found.iter().any(|of| !matches!(of, Notation::Number(_)))
+    };
+    let has_clock = |column: usize| mostly(&cells(column), &is_time_of_day);
+    let has_dates = |column: usize| mostly(&cells(column), &is_date);
+    let others = || (0..file.columns().len()).filter(|&column| column != time);
+    let (date, clock) = if time < file.columns().len() && has_clock(time) {
+        let Some(date) = others().find(|&column| has_dates(column) && !has_clock(column)) else {
+            return Ok(time);
+        };
+        (date, time)
+    } else {
+        // A log with a row a day may have durations beside its dates.
+        let dates = cells(time);
+        let repeats = dates.windows(2).any(|pair| pair[0] == pair[1]);
+        if !repeats || !mostly(&dates, &|cell| !cell.contains(':')) {
+            return Ok(time);
+        }
+        let clocks: Vec<usize> = others().filter(|&column| has_clock(column)).collect();
+        let is_named =
+            |column: &&usize| TIMES.contains(&plain(&file.columns()[**column].name).as_str());
+        match (&clocks[..], clocks.iter().find(is_named)) {
+            ([], _) => return Ok(time),
+            ([clock], _) | (_, Some(clock)) => (time, *clock),
+            _ => {
+                let names = clocks.iter().map(|&column| file.columns()[column].name.as_str());
+                return Err(DataError::BadTimestamp {
+                    path: file.path.clone(),
+                    column: file.columns()[time].name.clone(),
+                    reason: format!(
+                        "it has dates, such as {}, and several columns have times of day ({}); call the one that belongs to it \"Time\"",
+                        shown(dates[0]),
+                        names.collect::<Vec<_>>().join(", ")
+                    ),
+                });
+            }
+        }
+    };
+    file.join_times(date, clock);
+    Ok(date)
+}
+
+/// One cell in so many may be damaged.
+const DAMAGED: usize = 20;
 
 /// Times of a slice of a Parquet file, as its type has them.
 pub(crate) enum Times {
@@ -270,6 +308,8 @@ pub(crate) struct Read {
     pub(crate) instants: Vec<i64>,
     /// Rows whose time names no instant, or two between which nothing decides.
     pub(crate) undecided: u64,
+    /// Rows that `data.where` leaves out, which have no time either.
+    pub(crate) left_out: u64,
 }
 
 /// The timestamps of all rows.
@@ -279,7 +319,7 @@ pub(crate) fn read_timestamps(
     data: &DataConfig,
 ) -> Result<Read, DataError> {
     if let Some(instants) = file.stored_times() {
-        return Ok(Read { instants, undecided: 0 });
+        return Ok(Read { instants, undecided: 0, left_out: 0 });
     }
     let mut integers: Vec<i64> = Vec::new();
     let mut floats: Vec<f64> = Vec::new();
@@ -304,7 +344,15 @@ pub(crate) fn read_timestamps(
     let stamps = numbers.stamps(&mut data.timestamp_unit.clone(), file, field)?;
     stamps.into_iter().try_for_each(|stamp| rows.push(stamp, (), &mut take))?;
     let undecided = rows.finish(&mut take)?;
-    Ok(Read { instants, undecided })
+    let mut left_out = 0;
+    for slice in file.slices(&(0..file.rows)) {
+        let Some(chosen) = file.chosen(&slice, data)? else { break };
+        for (instant, _) in instants[slice].iter_mut().zip(chosen).filter(|(_, chosen)| !chosen) {
+            left_out += u64::from(*instant != NO_TIME);
+            *instant = NO_TIME;
+        }
+    }
+    Ok(Read { instants, undecided, left_out })
 }
 
 /// Years 1 to 9998, in microseconds. The year 9999, like the largest number there is, stands for "never" in databases,

@@ -7,6 +7,7 @@ use std::{
 
 use super::{
     blocks::Marks,
+    file::joined,
     number::{Decimal, Signs, parse},
     record::RecordReader,
     stamps::Candidates,
@@ -35,12 +36,16 @@ struct Sample {
     /// Where each cell ends in the text, and each row in these.
     cells: Vec<u32>,
     rows: Vec<u32>,
+    /// The line of each row.
+    lines: Vec<u64>,
 }
 
 impl Sample {
-    fn of(rows: impl Iterator<Item = Vec<String>>) -> Self {
+    /// Of rows, each with its line.
+    fn of(rows: impl Iterator<Item = (u64, Vec<String>)>) -> Self {
         let mut sample = Self::default();
-        for row in rows {
+        for (line, row) in rows {
+            sample.lines.push(line);
             for cell in row {
                 sample.text.push_str(cell.trim());
                 sample.cells.push(sample.text.len() as u32);
@@ -49,6 +54,21 @@ impl Sample {
         }
         sample.text.shrink_to_fit();
         sample
+    }
+
+    /// The rows, each with its cells.
+    fn rows(&self) -> Vec<Vec<String>> {
+        let (mut rows, mut cell, mut begin) = (Vec::with_capacity(self.rows.len()), 0, 0);
+        for &end in &self.rows {
+            let mut row = Vec::new();
+            while cell < end as usize {
+                let stop = self.cells[cell] as usize;
+                row.push(self.text[begin..stop].to_owned());
+                (begin, cell) = (stop, cell + 1);
+            }
+            rows.push(row);
+        }
+        rows
     }
 
     /// The cells of a column, where a row has one.
@@ -130,8 +150,29 @@ impl Dialect {
             above.extend(rows.next().map(|row| row.cells));
         }
         describe(&mut columns, &above);
-        let sample = Sample::of(rows.map(|row| row.cells));
+        let sample = Sample::of(rows.map(|row| (row.end.1, row.cells)));
         Ok(Self { marks, columns, skip, sample })
+    }
+
+    /// Put the times of day in the column `clock` behind the dates in the column `date`.
+    pub(super) fn join(&mut self, date: usize, clock: usize) {
+        let mut rows = self.sample.rows();
+        for row in rows.iter_mut().filter(|row| row.len() > date.max(clock)) {
+            row[date] = joined(&row[date], &row[clock]);
+            row[clock].clear();
+        }
+        let lines = std::mem::take(&mut self.sample.lines);
+        self.sample = Sample { lines, ..Sample::of(rows.into_iter().map(|row| (0, row))) };
+    }
+
+    /// The line of the first row with this cell in a column.
+    pub(crate) fn line_of(&self, column: usize, cell: &str) -> Option<u64> {
+        let row = self
+            .sample
+            .rows()
+            .iter()
+            .position(|row| row.get(column).is_some_and(|of| of == cell))?;
+        self.sample.lines.get(row).copied()
     }
 
     /// The cells of a column in the first rows that are not empty.

@@ -27,6 +27,10 @@ pub(crate) struct TextFile {
     /// Its size on the disk.
     pub(crate) bytes: u64,
     pub(crate) dialect: Dialect,
+    /// The column of times of day, where the column of times has only dates.
+    pub(crate) clock: Option<usize>,
+    /// Columns and what they have in the rows that count.
+    only: Vec<(usize, String)>,
     /// Bytes of a row on the disk, roughly.
     row_bytes: f64,
 }
@@ -47,7 +51,14 @@ impl TextFile {
             Compression::Gzip | Compression::Zstandard => TYPICAL_PACKING,
         };
         let row_bytes = ((head.len() as f64 - skip as f64) / lines as f64 / packed).max(1.0);
-        Ok(Self { path: path.to_owned(), bytes, dialect, row_bytes })
+        let only = chosen(path, &dialect.columns, data)?;
+        Ok(Self { path: path.to_owned(), bytes, dialect, clock: None, only, row_bytes })
+    }
+
+    /// Say that the column `date` has dates and the column `clock` times of day.
+    pub(crate) fn join_times(&mut self, date: usize, clock: usize) {
+        self.clock = Some(clock);
+        self.dialect.join(date, clock);
     }
 
     pub(crate) fn columns(&self) -> &[TextColumn] {
@@ -107,11 +118,32 @@ fn no_text(head: &[u8]) -> Option<&'static str> {
         [b'P', b'K', 3 | 5, 4 | 6, ..] => {
             Some("it is a ZIP archive or an Excel workbook; unpack it, or save each sheet as CSV")
         }
-        _ if head.iter().take(1 << 12).any(|&byte| byte == 0) => {
+        _ if is_binary(&head[..head.len().min(1 << 12)]) => {
             Some("it is not text; export the log as CSV or Parquet")
         }
         _ => None,
     }
+}
+
+/// Whether more bytes are 0 than damage makes.
+fn is_binary(head: &[u8]) -> bool {
+    let zeros = memchr::memchr_iter(0, head).count();
+    zeros * 16 > head.len()
+}
+
+/// The columns that `data.where` names, and what they have in the rows that count.
+fn chosen(
+    path: &Path,
+    columns: &[TextColumn],
+    data: &DataConfig,
+) -> Result<Vec<(usize, String)>, DataError> {
+    let find = |(name, value): (&String, &String)| {
+        let column = columns.iter().position(|column| column.name == *name);
+        let names = columns.iter().map(|column| column.name.as_str());
+        let column = column.ok_or_else(|| DataError::where_column(path, name, names))?;
+        Ok((column, value.clone()))
+    };
+    data.only.iter().map(find).collect()
 }
 
 /// How much smaller numbers as text usually become.
@@ -131,6 +163,22 @@ fn head(path: &Path) -> Result<(Vec<u8>, Compression), DataError> {
     Ok((head, compression))
 }
 
+/// Whether a cell has the value that is asked for: as text, or as a number.
+pub(crate) fn is_value(cell: &str, value: &str) -> bool {
+    cell == value
+        || matches!((cell.parse::<f64>(), value.parse::<f64>()), (Ok(cell), Ok(value)) if cell == value)
+}
+
+/// A date and a time of day, which people also write as 18.00.00; nothing if one of them is missing.
+pub(crate) fn joined(date: &str, clock: &str) -> String {
+    let (date, clock) = (date.trim(), clock.trim());
+    if date.is_empty() || clock.is_empty() {
+        return String::new();
+    }
+    let clock = if clock.contains(':') { clock.to_owned() } else { clock.replacen('.', ":", 2) };
+    format!("{date} {clock}")
+}
+
 /// Records of a text file.
 pub(crate) struct Records<'a> {
     reader: RecordReader<'a>,
@@ -141,15 +189,22 @@ pub(crate) struct Records<'a> {
 impl Records<'_> {
     /// Go to the next record; false if there is none.
     pub(crate) fn advance(&mut self) -> Result<bool, DataError> {
-        if !self.reader.advance() {
-            return Ok(false);
-        }
-        let (expected, got) = (self.file.columns().len(), self.reader.len());
-        let one_empty_more =
-            got == expected + 1 && self.reader.cell(expected).trim_ascii().is_empty();
-        if got == expected || one_empty_more {
-            return Ok(true);
-        }
+        let (expected, got) = loop {
+            if !self.reader.advance() {
+                return Ok(false);
+            }
+            let (expected, got) = (self.file.columns().len(), self.reader.len());
+            let one_empty_more =
+                got == expected + 1 && self.reader.cell(expected).trim_ascii().is_empty();
+            if got != expected && !one_empty_more {
+                break (expected, got);
+            }
+            let counts =
+                |(column, value): &(usize, String)| is_value(self.text(*column).trim(), value);
+            if self.file.only.iter().all(counts) {
+                return Ok(true);
+            }
+        };
         let hint = if got > expected {
             "a decimal comma outside of quotes makes two cells of one"
         } else {
@@ -161,6 +216,24 @@ impl Records<'_> {
     /// A cell of the record as it stands.
     pub(crate) fn bytes(&self, column: usize) -> &[u8] {
         self.reader.cell(column)
+    }
+
+    /// The time of the record as text; with the time of day from a column of its own, if it has one.
+    pub(crate) fn time(&self, column: usize) -> std::borrow::Cow<'_, str> {
+        match self.file.clock {
+            None => self.text(column),
+            Some(clock) => joined(&self.text(column), &self.text(clock)).into(),
+        }
+    }
+
+    /// Whether times are in two columns.
+    pub(crate) fn has_clock(&self) -> bool {
+        self.file.clock.is_some()
+    }
+
+    /// Whether a column has the times of day of these.
+    pub(crate) fn is_clock(&self, column: usize) -> bool {
+        self.file.clock == Some(column)
     }
 
     /// A cell of the record as text.

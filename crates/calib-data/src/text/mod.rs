@@ -21,7 +21,7 @@ pub(crate) use self::{
     blocks::Marks,
     cell::{Cell, Words},
     dialect::{TextColumn, decode},
-    file::{Records, TextFile},
+    file::{Records, TextFile, is_value},
     input::size,
     number::{Decimal, Signs, cell as cell_of, either_way, parse as parse_number},
     quality::Quality,

@@ -131,9 +131,33 @@ pub(crate) enum Unreadable {
     Numbers(String),
 }
 
+/// One cell in so many may be damaged.
+const MANY: usize = 20;
+
 impl Candidates {
-    /// Those that can read all of `cells`, of which none is empty.
+    /// Those that can read all of `cells`, of which none is empty; of many cells, all but a twentieth, which are damaged.
     pub(crate) fn of(cells: &[&str], unit: Option<TimestampUnit>) -> Self {
+        let strict = Self::of_all(cells, unit);
+        if !strict.left.is_empty() || cells.len() < MANY {
+            return strict;
+        }
+        for reference in [0, cells.len() / 2, cells.len() - 1] {
+            let known = Self::of_all(&cells[reference..=reference], unit).left;
+            let is_known = |cell: &&&str| known.iter().any(|of| of.read(cell).is_some());
+            let whole: Vec<&str> = cells.iter().filter(is_known).copied().collect();
+            let damaged = cells.len() - whole.len();
+            if damaged > 0 && damaged * MANY <= cells.len() {
+                let found = Self::of_all(&whole, unit);
+                if !found.left.is_empty() {
+                    return found;
+                }
+            }
+        }
+        strict
+    }
+
+    /// Those that can read all of `cells`.
+    fn of_all(cells: &[&str], unit: Option<TimestampUnit>) -> Self {
         let Some(&first) = cells.first() else {
             return Self { left: vec![Notation::Iso], example: String::new(), unreadable: None };
         };
@@ -168,6 +192,17 @@ impl Candidates {
             self.unreadable.get_or_insert_with(|| Unreadable::Cell(cell.to_owned()));
         }
         self.left = left;
+        // 01/01/2024 shows nobody what is meant.
+        if self.is_ambiguous() && !self.differ(&self.example) && self.differ(cell) {
+            cell.clone_into(&mut self.example);
+        }
+    }
+
+    /// Whether some of them read `cell` differently.
+    fn differ(&self, cell: &str) -> bool {
+        let mut readings = self.left.iter().map(|notation| notation.read(cell));
+        let first = readings.next();
+        readings.any(|reading| Some(reading) != first)
     }
 
     /// Whether those that are left read some cells differently.
@@ -307,8 +342,15 @@ fn time_pattern(time: &str) -> Option<String> {
     Some(format!("{before}{hour}:%M{seconds}{after}"))
 }
 
-/// Whether `cell` is a time of day without a date, such as `06:00:00` or `6:00 PM`.
+/// Whether `cell` is a time of day without a date, such as `06:00:00`, `6:00 PM` or `18.00.00`.
 pub(crate) fn is_time_of_day(cell: &str) -> bool {
+    let fields: Vec<&str> = cell.split('.').collect();
+    if fields.len() == 3 && fields.iter().all(|of| of.len() <= 2) {
+        return fields
+            .iter()
+            .zip([24, 60, 60])
+            .all(|(of, limit)| of.parse::<u8>().is_ok_and(|number| number < limit));
+    }
     cell.starts_with(|c: char| c.is_ascii_digit()) && time_pattern(cell).is_some()
 }
 
@@ -397,6 +439,8 @@ mod tests {
         assert_eq!(candidates.left, [Notation::Pattern("%d/%m/%Y %H:%M".to_owned())]);
         candidates.note("04/13/2024 10:00");
         assert_eq!(unreadable(&candidates), "04/13/2024 10:00");
+        let same = Candidates::of(&["01/01/2024 10:00", "02/01/2024 10:00"], None);
+        assert_eq!(same.example, "02/01/2024 10:00", "the first that shows a difference");
         assert_eq!(notation(&["01/02/03"]).len(), 3, "the year may be anywhere");
     }
 

@@ -155,9 +155,11 @@ fn what_text_leaves_open_is_refused_with_the_line() {
     assert!(decimal.contains("data.decimal"), "{decimal}");
     let header = error("2024-01-01,1,2\n2024-01-02,1,2\n");
     assert!(header.contains("expected a header"), "{header}");
-    let apart = error("Date;Time;a\n13.03.2024;06:00;1\n13.03.2024;07:00;2\n14.03.2024;06:00;3\n");
+    let several = "Date;On;Off;a\n13.03.2024;06:00;07:00;1\n13.03.2024;07:00;08:00;2\n";
+    let apart = error(several);
     assert!(
-        apart.contains("column \"Date\"") && apart.contains("\"Time\" has the times of day"),
+        apart.contains("column \"Date\"")
+            && apart.contains("several columns have times of day (On, Off)"),
         "{apart}"
     );
     let no_time = error("a,b\n1.5,x\n2.5,y\n");

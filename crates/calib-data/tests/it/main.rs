@@ -5,6 +5,7 @@ mod cleaning;
 mod columns;
 mod formats;
 mod inputs;
+mod loggers;
 mod ranges;
 mod real;
 mod shapes;

@@ -5,6 +5,8 @@ use std::{
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
+use calib_core::Timestamp;
+use calib_data::format_time;
 use calib_files::Stamp;
 
 /// A running stopwatch.
@@ -26,6 +28,22 @@ impl Stopwatch {
         self.0.elapsed()
     }
 }
+
+/// What is said of a log whose last time is still to come.
+#[expect(clippy::disallowed_methods, reason = "a remark, and no result")]
+pub fn in_future(last: Timestamp) -> Option<String> {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?.as_micros();
+    // Local times may be ahead of UTC by half a day.
+    let is_ahead = last.as_micros() as i128 > now as i128 + DAY_MICROS;
+    is_ahead.then(|| {
+        format!(
+            "the log ends at {}, which is still to come: is data.timestamp_format right, or the clock of the logger?",
+            format_time(last)
+        )
+    })
+}
+
+const DAY_MICROS: i128 = 86_400_000_000;
 
 /// What something took.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,7 +8,7 @@ use std::{
 };
 
 use calib_core::{Frames, Normaliser, Period};
-use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed};
+use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed, without_times};
 use calib_files::{
     Fingerprint, ScratchPlace, Stamp, read_sealed_json, remove_empty_folder, remove_file,
     write_sealed_json,
@@ -23,7 +23,7 @@ use crate::{
         clock, frames, memory,
     },
     log::plant_of_study,
-    output::{Printer, bytes, count},
+    output::{Printer, bytes, count, counted},
 };
 
 /// `manifest.json` of a prepared log.
@@ -137,6 +137,20 @@ pub(crate) fn look(
     let surveyed = calib_data::survey(data, &job.study().preprocess, &printer.progress())?;
     let (_, needed) = place.scratch(&surveyed, there, Writable::Yes)?;
     Ok(Known::Surveyed(Box::new(surveyed), needed))
+}
+
+/// What of a log has to be known before anything follows from it.
+fn warn(profile: &Profile, printer: &Printer) {
+    if profile.without_times {
+        printer.warn(&without_times(profile.period_secs, profile.files));
+    }
+    if !profile.bad_rows.is_none() {
+        printer.warn(&format!(
+            "{} cannot be read and are left out, such as {}",
+            counted(profile.bad_rows.count as usize, "line"),
+            profile.bad_rows.examples.first().map_or("", String::as_str)
+        ));
+    }
 }
 
 fn tell(data: &DataConfig, printer: &Printer) {
@@ -256,6 +270,7 @@ impl Place {
         let study = job.study();
         tell(data, printer);
         let surveyed = calib_data::survey(data, &study.preprocess, &printer.progress())?;
+        warn(surveyed.profile(), printer);
         // Refused before anything is written.
         self.scratch(&surveyed, there, Writable::Yes)?;
         let claim = if job.policy().is_dry() { None } else { self.claim()? };

@@ -5,10 +5,10 @@ mod trial;
 use std::path::{Path, PathBuf};
 
 use calib_core::Timestamp;
-use calib_data::{ChannelSketch, Sketch, sketch};
+use calib_data::{ChannelSketch, Sentinel, Sketch, format_time, sketch};
 use calib_files::{TemporaryFolder, check_output, write_output};
 use calib_propose::{
-    Cleaning, Clock, Cut, Draft, Horizon, LeftOut, ProposedAgent, Scope, Sensors, Size, Trial,
+    Asked, Cleaning, Clock, Cut, Draft, Horizon, ProposedAgent, Scope, Sensors, Size, Trial,
     choose_agent, horizon, spacings,
 };
 use calib_study::{Job, Request};
@@ -17,9 +17,12 @@ use serde::Serialize;
 
 use self::trial::{Predicted, Trials, halved};
 use crate::{
-    Context as _, StepError, bail,
+    Context as _, StepError,
     base::{
-        clock::Stopwatch, left_alone::text_left_alone, memory, options::ProposeOptions,
+        clock::{self, Stopwatch},
+        left_alone::text_left_alone,
+        memory,
+        options::ProposeOptions,
         outcome::Outcome,
     },
     ensure,
@@ -63,13 +66,19 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> Result<Outcome, S
         args.study.extension().is_some_and(|extension| extension == "toml"),
         "{file}: expected the name of a study file, which ends in .toml"
     );
+    for (key, instead) in [
+        ("data.train_fraction", "it chooses data.train and data.held_out; give these"),
+        ("sweep.sensors", "it sizes the study for the sensors of --sensor; name them there"),
+    ] {
+        ensure!(!gives(args, key), "--set {key} has no effect on `calib init`: {instead}");
+    }
     // Before the trials, and not after them.
     check_output(&args.study, args.standing)?;
     let clock = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
     let look = Look::at(args, printer)?;
-    let is_given = args.set.iter().any(|one| one.trim_start().starts_with("data.contradictions"));
-    if let Some((keep, why)) = look.cleaning.contradictions.as_ref().filter(|_| !is_given) {
+    let contradictions = look.cleaning.contradictions.as_ref();
+    if let Some((keep, why)) = contradictions.filter(|_| !gives(args, "data.contradictions")) {
         printer.warn(&format!(
             "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
         ));
@@ -77,7 +86,7 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> Result<Outcome, S
     if let Some(bridged) = bridged(&look) {
         printer.warn(&bridged);
     }
-    let chosen = Proposal::of(args, &path, &look, printer)?;
+    let chosen = Proposal::of(args, &path, &look, clock, printer)?;
     write_output(&args.study, args.standing, |file| {
         std::io::Write::write_all(file, chosen.text.as_bytes())
     })?;
@@ -88,6 +97,11 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> Result<Outcome, S
         calib_study::shell_words([args.study.display().to_string()])
     )]);
     Ok(Outcome::Done)
+}
+
+/// Whether `key` was given with `--set`.
+fn gives(args: &ProposeOptions, key: &str) -> bool {
+    args.set.iter().any(|one| one.split_once('=').is_some_and(|(given, _)| given.trim() == key))
 }
 
 /// What is said of channels that stop for longer than they usually do, where the age at which values are forgotten is that of
@@ -131,6 +145,8 @@ fn path_in_study(logs: &Path, study: &Path) -> Result<String, StepError> {
 /// What the log is like.
 struct Look {
     sketch: Sketch,
+    /// Numbers that were found to stand for a missing value.
+    sentinels: Vec<Sentinel>,
     clock: Option<Clock>,
     scope: Scope,
     cut: Cut,
@@ -146,6 +162,28 @@ impl Look {
         printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
         text_left_alone(&data, printer)?;
         let mut sketch = sketch(&data, &printer.progress())?;
+        if sketch.without_times {
+            printer.warn(&calib_data::without_times(sketch.period_secs, sketch.files));
+        }
+        if let Some(example) = sketch.bad_rows.examples.first() {
+            let lines = count(sketch.bad_rows.count as usize);
+            printer
+                .warn(&format!("{lines} lines cannot be read and are left out, such as {example}"));
+        }
+        let sentinels = if gives(args, "data.missing_values") {
+            Vec::new()
+        } else {
+            std::mem::take(&mut sketch.sentinels)
+        };
+        if !sentinels.is_empty() {
+            let told: Vec<String> = sentinels.iter().map(Sentinel::told).collect();
+            printer.warn(&format!(
+                "{}: taken for missing values, and the log is looked at again; --set data.missing_values=[] keeps them",
+                told.join("; ")
+            ));
+            data.missing_values = sentinels.iter().map(|of| of.value).collect();
+            sketch = calib_data::sketch(&data, &printer.progress())?;
+        }
         let clock = if data.resample.is_none() { Clock::of(&sketch) } else { None };
         if let Some(clock) = clock {
             printer
@@ -155,34 +193,56 @@ impl Look {
             data.max_age_secs = Some(clock.max_age_secs);
             sketch = calib_data::sketch(&data, &printer.progress())?;
         }
-        let scope = Scope::of(&sketch)?;
-        let sensors = if args.sensors.is_empty() {
+        let wanted = named(&args.sensors, &sketch)?;
+        let scope = Scope::with(&sketch, &wanted)?;
+        let sensors = if wanted.is_empty() {
             Sensors::of(&sketch, &scope)?
         } else {
-            named(&args.sensors, &sketch, &scope)?
+            Sensors { proposed: wanted, others: Vec::new() }
         };
         let cut = Cut::of(&sketch, &scope)?;
+        if !args.sensors.is_empty() && scope.is_part {
+            let rows = &sketch.timestamps[scope.rows.clone()];
+            printer.say(&format!(
+                "{} complete from {} to {}: data.train and data.held_out take this stretch",
+                args.sensors.join(" and "),
+                format_time(rows[0]),
+                format_time(rows[rows.len() - 1])
+            ));
+        }
+        for doubt in doubts(&sketch) {
+            printer.warn(&doubt);
+        }
         let cleaning = Cleaning::of(&sketch, &scope);
-        Ok(Self { sketch, clock, scope, cut, cleaning, sensors })
+        Ok(Self { sketch, sentinels, clock, scope, cut, cleaning, sensors })
     }
 }
 
-/// The sensors that were asked for.
-fn named(names: &[String], sketch: &Sketch, scope: &Scope) -> Result<Sensors, StepError> {
+/// What of the times of a log is probably not as meant, in sentences.
+fn doubts(sketch: &Sketch) -> Vec<String> {
+    let mut doubts = Vec::new();
+    let steps = sketch.timestamps.windows(2).map(|pair| (pair[1].micros_since(pair[0]), pair[0]));
+    if let Some((step, from)) = steps.max()
+        && step > YEAR_MICROS
+    {
+        doubts.push(calib_data::long_gap(from, step));
+    }
+    doubts.extend(sketch.timestamps.last().and_then(|last| clock::in_future(*last)));
+    doubts
+}
+
+/// A gap that is longer is said.
+const YEAR_MICROS: i64 = 365 * 86_400 * 1_000_000;
+
+/// The positions of the sensors that were asked for.
+fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
     let find = |name: &String| {
         let channel = sketch.channels.iter().position(|of| of.name == *name);
-        let channel = channel.with_context(|| {
+        channel.with_context(|| {
             format!("--sensor {name}: the log has no such channel; `calib inspect` shows all")
-        })?;
-        if let Some(LeftOut { why, .. }) = scope.left_out.iter().find(|of| of.channel == channel) {
-            bail!("--sensor {name}: {why}, so it cannot be predicted");
-        }
-        Ok(channel)
+        })
     };
-    Ok(Sensors {
-        proposed: names.iter().map(find).collect::<Result<_, StepError>>()?,
-        others: Vec::new(),
-    })
+    names.iter().map(find).collect()
 }
 
 /// A study, and what was found on the way to it.
@@ -204,8 +264,10 @@ impl Proposal {
         args: &ProposeOptions,
         path: &str,
         look: &Look,
+        begun: Stopwatch,
         printer: &Printer,
     ) -> Result<Self, StepError> {
+        let left = || (args.within - begun.elapsed().as_secs_f64()).max(0.0);
         let Look { sketch, scope, .. } = look;
         let place = TemporaryFolder::new()?;
         let trials = Trials { args, place: &place, printer };
@@ -223,6 +285,7 @@ impl Proposal {
                 scope,
                 cut,
                 cleaning: &look.cleaning,
+                missing_values: &look.sentinels,
                 clock: look.clock,
                 spacing: (spacing, words[0]),
                 sensors,
@@ -230,6 +293,7 @@ impl Proposal {
                 size,
                 agent_reason: words[1],
                 size_reason: words[2],
+                asked: Asked { sensors: !args.sensors.is_empty(), horizon: args.horizon.is_some() },
             }
             .text()
         };
@@ -255,7 +319,7 @@ impl Proposal {
             draft(spacing, &inside, &look.sensors, horizon, &size, [""; 3])
         })?;
         agent.reorder(&mut sensors, !args.sensors.is_empty());
-        let rows = trial::rows_within(args.within, build_secs, look.cut.rows[0] / spacing);
+        let rows = trial::rows_within(left(), build_secs, look.cut.rows[0] / spacing);
         let cut = look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing));
         let steps = most(spacing);
         let trial = |steps: usize, horizon: Horizon| {
@@ -264,19 +328,23 @@ impl Proposal {
         };
         let measured = trials.costs(steps, &mut horizon, trial)?;
         let costs = measured.time;
-        let size = Size::within(agent.agent, args.within, costs, steps, sensors.proposed.len());
+        // Looking and trying are of the time that was asked for.
+        let tried = begun.elapsed().as_secs_f64();
+        let size = Size::within(agent.agent, left(), costs, steps, sensors.proposed.len());
         let expected_secs = size.secs(costs);
         let expected_processor_secs = measured.processors.map(|costs| size.secs(costs));
         let reason = format!(
-            "Sized to end within {}: about {} on this machine, {} of them for the sweep",
+            "Sized to end within {}, of which `calib init` took {}: about {} on this machine, {} of them for the sweep",
             span(args.within),
+            span(tried.round()),
             span(expected_secs.round()),
             span((expected_secs - costs.fixed_secs).round())
         );
-        if expected_secs.round() > args.within {
+        if expected_secs.round() > (args.within - tried).max(0.0) {
             printer.warn(&format!(
-                "{} are not enough for the smallest study that says anything: about {}",
+                "{} are not enough for the smallest study that says anything: `calib init` took {}, and `calib run` will take about {}",
                 span(args.within),
+                span(tried.round()),
                 span(expected_secs.round())
             ));
         }

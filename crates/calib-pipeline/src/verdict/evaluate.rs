@@ -158,6 +158,9 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepErro
             let mut verdict = verdict_of(sensor, study.part(), (study, &manifest, &results))?;
             let of_it = doubts.iter().filter(|(name, _)| name == sensor);
             verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
+            if profile.sentinels.iter().any(|of| of.channels.contains(sensor)) {
+                verdict.warnings.extend(profile.sentinel_doubt());
+            }
             Ok(verdict)
         })
         .collect::<Result<Vec<_>, StepError>>()

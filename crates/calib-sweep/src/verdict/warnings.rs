@@ -96,11 +96,6 @@ pub(super) fn all(
     }
     warnings.extend(truth.and_then(lost_windows));
     warnings.extend(told_dropped(dropped, candidates));
-    if candidates.iter().any(|candidate| candidate.agent.gamma != candidates[0].agent.gamma) {
-        warnings.push(
-            "the grid varies gamma: each value predicts another return, so their errors do not compare".to_owned(),
-        );
-    }
     warnings
 }
 

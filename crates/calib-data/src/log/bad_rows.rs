@@ -1,0 +1,52 @@
+//! Lines of text files that are no rows: cut off when the power failed, written into one another, headers in the middle.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{BadRows, DataConfig, DataError};
+
+/// Lines that are shown.
+const SHOWN: usize = 5;
+/// The largest share of the lines that `data.bad_rows = "skip"` leaves out. More are a log that is read wrongly.
+const MOST: f64 = 0.01;
+
+/// Lines that cannot be read.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct BadRowsFound {
+    /// How many.
+    pub count: u64,
+    /// The first few, each with its file, its line and what is wrong with it.
+    pub examples: Vec<String>,
+}
+
+impl BadRowsFound {
+    /// Whether there are none.
+    pub fn is_none(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Take note of a line that is no row.
+    pub(crate) fn note(&mut self, why: &DataError) {
+        self.count += 1;
+        if self.examples.len() < SHOWN {
+            self.examples.push(why.to_string());
+        }
+    }
+
+    /// Take note of what was found later.
+    pub(crate) fn adopt(&mut self, later: Self) {
+        self.count += later.count;
+        let room = SHOWN - self.examples.len();
+        self.examples.extend(later.examples.into_iter().take(room));
+    }
+
+    /// Refuse a log with such lines beside `rows` good ones, unless the study leaves them out and they are few.
+    pub(crate) fn refuse(&self, rows: u64, data: &DataConfig) -> Result<(), DataError> {
+        let lines = rows + self.count;
+        let are_few = self.count <= 1 || self.count as f64 <= MOST * lines as f64;
+        if self.is_none() || data.bad_rows == BadRows::Skip && are_few {
+            return Ok(());
+        }
+        Err(DataError::BadRows { found: self.clone(), lines, too_many_to_skip: !are_few })
+    }
+}

@@ -1,0 +1,172 @@
+//! Why rows of the same time contradict each other.
+
+use std::collections::HashMap;
+
+use calib_core::Monitor;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Channel, Log, Origin,
+    file::LogFile,
+    known::{TAGS, plain},
+    read::Labels,
+    rows::Rows,
+    tag_of_path::prefixes,
+};
+use crate::DataError;
+
+/// A log is of at most so many plants.
+const PLANTS: usize = 200;
+/// Values that are named.
+const NAMED: usize = 4;
+/// The share of the rows of the same time that a cause has to explain.
+const EXPLAINED: f64 = 0.9;
+/// Columns of numbers that may number plants are called so, or end in id, no or nr.
+const PLANT_NAMES: [&str; 18] = [
+    "asset", "unit", "turbine", "machine", "pump", "well", "site", "device", "station", "room",
+    "location", "plant", "line", "engine", "vehicle", "building", "meter", "id",
+];
+
+/// Why rows of the same time contradict each other.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ContradictionCause {
+    /// They are of several plants, which a column tells apart.
+    Column {
+        /// Its name.
+        column: String,
+        /// What it has, in order.
+        values: Vec<String>,
+    },
+    /// They are in several files with the same columns.
+    Files {
+        /// What the channels of the first files would be called after.
+        prefixes: Vec<String>,
+    },
+}
+
+impl ContradictionCause {
+    /// What to do about contradictions with this cause.
+    pub(crate) fn remedy(cause: Option<&Self>) -> String {
+        let named = |values: &[String]| {
+            let more = if values.len() > NAMED { ", …" } else { "" };
+            format!("{}{more}", values.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", "))
+        };
+        match cause {
+            Some(Self::Column { column, values }) => format!(
+                "They are of {} different {column:?} ({}): choose one with data.where, on the command line as --set 'data.where={{ {column:?} = {:?} }}'",
+                values.len(),
+                named(values),
+                values.first().map_or("", String::as_str)
+            ),
+            Some(Self::Files { prefixes }) => format!(
+                "They are in files with the same columns ({}): if each file is of a room or a machine, data.file_as_prefix = true names channels after both. \
+                 If the files are exports of the same sensors, data.contradictions = \"first\" or \"last\" keeps one of the values",
+                named(prefixes)
+            ),
+            None => "If several rows of one time are of different sensors, the log is a long table: name the column that tells them apart with data.tag. \
+                 If they are of different plants, choose one with data.where. If a clock was set back, data.time_zone may tell the two hours apart. \
+                 Else data.contradictions = \"first\" or \"last\" keeps one of them"
+                .to_owned(),
+        }
+    }
+}
+
+/// For each row of the log, the file whose row it is.
+fn owners(rows: &Rows) -> Vec<u32> {
+    let mut owners = vec![0; rows.timestamps.len()];
+    for (file, map) in rows.maps.iter().enumerate() {
+        for file_row in map.needed() {
+            if let Some(row) = map.row(file_row) {
+                owners[row] = file as u32;
+            }
+        }
+    }
+    owners
+}
+
+impl Log {
+    /// Rows that were merged with one of another file which has none of their channels.
+    pub(crate) fn merged_rows(&self) -> u64 {
+        let rows = self.recorded();
+        if rows.duplicates.is_empty() || rows.maps.len() < 2 {
+            return 0;
+        }
+        let owners = owners(rows);
+        let mut apart: HashMap<(u32, u32), bool> = HashMap::new();
+        let is_in = |channel: &Channel, file: u32| channel.positions.contains_key(&(file as usize));
+        let is_merged = |kept: u32, other: u32| {
+            kept != other && !self.channels.iter().any(|of| is_in(of, kept) && is_in(of, other))
+        };
+        let mut merged = 0;
+        for duplicate in &rows.duplicates {
+            let files = (owners[duplicate.row as usize], duplicate.file);
+            let is_apart = apart.entry(files).or_insert_with(|| is_merged(files.0, files.1));
+            merged += u64::from(*is_apart);
+        }
+        merged
+    }
+
+    /// Why rows of wide files contradict each other, if a column or their files tell.
+    pub(crate) fn cause_of_contradictions(
+        &self,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<ContradictionCause>, DataError> {
+        let Origin::Tables(files) = &self.origin else { return Ok(None) };
+        let rows = self.recorded();
+        if rows.duplicates.is_empty() {
+            return Ok(None);
+        }
+        for channel in (0..self.channels.len()).filter(|&at| may_name_plants(&self.channels[at])) {
+            if let Some(values) = self.plants(channel, files, monitor)? {
+                let column = self.channels[channel].name.clone();
+                return Ok(Some(ContradictionCause::Column { column, values }));
+            }
+        }
+        let owners = owners(rows);
+        let is_other = |of: &&super::rows::Duplicate| owners[of.row as usize] != of.file;
+        let others = rows.duplicates.iter().filter(is_other).count();
+        let names = prefixes(&files.iter().map(LogFile::path).collect::<Vec<_>>());
+        let mut prefixes: Vec<String> = names.iter().map(|name| name.trim().to_owned()).collect();
+        prefixes.sort();
+        prefixes.dedup();
+        let explains = others as f64 >= EXPLAINED * rows.duplicates.len() as f64;
+        let is_named = prefixes.len() > 1 && prefixes.iter().all(|name| !name.is_empty());
+        Ok((explains && is_named).then_some(ContradictionCause::Files { prefixes }))
+    }
+
+    /// The values of a channel, if they tell the rows of the same time apart.
+    fn plants(
+        &self,
+        channel: usize,
+        files: &[LogFile],
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Vec<String>>, DataError> {
+        let mut labels = Labels::default();
+        let [codes, others] = self.codes_of_files(files, channel, &mut labels, monitor)?;
+        let mut values = labels.list();
+        if !(2..=PLANTS).contains(&values.len()) {
+            return Ok(None);
+        }
+        let duplicates = &self.recorded().duplicates;
+        let differs = |(duplicate, code): (&super::rows::Duplicate, &f64)| {
+            let kept = codes[duplicate.row as usize];
+            !kept.is_nan() && !code.is_nan() && kept.to_bits() != code.to_bits()
+        };
+        let different = duplicates.iter().zip(&others).filter(|of| differs(*of)).count();
+        values.sort();
+        Ok((different as f64 >= EXPLAINED * duplicates.len() as f64).then_some(values))
+    }
+}
+
+/// Whether a channel may tell plants apart: by words, or by numbers under a name that says so.
+fn may_name_plants(channel: &Channel) -> bool {
+    let name = plain(&channel.name);
+    let is_called_so = || {
+        TAGS.contains(&name.as_str())
+            || PLANT_NAMES.iter().any(|known| name.starts_with(known) || name.ends_with(known))
+            || ["no", "nr", "number"].iter().any(|end| name.ends_with(end))
+    };
+    channel.readable && (channel.type_name.contains("text") || is_called_so())
+}

@@ -1,0 +1,263 @@
+//! Numbers that loggers write where they have no value, such as -200, -999.9 or 9999.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Distinct values that are kept at each end of a channel: two numbers for "no value", and what lies behind them.
+const KEPT: usize = 3;
+/// Channels with fewer distinct values are modes: a far value is one of them.
+const DISTINCT: usize = 20;
+/// A number occurs often if it does so many times, and in one of so many values.
+const OFTEN: (u64, u64) = (3, 50_000);
+/// A number that looks like one for "no value" may lie so near, in widths of the other values of its channel.
+const NEAR: f64 = 0.1;
+
+/// A number that probably stands for a missing value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Sentinel {
+    /// The number.
+    pub value: f64,
+    /// How often it occurs, in all channels together.
+    pub count: u64,
+    /// Its share of the values of these channels.
+    pub share: f64,
+    /// The channels whose smallest or largest value it is.
+    pub channels: Vec<String>,
+}
+
+impl Sentinel {
+    /// What was found, in words.
+    pub fn told(&self) -> String {
+        const NAMED: usize = 3;
+        let named: Vec<&str> = self.channels.iter().take(NAMED).map(String::as_str).collect();
+        let more = if self.channels.len() > NAMED { ", …" } else { "" };
+        let channels = if self.channels.len() == 1 { "channel" } else { "channels" };
+        format!(
+            "{} stands {} times ({:.2} %) far away from all other values of {} {channels} ({}{more})",
+            self.value,
+            self.count,
+            100.0 * self.share,
+            self.channels.len(),
+            named.join(", ")
+        )
+    }
+}
+
+/// The smallest and the largest values of a channel, and how often each occurs.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Extremes {
+    /// The smallest first.
+    low: Vec<(f64, u64)>,
+    /// The largest first.
+    high: Vec<(f64, u64)>,
+    /// Values that are not missing.
+    count: u64,
+    /// Some of the distinct values.
+    distinct: Vec<u64>,
+}
+
+impl Extremes {
+    pub(crate) fn of(values: &[f64]) -> Self {
+        let mut extremes = Self::default();
+        for &value in values.iter().filter(|value| !value.is_nan()) {
+            extremes.count += 1;
+            if extremes.distinct.len() < DISTINCT && !extremes.distinct.contains(&value.to_bits()) {
+                extremes.distinct.push(value.to_bits());
+            }
+            note(&mut extremes.low, value, |one, other| one < other);
+            note(&mut extremes.high, value, |one, other| one > other);
+        }
+        extremes
+    }
+
+    /// The numbers at its ends that occur often, and how far from the other values they lie, in widths of these.
+    fn far(&self) -> Vec<(f64, f64)> {
+        if self.distinct.len() < DISTINCT {
+            return Vec::new();
+        }
+        let is_often = |of: &(f64, u64)| of.1 >= OFTEN.0.max(self.count / OFTEN.1);
+        let mut best = Vec::new();
+        for low in 0..KEPT {
+            for high in 0..KEPT {
+                let (bottom, top) = (self.low[low].0, self.high[high].0);
+                let width = top - bottom;
+                let away = |of: &(f64, u64)| (of.0, (bottom - of.0).max(of.0 - top) / width);
+                let ends = || self.low[..low].iter().chain(&self.high[..high]);
+                let far: Vec<(f64, f64)> = ends().map(away).collect();
+                if width > 0.0
+                    && far.len() > best.len()
+                    && ends().all(is_often)
+                    && far.iter().all(|(_, away)| *away >= NEAR)
+                {
+                    best = far;
+                }
+            }
+        }
+        best
+    }
+
+    /// How often `value` stands at an end of the channel.
+    fn times(&self, value: f64) -> u64 {
+        let ends = self.low.iter().chain(&self.high);
+        ends.filter(|of| of.0.total_cmp(&value).is_eq()).map(|of| of.1).max().unwrap_or(0)
+    }
+}
+
+/// Keep `value` among the first few, where `comes` says which of two values comes before the other.
+fn note(ends: &mut Vec<(f64, u64)>, value: f64, comes: impl Fn(f64, f64) -> bool) {
+    if ends.len() == KEPT && comes(ends[KEPT - 1].0, value) {
+        return;
+    }
+    let place = ends.iter().take_while(|of| comes(of.0, value)).count();
+    match ends.get_mut(place) {
+        Some(of) if of.0 == value => of.1 += 1,
+        _ => {
+            ends.insert(place, (value, 1));
+            ends.truncate(KEPT);
+        }
+    }
+}
+
+/// The numbers that probably stand for a missing value in the log, the most frequent first.
+///
+/// One that looks like it (nothing but nines, a limit of 16 or 32 bits, a negative hundred) has to lie at the end of a channel, at least as
+/// far from its other values as these are wide; a negative number that does not, at the ends of two channels without other
+/// negative values. 0 is none: pumps stand still. (Our choice.)
+pub(crate) fn sentinels<'a>(
+    channels: impl Iterator<Item = (&'a str, &'a Extremes)> + Clone,
+) -> Vec<Sentinel> {
+    let mut candidates: Vec<(f64, [usize; 2])> = Vec::new();
+    for (_, extremes) in channels.clone() {
+        for (value, away) in extremes.far() {
+            let is_far = usize::from(away >= 1.0);
+            let is_alone = usize::from(
+                away >= 1.0
+                    && value < 0.0
+                    && extremes.low.iter().all(|of| of.0 >= 0.0 || of.0 == value),
+            );
+            match candidates.iter_mut().find(|of| of.0 == value) {
+                Some((_, counts)) => {
+                    counts[0] += is_far;
+                    counts[1] += is_alone;
+                }
+                None => candidates.push((value, [is_far, is_alone])),
+            }
+        }
+    }
+    candidates
+        .retain(|&(value, [far, alone])| far >= 1 && looks_missing(decimal(value)) || alone >= 2);
+    let told = |(value, _): (f64, [usize; 2])| {
+        let having = channels.clone().filter(|(_, extremes)| extremes.times(value) > 0);
+        let count = having.clone().map(|(_, extremes)| extremes.times(value)).sum();
+        let all: u64 = having.clone().map(|(_, extremes)| extremes.count).sum();
+        Sentinel {
+            value: decimal(value),
+            count,
+            share: count as f64 / all.max(1) as f64,
+            channels: having.map(|(name, _)| name.to_owned()).collect(),
+        }
+    };
+    let mut found: Vec<Sentinel> = candidates.into_iter().map(told).collect();
+    found.sort_by(|left, right| {
+        right.count.cmp(&left.count).then(left.value.total_cmp(&right.value))
+    });
+    found
+}
+
+/// The number as it was written, if it was rounded to 32 bits: -999.9 rather than -999.900024.
+fn decimal(value: f64) -> f64 {
+    let single = value as f32;
+    if f64::from(single).total_cmp(&value).is_eq() {
+        single.to_string().parse().unwrap_or(value)
+    } else {
+        value
+    }
+}
+
+/// Whether people and programs write this number for "no value".
+fn looks_missing(value: f64) -> bool {
+    const LIMITS: [f64; 8] = [
+        32_767.0,
+        -32_768.0,
+        65_535.0,
+        2_147_483_647.0,
+        -2_147_483_648.0,
+        4_294_967_295.0,
+        // Well logs.
+        -999.25,
+        999.25,
+    ];
+    let digits: String = value.abs().to_string().chars().filter(char::is_ascii_digit).collect();
+    let nines = digits.len() >= 3 || value < 0.0 && digits.len() == 2;
+    nines && digits.bytes().all(|digit| digit == b'9')
+        || LIMITS.contains(&value)
+        || value.abs() >= 1e9
+        || value < 0.0 && value % 100.0 == 0.0
+}
+
+/// Make what `declared` says missing, and say how much of it there was.
+pub(crate) fn make_missing(values: &mut [f64], declared: &[f64]) -> u64 {
+    if declared.is_empty() {
+        return 0;
+    }
+    let mut count = 0;
+    for value in values.iter_mut().filter(|value| stands_for_missing(**value, declared)) {
+        *value = f64::NAN;
+        count += 1;
+    }
+    count
+}
+
+/// Whether `declared` has this value, perhaps rounded to 32 bits.
+pub(crate) fn stands_for_missing(value: f64, declared: &[f64]) -> bool {
+    declared.iter().any(|&of| value == of || value == f64::from(of as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(channels: &[&[f64]]) -> Vec<(f64, u64, usize)> {
+        let extremes: Vec<Extremes> = channels.iter().map(|values| Extremes::of(values)).collect();
+        let named = extremes.iter().map(|of| ("a", of));
+        sentinels(named).iter().map(|of| (of.value, of.count, of.channels.len())).collect()
+    }
+
+    /// Values from `low` to `high`, and `others` between them.
+    fn wave(low: f64, high: f64, others: &[f64]) -> Vec<f64> {
+        let middle = f64::midpoint(low, high);
+        let wave = (0..600).map(|row| middle + (high - low) / 2.0 * (f64::from(row) / 9.0).sin());
+        wave.chain(others.iter().copied()).collect()
+    }
+
+    #[test]
+    fn numbers_for_no_value_are_told() {
+        let (co, sensor) = (wave(0.1, 11.9, &[-200.0; 40]), wave(647.0, 2_040.0, &[-200.0; 9]));
+        assert_eq!(found(&[&co, &sensor]), [(-200.0, 49, 2)], "also where it is not that far");
+        assert_eq!(found(&[&wave(1.0, 9.0, &[9_999.0; 5])]), [(9_999.0, 5, 1)]);
+        let both = wave(1.0, 9.0, &[-999.9, -999.9, -999.9, 9_999.0, 9_999.0, 9_999.0, 9_999.0]);
+        assert_eq!(found(&[&both]), [(9_999.0, 4, 1), (-999.9, 3, 1)]);
+        let single = wave(1.0, 9.0, &[f64::from(-999.9_f32); 3]);
+        assert_eq!(found(&[&single]), [(-999.9, 3, 1)], "as it was written");
+        let odd = wave(20.0, 40.0, &[-40.0; 6]);
+        assert_eq!(found(&[&odd, &odd]), [(-40.0, 12, 2)]);
+        assert_eq!(found(&[&wave(20.0, 40.0, &[-200.0; 3]), &[-200.0; 10]])[0].1, 13);
+    }
+
+    #[test]
+    fn what_a_plant_does_is_none() {
+        assert!(found(&[&wave(80.0, 90.0, &[0.0; 99])]).is_empty(), "a pump that stands still");
+        assert!(found(&[&wave(0.0, 10.0, &[100.0; 9]), &wave(0.0, 10.0, &[100.0; 9])]).is_empty());
+        assert!(found(&[&wave(1.0, 9.0, &[9_999.0; 2])]).is_empty(), "seldom: spikes");
+        assert!(found(&[&[0.0, 1.0, 2.0, 9_999.0].repeat(9)]).is_empty(), "modes");
+        assert!(found(&[&wave(-300.0, 9_000.0, &[-200.0; 9])]).is_empty(), "among the others");
+        assert!(found(&[&wave(20.0, 40.0, &[-40.0; 6])]).is_empty(), "in one channel alone");
+    }
+
+    #[test]
+    fn declared_values_become_missing() {
+        let mut values = [1.0, -200.0, f64::from(-999.9_f32), -999.9];
+        assert_eq!(make_missing(&mut values, &[-200.0, -999.9]), 3);
+        assert!(values[0] == 1.0 && values[1..].iter().all(|value| value.is_nan()));
+    }
+}

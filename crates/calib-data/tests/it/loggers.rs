@@ -1,0 +1,324 @@
+//! Files as loggers and people write them, damage and all.
+
+use std::{fmt::Write as _, fs};
+
+use calib_core::Silent;
+use calib_data::{
+    BadRows, ContradictionCause, DataConfig, PreprocessConfig, Profile, format_time, inspect, load,
+    sketch,
+};
+
+use crate::support::{Folder, log_at};
+
+const ROWS: u32 = 300;
+
+fn profile(data: &DataConfig) -> Profile {
+    inspect(data, &PreprocessConfig::default(), &Silent).expect("a log")
+}
+
+fn refused(data: &DataConfig) -> String {
+    load(data, &PreprocessConfig::default(), &Silent).expect_err("refused").to_string()
+}
+
+fn write(folder: &Folder, name: &str, text: &str) {
+    let path = folder.file(name);
+    fs::create_dir_all(path.parent().expect("has one")).expect("created");
+    fs::write(path, text).expect("written");
+}
+
+fn wave(row: u32, length: f64, low: f64, high: f64) -> f64 {
+    low + (high - low) * (0.5 + 0.5 * (f64::from(row) / length).sin())
+}
+
+fn kept(profile: &Profile) -> Vec<&str> {
+    profile.kept().map(|channel| channel.name.as_str()).collect()
+}
+
+/// Day and hour of a row, of a log with a row an hour.
+fn day_and_hour(row: u32) -> (u32, u32) {
+    (1 + row / 24, row % 24)
+}
+
+/// The air-quality logger of an Italian city: dates and times with dots in two columns, decimal commas, -200 for "no value", two empty
+/// columns, and empty rows at the end.
+fn air_quality() -> String {
+    let mut text = String::from("Date;Time;CO(GT);PT08.S1(CO);T;;\r\n");
+    for row in 0..ROWS {
+        let (day, hour) = day_and_hour(row);
+        let value = |value: f64| {
+            if row % 50 == 7 { "-200".to_owned() } else { format!("{value:.1}").replace('.', ",") }
+        };
+        let (co, sensor) = (wave(row, 4.0, 0.1, 11.9), wave(row, 5.0, 647.0, 2_040.0));
+        let (co, sensor, t) = (value(co), value(sensor), value(wave(row, 9.0, -1.9, 44.6)));
+        write!(text, "{day:02}/03/2004;{hour:02}.00.00;{co};{sensor};{t};;\r\n").expect("memory");
+    }
+    text + ";;;;;;\r\n;;;;;;\r\n"
+}
+
+#[test]
+fn numbers_for_no_value_are_found_and_taken_out() {
+    let folder = Folder::new();
+    write(&folder, "air.csv", &air_quality());
+    let mut data = folder.data();
+    let found = profile(&data);
+    let [sentinel] = &found.sentinels[..] else { panic!("one: {:?}", found.sentinels) };
+    assert_eq!((sentinel.value, sentinel.count), (-200.0, 18));
+    assert_eq!(sentinel.channels, ["CO(GT)", "PT08.S1(CO)", "T"]);
+    let doubt = found.sentinel_doubt().expect("told");
+    assert!(doubt.contains("data.missing_values = [-200]"), "{doubt}");
+    assert_eq!(sketch(&data, &Silent).expect("a log").sentinels, found.sentinels);
+    data.missing_values = vec![-200.0];
+    let cleaned = profile(&data);
+    assert!(cleaned.sentinels.is_empty());
+    let co = cleaned.channel("CO(GT)").expect("there");
+    assert_eq!((co.stood_for_missing, co.missing), (6, 6));
+    assert!(co.values.as_ref().is_some_and(|values| values.min >= 0.0));
+    // On a clock of its own, before values are put between each other.
+    data.resample = Some(calib_data::Resample::Linear);
+    data.period_secs = Some(1_800.0);
+    let resampled = profile(&data);
+    let low = resampled.channel("CO(GT)").expect("there").values.as_ref().map(|of| of.min);
+    assert!(low.is_some_and(|low| low >= 0.0), "{low:?}");
+}
+
+#[test]
+fn dates_and_times_in_two_columns_are_one_time() {
+    let folder = Folder::new();
+    write(&folder, "air.csv", &air_quality());
+    let found = profile(&folder.data());
+    assert_eq!(kept(&found), ["CO(GT)", "PT08.S1(CO)", "T"], "the time of day is no channel");
+    assert!(found.channel("Time").is_err());
+    assert_eq!((found.rows, found.period_secs, found.null_timestamps), (300, 3_600.0, 2));
+    assert_eq!(format_time(found.end), "2004-03-13 11:00:00");
+}
+
+/// A meter of a household: days and months without leading zeros, question marks, a text file.
+#[test]
+fn days_without_leading_zeros_are_read_from_txt() {
+    let folder = Folder::new();
+    let mut text = String::from("Date;Time;Global_active_power;Voltage\n");
+    for row in 0..ROWS {
+        let (day, hour) = day_and_hour(row + 20 * 24);
+        let power =
+            if row == 9 { "?".to_owned() } else { format!("{:.3}", wave(row, 3.0, 0.2, 4.0)) };
+        writeln!(
+            text,
+            "{}/{}/2007;{hour:02}:00:00;{power};{:.2}",
+            day % 28 + 1,
+            1 + day / 28,
+            wave(row, 7.0, 230.0, 245.0)
+        )
+        .expect("memory");
+    }
+    write(&folder, "household_power_consumption.txt", &text);
+    write(&folder, "README.txt", "A meter, read every minute.\n");
+    let found = profile(&folder.data());
+    assert_eq!((found.rows, found.files), (300, 1));
+    assert_eq!(format_time(found.start), "2007-01-22 00:00:00");
+    assert_eq!(found.channels[0].words, [("?".to_owned(), 1)]);
+}
+
+/// Lines as a logger leaves them that lost power: one cut off, one written into another, bytes of nothing, a header in the middle.
+fn damaged(folder: &Folder, rows: u32) {
+    for (day, lines) in
+        [(13, [(3, "13.03.2024 00:0")]), (14, [(40, "14.03.2024 00:3814.03.2024 00:39;1,5;2")])]
+    {
+        let mut text = String::from("Datum Uhrzeit;T1;T2\n");
+        for row in 0..rows {
+            if let Some((_, damage)) = lines.iter().find(|(at, _)| *at == row) {
+                writeln!(text, "{damage}").expect("memory");
+            }
+            if row == 60 {
+                text.push_str("\0\0\0\0\0\0\0\0;1,0;2,0\nDatum Uhrzeit;T1;T2\n");
+            }
+            let (hour, minute) = (row / 60, row % 60);
+            let values =
+                format!("{:.2};{:.2}", wave(row, 9.0, 10.0, 60.0), wave(row, 7.0, 0.0, 9.0));
+            let values = values.replace('.', ",");
+            writeln!(text, "{day}.03.2024 {hour:02}:{minute:02};{values}").expect("memory");
+        }
+        write(folder, &format!("202403{day}.csv"), &text);
+    }
+}
+
+#[test]
+fn damaged_lines_are_told_together_and_left_out() {
+    let folder = Folder::new();
+    damaged(&folder, 600);
+    let mut data = folder.data();
+    let told = refused(&data);
+    assert!(told.starts_with("6 of 1206 lines cannot be read: "), "{told}");
+    assert!(
+        told.contains("20240313.csv, line 5: 1 cells") || told.contains("20240313.csv, line 5: "),
+        "{told}"
+    );
+    assert!(told.contains("20240314.csv, line 42: "), "{told}");
+    assert_eq!(told.matches(", line ").count(), 5, "the first five: {told}");
+    assert!(told.contains("data.bad_rows = \"skip\" leaves such lines out"), "{told}");
+    data.bad_rows = BadRows::Skip;
+    let found = profile(&data);
+    assert_eq!((found.bad_rows.count, found.bad_rows.examples.len(), found.rows), (6, 5, 1_200));
+    assert_eq!(kept(&found), ["T1", "T2"]);
+    let few = Folder::new();
+    damaged(&few, 61);
+    let data = DataConfig { bad_rows: BadRows::Skip, ..few.data() };
+    let told = refused(&data);
+    assert!(told.contains("more than one line in a hundred"), "{told}");
+}
+
+#[test]
+fn a_damaged_time_among_the_first_rows_has_a_line() {
+    let folder = Folder::new();
+    let text = "time;a\n01.03.2024 00:00;1\n13.03.2024 0x:01;2\n14.03.2024 00:02;3\n";
+    write(&folder, "a.csv", text);
+    let told = refused(&folder.data());
+    assert!(told.contains("line 3") && told.contains("13.03.2024 0x:01"), "{told}");
+}
+
+/// Four turbines in one table.
+fn turbines(by_time: bool) -> String {
+    let mut text = String::from("Wind_turbine_name,Date_time,P_avg,Ws_avg,Wa_avg\n");
+    let names = ["R80711", "R80721", "R80736", "R80790"];
+    let mut rows: Vec<(u32, usize)> =
+        (0..ROWS).flat_map(|row| (0..4).map(move |turbine| (row, turbine))).collect();
+    if !by_time {
+        rows.sort_by_key(|(_, turbine)| *turbine);
+    }
+    for (row, turbine) in rows {
+        let (day, hour) = day_and_hour(row);
+        let shift = 3.0 * turbine as f64;
+        writeln!(
+            text,
+            "{},2014-01-{day:02}T{hour:02}:00:00+01:00,{:.2},{:.2},{:.1}",
+            names[turbine],
+            wave(row, 9.0, shift, 2_000.0),
+            wave(row, 7.0, 1.0, 14.0 + shift),
+            wave(row, 5.0, 0.0, 359.0 - shift)
+        )
+        .expect("memory");
+    }
+    text
+}
+
+#[test]
+fn one_of_several_plants_in_a_table_is_chosen() {
+    for by_time in [true, false] {
+        let folder = Folder::new();
+        write(&folder, "wind.csv", &turbines(by_time));
+        let mut data = folder.data();
+        let expected = "They are of 4 different \"Wind_turbine_name\" (R80711, R80721, R80736, R80790): choose one with data.where, \
+                        on the command line as --set 'data.where={ \"Wind_turbine_name\" = \"R80711\" }'";
+        let told = refused(&data);
+        assert!(told.contains(expected), "{told}");
+        let told = sketch(&data, &Silent).expect_err("refused").to_string();
+        assert!(told.contains(expected) && told.contains("P_avg is"), "{told}");
+        assert!(matches!(
+            profile(&data).contradictions.cause,
+            Some(ContradictionCause::Column { .. })
+        ));
+        data.only.insert("Wind_turbine_name".to_owned(), "R80721".to_owned());
+        let found = profile(&data);
+        assert_eq!(
+            (found.rows, found.duplicates.identical, found.contradictions.count),
+            (300, 0, 0)
+        );
+        assert_eq!(kept(&found), ["P_avg", "Ws_avg", "Wa_avg"]);
+        data.only.insert("Turbine".to_owned(), "1".to_owned());
+        let told = refused(&data);
+        assert!(told.contains("no column \"Turbine\", which data.where names"), "{told}");
+    }
+}
+
+#[test]
+fn one_of_several_plants_in_parquet_is_chosen() {
+    let folder = Folder::new();
+    let times = (0..200_i64).map(|row| row / 2 * 60);
+    let unit: Vec<f64> = (0..200).map(|row| f64::from(row % 2 + 1)).collect();
+    let flow: Vec<f64> =
+        (0..200).map(|row| f64::from(row % 2) * 50.0 + wave(row / 2, 9.0, 1.0, 4.0)).collect();
+    folder.write("log.parquet", &log_at(times, &[("unit", &unit), ("flow", &flow)]));
+    let mut data = folder.data();
+    assert!(refused(&data).contains("'data.where={ \"unit\" = \"1\" }'"));
+    data.only.insert("unit".to_owned(), "2".to_owned());
+    let found = profile(&data);
+    assert_eq!((found.rows, found.null_timestamps, found.duplicates.identical), (100, 0, 0));
+    let flow = found.channel("flow").expect("there").values.as_ref();
+    assert!(flow.is_some_and(|values| values.min > 50.0));
+}
+
+fn room(shift: f64) -> String {
+    let mut text = String::from("time,temperature,co2\n");
+    for row in 0..ROWS {
+        let (day, hour) = day_and_hour(row);
+        writeln!(
+            text,
+            "2024-03-{day:02} {hour:02}:00,{:.2},{:.0}",
+            wave(row, 9.0, 18.0, 20.0 + shift),
+            wave(row, 5.0, 400.0, 900.0 + shift)
+        )
+        .expect("memory");
+    }
+    text
+}
+
+#[test]
+fn files_of_rooms_with_the_same_columns_are_told_apart_by_name() {
+    for names in [
+        ["kitchen.csv", "bath.csv"],
+        ["kitchen/log.csv", "bath/log.csv"],
+        ["kitchen_2024-03-01.csv", "bath_2024-03-01.csv"],
+    ] {
+        let folder = Folder::new();
+        write(&folder, names[0], &room(1.0));
+        write(&folder, names[1], &room(3.0));
+        let mut data = folder.data();
+        let told = refused(&data);
+        assert!(told.contains("files with the same columns (bath, kitchen)"), "{told}");
+        assert!(told.contains("data.file_as_prefix = true"), "{told}");
+        data.file_as_prefix = true;
+        let found = profile(&data);
+        let channels = ["bath temperature", "bath co2", "kitchen temperature", "kitchen co2"];
+        assert_eq!(kept(&found), channels, "{names:?}");
+        assert_eq!((found.rows, found.duplicates.identical, found.merged_rows), (300, 0, 300));
+    }
+}
+
+#[test]
+fn columns_of_several_files_are_merged_and_no_duplicates() {
+    let folder = Folder::new();
+    write(&folder, "a.csv", &room(1.0));
+    write(&folder, "b.csv", &room(3.0).replace("temperature,co2", "level,flow"));
+    let found = profile(&folder.data());
+    assert_eq!((found.duplicates.identical, found.merged_rows), (0, 300));
+    // A row that is there twice is a duplicate.
+    let twice = room(1.0) + "2024-03-13 12:00,18.00,400\n2024-03-13 12:00,18.00,400\n";
+    write(&folder, "a.csv", &twice);
+    let found = profile(&folder.data());
+    assert_eq!((found.duplicates.identical, found.merged_rows), (1, 300));
+}
+
+#[test]
+fn a_log_without_times_has_numbered_rows_if_the_period_is_given() {
+    let folder = Folder::new();
+    for name in ["a.csv", "b.csv"] {
+        let mut text = String::from("flow,level\n");
+        (0..ROWS).for_each(|row| {
+            writeln!(text, "{:.2},{:.2}", wave(row, 9.0, 0.0, 1.0), wave(row, 5.0, 2.0, 7.0))
+                .expect("memory");
+        });
+        write(&folder, name, &text);
+    }
+    let mut data = folder.data();
+    let told = refused(&data);
+    assert!(told.contains("if the log has no times, data.period_secs"), "{told}");
+    data.period_secs = Some(10.0);
+    let found = profile(&data);
+    assert!(found.without_times);
+    assert_eq!((found.rows, found.gaps.count, found.duplicates.identical), (600, 1, 0));
+    let [doubt] = &found.clock_doubts()[..] else { panic!("one: {:?}", found.clock_doubts()) };
+    assert!(doubt.contains("NO COLUMN OF TIMES") && doubt.contains("10 s apart"), "{doubt}");
+    // A file without times among others is none of the log.
+    write(&folder, "c.csv", &room(1.0));
+    let told = refused(&folder.data());
+    assert!(told.contains("1 other file has one: leave this file out of data.path"), "{told}");
+}
