@@ -54,7 +54,7 @@ pub(crate) struct GlobalArgs {
     /// Print results and errors only
     #[arg(short, long, global = true, help_heading = OUTPUT)]
     pub(crate) quiet: bool,
-    /// Say with every line how long the command has been running
+    /// Say more: what each step came to, all reasons of a verdict, and how long the command has been running
     #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = OUTPUT)]
     pub(crate) verbose: bool,
     /// Append all that is said, and results, to a file, with times: what `--quiet` hides as well

@@ -63,6 +63,8 @@ pub fn exit_code(args: impl IntoIterator<Item = OsString>) -> u8 {
     hush_readers();
     let outcome = panic::catch_unwind(panic::AssertUnwindSafe(|| {
         faults::arm()?;
+        let is_verbose = cli.global.verbose;
+        let printer = if is_verbose { printer.clone().explaining() } else { printer.clone() };
         commands::run(cli, &printer)
     }));
     let status = match outcome {

@@ -43,7 +43,9 @@ class Printed:
             self._width = 0
 
     def told(self, kind: str, text: str) -> None:
-        """See `Observer.told`."""
+        """See `Observer.told`. Details are left out."""
+        if kind == "detail":
+            return
         self._clear()
         before = f"{kind}: " if kind in ("warning", "error") else ""
         self._out().write(f"{before}{text}\n")

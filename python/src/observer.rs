@@ -86,6 +86,7 @@ impl Observer for Ears {
         let (kind, text, lines) = match remark {
             Remark::Talk(text) => ("talk", text, Lines::One),
             Remark::Table(text) => ("table", text, Lines::Several),
+            Remark::Detail(text) => ("detail", text, Lines::Several),
             Remark::Heading(text) => ("heading", text, Lines::One),
             Remark::Warning(text) => ("warning", text, Lines::One),
             Remark::Error(text) => ("error", text, Lines::One),

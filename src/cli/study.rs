@@ -67,6 +67,9 @@ pub(crate) struct EvaluateArgs {
     /// Judge the runs of this table (Parquet), which something else made, instead of a sweep; a study is only looked at for how to judge
     #[arg(long, value_name = "FILE")]
     pub(crate) runs: Option<PathBuf>,
+    /// Give all reasons of a verdict, which the report has too
+    #[arg(long)]
+    pub(crate) why: bool,
 }
 
 impl EvaluateArgs {

@@ -24,6 +24,10 @@ use crate::{
 /// More threads than any machine gains from; each takes memory and time to start.
 const MANY_THREADS: usize = 1024;
 
+fn explaining(printer: &Printer, why: bool) -> Printer {
+    if why { printer.clone().explaining() } else { printer.clone() }
+}
+
 /// Do what the command line says.
 pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
     if let Some(threads) = cli.global.threads {
@@ -65,10 +69,11 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
         Command::Sweep(DeviceArgs { study, device }) => {
             calib_pipeline::sweep(&study.job()?, device.map(Into::into), printer)?
         }
-        Command::Evaluate(EvaluateArgs { study, runs: None }) => {
-            calib_pipeline::evaluate(&study.job()?, printer)?
+        Command::Evaluate(EvaluateArgs { study, runs: None, why }) => {
+            calib_pipeline::evaluate(&study.job()?, &explaining(printer, why))?
         }
-        Command::Evaluate(EvaluateArgs { study, runs: Some(runs) }) => {
+        Command::Evaluate(EvaluateArgs { study, runs: Some(runs), why }) => {
+            let printer = &explaining(printer, why);
             let (study, output) = EvaluateArgs::judging(study)?;
             calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), printer)?
         }

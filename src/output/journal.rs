@@ -23,7 +23,7 @@ pub(crate) enum Voice {
     /// Results and errors.
     Quiet,
     Usual,
-    /// Lines say how long the command has been running.
+    /// What steps on the way came to as well; lines say how long the command has been running.
     Verbose,
 }
 
@@ -108,7 +108,7 @@ const KINDS: [&str; 5] = ["info", "step", "warning", "error", "result"];
 impl Observer for Journal {
     fn remark(&self, remark: Remark<'_>) {
         let (kind, text) = match remark {
-            Remark::Talk(text) | Remark::Table(text) => ("info", text),
+            Remark::Talk(text) | Remark::Table(text) | Remark::Detail(text) => ("info", text),
             Remark::Heading(text) => ("step", text),
             Remark::Warning(text) => ("warning", text),
             Remark::Error(text) => ("error", text),
@@ -117,7 +117,7 @@ impl Observer for Journal {
         let secs = self.started.elapsed().as_secs_f64();
         match (self.voice, remark) {
             (Voice::Quiet, Remark::Error(_)) => self.terminal.remark(remark),
-            (Voice::Quiet, _) => {}
+            (Voice::Quiet, _) | (Voice::Usual, Remark::Detail(_)) => {}
             (Voice::Verbose, Remark::Talk(text)) => {
                 self.terminal.remark(Remark::Talk(&format!("{secs:8.2} s  {text}")));
             }

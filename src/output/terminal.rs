@@ -50,7 +50,9 @@ impl Observer for Terminal {
         let one = |text| harmless(text, Lines::One);
         eprint_line(&match remark {
             Remark::Talk(text) => self.hinted(&one(text)),
-            Remark::Table(text) => harmless(text, Lines::Several).into_owned(),
+            Remark::Table(text) | Remark::Detail(text) => {
+                harmless(text, Lines::Several).into_owned()
+            }
             Remark::Heading(text) => self.paint(&one(text), "1"),
             Remark::Warning(text) => format!("{} {}", self.paint("warning:", "33"), one(text)),
             Remark::Error(text) => format!("{} {}", self.paint("error:", "31"), one(text)),

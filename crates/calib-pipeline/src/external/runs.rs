@@ -75,6 +75,7 @@ pub(crate) fn run(
         title: title.unwrap_or_else(stem),
         choices: evaluate::choices(&verdicts, &sweep.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
+        plain: rows.iter().map(calib_report::Verdict::plain).collect(),
         caveats: caveats(&rows),
         candidates: sweep.candidates.iter().map(Candidate::label).collect(),
         verdicts,

@@ -223,7 +223,7 @@ fn build(
     let progress = printer.progress();
     let (knn, built) = KnnModel::build_in(states, transitions, &how.config, &workplace, &progress)?;
     drop(progress);
-    printer.say(&format!("search structure: {}", built.choice));
+    printer.detail(&format!("search structure: {}", built.choice));
     let searched = clock.elapsed();
     model_files::write(directory, &dataset, Some(&knn))?;
     let copied = representation.map(|of| represent::copy_to(directory, of)).transpose()?;

@@ -9,6 +9,8 @@ pub enum Remark<'a> {
     Talk(&'a str),
     /// Several lines of the same, such as a table.
     Table(&'a str),
+    /// What a step came to that is on the way to another result; one line or several. Shown to those who ask for more.
+    Detail(&'a str),
     /// What begins.
     Heading(&'a str),
     /// What the user should look at.

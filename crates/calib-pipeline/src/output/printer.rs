@@ -14,6 +14,7 @@ pub struct Printer {
     voice: Voice,
     results: Results,
     answer: Answer,
+    reasons: Reasons,
 }
 
 impl fmt::Debug for Printer {
@@ -39,11 +40,30 @@ enum Results {
     Talk,
 }
 
+/// Where a verdict's reasons are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reasons {
+    InTheReport,
+    Printed,
+}
+
 impl Printer {
     /// A printer that tells this observer everything.
     pub fn new(observer: Arc<dyn Observer>) -> Self {
         let (voice, results) = (Voice::Audible, Results::Wanted);
-        Self { observer, voice, results, answer: Answer::ForPeople }
+        let reasons = Reasons::InTheReport;
+        Self { observer, voice, results, answer: Answer::ForPeople, reasons }
+    }
+
+    /// The same printer, which gives the reasons of verdicts as well.
+    #[must_use]
+    pub fn explaining(self) -> Self {
+        Self { reasons: Reasons::Printed, ..self }
+    }
+
+    /// Whether verdicts come with their reasons.
+    pub fn is_explaining(&self) -> bool {
+        self.reasons == Reasons::Printed
     }
 
     /// A printer that nobody hears.
@@ -90,7 +110,7 @@ impl Printer {
     /// If it cannot be passed on.
     pub fn result(&self, text: &str) -> std::result::Result<(), StepError> {
         if self.results == Results::Talk {
-            self.say(text);
+            self.detail(text);
             return Ok(());
         }
         self.pass(Result::Line(text.trim_end_matches('\n')))
@@ -103,7 +123,7 @@ impl Printer {
     pub fn lines(&self, text: &str) -> std::result::Result<(), StepError> {
         let text = text.trim_end_matches('\n');
         if self.results == Results::Talk {
-            self.remark(Remark::Table(text));
+            self.detail(text);
             return Ok(());
         }
         self.pass(Result::Lines(text))
@@ -119,7 +139,7 @@ impl Printer {
     ) -> std::result::Result<(), StepError> {
         let text = serde_json::to_string_pretty(value)?;
         if self.results == Results::Talk {
-            self.remark(Remark::Table(&text));
+            self.detail(&text);
             return Ok(());
         }
         self.pass(Result::Json(&text))
@@ -128,6 +148,11 @@ impl Printer {
     /// What calib is doing; silent with `-q`.
     pub fn say(&self, text: &str) {
         self.remark(Remark::Talk(text));
+    }
+
+    /// What only those want to know who ask for more.
+    pub fn detail(&self, text: &str) {
+        self.remark(Remark::Detail(text));
     }
 
     /// Several remarks, a line each.

@@ -40,6 +40,8 @@ pub(crate) struct Summary {
     pub(crate) choices: Vec<SensorChoice>,
     /// The advice in words, one list of lines a sensor.
     pub(crate) advice: Vec<Vec<String>>,
+    /// What each choice would have cost in the held-out data, and what to do where it will not do.
+    pub(crate) plain: Vec<String>,
     /// Labels of the candidates that the verdicts count.
     pub(crate) candidates: Vec<String>,
     pub(crate) verdicts: Vec<SensorVerdict>,
@@ -118,6 +120,9 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         printer.json(summary)?;
     } else {
         print(summary, paths, printer)?;
+        if !printer.is_explaining() {
+            printer.say(&format!("reasons: {} --why", job.command("evaluate")));
+        }
     }
     Ok(told(summary))
 }
@@ -181,6 +186,7 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepErro
         title: job.title(),
         choices: choices(&verdicts, &manifest.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
+        plain: rows.iter().map(calib_report::Verdict::plain).collect(),
         caveats: caveats(&rows),
         candidates: manifest.candidates.iter().map(Candidate::label).collect(),
         verdicts,
@@ -282,11 +288,14 @@ fn print(summary: &Summary, paths: &Layout, printer: &Printer) -> Result<(), Ste
     printer.result(&format!("report: {}", paths.report().display()))
 }
 
-/// The verdict on each sensor.
+/// The verdict on each sensor: what to deploy, and what that means, or all reasons.
 pub(crate) fn print_advice(summary: &Summary, printer: &Printer) -> Result<(), StepError> {
-    for lines in &summary.advice {
-        for (position, line) in lines.iter().enumerate() {
-            printer.result(&if position == 0 { line.clone() } else { format!("    {line}") })?;
+    for (lines, plain) in summary.advice.iter().zip(&summary.plain) {
+        let Some((headline, reasons)) = lines.split_first() else { continue };
+        printer.result(headline)?;
+        printer.result(&format!("    {plain}"))?;
+        if printer.is_explaining() {
+            reasons.iter().try_for_each(|line| printer.result(&format!("    {line}")))?;
         }
     }
     Ok(())

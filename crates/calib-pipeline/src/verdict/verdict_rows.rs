@@ -128,6 +128,7 @@ fn simpler(verdict: &SensorVerdict, sweep: &SweepManifest) -> Option<Simpler> {
         typical_errors: unit
             .zip(agent)
             .map(|(unit, agent)| [simple.online_rmse, agent].map(|of| of * unit)),
+        has_baseline: sweep.candidates[verdict.chosen].agent.baseline.is_some(),
     })
 }
 

@@ -27,6 +27,8 @@ pub struct Simpler {
     pub is_better: bool,
     /// Typical errors of predictor and agent, in the sensor's own unit: (1 − γ) RMSE.
     pub typical_errors: Option<[f64; 2]>,
+    /// Whether the agent starts from a simple predictor.
+    pub has_baseline: bool,
 }
 
 impl Simpler {
@@ -56,10 +58,16 @@ impl Simpler {
             )
         });
         let chance = if self.is_better { "" } else { ", which could be chance" };
+        let hint = if self.has_baseline {
+            String::new()
+        } else {
+            let baseline = self.predictor.name();
+            format!(
+                " To improve on it, let the agent start from it: agent.baseline = \"{baseline}\"."
+            )
+        };
         format!(
-            "On held-out data {name} has {difference} than the chosen agent{chance}{interval}.{typical} To improve on it, let the agent \
-             start from it: agent.baseline = \"{}\".",
-            self.predictor.name()
+            "On held-out data {name} has {difference} than the chosen agent{chance}{interval}.{typical}{hint}"
         )
     }
 }

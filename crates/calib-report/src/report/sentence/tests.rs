@@ -356,6 +356,7 @@ fn beaten(is_better: bool) -> Verdict {
             ratio: Some(ratio),
             is_better,
             typical_errors: Some([1.3, 2.6]),
+            has_baseline: false,
         }),
         ..verdict()
     }
