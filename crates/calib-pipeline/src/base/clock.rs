@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
-use calib_files::Stamp;
+use calib_files::FileStat;
 
 /// A running stopwatch.
 #[derive(Clone, Copy, Debug)]
@@ -63,7 +63,7 @@ fn of_stat(text: &str) -> Option<f64> {
 /// Wait until the next change of files with these stamps gives them others: for files that were not written just now, not
 /// at all.
 #[expect(clippy::disallowed_methods, reason = "how long to wait is no result")]
-pub(crate) fn settle(stamps: impl Iterator<Item = Stamp>) {
+pub(crate) fn settle(stamps: impl Iterator<Item = FileStat>) {
     let since_1970 = |now: Duration| i64::try_from(now.as_nanos()).ok();
     let now = SystemTime::now().duration_since(UNIX_EPOCH).ok().and_then(since_1970);
     let longest = stamps.map(|stamp| stamp.unsettled_ns(now.unwrap_or(0))).max();
