@@ -63,8 +63,9 @@ impl<'de> Deserialize<'de> for Timestamp {
                 // Without an offset in files of earlier versions.
                 let clock =
                     || text.parse::<jiff::civil::DateTime>()?.to_zoned(jiff::tz::TimeZone::UTC);
-                let instant =
-                    text.parse::<jiff::Timestamp>().or_else(|_| clock().map(|of| of.timestamp()));
+                let instant = text
+                    .parse::<jiff::Timestamp>()
+                    .or_else(|_| clock().map(|zoned| zoned.timestamp()));
                 Ok(Self(instant.map_err(D::Error::custom)?.as_microsecond()))
             }
             Stored::Micros(micros) => Ok(Self(micros)),
@@ -130,12 +131,12 @@ mod tests {
 
     #[test]
     fn times_survive_a_file() {
-        let of = |micros| serde_json::to_string(&Timestamp(micros)).expect("JSON");
-        assert_eq!(of(1_500_000), "\"1970-01-01T00:00:01.5Z\"");
-        assert_eq!(of(WRITABLE.start), "\"0000-01-01T00:00:00Z\"");
-        assert_eq!(of(WRITABLE.end), WRITABLE.end.to_string());
+        let json = |micros| serde_json::to_string(&Timestamp(micros)).expect("JSON");
+        assert_eq!(json(1_500_000), "\"1970-01-01T00:00:01.5Z\"");
+        assert_eq!(json(WRITABLE.start), "\"0000-01-01T00:00:00Z\"");
+        assert_eq!(json(WRITABLE.end), WRITABLE.end.to_string());
         for micros in [i64::MIN, WRITABLE.start, -1, 0, 1_667_282_400_000_001, WRITABLE.end - 1] {
-            let read: Timestamp = serde_json::from_str(&of(micros)).expect("a time");
+            let read: Timestamp = serde_json::from_str(&json(micros)).expect("a time");
             assert_eq!(read.0, micros);
         }
         let earlier: Timestamp = serde_json::from_str("\"1970-01-01 00:00:01\"").expect("a time");

@@ -139,13 +139,13 @@ mod tests {
 
     #[test]
     fn slips_are_named() {
-        let of = |text: &str| {
+        let checked = |text: &str| {
             let config: DynamicsConfig = toml::from_str(text).expect("readable");
             config.check().expect_err(text).to_string()
         };
-        assert!(of("epochs = 0").contains("epochs"), "{}", of("epochs = 0"));
-        assert!(of("learning_rate = -1.0").contains("positive"));
-        assert!(of("validation_fraction = 1.0").contains("between 0 and 1"));
+        assert!(checked("epochs = 0").contains("epochs"), "{}", checked("epochs = 0"));
+        assert!(checked("learning_rate = -1.0").contains("positive"));
+        assert!(checked("validation_fraction = 1.0").contains("between 0 and 1"));
         assert!(toml::from_str::<DynamicsConfig>("hidden = 3").is_err());
     }
 }

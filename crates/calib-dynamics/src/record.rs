@@ -46,7 +46,7 @@ impl TrainingRecord {
                 return Err(DynamicsError::Diverged { epoch, loss, learning_rate });
             }
         }
-        let best = self.epochs.iter().map(|of| of.validation).fold(f64::INFINITY, f64::min);
+        let best = self.epochs.iter().map(|epoch| epoch.validation).fold(f64::INFINITY, f64::min);
         let kept = config.keep == Keep::Last || loss.validation < best;
         self.epochs.push(loss);
         if kept {

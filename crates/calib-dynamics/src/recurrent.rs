@@ -107,7 +107,8 @@ impl Recurrent {
     /// biases of the output.
     pub fn flat(&self) -> Vec<f32> {
         let layers = self.layers.iter();
-        let layers = layers.flat_map(|of| [&of.weight_ih, &of.weight_hh, &of.bias_ih, &of.bias_hh]);
+        let layers = layers
+            .flat_map(|layer| [&layer.weight_ih, &layer.weight_hh, &layer.bias_ih, &layer.bias_hh]);
         layers.chain([&self.head_weight, &self.head_bias]).flatten().copied().collect()
     }
 

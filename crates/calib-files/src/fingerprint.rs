@@ -83,15 +83,15 @@ mod tests {
 
     #[test]
     fn parts_do_not_run_together() {
-        let of = |parts: &[&str]| {
+        let fingerprint = |parts: &[&str]| {
             let mut fingerprinter = Fingerprinter::default();
             for part in parts {
                 fingerprinter.add(part.as_bytes());
             }
             fingerprinter.finish()
         };
-        assert_ne!(of(&["ab", "c"]), of(&["a", "bc"]));
-        assert_eq!(of(&["ab", "c"]), of(&["ab", "c"]));
+        assert_ne!(fingerprint(&["ab", "c"]), fingerprint(&["a", "bc"]));
+        assert_eq!(fingerprint(&["ab", "c"]), fingerprint(&["ab", "c"]));
     }
 
     #[test]

@@ -63,12 +63,14 @@ pub fn is_same_file(one: &Path, other: &Path) -> bool {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt as _;
-        let identity = |path: &Path| fs::metadata(path).ok().map(|of| (of.dev(), of.ino()));
+        let identity =
+            |path: &Path| fs::metadata(path).ok().map(|metadata| (metadata.dev(), metadata.ino()));
         identity(one).is_some_and(|one| Some(one) == identity(other))
     }
     #[cfg(not(unix))]
     {
-        fs::canonicalize(one).is_ok_and(|one| fs::canonicalize(other).is_ok_and(|of| of == one))
+        fs::canonicalize(one)
+            .is_ok_and(|one| fs::canonicalize(other).is_ok_and(|other| other == one))
     }
 }
 
@@ -90,7 +92,7 @@ fn is_of_the_kernel(path: &Path) -> bool {
         0xde5e_81e4,
     ];
     // The type is signed on some machines.
-    rustix::fs::statfs(path).is_ok_and(|of| KERNEL.contains(&(of.f_type as u64 & 0xffff_ffff)))
+    rustix::fs::statfs(path).is_ok_and(|stat| KERNEL.contains(&(stat.f_type as u64 & 0xffff_ffff)))
 }
 
 #[cfg(not(target_os = "linux"))]

@@ -233,7 +233,7 @@ mod tests {
             content
                 .tensors
                 .iter()
-                .flat_map(|of| &of.values)
+                .flat_map(|tensor| &tensor.values)
                 .map(|v| v.to_bits())
                 .collect::<Vec<_>>()
         };

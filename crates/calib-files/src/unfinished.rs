@@ -76,27 +76,28 @@ mod tests {
     #[test]
     fn what_was_put_aside_comes_back_and_only_to_the_same_work() {
         let directory = tempfile::tempdir().expect("a directory");
-        let of = |key: &str| Unfinished::new(directory.path().join("a/state"), key.to_owned());
+        let unfinished =
+            |key: &str| Unfinished::new(directory.path().join("a/state"), key.to_owned());
         let mut content = Tensors {
             tensors: vec![Tensor::flat("weights", vec![0.5, -0.0])],
             ..Tensors::default()
         };
         content.metadata.insert("done".to_owned(), "7".to_owned());
-        assert_eq!(of("a").read(), None);
-        of("a").write(content.clone()).expect("written");
-        assert_eq!(of("a").read(), Some(content.clone()));
-        assert_eq!(of("b").read(), None);
+        assert_eq!(unfinished("a").read(), None);
+        unfinished("a").write(content.clone()).expect("written");
+        assert_eq!(unfinished("a").read(), Some(content.clone()));
+        assert_eq!(unfinished("b").read(), None);
         // Damage is nothing, and is replaced.
-        let mut bytes = fs::read(of("a").path()).expect("there");
+        let mut bytes = fs::read(unfinished("a").path()).expect("there");
         *bytes.last_mut().expect("not empty") ^= 1;
-        fs::write(of("a").path(), bytes).expect("written");
-        assert_eq!(of("a").read(), None);
-        of("a").write(content.clone()).expect("replaced");
-        assert_eq!(of("a").read(), Some(content.clone()));
+        fs::write(unfinished("a").path(), bytes).expect("written");
+        assert_eq!(unfinished("a").read(), None);
+        unfinished("a").write(content.clone()).expect("replaced");
+        assert_eq!(unfinished("a").read(), Some(content.clone()));
         content.metadata.insert(KEY.to_owned(), "c".to_owned());
-        assert!(of("a").write(content).is_err());
-        of("a").remove().expect("removed");
-        of("a").remove().expect("nothing is left to remove");
-        assert_eq!(of("a").read(), None);
+        assert!(unfinished("a").write(content).is_err());
+        unfinished("a").remove().expect("removed");
+        unfinished("a").remove().expect("nothing is left to remove");
+        assert_eq!(unfinished("a").read(), None);
     }
 }

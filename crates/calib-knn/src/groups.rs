@@ -3,7 +3,7 @@ use std::ops::Range;
 use calib_core::Monitor;
 use rayon::prelude::*;
 
-use crate::{KnnError, MemberLists, Sources, findable::Findable, lists::Candidate};
+use crate::{KnnError, MemberLists, Sources, candidate_mask::CandidateMask, lists::Candidate};
 
 /// Sources between two looks at the monitor.
 const CHUNK: usize = 1 << 14;
@@ -131,7 +131,7 @@ impl Groups {
         squared: f64,
         forbidden: &Range<u32>,
         lists: &mut MemberLists,
-        findable: Findable<'_>,
+        findable: CandidateMask<'_>,
     ) {
         let transitions = self.transitions(group);
         let offer = |transition: u32, lists: &mut MemberLists| {
@@ -174,7 +174,7 @@ pub(crate) fn hash(state: &[f32]) -> u64 {
 struct Admissible<'a> {
     transitions: &'a [u32],
     forbidden: &'a Range<u32>,
-    findable: Findable<'a>,
+    findable: CandidateMask<'a>,
     member: usize,
 }
 
@@ -241,17 +241,17 @@ mod tests {
         assert_eq!(groups.len(), 1);
         let mut lists = MemberLists::new(5, 2);
         lists.reset([0, 3].into_iter());
-        groups.offer(0, 0.0, &(1..700), &mut lists, Findable::new(&blocks, &[]));
-        let of =
+        groups.offer(0, 0.0, &(1..700), &mut lists, CandidateMask::new(&blocks, &[]));
+        let found =
             |lists: &MemberLists, member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
-        assert_eq!(of(&lists, 0), [700, 701]);
-        assert_eq!(of(&lists, 3), [0, blocks.dropped(3).end]);
+        assert_eq!(found(&lists, 0), [700, 701]);
+        assert_eq!(found(&lists, 3), [0, blocks.dropped(3).end]);
         let left_out =
             [Bits::of(999, 690..800), Bits::default(), Bits::default(), Bits::of(999, [0])];
         lists.reset([0, 3].into_iter());
-        groups.offer(0, 0.0, &(1..700), &mut lists, Findable::new(&blocks, &left_out));
-        assert_eq!(of(&lists, 0), [800, 801]);
+        groups.offer(0, 0.0, &(1..700), &mut lists, CandidateMask::new(&blocks, &left_out));
+        assert_eq!(found(&lists, 0), [800, 801]);
         let end = blocks.dropped(3).end;
-        assert_eq!(of(&lists, 3), [end, end + 1]);
+        assert_eq!(found(&lists, 3), [end, end + 1]);
     }
 }

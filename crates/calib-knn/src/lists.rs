@@ -1,6 +1,6 @@
 use calib_core::TransitionIndex;
 
-use crate::findable::Findable;
+use crate::candidate_mask::CandidateMask;
 
 /// A candidate source: squared distance, then row as the tie-break.
 ///
@@ -72,7 +72,7 @@ impl MemberLists {
     }
 
     /// Offer a candidate to every wanted member that can find it. Each candidate is offered once.
-    pub(crate) fn offer(&mut self, candidate: Candidate, findable: Findable<'_>) {
+    pub(crate) fn offer(&mut self, candidate: Candidate, findable: CandidateMask<'_>) {
         if candidate.squared > self.radius {
             return;
         }
@@ -138,13 +138,13 @@ mod tests {
         let mut lists = MemberLists::new(3, 2);
         lists.reset([0, 2].into_iter());
         for (transition, squared) in [(0, 1.0), (3, 2.0), (5, 0.5), (2, 2.0), (1, 9.0), (4, 0.1)] {
-            lists.offer(Candidate { squared, transition }, Findable::new(&blocks, &[]));
+            lists.offer(Candidate { squared, transition }, CandidateMask::new(&blocks, &[]));
         }
-        let of = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
-        assert_eq!(of(0), [4, 5]);
-        assert_eq!(of(1), [] as [u32; 0]);
+        let transitions = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
+        assert_eq!(transitions(0), [4, 5]);
+        assert_eq!(transitions(1), [] as [u32; 0]);
         // Transitions 2 and 3 tie: the earlier row wins.
-        assert_eq!(of(2), [0, 2]);
+        assert_eq!(transitions(2), [0, 2]);
         assert_eq!(lists.radius(), 2.0);
     }
 
@@ -157,9 +157,9 @@ mod tests {
         lists.reset(0..3);
         for transition in 0..6 {
             let candidate = Candidate { squared: 1.0, transition };
-            lists.offer(candidate, Findable::new(&blocks, &left_out));
+            lists.offer(candidate, CandidateMask::new(&blocks, &left_out));
         }
-        let of = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
-        assert_eq!([of(0), of(1), of(2)], [[2, 3], [0, 4], [0, 1]]);
+        let transitions = |member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
+        assert_eq!([transitions(0), transitions(1), transitions(2)], [[2, 3], [0, 4], [0, 1]]);
     }
 }

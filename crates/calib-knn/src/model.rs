@@ -258,7 +258,7 @@ impl KnnModel {
 
     /// What is left out for all queries of each member.
     pub(crate) fn left_out_for_all(&self) -> Vec<Bits> {
-        self.left_out.iter().map(|of| of.for_all().clone()).collect()
+        self.left_out.iter().map(|excluded| excluded.for_all().clone()).collect()
     }
 
     /// Member `member`.

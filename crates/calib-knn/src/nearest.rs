@@ -7,7 +7,7 @@ use calib_files::ScratchPlace;
 
 use crate::{
     IndexKind, KnnError, KnnModel, Member, MemoryNeed, ModelConfig, Neighbor,
-    index::{Found, Queries, Sources},
+    index::{NeighborLists, Queries, Sources},
     parts::PART_QUERIES,
 };
 
@@ -126,7 +126,7 @@ fn search(
     monitor.begin("nearest states", queries.len() as u64);
     let mut lists = vec![vec![Vec::new(); queries.len()]; members.len()];
     for order in planned.order.chunks(PART_QUERIES) {
-        let mut found = Found::with_room(order.len(), queries.members(), k)?;
+        let mut found = NeighborLists::with_room(order.len(), queries.members(), k)?;
         planned.index.search(queries, order, &mut found, monitor)?;
         for (lists, member) in lists.iter_mut().zip(members.clone()) {
             for (place, &query) in order.iter().enumerate() {

@@ -9,7 +9,7 @@ use calib_files::{
     read_regular, remove_file, remove_known, write_atomically,
 };
 
-use crate::index::Found;
+use crate::index::NeighborLists;
 
 /// Digits of a fingerprint.
 const DIGITS: usize = 64;
@@ -101,7 +101,9 @@ impl Parts {
 /// Whether a file is called as a part is; others are somebody's.
 fn is_part(path: &Path) -> bool {
     let number = path.file_name().and_then(|name| name.to_str()?.strip_suffix(".part"));
-    number.is_some_and(|number| number.len() >= 8 && number.bytes().all(|of| of.is_ascii_digit()))
+    number.is_some_and(|number| {
+        number.len() >= 8 && number.bytes().all(|digit| digit.is_ascii_digit())
+    })
 }
 
 /// The parts of one search.
@@ -125,7 +127,7 @@ impl Open {
     }
 
     /// Part `number` of `queries` queries, if it was written by this search and is whole.
-    pub(crate) fn read(&self, number: usize, queries: usize) -> Option<Found> {
+    pub(crate) fn read(&self, number: usize, queries: usize) -> Option<NeighborLists> {
         let bytes = read_regular(&self.path(number)).ok()?;
         let (key, rest) = bytes.split_at_checked(DIGITS)?;
         let (sum, payload) = rest.split_at_checked(DIGITS)?;
@@ -136,11 +138,17 @@ impl Open {
             return None;
         }
         let (neighbors, distances) = payload.split_at(4 * cells);
-        Found::from_cells(queries, self.members, self.k, numbers(neighbors), numbers(distances))
+        NeighborLists::from_cells(
+            queries,
+            self.members,
+            self.k,
+            numbers(neighbors),
+            numbers(distances),
+        )
     }
 
     /// Write part `number`.
-    pub(crate) fn write(&self, number: usize, found: &Found) -> Result<(), FileError> {
+    pub(crate) fn write(&self, number: usize, found: &NeighborLists) -> Result<(), FileError> {
         let (neighbors, distances) = found.cells();
         let neighbors: &[u8] = bytemuck::cast_slice(neighbors);
         let payload = [neighbors, bytemuck::cast_slice(distances)].concat();
@@ -169,7 +177,7 @@ mod tests {
         let directory = tempfile::tempdir().expect("a directory");
         let at = directory.path().join("partial");
         let parts = Parts::new(at.clone(), "inputs");
-        let found = Found::from_cells(2, 1, 2, vec![1, 2, 3, 4], vec![0.5, 1.0, 1.5, 2.0]);
+        let found = NeighborLists::from_cells(2, 1, 2, vec![1, 2, 3, 4], vec![0.5, 1.0, 1.5, 2.0]);
         let found = found.expect("four cells");
         let open = parts.open(&[1, 0, 2], 1, 2).expect("writable");
         assert!(open.read(0, 2).is_none());

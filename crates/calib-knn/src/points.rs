@@ -5,7 +5,7 @@ use calib_files::ScratchPlace;
 
 use crate::{
     Blocks, Exclusion, IndexKind, KnnError, MemoryNeed, ModelConfig, SelfMatch,
-    index::{Found, Queries, Sources, filled},
+    index::{NeighborLists, Queries, Sources, filled},
     parts::PART_QUERIES,
 };
 
@@ -140,7 +140,7 @@ impl Points {
         let planned = sources.index(kind, queries, k, &ScratchPlace::Memory, monitor)?;
         monitor.begin("nearest points", queries.len() as u64);
         for order in planned.order.chunks(PART_QUERIES) {
-            let mut found = Found::with_room(order.len(), 1, k)?;
+            let mut found = NeighborLists::with_room(order.len(), 1, k)?;
             planned.index.search(queries, order, &mut found, monitor)?;
             for (place, &query) in order.iter().enumerate() {
                 let (near, far) = found.list(place, 0);
@@ -162,8 +162,8 @@ mod tests {
 
     /// Positions in the order of squared distance in `f64`, ties by position.
     fn brute(points: &[[f32; 3]], query: [f32; 3], skip: Option<usize>, k: usize) -> Vec<u32> {
-        let squared = |of: &[f32; 3]| -> f64 {
-            of.iter().zip(query).map(|(a, b)| (f64::from(*a) - f64::from(b)).powi(2)).sum()
+        let squared = |point: &[f32; 3]| -> f64 {
+            point.iter().zip(query).map(|(a, b)| (f64::from(*a) - f64::from(b)).powi(2)).sum()
         };
         let mut all: Vec<usize> = (0..points.len()).filter(|at| Some(*at) != skip).collect();
         all.sort_by(|a, b| squared(&points[*a]).total_cmp(&squared(&points[*b])).then(a.cmp(b)));
@@ -179,19 +179,19 @@ mod tests {
             excluded in any::<bool>(),
         ) {
             let points: Vec<[f32; 3]> =
-                cells.chunks_exact(3).map(|of| [of[0], of[1], of[2]].map(f32::from)).collect();
-            let of = Points::new(points.concat(), 3).expect("valid");
+                cells.chunks_exact(3).map(|point| [point[0], point[1], point[2]].map(f32::from)).collect();
+            let searched = Points::new(points.concat(), 3).expect("valid");
             let self_match = if excluded { SelfMatch::Excluded } else { SelfMatch::Allowed };
             let skip = |at: usize| excluded.then_some(at);
             for kind in [IndexKind::Auto, IndexKind::Join, IndexKind::Scan, IndexKind::KdTree] {
-                let joined = of.join(k, self_match, kind, &Silent).expect("found");
+                let joined = searched.join(k, self_match, kind, &Silent).expect("found");
                 for (at, point) in points.iter().enumerate() {
                     let got = &joined.neighbors[at * k..(at + 1) * k];
                     prop_assert_eq!(got, brute(&points, *point, skip(at), k));
                 }
             }
             let elsewhere = States::new(vec![2.5, 0.0, 9.0], 1, 3).expect("valid");
-            let near = of.nearest(&elsewhere, k, IndexKind::Auto, &Silent).expect("found");
+            let near = searched.nearest(&elsewhere, k, IndexKind::Auto, &Silent).expect("found");
             prop_assert_eq!(near.neighbors, brute(&points, [2.5, 0.0, 9.0], None, k));
         }
     }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::{
     Blocks, Exclusion, IndexChoice, IndexKind, KnnError, Parts,
     candidates::Candidates,
-    index::{Found, Planned, Queries, Sources},
+    index::{NeighborLists, Planned, Queries, Sources},
     parts::PART_QUERIES,
     recurrence::Filling,
 };
@@ -165,7 +165,7 @@ fn fill(
     let mut tables = (0..members)
         .map(|_| new_table(queries.len() * k, &workplace.scratch))
         .collect::<Result<Vec<Filling>, KnnError>>()?;
-    let (send, receive) = mpsc::sync_channel::<(usize, Found, Origin)>(1);
+    let (send, receive) = mpsc::sync_channel::<(usize, NeighborLists, Origin)>(1);
     let (searched, stored) = thread::scope(|scope| {
         let (tables, kept) = (&mut tables, &kept);
         let storing = scope.spawn(move || -> Result<(), KnnError> {
@@ -189,7 +189,7 @@ fn fill(
                     monitor.advance(order.len() as u64);
                     (found, Origin::File)
                 } else {
-                    let mut found = Found::new(order.len(), members, k);
+                    let mut found = NeighborLists::new(order.len(), members, k);
                     planned.index.search(queries, order, &mut found, monitor)?;
                     queries.measure(order, &mut found);
                     (found, Origin::Search)
@@ -220,7 +220,7 @@ fn new_table(cells: usize, place: &ScratchPlace) -> Result<Filling, KnnError> {
 }
 
 /// Put the lists of the queries `order` in their rows.
-fn put(table: &mut Filling, member: usize, order: &[u32], found: &Found) {
+fn put(table: &mut Filling, member: usize, order: &[u32], found: &NeighborLists) {
     let (neighbors, distances) = (&mut table.0[..], &mut table.1[..]);
     let k = found.k();
     for (place, &query) in order.iter().enumerate() {

@@ -3,7 +3,7 @@
 //! - [`CalibrationModel`]: what every kind of model does, whatever it is made of; [`NeighborModel`] recombines recorded
 //!   transitions, [`NetworkModel`] predicts. [`Trajectory`]: what it is rolled out to, from a [`ModelStart`].
 //! - [`ModelKind`], [`ModelFamily`]: which kinds there are, and what they are made of.
-//! - [`StartSource`], [`start_states`], [`start_states_of_all`], [`Start`], [`Wanted`]: where rollouts start: random, listed rows, recent rows, a
+//! - [`StartSource`], [`start_states`], [`start_states_of_all`], [`Start`], [`RequestedStart`]: where rollouts start: random, listed rows, recent rows, a
 //!   month of the year, or the nearest recorded states to those of another period.
 //! - [`start_rows`]: the same for parametric models, which may start anywhere in their data.
 //! - [`rollout`], [`rollouts`], [`Rollout`]: trajectories as lists of recorded rows.
@@ -35,7 +35,6 @@ mod calibration_model;
 mod config;
 mod error;
 mod kind;
-mod model_error;
 mod model_start;
 mod month;
 mod neighbors;
@@ -51,9 +50,8 @@ mod wanted;
 pub use calib_knn::Weights;
 pub use calibration_model::{CalibrationModel, Rolling, Search, Unseen};
 pub use config::{Absent, RolloutConfig, StartKind};
-pub use error::RolloutError;
+pub use error::{ModelError, RolloutError};
 pub use kind::{ModelFamily, ModelKind};
-pub use model_error::ModelError;
 pub use model_start::ModelStart;
 pub use month::{month_of, year_of};
 pub use neighbors::NeighborModel;
@@ -64,4 +62,4 @@ pub use start_row::{StartRow, start_rows};
 pub use statistics::JumpStatistics;
 pub use trajectory::{LeftFinite, Trajectory};
 pub use walks::WalkStatistics;
-pub use wanted::Wanted;
+pub use wanted::RequestedStart;

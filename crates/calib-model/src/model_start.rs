@@ -1,7 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{StartRow, StartState, Wanted};
+use crate::{RequestedStart, StartRow, StartState};
 
 /// Where a rollout of a calibration model starts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -15,7 +15,7 @@ pub enum ModelStart {
 
 impl ModelStart {
     /// What was asked for, and the distance from it to what stands for it, if something does.
-    pub fn given(&self) -> (Wanted, Option<f32>) {
+    pub fn given(&self) -> (RequestedStart, Option<f32>) {
         match self {
             Self::State(start) => (start.wanted, start.replaced),
             Self::Row(start) => (start.wanted, start.replaced),

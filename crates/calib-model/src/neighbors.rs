@@ -80,11 +80,11 @@ impl CalibrationModel for NeighborModel {
         &Rolling { steps, weights, seed }: &Rolling,
     ) -> Result<Vec<Trajectory>, ModelError> {
         let member = self.knn.member(member);
-        let of = |(number, start): (usize, &ModelStart)| {
+        let trajectory = |(number, start): (usize, &ModelStart)| {
             let seed = rollout_seed(seed, member.number(), number);
             Ok(Trajectory::Recorded(rollout(&member, searched(start)?, steps, weights, seed)))
         };
-        numbers.zip(starts).map(of).collect()
+        numbers.zip(starts).map(trajectory).collect()
     }
 
     fn expected_next(

@@ -73,9 +73,9 @@ fn seeded(starts: &[StartRow], first: usize, seed: Seed) -> Vec<Start> {
 }
 
 fn trajectories(predictions: Vec<Prediction>, starts: Vec<StartRow>) -> Vec<Trajectory> {
-    let of =
+    let trajectory =
         |(prediction, start)| Trajectory::Predicted { prediction: Arc::new(prediction), start };
-    predictions.into_iter().zip(starts).map(of).collect()
+    predictions.into_iter().zip(starts).map(trajectory).collect()
 }
 
 impl CalibrationModel for NetworkModel {

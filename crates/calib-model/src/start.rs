@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Absent, RolloutError, Wanted,
+    Absent, RequestedStart, RolloutError,
     wanted::{deployment_rows, draw, recorded_rows},
 };
 
@@ -31,7 +31,7 @@ pub struct StartState {
     /// Where the rollout starts.
     pub start: Start,
     /// What was asked for.
-    pub wanted: Wanted,
+    pub wanted: RequestedStart,
     /// The distance from the state asked for to the recorded state that replaces it, if one does.
     pub replaced: Option<f32>,
 }
@@ -108,7 +108,12 @@ pub fn start_states(
     if let StartSource::Nearest { states } = source {
         let (rows, drawn) = drawn(states, count, seed)?;
         let nearest = member.nearest_sources(&drawn, 1, &Silent)?;
-        return replaced_by(member, &nearest, rows.into_iter().map(Wanted::Deployment), search);
+        return replaced_by(
+            member,
+            &nearest,
+            rows.into_iter().map(RequestedStart::Deployment),
+            search,
+        );
     }
     recorded(member, source, count, seed, search)
 }
@@ -134,16 +139,16 @@ pub fn start_states_of_all(
     if let StartSource::Nearest { states } = source {
         let (rows, drawn) = drawn(states, count, seed)?;
         let nearest = model.nearest_sources(&drawn, 1, place, monitor)?;
-        let wanted = || rows.iter().copied().map(Wanted::Deployment);
-        let of = |(member, nearest): (Member<'_>, Vec<Vec<Neighbor>>)| {
+        let wanted = || rows.iter().copied().map(RequestedStart::Deployment);
+        let starts = |(member, nearest): (Member<'_>, Vec<Vec<Neighbor>>)| {
             replaced_by(&member, &nearest, wanted(), search)
         };
-        return members.zip(nearest).map(of).collect();
+        return members.zip(nearest).map(starts).collect();
     }
-    let of = |member: Member<'_>| {
+    let starts = |member: Member<'_>| {
         recorded(&member, source, count, source.seed_of(seed, member.number()), search)
     };
-    members.map(of).collect()
+    members.map(starts).collect()
 }
 
 /// A member without transitions has no states to start from.
@@ -185,7 +190,7 @@ fn recorded(
 
 /// The start at a transition of the member.
 fn at(member: &Member<'_>, transition: TransitionIndex) -> StartState {
-    let wanted = Wanted::Recorded(member.model().transitions().next(transition));
+    let wanted = RequestedStart::Recorded(member.model().transitions().next(transition));
     StartState { start: Start::At(transition), wanted, replaced: None }
 }
 
@@ -208,7 +213,7 @@ fn at_rows(
         Absent::External => external(member, &lacking, search)?,
         Absent::Replace => {
             let nearest = found(member, &lacking, 1, search)?;
-            let wanted = lacking.iter().copied().map(Wanted::Recorded);
+            let wanted = lacking.iter().copied().map(RequestedStart::Recorded);
             replaced_by(member, &nearest, wanted, search)?
         }
     };
@@ -226,7 +231,7 @@ fn at_rows(
 fn replaced_by(
     member: &Member<'_>,
     nearest: &[Vec<Neighbor>],
-    wanted: impl Iterator<Item = Wanted>,
+    wanted: impl Iterator<Item = RequestedStart>,
     search: Search<'_>,
 ) -> Result<Vec<StartState>, RolloutError> {
     let source = |near: &Vec<Neighbor>| member.model().transitions().source(near[0].transition);
@@ -248,7 +253,7 @@ fn external(
     let found = found(member, rows, member.model().k(), search)?;
     let starts = rows.iter().zip(found).map(|(&row, neighbors)| StartState {
         start: Start::External { row, neighbors },
-        wanted: Wanted::Recorded(row),
+        wanted: RequestedStart::Recorded(row),
         replaced: None,
     });
     Ok(starts.collect())

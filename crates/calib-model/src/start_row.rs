@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    RolloutError, StartSource, Wanted,
+    RequestedStart, RolloutError, StartSource,
     wanted::{deployment_rows, draw, recorded_rows},
 };
 
@@ -14,7 +14,7 @@ pub struct StartRow {
     /// The row.
     pub row: RowIndex,
     /// What was asked for.
-    pub wanted: Wanted,
+    pub wanted: RequestedStart,
     /// The distance from the state asked for to this row, if the row replaces it.
     pub replaced: Option<f32>,
 }
@@ -34,7 +34,7 @@ pub fn start_rows(
     count: usize,
     seed: Seed,
 ) -> Result<Vec<StartRow>, RolloutError> {
-    let at = |row| StartRow { row, wanted: Wanted::Recorded(row), replaced: None };
+    let at = |row| StartRow { row, wanted: RequestedStart::Recorded(row), replaced: None };
     if let StartSource::Nearest { states: deployment } = source {
         let rows = deployment_rows(deployment, count, seed)?;
         return Ok(rows.into_iter().map(|row| nearest(states, deployment, row)).collect());
@@ -63,7 +63,7 @@ fn nearest(states: &States, deployment: &States, wanted: RowIndex) -> StartRow {
         .expect("data has rows");
     StartRow {
         row: RowIndex::new(row),
-        wanted: Wanted::Deployment(wanted),
+        wanted: RequestedStart::Deployment(wanted),
         replaced: Some(square.sqrt() as f32),
     }
 }
@@ -108,19 +108,22 @@ mod tests {
         let deployment = States::new(vec![4.2], 1, 1).expect("valid");
         let source = StartSource::Nearest { states: &deployment };
         let near = start_rows(&states, &transitions, source, 1, Seed::new(2)).expect("valid");
-        assert_eq!((near[0].row, near[0].wanted), (RowIndex(4), Wanted::Deployment(RowIndex(0))));
+        assert_eq!(
+            (near[0].row, near[0].wanted),
+            (RowIndex(4), RequestedStart::Deployment(RowIndex(0)))
+        );
         assert!((near[0].replaced.expect("replaced") - 0.2).abs() < 1e-6);
     }
 
     #[test]
     fn what_is_not_there_is_an_error() {
         let (states, transitions) = data();
-        let of = |source| start_rows(&states, &transitions, source, 1, Seed::new(2));
+        let starts = |source| start_rows(&states, &transitions, source, 1, Seed::new(2));
         let unknown = [RowIndex(20)];
         let unknown = StartSource::Rows { rows: &unknown, absent: Absent::External };
-        assert!(matches!(of(unknown), Err(RolloutError::UnknownRow { .. })));
+        assert!(matches!(starts(unknown), Err(RolloutError::UnknownRow { .. })));
         let none = StartSource::Rows { rows: &[], absent: Absent::External };
-        assert!(matches!(of(none), Err(RolloutError::NoRows)));
+        assert!(matches!(starts(none), Err(RolloutError::NoRows)));
         let still = Transitions::new(Segments::from_lengths([1; 20]).expect("valid"));
         let nothing = start_rows(&states, &still, StartSource::Random, 1, Seed::new(2));
         assert!(matches!(nothing, Err(RolloutError::NoTransitions)));

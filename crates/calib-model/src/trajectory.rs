@@ -3,7 +3,7 @@ use std::sync::Arc;
 use calib_core::{RowIndex, States, Stream};
 use calib_dynamics::{Ended, PredictedStream, Prediction};
 
-use crate::{Rollout, StartRow, Wanted};
+use crate::{RequestedStart, Rollout, StartRow};
 
 /// What a model was rolled out to.
 #[derive(Clone, Debug)]
@@ -30,7 +30,7 @@ pub struct LeftFinite {
 
 impl Trajectory {
     /// What it was to start from, and how far from that it starts, if another state stands for it.
-    pub fn start(&self) -> (Wanted, Option<f32>) {
+    pub fn start(&self) -> (RequestedStart, Option<f32>) {
         match self {
             Self::Recorded(rollout) => (rollout.start().wanted, rollout.start().replaced),
             Self::Predicted { start, .. } => (start.wanted, start.replaced),

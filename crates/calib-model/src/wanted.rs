@@ -12,7 +12,7 @@ use crate::{
 /// A state that a rollout is to start from, whether or not the model has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Wanted {
+pub enum RequestedStart {
     /// A row of the model's data.
     Recorded(RowIndex),
     /// A row of the deployment period.

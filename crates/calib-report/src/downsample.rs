@@ -159,12 +159,12 @@ mod tests {
                 }
             }
             let limit = length.max(20.0);
-            for pair in kept.windows(3).filter(|of| of[1].is_none()) {
+            for pair in kept.windows(3).filter(|window| window[1].is_none()) {
                 let (Some(from), Some(to)) = (pair[0], pair[2]) else { panic!("a break at an end") };
                 prop_assert!(times[to] - times[from] > limit);
             }
             let breaks = times.windows(2).filter(|pair| pair[1] - pair[0] > limit).count();
-            prop_assert_eq!(kept.iter().filter(|of| of.is_none()).count(), breaks);
+            prop_assert_eq!(kept.iter().filter(|value| value.is_none()).count(), breaks);
         }
 
         #[test]

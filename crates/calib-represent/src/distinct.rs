@@ -11,14 +11,18 @@ const DIRECTIONS: usize = 3;
 /// Two rows are at least as far apart as their projections on any unit vector. So candidates lie in the same
 /// cell, as wide as the tolerance, of three projections, or in one beside it. The directions are random, but
 /// they only save time: the count does not depend on them.
-pub(crate) fn count_distinct(of: &States, rows: &[usize], tolerance: f64) -> usize {
-    let directions = directions(of.columns());
+pub(crate) fn count_distinct(states: &States, rows: &[usize], tolerance: f64) -> usize {
+    let directions = directions(states.columns());
     // A little wider, for the rounding of the projections.
     let width = if tolerance > 0.0 { tolerance * (1.0 + 1e-6) } else { f64::MIN_POSITIVE };
     let cell = |row: usize| {
         directions.each_ref().map(|direction| {
-            let along: f64 =
-                of.row(row).iter().zip(direction).map(|(value, of)| f64::from(*value) * of).sum();
+            let along: f64 = states
+                .row(row)
+                .iter()
+                .zip(direction)
+                .map(|(value, weight)| f64::from(*value) * weight)
+                .sum();
             (along / width).floor() as i64
         })
     };
@@ -28,7 +32,7 @@ pub(crate) fn count_distinct(of: &States, rows: &[usize], tolerance: f64) -> usi
     for &row in rows {
         let own = cell(row);
         let mut candidates = around(own).filter_map(|cell| counted.get(&cell)).flatten();
-        if !candidates.any(|&other| is_near(of.row(row), of.row(other), limit)) {
+        if !candidates.any(|&other| is_near(states.row(row), states.row(other), limit)) {
             distinct += 1;
             counted.entry(own).or_default().push(row);
         }
@@ -49,10 +53,10 @@ fn directions(columns: usize) -> [Vec<f64>; DIRECTIONS] {
 fn around(cell: [i64; DIRECTIONS]) -> impl Iterator<Item = [i64; DIRECTIONS]> {
     const NEAR: [i64; 3] = [0, -1, 1];
     (0..NEAR.len().pow(DIRECTIONS as u32)).map(move |mut number| {
-        cell.map(|of| {
+        cell.map(|coordinate| {
             let beside = NEAR[number % NEAR.len()];
             number /= NEAR.len();
-            of.saturating_add(beside)
+            coordinate.saturating_add(beside)
         })
     })
 }

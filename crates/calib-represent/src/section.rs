@@ -161,10 +161,16 @@ mod tests {
             r#"{"kind": "laplacian", "learning_rate": [1e-4, 3e-4], "beta": [1, 5], "zeta": 0.1}"#;
         let config = read(text).expect("valid");
         let candidates = config.candidates();
-        let pairs: Vec<(f64, f64)> =
-            candidates.iter().map(|of| (of.loss.beta, of.learning_rate)).collect();
+        let pairs: Vec<(f64, f64)> = candidates
+            .iter()
+            .map(|candidate| (candidate.loss.beta, candidate.learning_rate))
+            .collect();
         assert_eq!(pairs, [(1.0, 1e-4), (1.0, 3e-4), (5.0, 1e-4), (5.0, 3e-4)]);
-        assert!(candidates.iter().all(|of| of.loss.zeta == 0.1 && of.dimension == 64));
+        assert!(
+            candidates
+                .iter()
+                .all(|candidate| candidate.loss.zeta == 0.1 && candidate.dimension == 64)
+        );
         let written = serde_json::to_string(&config).expect("JSON");
         assert_eq!(read(&written), Ok(config));
     }

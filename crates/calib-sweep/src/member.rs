@@ -104,7 +104,7 @@ mod tests {
     use calib_dynamics::{
         DynamicsConfig, FeedForwardTrainer, Trainer as _, Transitioning, predict,
     };
-    use calib_model::{NetworkModel, StartRow, Wanted};
+    use calib_model::{NetworkModel, RequestedStart, StartRow};
 
     use super::*;
 
@@ -122,7 +122,7 @@ mod tests {
         let timestamps = (0..300).map(Timestamp::from_micros).collect();
         let frames = Frames::new(timestamps, segments.clone(), states.clone()).expect("valid");
         let rows: Vec<RowIndex> = (0..20).map(|run| RowIndex::new(run * 7)).collect();
-        let start = |row| StartRow { row, wanted: Wanted::Recorded(row), replaced: None };
+        let start = |row| StartRow { row, wanted: RequestedStart::Recorded(row), replaced: None };
         let starts = rows.iter().map(|&row| ModelStart::Row(start(row))).collect();
         let expected = predict(&network, &states, &segments, &rows, 30, &Silent).expect("it runs");
         let model = NetworkModel::new(Box::new(network), &frames).expect("fits");

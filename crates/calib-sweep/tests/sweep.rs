@@ -15,8 +15,8 @@ use calib_dynamics::{Dynamics, DynamicsError, LANES, Walk};
 use calib_files::Fingerprint;
 use calib_knn::{KnnModel, ModelConfig, Weights};
 use calib_model::{
-    CalibrationModel as _, ModelStart, NeighborModel, NetworkModel, StartRow, StartSource, Wanted,
-    start_states,
+    CalibrationModel as _, ModelStart, NeighborModel, NetworkModel, RequestedStart, StartRow,
+    StartSource, start_states,
 };
 use calib_sweep::{
     Baseline, Candidate, Demand, Environment, EnvironmentId, ErrorScale, Grade, Judging,
@@ -450,7 +450,7 @@ impl Walk for Tenfold {
 fn a_rollout_that_is_not_finite_is_a_flagged_result() {
     let study = Study::new();
     // 0.9 at its peak, 0.1 at its trough.
-    let start = |row| StartRow { row, wanted: Wanted::Recorded(row), replaced: None };
+    let start = |row| StartRow { row, wanted: RequestedStart::Recorded(row), replaced: None };
     let starts = [6, 18].map(|row| ModelStart::Row(start(RowIndex::new(row)))).to_vec();
     let model = NetworkModel::new(Box::new(Tenfold), &study.train).expect("fits");
     let options = RolloutOptions {

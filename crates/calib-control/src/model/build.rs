@@ -1,6 +1,6 @@
 use calib_core::{Monitor, States};
 use calib_files::ScratchPlace;
-use calib_knn::{Blocks, Found, IndexKind, Queries, Sources, Weights};
+use calib_knn::{Blocks, IndexKind, NeighborLists, Queries, Sources, Weights};
 
 use super::{ActionModel, ActionModelConfig, ActionTable, Starts, radius};
 use crate::{ControlError, Decisions, settings::next_states};
@@ -146,7 +146,7 @@ fn fill(
 ) -> Result<(), ControlError> {
     let place = ScratchPlace::Memory;
     let planned = sources.index(IndexKind::Auto, queries, k, &place, monitor)?;
-    let mut found = Found::new(planned.order.len(), tables.len(), k);
+    let mut found = NeighborLists::new(planned.order.len(), tables.len(), k);
     monitor.begin("neighbours of an action", planned.order.len() as u64);
     planned.index.search(queries, &planned.order, &mut found, monitor)?;
     for (at, &query) in planned.order.iter().enumerate() {

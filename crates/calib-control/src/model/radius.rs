@@ -1,6 +1,6 @@
 use calib_core::{Monitor, RowIndex, TransitionIndex};
 use calib_files::ScratchPlace;
-use calib_knn::{Exclusion, Found, IndexKind, Queries, Sources};
+use calib_knn::{Exclusion, IndexKind, NeighborLists, Queries, Sources};
 use calib_stats::quantile;
 
 use crate::ControlError;
@@ -33,7 +33,7 @@ pub(super) fn radius(
             let queries = Queries::rows(&among, &rows, member, Exclusion::default());
             let place = ScratchPlace::Memory;
             let planned = among.index(IndexKind::Auto, &queries, 1, &place, monitor)?;
-            let mut found = Found::new(rows.len(), sources.blocks().members(), 1);
+            let mut found = NeighborLists::new(rows.len(), sources.blocks().members(), 1);
             planned.index.search(&queries, &planned.order, &mut found, monitor)?;
             distances.extend((0..rows.len()).map(|at| f64::from(found.list(at, member).1[0])));
         }

@@ -116,10 +116,14 @@ mod tests {
     use calib_core::{Seed, Segments, Silent, States, Transitions};
 
     use super::*;
-    use crate::{Blocks, Exclusion, index::Found};
+    use crate::{Blocks, Exclusion, index::NeighborLists};
 
     /// What is chosen for the next states, and what it finds: what a scan of each transition finds.
-    fn chosen(states: &States, exclusion: Exclusion, place: &ScratchPlace) -> (IndexKind, Found) {
+    fn chosen(
+        states: &States,
+        exclusion: Exclusion,
+        place: &ScratchPlace,
+    ) -> (IndexKind, NeighborLists) {
         let rows = states.rows();
         let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
         let blocks = Blocks::new(&transitions, 3).expect("valid");
@@ -127,11 +131,11 @@ mod tests {
         let queries = Queries::next_states(&sources, exclusion);
         let planned =
             sources.index(IndexKind::Auto, &queries, 3, place, &Silent).expect("not interrupted");
-        let mut found = Found::new(queries.len(), 3, 3);
+        let mut found = NeighborLists::new(queries.len(), 3, 3);
         let order: Vec<u32> = (0..queries.len() as u32).collect();
         planned.index.search(&queries, &order, &mut found, &Silent).expect("not interrupted");
         let scan = Scan::new(sources);
-        let mut expected = Found::new(queries.len(), 3, 3);
+        let mut expected = NeighborLists::new(queries.len(), 3, 3);
         scan.search(&queries, &order, &mut expected, &Silent).expect("not interrupted");
         assert_eq!(found, expected);
         (planned.choice.kind, found)

@@ -4,7 +4,7 @@ use calib_core::Monitor;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-use super::{Found, NeighborIndex, Queries, Sources, in_blocks};
+use super::{NeighborIndex, NeighborLists, Queries, Sources, in_blocks};
 use crate::{KnnError, MemberLists, distance::squared, groups::Groups};
 
 /// Queries of a block, between two looks at the monitor.
@@ -103,7 +103,7 @@ impl NeighborIndex for KdTree<'_> {
         &self,
         queries: &Queries<'_>,
         order: &[u32],
-        found: &mut Found,
+        found: &mut NeighborLists,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
         let k = found.k();

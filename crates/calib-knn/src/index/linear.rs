@@ -184,12 +184,12 @@ mod tests {
         let mut rng = Seed::new(3).rng();
         let values: Vec<f32> = (0..rows * columns).map(|_| rng.normal() as f32).collect();
         let sample: Vec<&[f32]> = values.chunks(columns).collect();
-        let of = |threads: usize| {
+        let computed = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.expect("a pool").install(|| covariance(&sample, columns))
         };
-        let (mean, all) = of(1);
-        assert_eq!((&mean, &all), (&of(4).0, &of(4).1));
+        let (mean, all) = computed(1);
+        assert_eq!((&mean, &all), (&computed(4).0, &computed(4).1));
         for a in 0..columns {
             for b in 0..columns {
                 let centred = |state: &[f32], c: usize| f64::from(state[c]) - mean[c];

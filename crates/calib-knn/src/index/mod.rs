@@ -1,21 +1,21 @@
 //! Exact search, one contract and several structures.
 
 mod build;
-mod found;
 mod join;
 mod kd_tree;
 mod linear;
+mod neighbor_lists;
 mod pending;
 mod query;
 mod scan;
 
 pub use build::Planned;
-pub use found::Found;
-pub(crate) use found::filled;
 pub use join::Join;
 pub(crate) use join::{image_width, leaves};
 pub use kd_tree::KdTree;
 pub(crate) use linear::{covariance, leading_axes, mean};
+pub use neighbor_lists::NeighborLists;
+pub(crate) use neighbor_lists::filled;
 pub use query::{Queries, Sources};
 pub use scan::Scan;
 
@@ -45,7 +45,7 @@ pub trait NeighborIndex: Sync {
         &self,
         queries: &Queries<'_>,
         order: &[u32],
-        found: &mut Found,
+        found: &mut NeighborLists,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError>;
 }
@@ -55,7 +55,7 @@ pub trait NeighborIndex: Sync {
 fn in_blocks(
     order: &[u32],
     size: usize,
-    found: &mut Found,
+    found: &mut NeighborLists,
     monitor: &dyn Monitor,
     search: impl Fn(&[u32]) -> Vec<MemberLists> + Sync,
 ) -> Result<(), KnnError> {

@@ -10,8 +10,8 @@ use pulp::Simd;
 use super::{Queries, Sources};
 use crate::{
     MemberLists,
+    candidate_mask::CandidateMask,
     distance::{Margin, squared_of_four},
-    findable::Findable,
     groups::Groups,
     lists::Candidate,
 };
@@ -27,7 +27,7 @@ const MOST_MET: usize = 512;
 pub(super) struct Pending<'a> {
     state: &'a [f32],
     forbidden: Range<u32>,
-    findable: Findable<'a>,
+    findable: CandidateMask<'a>,
     /// Lists of upper bounds of squared distances: their radius bounds the final one.
     lists: MemberLists,
     /// Another upper bound, from neighbours in time.
@@ -240,11 +240,11 @@ mod tests {
         }
         assert!((MOST_MET / 2..=MOST_MET).contains(&most), "{most}");
         let lists = one.finish(pool);
-        let of = |member| lists.of(member).map(|(t, _)| t).collect::<Vec<_>>();
+        let transitions = |member| lists.of(member).map(|(t, _)| t).collect::<Vec<_>>();
         let even =
             |from: usize| (0..3).map(|i| TransitionIndex::new(from + 2 * i)).collect::<Vec<_>>();
-        assert_eq!(of(1), [0, 2, 4].map(TransitionIndex::new).to_vec());
-        assert_eq!(of(0), []);
-        assert_eq!(of(2), even(0));
+        assert_eq!(transitions(1), [0, 2, 4].map(TransitionIndex::new).to_vec());
+        assert_eq!(transitions(0), []);
+        assert_eq!(transitions(2), even(0));
     }
 }

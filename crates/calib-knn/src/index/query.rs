@@ -3,8 +3,8 @@ use std::ops::Range;
 use calib_core::{RowIndex, States, TransitionIndex, Transitions};
 
 use crate::{
-    Blocks, Exclusion, Found, KnnError, bits::Bits, candidates::Candidates, distance::squared,
-    findable::Findable,
+    Blocks, Exclusion, KnnError, NeighborLists, bits::Bits, candidate_mask::CandidateMask,
+    candidates::Candidates, distance::squared,
 };
 
 /// What is searched: the source state of every transition.
@@ -189,8 +189,8 @@ impl<'a> Queries<'a> {
     }
 
     /// The sources that the queries of each member can find, but for those that are forbidden to a query.
-    pub(crate) fn findable(&self) -> Findable<'a> {
-        Findable::new(self.sources.blocks, self.left_out)
+    pub(crate) fn findable(&self) -> CandidateMask<'a> {
+        CandidateMask::new(self.sources.blocks, self.left_out)
     }
 
     /// Number of queries.
@@ -227,7 +227,7 @@ impl<'a> Queries<'a> {
     }
 
     /// Put the distances that tables hold in place of those that `found`, what was found for the queries `order`, was searched by.
-    pub(crate) fn measure(&self, order: &[u32], found: &mut Found) {
+    pub(crate) fn measure(&self, order: &[u32], found: &mut NeighborLists) {
         if let Some(states) = self.measured() {
             found.measure_again(|place, source| {
                 let row = self.row(order[place] as usize);

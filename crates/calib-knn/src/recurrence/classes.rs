@@ -7,7 +7,7 @@ use super::{
     Halt,
     anchor::Anchor,
     graph::Graph,
-    settle::{Shrinking, Verdict, settle},
+    tarjan::{Shrinking, Verdict, settle},
 };
 use crate::{KnnError, bits::Bits};
 

@@ -2,11 +2,11 @@ use calib_core::RowIndex;
 
 use super::{
     Halt,
-    again::Again,
     exits::{Exits, left_out_of},
     graph::Graph,
     lists::Lists,
-    settle::{Shrinking, Verdict},
+    requery::Requery,
+    tarjan::{Shrinking, Verdict},
 };
 use crate::{
     bits::Bits,
@@ -32,7 +32,7 @@ pub(super) enum Rule {
 /// are come by.
 pub(super) struct Effective<'a> {
     graph: &'a Graph<'a>,
-    again: Again<'a>,
+    again: Requery<'a>,
     rule: Rule,
     /// Transitions of the smallest class that is no trap.
     enough: usize,
@@ -49,7 +49,7 @@ impl<'a> Effective<'a> {
     /// The graph without what is left out so far.
     pub(super) fn new(
         graph: &'a Graph<'a>,
-        again: Again<'a>,
+        again: Requery<'a>,
         rule: Rule,
         enough: usize,
         left_out: Bits,

@@ -7,9 +7,9 @@ use calib_core::RowIndex;
 
 use super::{
     Halt,
-    again::{Again, Distances},
     graph::Graph,
-    settle::{Shrinking, Verdict},
+    requery::{Distances, Requery},
+    tarjan::{Shrinking, Verdict},
 };
 use crate::bits::Bits;
 
@@ -28,7 +28,7 @@ pub(super) fn left_out_of(node: u32, left_out: &Bits, exits: &Exits) -> Bits {
 /// The graph of a member as it becomes while traps are given exits.
 pub(super) struct Leading<'a> {
     pub(super) graph: &'a Graph<'a>,
-    pub(super) again: Again<'a>,
+    pub(super) again: Requery<'a>,
     /// Transitions of the smallest class that is no trap.
     pub(super) enough: usize,
     pub(super) left_out: &'a Bits,

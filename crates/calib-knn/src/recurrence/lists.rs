@@ -4,7 +4,7 @@ use calib_core::RowIndex;
 
 use super::{
     Halt,
-    again::{Again, Distances},
+    requery::{Distances, Requery},
 };
 use crate::{Exclusion, bits::Bits, groups::hash};
 
@@ -49,7 +49,7 @@ impl Lists {
     /// that are likely to be asked for next: searched together they take little longer.
     pub(super) fn first(
         &mut self,
-        again: &Again<'_>,
+        again: &Requery<'_>,
         rows: &[RowIndex],
         k: usize,
         left_out: &[Bits],
@@ -66,7 +66,7 @@ impl Lists {
     /// Search for a longer list of row `key`, and for the first ones of the rows beside it.
     fn search(
         &mut self,
-        again: &Again<'_>,
+        again: &Requery<'_>,
         key: u32,
         beside: &[RowIndex],
         k: usize,
@@ -95,7 +95,7 @@ impl Lists {
     }
 
     /// The row whose list `row` has: the first that was asked for with the same state, unless something is forbidden to it alone.
-    fn key(&mut self, again: &Again<'_>, row: RowIndex) -> u32 {
+    fn key(&mut self, again: &Requery<'_>, row: RowIndex) -> u32 {
         if again.exclusion != Exclusion::default() {
             return row.0;
         }

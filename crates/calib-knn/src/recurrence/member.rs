@@ -5,13 +5,13 @@ use rayon::prelude::*;
 
 use super::{
     ClosedClasses, Ends, Filling, Halt, Made, Recurrence, Recurrent, SHARE,
-    again::{Again, Distances},
     anchor::Anchor,
     classes::{Classes, closed},
     effective::{Effective, Rule},
     exits::{Exits, Leading, left_out_of},
     graph::Graph,
-    settle::settle,
+    requery::{Distances, Requery},
+    tarjan::settle,
 };
 use crate::{KnnError, LeftOut, PART_QUERIES, bits::Bits};
 
@@ -33,7 +33,7 @@ pub(super) struct Survey {
 /// One member whose walks should not be trapped.
 pub(super) struct Member<'a> {
     made: Made<'a>,
-    again: Again<'a>,
+    again: Requery<'a>,
     /// Its transitions that can be neighbours.
     pub(super) candidates: usize,
     /// Transitions of the smallest closed class that is no trap.
@@ -43,7 +43,7 @@ pub(super) struct Member<'a> {
 impl<'a> Member<'a> {
     pub(super) fn new(made: Made<'a>, member: usize) -> Self {
         let Made { planned, sources, exclusion, monitor, .. } = made;
-        let again = Again { planned, sources, exclusion, member, monitor };
+        let again = Requery { planned, sources, exclusion, member, monitor };
         let candidates = again.candidates();
         Self { made, again, candidates, enough: candidates.div_ceil(SHARE) }
     }

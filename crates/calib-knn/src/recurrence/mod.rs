@@ -8,14 +8,13 @@
 //! A closed class of fewer than a tenth of the member's candidates is a *trap*. Its transitions are left out, as candidates only: their own rows of
 //! the table stay. Rows of the table that held them are searched again among what remains, which may close other classes, until none is a trap.
 //! The order does not matter: what is left out changes only rows that hold it, and no row of another closed class does, so that it is still one
-//! afterwards. Hence [`settle`](settle::settle) takes them as it comes by them.
+//! afterwards. Hence [`settle`](tarjan::settle) takes them as it comes by them.
 //!
 //! If more than a tenth of the candidates would be lost so, or there is hardly a loop to begin with, only traps in a standstill are left out (its first rows are everybody's
 //! neighbours, and lead to each other; the last ones, which lead on, take their place), and all others are given exits instead: one row
 //! of each, a dead end if there is one, is searched again among what lies outside; again and again, until none is a trap. Rows of a
 //! standstill but its last do not count as lost. Where that takes too many exits, the table stays as it was found.
 
-mod again;
 mod anchor;
 mod classes;
 mod effective;
@@ -24,9 +23,10 @@ mod graph;
 mod lists;
 mod member;
 mod reaching;
-mod settle;
+mod requery;
 #[cfg(test)]
 mod shapes;
+mod tarjan;
 
 use calib_core::{Cancelled, Monitor, TransitionIndex};
 use calib_files::{Scratch, ScratchPlace};

@@ -4,7 +4,7 @@ use calib_files::ScratchPlace;
 use super::{
     Halt,
     graph::{Graph, Sweep},
-    settle::{Shrinking, Verdict, settle},
+    tarjan::{Shrinking, Verdict, settle},
 };
 use crate::{KnnError, bits::Bits};
 

@@ -7,8 +7,8 @@ use calib_core::{
 };
 use calib_knn::{KnnModel, ModelConfig, Weights};
 use calib_model::{
-    Absent, JumpStatistics, Rollout, RolloutError, Start, StartSource, StartState, Wanted, rollout,
-    rollouts, start_states,
+    Absent, JumpStatistics, RequestedStart, Rollout, RolloutError, Start, StartSource, StartState,
+    rollout, rollouts, start_states,
 };
 use proptest::prelude::*;
 
@@ -85,7 +85,7 @@ fn draws_from_one_state_follow_the_weights() {
     let model = model(&ModelConfig { theiler: 5, neighbors: 4, ..ModelConfig::default() });
     let member = model.member(0);
     let transition = member.nth(200);
-    let wanted = Wanted::Recorded(model.transitions().next(transition));
+    let wanted = RequestedStart::Recorded(model.transitions().next(transition));
     let start = StartState { start: Start::At(transition), wanted, replaced: None };
     let (neighbors, distances) = member.neighbors(transition);
     let mut counts = [0_u32; 4];

@@ -6,7 +6,7 @@ use calib_core::{Monitor, RowIndex, Seed, Silent, States, Timestamp, TransitionI
 use calib_files::ScratchPlace;
 use calib_knn::{Member, ModelConfig, Neighbor, Weights};
 use calib_model::{
-    Absent, RolloutError, Start, StartSource, StartState, Wanted, rollout, start_states,
+    Absent, RequestedStart, RolloutError, Start, StartSource, StartState, rollout, start_states,
     start_states_of_all,
 };
 
@@ -27,19 +27,19 @@ fn recent_starts_are_spread_over_the_latest_rows_or_are_the_nearest_to_them() {
     };
     let first = starts(0, None);
     let rows = first.iter().map(|start| (start.wanted, start.replaced));
-    let last = [440, 420, 430].map(|row| (Wanted::Recorded(RowIndex(row)), None));
+    let last = [440, 420, 430].map(|row| (RequestedStart::Recorded(RowIndex(row)), None));
     assert_eq!(rows.collect::<Vec<_>>(), last);
     // The member that leaves the last block out has none of them.
     for (start, wanted) in starts(4, None).iter().zip(last) {
         assert_eq!(start.wanted, wanted.0);
         assert!(start.replaced.expect("it is replaced") > 0.0);
         let walk = rollout(&model.member(4), start, 0, Weights::Linear, Seed::new(0));
-        let Wanted::Recorded(row) = start.wanted else { panic!("{start:?}") };
+        let RequestedStart::Recorded(row) = start.wanted else { panic!("{start:?}") };
         let near = nearest_to(&model.member(4), row, 1)[0];
         assert_eq!(walk.rows()[0], model.transitions().source(near.transition));
     }
     let before = starts(0, Some(timestamps[300]));
-    assert_eq!(before[0].wanted, Wanted::Recorded(RowIndex(299)));
+    assert_eq!(before[0].wanted, RequestedStart::Recorded(RowIndex(299)));
 }
 
 #[test]
@@ -55,7 +55,7 @@ fn rows_that_the_member_lacks_are_searched_or_replaced() {
             .expect("starts")
     };
     let external = starts(Absent::External);
-    let wanted = Wanted::Recorded(inside);
+    let wanted = RequestedStart::Recorded(inside);
     let there = StartState { start: Start::At(TransitionIndex(4)), wanted, replaced: None };
     assert_eq!(external[0], there);
     assert_eq!(external[3], external[0]);
@@ -97,7 +97,7 @@ fn nearest_starts_are_recorded_states_near_the_deployment() {
         let walk = rollout(&member, start, 1, Weights::Linear, Seed::new(4));
         let which = sources.iter().position(|&row| row == walk.rows()[0]).expect("one of the two");
         assert_eq!(start.replaced, Some(nearest[which][0].distance));
-        assert_eq!(start.wanted, Wanted::Deployment(RowIndex::new(which)));
+        assert_eq!(start.wanted, RequestedStart::Deployment(RowIndex::new(which)));
         seen.insert(which);
     }
     assert_eq!(seen.len(), 2);
@@ -130,7 +130,7 @@ fn calendar_months_choose_rows_before_the_deployment() {
     // January 1970 lies in the block that member 0 leaves out: it is replaced, not refused.
     let january = start_states(&member, source(1, Some(timestamps[200])), 20, Seed::new(1));
     for start in january.expect("starts") {
-        let Wanted::Recorded(row) = start.wanted else { panic!("{start:?}") };
+        let RequestedStart::Recorded(row) = start.wanted else { panic!("{start:?}") };
         assert!(row.0 < 16 && start.replaced.expect("it lacks it") > 0.0, "{start:?}");
     }
     let none = start_states(&member, source(2, Some(timestamps[10])), 1, Seed::new(1));

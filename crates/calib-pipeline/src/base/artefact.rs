@@ -10,7 +10,7 @@ use std::{
 use calib_data::table::{RESULTS_KEY, Table};
 pub(crate) use calib_files::Below;
 use calib_files::{
-    FileError, Fingerprint, Fingerprinter, FolderRecord, LOCK, Lock, Stamp, fingerprint_file,
+    FileError, FileStat, Fingerprint, Fingerprinter, FolderRecord, LOCK, Lock, fingerprint_file,
     link_or_copy, lock, read_sealed_json, remove_file, remove_temporaries, write_sealed_json,
 };
 use serde::{Serialize, de::DeserializeOwned};
@@ -55,9 +55,9 @@ pub(crate) fn fingerprints<'a>(
 
 /// The fingerprint of a file, which is read once in the life of this process as long as it is the same.
 pub(crate) fn fingerprint_once(path: &Path) -> Result<Fingerprint, FileError> {
-    static READ: Mutex<BTreeMap<Stamp, Fingerprint>> = Mutex::new(BTreeMap::new());
+    static READ: Mutex<BTreeMap<FileStat, Fingerprint>> = Mutex::new(BTreeMap::new());
     let known = || READ.lock().unwrap_or_else(PoisonError::into_inner);
-    let Some(stamp) = Stamp::of(path)? else { return fingerprint_file(path) };
+    let Some(stamp) = FileStat::of(path)? else { return fingerprint_file(path) };
     if let Some(found) = known().get(&stamp) {
         return Ok(found.clone());
     }

@@ -7,7 +7,7 @@ use std::{
 
 use calib_core::Timestamp;
 use calib_data::format_time;
-use calib_files::Stamp;
+use calib_files::FileStat;
 
 /// A running stopwatch.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +81,7 @@ fn of_stat(text: &str) -> Option<f64> {
 /// Wait until the next change of files with these stamps gives them others: for files that were not written just now, not
 /// at all.
 #[expect(clippy::disallowed_methods, reason = "how long to wait is no result")]
-pub(crate) fn settle(stamps: impl Iterator<Item = Stamp>) {
+pub(crate) fn settle(stamps: impl Iterator<Item = FileStat>) {
     let since_1970 = |now: Duration| i64::try_from(now.as_nanos()).ok();
     let now = SystemTime::now().duration_since(UNIX_EPOCH).ok().and_then(since_1970);
     let longest = stamps.map(|stamp| stamp.unsettled_ns(now.unwrap_or(0))).max();

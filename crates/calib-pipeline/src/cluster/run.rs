@@ -222,6 +222,10 @@ impl Running<'_> {
         if !writable.load(Ordering::Relaxed) {
             return TaskEnd::LeftOut;
         }
+        // Hundreds of entries would take longer than a batch system waits.
+        if monitor.check().is_err() {
+            return TaskEnd::Stopped;
+        }
         self.diary.begins(&task.name);
         let clock = Stopwatch::start();
         match task.plan.train_ready(&task.ready, &found, sink, monitor) {

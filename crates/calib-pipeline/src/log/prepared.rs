@@ -10,7 +10,7 @@ use std::{
 use calib_core::{Frames, Normaliser, Period};
 use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed, without_times};
 use calib_files::{
-    Fingerprint, ScratchPlace, Stamp, read_sealed_json, remove_empty_folder, remove_file,
+    FileStat, Fingerprint, ScratchPlace, read_sealed_json, remove_empty_folder, remove_file,
     write_sealed_json,
 };
 use calib_study::{Each, Job};
@@ -184,7 +184,7 @@ struct Sources {
 struct Source {
     path: PathBuf,
     #[serde(flatten)]
-    stamp: Option<Stamp>,
+    stamp: Option<FileStat>,
 }
 
 impl Place {
@@ -218,7 +218,7 @@ impl Place {
         let directory = &self.directory;
         let manifest: DatasetManifest = artefact::read(directory)?;
         let sources: Sources = read_sealed_json(&directory.join(SOURCES)).ok()?;
-        let written = Stamp::of(&directory.join(MANIFEST)).ok()??;
+        let written = FileStat::of(&directory.join(MANIFEST)).ok()??;
         let is_same = manifest.key == self.key
             && sources == self.sources
             && sources.files.iter().all(|source| source.was_older_than(&written));
@@ -400,11 +400,11 @@ impl Place {
 
 impl Source {
     fn is_same(&self) -> bool {
-        self.stamp.is_some() && Stamp::of(&self.path).is_ok_and(|stamp| stamp == self.stamp)
+        self.stamp.is_some() && FileStat::of(&self.path).is_ok_and(|stamp| stamp == self.stamp)
     }
 
     /// Whether any later change must have given it another stamp.
-    fn was_older_than(&self, other: &Stamp) -> bool {
+    fn was_older_than(&self, other: &FileStat) -> bool {
         self.stamp.is_some_and(|stamp| {
             stamp.changed_ns.saturating_add(stamp.tick_ns()) < other.changed_ns
         })
@@ -427,7 +427,7 @@ fn sources(data: &DataConfig) -> Result<Sources, StepError> {
     let source = |path: PathBuf| {
         let path =
             fs::canonicalize(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        Ok(Source { stamp: Stamp::of(&path)?, path })
+        Ok(Source { stamp: FileStat::of(&path)?, path })
     };
     Ok(Sources { files: files.map(source).collect::<Result<_, StepError>>()? })
 }

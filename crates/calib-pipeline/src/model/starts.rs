@@ -4,7 +4,7 @@ use calib_core::{Frames, RowIndex, Seed, States, Timestamp};
 use calib_data::{DataConfig, Moment};
 use calib_files::Fingerprint;
 use calib_model::{
-    ModelStart, RolloutConfig, Search, StartKind, StartSource, Wanted, month_of, year_of,
+    ModelStart, RequestedStart, RolloutConfig, Search, StartKind, StartSource, month_of, year_of,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -134,17 +134,20 @@ pub(crate) struct StartSummary {
 
 /// Summaries of all members, from what was asked for and, where another state stands for it, how far that is. States of
 /// a deployment are in no member: one lacks their nearest where another member has a nearer one.
-pub(crate) fn summaries(members: &[Vec<(Wanted, Option<f32>)>]) -> Vec<StartSummary> {
+pub(crate) fn summaries(members: &[Vec<(RequestedStart, Option<f32>)>]) -> Vec<StartSummary> {
     let nearest = |number: usize| {
         let of_all = members.iter().filter_map(|starts| starts.get(number)?.1);
         of_all.fold(f32::INFINITY, f32::min)
     };
-    let of = |starts: &Vec<(Wanted, Option<f32>)>| {
-        let lacks = |&(number, &(wanted, replaced)): &(usize, &(Wanted, Option<f32>))| match wanted
-        {
-            Wanted::Recorded(_) => replaced.is_some(),
-            Wanted::Deployment(_) => replaced.is_some_and(|distance| distance > nearest(number)),
-        };
+    let of = |starts: &Vec<(RequestedStart, Option<f32>)>| {
+        let lacks =
+            |&(number, &(wanted, replaced)): &(usize, &(RequestedStart, Option<f32>))| match wanted
+            {
+                RequestedStart::Recorded(_) => replaced.is_some(),
+                RequestedStart::Deployment(_) => {
+                    replaced.is_some_and(|distance| distance > nearest(number))
+                }
+            };
         let distances: Vec<f64> =
             starts.iter().filter_map(|(_, replaced)| replaced.map(f64::from)).collect();
         let mean = || distances.iter().sum::<f64>() / distances.len() as f64;
@@ -218,7 +221,7 @@ mod tests {
 
     #[test]
     fn a_member_lacks_what_others_have() {
-        let recorded = |replaced| (Wanted::Recorded(RowIndex(1)), replaced);
+        let recorded = |replaced| (RequestedStart::Recorded(RowIndex(1)), replaced);
         let all = summaries(&[vec![recorded(None), recorded(Some(0.5))], vec![recorded(None); 2]]);
         let first = StartSummary {
             starts: 2,
@@ -232,7 +235,7 @@ mod tests {
         );
         assert_eq!(all[1].text(), None);
         // States of the deployment are nobody's: what counts is who has the nearest.
-        let deployed = |distance| (Wanted::Deployment(RowIndex(1)), Some(distance));
+        let deployed = |distance| (RequestedStart::Deployment(RowIndex(1)), Some(distance));
         let all =
             summaries(&[vec![deployed(0.5), deployed(0.25)], vec![deployed(0.5), deployed(1.0)]]);
         let told = |of: &StartSummary| (of.replaced, of.mean_distance, of.largest_distance);

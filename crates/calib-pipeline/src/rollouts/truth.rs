@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use calib_core::{Frames, RowIndex, Timestamp};
-use calib_model::Wanted;
+use calib_model::RequestedStart;
 
 /// Where true trajectories are found.
 #[derive(Clone, Copy)]
@@ -23,7 +23,7 @@ pub(crate) struct Truth<'a> {
 impl<'a> Record<'a> {
     /// What was recorded from `wanted` on, for at most `steps` steps; nothing, if it lies in no deployment that is
     /// there.
-    pub(crate) fn after(&self, wanted: Wanted, steps: usize) -> Truth<'a> {
+    pub(crate) fn after(&self, wanted: RequestedStart, steps: usize) -> Truth<'a> {
         let Some((frames, row)) = self.place(wanted) else {
             return Truth { frames: self.model, rows: 0..0 };
         };
@@ -35,15 +35,15 @@ impl<'a> Record<'a> {
     }
 
     /// When `wanted` was recorded, by which models of different data know it.
-    pub(crate) fn time(&self, wanted: Wanted) -> Option<Timestamp> {
+    pub(crate) fn time(&self, wanted: RequestedStart) -> Option<Timestamp> {
         let (frames, row) = self.place(wanted)?;
         Some(frames.timestamps()[row.get()])
     }
 
-    fn place(&self, wanted: Wanted) -> Option<(&'a Frames, RowIndex)> {
+    fn place(&self, wanted: RequestedStart) -> Option<(&'a Frames, RowIndex)> {
         match wanted {
-            Wanted::Recorded(row) => Some((self.model, row)),
-            Wanted::Deployment(row) => Some((self.deployment?, row)),
+            RequestedStart::Recorded(row) => Some((self.model, row)),
+            RequestedStart::Deployment(row) => Some((self.deployment?, row)),
         }
     }
 }
@@ -61,9 +61,9 @@ impl Truth<'_> {
 }
 
 /// The row that was asked for, of whichever data.
-pub(crate) fn row(wanted: Wanted) -> RowIndex {
+pub(crate) fn row(wanted: RequestedStart) -> RowIndex {
     match wanted {
-        Wanted::Recorded(row) | Wanted::Deployment(row) => row,
+        RequestedStart::Recorded(row) | RequestedStart::Deployment(row) => row,
     }
 }
 
@@ -85,12 +85,15 @@ mod tests {
         let (model, deployment) = (frames(0.0), frames(10.0));
         let record = Record { model: &model, deployment: Some(&deployment) };
         let values = |wanted, steps| record.after(wanted, steps).values(0).collect::<Vec<f32>>();
-        assert_eq!(values(Wanted::Recorded(RowIndex(1)), 1), [1.0, 2.0]);
-        assert_eq!(values(Wanted::Recorded(RowIndex(1)), 9), [1.0, 2.0, 3.0]);
-        assert_eq!(values(Wanted::Deployment(RowIndex(4)), 9), [14.0, 15.0]);
+        assert_eq!(values(RequestedStart::Recorded(RowIndex(1)), 1), [1.0, 2.0]);
+        assert_eq!(values(RequestedStart::Recorded(RowIndex(1)), 9), [1.0, 2.0, 3.0]);
+        assert_eq!(values(RequestedStart::Deployment(RowIndex(4)), 9), [14.0, 15.0]);
         let none = Record { model: &model, deployment: None };
-        assert_eq!(none.after(Wanted::Deployment(RowIndex(4)), 9).len(), 0);
-        assert_eq!(none.time(Wanted::Deployment(RowIndex(4))), None);
-        assert_eq!(none.time(Wanted::Recorded(RowIndex(4))), Some(Timestamp::from_micros(4)));
+        assert_eq!(none.after(RequestedStart::Deployment(RowIndex(4)), 9).len(), 0);
+        assert_eq!(none.time(RequestedStart::Deployment(RowIndex(4))), None);
+        assert_eq!(
+            none.time(RequestedStart::Recorded(RowIndex(4))),
+            Some(Timestamp::from_micros(4))
+        );
     }
 }

@@ -4,7 +4,7 @@
 use calib_core::{Frames, Seed};
 use calib_data::Dataset;
 use calib_files::Fingerprint;
-use calib_model::{CalibrationModel, ModelStart, Search, Wanted, Weights};
+use calib_model::{CalibrationModel, ModelStart, RequestedStart, Search, Weights};
 use calib_study::{Job, Study};
 use calib_sweep::{
     Environment, EnvironmentId, MemberEnvironment, ReplayEnvironment, RolloutOptions, Span, Windows,
@@ -153,7 +153,7 @@ impl Environments {
         let search = Search { place: &place, monitor: &progress };
         let all = starts.of_members(study.member_runs(), search)?;
         drop(progress);
-        let given: Vec<Vec<(Wanted, Option<f32>)>> =
+        let given: Vec<Vec<(RequestedStart, Option<f32>)>> =
             all.iter().map(|starts| starts.iter().map(ModelStart::given).collect()).collect();
         for (number, starts) in all.into_iter().enumerate() {
             described.push(Described::Member { number, starts, inputs: inputs.clone() });

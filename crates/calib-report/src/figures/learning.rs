@@ -44,7 +44,7 @@ impl LearningCurves {
         const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
         let numbers: Option<Vec<f64>> =
             self.curves.iter().map(|curve| curve.value.as_number()).collect();
-        let is_ordered = numbers.is_some_and(|of| of.is_sorted_by(|a, b| a < b));
+        let is_ordered = numbers.is_some_and(|numbers| numbers.is_sorted_by(|a, b| a < b));
         let count = self.curves.len();
         let dashes = if count > ORDERED { DASHES.len() } else { 1 };
         move |place| {

@@ -65,7 +65,8 @@ impl RecordedFigure {
             vec![cell]
         };
         let rows = shown.iter().map(cell).collect();
-        let ranges: Vec<String> = shown.iter().map(|(period, of)| period.heading(of)).collect();
+        let ranges: Vec<String> =
+            shown.iter().map(|(period, extent)| period.heading(extent)).collect();
         let head = Chart {
             title,
             description: format!("{label}. {}.", ranges.join("; ")),
@@ -87,11 +88,11 @@ struct Extent {
 
 impl RecordedPeriod {
     fn extent(&self) -> Option<Extent> {
-        let of = |pick: fn(&(f64, f64)) -> f64| {
+        let ends = |pick: fn(&(f64, f64)) -> f64| {
             let known = self.points.iter().filter(|(_, value)| value.is_finite());
             extent(&known.map(pick).collect::<Vec<_>>())
         };
-        Some(Extent { secs: of(|point| point.0)?, values: of(|point| point.1)? })
+        Some(Extent { secs: ends(|point| point.0)?, values: ends(|point| point.1)? })
     }
 
     /// "april: 2023-04-07 00:00 to 2023-04-13 23:50, between 3.1 and 7.8"
@@ -105,7 +106,7 @@ impl RecordedPeriod {
         let minutes = self
             .times
             .each_ref()
-            .map(|time| time.strip_suffix(":00").filter(|of| of.contains(':')));
+            .map(|time| time.strip_suffix(":00").filter(|minutes| minutes.contains(':')));
         match (minutes, &self.times) {
             ([Some(first), Some(last)], _) => format!("{first} to {last}"),
             (_, [first, last]) => format!("{first} to {last}"),

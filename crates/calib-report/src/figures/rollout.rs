@@ -77,17 +77,19 @@ impl RolloutFigure {
     /// Names of the rollouts that leave the plot somewhere.
     pub(crate) fn runaways(&self) -> Vec<&str> {
         let (low, high) = limits(self.truth.iter());
-        let leaves = |of: &&Trajectory| of.values.iter().any(|&value| value < low || value > high);
-        self.rollouts.iter().filter(leaves).map(|of| of.label.as_str()).collect()
+        let leaves = |trajectory: &&Trajectory| {
+            trajectory.values.iter().any(|&value| value < low || value > high)
+        };
+        self.rollouts.iter().filter(leaves).map(|trajectory| trajectory.label.as_str()).collect()
     }
 
     /// What is drawn, and between which values each curve moves, for those who cannot see it.
     fn description(&self, length: f64) -> String {
-        let range = |of: &Trajectory| match extent(&of.values) {
+        let range = |trajectory: &Trajectory| match extent(&trajectory.values) {
             Some((low, high)) => {
-                format!("{} between {} and {}", of.label, number(low), number(high))
+                format!("{} between {} and {}", trajectory.label, number(low), number(high))
             }
-            None => format!("{} without values", of.label),
+            None => format!("{} without values", trajectory.label),
         };
         let curves: Vec<String> = self.truth.iter().chain(&self.rollouts).map(range).collect();
         format!("{} over {} from the start: {}.", self.sensor, duration(length), curves.join("; "))
@@ -96,9 +98,16 @@ impl RolloutFigure {
     /// Every value of every curve, in the order and the unit of the chart.
     pub(crate) fn details(&self) -> Vec<Detail<'_>> {
         let all = || self.truth.iter().chain(&self.rollouts);
-        let end = |of: &Trajectory| of.period_secs * of.values.len().saturating_sub(1) as f64;
+        let end = |trajectory: &Trajectory| {
+            trajectory.period_secs * trajectory.values.len().saturating_sub(1) as f64
+        };
         let (unit_secs, _) = time_unit(all().map(end).fold(0.0, f64::max));
-        all().map(|of| Detail { step: of.period_secs / unit_secs, values: &of.values }).collect()
+        all()
+            .map(|trajectory| Detail {
+                step: trajectory.period_secs / unit_secs,
+                values: &trajectory.values,
+            })
+            .collect()
     }
 
     /// One plot for each rollout, over the truth: several noisy curves in one plot hide each other.
@@ -144,13 +153,13 @@ pub(super) fn checked_length<'a>(
     title: &str,
 ) -> Result<f64, ReportError> {
     let mut longest = None;
-    for of in all {
-        if of.period_secs <= 0.0 || !of.period_secs.is_finite() {
-            let (trajectory, got) = (of.label.clone(), of.period_secs.to_string());
+    for trajectory in all {
+        if trajectory.period_secs <= 0.0 || !trajectory.period_secs.is_finite() {
+            let (trajectory, got) = (trajectory.label.clone(), trajectory.period_secs.to_string());
             return Err(ReportError::Period { trajectory, got });
         }
-        if let Some(steps) = of.values.len().checked_sub(1) {
-            longest = Some(longest.unwrap_or(0.0_f64).max(of.period_secs * steps as f64));
+        if let Some(steps) = trajectory.values.len().checked_sub(1) {
+            longest = Some(longest.unwrap_or(0.0_f64).max(trajectory.period_secs * steps as f64));
         }
     }
     longest.ok_or_else(|| ReportError::Empty { figure: title.to_owned(), missing: "values" })
@@ -163,7 +172,10 @@ pub(super) fn scale_around<'a>(
     rollouts: impl Iterator<Item = &'a Trajectory>,
 ) -> Scale {
     let (low, high) = limits(truths.clone());
-    let finite = truths.chain(rollouts).flat_map(|of| &of.values).filter(|value| value.is_finite());
+    let finite = truths
+        .chain(rollouts)
+        .flat_map(|trajectory| &trajectory.values)
+        .filter(|value| value.is_finite());
     Scale::linear_around(&finite.map(|value| value.clamp(low, high)).collect::<Vec<_>>())
 }
 

@@ -48,7 +48,7 @@ impl RolloutGrid {
         let length = checked_length(truths().chain(rollouts()), &title)?;
         let (unit_secs, unit_name) = time_unit(length);
         let scale = scale_around(truths(), rollouts());
-        let plot = |of: &Trajectory, column: usize, row: usize| {
+        let plot = |trajectory: &Trajectory, column: usize, row: usize| {
             let (colour, width) =
                 if column == 0 { (Colour::Ink, 1.0) } else { (Colour::Curve(column), 1.0) };
             let is_last = row + 1 == self.rows.len();
@@ -60,7 +60,7 @@ impl RolloutGrid {
                 x: Axis { label: x, scale: Scale::linear(0.0, length / unit_secs) },
                 left: Axis { label: left, scale: scale.clone() },
                 right: None,
-                series: vec![of.series(unit_secs, POINTS, colour, width)],
+                series: vec![trajectory.series(unit_secs, POINTS, colour, width)],
                 rules: Vec::new(),
             }
         };
@@ -68,9 +68,9 @@ impl RolloutGrid {
             let all =
                 std::iter::once(Some(&row.truth)).chain(row.rollouts.iter().map(Option::as_ref));
             all.enumerate()
-                .map(|(column, of)| GridCell {
+                .map(|(column, trajectory)| GridCell {
                     heading: (number == 0).then(|| self.heading(column)),
-                    chart: of.map(|of| plot(of, column, number)),
+                    chart: trajectory.map(|trajectory| plot(trajectory, column, number)),
                 })
                 .collect()
         };

@@ -159,7 +159,7 @@ impl Sensitivity {
                 ""
             },
         );
-        if self.errors.iter().any(|of| of.source == ErrorSource::Evidence) {
+        if self.errors.iter().any(|curve| curve.source == ErrorSource::Evidence) {
             caption.push_str(" Of a model: the geometric mean over the streams that it chose by.");
         }
         if !self.worst_ranks.is_empty() {
@@ -174,8 +174,8 @@ impl Sensitivity {
 impl Sensitivity {
     /// What means are over: "windows".
     fn samples(&self) -> &'static str {
-        let runs = |of: &&ErrorCurve| of.over == Samples::Runs;
-        let counted = |of: &&ErrorCurve| of.source != ErrorSource::Evidence;
+        let runs = |curve: &&ErrorCurve| curve.over == Samples::Runs;
+        let counted = |curve: &&ErrorCurve| curve.source != ErrorSource::Evidence;
         let counted = self.errors.iter().filter(counted);
         match counted.clone().filter(runs).count() {
             0 => "windows",

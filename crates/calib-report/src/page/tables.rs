@@ -72,10 +72,10 @@ fn cell(table: &Table, cells: &[Cell], row: usize, column: usize) -> Markup {
 pub(super) fn statistics(report: &Report) -> Section {
     let jumps = (!report.jumps.is_empty()).then(|| jumps(&report.jumps));
     let (mut body, mut parts) = (Vec::new(), Vec::new());
-    for (index, of) in report.tables.iter().chain(&jumps).enumerate() {
+    for (index, shown) in report.tables.iter().chain(&jumps).enumerate() {
         let id = format!("table-{index}");
-        body.push(table(of, &id));
-        parts.push(Part { id, title: of.title.clone() });
+        body.push(table(shown, &id));
+        parts.push(Part { id, title: shown.title.clone() });
     }
     let body = html! { @for table in body { (table) } };
     Section { id: "tables", title: "The models in numbers", parts, body }

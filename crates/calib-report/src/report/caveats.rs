@@ -10,25 +10,26 @@ pub fn caveats(verdicts: &[Verdict]) -> Vec<String> {
     for verdict in verdicts {
         for caveat in verdict.caveats() {
             match told.iter_mut().find(|(text, _)| *text == caveat) {
-                Some((_, of)) => of.push(verdict),
+                Some((_, about)) => about.push(verdict),
                 None => told.push((caveat, vec![verdict])),
             }
         }
     }
-    told.into_iter().map(|(text, of)| placed(text, &of, verdicts)).collect()
+    told.into_iter().map(|(text, about)| placed(text, &about, verdicts)).collect()
 }
 
 /// A caveat with what it is about, unless it is about everything.
-fn placed(text: String, of: &[&Verdict], all: &[Verdict]) -> String {
-    if of.len() == all.len() {
+fn placed(text: String, noted: &[&Verdict], all: &[Verdict]) -> String {
+    if noted.len() == all.len() {
         return text;
     }
     let mut about: Vec<String> = Vec::new();
-    for verdict in of {
+    for verdict in noted {
         let sensor = &verdict.sensor;
-        let whole =
-            |verdicts: usize| verdicts == all.iter().filter(|of| of.sensor == *sensor).count();
-        let name = if whole(of.iter().filter(|of| of.sensor == *sensor).count()) {
+        let whole = |verdicts: usize| {
+            verdicts == all.iter().filter(|other| other.sensor == *sensor).count()
+        };
+        let name = if whole(noted.iter().filter(|other| other.sensor == *sensor).count()) {
             sensor.clone()
         } else {
             format!("{sensor}, {}", verdict.model)
@@ -44,8 +45,9 @@ fn placed(text: String, of: &[&Verdict], all: &[Verdict]) -> String {
 
 impl Verdict {
     fn caveats(&self) -> Vec<String> {
-        let alike = self.online.as_ref().filter(|of| of.values == Told::Alike && self.values > 1);
-        let alike = alike.filter(|of| !of.stands_still && of.regret.is_some());
+        let alike =
+            self.online.as_ref().filter(|online| online.values == Told::Alike && self.values > 1);
+        let alike = alike.filter(|online| !online.stands_still && online.regret.is_some());
         let alike = alike.map(|_| {
             "on held-out data all values have the same error, so nothing there says which is better, as when the steps that are scored \
              end before the first update: use a larger sweep.steps, or a smaller agent.batch_size"
@@ -78,8 +80,8 @@ mod tests {
             noted("B", "nn", &["few horizons"]),
         ];
         assert_eq!(caveats(&verdicts), ["few horizons", "A: runs diverged", "B, kNN: no update"]);
-        let sensors =
-            ["A", "B", "C"].map(|of| noted(of, "kNN", if of == "C" { &[] } else { &["tie"] }));
+        let sensors = ["A", "B", "C"]
+            .map(|sensor| noted(sensor, "kNN", if sensor == "C" { &[] } else { &["tie"] }));
         assert_eq!(caveats(&sensors), ["A and B: tie"]);
     }
 

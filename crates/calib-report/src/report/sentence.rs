@@ -167,16 +167,17 @@ impl Verdict {
                 "Over {streams} windows of the replayed log its mean logarithm of the error is the smallest; {model} did not count."
             ),
             Reason::OneStandardError { streams, sources } => {
-                let of = sources.of(model);
-                let default = self.alternative(Way::Default).and_then(|of| of.value.as_ref());
+                let source = sources.of(model);
+                let default =
+                    self.alternative(Way::Default).and_then(|default| default.value.as_ref());
                 if default == Some(&self.chosen) {
                     format!(
                         "It is the default, and no other value is better by more than one standard error over {streams} streams \
-                         of {of}."
+                         of {source}."
                     )
                 } else {
                     format!(
-                        "It is better than the default by more than one standard error, over {streams} streams of {of}."
+                        "It is better than the default by more than one standard error, over {streams} streams of {source}."
                     )
                 }
             }

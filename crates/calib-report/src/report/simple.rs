@@ -87,7 +87,8 @@ impl Verdict {
 
     /// "persistence for PIT300".
     pub(super) fn instead(&self) -> String {
-        let name = self.simpler.as_ref().map_or("a simple predictor", |of| of.predictor.label());
+        let name =
+            self.simpler.as_ref().map_or("a simple predictor", |simpler| simpler.predictor.label());
         format!("{name} for {}", self.sensor)
     }
 

@@ -7,7 +7,7 @@ use crate::number::percent;
 /// Whether there are verdicts of several models on the same sensor.
 pub(crate) fn are_of_several_models(verdicts: &[Verdict]) -> bool {
     let has_other = |verdict: &Verdict| {
-        verdicts.iter().any(|of| of.sensor == verdict.sensor && of.model != verdict.model)
+        verdicts.iter().any(|other| other.sensor == verdict.sensor && other.model != verdict.model)
     };
     verdicts.iter().any(has_other)
 }
@@ -22,12 +22,12 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
     if verdicts.len() < 2 {
         return Vec::new();
     }
-    let of = |grades: &[Grade]| -> Vec<&Verdict> {
+    let graded = |grades: &[Grade]| -> Vec<&Verdict> {
         verdicts.iter().copied().filter(|verdict| grades.contains(&verdict.grade)).collect()
     };
-    let (poor, not_learnt) = (of(&[Grade::Poor]), of(&[Grade::NotLearnt]));
-    let mut usable = of(&[Grade::Good, Grade::Fair, Grade::Unchecked]);
-    let arbitrary: Vec<&Verdict> = usable.extract_if(.., |of| of.is_arbitrary()).collect();
+    let (poor, not_learnt) = (graded(&[Grade::Poor]), graded(&[Grade::NotLearnt]));
+    let mut usable = graded(&[Grade::Good, Grade::Fair, Grade::Unchecked]);
+    let arbitrary: Vec<&Verdict> = usable.extract_if(.., |graded| graded.is_arbitrary()).collect();
     let mut sentences = Vec::new();
     if !usable.is_empty() {
         sentences.push(format!("Use {}.", choices(&usable)));
@@ -35,9 +35,9 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
     if !arbitrary.is_empty() {
         sentences.push(format!("No value stands out for {}: all did alike.", sensors(&arbitrary)));
     }
-    let simpler = of(&[Grade::Simpler]);
+    let simpler = graded(&[Grade::Simpler]);
     if !simpler.is_empty() {
-        let each: Vec<String> = simpler.iter().map(|of| of.instead()).collect();
+        let each: Vec<String> = simpler.iter().map(|graded| graded.instead()).collect();
         sentences.push(format!("No agent is needed: use {}.", listed(&each)));
     }
     if !poor.is_empty() {
@@ -68,7 +68,8 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
     }
     let mut lines: Vec<String> = Vec::new();
     for sensor in sensors {
-        let own: Vec<&Verdict> = verdicts.iter().filter(|of| of.sensor == sensor).collect();
+        let own: Vec<&Verdict> =
+            verdicts.iter().filter(|verdict| verdict.sensor == sensor).collect();
         lines.push(agreed(sensor, &own).unwrap_or_else(|| differing(sensor, &own)));
     }
     if verdicts.iter().all(|verdict| verdict.online.is_none()) {
@@ -81,8 +82,8 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
 
 /// What all models choose, if it is the same, or that no value is worth choosing.
 fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
-    let not_learnt = own.iter().all(|of| of.grade == Grade::NotLearnt);
-    if not_learnt && own.iter().all(|of| of.hardly_varies()) {
+    let not_learnt = own.iter().all(|verdict| verdict.grade == Grade::NotLearnt);
+    if not_learnt && own.iter().all(|verdict| verdict.hardly_varies()) {
         return Some(format!(
             "{sensor} hardly varies in the held-out windows, and no value predicts it better than their own means would, whichever \
              model chooses: nothing to deploy on this evidence."
@@ -94,8 +95,8 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
         ));
     }
     let (first, others) = own.split_first()?;
-    let same = |of: &&Verdict| of.chosen == first.chosen && of.field == first.field;
-    let alike = |of: &&Verdict| of.grade == first.grade;
+    let same = |verdict: &&Verdict| verdict.chosen == first.chosen && verdict.field == first.field;
+    let alike = |verdict: &&Verdict| verdict.grade == first.grade;
     if !others.iter().all(same) || !others.iter().all(alike) {
         return None;
     }
@@ -143,7 +144,7 @@ fn differing(sensor: &str, own: &[&Verdict]) -> String {
 }
 
 fn sensors(verdicts: &[&Verdict]) -> String {
-    listed(&verdicts.iter().map(|of| of.sensor.clone()).collect::<Vec<_>>())
+    listed(&verdicts.iter().map(|verdict| verdict.sensor.clone()).collect::<Vec<_>>())
 }
 
 fn regret(verdict: &Verdict) -> Option<f64> {

@@ -12,7 +12,7 @@ mod kernel;
 mod spread;
 mod tree;
 
-use super::{Found, NeighborIndex, Queries, Sources, pending::Pool};
+use super::{NeighborIndex, NeighborLists, Queries, Sources, pending::Pool};
 use crate::{KnnError, distance::Margin, groups::Groups};
 use block::{Band, Limit, QUERIES};
 use embedding::Embedding;
@@ -287,7 +287,7 @@ impl NeighborIndex for Join<'_> {
         &self,
         queries: &Queries<'_>,
         order: &[u32],
-        found: &mut Found,
+        found: &mut NeighborLists,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
         let (k, arch) = (found.k(), Arch::new());
@@ -359,10 +359,10 @@ mod tests {
             let band = Band { join: &join, queries, blocks, k: 5, limit, monitor: &Silent };
             let levels = at_every_level(band);
             let lists = |level: &block::Searched| -> Vec<Vec<_>> {
-                let of = |lists: &crate::MemberLists| {
+                let of_members = |lists: &crate::MemberLists| {
                     (0..3).flat_map(|m| lists.of(m).collect::<Vec<_>>()).collect()
                 };
-                level.lists.iter().map(of).collect()
+                level.lists.iter().map(of_members).collect()
             };
             for level in &levels[1..] {
                 assert_eq!(lists(level), lists(&levels[0]));

@@ -6,7 +6,7 @@
 mod kernel;
 
 use super::{
-    Found, NeighborIndex, Queries, Sources, in_blocks,
+    NeighborIndex, NeighborLists, Queries, Sources, in_blocks,
     pending::{Pending, Pool},
 };
 use crate::{KnnError, MemberLists, distance::Margin, groups::Groups};
@@ -239,7 +239,7 @@ impl NeighborIndex for Scan<'_> {
         &self,
         queries: &Queries<'_>,
         order: &[u32],
-        found: &mut Found,
+        found: &mut NeighborLists,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
         let (k, arch) = (found.k(), Arch::new());

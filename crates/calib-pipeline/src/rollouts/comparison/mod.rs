@@ -11,7 +11,7 @@ mod tables;
 
 use calib_core::{Monitor as _, Timestamp};
 use calib_dtw::{PatternSet, Settings, StepPattern};
-use calib_model::{Trajectory, Wanted};
+use calib_model::{RequestedStart, Trajectory};
 use calib_stats::ClusterSummary;
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -110,7 +110,7 @@ pub(crate) struct Compared {
 struct Job<'a> {
     member: usize,
     rollout: usize,
-    wanted: Wanted,
+    wanted: RequestedStart,
     start: Timestamp,
     trajectory: &'a Trajectory,
     recorded: Truth<'a>,
@@ -171,7 +171,7 @@ pub(crate) fn compare(
 }
 
 fn is_of_deployment(trajectory: &Trajectory) -> bool {
-    matches!(trajectory.start().0, Wanted::Deployment(_))
+    matches!(trajectory.start().0, RequestedStart::Deployment(_))
 }
 
 fn step_patterns() -> Result<Vec<StepPattern>, StepError> {

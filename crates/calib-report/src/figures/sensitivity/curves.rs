@@ -15,7 +15,7 @@ impl Sensitivity {
         order.sort_by(|&a, &b| positions[a].total_cmp(&positions[b]));
         let scores = self.errors.iter().enumerate().map(|(index, curve)| {
             let before = &self.errors[..index];
-            let alike = before.iter().filter(|of| of.source == curve.source).count();
+            let alike = before.iter().filter(|other| other.source == curve.source).count();
             let point =
                 |&place: &usize| score_point(positions[place], curve.summaries[place].as_ref());
             score_series(curve, alike, order.iter().map(point).collect())

@@ -48,7 +48,11 @@ impl Sensitivity {
         let mean = |label: &str| format!("{label}, mean {}", self.score.name);
         let errors = self.errors.iter().map(|curve| Surface {
             label: mean(&curve.label),
-            values: curve.summaries.iter().map(|of| of.map_or(f64::NAN, |of| of.mean)).collect(),
+            values: curve
+                .summaries
+                .iter()
+                .map(|summary| summary.map_or(f64::NAN, |summary| summary.mean))
+                .collect(),
             direction: self.score.direction,
         });
         let ranks = self.worst_ranks.iter().map(|curve| Surface {
@@ -63,12 +67,12 @@ impl Sensitivity {
     /// ([`calib_stats::importance`]): of logarithms where all are positive, with what diverged as bad as the worst that did not.
     pub(crate) fn importances(&self) -> Importances {
         let surfaces = self.surfaces();
-        let of = |dimension: &&Dimension| {
+        let importances = |dimension: &&Dimension| {
             let (_, groups) = dimension.distinct();
             let shares = surfaces.iter().map(|surface| surface.explained(&groups)).collect();
             (dimension.field.clone(), shares)
         };
-        let shares = self.varied().iter().map(of).collect();
+        let shares = self.varied().iter().map(importances).collect();
         Importances { labels: surfaces.into_iter().map(|surface| surface.label).collect(), shares }
     }
 
@@ -78,7 +82,8 @@ impl Sensitivity {
         let mut order = self.varied();
         let surfaces = self.surfaces();
         let Some(first) = surfaces.first() else { return Vec::new() };
-        let share = |of: &&Dimension| first.explained(&of.distinct().1).unwrap_or(0.0);
+        let share =
+            |dimension: &&Dimension| first.explained(&dimension.distinct().1).unwrap_or(0.0);
         // Stable: of those that matter alike the first of the grid comes first.
         order.sort_by(|a, b| share(b).total_cmp(&share(a)));
         let [rows, columns, ..] = order.as_slice() else { return Vec::new() };
@@ -90,7 +95,7 @@ impl Surface {
     fn explained(&self, groups: &[usize]) -> Option<f64> {
         let known = self.values.iter().zip(groups).filter(|(value, _)| !value.is_nan());
         let (values, groups): (Vec<f64>, Vec<usize>) =
-            known.map(|(&value, &of)| (value, of)).unzip();
+            known.map(|(&value, &row)| (value, row)).unzip();
         let finite = || values.iter().copied().filter(|value| value.is_finite());
         let positive = finite().all(|value| value > 0.0);
         let scaled = |value: f64| if positive { value.ln() } else { value };
@@ -113,8 +118,10 @@ impl Surface {
             .map(|row| (0..column_values.len()).map(|column| best(row, column)).collect())
             .collect();
         let places = Places::of(values.iter().flatten().flatten().copied(), self.direction);
-        let is_chosen =
-            |row, column| chosen.is_some_and(|of| row_of[of] == row && column_of[of] == column);
+        let is_chosen = |row, column| {
+            chosen
+                .is_some_and(|candidate| row_of[candidate] == row && column_of[candidate] == column)
+        };
         let cell = |row, column, value: Option<f64>| {
             value.map(|value| HeatCell {
                 value,
@@ -122,9 +129,9 @@ impl Surface {
                 is_chosen: is_chosen(row, column),
             })
         };
-        let cells = values.iter().enumerate().map(|(row, of)| {
-            let of = of.iter().enumerate();
-            of.map(|(column, value)| cell(row, column, *value)).collect()
+        let cells = values.iter().enumerate().map(|(row, row_values)| {
+            let row_values = row_values.iter().enumerate();
+            row_values.map(|(column, value)| cell(row, column, *value)).collect()
         });
         let (row_order, rows_sorted) = sorted(&row_values);
         let (column_order, columns_sorted) = sorted(&column_values);
@@ -167,9 +174,9 @@ impl Places {
         let finite: Vec<f64> = values.filter(|value| value.is_finite()).collect();
         let logarithmic = finite.iter().all(|value| *value > 0.0);
         let end = |best: bool| {
-            let of = finite.iter().copied();
+            let values = finite.iter().copied();
             let compare = |a: &f64, b: &f64| direction.compare(*a, *b);
-            if best { of.min_by(compare) } else { of.max_by(compare) }.unwrap_or(f64::NAN)
+            if best { values.min_by(compare) } else { values.max_by(compare) }.unwrap_or(f64::NAN)
         };
         Self { best: end(true), worst: end(false), logarithmic }
     }
@@ -237,7 +244,7 @@ mod tests {
     #[test]
     fn slices_go_through_the_choice() {
         let slices = grid().slices();
-        let fields: Vec<&str> = slices.iter().map(|of| of.field.as_str()).collect();
+        let fields: Vec<&str> = slices.iter().map(|slice| slice.field.as_str()).collect();
         assert_eq!(fields, ["learning_rate", "batch_size"]);
         // With batch_size = 16: rates 0.1 and 0.01.
         assert_eq!(slices[0].values, [Setting::Number(0.1), Setting::Number(0.01)]);

@@ -211,7 +211,8 @@ impl Sensitivity {
         let expected = self.values.len();
         let errors = self.errors.iter().map(|curve| (&curve.label, curve.summaries.len()));
         let ranks = self.worst_ranks.iter().map(|curve| (&curve.label, curve.worst_ranks.len()));
-        let dimensions = self.dimensions.iter().map(|of| (&of.field, of.values.len()));
+        let dimensions =
+            self.dimensions.iter().map(|dimension| (&dimension.field, dimension.values.len()));
         for (curve, got) in errors.chain(ranks).chain(dimensions) {
             if got != expected {
                 let (figure, curve) = (title.to_owned(), curve.clone());

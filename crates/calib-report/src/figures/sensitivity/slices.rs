@@ -25,7 +25,7 @@ impl Dimension {
 impl Sensitivity {
     /// The hyperparameters that take more than one value, if there are several.
     pub(crate) fn varied(&self) -> Vec<&Dimension> {
-        let varied = self.dimensions.iter().filter(|of| of.distinct().0.len() > 1);
+        let varied = self.dimensions.iter().filter(|dimension| dimension.distinct().0.len() > 1);
         let varied: Vec<&Dimension> = varied.collect();
         if varied.len() > 1 { varied } else { Vec::new() }
     }
@@ -42,10 +42,10 @@ impl Sensitivity {
         let Some(centre) = self.chosen.or_else(|| self.best()) else { return Vec::new() };
         let varied = self.varied();
         let slice = |along: &&Dimension| {
-            let others = varied.iter().filter(|of| of.field != along.field);
+            let others = varied.iter().filter(|dimension| dimension.field != along.field);
             let others: Vec<&&Dimension> = others.collect();
             let is_on = |place: &usize| {
-                others.iter().all(|of| of.values.get(*place) == of.values.get(centre))
+                others.iter().all(|other| other.values.get(*place) == other.values.get(centre))
             };
             let places: Vec<usize> = (0..self.values.len()).filter(is_on).collect();
             let values = places.iter().map(|&place| along.values[place].clone());
@@ -61,7 +61,8 @@ impl Sensitivity {
         let places = 0..self.values.len();
         match (self.errors.first(), self.worst_ranks.first()) {
             (Some(curve), _) => {
-                let mean = |place: usize| curve.summaries[place].as_ref().map(|of| of.mean);
+                let mean =
+                    |place: usize| curve.summaries[place].as_ref().map(|summary| summary.mean);
                 let known = places.filter_map(|place| Some((place, mean(place)?)));
                 let known = known.filter(|(_, mean)| !mean.is_nan());
                 known.min_by(|a, b| direction.compare(a.1, b.1)).map(|(place, _)| place)
@@ -73,7 +74,8 @@ impl Sensitivity {
 
     /// The combinations at `places`, which are told apart by `values` of `field`.
     fn restricted(&self, field: String, values: Vec<Setting>, places: &[usize]) -> Self {
-        let among = |of: Option<usize>| places.iter().position(|&place| Some(place) == of);
+        let among =
+            |candidate: Option<usize>| places.iter().position(|&place| Some(place) == candidate);
         let errors = self.errors.iter().map(|curve| {
             let summaries = places.iter().map(|&place| curve.summaries[place]).collect();
             ErrorCurve { summaries, ..curve.clone() }

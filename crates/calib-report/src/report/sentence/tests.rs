@@ -218,7 +218,7 @@ On held-out data (whole runs of 4 windows, 8 runs) every value diverged, so ther
 fn one_window_cannot_be_compared() {
     let mut verdict = Verdict { grade: Grade::Fair, ..verdict() };
     verdict.online.as_mut().unwrap().windows = 1;
-    verdict.alternatives.retain(|of| of.way != Way::AnotherWindow);
+    verdict.alternatives.retain(|alternative| alternative.way != Way::AnotherWindow);
     let reasons = verdict.reasons(&Score::nrmse()).join("\n");
     assert!(reasons.contains("cannot be told: only one window was held out."), "{reasons}");
 }

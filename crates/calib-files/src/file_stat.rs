@@ -8,7 +8,7 @@ use crate::FileError;
 /// every write changes at least `changed_ns`, which programs cannot set. Two writes within one tick of the clock of the
 /// file system have the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Stamp {
+pub struct FileStat {
     /// Size.
     pub bytes: u64,
     /// Time of the last change of its content, in nanoseconds since 1970.
@@ -19,7 +19,7 @@ pub struct Stamp {
     pub inode: u64,
 }
 
-impl Stamp {
+impl FileStat {
     /// The stamp of a file; none where the system does not tell when a file was changed, or tells of a year beyond 2262.
     ///
     /// # Errors
@@ -47,12 +47,12 @@ impl Stamp {
     }
 }
 
-fn known(found: &fs::Metadata) -> Option<Stamp> {
+fn known(found: &fs::Metadata) -> Option<FileStat> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt as _;
         let since_1970 = |secs: i64, ns: i64| secs.checked_mul(1_000_000_000)?.checked_add(ns);
-        Some(Stamp {
+        Some(FileStat {
             bytes: found.len(),
             modified_ns: since_1970(found.mtime(), found.mtime_nsec())?,
             changed_ns: since_1970(found.ctime(), found.ctime_nsec())?,
@@ -77,27 +77,32 @@ mod tests {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("a");
         fs::write(&path, b"content").expect("written");
-        let before = Stamp::of(&path).expect("there").expect("known");
-        assert_eq!(Stamp::of(&path).expect("there"), Some(before));
+        let before = FileStat::of(&path).expect("there").expect("known");
+        assert_eq!(FileStat::of(&path).expect("there"), Some(before));
         thread::sleep(Duration::from_nanos(before.unsettled_ns(before.changed_ns)));
         fs::write(&path, b"Content").expect("written");
         let time = fs::File::options().write(true).open(&path).expect("there");
         let earlier = UNIX_EPOCH + Duration::from_nanos(before.modified_ns as u64);
         time.set_modified(earlier).expect("ours");
-        let after = Stamp::of(&path).expect("there").expect("known");
+        let after = FileStat::of(&path).expect("there").expect("known");
         assert_eq!((after.bytes, after.modified_ns), (before.bytes, before.modified_ns));
         assert!(after.changed_ns > before.changed_ns + before.tick_ns());
-        assert!(Stamp::of(&directory.path().join("b")).is_err());
+        assert!(FileStat::of(&directory.path().join("b")).is_err());
     }
     #[test]
     fn what_was_written_long_ago_is_settled() {
-        let of = |changed_ns| Stamp { bytes: 1, modified_ns: changed_ns, changed_ns, inode: 1 };
-        let stamp = of(7_000_000_001);
+        let changed_at =
+            |changed_ns| FileStat { bytes: 1, modified_ns: changed_ns, changed_ns, inode: 1 };
+        let stamp = changed_at(7_000_000_001);
         let tick = stamp.tick_ns();
         assert_eq!(stamp.unsettled_ns(stamp.changed_ns + 2 * tick), 0);
         assert_eq!(stamp.unsettled_ns(stamp.changed_ns + 2 * tick - 5), 5);
         assert_eq!(stamp.unsettled_ns(0), 2 * tick.unsigned_abs(), "a clock that is behind");
-        assert_eq!(of(7_000_000_000).unsettled_ns(7_000_000_000), 4_000_000_000, "whole seconds");
-        assert_eq!(of(i64::MAX).unsettled_ns(i64::MIN), 2 * tick.unsigned_abs());
+        assert_eq!(
+            changed_at(7_000_000_000).unsettled_ns(7_000_000_000),
+            4_000_000_000,
+            "whole seconds"
+        );
+        assert_eq!(changed_at(i64::MAX).unsettled_ns(i64::MIN), 2 * tick.unsigned_abs());
     }
 }

@@ -3,14 +3,14 @@ use calib_core::{Monitor, RowIndex, States, TransitionIndex};
 use crate::{
     Exclusion, KnnError, PART_QUERIES,
     bits::Bits,
-    index::{Found, Planned, Queries, Sources},
+    index::{NeighborLists, Planned, Queries, Sources},
 };
 
 /// Searches for what a member's transitions lead to where something is left out, with the structure that found its table.
 ///
 /// A leaf budget does not count here: what is searched again is found exactly, so that it does not depend on its company.
 #[derive(Clone, Copy)]
-pub(super) struct Again<'a> {
+pub(super) struct Requery<'a> {
     pub(super) planned: &'a Planned<'a>,
     pub(super) sources: &'a Sources<'a>,
     pub(super) exclusion: Exclusion,
@@ -40,7 +40,7 @@ impl Monitor for Quiet<'_> {
     }
 }
 
-impl Again<'_> {
+impl Requery<'_> {
     /// What is left out of this member, as searches are told.
     pub(super) fn of_member(&self, left_out: Bits) -> Vec<Bits> {
         let mut all = vec![Bits::default(); self.sources.blocks().members()];
@@ -108,7 +108,7 @@ impl Again<'_> {
         let queries = Queries::rows(self.sources, rows, self.member, exclusion).without(left_out);
         let order = self.planned.index.order(&queries);
         for part in order.chunks(PART_QUERIES) {
-            let mut found = Found::new(part.len(), queries.members(), k);
+            let mut found = NeighborLists::new(part.len(), queries.members(), k);
             self.planned.index.search(&queries, part, &mut found, &Quiet(self.monitor))?;
             if distances == Distances::Stored {
                 queries.measure(part, &mut found);

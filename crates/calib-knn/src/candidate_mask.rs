@@ -6,13 +6,13 @@ use crate::{Blocks, bits::Bits};
 
 /// Which sources the queries of each member can find: the member's transitions, without those that are left out.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Findable<'a> {
+pub(crate) struct CandidateMask<'a> {
     blocks: &'a Blocks,
     /// What is left out in each member; members beyond the last leave nothing out.
     left_out: &'a [Bits],
 }
 
-impl<'a> Findable<'a> {
+impl<'a> CandidateMask<'a> {
     /// The transitions of these blocks without what is left out.
     pub(crate) fn new(blocks: &'a Blocks, left_out: &'a [Bits]) -> Self {
         Self { blocks, left_out }

@@ -6,7 +6,7 @@ use crate::{KnnError, MemberLists, distance::stored};
 ///
 /// Lists that were not wanted, and the ends of short ones, hold `u32::MAX` and `+∞`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct NeighborLists {
     members: usize,
     k: usize,
     neighbors: Vec<u32>,
@@ -25,7 +25,7 @@ pub(crate) fn filled<T: Copy>(cells: usize, value: T) -> Result<Vec<T>, KnnError
     Ok(all)
 }
 
-impl Found {
+impl NeighborLists {
     /// Nothing yet, for `queries` queries.
     pub fn new(queries: usize, members: usize, k: usize) -> Self {
         let cells = queries * members * k;
@@ -138,7 +138,7 @@ impl Found {
     }
 }
 
-/// A part of a [`Found`] that one task fills.
+/// A part of a [`NeighborLists`] that one task fills.
 #[derive(Debug)]
 pub(crate) struct Piece<'a> {
     stride: usize,

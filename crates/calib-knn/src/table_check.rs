@@ -183,6 +183,8 @@ mod tests {
         let strict = Shortcuts { prototypes: 6, ..SHORTCUTS };
         let found = faults(&model(), strict, 10, Seed::new(2));
         assert!(!found.is_empty());
-        assert!(found.iter().all(|of| matches!(of.2, Fault::NoPrototype { prototypes: 6, .. })));
+        assert!(
+            found.iter().all(|fault| matches!(fault.2, Fault::NoPrototype { prototypes: 6, .. }))
+        );
     }
 }
