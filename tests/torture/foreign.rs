@@ -127,12 +127,9 @@ fn acts() -> Vec<Act> {
         Act::of(&["evaluate", "--runs", "runs.parquet", "--output", "out"], &[LOGS])
             .without_force()
             .at(with_runs),
-        Act::of(
-            &["validity", "study.toml", "--output", "out"],
-            &[LOGS, MODEL],
-        )
-        .without_force()
-        .at(neighbours),
+        Act::of(&["validity", "study.toml", "--output", "out"], &[LOGS, MODEL])
+            .without_force()
+            .at(neighbours),
     ]
 }
 
