@@ -393,6 +393,18 @@ fn forged_results_are_refused_with_what_to_do() {
     assert!(refused.contains("--force"), "{refused}");
     place.calib(&["rollout", "study.toml", "--force"]).succeeds();
 
+    let profile = results.join("model/profile.json");
+    let text = fs::read_to_string(&profile).expect("readable");
+    fs::write(&profile, text.replacen("null_timestamps", "timestamps", 1)).expect("writable");
+    forge(&results.join("model/manifest.json"), |model| {
+        model["files"]["profile.json"] =
+            json!(calib_files::fingerprint_file(&profile).expect("readable"));
+    });
+    let refused = place.calib(&["rollout", "study.toml", "--force"]).fails(2);
+    assert!(refused.contains("build-model STUDY --force` makes it again"), "{refused}");
+    place.calib(&["build-model", "study.toml", "--force"]).succeeds();
+    place.calib(&["rollout", "study.toml"]).succeeds();
+
     place.calib(&["evaluate", "study.toml"]).succeeds();
     let again = place.content("study-results");
     for (name, bytes) in before {
