@@ -130,7 +130,10 @@ fn what_belongs_to_others_stays() {
     place.write("theirs/units/P/online/notes.txt", "theirs");
     symlink(at("theirs"), at("study-results/sweep")).expect("linked");
     let refused = place.calib(&["sweep", "study.toml", "--force"]).fails(2);
-    assert!(refused.contains("holds units, which calib did not write"), "{refused}");
+    assert!(
+        refused.contains("holds units/P/online/notes.txt, which calib did not write"),
+        "{refused}"
+    );
     assert!(at("theirs/units/P/online/notes.txt").exists());
     // Days that no simulation wrote.
     fs::create_dir(at("logs")).expect("made");
