@@ -169,7 +169,9 @@ fn of_several_plannings_of_one_folder_one_succeeds() {
             let told = String::from_utf8_lossy(&output.stderr).into_owned();
             assert_eq!(output.status.code(), Some(2), "{told}");
             let is_told = told.contains("is a plan already") || told.contains("another calib");
-            assert!(is_told, "{told}");
+            // Without locks, what one writes may be what another one has just removed.
+            let is_gone = fault == "lockless" && told.contains("plan-lockless/inputs");
+            assert!(is_told || is_gone, "{told}");
         }
         assert_eq!(status(&place, &plan).0, 4, "it is whole, and nothing is done");
     }

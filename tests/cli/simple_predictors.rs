@@ -43,7 +43,8 @@ fn an_agent_that_does_not_learn_has_the_error_of_its_baseline() {
 
 #[test]
 fn every_choice_says_what_to_do() {
-    let summary = summary(&Place::with_study());
+    let place = Place::with_study();
+    let summary = summary(&place);
     for choice in summary["choices"].as_array().expect("a list") {
         let is_beaten = choice["grade"] == "simpler";
         assert_eq!(choice["recommendation"] == "use_simple_predictor", is_beaten, "{choice}");
@@ -54,6 +55,24 @@ fn every_choice_says_what_to_do() {
     }
     let text = summary["advice"].to_string();
     assert!(text.contains("NRMSE of simple predictors"), "{text}");
+    // Whoever reads the page is told the same grades.
+    let page = place.path().join("study-results/report.html");
+    let page = fs::read_to_string(page).expect("a report");
+    let shown: Vec<&str> = page
+        .split("<article class=\"card ")
+        .skip(1)
+        .filter_map(|card| card.split_once('"').map(|(class, _)| class))
+        .collect();
+    let grades: Vec<&str> = summary["choices"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .map(|choice| match choice["grade"].as_str().expect("a grade") {
+            "not_learnt" => "poor",
+            grade => grade,
+        })
+        .collect();
+    assert_eq!(shown, grades);
 }
 
 #[test]

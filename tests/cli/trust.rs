@@ -130,7 +130,10 @@ fn what_belongs_to_others_stays() {
     place.write("theirs/units/P/online/notes.txt", "theirs");
     symlink(at("theirs"), at("study-results/sweep")).expect("linked");
     let refused = place.calib(&["sweep", "study.toml", "--force"]).fails(2);
-    assert!(refused.contains("holds units, which calib did not write"), "{refused}");
+    assert!(
+        refused.contains("holds units/P/online/notes.txt, which calib did not write"),
+        "{refused}"
+    );
     assert!(at("theirs/units/P/online/notes.txt").exists());
     // Days that no simulation wrote.
     fs::create_dir(at("logs")).expect("made");
@@ -392,6 +395,18 @@ fn forged_results_are_refused_with_what_to_do() {
     assert!(refused.contains("sample period of -0 s"), "{refused}");
     assert!(refused.contains("--force"), "{refused}");
     place.calib(&["rollout", "study.toml", "--force"]).succeeds();
+
+    let profile = results.join("model/profile.json");
+    let text = fs::read_to_string(&profile).expect("readable");
+    fs::write(&profile, text.replacen("null_timestamps", "timestamps", 1)).expect("writable");
+    forge(&results.join("model/manifest.json"), |model| {
+        model["files"]["profile.json"] =
+            json!(calib_files::fingerprint_file(&profile).expect("readable"));
+    });
+    let refused = place.calib(&["rollout", "study.toml", "--force"]).fails(2);
+    assert!(refused.contains("build-model STUDY --force` makes it again"), "{refused}");
+    place.calib(&["build-model", "study.toml", "--force"]).succeeds();
+    place.calib(&["rollout", "study.toml"]).succeeds();
 
     place.calib(&["evaluate", "study.toml"]).succeeds();
     let again = place.content("study-results");

@@ -149,6 +149,17 @@ impl ControlConfig {
         }
         columns
     }
+
+    /// The key of `[control]` that names one of these columns.
+    pub fn key_of(&self, column: &str) -> &'static str {
+        let is_it = |of: &String| of == column;
+        match self {
+            _ if self.actions.iter().any(is_it) => "actions",
+            _ if self.reward.columns().any(is_it) => "reward",
+            _ if self.terminal.as_ref().is_some_and(is_it) => "terminal",
+            _ => "probability",
+        }
+    }
 }
 
 #[cfg(test)]

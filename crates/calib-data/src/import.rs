@@ -128,7 +128,7 @@ fn group_rows(columns: usize) -> usize {
 /// Memory that writing takes: for each column, and for each column in each row group what the footer says of it.
 fn writer_bytes(rows: usize, columns: usize) -> u64 {
     const COLUMN: u64 = 12 << 10;
-    const CHUNK: u64 = 1 << 9;
+    const CHUNK: u64 = 1 << 11;
     let groups = rows.div_ceil(group_rows(columns)) as u64;
     (columns as u64).saturating_mul(groups.saturating_mul(CHUNK).saturating_add(COLUMN))
 }

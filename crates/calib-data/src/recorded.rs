@@ -32,10 +32,12 @@ impl Surveyed {
         for name in names {
             let found = log.channels.iter().position(|channel| channel.name == *name);
             let Some(channel) = found else {
-                return Err(DataError::NoSuchColumn {
-                    name: name.clone(),
-                    hint: hint(name, all()),
-                });
+                let mut hint = hint(name, all());
+                if hint.is_empty() {
+                    let some: Vec<&str> = all().take(SHOWN).collect();
+                    hint = format!("; give one of its columns, such as {}", some.join(", "));
+                }
+                return Err(DataError::NoSuchColumn { name: name.clone(), hint });
             };
             if !log.channels[channel].readable {
                 let type_name = log.channels[channel].type_name.clone();

@@ -131,6 +131,11 @@ impl FolderRecord {
             }
             let path = self.folder.join(&name);
             if fs::symlink_metadata(&path).is_ok() {
+                // Where there are no locks, another calib may have noted and written it meanwhile.
+                self.names.extend(Self::read(&self.folder)?.names);
+                if self.has(&name) {
+                    continue;
+                }
                 return Err(FileError::Foreign { path });
             }
             new.push(name);
@@ -295,6 +300,19 @@ mod tests {
         record.note(["last"]).expect("not there");
         let names = FolderRecord::read(folder).expect("readable");
         assert!(names.has("last") && names.has("ours") && !names.has("further"));
+    }
+
+    #[test]
+    fn what_another_calib_has_noted_meanwhile_is_calibs() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let folder = directory.path();
+        let mut one = FolderRecord::open_own(folder).expect("nothing is there");
+        let mut other = FolderRecord::open_own(folder).expect("nothing is there");
+        one.note(["ours"]).expect("not there");
+        write(folder, "ours");
+        other.note(["ours"]).expect("noted by the other one");
+        write(folder, "theirs");
+        assert!(other.note(["theirs"]).is_err());
     }
 
     #[test]

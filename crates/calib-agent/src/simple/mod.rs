@@ -28,10 +28,10 @@ pub enum SimplePredictor {
     /// Least squares on the sensor's latest values; how many is decided by cross-validation.
     Autoregression,
     /// Ridge regression on all columns of the state, by the penalty that cross-validation chooses. The intercept and the
-    /// predicted sensor itself are not penalised, so that a large penalty gives [`Self::Line`].
+    /// predicted sensor itself are not penalised, so that a large penalty gives a line.
     Ridge,
     /// Least-squares TD on all columns of the state (Bradtke and Barto 1996): the linear predictor that TD(0) converges to.
-    /// Penalised and chosen as [`Self::Ridge`].
+    /// Penalised and chosen as ridge regression.
     #[serde(rename = "least_squares_td")]
     LeastSquaresTd,
     /// The one of these that predicts later folds of the log best when it is fitted on the earlier ones, as it will be when

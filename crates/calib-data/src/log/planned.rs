@@ -215,7 +215,7 @@ fn grid_rows(
 }
 
 /// More values than this are not made of a thousandth of them: what would come of it is what was recorded, again and again.
-const MANY: u64 = 10_000_000_000;
+const MANY: u64 = 2_000_000_000;
 
 fn refuse_too_fine(
     rows: usize,

@@ -2,7 +2,7 @@ use calib_control::{
     ActionModel, Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts,
 };
 use calib_core::{Bounds, RowIndex, States};
-use calib_data::{DataConfig, Resample, entry_of};
+use calib_data::{DataConfig, DataError, Resample, Surveyed, entry_of};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_stats::quantile;
 use calib_study::Job;
@@ -10,7 +10,7 @@ use calib_study::Job;
 use super::described::SettingTold;
 use crate::{
     Context as _, StepError,
-    base::memory,
+    base::memory::{self, NoRoom},
     ensure,
     log::plant_of_study::data_of,
     output::{Printer, count},
@@ -63,16 +63,8 @@ pub(super) fn read(
     let progress = printer.progress();
     let surveyed = calib_data::survey(&data, &study.preprocess, &progress)?;
     let names = config.columns();
-    let recorded = surveyed.recorded(&names, &progress)?;
-    memory::require(
-        surveyed.state_bytes().saturating_add(surveyed.working_bytes()),
-        &format!(
-            "reading {} states of {} columns",
-            count(surveyed.rows() + surveyed.held_out_rows()),
-            surveyed.columns()
-        ),
-        "raise data.period_secs where data.resample is set, shorten data.train, or leave channels out with data.exclude",
-    )?;
+    let recorded = surveyed.recorded(&names, &progress).map_err(|error| named(config, error))?;
+    require_memory(&surveyed)?;
     let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
     let column = |name: &str| -> Vec<f64> {
         let place = names.iter().position(|of| of == name);
@@ -127,6 +119,30 @@ pub(super) fn read(
         bounds: columns.iter().map(|of| of.bounds).collect(),
     };
     Ok(ActionLog { decisions, names, fingerprint })
+}
+
+/// A mistake about a column, with the key that names it.
+fn named(config: &ControlConfig, error: DataError) -> StepError {
+    match &error {
+        DataError::NoSuchColumn { name, .. } | DataError::NoNumbers { name, .. } => {
+            let context = format!("control.{}", config.key_of(name));
+            StepError::InContext { context, source: Box::new(error.into()) }
+        }
+        _ => error.into(),
+    }
+}
+
+/// Refuse states that memory cannot hold.
+fn require_memory(surveyed: &Surveyed) -> Result<(), NoRoom> {
+    memory::require(
+        surveyed.state_bytes().saturating_add(surveyed.working_bytes()),
+        &format!(
+            "reading {} states of {} columns",
+            count(surveyed.rows() + surveyed.held_out_rows()),
+            surveyed.columns()
+        ),
+        "raise data.period_secs where data.resample is set, shorten data.train, or leave channels out with data.exclude",
+    )
 }
 
 fn fingerprint(

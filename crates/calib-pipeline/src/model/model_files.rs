@@ -293,7 +293,12 @@ pub(crate) fn check_data(
 
 /// The profile of the data that the model was built from.
 pub(crate) fn read_profile(directory: &Path) -> Result<Profile, StepError> {
-    Ok(read_json(&directory.join(PROFILE))?)
+    read_json(&directory.join(PROFILE)).with_context(|| {
+        format!(
+            "the profile of the model in {} cannot be used; `calib build-model STUDY --force` makes it again",
+            directory.display()
+        )
+    })
 }
 
 /// The sensors to predict, each with its column of the states.
