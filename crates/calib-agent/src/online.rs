@@ -152,7 +152,7 @@ impl Agent {
                 let rate = log_rates[i].exp();
                 if rate > bound || rate.is_infinite() {
                     log_rates[i] = bound.ln();
-                } else if !(rate > LEAST_RATE) {
+                } else if rate.is_nan() || rate < LEAST_RATE {
                     log_rates[i] = LEAST_RATE.ln();
                 }
                 h_old[i] = h[i];

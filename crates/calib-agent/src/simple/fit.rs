@@ -113,7 +113,7 @@ impl<'a> Fitter<'a> {
                 let error = |t: usize| {
                     returns[t] - f64::from(self.stream.state(t)[column]) / (1.0 - self.gamma)
                 };
-                let judged = self.folds.splits_ahead().into_iter().flat_map(|split| split.judged);
+                let judged = Folds::splits_ahead().into_iter().flat_map(|split| split.judged);
                 let rows = judged.flat_map(|part| self.folds.rows_of(part).iter());
                 let squared_error = rows.map(|&t| error(t).powi(2)).sum();
                 Some(Judged { predictor: self.persistence(column), squared_error })

@@ -128,7 +128,7 @@ impl Folds {
     }
 
     /// The later folds, each judged by what all before it fit.
-    pub(super) fn splits_ahead(&self) -> Vec<Split> {
+    pub(super) fn splits_ahead() -> Vec<Split> {
         let split = |fold: usize| Split {
             fitted: (0..3 * fold - 1).collect(),
             judged: (3 * fold..3 * fold + 3).collect(),
@@ -144,7 +144,7 @@ impl Folds {
         solve: impl Fn(&[usize]) -> Option<Vec<f64>>,
     ) -> f64 {
         let mut total = 0.0;
-        for split in self.splits_ahead() {
+        for split in Self::splits_ahead() {
             let Some(weights) = solve(&split.fitted) else { return f64::INFINITY };
             let judged = Target::sum(targets, &split.judged);
             total += judged.squared_error(&sum(second, &split.judged), &weights);
