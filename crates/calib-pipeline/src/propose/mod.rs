@@ -297,7 +297,11 @@ impl Proposal {
         };
         let (spacing, why, build_secs) = trials.spacing(&candidates, small, sketch.period_secs)?;
         let rows = trial::rows_within(left(), build_secs, look.cut.rows[0] / spacing);
-        let cut = look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing));
+        let cut = if rows < look.cut.rows[0] / spacing {
+            look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing))
+        } else {
+            look.cut.clone()
+        };
         let steps = most(spacing);
         let mut horizon = ahead(spacing, steps);
         let trial = |steps: usize, horizon: Horizon| {
