@@ -32,7 +32,7 @@ pub(crate) struct InitArgs {
     /// The study file to write
     #[arg(default_value = "study.toml")]
     pub(crate) study: PathBuf,
-    /// How long `calib run` on the study may take on this machine, such as 90s, 10m or 2h
+    /// How long this command and `calib run` on the study may take together on this machine, such as 90s, 10m or 2h
     #[arg(long, value_name = "TIME", default_value = "10m", value_parser = seconds)]
     pub(crate) within: f64,
     /// A sensor to predict; may be given several times (default: three that move and are unlike each other)

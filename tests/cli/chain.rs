@@ -139,7 +139,7 @@ fn any_agent_field_can_be_swept() {
     }
     let verdict = place.calib(&["evaluate", "study.toml"]);
     let told = verdict.stdout();
-    assert!(told.contains("batch_size = "), "{told}");
+    assert!(told.contains("of 4 values"), "{told}");
 }
 
 #[test]

@@ -123,11 +123,9 @@ fn note(ends: &mut Vec<(f64, u64)>, value: f64, comes: impl Fn(f64, f64) -> bool
 /// One that looks like it (nothing but nines, a limit of 16 or 32 bits, a negative hundred) has to lie at the end of a channel, at least as
 /// far from its other values as these are wide; a negative number that does not, at the ends of two channels without other
 /// negative values. 0 is none: pumps stand still. (Our choice.)
-pub(crate) fn sentinels<'a>(
-    channels: impl Iterator<Item = (&'a str, &'a Extremes)> + Clone,
-) -> Vec<Sentinel> {
+pub(crate) fn sentinels(channels: &[(&str, &Extremes)]) -> Vec<Sentinel> {
     let mut candidates: Vec<(f64, [usize; 2])> = Vec::new();
-    for (_, extremes) in channels.clone() {
+    for (_, extremes) in channels {
         for (value, away) in extremes.far() {
             let is_far = usize::from(away >= 1.0);
             let is_alone = usize::from(
@@ -147,14 +145,14 @@ pub(crate) fn sentinels<'a>(
     candidates
         .retain(|&(value, [far, alone])| far >= 1 && looks_missing(decimal(value)) || alone >= 2);
     let told = |(value, _): (f64, [usize; 2])| {
-        let having = channels.clone().filter(|(_, extremes)| extremes.times(value) > 0);
+        let having = channels.iter().filter(|(_, extremes)| extremes.times(value) > 0);
         let count = having.clone().map(|(_, extremes)| extremes.times(value)).sum();
         let all: u64 = having.clone().map(|(_, extremes)| extremes.count).sum();
         Sentinel {
             value: decimal(value),
             count,
             share: count as f64 / all.max(1) as f64,
-            channels: having.map(|(name, _)| name.to_owned()).collect(),
+            channels: having.map(|(name, _)| (*name).to_owned()).collect(),
         }
     };
     let mut found: Vec<Sentinel> = candidates.into_iter().map(told).collect();
@@ -219,8 +217,8 @@ mod tests {
 
     fn found(channels: &[&[f64]]) -> Vec<(f64, u64, usize)> {
         let extremes: Vec<Extremes> = channels.iter().map(|values| Extremes::of(values)).collect();
-        let named = extremes.iter().map(|of| ("a", of));
-        sentinels(named).iter().map(|of| (of.value, of.count, of.channels.len())).collect()
+        let named: Vec<(&str, &Extremes)> = extremes.iter().map(|of| ("a", of)).collect();
+        sentinels(&named).iter().map(|of| (of.value, of.count, of.channels.len())).collect()
     }
 
     /// Values from `low` to `high`, and `others` between them.

@@ -11,7 +11,7 @@ use crate::{
     channel::{Moments, Movement},
     log::{Batch, ChannelValues, Log, SHOWN, Seldom},
     outliers::Fences,
-    sentinels::sentinels,
+    sentinels::{Extremes, sentinels},
     survey::told,
 };
 
@@ -137,6 +137,8 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
             return Err(DataError::Contradictions { count, examples, cause: Some(cause) });
         }
     }
+    let names = channels.iter().map(|of| of.name.as_str());
+    let ends: Vec<(&str, &Extremes)> = names.zip(&extremes).collect();
     Ok(Sketch {
         without_times: log.without_times,
         files: log.files.len(),
@@ -146,12 +148,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         period_secs: log.period.as_secs(),
         timestamps: log.rows.timestamps,
         bins,
-        sentinels: sentinels(
-            channels
-                .iter()
-                .zip(&extremes)
-                .map(|(of, ends): (&ChannelSketch, _)| (of.name.as_str(), ends)),
-        ),
+        sentinels: sentinels(&ends),
         channels,
     })
 }

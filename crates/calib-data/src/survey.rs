@@ -81,8 +81,9 @@ impl Survey {
         };
         let Scanned { channels, sensors, extremes } =
             scan.channels(data, modes.as_ref(), monitor)?;
-        let ends =
-            extremes.iter().map(|(channel, ends)| (log.channels[*channel].name.as_str(), ends));
+        let name = |channel: &usize| log.channels[*channel].name.as_str();
+        let ends: Vec<(&str, &Extremes)> =
+            extremes.iter().map(|(channel, ends)| (name(channel), ends)).collect();
         for &row in modes.iter().flat_map(|modes| &modes.left) {
             scan.dropped_rows[row].store(true, Relaxed);
         }
@@ -126,7 +127,7 @@ impl Survey {
             train: train_profile,
             held_out: held_out_profile,
             unseen_modes: unseen_modes(&log, modes.as_ref()),
-            sentinels: sentinels(ends),
+            sentinels: sentinels(&ends),
             contradictions: contradictions.told(&log, monitor)?,
             ..describe_rows(&log, conflicting)
         };

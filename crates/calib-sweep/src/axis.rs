@@ -118,7 +118,8 @@ impl Axis {
     pub(crate) fn points(&self, field: &str, agent: &AgentConfig) -> Result<Points, SweepError> {
         let fields = agent.fields();
         let Some(own) = fields.get(field) else {
-            let known = fields.keys().cloned().collect::<Vec<_>>().join(", ");
+            let can_be_swept = fields.keys().filter(|key| *key != "gamma");
+            let known = can_be_swept.cloned().collect::<Vec<_>>().join(", ");
             let section = if agent.is_external() { "[agent.parameters]" } else { "[agent]" };
             return Err(SweepError::UnknownField { field: field.to_owned(), section, known });
         };

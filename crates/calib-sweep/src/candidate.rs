@@ -283,7 +283,7 @@ mod tests {
             candidates(&sweep(&[("learning_rate", &[0.5])]), &agent).expect_err("unknown");
         assert_eq!(
             unknown.to_string(),
-            "sweep.grid.learning_rate is no key of [agent.parameters]; there are: gamma, kind, rate"
+            "sweep.grid.learning_rate is no key of [agent.parameters]; there are: kind, rate"
         );
     }
 

@@ -159,7 +159,8 @@ pub(super) fn is_text(path: &Path) -> bool {
 
 /// Whether a file is called as text of any kind is.
 fn is_plain(path: &Path) -> bool {
-    unpacked(path).ends_with(".txt")
+    let name = unpacked(path);
+    Path::new(&name).extension().is_some_and(|extension| extension == "txt")
 }
 
 /// Whether a file is called as what is about a log.

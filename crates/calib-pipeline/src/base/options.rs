@@ -89,7 +89,7 @@ pub struct ProposeOptions {
     pub logs: PathBuf,
     /// The study file to write.
     pub study: PathBuf,
-    /// How long [`run`](crate::run) on the study may take on this machine, in seconds.
+    /// How long the proposal and [`run`](crate::run) on the study may take together on this machine, in seconds.
     pub within: f64,
     /// Sensors to predict; otherwise three that move and are unlike each other.
     pub sensors: Vec<String>,

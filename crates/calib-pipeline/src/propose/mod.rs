@@ -320,7 +320,11 @@ impl Proposal {
         })?;
         agent.reorder(&mut sensors, !args.sensors.is_empty());
         let rows = trial::rows_within(left(), build_secs, look.cut.rows[0] / spacing);
-        let cut = look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing));
+        let cut = if rows < look.cut.rows[0] / spacing {
+            look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing))
+        } else {
+            look.cut.clone()
+        };
         let steps = most(spacing);
         let trial = |steps: usize, horizon: Horizon| {
             let size = Size::trial(agent.agent, steps, sensors.proposed.len());
