@@ -2,6 +2,7 @@
 //!
 //! - [`Environment`], [`Outcome`]: what an agent acts in; a simulator and a model look the same to it.
 //! - [`Task`], [`Acrobot`], [`CartPole`], [`Membrane`], [`Pendulum`], [`PuddleWorld`]: tasks with known answers.
+//! - [`ActionModel`]: a model with actions, in memory or mapped from a folder; [`Walkers`]: many walks through it.
 //! - [`Agent`], [`AgentConfig`]: Expected Sarsa(λ) and Q-learning, linear in tile coding.
 
 mod agent;
@@ -23,6 +24,7 @@ mod sweep;
 mod task;
 mod usage;
 mod verdict;
+mod walkers;
 
 pub use agent::{Agent, AgentConfig, Algorithm};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
@@ -36,8 +38,9 @@ pub use levels::Levels;
 pub use life::{Life, Span, live};
 pub use log::{Columns, Decisions};
 pub use model::{
-    ActionModel, ActionModelConfig, Coverage, Distance, Ensemble, NetworkConfig, NetworkModel,
-    NetworkWalk, Pessimism, Starts, Walk, Walked,
+    ActionModel, ActionModelConfig, ActionModelRecord, At, Coverage, Covered, Distance, Ensemble,
+    NetworkConfig, NetworkModel, NetworkWalk, Pessimism, Rules, Starts, Step, Target, Walk, Walked,
+    open_action_model, write_action_model,
 };
 pub use recorded::RecordedReturn;
 pub use reward::{Reward, Term};
@@ -48,3 +51,4 @@ pub use task::{
 };
 pub use usage::{CoverageMap, Spread};
 pub use verdict::{Doubt, Regret, ReturnVerdict, Support, judge, regret};
+pub use walkers::{Walker, Walkers, Went};
