@@ -61,6 +61,45 @@ fn a_log_of_decisions_becomes_a_verdict() {
 }
 
 #[test]
+fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
+    let place = place();
+    let study = "pole/study.toml";
+    let args = ["control", study, "--threads", "1", "--set", "control.runs=3"];
+    let whole = [&args[..], &["--output", "whole"]].concat();
+    place.calib(&whole).ends(&[1]);
+    let killed = [&args[..], &["--output", "killed"]].concat();
+    let units = place.path().join("killed/control-units");
+    let mut child = place.command(&killed).spawn().expect("calib runs");
+    let runs = || {
+        let entries = fs::read_dir(&units).into_iter().flatten().flatten();
+        let name = |of: fs::DirEntry| of.file_name().to_string_lossy().into_owned();
+        entries.map(name).filter(|name| name.starts_with("run-")).count()
+    };
+    while runs() < 3 && child.try_wait().expect("a status").is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().expect("it was running, or has ended");
+    child.wait().expect("a status");
+    let again = place.calib(&killed);
+    again.ends(&[1]);
+    assert!(again.stderr().contains("control-model is up to date"), "{}", again.stderr());
+    assert!(place.content("whole") == place.content("killed"), "the same bytes");
+    assert!(!units.exists(), "what was kept on the way is gone");
+    // Another grid is another verdict of the same model; other neighbours are another model.
+    let grid = ["--set", "control.grid={ step_size = [0.1] }"];
+    let other = place.calib(&[&whole[..], &grid].concat());
+    assert!(other.stderr().contains("control-model is up to date"), "{}", other.stderr());
+    let neighbors = ["--set", "control.model.neighbors=2"];
+    let other = place.calib(&[&whole[..], &neighbors].concat());
+    assert!(!other.stderr().contains("control-model is up to date"), "{}", other.stderr());
+    place.calib(&["check", "whole"]).succeeds();
+    fs::write(place.path().join("whole/control-model/rewards.npy"), "damaged").expect("writable");
+    place.calib(&["check", "whole"]).ends(&[1]);
+    place.calib(&[&whole[..], &neighbors, &["--force"]].concat()).ends(&[1]);
+    place.calib(&["check", "whole"]).succeeds();
+}
+
+#[test]
 fn what_the_log_does_not_support_is_refused() {
     let place = place();
     let study = "pole/study.toml";

@@ -8,6 +8,7 @@
 mod agent;
 mod behaviour;
 mod config;
+mod drift;
 mod environment;
 mod error;
 mod evaluation;
@@ -29,6 +30,7 @@ mod walkers;
 pub use agent::{Agent, AgentConfig, Algorithm};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use config::{ControlConfig, StartRows};
+pub use drift::Drift;
 pub use environment::{Ending, Environment, Outcome};
 pub use error::ControlError;
 pub use evaluation::fitted_q_evaluation;
@@ -45,7 +47,7 @@ pub use model::{
 pub use recorded::RecordedReturn;
 pub use reward::{Reward, Term};
 pub use settings::Settings;
-pub use sweep::{Extent, Run, sweep, truth};
+pub use sweep::{Extent, NotKept, Run, RunKeeper, sweep, sweep_keeping, truth};
 pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,
 };

@@ -3,7 +3,7 @@
 use calib_core::{Rng, Seed};
 use serde::{Deserialize, Serialize};
 
-use crate::{ActionModel, At, Coverage, Covered, Ending, Rules, Step, Target};
+use crate::{ActionModel, At, Coverage, Covered, Drift, Ending, Rules, Step, Target};
 
 /// Walks through members of a model, each with its own draws.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -12,6 +12,8 @@ pub struct Walkers {
     columns: usize,
     /// Sum over the steps of each episode of how far the source of the drawn transition is from where the walk was, `[walks, columns]`.
     displacements: Vec<f32>,
+    /// The same over the episodes that were over.
+    drift: Drift,
 }
 
 /// One walk.
@@ -47,7 +49,7 @@ pub struct Went {
 
 impl Went {
     /// An episode began.
-    const BEGAN: Self =
+    pub const BEGAN: Self =
         Self { reward: 0.0, terminated: false, truncated: false, distance: 0.0, covered: true };
 }
 
@@ -69,7 +71,7 @@ impl Walkers {
         };
         let walks: Vec<Walker> = members.iter().enumerate().map(walker).collect();
         let displacements = vec![0.0; walks.len() * columns];
-        Self { walks, columns, displacements }
+        Self { walks, columns, displacements, drift: Drift::default() }
     }
 
     /// The walks.
@@ -80,6 +82,21 @@ impl Walkers {
     /// Sum over the steps of each episode of how far the source of the drawn transition is from where the walk was, `[walks, columns]`.
     pub fn displacements(&self) -> &[f32] {
         &self.displacements
+    }
+
+    /// What all steps rested on so far.
+    pub fn coverage(&self) -> Coverage {
+        self.walks.iter().fold(Coverage::default(), |all, of| all.and(of.coverage))
+    }
+
+    /// How far the episodes that are over were moved by jumps; those that are not, where none is.
+    pub fn drift(&self) -> Drift {
+        let mut drift = self.drift.clone();
+        if drift.episodes == 0 {
+            let each = self.walks.iter().zip(self.displacements.chunks(self.columns.max(1)));
+            each.filter(|(walker, _)| walker.steps > 0).for_each(|(_, of)| drift.count(of));
+        }
+        drift
     }
 
     /// Let walk `number` draw anew from `seed`.
@@ -143,6 +160,9 @@ impl Walkers {
         let terminated = ending == Ending::Terminal;
         let truncated = !terminated && timeout > 0 && walker.steps >= timeout;
         walker.over = terminated || truncated;
+        if walker.over {
+            self.drift.count(&self.displacements[number * self.columns..][..self.columns]);
+        }
         Went { reward, terminated, truncated, distance, covered: covered == Covered::Near }
     }
 }
@@ -209,19 +229,21 @@ mod tests {
         walk.start(&mut rng, &mut state);
         for number in 0..500 {
             let action = number % 4;
-            let went = walkers.step(&model, 0, Target::Level(action), model.rules(), 0);
+            let went = walkers.step(&model, 0, Target::Level(action), model.rules(), 30);
             let outcome = walk.step(action, &mut rng, &mut state);
             assert_eq!(
                 (went.reward, went.terminated),
                 (outcome.reward, outcome.ending == Ending::Terminal)
             );
             assert_eq!(model.observed(walkers.walks()[0].at), state);
-            if went.terminated {
+            if went.terminated || went.truncated {
                 walkers.begin(&model, 0);
                 walk.start(&mut rng, &mut state);
             }
         }
         assert_eq!(walkers.walks()[0].coverage, walk.coverage());
+        assert_eq!(walkers.drift(), walk.drift());
+        assert!(walk.drift().episodes > 10, "{:?}", walk.drift());
         assert!(walkers.walks()[1].over, "the other one has not begun");
     }
 

@@ -166,6 +166,17 @@ impl ActionModel {
         self.rules
     }
 
+    /// The same model with what its own log knows beside what was stored of it, such as probabilities.
+    ///
+    /// # Panics
+    /// If the log is another one.
+    #[must_use]
+    pub fn with_log(self, log: Decisions) -> Self {
+        let same = (log.len(), log.levels()) == (self.log.len(), self.log.levels());
+        assert!(same, "a log of as many transitions and actions");
+        Self { log, ..self }
+    }
+
     /// The same model under other rules.
     #[must_use]
     pub fn with_rules(self, rules: Rules) -> Self {

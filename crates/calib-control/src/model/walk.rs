@@ -3,7 +3,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ActionModel, At, Covered, Target, Walked};
-use crate::{Environment, Outcome};
+use crate::{Drift, Environment, Outcome};
 
 /// What the steps of a walk rested on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -47,17 +47,39 @@ pub struct Walk<'a> {
     member: usize,
     at: At,
     coverage: Coverage,
+    /// Of the episode.
+    displacement: Vec<f32>,
+    /// Whether the episode has a step.
+    is_begun: bool,
+    /// Of the episodes before it.
+    drift: Drift,
 }
 
 impl<'a> Walk<'a> {
     pub(super) fn new(model: &'a ActionModel, member: usize) -> Self {
-        Self { model, member, at: At::Start(0), coverage: Coverage::default() }
+        Self {
+            model,
+            member,
+            at: At::Start(0),
+            coverage: Coverage::default(),
+            displacement: vec![0.0; model.log.states().columns()],
+            is_begun: false,
+            drift: Drift::default(),
+        }
     }
 }
 
 impl Walked for Walk<'_> {
     fn coverage(&self) -> Coverage {
         self.coverage
+    }
+
+    fn drift(&self) -> Drift {
+        let mut drift = self.drift.clone();
+        if drift.episodes == 0 && self.is_begun {
+            drift.count(&self.displacement);
+        }
+        drift
     }
 }
 
@@ -71,6 +93,11 @@ impl Environment for Walk<'_> {
     }
 
     fn start(&mut self, rng: &mut Rng, state: &mut [f32]) {
+        if self.is_begun {
+            self.drift.count(&self.displacement);
+            self.displacement.fill(0.0);
+            self.is_begun = false;
+        }
         let start = rng.below(self.model.starts().rows());
         self.at = At::Start(start as u32);
         state.copy_from_slice(self.model.observed(self.at));
@@ -80,7 +107,9 @@ impl Environment for Walk<'_> {
         let rules = self.model.rules;
         let step = self.model.step(self.member, self.at, Target::Level(action), rules, rng);
         self.coverage.count(step.covered);
+        self.is_begun = true;
         if let Some(drawn) = step.drawn {
+            self.model.add_displacement(self.at, drawn, &mut self.displacement);
             self.at = At::After(drawn.0);
             state.copy_from_slice(self.model.observed(self.at));
         }

@@ -3,8 +3,8 @@ use crate::{Ending, recorded::tests::log};
 
 fn run(member: usize, candidate: usize, mean_return: f64) -> Run {
     let coverage = Coverage { steps: 100, missing: 0, far: 10 };
-    let (episodes, terminals, curve) = (10, 10, Vec::new());
-    Run { member, run: 0, candidate, mean_return, episodes, terminals, coverage, curve }
+    let (episodes, terminals, curve, drift) = (10, 10, Vec::new(), Drift::default());
+    Run { member, run: 0, candidate, mean_return, episodes, terminals, coverage, curve, drift }
 }
 
 /// Twenty episodes of −8 to −12, −10 on average, a terminal in ten steps.
@@ -132,4 +132,23 @@ fn regret_is_what_the_best_has_more() {
     assert_eq!(regret(&truth, 2), Regret { regret: 25.0, percentile: 0.5 });
     assert_eq!(regret(&truth, 1), Regret { regret: 0.0, percentile: 3.5 / 4.0 });
     assert_eq!(regret(&truth, 4).percentile, 0.0);
+}
+
+#[test]
+fn a_walk_that_jumps_move_on_and_on_is_doubted() {
+    let with = |displacements: &[f32]| {
+        let mut drift = Drift::default();
+        displacements.iter().for_each(|&of| drift.count(&[0.1, of]));
+        let each = runs(&GOOD).into_iter().map(|run| Run { drift: drift.clone(), ..run });
+        judged_of(&plain(), &each.collect::<Vec<_>>(), Support::default()).doubts
+    };
+    // An actuator that was held at +1 and moved back in every step.
+    let doubts = with(&[-4.0, -4.4, -3.9, -4.1]);
+    assert!(
+        matches!(&doubts[..], [Doubt::Displaced { column: 1, mean, .. }] if (mean + 4.1).abs() < 1e-3),
+        "{doubts:?}"
+    );
+    // Noise is moved as far, to either side.
+    assert_eq!(with(&[-4.0, 4.4, 3.9, -4.1]), []);
+    assert_eq!(with(&[-0.4, -0.41, -0.39, -0.4]), [], "less than was recorded");
 }

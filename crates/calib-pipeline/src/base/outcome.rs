@@ -73,13 +73,6 @@ impl StepError {
 
     /// The chain from the outermost context to the cause. Some errors tell their cause themselves; it is told once.
     pub fn told(error: &anyhow::Error) -> String {
-        if error
-            .chain()
-            .any(|cause| matches!(cause.downcast_ref(), Some(ControlError::Interrupted)))
-        {
-            return "interrupted; agents that act keep nothing: the same command begins anew"
-                .to_owned();
-        }
         if was_interrupted(error) {
             return Interrupted.to_string();
         }
