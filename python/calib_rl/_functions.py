@@ -36,15 +36,6 @@ class Warping(NamedTuple):
 @overload
 def build_model(
     data: Any,
-    folder: str | os.PathLike[str] | None = None,
-    *,
-    segments: Sequence[int] | None = None,
-    progress: bool | Observer = False,
-    **sections: Any,
-) -> Model: ...
-@overload
-def build_model(
-    data: Any,
     folder: str | os.PathLike[str],
     *,
     actions: Sequence[str],
@@ -55,6 +46,15 @@ def build_model(
     progress: bool | Observer = False,
     **sections: Any,
 ) -> ActionModel: ...
+@overload
+def build_model(
+    data: Any,
+    folder: str | os.PathLike[str] | None = None,
+    *,
+    segments: Sequence[int] | None = None,
+    progress: bool | Observer = False,
+    **sections: Any,
+) -> Model: ...
 def build_model(
     data: Any,
     folder: str | os.PathLike[str] | None = None,

@@ -325,8 +325,8 @@ def make(
         >>> reward == float(seen[2]), terminated, truncated
         (True, False, False)
     """
-    acting = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live}
-    shared = {"observe": observe, "units": units, **acting}
+    acting: dict[str, Any] = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live}
+    shared: dict[str, Any] = {"observe": observe, "units": units, **acting}
     if isinstance(model, ActionModel):
         return ActingEnv(model, member, **_of_acting(reward, max_steps, action_space, **shared))
     return CalibrationEnv(model, member, **_of_plain(reward, max_steps, action_space, **shared))
@@ -408,8 +408,8 @@ def make_vec(
         >>> seen.shape, env.step(env.action_space.sample())[1].shape
         ((256, 3), (256,))
     """
-    acting = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live}
-    shared = {"observe": observe, "units": units, **acting}
+    acting: dict[str, Any] = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live}
+    shared: dict[str, Any] = {"observe": observe, "units": units, **acting}
     if isinstance(model, ActionModel):
         return ActingVectorEnv(model, num_envs, members, **_of_acting(reward, max_steps, action_space, **shared))
     return CalibrationVectorEnv(model, num_envs, members, **_of_plain(reward, max_steps, action_space, **shared))

@@ -20,7 +20,8 @@ polars = pytest.importorskip("polars")
 def tank(rows: int = 1200, columns: int = 1, terminal: bool = False) -> Any:
     """A tank whose valves raise or lower its level; what is wanted is a level of 0.6."""
     rng = np.random.default_rng(1)
-    level, told = 0.5, {name: [] for name in ("level", "flow", "reward", "over", *(f"valve{n}" for n in range(columns)))}
+    level = 0.5
+    told: dict[str, list[float]] = {name: [] for name in ("level", "flow", "reward", "over", *(f"valve{n}" for n in range(columns)))}
     for _ in range(rows):
         set_to = rng.integers(3, size=columns) / 2
         told["level"].append(level)
@@ -136,12 +137,13 @@ def test_many_walkers_are_single_ones(acting: calib_rl.ActionModel) -> None:
 
 def test_what_an_environment_refuses(acting: calib_rl.ActionModel, continuous: calib_rl.ActionModel) -> None:
     plain = calib_rl.build_model(np.random.default_rng(0).random((300, 2)))
+    arguments: Any
     for arguments, told in [
         ({"timeout": 5}, "timeout is for models with actions"),
         ({"action_space": gymnasium.spaces.Discrete(3)}, "has no actions"),
     ]:
         with pytest.raises(ValueError, match=told):
-            calib_rl.gym.make(plain, **arguments)  # type: ignore[call-overload]
+            calib_rl.gym.make(plain, **arguments)
     for of, arguments, told in [
         (acting, {"reward": 0}, "those of its log"),
         (acting, {"max_steps": 5}, "timeout"),
@@ -151,7 +153,7 @@ def test_what_an_environment_refuses(acting: calib_rl.ActionModel, continuous: c
         (continuous, {"live": True}, "action_space='box'"),
     ]:
         with pytest.raises(ValueError, match=told):
-            calib_rl.gym.make(of, **arguments)  # type: ignore[call-overload]
+            calib_rl.gym.make(of, **arguments)
     env = calib_rl.gym.make(acting)
     env.reset()
     with pytest.raises(ValueError, match="from 0 to 2"):
@@ -179,16 +181,17 @@ def test_gymnasium_makes_it_by_name(acting: calib_rl.ActionModel) -> None:
 
 
 def test_actions_that_cannot_be(tmp_path: Path) -> None:
+    arguments: Any
     for number, (frame, arguments, told) in enumerate(
         [
-            (tank(), {"actions": ["none"]}, "none"),
+            (tank(), {"actions": ["none"], "reward": "reward"}, "none"),
             (tank(), {"actions": ["valve0"], "reward": "nothing"}, "nothing"),
-            (tank().with_columns(reward=polars.lit(float("nan"))), {"actions": ["valve0"]}, "reward"),
-            (tank().with_columns(valve0=polars.Series(np.arange(1200.0))), {"actions": ["valve0"]}, "levels"),
+            (tank().with_columns(reward=polars.lit(float("nan"))), {"actions": ["valve0"], "reward": "reward"}, "reward"),
+            (tank().with_columns(valve0=polars.Series(np.arange(1200.0))), {"actions": ["valve0"], "reward": "reward"}, "levels"),
         ]
     ):
         with pytest.raises((calib_rl.CalibError, ValueError), match=told):
-            calib_rl.build_model(frame, tmp_path / str(number), **{"reward": "reward", **arguments})
+            calib_rl.build_model(frame, tmp_path / str(number), **arguments)
 
 
 class Sarsa:
@@ -210,7 +213,7 @@ class Sarsa:
             action = int(self.rng.integers(len(values))) if self.rng.random() < self.epsilon else int(values.argmax())
             seen, reward, terminated, truncated, _ = self.env.step(action)
             after = int(seen[0] * 20)
-            target = reward + (0.0 if terminated else 0.9 * self.values[after].max())
+            target = float(reward) + (0.0 if terminated else 0.9 * self.values[after].max())
             self.values[place, action] += self.step_size * (target - self.values[place, action])
             over, place = terminated or truncated, after
 

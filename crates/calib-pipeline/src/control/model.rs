@@ -140,7 +140,8 @@ fn key(job: &Job, config: &ControlConfig, log: &ActionLog) -> anyhow::Result<Str
     // What is done where the log does not cover a step is no matter of the tables.
     let model = calib_control::ActionModelConfig { pessimism: Pessimism::Nearest, ..config.model };
     let format = ControlModelManifest::FORMAT;
-    artefact::key(&(format, TOOL, &log.fingerprint, model, config.start, represented))
+    let names = control_names(job.study(), config, log);
+    artefact::key(&(format, TOOL, &log.fingerprint, model, config.start, represented, names))
 }
 
 /// The metric of the model: the states, or their representation.
@@ -188,6 +189,22 @@ pub(super) fn of(
     let written = write(directory, job, config, log, &model, &key);
     artefact::or_read_only(written, directory, printer)?;
     Ok(model)
+}
+
+/// Make the model again if it is there and damaged.
+pub(super) fn mend(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+    printer: &Printer,
+) -> anyhow::Result<()> {
+    let directory = &job.layout().control_model();
+    let manifest: Option<ControlModelManifest> = artefact::read(directory);
+    let is_whole = manifest.is_some_and(|of| artefact::are_whole(directory, &of.files));
+    if directory.exists() && !is_whole {
+        of(job, config, log, printer)?;
+    }
+    Ok(())
 }
 
 /// The model that is there, if it follows from the same and is whole: its tables, with the log that was read.

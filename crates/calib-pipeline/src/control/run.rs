@@ -35,6 +35,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> anyhow::Result<Outcome> {
             if told.log.distance == Distance::Laplacian {
                 decisions::mend(job, log.material(), printer)?;
             }
+            model::mend(job, config, &log, printer)?;
             if !is_shown {
                 page::write(&directory, job, &told)?;
             }

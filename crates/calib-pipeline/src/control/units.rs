@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use calib_control::{ControlError, Run, RunKeeper};
-use calib_files::{read_sealed_json, remove_empty_folder, remove_known, write_sealed_json};
+use calib_files::{read_sealed_json, remove_known, write_sealed_json};
 use serde::{Deserialize, Serialize};
 
 use crate::base::artefact::{Below, Claim};
@@ -13,7 +13,8 @@ pub(super) struct Units {
     directory: PathBuf,
     /// Of the verdict that they are for.
     key: String,
-    claim: Claim,
+    /// Nobody else writes there meanwhile.
+    _claim: Claim,
 }
 
 /// A run in its file.
@@ -30,7 +31,7 @@ impl Units {
     /// If it cannot be written, or another process does.
     pub(super) fn open(directory: &Path, key: &str) -> anyhow::Result<Self> {
         let claim = Claim::new(directory, Below::Ours)?;
-        Ok(Self { directory: directory.to_owned(), key: key.to_owned(), claim })
+        Ok(Self { directory: directory.to_owned(), key: key.to_owned(), _claim: claim })
     }
 
     fn path(&self, member: usize, run: usize, candidate: usize) -> PathBuf {
@@ -42,10 +43,7 @@ impl Units {
     /// # Errors
     /// If a file cannot be removed.
     pub(super) fn remove(self) -> anyhow::Result<()> {
-        remove_known(&self.directory, &mut is_unit)?;
-        drop(self.claim);
-        remove_empty_folder(&self.directory);
-        Ok(())
+        Ok(remove_known(&self.directory, &mut is_unit)?)
     }
 }
 
