@@ -75,6 +75,29 @@ class InNumpy:
         return seen, rewards, ended, cut
 
 
+class OneInNumpy(gymnasium.Env):
+    """One walk through the same tables, step by step: what `SyncVectorEnv` steps one after the other."""
+
+    def __init__(self, model):
+        self.of = InNumpy(model, 0, 1, 500)
+        self.observation_space = calib_rl.gym.make(model).observation_space
+        self.action_space = gymnasium.spaces.Discrete(self.of.neighbors.shape[1])
+
+    def reset(self, *, seed=None, options=None):
+        of = self.of
+        of.at, of.steps = of.rng.choice(of.inside, 1), np.zeros(1, np.int64)
+        return of.states[of.next[of.at[0]]], {}
+
+    def step(self, action):
+        of = self.of
+        neighbors, distances = of.neighbors[of.at[0], action], of.distances[of.at[0], action]
+        weights = 1.0 - distances / max(distances.sum(), 1e-30)
+        at = neighbors[min(int((of.rng.random() * weights.sum() >= weights.cumsum()).sum()), len(neighbors) - 1)]
+        of.at[0] = at
+        of.steps[0] += 1
+        return of.states[of.next[at]], float(of.rewards[at]), bool(of.terminals[at]), bool(of.steps[0] >= of.timeout), {}
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--rounds", type=int, default=5)
@@ -91,6 +114,8 @@ def main():
         vector = calib_rl.gym.make_vec(model, envs, members=range(5))
         vector.reset(seed=0)
         numpy = InNumpy(model, 0, envs, 500)
+        alone = gymnasium.vector.SyncVectorEnv([lambda: OneInNumpy(model) for _ in range(envs)])
+        alone.reset()
         single = calib_rl.gym.make(model)
         single.reset(seed=0)
 
@@ -112,6 +137,7 @@ def main():
         contenders = {
             f"make_vec, {envs} walks": (of_batches(vector.step), 2000),
             f"the same model in NumPy, {envs} walks": (of_batches(numpy.step), 500),
+            f"SyncVectorEnv of {envs} of one walk in NumPy": (of_batches(alone.step), 20),
             "make, one walk": (of_single, 50_000),
         }
         try:

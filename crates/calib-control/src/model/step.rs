@@ -199,7 +199,9 @@ impl Nearest {
     /// Their numbers, and how far they are.
     fn lists(&mut self) -> (&[u32], &[f32]) {
         let distances = &mut self.distances[..self.there];
-        distances.iter_mut().for_each(|squared| *squared = squared.sqrt());
+        for squared in distances.iter_mut() {
+            *squared = squared.sqrt();
+        }
         (&self.transitions[..self.there], distances)
     }
 }

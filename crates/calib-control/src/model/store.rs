@@ -102,17 +102,16 @@ pub fn open_action_model(
         return Err(folder.damaged("actions.npy"));
     }
     let endings = terminals.as_slice().iter().map(|&of| Ending::terminal_if(of != 0)).collect();
-    let settings = match record.has_settings {
-        false => None,
-        true => {
-            let set: MappedNpy<f32> = folder.map("set.npy", states.rows())?;
-            let levels: MappedNpy<f32> = folder.map("levels.npy", record.levels)?;
-            if set.columns() != levels.columns() {
-                return Err(folder.damaged("levels.npy"));
-            }
-            let (set, levels) = (set.as_slice().to_vec(), levels.as_slice().to_vec());
-            Some(Settings::from_parts(set, levels, record.levels))
+    let settings = if record.has_settings {
+        let set: MappedNpy<f32> = folder.map("set.npy", states.rows())?;
+        let levels: MappedNpy<f32> = folder.map("levels.npy", record.levels)?;
+        if set.columns() != levels.columns() {
+            return Err(folder.damaged("levels.npy"));
         }
+        let (set, levels) = (set.as_slice().to_vec(), levels.as_slice().to_vec());
+        Some(Settings::from_parts(set, levels, record.levels))
+    } else {
+        None
     };
     let observed = folder.mapped_states("starts.npy")?;
     let (metric, metric_of_starts) = if record.has_metric {
