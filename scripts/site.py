@@ -28,6 +28,7 @@ CONTENTS = [
             {"Your own logs": "docs/guides/your-own-logs.md"},
             {"Reading the report": "docs/guides/reading-the-report.md"},
             {"Which model, which distance": "docs/guides/which-model.md"},
+            {"Tune your own agent": "docs/guides/tune-your-agent.md"},
             {"An agent that acts": "docs/guides/control.md"},
             {"A year of data": "docs/guides/a-year-of-data.md"},
             {"More than one machine": "docs/guides/cluster.md"},

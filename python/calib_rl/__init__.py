@@ -2,29 +2,38 @@
 
 - `Study`: what to compute; its steps `Study.build_model`, `Study.rollout`, `Study.sweep`, `Study.evaluate`, or all in `Study.run`.
 - `build_model`: a calibration model of a frame, an array, or logs. `Model`: it as arrays.
+- `ActionModel`: a model with actions, for agents that act; `tune`: which of their settings to deploy.
 - `Verdict`: what to deploy, as text and frames.
 - `knn_join`, `dtw`, `simulate`: without a study.
 - `calib_rl.gym`: a model as an environment of Gymnasium.
 - `calib_rl.agents`: agents of your own in the environments of a study.
 """
 
+from ._acting import Action, ActionModel, Decisions, Recorded
 from ._calib import __version__
 from ._errors import CalibError, StudyError
 from ._functions import Warping, build_model, dtw, knn_join, set_threads, simulate
 from ._model import Model
 from ._progress import Observer, Printed
 from ._study import Study
+from ._tune import Failure, Tuned, tune
 from ._verdict import Rollouts, Runs, Verdict
 
 __all__ = [
+    "Action",
+    "ActionModel",
     "CalibError",
+    "Decisions",
+    "Failure",
     "Model",
     "Observer",
     "Printed",
+    "Recorded",
     "Rollouts",
     "Runs",
     "Study",
     "StudyError",
+    "Tuned",
     "Verdict",
     "Warping",
     "__version__",
@@ -33,4 +42,5 @@ __all__ = [
     "knn_join",
     "set_threads",
     "simulate",
+    "tune",
 ]

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _calib
 from ._checks import whole
+from ._acting import ActionModel
 from ._model import Model, of_arrays
 from ._progress import Observer, observer
 from ._study import Study
@@ -32,6 +33,20 @@ class Warping(NamedTuple):
     """Matched samples of the query and of the reference, if they were asked for."""
 
 
+@overload
+def build_model(
+    data: Any,
+    folder: str | os.PathLike[str],
+    *,
+    actions: Sequence[str],
+    reward: str | Sequence[Mapping[str, Any]],
+    terminal: str | None = None,
+    levels: int | None = None,
+    timeout: int | None = None,
+    progress: bool | Observer = False,
+    **sections: Any,
+) -> ActionModel: ...
+@overload
 def build_model(
     data: Any,
     folder: str | os.PathLike[str] | None = None,
@@ -39,7 +54,20 @@ def build_model(
     segments: Sequence[int] | None = None,
     progress: bool | Observer = False,
     **sections: Any,
-) -> Model:
+) -> Model: ...
+def build_model(
+    data: Any,
+    folder: str | os.PathLike[str] | None = None,
+    *,
+    segments: Sequence[int] | None = None,
+    actions: Sequence[str] | None = None,
+    reward: str | Sequence[Mapping[str, Any]] | None = None,
+    terminal: str | None = None,
+    levels: int | None = None,
+    timeout: int | None = None,
+    progress: bool | Observer = False,
+    **sections: Any,
+) -> Model | ActionModel:
     """Build a calibration model of whatever holds the data.
 
     Args:
@@ -52,12 +80,18 @@ def build_model(
             - an array of normalised states ``[n, d]``, real numbers of any type and layout: copied once, as ``float32``.
         folder: Where the study, the log and the results go; wanted for tables and paths.
         segments: Of an array: rows of each unbroken segment. All rows are one without it.
+        actions: Columns of what was done in a row, for agents that act: the model is one with actions then. All of the log is read, unless ``data`` says
+            otherwise.
+        reward: The column of the reward of the step that led to a row; or terms, such as ``[{"column": "flow", "weight": 1.0}]``.
+        terminal: The column that is 1 where an episode ends, if there is one. An episode also ends where the log has a gap.
+        levels: Of actions that are numbers: how many levels of each column agents choose among. Every combination that was recorded is an action without it.
+        timeout: Steps after which an episode is cut.
         progress: Whether to print what is done, or an observer.
         sections: For tables and paths: sections of the study, such as ``model={"members": 5}, preprocess={"subsample": 10}``.
             For an array: keys of ``[model]``, such as ``members=5, neighbors=3``.
 
     Returns:
-        The model: mapped from ``folder``, or in memory where it is of an array.
+        The model: mapped from ``folder``, or in memory where it is of an array; an `ActionModel` where there are ``actions``.
 
     Raises:
         CalibError: A value of an array is NaN or infinite; a log is wrong; ``folder/log.parquet`` is there, and calib did not write it.
@@ -73,9 +107,16 @@ def build_model(
         >>> calib_rl.build_model(states, segments=[300, 200], members=4, neighbors=2)
         <calib_rl.Model: 4 members of 498 transitions, 2 neighbours, 4 columns>
     """
+    acting = {"reward": reward, "terminal": terminal, "levels": levels, "timeout": timeout}
+    if actions is None and (stray := [name for name, value in acting.items() if value is not None]):
+        raise TypeError(f"{stray[0]} is for models with actions; name the columns of what was done with actions=")
+    if isinstance(actions, str):
+        raise TypeError(f"actions is {actions!r}, expected a list of columns, such as [{actions!r}]")
     stream = getattr(data, "__arrow_c_stream__", None)
     is_path = isinstance(data, (str, os.PathLike))
     if stream is None and not is_path:
+        if actions is not None:
+            raise TypeError("a model with actions is made of a table with a column of times, or of logs; got an array")
         if folder is not None:
             raise TypeError("a model of an array lies in memory, without a folder; give a table with a column of times instead")
         return of_arrays(data, segments, sections, progress)
@@ -87,10 +128,15 @@ def build_model(
     # Paths in a study follow its file, so that the folder can be moved with what is in it.
     path = str(Path(data).absolute()) if is_path else "log.parquet"
     own = {**sections.pop("data", {}), "path": path}
+    if actions is not None:
+        # Nothing is held out: agents are compared in the members, each of which lacks a block.
+        own = {"train_fraction": 1.0, **own}
+        given = {name: value for name, value in acting.items() if value is not None}
+        sections["control"] = {**sections.get("control", {}), "actions": list(actions), **given}
     study = Study(data=own, path=folder / "study.toml", **sections)
     if stream is not None:
         _calib.write_log(stream(), os.fspath(folder / path))
-    return study.build_model(progress=progress)
+    return study.build_model(progress=progress) if actions is None else study.build_control_model(progress=progress)
 
 
 def knn_join(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _calib
+from ._acting import ActionModel
 from ._model import Model
 from ._progress import Observer, observer
 from ._verdict import Rollouts, Runs, Verdict
@@ -148,6 +149,18 @@ class Study:
             CalibError: It was not, or of another study.
         """
         return Model.of(self)
+
+    def build_control_model(self, *, progress: bool | Observer = True) -> ActionModel:
+        """Build the model with actions of a study with ``[control]``, as far as it is missing.
+
+        Returns:
+            The model, mapped.
+
+        Raises:
+            CalibError: The data is wrong, the study has no ``[control]``, or the machine refuses.
+        """
+        self._step("control_model", progress)
+        return ActionModel.of(self)
 
     def rollout(self, *, progress: bool | Observer = True) -> Rollouts:
         """Roll the model out as ``[rollout]`` says, and compare with what was recorded."""

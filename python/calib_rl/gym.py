@@ -1,16 +1,21 @@
-"""A calibration model as an environment of Gymnasium (1.0 or later).
+"""Calibration models as environments of Gymnasium (1.0 or later).
 
-What an agent sees is recorded rows in an order that never was: every step goes to where one of the nearest recorded transitions went.
-**No action changes what follows.** A calibration model stands for a plant as it was operated; agents that predict are tuned in it. There
-is one action, and an agent that acts has nothing to learn here: ``calib control`` is for those.
+What an agent sees is recorded rows in an order that never was. In a model **with actions** (`calib_rl.ActionModel`) a step with an action goes to where one of the
+nearest recorded transitions with that action went: agents that act are tuned in it. In a model without actions (`calib_rl.Model`) no action changes what follows: it stands for a
+plant as it was operated, and agents that predict are tuned in it. An action space is refused there.
+
+``gymnasium.make("calib/Model-v0", path=…)`` opens a model in a folder, of either kind, and takes the arguments of `make`.
 
 Environments can be pickled, as ``SubprocVecEnv`` of Stable-Baselines3 needs it, and go on there where they were.
 """
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, overload
 
 import gymnasium
 import numpy as np
@@ -20,21 +25,16 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from . import _calib
+from ._acting import ActionModel
+from ._acting_env import AUTORESET, WALKER_BYTES, ActingEnv, ActingVectorEnv, ActionKind, Pessimism
 from ._checks import LARGEST_SEED, position, whole
 from ._model import Model, Units
-
-try:
-    from gymnasium.vector import AutoresetMode
-except ImportError:  # 1.0 does so too, and has no name for it
-    _AUTORESET: dict[str, Any] = {}
-else:
-    _AUTORESET = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+from ._register import register
 
 Column = str | int
 
-# What a walk takes here and in compiled code, beside what it sees.
-WALKER_BYTES = 512
-
+# Steps after which an episode in a model without actions is truncated.
+_MAX_STEPS = 1000
 
 def _position(model: Model, column: Column) -> int:
     if isinstance(column, str):
@@ -139,7 +139,7 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
 class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     """Many walks at once, a call of compiled code a step; see `make_vec`."""
 
-    metadata: dict[str, Any] = {"render_modes": [], **_AUTORESET}
+    metadata: dict[str, Any] = {"render_modes": [], **AUTORESET}
 
     def __init__(
         self,
@@ -200,41 +200,122 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         return {"row": rows, "_row": every, "time": times, "_time": every, "distance": distances, "_distance": every}
 
 
+def _of_acting(
+    reward: Column | None,
+    max_steps: int | None,
+    action_space: ActionKind | gymnasium.Space[Any] | None,
+    **settings: Any,
+) -> dict[str, Any]:
+    """What an environment of a model with actions is made with."""
+    if reward is not None:
+        raise ValueError("reward: rewards of a model with actions are those of its log; leave it out")
+    if max_steps != _MAX_STEPS:
+        raise ValueError("max_steps: episodes in a model with actions are cut after timeout steps; say timeout=")
+    return {"action_space": action_space, **settings}
+
+
+def _of_plain(
+    reward: Column | None,
+    max_steps: int | None,
+    action_space: Any,
+    timeout: int | None,
+    pessimism: str,
+    worst_return: float | None,
+    live: bool,
+    **settings: Any,
+) -> dict[str, Any]:
+    """What an environment of a model without actions is made with."""
+    given = {"timeout": timeout is not None, "pessimism": pessimism != "nearest", "worst_return": worst_return is not None, "live": live}
+    for name, is_given in given.items():
+        if is_given:
+            raise ValueError(f"{name} is for models with actions; build one with calib_rl.build_model(..., actions=[...], reward=...)")
+    return {"reward": 0 if reward is None else reward, "max_steps": max_steps, "action_space": action_space, **settings}
+
+
+@overload
 def make(
     model: Model,
     *,
     member: int = 0,
     observe: Sequence[Column] | None = None,
-    reward: Column = 0,
-    max_steps: int | None = 1000,
+    reward: Column | None = None,
+    max_steps: int | None = _MAX_STEPS,
     units: Units = "normalised",
-    action_space: gymnasium.Space[Any] | None = None,
-) -> CalibrationEnv:
+    action_space: Any = None,
+) -> CalibrationEnv: ...
+@overload
+def make(
+    model: ActionModel,
+    *,
+    member: int = 0,
+    observe: Sequence[Column] | None = None,
+    units: Units = "normalised",
+    action_space: ActionKind | gymnasium.Space[Any] | None = None,
+    timeout: int | None = None,
+    pessimism: Pessimism = "nearest",
+    worst_return: float | None = None,
+    live: bool = False,
+) -> ActingEnv: ...
+def make(
+    model: Model | ActionModel,
+    *,
+    member: int = 0,
+    observe: Sequence[Column] | None = None,
+    reward: Column | None = None,
+    max_steps: int | None = _MAX_STEPS,
+    units: Units = "normalised",
+    action_space: ActionKind | gymnasium.Space[Any] | None = None,
+    timeout: int | None = None,
+    pessimism: Pessimism = "nearest",
+    worst_return: float | None = None,
+    live: bool = False,
+) -> CalibrationEnv | ActingEnv:
     """A member of a model as an environment.
 
     Args:
-        model: The model.
+        model: The model, with actions or without.
         member: Position of the member.
         observe: Columns that are observed, by name or position; all without it.
-        reward: The column whose value after a step is its reward.
-        max_steps: Steps after which an episode is truncated; ``None`` for never.
-        units: What observations and rewards are in.
-        action_space: Must be ``None``: the model has no actions, and any other one is refused.
+        reward: Without actions: the column whose value after a step is its reward, the first one without it.
+        max_steps: Without actions: steps after which an episode is truncated; ``None`` for never.
+        units: What observations are in, and the rewards of a model without actions.
+        action_space: With actions: ``"discrete"``, the actions of the model by number; ``"multi_discrete"``, a level of each column of the actions; ``"box"``, the
+            values that are set, of which the nearest action is taken; or a space that is one of these. Refused without actions.
+        timeout: With actions: steps after which an episode is truncated; those of the model without it.
+        pessimism: With actions: where the log has no transition with the action within the model's radius, go on with the ``"nearest"`` one, or end the episode with
+            the ``"minimum_return"``. An action that the member never took ends the episode either way.
+        worst_return: The reward of such an end; the model's without it.
+        live: With ``"box"``: search for exactly what is set, among all transitions of the member, instead of taking the nearest level. It takes time in proportion
+            to the log, and wants a model with ``levels``.
 
     Returns:
         The environment. Observations are ``float32 [columns]``, bounded by what was recorded; ``info`` has the ``row`` of the model's data
         that is seen, its ``time`` in microseconds since 1970 (its number where there are no times), and the ``distance`` from the state
-        before to the recorded one whose transition was taken.
+        before to the recorded one whose transition was taken. With actions it also has whether the step is ``covered``, and the ``displacement`` of each observed
+        column: the sum over the episode of the jumps from where the agent was to where the transitions that it took begin.
 
     Raises:
-        ValueError: There is no such column, or an ``action_space`` is given.
+        ValueError: There is no such column, an argument is for models of the other kind, or the model has no such action space.
         IndexError: There is no such member.
         TypeError: A number that is to be whole is not.
 
     Examples:
+        >>> import tempfile
         >>> import numpy as np
         >>> import calib_rl
         >>> import calib_rl.gym
+        >>> from calib_rl._acting import _example_log
+        >>> model = calib_rl.build_model(_example_log(), tempfile.mkdtemp(), actions=["valve"], reward="reward")
+        >>> env = calib_rl.gym.make(model, member=1, timeout=10, units="physical")
+        >>> env.action_space, env.observation_space.shape
+        (Discrete(3), (1,))
+        >>> seen, info = env.reset(seed=1)
+        >>> seen, reward, terminated, truncated, info = env.step(2)
+        >>> sorted(info)
+        ['covered', 'displacement', 'distance', 'row', 'time']
+
+        Without actions:
+
         >>> model = calib_rl.build_model(np.random.default_rng(0).random((500, 3)))
         >>> env = calib_rl.gym.make(model, member=1, reward=2, max_steps=10)
         >>> seen, info = env.reset(seed=1)
@@ -244,32 +325,58 @@ def make(
         >>> reward == float(seen[2]), terminated, truncated
         (True, False, False)
     """
-    return CalibrationEnv(
-        model,
-        member,
-        observe=observe,
-        reward=reward,
-        max_steps=max_steps,
-        units=units,
-        action_space=action_space,
-    )
+    acting: dict[str, Any] = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live}
+    shared: dict[str, Any] = {"observe": observe, "units": units, **acting}
+    if isinstance(model, ActionModel):
+        return ActingEnv(model, member, **_of_acting(reward, max_steps, action_space, **shared))
+    return CalibrationEnv(model, member, **_of_plain(reward, max_steps, action_space, **shared))
 
 
+@overload
 def make_vec(
     model: Model,
     num_envs: int,
     *,
     members: int | Sequence[int] = 0,
     observe: Sequence[Column] | None = None,
-    reward: Column = 0,
-    max_steps: int | None = 1000,
+    reward: Column | None = None,
+    max_steps: int | None = _MAX_STEPS,
     units: Units = "normalised",
-    action_space: gymnasium.Space[Any] | None = None,
-) -> CalibrationVectorEnv:
+    action_space: Any = None,
+) -> CalibrationVectorEnv: ...
+@overload
+def make_vec(
+    model: ActionModel,
+    num_envs: int,
+    *,
+    members: int | Sequence[int] = 0,
+    observe: Sequence[Column] | None = None,
+    units: Units = "normalised",
+    action_space: ActionKind | gymnasium.Space[Any] | None = None,
+    timeout: int | None = None,
+    pessimism: Pessimism = "nearest",
+    worst_return: float | None = None,
+    live: bool = False,
+) -> ActingVectorEnv: ...
+def make_vec(
+    model: Model | ActionModel,
+    num_envs: int,
+    *,
+    members: int | Sequence[int] = 0,
+    observe: Sequence[Column] | None = None,
+    reward: Column | None = None,
+    max_steps: int | None = _MAX_STEPS,
+    units: Units = "normalised",
+    action_space: ActionKind | gymnasium.Space[Any] | None = None,
+    timeout: int | None = None,
+    pessimism: Pessimism = "nearest",
+    worst_return: float | None = None,
+    live: bool = False,
+) -> CalibrationVectorEnv | ActingVectorEnv:
     """Many walks through members of a model as a vector environment, without Python between them.
 
     Args:
-        model: The model.
+        model: The model, with actions or without.
         num_envs: Walks.
         members: The member of all walks, or a list that is dealt to them in turn.
         observe: As in `make`; so are the others.
@@ -277,6 +384,10 @@ def make_vec(
         max_steps: See `make`.
         units: See `make`.
         action_space: See `make`.
+        timeout: See `make`.
+        pessimism: See `make`.
+        worst_return: See `make`.
+        live: See `make`.
 
     Returns:
         The vector environment: observations ``float32 [num_envs, columns]``, rewards ``float64 [num_envs]``. Episodes begin anew in the
@@ -297,13 +408,29 @@ def make_vec(
         >>> seen.shape, env.step(env.action_space.sample())[1].shape
         ((256, 3), (256,))
     """
-    return CalibrationVectorEnv(
-        model,
-        num_envs,
-        members,
-        observe=observe,
-        reward=reward,
-        max_steps=max_steps,
-        units=units,
-        action_space=action_space,
-    )
+    acting: dict[str, Any] = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live}
+    shared: dict[str, Any] = {"observe": observe, "units": units, **acting}
+    if isinstance(model, ActionModel):
+        return ActingVectorEnv(model, num_envs, members, **_of_acting(reward, max_steps, action_space, **shared))
+    return CalibrationVectorEnv(model, num_envs, members, **_of_plain(reward, max_steps, action_space, **shared))
+
+
+def _opened(path: str | os.PathLike[str]) -> Model | ActionModel:
+    manifest = Path(path) / "manifest.json"
+    text = manifest.read_text(encoding="utf-8") if manifest.exists() else "{}"
+    return ActionModel.open(path) if "record" in json.loads(text) else Model.open(path)
+
+
+def of_path(path: str | os.PathLike[str], **arguments: Any) -> CalibrationEnv | ActingEnv:
+    """The environment of a model in a folder: what ``gymnasium.make("calib/Model-v0", path=…)`` calls, with the arguments of `make`."""
+    made: CalibrationEnv | ActingEnv = make(_opened(path), **arguments)
+    return made
+
+
+def vector_of_path(path: str | os.PathLike[str], num_envs: int, **arguments: Any) -> CalibrationVectorEnv | ActingVectorEnv:
+    """The same of ``gymnasium.make_vec``, with the arguments of `make_vec`."""
+    made: CalibrationVectorEnv | ActingVectorEnv = make_vec(_opened(path), num_envs, **arguments)
+    return made
+
+
+register()

@@ -8,6 +8,7 @@
     reason = "pyo3 hands over what it made of Python's values"
 )]
 
+mod acting;
 mod array;
 mod convert;
 mod dtw;
@@ -39,6 +40,8 @@ fn _calib(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<study::PyJob>()?;
     module.add_class::<model::Model>()?;
     module.add_class::<walkers::Walkers>()?;
+    module.add_class::<acting::PyActionModel>()?;
+    module.add_class::<acting::ActionWalkers>()?;
     module.add_class::<streams::Streams>()?;
     module.add_class::<streams::Score>()?;
     module.add_function(wrap_pyfunction!(convert::to_toml, module)?)?;

@@ -80,6 +80,8 @@ impl PyJob {
             "rollout" => layout.rollout(),
             "sweep" => layout.sweep(),
             "evaluate" => layout.evaluate(),
+            "control" => layout.control(),
+            "control_model" => layout.control_model(),
             "report" => layout.report(),
             other => return Err(errors::value(format!("no results are called {other}"))),
         })
@@ -109,6 +111,10 @@ fn step(name: &str) -> PyResult<Run> {
         "rollout" => calib_pipeline::rollout,
         "sweep" => |job, printer| calib_pipeline::sweep(job, None, printer),
         "evaluate" => calib_pipeline::evaluate,
+        "control" => calib_pipeline::control,
+        "control_model" => {
+            |job, printer| calib_pipeline::control_model(job, printer).map(|()| Outcome::Done)
+        }
         "run" => |job, printer| calib_pipeline::run(job, None, printer),
         other => return Err(errors::value(format!("no step is called {other}"))),
     })

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import calib_rl
+from conftest import command_line
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -58,3 +59,11 @@ def test_optuna_tunes_an_example(study: calib_rl.Study) -> None:
     pytest.importorskip("optuna")
     told = run("tune_with_optuna.py", study.path)
     assert "in the model" in told and "PIT300" in told
+
+
+def test_agents_that_act_are_tuned(tmp_path: Path) -> None:
+    assert command_line("simulate", tmp_path / "pole", "--task", "cart-pole", "--policy", "random", "--transitions", 600).returncode == 0
+    told = run("tune_numpy.py", tmp_path / "pole", tmp_path / "numpy", 300)
+    assert "over a random setting" in told and "worst_rank" in told and (tmp_path / "numpy" / "units").is_dir()
+    pytest.importorskip("stable_baselines3")
+    assert "over a random setting" in run("tune_sb3.py", tmp_path / "pole", tmp_path / "sb3", 100)

@@ -61,6 +61,46 @@ fn a_log_of_decisions_becomes_a_verdict() {
 }
 
 #[test]
+fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
+    let place = place();
+    let study = "pole/study.toml";
+    let args = ["control", study, "--threads", "1", "--set", "control.runs=3"];
+    let results = place.path().join("pole/study-results");
+    place.calib(&args).ends(&[1]);
+    let whole = place.content("pole/study-results");
+    fs::remove_dir_all(&results).expect("there");
+    let units = results.join("control-units");
+    let mut child = place.command(&args).spawn().expect("calib runs");
+    let runs = || {
+        let entries = fs::read_dir(&units).into_iter().flatten().flatten();
+        let name = |of: fs::DirEntry| of.file_name().to_string_lossy().into_owned();
+        entries.map(name).filter(|name| name.starts_with("run-")).count()
+    };
+    while runs() < 3 && child.try_wait().expect("a status").is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().expect("it was running, or has ended");
+    child.wait().expect("a status");
+    let again = place.calib(&args);
+    again.ends(&[1]);
+    assert!(again.stderr().contains("control-model is up to date"), "{}", again.stderr());
+    assert!(place.content("pole/study-results") == whole, "the same bytes");
+    assert_eq!(runs(), 0, "what was kept on the way is gone");
+    // Another grid is another verdict of the same model; other neighbours are another model.
+    let grid = ["--set", "control.grid={ step_size = [0.1] }"];
+    let other = place.calib(&[&args[..], &grid].concat());
+    assert!(other.stderr().contains("control-model is up to date"), "{}", other.stderr());
+    let neighbors = ["--set", "control.model.neighbors=2"];
+    let other = place.calib(&[&args[..], &neighbors].concat());
+    assert!(!other.stderr().contains("control-model is up to date"), "{}", other.stderr());
+    place.calib(&["check", "pole/study-results"]).succeeds();
+    fs::write(results.join("control-model/rewards.npy"), "damaged").expect("writable");
+    place.calib(&["check", "pole/study-results"]).ends(&[1]);
+    place.calib(&[&args[..], &neighbors, &["--force"]].concat()).ends(&[1]);
+    place.calib(&["check", "pole/study-results"]).succeeds();
+}
+
+#[test]
 fn what_the_log_does_not_support_is_refused() {
     let place = place();
     let study = "pole/study.toml";
@@ -241,7 +281,7 @@ fn what_is_damaged_is_found_and_made_again() {
         "representation={ kind = 'laplacian', steps = 200, dimension = 3, hidden_units = 8 }";
     let set = ["--set", "control.model.distance='laplacian'", "--set", section];
     let args = [&["control", "pole/study.toml", "-q"][..], &set].concat();
-    place.calib(&args).ends(&[1]);
+    place.calib(&args).ends(&[0, 1]);
     let whole = place.content("pole/study-results");
     let figures = whole.keys().filter(|name| name.extension().is_some_and(|of| of == "svg"));
     assert!(figures.count() > 0, "there are figures");
@@ -258,7 +298,7 @@ fn what_is_damaged_is_found_and_made_again() {
             "{}: {told}",
             name.display()
         );
-        place.calib(&args).ends(&[1]);
+        place.calib(&args).ends(&[0, 1]);
         assert!(place.content("pole/study-results") == whole, "{}", name.display());
     }
     place.calib(&["check", "pole/study-results"]).succeeds();

@@ -127,6 +127,15 @@ pub enum ControlError {
     /// No state to begin episodes in.
     #[error("there is no state to begin episodes in")]
     NoStarts,
+    /// A file of a stored model is not one of it.
+    #[error("{} does not belong to this model: it was damaged or replaced; make the model again", path.display())]
+    Damaged {
+        /// The file.
+        path: std::path::PathBuf,
+    },
+    /// A file cannot be read.
+    #[error(transparent)]
+    Files(#[from] calib_files::FileError),
     /// The search failed.
     #[error(transparent)]
     Knn(KnnError),

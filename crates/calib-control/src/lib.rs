@@ -2,11 +2,13 @@
 //!
 //! - [`Environment`], [`Outcome`]: what an agent acts in; a simulator and a model look the same to it.
 //! - [`Task`], [`Acrobot`], [`CartPole`], [`Membrane`], [`Pendulum`], [`PuddleWorld`]: tasks with known answers.
+//! - [`ActionModel`]: a model with actions, in memory or mapped from a folder; [`Walkers`]: many walks through it.
 //! - [`Agent`], [`AgentConfig`]: Expected Sarsa(λ) and Q-learning, linear in tile coding.
 
 mod agent;
 mod behaviour;
 mod config;
+mod drift;
 mod environment;
 mod error;
 mod evaluation;
@@ -23,10 +25,12 @@ mod sweep;
 mod task;
 mod usage;
 mod verdict;
+mod walkers;
 
 pub use agent::{Agent, AgentConfig, Algorithm};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use config::{ControlConfig, StartRows};
+pub use drift::Drift;
 pub use environment::{Ending, Environment, Outcome};
 pub use error::ControlError;
 pub use evaluation::fitted_q_evaluation;
@@ -36,15 +40,17 @@ pub use levels::Levels;
 pub use life::{Life, Span, live};
 pub use log::{Columns, Decisions};
 pub use model::{
-    ActionModel, ActionModelConfig, Coverage, Distance, Ensemble, NetworkConfig, NetworkModel,
-    NetworkWalk, Pessimism, Starts, Walk, Walked,
+    ActionModel, ActionModelConfig, ActionModelRecord, At, Coverage, Covered, Distance, Ensemble,
+    NetworkConfig, NetworkModel, NetworkWalk, Pessimism, Rules, Starts, Step, Target, Walk, Walked,
+    open_action_model, write_action_model,
 };
 pub use recorded::RecordedReturn;
 pub use reward::{Reward, Term};
 pub use settings::Settings;
-pub use sweep::{Extent, Run, sweep, truth};
+pub use sweep::{Extent, NotKept, Run, RunKeeper, sweep, sweep_keeping, truth};
 pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,
 };
 pub use usage::{CoverageMap, Spread};
 pub use verdict::{Doubt, Regret, ReturnVerdict, Support, judge, regret};
+pub use walkers::{Walker, Walkers, Went};

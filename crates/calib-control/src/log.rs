@@ -87,6 +87,20 @@ impl Decisions {
         Ok(Self { states, transitions, actions, rewards, endings, probabilities, settings, levels })
     }
 
+    /// A log that was stored, whose arrays were checked.
+    pub(crate) fn from_parts(
+        states: States,
+        transitions: Transitions,
+        actions: Vec<u16>,
+        rewards: Vec<f32>,
+        endings: Vec<Ending>,
+        settings: Option<Settings>,
+        levels: usize,
+    ) -> Self {
+        let probabilities = None;
+        Self { states, transitions, actions, rewards, endings, probabilities, settings, levels }
+    }
+
     /// The same log with the probability, in every row, that the action was taken which was; rows without an action have none.
     ///
     /// # Errors

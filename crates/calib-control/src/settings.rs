@@ -95,6 +95,36 @@ fn nearest_of(levels: &[f32], set: &[f32]) -> u16 {
 }
 
 impl Settings {
+    /// What was read back from a file: `[rows, columns]` and `[levels, columns]`.
+    pub(crate) fn from_parts(of_rows: Vec<f32>, of_levels: Vec<f32>, levels: usize) -> Self {
+        Self { columns: of_levels.len() / levels, of_rows, of_levels }
+    }
+
+    /// Columns of actions.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// What was set in each row, `[rows, columns]`; 0 in rows without an action.
+    pub fn of_rows(&self) -> &[f32] {
+        &self.of_rows
+    }
+
+    /// The levels, `[levels, columns]`.
+    pub fn of_levels(&self) -> &[f32] {
+        &self.of_levels
+    }
+
+    /// What was set in a row.
+    pub fn of_row(&self, row: usize) -> &[f32] {
+        &self.of_rows[row * self.columns..][..self.columns]
+    }
+
+    /// A level.
+    pub fn of_level(&self, level: usize) -> &[f32] {
+        &self.of_levels[level * self.columns..][..self.columns]
+    }
+
     /// Rows that it has.
     pub(crate) fn rows(&self) -> usize {
         self.of_rows.len() / self.columns
@@ -107,8 +137,7 @@ impl Settings {
 
     /// `metric` with what was set in each row as further columns, times `weight`.
     pub(crate) fn taken(&self, metric: &States, weight: f64) -> Result<States, ControlError> {
-        let set = |row: usize| &self.of_rows[row * self.columns..][..self.columns];
-        joined(metric.rows(), self.columns, |row| (metric.row(row), set(row)), weight)
+        joined(metric.rows(), self.columns, |row| (metric.row(row), self.of_row(row)), weight)
     }
 
     /// `metric` with a level as further columns, times `weight`.
@@ -118,7 +147,7 @@ impl Settings {
         level: usize,
         weight: f64,
     ) -> Result<States, ControlError> {
-        let set = &self.of_levels[level * self.columns..][..self.columns];
+        let set = self.of_level(level);
         joined(metric.rows(), self.columns, |row| (metric.row(row), set), weight)
     }
 }

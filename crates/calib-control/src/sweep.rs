@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Agent, AgentConfig, ControlError, Coverage, Ensemble, Environment, Life, Span, Walked as _,
-    live,
+    Agent, AgentConfig, ControlError, Coverage, Drift, Ensemble, Environment, Life, Span,
+    Walked as _, live,
 };
 
 /// What came of one candidate in one run of one member.
@@ -29,6 +29,35 @@ pub struct Run {
     pub coverage: Coverage,
     /// Mean return of the episodes in each tenth of its episodes, in order: how it learnt. Empty with fewer than ten.
     pub curve: Vec<f64>,
+    /// How far its episodes were moved by jumps between transitions.
+    #[serde(default)]
+    pub drift: Drift,
+}
+
+/// Whoever keeps runs, so that a sweep that was stopped goes on from them.
+pub trait RunKeeper: Sync {
+    /// What came of this run, if it was kept.
+    fn known(&self, member: usize, run: usize, candidate: usize) -> Option<Run>;
+
+    /// Keep a run.
+    ///
+    /// # Errors
+    /// If it cannot be kept.
+    fn keep(&self, run: &Run) -> Result<(), ControlError>;
+}
+
+/// Nothing is kept.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NotKept;
+
+impl RunKeeper for NotKept {
+    fn known(&self, _: usize, _: usize, _: usize) -> Option<Run> {
+        None
+    }
+
+    fn keep(&self, _: &Run) -> Result<(), ControlError> {
+        Ok(())
+    }
 }
 
 /// How much is run.
@@ -54,32 +83,52 @@ pub fn sweep<M: Ensemble>(
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Run>, ControlError> {
+    sweep_keeping(model, candidates, extent, seed, &NotKept, monitor)
+}
+
+/// As [`sweep`], with a `keeper` of the runs: those that it knows are not made again.
+///
+/// # Errors
+/// If the monitor interrupts, or a run cannot be kept.
+pub fn sweep_keeping<M: Ensemble>(
+    model: &M,
+    candidates: &[AgentConfig],
+    extent: Extent,
+    seed: Seed,
+    keeper: &dyn RunKeeper,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Run>, ControlError> {
     let of_member = extent.runs * candidates.len();
     let units = model.members() * of_member;
     monitor.begin("agents in members", units as u64);
-    let runs: Vec<Result<Run, Cancelled>> = (0..units)
-        .into_par_iter()
-        .map(|unit| {
-            monitor.check()?;
-            let (member, rest) = (unit / of_member, unit % of_member);
-            let (run, candidate) = (rest / candidates.len(), rest % candidates.len());
-            let seed = seed.child("member").number(member as u64).number(run as u64);
-            let mut walk = model.walk(member);
-            let life = one_life(candidates[candidate], &mut walk, extent.span, seed);
+    let one = |unit: usize| -> Result<Run, ControlError> {
+        monitor.check()?;
+        let (member, rest) = (unit / of_member, unit % of_member);
+        let (run, candidate) = (rest / candidates.len(), rest % candidates.len());
+        if let Some(known) = keeper.known(member, run, candidate) {
             monitor.advance(1);
-            Ok(Run {
-                member,
-                run,
-                candidate,
-                mean_return: life.mean_return(),
-                episodes: life.returns.len(),
-                terminals: life.terminals,
-                coverage: walk.coverage(),
-                curve: tenths(&life.returns),
-            })
-        })
-        .collect();
-    Ok(runs.into_iter().collect::<Result<_, _>>()?)
+            return Ok(known);
+        }
+        let seed = seed.child("member").number(member as u64).number(run as u64);
+        let mut walk = model.walk(member);
+        let life = one_life(candidates[candidate], &mut walk, extent.span, seed);
+        let lived = Run {
+            member,
+            run,
+            candidate,
+            mean_return: life.mean_return(),
+            episodes: life.returns.len(),
+            terminals: life.terminals,
+            coverage: walk.coverage(),
+            curve: tenths(&life.returns),
+            drift: walk.drift(),
+        };
+        keeper.keep(&lived)?;
+        monitor.advance(1);
+        Ok(lived)
+    };
+    let runs: Vec<Result<Run, ControlError>> = (0..units).into_par_iter().map(one).collect();
+    runs.into_iter().collect()
 }
 
 /// The mean return of every candidate in an environment whose truth is known, `[runs][candidates]`; each run begins with `make`.

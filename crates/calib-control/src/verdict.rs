@@ -8,7 +8,7 @@ use calib_stats::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ControlError, Coverage, Decisions, RecordedReturn, Run};
+use crate::{ControlError, Coverage, Decisions, Drift, RecordedReturn, Run};
 
 const HIGHER: Direction = Direction::HigherIsBetter;
 
@@ -72,6 +72,15 @@ pub enum Doubt {
         /// Terminals a step of the log.
         in_log: f64,
     },
+    /// Jumps between recorded transitions move the chosen candidate's episodes further than twice all that was recorded, to one side.
+    Displaced {
+        /// The column.
+        column: usize,
+        /// Mean over episodes of the sum of the jumps, in the units of the states: 1 is the recorded range of a column.
+        mean: f64,
+        /// Its standard error over episodes.
+        error: f64,
+    },
     /// The chosen candidate diverged in a member.
     Diverged,
 }
@@ -101,6 +110,8 @@ pub struct ReturnVerdict {
     pub behaviour: RecordedReturn,
     /// What the steps of each candidate rested on, over members and runs.
     pub coverage: Vec<Coverage>,
+    /// How far the episodes of the chosen candidate were moved by jumps between recorded transitions, over members and runs.
+    pub drift: Drift,
     /// Why the log does not support the choice; empty if it does.
     pub doubts: Vec<Doubt>,
 }
@@ -147,11 +158,13 @@ pub fn judge(
         None => None,
     };
     let behaviour = log.recorded_return(timeout)?;
-    let own = runs.iter().filter(|run| run.candidate == chosen);
+    let own = || runs.iter().filter(|run| run.candidate == chosen);
+    let drift = own().fold(Drift::default(), |all, run| all.and(&run.drift));
     let evidence = Evidence {
         selection: &selection,
         coverage: coverage[chosen],
-        terminals: own.map(|run| run.terminals).sum(),
+        terminals: own().map(|run| run.terminals).sum(),
+        drift: &drift,
         over_default: over_default.filter(|_| default != Some(chosen)),
         behaviour,
     };
@@ -169,6 +182,7 @@ pub fn judge(
         chosen_of_resamples: shares.counts,
         behaviour,
         coverage,
+        drift,
         doubts,
         selection,
         members,
@@ -213,9 +227,27 @@ struct Evidence<'a> {
     coverage: Coverage,
     /// Of the chosen candidate, over members and runs.
     terminals: usize,
+    /// Of the chosen candidate.
+    drift: &'a Drift,
     /// None where the default is chosen, not in the grid, or diverged as well.
     over_default: Option<Difference>,
     behaviour: RecordedReturn,
+}
+
+/// Standard errors by which a displacement must differ from none: a walk in a noisy column is moved far in an episode, but not always to the same side.
+const DISPLACEMENT_ERRORS: f64 = 4.0;
+
+/// Displacement that a walk may have in an episode, in recorded ranges of a column: through all that was recorded and back. Our choice: choices in short logs of Acrobot and Cart-pole
+/// that are good in truth are moved by up to 1.2, and where an actuator of increments is held against the edge of a made-up log, all of it covered, by 3.5 and more.
+const FARTHEST_DISPLACEMENT: f64 = 2.0;
+
+/// The column that is moved furthest, if that is too far.
+fn displaced(drift: &Drift) -> Option<Doubt> {
+    let means = drift.means();
+    let each = means.iter().enumerate().map(|(column, &[mean, error])| (column, mean, error));
+    let (column, mean, error) = each.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    let is_far = mean.abs() > FARTHEST_DISPLACEMENT && mean.abs() > DISPLACEMENT_ERRORS * error;
+    is_far.then_some(Doubt::Displaced { column, mean, error })
 }
 
 impl Evidence<'_> {
@@ -248,6 +280,7 @@ impl Evidence<'_> {
             doubts.push(Doubt::NotBetterThanDefault);
         }
         doubts.extend(self.beside_the_log(promised, log));
+        doubts.extend(displaced(self.drift));
         doubts
     }
 

@@ -19,6 +19,10 @@ impl NpyElement for f64 {
     const DESCRIPTION: &'static str = "<f8";
 }
 
+impl NpyElement for i64 {
+    const DESCRIPTION: &'static str = "<i8";
+}
+
 impl NpyElement for u32 {
     const DESCRIPTION: &'static str = "<u4";
 }

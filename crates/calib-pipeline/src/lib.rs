@@ -54,7 +54,9 @@ pub use base::{
     outcome::Outcome,
 };
 pub use calib_study::{Job, Request, StudyError};
-pub use control::{LogTold, SimulateTask, SimulatedTask};
+pub use control::{
+    ControlColumn, ControlModel, ControlNames, LogTold, SimulateTask, SimulatedTask, doubt_text,
+};
 pub use external::{ExternalCandidate, ExternalResult, StreamRun, SweepStreams};
 pub use log::{
     plant_of_study::{data_of, plant_of},
@@ -65,8 +67,8 @@ pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
 pub use schemas::{JsonDocuments, json_schemas};
 pub use steps::{
     build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
-    control, evaluate, evaluate_runs, inspect_actions, pretrain, propose, represent, rollout, run,
-    simulate, simulate_plant, simulate_task, sweep, validity,
+    control, control_model, evaluate, evaluate_runs, inspect_actions, pretrain, propose, represent,
+    rollout, run, simulate, simulate_plant, simulate_task, sweep, validity,
 };
 pub use verdict::described::{Descriptions, unknown as unknown_sensors};
 

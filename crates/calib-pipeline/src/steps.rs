@@ -138,6 +138,15 @@ pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     controls::run(job, printer)
 }
 
+/// Read a log of decisions and build its model with actions, if it is not there.
+///
+/// # Errors
+/// As [`control`].
+pub fn control_model(job: &Job, printer: &Printer) -> Result<(), StepError> {
+    prepared::begin_command();
+    Ok(controls::build(job, printer)?)
+}
+
 /// What the log of a study with `[control]` did: its actions, where they were taken, and where it says what they do. Nothing of another study.
 ///
 /// # Errors

@@ -131,6 +131,16 @@ impl Layout {
         self.root.join("control")
     }
 
+    /// The model with actions of a log of decisions.
+    pub fn control_model(&self) -> PathBuf {
+        self.root.join("control-model")
+    }
+
+    /// Runs of agents that act, while a sweep of them is not finished.
+    pub fn control_units(&self) -> PathBuf {
+        self.root.join("control-units")
+    }
+
     /// The representation of the states of a log of decisions.
     pub fn control_representation(&self) -> PathBuf {
         self.root.join("control-representation")

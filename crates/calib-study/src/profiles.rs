@@ -14,9 +14,11 @@ pub(crate) const KEY: &str = "profiles";
 pub(crate) const BASE: &str = "base";
 
 /// Names that the results of a profile cannot have, because those of the study have them.
-const TAKEN: [&str; 10] = [
+const TAKEN: [&str; 12] = [
     "control",
+    "control-model",
     "control-representation",
+    "control-units",
     "deployments",
     "evaluate",
     "model",

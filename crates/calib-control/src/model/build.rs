@@ -2,7 +2,7 @@ use calib_core::{Monitor, States};
 use calib_files::ScratchPlace;
 use calib_knn::{Blocks, IndexKind, NeighborLists, Queries, Sources, Weights};
 
-use super::{ActionModel, ActionModelConfig, ActionTable, Starts, radius};
+use super::{ActionModel, ActionModelConfig, FillingTable, Rules, Starts, radius};
 use crate::{ControlError, Decisions, settings::next_states};
 
 /// Neighbours of a state: no more than there are transitions.
@@ -44,8 +44,8 @@ impl ActionModel {
         let k = neighbors(&log, config);
         let (mut tables, mut start_tables) = (Vec::new(), Vec::new());
         for _ in 0..config.members {
-            tables.push(ActionTable::new(log.len(), log.levels(), k));
-            start_tables.push(ActionTable::new(starts.metric.rows(), log.levels(), k));
+            tables.push(FillingTable::new(log.len(), log.levels(), k));
+            start_tables.push(FillingTable::new(starts.metric.rows(), log.levels(), k));
         }
         let mut made = Made { k, tables: &mut tables, start_tables: &mut start_tables };
         let radius = match log.settings() {
@@ -69,18 +69,20 @@ impl ActionModel {
                 radius::radius(&sources, std::iter::once(all), config.coverage, monitor)?
             }
         };
-        let (weights, pessimism) = (Weights::Linear, config.pessimism);
-        let starts = starts.observed;
+        let finished = |tables: Vec<FillingTable>| {
+            tables.into_iter().map(FillingTable::finished).collect::<Vec<_>>()
+        };
         Ok(Self {
             log,
             blocks,
+            metric: metric.clone(),
             starts,
-            tables,
-            start_tables,
-            weights,
-            pessimism,
+            tables: finished(tables),
+            start_tables: finished(start_tables),
+            weights: Weights::Linear,
+            action_weight: config.action_weight,
+            rules: Rules { pessimism: config.pessimism, worst_return },
             radius,
-            worst_return,
         })
     }
 
@@ -93,8 +95,8 @@ impl ActionModel {
 /// The tables of a model while they are made, one a member.
 struct Made<'a> {
     k: usize,
-    tables: &'a mut [ActionTable],
-    start_tables: &'a mut [ActionTable],
+    tables: &'a mut [FillingTable],
+    start_tables: &'a mut [FillingTable],
 }
 
 impl Made<'_> {
@@ -141,7 +143,7 @@ fn fill(
     queries: &Queries<'_>,
     k: usize,
     action: usize,
-    tables: &mut [ActionTable],
+    tables: &mut [FillingTable],
     monitor: &dyn Monitor,
 ) -> Result<(), ControlError> {
     let place = ScratchPlace::Memory;

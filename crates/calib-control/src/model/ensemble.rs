@@ -1,5 +1,5 @@
 use super::Coverage;
-use crate::Environment;
+use crate::{Drift, Environment};
 
 /// Models of one log that agents act in: neighbours or networks, a sweep cannot tell them apart.
 pub trait Ensemble: Sync {
@@ -22,4 +22,9 @@ pub trait Ensemble: Sync {
 pub trait Walked: Environment {
     /// What they rested on so far.
     fn coverage(&self) -> Coverage;
+
+    /// How far its whole episodes were moved by jumps, or the one that is not over; nothing where steps are no jumps.
+    fn drift(&self) -> Drift {
+        Drift::default()
+    }
 }

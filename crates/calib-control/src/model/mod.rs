@@ -4,6 +4,8 @@ mod build;
 mod ensemble;
 mod network;
 mod radius;
+mod step;
+mod store;
 mod table;
 mod walk;
 
@@ -14,9 +16,11 @@ use serde::{Deserialize, Serialize};
 
 pub use ensemble::{Ensemble, Walked};
 pub use network::{NetworkConfig, NetworkModel, NetworkWalk};
+pub use step::{At, Covered, Rules, Step, Target};
+pub use store::{ActionModelRecord, open_action_model, write_action_model};
 pub use walk::{Coverage, Walk};
 
-pub(crate) use table::ActionTable;
+use table::{ActionTable, FillingTable};
 
 use crate::{ControlError, Decisions};
 
@@ -65,18 +69,21 @@ pub enum Distance {
 
 impl Default for ActionModelConfig {
     fn default() -> Self {
-        Self {
-            distance: Distance::Euclidean,
-            neighbors: 3,
-            members: 5,
-            coverage: 0.95,
-            action_weight: 1.0,
-            pessimism: Pessimism::Nearest,
-        }
+        Self::DEFAULT
     }
 }
 
 impl ActionModelConfig {
+    /// What is taken where nothing is said.
+    pub const DEFAULT: Self = Self {
+        distance: Distance::Euclidean,
+        neighbors: 3,
+        members: 5,
+        coverage: 0.95,
+        action_weight: 1.0,
+        pessimism: Pessimism::Nearest,
+    };
+
     /// Whether every field can be what it is.
     ///
     /// # Errors
@@ -117,15 +124,16 @@ impl ActionModelConfig {
 pub struct ActionModel {
     log: Decisions,
     blocks: Blocks,
-    /// States in which episodes begin, as observed.
-    starts: States,
+    /// The states in the metric of the distances.
+    metric: States,
+    starts: Starts,
     /// One a member.
     tables: Vec<ActionTable>,
     start_tables: Vec<ActionTable>,
     weights: Weights,
-    pessimism: Pessimism,
+    action_weight: f64,
+    rules: Rules,
     radius: f32,
-    worst_return: f64,
 }
 
 /// Where episodes begin in a model.
@@ -150,7 +158,48 @@ impl ActionModel {
 
     /// The return that an episode ends with where the log does not cover a step.
     pub fn worst_return(&self) -> f64 {
-        self.worst_return
+        self.rules.worst_return
+    }
+
+    /// What a step does where the log does not cover it, unless somebody says otherwise.
+    pub fn rules(&self) -> Rules {
+        self.rules
+    }
+
+    /// The same model with what its own log knows beside what was stored of it, such as probabilities.
+    ///
+    /// # Panics
+    /// If the log is another one.
+    #[must_use]
+    pub fn with_log(self, log: Decisions) -> Self {
+        let same = (log.len(), log.levels()) == (self.log.len(), self.log.levels());
+        assert!(same, "a log of as many transitions and actions");
+        Self { log, ..self }
+    }
+
+    /// The same model under other rules.
+    #[must_use]
+    pub fn with_rules(self, rules: Rules) -> Self {
+        Self { rules, ..self }
+    }
+
+    /// States in which episodes begin, as observed.
+    pub fn starts(&self) -> &States {
+        &self.starts.observed
+    }
+
+    /// Neighbours k of a state, for each action; fewer only where the log has fewer transitions.
+    pub fn k(&self) -> usize {
+        self.tables[0].k()
+    }
+
+    /// The transitions that a member goes on with from where each transition led, `[transitions × actions, k]`, and how far each is. Nearest first;
+    /// `u32::MAX` and `+∞` where there are no more, and of transitions that the member lacks.
+    ///
+    /// # Panics
+    /// If there is no such member.
+    pub fn table(&self, member: usize) -> (&[u32], &[f32]) {
+        (self.tables[member].neighbors(), self.tables[member].distances())
     }
 
     /// Of every recorded next state in every member that has it: its transition, and whether each action has a transition within the radius.

@@ -1,16 +1,74 @@
+use std::sync::Arc;
+
+/// Numbers that are in memory or in a mapped file.
+pub(crate) type Shared<T> = Arc<dyn AsRef<[T]> + Send + Sync>;
+
 /// The neighbours of some states for every action.
 ///
 /// Row `i`, action `a` holds the up to `k` transitions with action `a` whose sources are nearest to state `i`, nearest first, and the distances;
 /// places that are left hold `u32::MAX` and `+∞`.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(crate) struct ActionTable {
+    actions: usize,
+    k: usize,
+    neighbors: Shared<u32>,
+    distances: Shared<f32>,
+}
+
+impl ActionTable {
+    /// A table of these arrays, `[rows × actions, k]` each.
+    pub(crate) fn from_shared(
+        actions: usize,
+        k: usize,
+        neighbors: Shared<u32>,
+        distances: Shared<f32>,
+    ) -> Self {
+        Self { actions, k, neighbors, distances }
+    }
+
+    /// Neighbours of each state, for each action.
+    pub(crate) fn k(&self) -> usize {
+        self.k
+    }
+
+    /// All of them, `[rows × actions, k]`.
+    pub(crate) fn neighbors(&self) -> &[u32] {
+        (*self.neighbors).as_ref()
+    }
+
+    /// How far each is, `[rows × actions, k]`.
+    pub(crate) fn distances(&self) -> &[f32] {
+        (*self.distances).as_ref()
+    }
+
+    /// The neighbours of state `row` for `action`, and their distances.
+    pub(crate) fn of(&self, row: usize, action: usize) -> (&[u32], &[f32]) {
+        let start = (row * self.actions + action) * self.k;
+        let neighbors = &self.neighbors()[start..start + self.k];
+        let there = neighbors.partition_point(|&of| of != u32::MAX);
+        (&neighbors[..there], &self.distances()[start..start + there])
+    }
+}
+
+impl std::fmt::Debug for ActionTable {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { actions, k, .. } = self;
+        f.debug_struct("ActionTable")
+            .field("actions", actions)
+            .field("k", k)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A table while it is made.
+pub(crate) struct FillingTable {
     actions: usize,
     k: usize,
     neighbors: Vec<u32>,
     distances: Vec<f32>,
 }
 
-impl ActionTable {
+impl FillingTable {
     /// A table of nothing yet.
     pub(crate) fn new(rows: usize, actions: usize, k: usize) -> Self {
         let cells = rows * actions * k;
@@ -24,11 +82,9 @@ impl ActionTable {
         self.distances[start..start + self.k].copy_from_slice(list.1);
     }
 
-    /// The neighbours of state `row` for `action`, and their distances.
-    pub(crate) fn of(&self, row: usize, action: usize) -> (&[u32], &[f32]) {
-        let start = (row * self.actions + action) * self.k;
-        let neighbors = &self.neighbors[start..start + self.k];
-        let there = neighbors.partition_point(|&of| of != u32::MAX);
-        (&neighbors[..there], &self.distances[start..start + there])
+    /// The table.
+    pub(crate) fn finished(self) -> ActionTable {
+        let (neighbors, distances) = (Arc::new(self.neighbors), Arc::new(self.distances));
+        ActionTable::from_shared(self.actions, self.k, neighbors, distances)
     }
 }

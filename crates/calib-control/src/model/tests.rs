@@ -45,7 +45,7 @@ proptest! {
         for member in 0..model.members() {
             for action in 0..3 {
                 for start in 0..5 {
-                    let expected = plain(&model, member, model.starts.row(start), action);
+                    let expected = plain(&model, member, model.starts().row(start), action);
                     prop_assert_eq!(model.start_tables[member].of(start, action).0, expected);
                 }
                 for number in 0..model.log().len() {

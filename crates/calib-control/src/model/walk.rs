@@ -1,9 +1,9 @@
-use calib_core::{Rng, TransitionIndex};
+use calib_core::Rng;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ActionModel, Pessimism, Walked};
-use crate::{Ending, Environment, Outcome};
+use super::{ActionModel, At, Covered, Target, Walked};
+use crate::{Drift, Environment, Outcome};
 
 /// What the steps of a walk rested on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -31,6 +31,13 @@ impl Coverage {
             far: self.far + other.far,
         }
     }
+
+    /// Count a step.
+    pub(crate) fn count(&mut self, covered: Covered) {
+        self.steps += 1;
+        self.missing += u64::from(covered == Covered::Missing);
+        self.far += u64::from(covered == Covered::Far);
+    }
 }
 
 /// An agent's walk in one member of a model.
@@ -40,25 +47,39 @@ pub struct Walk<'a> {
     member: usize,
     at: At,
     coverage: Coverage,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum At {
-    /// The start of this number.
-    Start(usize),
-    /// The next state of a transition.
-    After(TransitionIndex),
+    /// Of the episode.
+    displacement: Vec<f32>,
+    /// Whether the episode has a step.
+    is_begun: bool,
+    /// Of the episodes before it.
+    drift: Drift,
 }
 
 impl<'a> Walk<'a> {
     pub(super) fn new(model: &'a ActionModel, member: usize) -> Self {
-        Self { model, member, at: At::Start(0), coverage: Coverage::default() }
+        Self {
+            model,
+            member,
+            at: At::Start(0),
+            coverage: Coverage::default(),
+            displacement: vec![0.0; model.log.states().columns()],
+            is_begun: false,
+            drift: Drift::default(),
+        }
     }
 }
 
 impl Walked for Walk<'_> {
     fn coverage(&self) -> Coverage {
         self.coverage
+    }
+
+    fn drift(&self) -> Drift {
+        let mut drift = self.drift.clone();
+        if drift.episodes == 0 && self.is_begun {
+            drift.count(&self.displacement);
+        }
+        drift
     }
 }
 
@@ -72,30 +93,26 @@ impl Environment for Walk<'_> {
     }
 
     fn start(&mut self, rng: &mut Rng, state: &mut [f32]) {
-        let start = rng.below(self.model.starts.rows());
-        self.at = At::Start(start);
-        state.copy_from_slice(self.model.starts.row(start));
+        if self.is_begun {
+            self.drift.count(&self.displacement);
+            self.displacement.fill(0.0);
+            self.is_begun = false;
+        }
+        let start = rng.below(self.model.starts().rows());
+        self.at = At::Start(start as u32);
+        state.copy_from_slice(self.model.observed(self.at));
     }
 
     fn step(&mut self, action: usize, rng: &mut Rng, state: &mut [f32]) -> Outcome {
-        let model = self.model;
-        let (neighbors, distances) = match self.at {
-            At::Start(start) => model.start_tables[self.member].of(start, action),
-            At::After(transition) => model.tables[self.member].of(transition.get(), action),
-        };
-        self.coverage.steps += 1;
-        let far = distances.first().is_some_and(|&nearest| nearest > model.radius);
-        self.coverage.far += u64::from(far);
-        if neighbors.is_empty() || (far && model.pessimism == Pessimism::MinimumReturn) {
-            self.coverage.missing += u64::from(neighbors.is_empty());
-            return Outcome { reward: model.worst_return, ending: Ending::Terminal };
+        let rules = self.model.rules;
+        let step = self.model.step(self.member, self.at, Target::Level(action), rules, rng);
+        self.coverage.count(step.covered);
+        self.is_begun = true;
+        if let Some(drawn) = step.drawn {
+            self.model.add_displacement(self.at, drawn, &mut self.displacement);
+            self.at = At::After(drawn.0);
+            state.copy_from_slice(self.model.observed(self.at));
         }
-        let drawn = neighbors[model.weights.draw(distances, rng)];
-        let transition = TransitionIndex(drawn);
-        self.at = At::After(transition);
-        let next = model.log.transitions().next(transition);
-        state.copy_from_slice(model.log.states().row(next.get()));
-        let reward = f64::from(model.log.rewards()[transition.get()]);
-        Outcome { reward, ending: model.log.endings()[transition.get()] }
+        Outcome { reward: step.reward, ending: step.ending }
     }
 }

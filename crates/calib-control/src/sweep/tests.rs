@@ -62,3 +62,39 @@ fn tenths_are_means_in_order() {
     assert_eq!((curve[0], curve[9]), (0.5, 23.0));
     assert!(tenths(&returns[..9]).is_empty());
 }
+
+#[test]
+fn a_sweep_goes_on_from_what_was_kept() {
+    use std::sync::Mutex;
+
+    #[derive(Default)]
+    struct Kept {
+        runs: Mutex<Vec<Run>>,
+        made: Mutex<usize>,
+    }
+    impl RunKeeper for Kept {
+        fn known(&self, member: usize, run: usize, candidate: usize) -> Option<Run> {
+            let is = |of: &&Run| (of.member, of.run, of.candidate) == (member, run, candidate);
+            self.runs.lock().expect("not poisoned").iter().find(is).cloned()
+        }
+        fn keep(&self, run: &Run) -> Result<(), ControlError> {
+            self.runs.lock().expect("not poisoned").push(run.clone());
+            *self.made.lock().expect("not poisoned") += 1;
+            Ok(())
+        }
+    }
+    let (model, kept) = (small_model(), Kept::default());
+    let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
+    let candidates = grid.candidates(AgentConfig::default()).expect("two");
+    let extent = Extent { runs: 2, span: Span { steps: 200, timeout: 50 } };
+    let of = |keeper: &dyn RunKeeper| {
+        sweep_keeping(&model, &candidates, extent, Seed::new(5), keeper, &Silent).expect("run")
+    };
+    let whole = of(&NotKept);
+    assert!(whole.iter().all(|run| run.drift.episodes > 0));
+    assert_eq!(of(&kept), whole);
+    kept.runs.lock().expect("not poisoned").truncate(7);
+    *kept.made.lock().expect("not poisoned") = 0;
+    assert_eq!(of(&kept), whole);
+    assert_eq!(*kept.made.lock().expect("not poisoned"), whole.len() - 7);
+}

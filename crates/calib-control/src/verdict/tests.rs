@@ -3,8 +3,8 @@ use crate::{Ending, recorded::tests::log};
 
 fn run(member: usize, candidate: usize, mean_return: f64) -> Run {
     let coverage = Coverage { steps: 100, missing: 0, far: 10 };
-    let (episodes, terminals, curve) = (10, 10, Vec::new());
-    Run { member, run: 0, candidate, mean_return, episodes, terminals, coverage, curve }
+    let (episodes, terminals, curve, drift) = (10, 10, Vec::new(), Drift::default());
+    Run { member, run: 0, candidate, mean_return, episodes, terminals, coverage, curve, drift }
 }
 
 /// Twenty episodes of −8 to −12, −10 on average, a terminal in ten steps.
@@ -132,4 +132,75 @@ fn regret_is_what_the_best_has_more() {
     assert_eq!(regret(&truth, 2), Regret { regret: 25.0, percentile: 0.5 });
     assert_eq!(regret(&truth, 1), Regret { regret: 0.0, percentile: 3.5 / 4.0 });
     assert_eq!(regret(&truth, 4).percentile, 0.0);
+}
+
+#[test]
+fn a_walk_that_jumps_move_on_and_on_is_doubted() {
+    let with = |displacements: &[f32]| {
+        let mut drift = Drift::default();
+        for &of in displacements {
+            drift.count(&[0.1, of]);
+        }
+        let each = runs(&GOOD).into_iter().map(|run| Run { drift: drift.clone(), ..run });
+        judged_of(&plain(), &each.collect::<Vec<_>>(), Support::default()).doubts
+    };
+    // An actuator that was held at +1 and moved back in every step.
+    let doubts = with(&[-4.0, -4.4, -3.9, -4.1]);
+    assert!(
+        matches!(&doubts[..], [Doubt::Displaced { column: 1, mean, .. }] if (mean + 4.1).abs() < 1e-3),
+        "{doubts:?}"
+    );
+    // Noise is moved as far, to either side.
+    assert_eq!(with(&[-4.0, 4.4, 3.9, -4.1]), []);
+    assert_eq!(with(&[-0.4, -0.41, -0.39, -0.4]), [], "less than was recorded");
+}
+
+/// An actuator that is moved by increments, and that nobody ever moved beyond some level: in the model it stays below it, and every step is covered.
+#[test]
+fn a_wall_of_the_log_is_told_by_displacement() {
+    use calib_core::{Segments, Silent, States};
+
+    use crate::{
+        ActionModel, ActionModelConfig, Columns, Ensemble as _, Environment as _, Starts,
+        Walked as _,
+    };
+
+    let (mut rng, mut level, rows) = (Seed::new(4).rng(), 0.5_f64, 3000);
+    let (mut values, mut actions) = (Vec::new(), Vec::new());
+    for _ in 0..rows {
+        // Three other sensors, so that neighbours are not near in each column.
+        values.push(level as f32);
+        values.extend((0..3).map(|_| rng.unit() as f32));
+        // Down, nothing, up; nobody moves it up any more near the end of what was recorded.
+        let choices = if level > 0.95 { 2 } else { 3 };
+        let action = rng.below(choices);
+        actions.push(Some(action as u16));
+        level = (level + 0.05 * (action as f64 - 1.0) + 0.01 * (rng.unit() - 0.5)).clamp(0.0, 1.0);
+    }
+    let rewards = vec![0.0; rows];
+    let endings = vec![Ending::Continues; rows];
+    let columns = Columns { actions: &actions, rewards: &rewards, endings: &endings };
+    let states = States::new(values, rows, 4).expect("valid");
+    let segments = Segments::from_lengths([rows]).expect("valid");
+    let log = Decisions::new(states, &segments, columns, 3).expect("a log");
+    let metric = log.states().clone();
+    let starts = Starts { observed: metric.slice(0..20), metric: metric.slice(0..20) };
+    let config = ActionModelConfig::default();
+    let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
+    let held = |action: fn(usize) -> usize| {
+        let (mut walk, mut rng, mut state) = (model.walk(0), Seed::new(5).rng(), [0.0; 4]);
+        for _ in 0..10 {
+            walk.start(&mut rng, &mut state);
+            for step in 0..100 {
+                walk.step(action(step), &mut rng, &mut state);
+            }
+        }
+        walk.start(&mut rng, &mut state);
+        assert!(walk.coverage().uncovered() < 0.3, "{:?}", walk.coverage());
+        displaced(&walk.drift())
+    };
+    // 100 steps up would be five times the recorded range, every one of them is covered, and jumps take back what is beyond it.
+    let up = held(|_| 2);
+    assert!(matches!(up, Some(Doubt::Displaced { column: 0, mean, .. }) if mean < -3.5), "{up:?}");
+    assert_eq!(held(|step| 2 * (step % 2)), None, "up and down");
 }

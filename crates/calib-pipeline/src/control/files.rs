@@ -9,7 +9,7 @@ use calib_study::Study;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::described::LogTold;
+use super::{described::LogTold, show::name};
 use crate::{
     StepError,
     base::artefact::{self, Below, Claim, Files, Manifest, TOOL},
@@ -34,7 +34,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 5;
+    const FORMAT: u32 = 6;
 
     fn format(&self) -> u32 {
         self.format
@@ -113,7 +113,7 @@ pub(super) fn write(
 ) -> Result<(), StepError> {
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
-    artefact::write_table(table(runs), &directory.join(RUNS))?;
+    artefact::write_table(table(runs, told), &directory.join(RUNS))?;
     write_sealed_json(&directory.join(VERDICT), told)?;
     let shown = show()?;
     let manifest = ControlManifest {
@@ -128,7 +128,8 @@ pub(super) fn write(
     claim.complete(&manifest)
 }
 
-fn table(runs: &[Run]) -> Table {
+/// One row a run: every estimate of every candidate, so that other rules of choice can be tried on them.
+fn table(runs: &[Run], told: &Told) -> Table {
     let of = |value: fn(&Run) -> u64| -> Vec<i64> {
         runs.iter().map(|run| i64::try_from(value(run)).unwrap_or(i64::MAX)).collect()
     };
@@ -136,6 +137,7 @@ fn table(runs: &[Run]) -> Table {
         .with("member", of(|run| run.member as u64))
         .with("run", of(|run| run.run as u64))
         .with("candidate", of(|run| run.candidate as u64))
+        .with("label", runs.iter().map(|run| name(told, run.candidate)).collect::<Vec<String>>())
         .with("mean_return", runs.iter().map(|run| run.mean_return).collect::<Vec<f64>>())
         .with("episodes", of(|run| run.episodes as u64))
         .with("terminals", of(|run| run.terminals as u64))

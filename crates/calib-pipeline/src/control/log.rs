@@ -1,7 +1,7 @@
 use calib_control::{
     ActionModel, Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts,
 };
-use calib_core::{Bounds, RowIndex, States};
+use calib_core::{Bounds, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, entry_of};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_stats::quantile;
@@ -23,6 +23,10 @@ pub(super) struct ActionLog {
     pub(super) names: Names,
     /// Of everything that the model is made of.
     pub(super) fingerprint: Fingerprint,
+    /// Time of every row, in microseconds.
+    pub(super) times: Vec<i64>,
+    /// Time from one row to the next.
+    pub(super) period: Period,
 }
 
 /// What things are called, and their units.
@@ -33,7 +37,11 @@ pub(super) struct Names {
     pub(super) settings: Vec<SettingTold>,
     /// Columns of the states.
     pub(super) columns: Vec<String>,
-    bounds: Vec<Bounds>,
+    pub(super) bounds: Vec<Bounds>,
+    /// What each action sets, `[levels][action columns]`.
+    pub(super) levels: Vec<Vec<f64>>,
+    /// Least and largest value that was set of each column of the actions.
+    pub(super) ranges: Vec<[f64; 2]>,
 }
 
 impl Names {
@@ -117,8 +125,18 @@ pub(super) fn read(
         settings: settings_told(config, acted)?,
         columns: columns.iter().map(|of| of.name.clone()).collect(),
         bounds: columns.iter().map(|of| of.bounds).collect(),
+        levels: levels.values,
+        ranges: acted.iter().map(|values| range(values)).collect(),
     };
-    Ok(ActionLog { decisions, names, fingerprint })
+    let times = frames.timestamps().iter().map(|of| of.as_micros()).collect();
+    Ok(ActionLog { decisions, names, fingerprint, times, period: dataset.period })
+}
+
+/// Least and largest of what was set; zeros of nothing.
+fn range(values: &[f64]) -> [f64; 2] {
+    let there = || values.iter().copied().filter(|of| !of.is_nan());
+    let (low, high) = (there().reduce(f64::min), there().reduce(f64::max));
+    [low.unwrap_or(0.0), high.unwrap_or(0.0)]
 }
 
 /// A mistake about a column, with the key that names it.
@@ -209,12 +227,10 @@ impl ActionLog {
 }
 
 /// The rows in which episodes begin.
-fn start_rows(log: &Decisions, start: StartRows) -> Vec<usize> {
+pub(super) fn start_rows(log: &Decisions, start: StartRows) -> Vec<u32> {
     match start {
-        StartRows::Episodes => log.starts().into_iter().map(RowIndex::get).collect(),
-        StartRows::Anywhere => {
-            log.transitions().sources().iter().map(|&row| row as usize).collect()
-        }
+        StartRows::Episodes => log.starts().into_iter().map(|RowIndex(row)| row).collect(),
+        StartRows::Anywhere => log.transitions().sources().to_vec(),
     }
 }
 
@@ -242,7 +258,8 @@ pub(super) fn starts(
     let rows = start_rows(log, start);
     ensure!(!rows.is_empty(), "the log has no episode");
     let of = |states: &States| {
-        let values: Vec<f32> = rows.iter().flat_map(|&row| states.row(row)).copied().collect();
+        let values: Vec<f32> =
+            rows.iter().flat_map(|&row| states.row(row as usize)).copied().collect();
         States::new(values, rows.len(), states.columns()).context("the first states of episodes")
     };
     Ok(Starts { observed: of(log.states())?, metric: of(metric)? })

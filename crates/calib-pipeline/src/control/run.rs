@@ -1,6 +1,6 @@
 use calib_control::{
-    ActionModel, AgentConfig, Algorithm, ControlConfig, Distance, Extent, Span, Support,
-    fitted_q_evaluation, importance_sampling, judge, sweep,
+    AgentConfig, Algorithm, ControlConfig, Distance, Extent, Span, Support, fitted_q_evaluation,
+    importance_sampling, judge, sweep_keeping,
 };
 use calib_study::Job;
 
@@ -8,10 +8,11 @@ use super::{
     described::described,
     files::{self, Told},
     log::{self, ActionLog},
-    page, show,
+    model, page, show,
+    units::Units,
 };
 use crate::{
-    StepError, bail,
+    StepError,
     base::{clock::Stopwatch, memory, outcome::Outcome},
     output::{Printer, count, counted, duration},
     represent::decisions,
@@ -22,12 +23,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
     job.refuse_deployment()?;
     let study = job.study();
-    let Some(config) = &study.control else {
-        bail!(
-            "{} has no [control] section; say there which columns are actions: [control] actions = [\"COLUMN\"]",
-            job.layout().study().display()
-        );
-    };
+    let Some(config) = &study.control else { return Err(no_section(job)) };
     let log = log::read(job, config, printer)?;
     let directory = job.layout().control();
     let kept = if job.policy().redoes() {
@@ -40,6 +36,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
             if told.log.distance == Distance::Laplacian {
                 decisions::mend(job, log.material(), printer)?;
             }
+            model::mend(job, config, &log, printer)?;
             if !is_shown {
                 page::write(&directory, job, &told)?;
             }
@@ -55,13 +52,23 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(Outcome::Done);
     }
-    let (told, runs) = judged(job, config, log, printer)?;
+    let units = Units::open(&job.layout().control_units(), &files::key(study, &log.fingerprint)?)?;
+    let (told, runs) = judged(job, config, log, &units, printer)?;
     let page = || page::write(&directory, job, &told.1);
     files::write(&directory, study, (&told.0, &told.1), &runs, page)?;
+    units.remove()?;
     let took = duration(clock.elapsed());
     printer.say(&format!("written to {} in {took}", directory.display()));
     printer.say(&format!("the report is {}", page::path(&directory).display()));
     show::show(&told.1, printer)
+}
+
+/// A study that knows of no actions.
+pub(super) fn no_section(job: &Job) -> StepError {
+    StepError::message(format!(
+        "{} has no [control] section; say there which columns are actions: [control] actions = [\"COLUMN\"]",
+        job.layout().study().display()
+    ))
 }
 
 /// What there is and what will be done.
@@ -120,26 +127,20 @@ fn judged(
     job: &Job,
     config: &ControlConfig,
     log: ActionLog,
+    units: &Units,
     printer: &Printer,
 ) -> Result<Judged, StepError> {
     let (study, progress) = (job.study(), printer.progress());
     let seed = calib_core::Seed::new(study.seed).child("control");
     let candidates = config.grid.candidates(config.agent)?;
-    let metric = match config.model.distance {
-        Distance::Euclidean => log.decisions.states().clone(),
-        Distance::Laplacian => decisions::of(job, log.material(), printer)?,
-    };
-    let ActionLog { decisions, names, fingerprint } = log;
-    let starts = log::starts(&decisions, &metric, config.start)?;
-    let observed = starts.observed.clone();
     // Agents that live for less than an episode have no longer ones.
     let timeout = config.timeout.min(config.steps);
-    let recorded = decisions.recorded_return(timeout)?;
-    let worst = config.worst_return.or(recorded.worst).unwrap_or(recorded.mean);
-    let model = ActionModel::build(decisions, &metric, starts, &config.model, worst, &progress)?;
+    let model = model::of(job, config, &log, printer)?;
+    let ActionLog { names, fingerprint, .. } = log;
+    let observed = model.starts().clone();
     let extent =
         Extent { runs: config.runs, span: Span { steps: config.steps, timeout: config.timeout } };
-    let runs = sweep(&model, &candidates, extent, seed, &progress)?;
+    let runs = sweep_keeping(&model, &candidates, extent, seed, units, &progress)?;
     let decisions = model.log();
     let support = Support {
         most_uncovered: config.most_uncovered,

@@ -222,9 +222,15 @@ fn interval(of: Interval) -> String {
 
 /// Why the log does not support the choice, and what to do.
 pub(super) fn reason(doubt: &Doubt, told: &Told) -> String {
+    let actions: Vec<String> = told.log.actions.iter().map(|of| of.name.clone()).collect();
+    doubt_text(doubt, &actions, &told.log.columns)
+}
+
+/// Why the log does not support a choice, and what to do, where actions and columns of the states are called so.
+pub fn doubt_text(doubt: &Doubt, actions: &[String], columns: &[String]) -> String {
     match doubt {
         Doubt::ActionNeverTaken { action } => {
-            let name = told.log.actions.get(*action).map_or("?", |of| of.name.as_str());
+            let name = actions.get(*action).map_or("?", String::as_str);
             format!("{name} was never taken: no model knows what it does; record some steps with it")
         }
         Doubt::Uncovered { share } => format!(
@@ -264,6 +270,14 @@ pub(super) fn reason(doubt: &Doubt, told: &Told) -> String {
              what ends an episode where it goes; record steps there",
             percent(*in_model),
             percent(*in_log)
+        ),
+        Doubt::Displaced { column, mean, error } => format!(
+            "jumps between recorded rows move {} by {} times its recorded range in an episode of the chosen candidate in the model (standard error {}), always to the \
+             same side: together they undo what its actions do, as where an actuator was never recorded beyond some level; record steps there, or take the change of \
+             the column for the action",
+            columns.get(*column).map_or("?", String::as_str),
+            significant(*mean),
+            significant(*error)
         ),
         Doubt::Diverged => "the chosen candidate diverged in a member; sweep smaller step sizes".to_owned(),
     }

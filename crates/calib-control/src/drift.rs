@@ -1,0 +1,60 @@
+//! How far walks are moved by jumps from where they were to the sources of other transitions.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Displacements of episodes: of each column, the sum over an episode's steps of the difference between the source of the transition that was drawn and where the
+/// walk was.
+///
+/// Each jump may be small, and all of them together may undo what the agent does: where an actuator is moved by increments and was never recorded beyond
+/// some level, a walk that is moved back a little in every step stays below it for ever, and every step is covered.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Drift {
+    /// Episodes.
+    pub episodes: u64,
+    /// Sum over them, of each column in the units of the states.
+    pub sums: Vec<f64>,
+    /// Sum of squares.
+    pub squares: Vec<f64>,
+}
+
+impl Drift {
+    /// Count an episode.
+    pub(crate) fn count(&mut self, displacement: &[f32]) {
+        self.sums.resize(displacement.len(), 0.0);
+        self.squares.resize(displacement.len(), 0.0);
+        self.episodes += 1;
+        let sums = self.sums.iter_mut().zip(&mut self.squares);
+        for ((sum, squares), &displacement) in sums.zip(displacement) {
+            let displacement = f64::from(displacement);
+            *sum += displacement;
+            *squares += displacement * displacement;
+        }
+    }
+
+    /// Both together.
+    #[must_use]
+    pub fn and(mut self, other: &Self) -> Self {
+        let columns = self.sums.len().max(other.sums.len());
+        self.sums.resize(columns, 0.0);
+        self.squares.resize(columns, 0.0);
+        self.episodes += other.episodes;
+        self.sums.iter_mut().zip(&other.sums).for_each(|(own, other)| *own += other);
+        self.squares.iter_mut().zip(&other.squares).for_each(|(own, other)| *own += other);
+        self
+    }
+
+    /// Mean displacement of an episode, of each column, and its standard error; nothing of fewer than two episodes.
+    pub fn means(&self) -> Vec<[f64; 2]> {
+        if self.episodes < 2 {
+            return Vec::new();
+        }
+        let count = self.episodes as f64;
+        let of = |(sum, squares): (&f64, &f64)| {
+            let mean = sum / count;
+            let variance = ((squares - sum * mean) / (count - 1.0)).max(0.0);
+            [mean, (variance / count).sqrt()]
+        };
+        self.sums.iter().zip(&self.squares).map(of).collect()
+    }
+}

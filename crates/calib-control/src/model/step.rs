@@ -1,0 +1,207 @@
+//! One step in a model: from where a walk is, with an action, to where a recorded transition led.
+
+use calib_core::{Rng, RowIndex, TransitionIndex};
+use serde::{Deserialize, Serialize};
+
+use super::{ActionModel, Pessimism};
+use crate::Ending;
+
+/// What a step does where the log does not cover it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules {
+    /// Whether it goes on with the nearest transition.
+    pub pessimism: Pessimism,
+    /// The return that an episode ends with where it does not.
+    pub worst_return: f64,
+}
+
+/// Where a walk is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum At {
+    /// At the start of this number.
+    Start(u32),
+    /// Where the transition of this number led.
+    After(u32),
+}
+
+/// What an agent does.
+#[derive(Clone, Copy, Debug)]
+pub enum Target<'a> {
+    /// The action of this number, whose neighbours are in the tables.
+    Level(usize),
+    /// These settings, each as a share of its recorded range; their neighbours are searched for. Only where actions are numbers.
+    Set(&'a [f32]),
+}
+
+/// Whether the log covers a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Covered {
+    /// A transition with the action is within the radius.
+    Near,
+    /// The nearest is beyond it.
+    Far,
+    /// The member has no transition with the action.
+    Missing,
+}
+
+/// What a step led to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// The transition that was drawn; none where the episode ends because the log does not cover the step.
+    pub drawn: Option<TransitionIndex>,
+    /// The reward.
+    pub reward: f64,
+    /// Whether the episode ends here.
+    pub ending: Ending,
+    /// Whether the log covers it.
+    pub covered: Covered,
+    /// From where the walk was to the source of the drawn transition, or of the nearest where none was drawn, in the model's metric; `+∞` where
+    /// there is none.
+    pub distance: f32,
+}
+
+/// Most neighbours that are searched for in a step.
+const MOST_LIVE: usize = 64;
+
+impl ActionModel {
+    /// Take a step in `member` from `at`.
+    ///
+    /// # Panics
+    /// If there is no such member or action, or settings are given where actions are no numbers.
+    pub fn step(
+        &self,
+        member: usize,
+        at: At,
+        target: Target<'_>,
+        rules: Rules,
+        rng: &mut Rng,
+    ) -> Step {
+        match (target, at) {
+            (Target::Level(action), At::Start(start)) => {
+                let (near, far) = self.start_tables[member].of(start as usize, action);
+                self.drawn(near, far, rules, rng)
+            }
+            (Target::Level(action), At::After(transition)) => {
+                let (near, far) = self.tables[member].of(transition as usize, action);
+                self.drawn(near, far, rules, rng)
+            }
+            (Target::Set(set), at) => {
+                let mut found = Nearest::new(self.k().min(MOST_LIVE));
+                self.search(member, at, set, &mut found);
+                let (near, far) = found.lists();
+                self.drawn(near, far, rules, rng)
+            }
+        }
+    }
+
+    fn drawn(&self, neighbors: &[u32], distances: &[f32], rules: Rules, rng: &mut Rng) -> Step {
+        let nearest = distances.first().copied().unwrap_or(f32::INFINITY);
+        let covered = match () {
+            () if neighbors.is_empty() => Covered::Missing,
+            () if nearest > self.radius => Covered::Far,
+            () => Covered::Near,
+        };
+        let is_far = covered == Covered::Far && rules.pessimism == Pessimism::MinimumReturn;
+        if neighbors.is_empty() || is_far {
+            let (reward, ending) = (rules.worst_return, Ending::Terminal);
+            return Step { drawn: None, reward, ending, covered, distance: nearest };
+        }
+        let place = self.weights.draw(distances, rng);
+        let transition = TransitionIndex(neighbors[place]);
+        Step {
+            drawn: Some(transition),
+            reward: f64::from(self.log.rewards()[transition.get()]),
+            ending: self.log.endings()[transition.get()],
+            covered,
+            distance: distances[place],
+        }
+    }
+
+    /// What is observed there.
+    pub fn observed(&self, at: At) -> &[f32] {
+        match at {
+            At::Start(start) => self.starts.observed.row(start as usize),
+            At::After(transition) => self.log.states().row(self.led_to(transition).get()),
+        }
+    }
+
+    /// Add to each column how far the source of a drawn transition is from where the walk was: what the log was moved by to go on.
+    pub(crate) fn add_displacement(&self, at: At, drawn: TransitionIndex, sum: &mut [f32]) {
+        let source = self.log.states().row(self.log.transitions().source(drawn).get());
+        for ((sum, there), here) in sum.iter_mut().zip(source).zip(self.observed(at)) {
+            *sum += there - here;
+        }
+    }
+
+    /// The row that a transition led to.
+    pub fn led_to(&self, transition: u32) -> RowIndex {
+        self.log.transitions().next(TransitionIndex(transition))
+    }
+
+    /// The nearest transitions of a member to where a walk is and what is set, by a scan over all of them.
+    fn search(&self, member: usize, at: At, set: &[f32], found: &mut Nearest) {
+        let Some(settings) = self.log.settings() else {
+            unreachable!("settings are only taken where actions are numbers");
+        };
+        let here = match at {
+            At::Start(start) => self.starts.metric.row(start as usize),
+            At::After(transition) => self.metric.row(self.led_to(transition).get()),
+        };
+        let weight = (self.action_weight * self.action_weight) as f32;
+        let sources = self.log.transitions().sources();
+        for transition in self.blocks.transitions_of(member) {
+            let row = sources[transition.get()] as usize;
+            let set = squared(set, settings.of_row(row));
+            let distance = squared(here, self.metric.row(row)) + weight * set;
+            found.offer(transition.0, distance);
+        }
+    }
+}
+
+fn squared(one: &[f32], other: &[f32]) -> f32 {
+    one.iter().zip(other).map(|(one, other)| (one - other) * (one - other)).sum()
+}
+
+/// The nearest so far, by squared distance and then by number.
+struct Nearest {
+    wanted: usize,
+    there: usize,
+    transitions: [u32; MOST_LIVE],
+    distances: [f32; MOST_LIVE],
+}
+
+impl Nearest {
+    fn new(wanted: usize) -> Self {
+        Self {
+            wanted,
+            there: 0,
+            transitions: [u32::MAX; MOST_LIVE],
+            distances: [f32::INFINITY; MOST_LIVE],
+        }
+    }
+
+    /// Transitions come in ascending order, so that of equal ones the first stays before.
+    fn offer(&mut self, transition: u32, squared: f32) {
+        if self.there == self.wanted && squared >= self.distances[self.there - 1] {
+            return;
+        }
+        self.there = self.wanted.min(self.there + 1);
+        let mut place = self.there - 1;
+        while place > 0 && squared < self.distances[place - 1] {
+            self.distances[place] = self.distances[place - 1];
+            self.transitions[place] = self.transitions[place - 1];
+            place -= 1;
+        }
+        self.distances[place] = squared;
+        self.transitions[place] = transition;
+    }
+
+    /// Their numbers, and how far they are.
+    fn lists(&mut self) -> (&[u32], &[f32]) {
+        let distances = &mut self.distances[..self.there];
+        for squared in distances.iter_mut() {
+            *squared = squared.sqrt();
+        }
+        (&self.transitions[..self.there], distances)
+    }
+}

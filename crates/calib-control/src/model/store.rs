@@ -1,0 +1,214 @@
+//! A model with actions in a folder: arrays that are mapped, and a record of what is not an array.
+
+use std::{path::Path, sync::Arc};
+
+use calib_core::{Segments, States, Transitions};
+use calib_files::{FileError, MappedNpy, NpyElement, map_npy, write_npy};
+use calib_knn::{Blocks, Weights};
+use serde::{Deserialize, Serialize};
+
+use super::{ActionModel, ActionModelConfig, ActionTable, Rules, Starts};
+use crate::{ControlError, Decisions, Ending, Settings};
+
+/// What a folder says of a model beside its arrays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ActionModelRecord {
+    /// How it was made.
+    pub config: ActionModelConfig,
+    /// Rows of each episode.
+    pub episodes: Vec<usize>,
+    /// Actions that there are.
+    pub levels: usize,
+    /// Distance up to which a recorded transition covers a state; none where no transition has another one near it.
+    pub radius: Option<f32>,
+    /// The return that an episode ends with where the log does not cover a step.
+    pub worst_return: f64,
+    /// Whether distances are those of other numbers than the states.
+    pub has_metric: bool,
+    /// Whether actions are numbers.
+    pub has_settings: bool,
+}
+
+/// Write the arrays of a model into a folder; the names of the files, and what else is to be kept.
+///
+/// `states.npy` `f32 [rows, d]`; `metric.npy` likewise, where distances are those of a representation; `actions.npy` `u32 [t, 1]`, `rewards.npy` `f32 [t, 1]`,
+/// `terminals.npy` `u32 [t, 1]`; `starts.npy` and `starts-metric.npy` `f32 [s, d]`; `set.npy` `f32 [rows, a]` and `levels.npy` `f32 [levels, a]`, where actions are
+/// numbers; of each member `neighbors-M.npy` `u32 [t × levels, k]`, `distances-M.npy` `f32 [t × levels, k]`, and the same of starts.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write_action_model(
+    directory: &Path,
+    model: &ActionModel,
+    config: &ActionModelConfig,
+) -> Result<(Vec<String>, ActionModelRecord), FileError> {
+    let log = &model.log;
+    let mut folder = Folder { directory, names: Vec::new() };
+    folder.states("states.npy", log.states())?;
+    let has_metric = model.metric.as_slice().as_ptr() != log.states().as_slice().as_ptr();
+    if has_metric {
+        folder.states("metric.npy", &model.metric)?;
+        folder.states("starts-metric.npy", &model.starts.metric)?;
+    }
+    folder.states("starts.npy", &model.starts.observed)?;
+    let actions: Vec<u32> = log.actions().iter().map(|&of| u32::from(of)).collect();
+    folder.write("actions.npy", &actions, 1)?;
+    folder.write("rewards.npy", log.rewards(), 1)?;
+    let terminals: Vec<u32> =
+        log.endings().iter().map(|&of| u32::from(of == Ending::Terminal)).collect();
+    folder.write("terminals.npy", &terminals, 1)?;
+    if let Some(settings) = log.settings() {
+        folder.write("set.npy", settings.of_rows(), settings.columns())?;
+        folder.write("levels.npy", settings.of_levels(), settings.columns())?;
+    }
+    for (kind, tables) in [("", &model.tables), ("starts-", &model.start_tables)] {
+        for (member, table) in tables.iter().enumerate() {
+            folder.write(&format!("{kind}neighbors-{member}.npy"), table.neighbors(), table.k())?;
+            folder.write(&format!("{kind}distances-{member}.npy"), table.distances(), table.k())?;
+        }
+    }
+    let record = ActionModelRecord {
+        config: *config,
+        episodes: log.transitions().segments().iter().map(calib_core::Segment::len).collect(),
+        levels: log.levels(),
+        radius: model.radius.is_finite().then_some(model.radius),
+        worst_return: model.worst_return(),
+        has_metric,
+        has_settings: log.settings().is_some(),
+    };
+    Ok((folder.names, record))
+}
+
+/// Map a model that [`write_action_model`] wrote, whose files are what was written. Probabilities of actions are not in it.
+///
+/// # Errors
+/// If a file cannot be read, or cannot belong to such a model.
+pub fn open_action_model(
+    directory: &Path,
+    record: &ActionModelRecord,
+) -> Result<ActionModel, ControlError> {
+    record.config.check()?;
+    let folder = Folder { directory, names: Vec::new() };
+    let states = folder.mapped_states("states.npy")?;
+    let transitions = Transitions::new(Segments::from_lengths(record.episodes.iter().copied())?);
+    if transitions.segments().rows() != states.rows() {
+        return Err(folder.damaged("states.npy"));
+    }
+    let count = transitions.len();
+    let actions: MappedNpy<u32> = folder.map("actions.npy", count)?;
+    let rewards: MappedNpy<f32> = folder.map("rewards.npy", count)?;
+    let terminals: MappedNpy<u32> = folder.map("terminals.npy", count)?;
+    if actions.as_slice().iter().any(|&of| of as usize >= record.levels) {
+        return Err(folder.damaged("actions.npy"));
+    }
+    let endings = terminals.as_slice().iter().map(|&of| Ending::terminal_if(of != 0)).collect();
+    let settings = if record.has_settings {
+        let set: MappedNpy<f32> = folder.map("set.npy", states.rows())?;
+        let levels: MappedNpy<f32> = folder.map("levels.npy", record.levels)?;
+        if set.columns() != levels.columns() {
+            return Err(folder.damaged("levels.npy"));
+        }
+        let (set, levels) = (set.as_slice().to_vec(), levels.as_slice().to_vec());
+        Some(Settings::from_parts(set, levels, record.levels))
+    } else {
+        None
+    };
+    let observed = folder.mapped_states("starts.npy")?;
+    let (metric, metric_of_starts) = if record.has_metric {
+        (folder.mapped_states("metric.npy")?, folder.mapped_states("starts-metric.npy")?)
+    } else {
+        (states.clone(), observed.clone())
+    };
+    let fits = |of: &States, like: &States| of.rows() == like.rows();
+    if !fits(&metric, &states) || !fits(&metric_of_starts, &observed) || observed.rows() == 0 {
+        return Err(folder.damaged("starts.npy"));
+    }
+    let blocks = Blocks::new(&transitions, record.config.members)?;
+    let log = Decisions::from_parts(
+        states,
+        transitions,
+        actions.as_slice().iter().map(|&of| of as u16).collect(),
+        rewards.as_slice().to_vec(),
+        endings,
+        settings,
+        record.levels,
+    );
+    let tables = |kind: &str, rows: usize| -> Result<Vec<ActionTable>, ControlError> {
+        let each = |member| folder.table(kind, member, rows, record.levels, count);
+        (0..record.config.members).map(each).collect()
+    };
+    Ok(ActionModel {
+        tables: tables("", count)?,
+        start_tables: tables("starts-", observed.rows())?,
+        starts: Starts { observed, metric: metric_of_starts },
+        metric,
+        log,
+        blocks,
+        weights: Weights::Linear,
+        action_weight: record.config.action_weight,
+        rules: Rules { pessimism: record.config.pessimism, worst_return: record.worst_return },
+        radius: record.radius.unwrap_or(f32::INFINITY),
+    })
+}
+
+/// A folder that arrays are written to or read from.
+struct Folder<'a> {
+    directory: &'a Path,
+    /// What was written.
+    names: Vec<String>,
+}
+
+impl Folder<'_> {
+    fn states(&mut self, name: &str, states: &States) -> Result<(), FileError> {
+        self.write(name, states.as_slice(), states.columns())
+    }
+
+    fn write<T: NpyElement>(
+        &mut self,
+        name: &str,
+        values: &[T],
+        columns: usize,
+    ) -> Result<(), FileError> {
+        let rows = values.len().checked_div(columns).unwrap_or(0);
+        write_npy(&self.directory.join(name), values, rows, columns)?;
+        self.names.push(name.to_owned());
+        Ok(())
+    }
+
+    fn map<T: NpyElement>(&self, name: &str, rows: usize) -> Result<MappedNpy<T>, ControlError> {
+        let mapped = map_npy(&self.directory.join(name))?;
+        if mapped.rows() == rows { Ok(mapped) } else { Err(self.damaged(name)) }
+    }
+
+    fn mapped_states(&self, name: &str) -> Result<States, ControlError> {
+        let mapped = map_npy::<f32>(&self.directory.join(name))?;
+        let (rows, columns) = (mapped.rows(), mapped.columns());
+        Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
+    }
+
+    fn table(
+        &self,
+        kind: &str,
+        member: usize,
+        rows: usize,
+        levels: usize,
+        transitions: usize,
+    ) -> Result<ActionTable, ControlError> {
+        let name = format!("{kind}neighbors-{member}.npy");
+        let neighbors: MappedNpy<u32> = self.map(&name, rows * levels)?;
+        let far = format!("{kind}distances-{member}.npy");
+        let distances: MappedNpy<f32> = self.map(&far, rows * levels)?;
+        let (k, known) = (neighbors.columns(), |of: &u32| (*of as usize) < transitions);
+        if k == 0 || !neighbors.as_slice().iter().all(|of| *of == u32::MAX || known(of)) {
+            return Err(self.damaged(&name));
+        }
+        if distances.columns() != k {
+            return Err(self.damaged(&far));
+        }
+        Ok(ActionTable::from_shared(levels, k, Arc::new(neighbors), Arc::new(distances)))
+    }
+
+    fn damaged(&self, name: &str) -> ControlError {
+        ControlError::Damaged { path: self.directory.join(name) }
+    }
+}

@@ -1,0 +1,321 @@
+//! Many walks through a model at once: what an environment of many agents, or of one agent with many places, steps.
+
+use calib_core::{Rng, Seed};
+use serde::{Deserialize, Serialize};
+
+use crate::{ActionModel, At, Coverage, Covered, Drift, Ending, Rules, Step, Target};
+
+/// Walks through members of a model, each with its own draws.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Walkers {
+    walks: Vec<Walker>,
+    columns: usize,
+    /// Sum over the steps of each episode of how far the source of the drawn transition is from where the walk was, `[walks, columns]`.
+    displacements: Vec<f32>,
+    /// The same over the episodes that were over.
+    drift: Drift,
+}
+
+/// One walk.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Walker {
+    /// The member.
+    pub member: usize,
+    /// Where it is.
+    pub at: At,
+    /// Steps of the episode.
+    pub steps: u64,
+    /// Whether the episode is over, so that the next step begins another one.
+    pub over: bool,
+    /// What its steps rested on so far.
+    pub coverage: Coverage,
+    rng: Rng,
+}
+
+/// What the last step of a walk was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Went {
+    /// The reward; 0 where an episode began.
+    pub reward: f64,
+    /// Whether it ended in a terminal.
+    pub terminated: bool,
+    /// Whether it was cut at the timeout.
+    pub truncated: bool,
+    /// From where the walk was to the source of the transition, in the model's metric.
+    pub distance: f32,
+    /// Whether the log covers the step.
+    pub covered: bool,
+}
+
+impl Went {
+    /// An episode began.
+    pub const BEGAN: Self =
+        Self { reward: 0.0, terminated: false, truncated: false, distance: 0.0, covered: true };
+}
+
+fn draws(seed: u64) -> Rng {
+    Seed::new(seed).child("environment").rng()
+}
+
+impl Walkers {
+    /// Walks through these members of `model`, whose episodes have not begun; walk i draws as if it was seeded with i.
+    pub fn new(model: &ActionModel, members: &[usize]) -> Self {
+        let columns = model.log().states().columns();
+        let walker = |(number, &member): (usize, &usize)| Walker {
+            member,
+            at: At::Start(0),
+            steps: 0,
+            over: true,
+            coverage: Coverage::default(),
+            rng: draws(number as u64),
+        };
+        let walks: Vec<Walker> = members.iter().enumerate().map(walker).collect();
+        let displacements = vec![0.0; walks.len() * columns];
+        Self { walks, columns, displacements, drift: Drift::default() }
+    }
+
+    /// The walks.
+    pub fn walks(&self) -> &[Walker] {
+        &self.walks
+    }
+
+    /// Sum over the steps of each episode of how far the source of the drawn transition is from where the walk was, `[walks, columns]`.
+    pub fn displacements(&self) -> &[f32] {
+        &self.displacements
+    }
+
+    /// What all steps rested on so far.
+    pub fn coverage(&self) -> Coverage {
+        self.walks.iter().fold(Coverage::default(), |all, of| all.and(of.coverage))
+    }
+
+    /// How far the episodes that are over were moved by jumps; those that are not, where none is.
+    pub fn drift(&self) -> Drift {
+        let mut drift = self.drift.clone();
+        if drift.episodes == 0 {
+            let each = self.walks.iter().zip(self.displacements.chunks(self.columns.max(1)));
+            each.filter(|(walker, _)| walker.steps > 0).for_each(|(_, of)| drift.count(of));
+        }
+        drift
+    }
+
+    /// Let walk `number` draw anew from `seed`.
+    ///
+    /// # Panics
+    /// If there is no such walk.
+    pub fn seed(&mut self, number: usize, seed: u64) {
+        self.walks[number].rng = draws(seed);
+    }
+
+    /// Whether these could be walks through the same members of `model`: a state that was stored is checked before it is used.
+    pub fn fits(&self, model: &ActionModel, like: &Self) -> bool {
+        let known = |of: &Walker| match of.at {
+            At::Start(start) => (start as usize) < model.starts().rows(),
+            At::After(transition) => (transition as usize) < model.log().len(),
+        };
+        let members = |of: &Self| of.walks.iter().map(|of| of.member).collect::<Vec<_>>();
+        self.columns == like.columns
+            && self.displacements.len() == like.displacements.len()
+            && members(self) == members(like)
+            && self.walks.iter().all(known)
+    }
+
+    /// Begin an episode of walk `number`.
+    ///
+    /// # Panics
+    /// If there is no such walk.
+    pub fn begin(&mut self, model: &ActionModel, number: usize) -> Went {
+        let walker = &mut self.walks[number];
+        walker.at = At::Start(walker.rng.below(model.starts().rows()) as u32);
+        (walker.steps, walker.over) = (0, false);
+        self.displacements[number * self.columns..][..self.columns].fill(0.0);
+        Went::BEGAN
+    }
+
+    /// A step of walk `number`, whose episode is cut after `timeout` steps; one whose episode is over begins another one.
+    ///
+    /// # Panics
+    /// If there is no such walk or action.
+    pub fn step(
+        &mut self,
+        model: &ActionModel,
+        number: usize,
+        target: Target<'_>,
+        rules: Rules,
+        timeout: u64,
+    ) -> Went {
+        if self.walks[number].over {
+            return self.begin(model, number);
+        }
+        let walker = &mut self.walks[number];
+        let Step { drawn, reward, ending, covered, distance } =
+            model.step(walker.member, walker.at, target, rules, &mut walker.rng);
+        walker.coverage.count(covered);
+        if let Some(drawn) = drawn {
+            let sum = &mut self.displacements[number * self.columns..][..self.columns];
+            model.add_displacement(walker.at, drawn, sum);
+            walker.at = At::After(drawn.0);
+        }
+        walker.steps += 1;
+        let terminated = ending == Ending::Terminal;
+        let truncated = !terminated && timeout > 0 && walker.steps >= timeout;
+        walker.over = terminated || truncated;
+        if walker.over {
+            self.drift.count(&self.displacements[number * self.columns..][..self.columns]);
+        }
+        Went { reward, terminated, truncated, distance, covered: covered == Covered::Near }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Segments, Silent, States};
+
+    use super::*;
+    use crate::{
+        ActionModelConfig, Columns, Decisions, Ensemble as _, Environment as _, Levels, Pessimism,
+        Starts, Walked as _, open_action_model, write_action_model,
+    };
+
+    const CONFIG: ActionModelConfig = ActionModelConfig {
+        neighbors: 3,
+        members: 3,
+        pessimism: Pessimism::Nearest,
+        ..ActionModelConfig::DEFAULT
+    };
+
+    /// A tank whose level rises by what was set, in episodes of twenty rows.
+    fn model(levels: Option<usize>) -> ActionModel {
+        let mut rng = Seed::new(3).rng();
+        let rows = 600;
+        let (mut level, mut valve) = (0.5_f64, Vec::new());
+        let mut values = Vec::new();
+        for _ in 0..rows {
+            values.push(level as f32);
+            let set = (rng.unit() * 4.0).floor() / 4.0;
+            valve.push(set);
+            level = (level + (set - 0.375) * 0.2).clamp(0.0, 1.0);
+        }
+        let (levels, settings) = match levels {
+            None => (Levels::new(&[valve], 8).expect("four"), None),
+            Some(levels) => {
+                let (levels, settings) = Levels::of_range(&[valve], levels, 8).expect("levels");
+                (levels, Some(settings))
+            }
+        };
+        let endings: Vec<Ending> =
+            values.iter().map(|&of| Ending::terminal_if(of > 0.95)).collect();
+        let rewards: Vec<f32> = values.iter().map(|of| -(of - 0.6).abs()).collect();
+        let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
+        let states = States::new(values, rows, 1).expect("valid");
+        let segments = Segments::from_lengths(vec![20; rows / 20]).expect("valid");
+        let mut log =
+            Decisions::new(states, &segments, columns, levels.values.len()).expect("a log");
+        if let Some(settings) = settings {
+            log = log.with_settings(settings).expect("as many");
+        }
+        let metric = log.states().clone();
+        let starts = Starts { observed: metric.slice(0..9), metric: metric.slice(0..9) };
+        ActionModel::build(log, &metric, starts, &CONFIG, -7.0, &Silent).expect("built")
+    }
+
+    #[test]
+    fn a_walker_walks_as_a_walk_does() {
+        let model = model(None);
+        let mut walkers = Walkers::new(&model, &[1, 2]);
+        walkers.seed(0, 5);
+        let (mut walk, mut rng, mut state) = (model.walk(1), draws(5), [0.0]);
+        walkers.begin(&model, 0);
+        walk.start(&mut rng, &mut state);
+        for number in 0..500 {
+            let action = number % 4;
+            let went = walkers.step(&model, 0, Target::Level(action), model.rules(), 30);
+            let outcome = walk.step(action, &mut rng, &mut state);
+            assert_eq!(
+                (went.reward, went.terminated),
+                (outcome.reward, outcome.ending == Ending::Terminal)
+            );
+            assert_eq!(model.observed(walkers.walks()[0].at), state);
+            if went.terminated || went.truncated {
+                walkers.begin(&model, 0);
+                walk.start(&mut rng, &mut state);
+            }
+        }
+        assert_eq!(walkers.walks()[0].coverage, walk.coverage());
+        assert_eq!(walkers.drift(), walk.drift());
+        assert!(walk.drift().episodes > 10, "{:?}", walk.drift());
+        assert!(walkers.walks()[1].over, "the other one has not begun");
+    }
+
+    #[test]
+    fn jumps_and_transitions_together_are_the_way() {
+        let model = model(None);
+        let mut walkers = Walkers::new(&model, &[0]);
+        walkers.begin(&model, 0);
+        let first = model.observed(walkers.walks()[0].at)[0];
+        let mut moved = 0.0;
+        loop {
+            let went = walkers.step(&model, 0, Target::Level(1), model.rules(), 12);
+            let At::After(drawn) = walkers.walks()[0].at else { panic!("it went on") };
+            let row = model.led_to(drawn).get();
+            moved += model.log().states().row(row)[0] - model.log().states().row(row - 1)[0];
+            if went.terminated || went.truncated {
+                break;
+            }
+        }
+        let last = model.observed(walkers.walks()[0].at)[0];
+        assert!((first + moved + walkers.displacements()[0] - last).abs() < 1e-5);
+    }
+
+    #[test]
+    fn what_was_set_is_searched_for_as_the_tables_were() {
+        let model = model(Some(4));
+        let rules = model.rules();
+        let mut rngs = [draws(1), draws(1)];
+        for member in 0..3 {
+            for number in 0..model.log().len() {
+                let inside =
+                    model.blocks().contains(member, calib_core::TransitionIndex::new(number));
+                for level in (0..4).filter(|_| inside) {
+                    let at = At::After(number as u32);
+                    let set = model.log().settings().expect("set").of_level(level).to_vec();
+                    let found = model.step(member, at, Target::Level(level), rules, &mut rngs[0]);
+                    let live = model.step(member, at, Target::Set(&set), rules, &mut rngs[1]);
+                    assert_eq!(found.drawn, live.drawn, "{member} {number} {level}");
+                    assert!((found.distance - live.distance).abs() < 1e-6);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_model_that_was_stored_is_the_same() {
+        for levels in [None, Some(4)] {
+            let model = model(levels);
+            let directory = tempfile::tempdir().expect("a folder");
+            let (names, record) =
+                write_action_model(directory.path(), &model, &CONFIG).expect("written");
+            assert!(names.iter().all(|name| directory.path().join(name).exists()));
+            let opened = open_action_model(directory.path(), &record).expect("opened");
+            let way = |model: &ActionModel| {
+                let mut walkers = Walkers::new(model, &[0, 1, 2]);
+                let mut seen = Vec::new();
+                for number in 0..900 {
+                    let target = Target::Level(number % 4);
+                    let went = walkers.step(model, number % 3, target, model.rules(), 30);
+                    seen.push((went, walkers.walks()[number % 3].at));
+                }
+                (seen, walkers)
+            };
+            let ((first, _), (second, walkers)) = (way(&model), way(&opened));
+            assert_eq!(first, second);
+            assert!(walkers.fits(&model, &Walkers::new(&model, &[0, 1, 2])));
+            assert!(!walkers.fits(&model, &Walkers::new(&model, &[0, 1])));
+            let short = vec![0.0_f32; 10];
+            calib_files::write_npy(&directory.path().join("rewards.npy"), &short, 10, 1)
+                .expect("written");
+            let told = open_action_model(directory.path(), &record).expect_err("damaged");
+            assert!(told.to_string().contains("rewards.npy"), "{told}");
+        }
+    }
+}

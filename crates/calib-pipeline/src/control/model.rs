@@ -1,0 +1,283 @@
+//! `control-model/`: the model with actions, made once and mapped afterwards.
+
+use std::{path::Path, sync::Arc};
+
+use calib_control::{
+    ActionModel, ActionModelRecord, ControlConfig, Distance, Pessimism, Rules, open_action_model,
+    write_action_model,
+};
+use calib_core::{Bounds, Period, States};
+use calib_files::{Fingerprint, map_npy, write_npy};
+use calib_study::{Job, Study};
+use serde::{Deserialize, Serialize};
+
+use super::log::{self, ActionLog, Names};
+use crate::{
+    StepError,
+    base::artefact::{self, Below, Claim, Files, Manifest, TOOL},
+    ensure,
+    output::Printer,
+    represent::decisions,
+};
+
+/// Time of every row in microseconds, `i64 [rows, 1]`.
+const TIMES: &str = "times.npy";
+/// Rows in which episodes begin, `u32 [starts, 1]`.
+const START_ROWS: &str = "start-rows.npy";
+
+/// A column of the states.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlColumn {
+    /// Its name.
+    pub name: String,
+    /// The map to the unit of the log.
+    pub bounds: Bounds,
+}
+
+/// What the numbers of a model with actions mean.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlNames {
+    /// Columns of the states.
+    pub columns: Vec<ControlColumn>,
+    /// Columns of the actions.
+    pub action_columns: Vec<String>,
+    /// What each action sets, `[levels][action columns]`.
+    pub levels: Vec<Vec<f64>>,
+    /// What each action is called.
+    pub actions: Vec<String>,
+    /// Least and largest value that was set of each column of the actions.
+    pub ranges: Vec<[f64; 2]>,
+    /// Whether the log has a column of terminals.
+    pub has_terminals: bool,
+    /// Time from one row to the next.
+    pub period: Period,
+    /// Steps after which the study cuts an episode.
+    pub timeout: usize,
+    /// Root of its draws.
+    pub seed: u64,
+    /// What it refuses.
+    pub most_uncovered: f64,
+    /// Likewise.
+    pub fewest_terminals: usize,
+}
+
+/// `manifest.json` of a model with actions.
+#[derive(Serialize, Deserialize)]
+struct ControlModelManifest {
+    format: u32,
+    tool: String,
+    /// Fingerprint of what it follows from.
+    key: String,
+    study: Study,
+    /// Of the log.
+    log: Fingerprint,
+    record: ActionModelRecord,
+    names: ControlNames,
+    files: Files,
+}
+
+impl Manifest for ControlModelManifest {
+    const FORMAT: u32 = 1;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+/// A model with actions that was opened from a folder, and what its numbers mean.
+pub struct ControlModel {
+    /// The model.
+    pub model: Arc<ActionModel>,
+    /// What its numbers mean.
+    pub names: ControlNames,
+    /// Time of every row, in microseconds since 1970.
+    pub times: Vec<i64>,
+    /// Rows in which episodes begin.
+    pub start_rows: Vec<u32>,
+}
+
+impl ControlModel {
+    /// Map the model in a folder.
+    ///
+    /// # Errors
+    /// If there is none, or it was damaged.
+    pub fn in_directory(directory: &Path) -> Result<Self, StepError> {
+        Ok(opened(directory, "calib control STUDY")?)
+    }
+
+    /// Map the model of a study.
+    ///
+    /// # Errors
+    /// As [`in_directory`](Self::in_directory).
+    pub fn of_job(job: &Job) -> Result<Self, StepError> {
+        Ok(opened(&job.layout().control_model(), &job.command("control"))?)
+    }
+}
+
+fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
+    let manifest: ControlModelManifest = artefact::require(directory, command)?;
+    artefact::check_files(directory, &manifest.files, command)?;
+    let model = open_action_model(directory, &manifest.record)?;
+    let times = map_npy::<i64>(&directory.join(TIMES))?;
+    let rows = map_npy::<u32>(&directory.join(START_ROWS))?;
+    ensure!(
+        times.rows() == model.log().states().rows() && rows.rows() == model.starts().rows(),
+        "{} does not belong to its model; run `{command}` to make it again",
+        directory.join(TIMES).display()
+    );
+    Ok(ControlModel {
+        model: Arc::new(model),
+        names: manifest.names,
+        times: times.as_slice().to_vec(),
+        start_rows: rows.as_slice().to_vec(),
+    })
+}
+
+/// Fingerprint of what the model follows from: not what agents do in it.
+fn key(job: &Job, config: &ControlConfig, log: &ActionLog) -> Result<String, StepError> {
+    let represented = match config.model.distance {
+        Distance::Euclidean => None,
+        Distance::Laplacian => Some((job.study().representation.candidates(), job.study().seed)),
+    };
+    // What is done where the log does not cover a step is no matter of the tables.
+    let model = calib_control::ActionModelConfig { pessimism: Pessimism::Nearest, ..config.model };
+    let format = ControlModelManifest::FORMAT;
+    let names = control_names(job.study(), config, log);
+    artefact::key(&(format, TOOL, &log.fingerprint, model, config.start, represented, names))
+}
+
+/// The metric of the model: the states, or their representation.
+pub(super) fn metric(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+    printer: &Printer,
+) -> Result<States, StepError> {
+    match config.model.distance {
+        Distance::Euclidean => Ok(log.decisions.states().clone()),
+        Distance::Laplacian => decisions::of(job, log.material(), printer),
+    }
+}
+
+/// What a step does where the log does not cover it, by the study.
+fn rules(config: &ControlConfig, log: &ActionLog) -> Result<Rules, StepError> {
+    // Agents that live for less than an episode have no longer ones.
+    let recorded = log.decisions.recorded_return(config.timeout.min(config.steps))?;
+    let worst_return = config.worst_return.or(recorded.worst).unwrap_or(recorded.mean);
+    Ok(Rules { pessimism: config.model.pessimism, worst_return })
+}
+
+/// The model of a study: what is there, or made now; where nothing may be written it stays in memory.
+pub(super) fn of(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+    printer: &Printer,
+) -> Result<ActionModel, StepError> {
+    let directory = &job.layout().control_model();
+    let (key, rules) = (key(job, config, log)?, rules(config, log)?);
+    if !job.policy().redoes()
+        && let Some(model) = kept(directory, &key, rules, log)?
+    {
+        printer.say(&format!("the model in {} is up to date", directory.display()));
+        return Ok(model);
+    }
+    let metric = metric(job, config, log, printer)?;
+    let starts = log::starts(&log.decisions, &metric, config.start)?;
+    let progress = printer.progress();
+    let decisions = log.decisions.clone();
+    let worst = rules.worst_return;
+    let model = ActionModel::build(decisions, &metric, starts, &config.model, worst, &progress)?;
+    let written = write(directory, job, config, log, &model, &key);
+    artefact::or_read_only(written, directory, printer)?;
+    Ok(model)
+}
+
+/// Make the model again if it is there and damaged.
+pub(super) fn mend(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    let directory = &job.layout().control_model();
+    let manifest: Option<ControlModelManifest> = artefact::read(directory);
+    let is_whole = manifest.is_some_and(|of| artefact::are_whole(directory, &of.files));
+    if directory.exists() && !is_whole {
+        of(job, config, log, printer)?;
+    }
+    Ok(())
+}
+
+/// The model that is there, if it follows from the same and is whole: its tables, with the log that was read.
+fn kept(
+    directory: &Path,
+    key: &str,
+    rules: Rules,
+    log: &ActionLog,
+) -> Result<Option<ActionModel>, StepError> {
+    let manifest: Option<ControlModelManifest> = artefact::read(directory);
+    let Some(manifest) = manifest.filter(|of| of.key == key) else { return Ok(None) };
+    if !artefact::are_whole(directory, &manifest.files) {
+        return Ok(None);
+    }
+    let model = open_action_model(directory, &manifest.record)?;
+    Ok(Some(model.with_log(log.decisions.clone()).with_rules(rules)))
+}
+
+fn write(
+    directory: &Path,
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+    model: &ActionModel,
+    key: &str,
+) -> Result<(), StepError> {
+    let claim = Claim::new(directory, Below::Ours)?;
+    claim.begin()?;
+    let (mut names, record) = write_action_model(directory, model, &config.model)?;
+    write_npy(&directory.join(TIMES), &log.times, log.times.len(), 1)?;
+    let starts: Vec<u32> = log::start_rows(model.log(), config.start);
+    write_npy(&directory.join(START_ROWS), &starts, starts.len(), 1)?;
+    names.extend([TIMES, START_ROWS].map(str::to_owned));
+    let manifest = ControlModelManifest {
+        format: ControlModelManifest::FORMAT,
+        tool: TOOL.to_owned(),
+        key: key.to_owned(),
+        study: job.study().clone(),
+        log: log.fingerprint.clone(),
+        record,
+        names: control_names(job.study(), config, log),
+        files: artefact::fingerprints(directory, names.iter().map(String::as_str))?,
+    };
+    claim.complete(&manifest)
+}
+
+fn control_names(study: &Study, config: &ControlConfig, log: &ActionLog) -> ControlNames {
+    let Names { columns, bounds, levels, actions, ranges, .. } = &log.names;
+    let columns = columns.iter().zip(bounds);
+    ControlNames {
+        columns: columns
+            .map(|(name, &bounds)| ControlColumn { name: name.clone(), bounds })
+            .collect(),
+        action_columns: config.actions.clone(),
+        levels: levels.clone(),
+        actions: actions.clone(),
+        ranges: ranges.clone(),
+        has_terminals: config.terminal.is_some(),
+        period: log.period,
+        timeout: config.timeout,
+        seed: study.seed,
+        most_uncovered: config.most_uncovered,
+        fewest_terminals: config.fewest_terminals,
+    }
+}
+
+/// Make the model with actions of a study, if it is not there.
+pub(crate) fn build(job: &Job, printer: &Printer) -> Result<(), StepError> {
+    job.refuse_deployment()?;
+    let Some(config) = &job.study().control else { return Err(super::run::no_section(job)) };
+    let log = log::read(job, config, printer)?;
+    log::require_model(&log.decisions, config)?;
+    of(job, config, &log, printer).map(drop)
+}

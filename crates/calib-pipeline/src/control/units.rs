@@ -1,0 +1,69 @@
+//! `control-units/`: runs of a sweep that is not finished, so that it goes on from them.
+
+use std::path::{Path, PathBuf};
+
+use calib_control::{ControlError, Run, RunKeeper};
+use calib_files::{read_sealed_json, remove_known, write_sealed_json};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    StepError,
+    base::artefact::{Below, Claim},
+};
+
+/// Runs in files of their own.
+pub(super) struct Units {
+    directory: PathBuf,
+    /// Of the verdict that they are for.
+    key: String,
+    /// Nobody else writes there meanwhile.
+    _claim: Claim,
+}
+
+/// A run in its file.
+#[derive(Serialize, Deserialize)]
+struct Unit {
+    key: String,
+    run: Run,
+}
+
+impl Units {
+    /// Keep runs of the verdict `key` in a folder.
+    ///
+    /// # Errors
+    /// If it cannot be written, or another process does.
+    pub(super) fn open(directory: &Path, key: &str) -> Result<Self, StepError> {
+        let claim = Claim::new(directory, Below::Ours)?;
+        Ok(Self { directory: directory.to_owned(), key: key.to_owned(), _claim: claim })
+    }
+
+    fn path(&self, member: usize, run: usize, candidate: usize) -> PathBuf {
+        self.directory.join(format!("run-{member}-{run}-{candidate}.json"))
+    }
+
+    /// Forget them: the verdict is there.
+    ///
+    /// # Errors
+    /// If a file cannot be removed.
+    pub(super) fn remove(self) -> Result<(), StepError> {
+        Ok(remove_known(&self.directory, &mut is_unit)?)
+    }
+}
+
+fn is_unit(path: &Path) -> bool {
+    let name = path.to_string_lossy();
+    name.starts_with("run-") && name.ends_with(".json")
+}
+
+impl RunKeeper for Units {
+    fn known(&self, member: usize, run: usize, candidate: usize) -> Option<Run> {
+        let unit: Unit = read_sealed_json(&self.path(member, run, candidate)).ok()?;
+        let place = (unit.run.member, unit.run.run, unit.run.candidate);
+        (unit.key == self.key && place == (member, run, candidate)).then_some(unit.run)
+    }
+
+    fn keep(&self, run: &Run) -> Result<(), ControlError> {
+        let path = self.path(run.member, run.run, run.candidate);
+        Ok(write_sealed_json(&path, &Unit { key: self.key.clone(), run: run.clone() })?)
+    }
+}

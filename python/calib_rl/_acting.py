@@ -1,0 +1,229 @@
+"""Models with actions: what agents that act are tuned in."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _calib
+from ._checks import position, whole
+
+if TYPE_CHECKING:
+    from ._study import Study
+
+
+class Action(NamedTuple):
+    """An action that agents choose among."""
+
+    name: str
+    """What it is called."""
+    values: tuple[float, ...]
+    """What it sets, one a column of the actions."""
+    transitions: int
+    """Recorded transitions with it, or with the nearest setting where actions are numbers."""
+
+
+class Decisions(NamedTuple):
+    """What was done in the log, and what came of it."""
+
+    actions: NDArray[np.int64]
+    """The action of every transition, ``int64 [t]``."""
+    rewards: NDArray[np.float32]
+    """Its reward, ``float32 [t]``."""
+    terminals: NDArray[np.bool_]
+    """Whether it ends an episode, ``bool [t]``."""
+
+
+class Recorded(NamedTuple):
+    """What the recorded behaviour got."""
+
+    mean: float
+    """Mean return an episode."""
+    best: float | None
+    """The best whole episode; ``None`` where none is whole."""
+    worst: float | None
+    """The worst one."""
+
+
+class ActionModel:
+    """A model with actions: an ensemble that recombines the recorded transitions with the action that an agent takes.
+
+    Made by `calib_rl.build_model` with ``actions=``, by ``calib control``, or opened from a folder. A step with action ``a`` draws one of the ``k`` recorded
+    transitions with ``a`` that begin nearest to where the agent is, and leads to where it led, with its reward and its terminal. Each member lacks one block of the log.
+
+    Models can be pickled, as the path of their folder.
+
+    Examples:
+        >>> import calib_rl, tempfile, numpy as np
+        >>> log = _example_log()
+        >>> model = calib_rl.build_model(log, tempfile.mkdtemp(), actions=["valve"], reward="reward")
+        >>> model
+        <calib_rl.ActionModel: 5 members of 599 transitions, 3 actions, 3 neighbours, 1 columns>
+        >>> [action.name for action in model.actions]
+        ['valve=0', 'valve=0.5', 'valve=1']
+        >>> model.neighbors(0).shape
+        (599, 3, 3)
+    """
+
+    def __init__(self, native: _calib.ActionModel) -> None:
+        self._native = native
+
+    @staticmethod
+    def open(folder: str | os.PathLike[str]) -> ActionModel:
+        """Open the model in a folder.
+
+        Args:
+            folder: ``control-model/`` of a study's results.
+
+        Raises:
+            CalibError: There is none, or it was damaged.
+        """
+        return ActionModel(_calib.ActionModel.open(os.fspath(folder)))
+
+    @staticmethod
+    def of(study: Study) -> ActionModel:
+        """Open the model with actions of a study.
+
+        Raises:
+            CalibError: It was not built.
+        """
+        return ActionModel(_calib.ActionModel.of_job(study._job))
+
+    @property
+    def path(self) -> Path:
+        """The folder that the model lies in."""
+        return Path(self._native.directory).absolute()
+
+    @property
+    def members(self) -> int:
+        """Members of the ensemble. Each lacks one block of the log."""
+        return self._native.members
+
+    @property
+    def k(self) -> int:
+        """Neighbours of each state, for each action."""
+        return self._native.k
+
+    @property
+    def radius(self) -> float:
+        """Distance up to which a recorded transition covers a state."""
+        return self._native.radius
+
+    @property
+    def period(self) -> float:
+        """Seconds from one row to the next."""
+        return self._native.period
+
+    @property
+    def timeout(self) -> int:
+        """Steps after which the study cuts an episode."""
+        return self._native.timeout
+
+    @property
+    def worst_return(self) -> float:
+        """The return that an episode ends with where the log does not cover a step: that of the worst recorded episode, unless the study says another."""
+        return self._native.worst_return
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether actions are numbers, of which `actions` are levels."""
+        return self._native.is_continuous
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the ``d`` columns of the states."""
+        return [name for name, _, _ in self._native.columns]
+
+    @property
+    def actions(self) -> list[Action]:
+        """The actions that agents choose among."""
+        return [Action(name, tuple(values), count) for name, values, count in self._native.actions]
+
+    @property
+    def action_columns(self) -> dict[str, tuple[float, float]]:
+        """Columns of the actions, and the least and largest value that was set of each."""
+        return {name: (low, high) for name, low, high in self._native.action_columns}
+
+    @property
+    def states(self) -> NDArray[np.float32]:
+        """Normalised states, ``float32 [n, d]``, a read-only view."""
+        return self._native.states()
+
+    @property
+    def times(self) -> NDArray[np.datetime64]:
+        """Time of every row, ``datetime64[us] [n]``."""
+        return self._native.times().view("datetime64[us]")
+
+    @property
+    def sources(self) -> NDArray[np.uint32]:
+        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``; it leads to the row after it."""
+        return self._native.sources()
+
+    @property
+    def decisions(self) -> Decisions:
+        """What was done in each transition, and what came of it."""
+        return Decisions(*self._native.decisions())
+
+    def neighbors(self, member: int = 0) -> NDArray[np.uint32]:
+        """The transitions that a member goes on with from where each one led, for every action, nearest first.
+
+        Returns:
+            ``uint32 [t, actions, k]``, a read-only view. 4294967295 where there are no more, and of transitions that the member lacks.
+
+        Raises:
+            IndexError: There is no such member.
+        """
+        return self._native.neighbors(position(member, "member"))
+
+    def distances(self, member: int = 0) -> NDArray[np.float32]:
+        """How far the sources of `neighbors` are, ``float32 [t, actions, k]``; +∞ where there is none.
+
+        Raises:
+            IndexError: There is no such member.
+        """
+        return self._native.distances(position(member, "member"))
+
+    def recorded(self, timeout: int | None = None) -> Recorded:
+        """What the recorded behaviour got an episode of at most ``timeout`` steps; as the study has it, without it."""
+        return Recorded(*self._native.recorded(self.timeout if timeout is None else whole(timeout, "timeout", 1)))
+
+    def physical(self, states: ArrayLike) -> NDArray[np.float64]:
+        """Normalised states, ``[..., d]``, in the units of the sensors."""
+        _, offset, scale = zip(*self._native.columns)
+        values: NDArray[np.float64] = np.asarray(states, np.float64) * np.array(scale) + np.array(offset)
+        return values
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ActionModel.open, (str(self.path),)
+
+    def __repr__(self) -> str:
+        return (
+            f"<calib_rl.ActionModel: {self.members} members of {self._native.transitions:,} transitions, {len(self.actions)} actions, "
+            f"{self.k} neighbours, {len(self.columns)} columns>"
+        )
+
+
+def _example_log() -> Any:
+    """The log of a tank with a valve, for examples: six hundred rows, of which `calib_rl.ActionModel` is made."""
+    rng = np.random.default_rng(0)
+    level, rows = 0.5, 600
+    levels, valves, rewards = [], [], []
+    for _ in range(rows):
+        valve = float(rng.integers(3)) / 2
+        levels.append(level)
+        valves.append(valve)
+        rewards.append(-abs(level - 0.6))
+        level = float(np.clip(level + 0.1 * (valve - 0.5) + rng.normal(0.0, 0.01), 0.0, 1.0))
+    times = np.datetime64("2024-03-01", "us") + np.arange(rows) * np.timedelta64(60_000_000, "us")
+    columns = {"time": times, "level": levels, "valve": valves, "reward": rewards}
+    try:
+        import polars
+    except ImportError:
+        import pandas
+
+        return pandas.DataFrame(columns)
+    return polars.DataFrame(columns)

@@ -1,0 +1,277 @@
+"""A model with actions as an environment of Gymnasium. Users call `calib_rl.gym`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from . import _calib
+from ._acting import ActionModel
+from ._checks import LARGEST_SEED, position, whole
+from ._model import Units
+
+try:
+    from gymnasium.vector import AutoresetMode
+except ImportError:  # 1.0 does so too, and has no name for it
+    AUTORESET: dict[str, Any] = {}
+else:
+    AUTORESET = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+
+Pessimism = Literal["nearest", "minimum_return"]
+ActionKind = Literal["discrete", "multi_discrete", "box"]
+Column = str | int
+AnySpace = gymnasium.Space[Any]
+
+# What a walk takes here and in compiled code, beside what it sees.
+WALKER_BYTES = 512
+
+
+class _Actions:
+    """The action space of a model, and what its actions are to the walkers."""
+
+    def __init__(self, model: ActionModel, wanted: ActionKind | AnySpace | None, live: bool) -> None:
+        levels = np.array([action.values for action in model.actions], np.float64)
+        low, high = np.array(list(model.action_columns.values()), np.float64).T
+        self.live = live
+        self.range = np.where(high > low, high - low, 1.0)
+        self.levels = levels / self.range
+        kind = wanted if isinstance(wanted, str) else _kind(wanted)
+        if live and kind != "box":
+            raise ValueError("live searches for what is set, which is a number: it wants action_space='box'")
+        if live and not model.is_continuous:
+            raise ValueError("live wants a model whose actions are numbers; build it with levels=, such as levels=7")
+        self.space: AnySpace
+        if kind == "discrete":
+            self.space = spaces.Discrete(len(levels))
+        elif kind == "multi_discrete":
+            grid = [np.unique(column) for column in levels.T]
+            sizes = [len(values) for values in grid]
+            if np.prod(sizes) != len(levels):
+                raise ValueError(
+                    f"multi_discrete wants every combination of {' x '.join(map(str, sizes))} values, and the log took {len(levels)}; "
+                    "take action_space='discrete', or build the model with levels="
+                )
+            self.table = np.zeros(sizes, np.int64)
+            for number, level in enumerate(levels):
+                self.table[tuple(np.searchsorted(values, value) for values, value in zip(grid, level))] = number
+            self.space = spaces.MultiDiscrete(sizes)
+        elif kind == "box":
+            self.space = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+        else:
+            raise ValueError(f"action_space is {kind!r}, expected 'discrete', 'multi_discrete', 'box', or a space")
+        self.kind = kind
+        if not isinstance(wanted, str) and wanted is not None and wanted != self.space:
+            raise ValueError(
+                f"action_space is {wanted}, and that of this model is {self.space}; leave it out, or lay a wrapper such as "
+                "gymnasium.wrappers.RescaleAction over the environment"
+            )
+
+    def of(self, actions: Any) -> ArrayLike:
+        """What walkers are given for the actions of all of them."""
+        if self.kind == "discrete":
+            return np.asarray(actions)
+        if self.kind == "multi_discrete":
+            levels: NDArray[np.int64] = self.table[tuple(np.asarray(actions).T)]
+            return levels
+        values = np.asarray(actions, np.float64)
+        if self.live:
+            return values
+        if not np.isfinite(values).all():
+            raise ValueError(f"an action is {actions}, which is no number: the agent has diverged")
+        shares = values[:, None, :] / self.range
+        nearest: NDArray[np.int64] = np.square(shares - self.levels).sum(axis=2).argmin(axis=1)
+        return nearest
+
+
+def _kind(wanted: AnySpace | None) -> str:
+    if wanted is None or isinstance(wanted, spaces.Discrete):
+        return "discrete"
+    if isinstance(wanted, spaces.MultiDiscrete):
+        return "multi_discrete"
+    if isinstance(wanted, spaces.Box):
+        return "box"
+    return type(wanted).__name__
+
+
+class ActingSettings:
+    """What single and vector environments share."""
+
+    def __init__(
+        self,
+        model: ActionModel,
+        members: Sequence[int],
+        observe: Sequence[Column] | None,
+        timeout: int | None,
+        units: Units,
+        pessimism: Pessimism,
+        worst_return: float | None,
+        action_space: ActionKind | AnySpace | None,
+        live: bool,
+    ) -> None:
+        if units not in ("normalised", "physical"):
+            raise ValueError(f"units are {units!r}, expected 'normalised' or 'physical'")
+        if pessimism not in ("nearest", "minimum_return"):
+            raise ValueError(f"pessimism is {pessimism!r}, expected 'nearest' or 'minimum_return'")
+        names = model.columns
+        columns = list(range(len(names))) if observe is None else [_column(names, column) for column in observe]
+        if not columns:
+            raise ValueError("observe names no column")
+        self.actions = _Actions(model, action_space, live)
+        most = model.timeout if timeout is None else whole(timeout, "timeout", 1)
+        worst = model.worst_return if worst_return is None else float(worst_return)
+        low, high = model._native.extremes()
+        if units == "physical":
+            low, high = model.physical(low).astype(np.float32), model.physical(high).astype(np.float32)
+        self.observation_space: gymnasium.Space[NDArray[np.float32]] = spaces.Box(low[columns], high[columns], dtype=np.float32)
+        self._walked = list(members), columns, units == "physical", most, pessimism == "minimum_return", worst, live
+        self._model = model
+        self.timeout = most
+        self.walkers: _calib.ActionWalkers = model._native.walkers(*self._walked)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "walkers": self.walkers.state()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        at = state.pop("walkers")
+        self.__dict__.update(state)
+        self.walkers = self._model._native.walkers(*self._walked)
+        self.walkers.restore(at)
+
+
+def _column(names: list[str], column: Column) -> int:
+    if isinstance(column, str):
+        if column not in names:
+            raise ValueError(f"no column is called {column!r}; the model has {', '.join(names)}")
+        return names.index(column)
+    number = whole(column, "a column", -LARGEST_SEED)
+    if not 0 <= number < len(names):
+        raise ValueError(f"column {number}: the model has {len(names)}, from 0 on")
+    return number
+
+
+class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
+    """One walk through a member of a model with actions; see `calib_rl.gym.make`."""
+
+    metadata: dict[str, Any] = {"render_modes": []}
+
+    def __init__(
+        self,
+        model: ActionModel,
+        member: int = 0,
+        *,
+        observe: Sequence[Column] | None = None,
+        timeout: int | None = None,
+        units: Units = "normalised",
+        pessimism: Pessimism = "nearest",
+        worst_return: float | None = None,
+        action_space: ActionKind | AnySpace | None = None,
+        live: bool = False,
+    ) -> None:
+        member = position(member, "member")
+        self._settings = ActingSettings(model, [member], observe, timeout, units, pessimism, worst_return, action_space, live)
+        self.model, self.member, self.timeout = model, member, self._settings.timeout
+        self.observation_space, self.action_space = self._settings.observation_space, self._settings.actions.space
+        self._over = True
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode where one of the log began."""
+        super().reset(seed=seed)
+        walkers = self._settings.walkers
+        if seed is not None:
+            walkers.seed([whole(seed, "seed", most=LARGEST_SEED)])
+        seen, _, _, _, rows, times, distances, covered, displaced = walkers.reset()
+        self._over = False
+        return seen[0], _info(int(rows[0]), int(times[0]), float(distances[0]), bool(covered[0]), displaced[0])
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Take an action."""
+        if self._over:
+            raise gymnasium.error.ResetNeeded("the episode is over: call reset() before step()")
+        actions, walkers = self._settings.actions, self._settings.walkers
+        if actions.kind == "discrete":
+            seen, reward, terminated, truncated, *info = walkers.step_one(int(action))
+        else:
+            all_seen, rewards, ends, cuts, rows, times, distances, covered, displaced = walkers.step(actions.of(np.asarray(action)[None]))
+            seen, reward, terminated, truncated = all_seen[0], float(rewards[0]), bool(ends[0]), bool(cuts[0])
+            info = [int(rows[0]), int(times[0]), float(distances[0]), bool(covered[0]), displaced[0]]
+        self._over = terminated or truncated
+        return seen, reward, terminated, truncated, _info(*info)
+
+    def lived(self) -> str:
+        """Coverage and drift of all steps so far, as JSON."""
+        return self._settings.walkers.lived()
+
+
+def _info(row: Any, time: Any, distance: Any, covered: Any, displacement: Any) -> dict[str, Any]:
+    return {"row": row, "time": time, "distance": distance, "covered": covered, "displacement": displacement}
+
+
+class ActingVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
+    """Many walks at once, a call of compiled code a step; see `calib_rl.gym.make_vec`."""
+
+    metadata: dict[str, Any] = {"render_modes": [], **AUTORESET}
+
+    def __init__(
+        self,
+        model: ActionModel,
+        num_envs: int,
+        members: int | Sequence[int] = 0,
+        *,
+        observe: Sequence[Column] | None = None,
+        timeout: int | None = None,
+        units: Units = "normalised",
+        pessimism: Pessimism = "nearest",
+        worst_return: float | None = None,
+        action_space: ActionKind | AnySpace | None = None,
+        live: bool = False,
+    ) -> None:
+        num_envs = whole(num_envs, "num_envs", 1)
+        given = [members] if isinstance(members, (int, np.integer)) else list(members)
+        if not given:
+            raise ValueError("members names no member")
+        given = [position(member, "members") for member in given]
+        _calib.require_memory(num_envs * (WALKER_BYTES + 16 * len(model.columns)), f"{num_envs} walks", "lower num_envs")
+        dealt = [given[number % len(given)] for number in range(num_envs)]
+        self._settings = ActingSettings(model, dealt, observe, timeout, units, pessimism, worst_return, action_space, live)
+        self.model, self.members, self.num_envs = model, dealt, num_envs
+        self.single_observation_space = self._settings.observation_space
+        self.single_action_space = self._settings.actions.space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._all = np.ones(num_envs, np.bool_)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin anew: all, or those that ``options["reset_mask"]`` marks. Walk ``i`` of seed ``s`` is that of a single environment with ``s + i``."""
+        one = seed if seed is None or isinstance(seed, (int, np.integer)) else None
+        super().reset(seed=None if one is None else int(one))
+        walkers = self._settings.walkers
+        if one is not None:
+            first = whole(one, "seed", most=LARGEST_SEED)
+            walkers.seed([(first + number) % (LARGEST_SEED + 1) for number in range(self.num_envs)])
+        elif seed is not None and not isinstance(seed, (int, np.integer)):
+            walkers.seed([None if of is None else whole(of, "seed", most=LARGEST_SEED) for of in seed])
+        seen, _, _, _, *info = walkers.reset((options or {}).get("reset_mask"))
+        return seen, self._info(*info)
+
+    def step(
+        self, actions: Any
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """A step of every walk; one whose episode is over begins another one instead, as ``AutoresetMode.NEXT_STEP`` has it."""
+        settings = self._settings
+        seen, rewards, terminated, truncated, *info = settings.walkers.step(settings.actions.of(actions))
+        return seen, rewards, terminated, truncated, self._info(*info)
+
+    def _info(self, row: Any, time: Any, distance: Any, covered: Any, displacement: Any) -> dict[str, Any]:
+        info = _info(row, time, distance, covered, displacement)
+        return info | {f"_{name}": self._all for name in info}

@@ -1,0 +1,165 @@
+"""One setting in one member: what a process of `calib_rl.tune` does, by itself or for another."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import pickle
+import random
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from ._acting import ActionModel
+from .gym import make
+
+# An agent may round its steps up to whole batches; one that goes on far beyond never stops.
+_BEYOND = 100_000
+
+
+class Unit:
+    """A setting in a run of a member."""
+
+    def __init__(self, setting: dict[str, Any], candidate: int, member: int, run: int, seed: int, steps: int) -> None:
+        self.setting, self.candidate, self.member, self.run, self.seed, self.steps = setting, candidate, member, run, seed, steps
+
+
+class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """Counts what an agent gets in its first ``steps`` steps, learning included."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any], steps: int, timeout: int) -> None:
+        super().__init__(env)
+        self.left, self.timeout = steps, timeout
+        self.returns: list[float] = []
+        self.terminals = 0
+        self.reward, self.length = 0.0, 0
+        self.beyond = 0
+        self.seed: int | None = None
+        self.lived: str | None = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """The first episode begins by our seed, whatever the agent's is: chance is common to all settings."""
+        seed, self.seed = (seed if self.seed is None else self.seed), None
+        self.reward, self.length = 0.0, 0
+        return self.env.reset(seed=seed, options=options)
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """A step, counted as long as there are steps to be counted."""
+        seen, reward, terminated, truncated, info = self.env.step(action)
+        if self.left == 0:
+            self.beyond += 1
+            if self.beyond > _BEYOND:
+                raise RuntimeError("the agent took 100,000 steps more than it was given: learn(total_timesteps) does not stop")
+            return seen, reward, terminated, truncated, info
+        self.left -= 1
+        self.length += 1
+        self.reward += float(reward)
+        if terminated or truncated:
+            self.returns.append(self.reward)
+            self.terminals += int(terminated)
+            self.reward, self.length = 0.0, 0
+        if self.left == 0:
+            self.lived = self.env.unwrapped.lived()  # type: ignore[attr-defined]
+        return seen, reward, terminated, truncated, info
+
+    def mean_return(self) -> float:
+        """Sum of all rewards by episodes and the part of the last one; one at least."""
+        episodes = max(1.0, len(self.returns) + self.length / self.timeout)
+        return (sum(self.returns) + self.reward) / episodes
+
+
+def live(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environment: Mapping[str, Any]) -> dict[str, Any]:
+    """What came of a unit: a run as `calib control` has it, with the return of every episode; or why it failed."""
+    place = "make_agent"
+    try:
+        made = make(model, member=unit.member, **environment)
+        env = Recorder(made, unit.steps, made.timeout)
+        env.seed = unit.seed
+        env.action_space.seed(unit.seed % 2**32)
+        _seed_all(unit.seed)
+        agent = make_agent(env, **_arguments(make_agent, unit))
+        learn = getattr(agent, "learn", None)
+        if learn is None:
+            raise TypeError(f"make_agent returned {type(agent).__name__}, which has no learn(total_timesteps)")
+        place = "learn"
+        learn(unit.steps)
+        if env.left:
+            raise RuntimeError(f"learn({unit.steps}) returned after {unit.steps - env.left} steps; it must take as many as it is given")
+        mean = env.mean_return()
+        if not np.isfinite(mean):
+            raise FloatingPointError(f"the mean return is {mean}")
+    except Exception as error:  # whatever an agent raises is told, and the others go on
+        return {"error": _told(error), "place": place, "trace": traceback.format_exc(limit=-8)}
+    returns = env.returns
+    run = {
+        "member": unit.member,
+        "run": unit.run,
+        "candidate": unit.candidate,
+        "mean_return": mean,
+        "episodes": len(returns),
+        "terminals": env.terminals,
+        "curve": _tenths(returns),
+        **json.loads(env.lived or made.lived()),
+    }
+    return {"run": run, "returns": returns}
+
+
+def _arguments(make_agent: Callable[..., Any], unit: Unit) -> dict[str, Any]:
+    """The setting; with a seed, if ``make_agent`` names one."""
+    try:
+        wants = "seed" in inspect.signature(make_agent).parameters and "seed" not in unit.setting
+    except (TypeError, ValueError):
+        wants = False
+    return {**unit.setting, "seed": unit.seed % 2**31} if wants else dict(unit.setting)
+
+
+def _seed_all(seed: int) -> None:
+    random.seed(seed)
+    np.random.seed(seed % 2**32)
+    torch = sys.modules.get("torch")
+    if torch is not None:
+        torch.manual_seed(seed % 2**63)
+
+
+def _told(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}".strip()
+
+
+def _tenths(returns: list[float]) -> list[float]:
+    if len(returns) < 10:
+        return []
+    bounds = [tenth * len(returns) // 10 for tenth in range(11)]
+    return [float(np.mean(returns[low:high])) for low, high in zip(bounds, bounds[1:])]
+
+
+def main() -> None:
+    """A process that lives units which it is told on its standard input, and answers on what was its standard output."""
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    # What agents print must not be taken for an answer.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.path[:] = json.loads(sys.stdin.readline())
+    length = int(sys.stdin.readline())
+    # Whatever make_agent imports is imported here.
+    try:
+        make_agent, folder, environment = pickle.loads(bytes.fromhex(sys.stdin.readline()[:length]))
+        model = ActionModel.open(folder)
+        torch = sys.modules.get("torch")
+        if torch is not None:
+            torch.set_num_threads(1)
+    except Exception as error:
+        failure = {"error": _told(error), "place": "make_agent", "trace": traceback.format_exc(limit=-4)}
+        for _ in sys.stdin:
+            print(json.dumps(failure), file=answers, flush=True)
+        return
+    for line in sys.stdin:
+        unit = Unit(**pickle.loads(bytes.fromhex(line.strip())))
+        print(json.dumps(live(make_agent, model, unit, environment)), file=answers, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,294 @@
+from __future__ import annotations
+
+import os
+import pickle
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import calib_rl
+import calib_rl.gym
+
+polars = pytest.importorskip("polars")
+
+
+def tank(rows: int = 1200, columns: int = 1, terminal: bool = False) -> Any:
+    """A tank whose valves raise or lower its level; what is wanted is a level of 0.6."""
+    rng = np.random.default_rng(1)
+    level = 0.5
+    told: dict[str, list[float]] = {name: [] for name in ("level", "flow", "reward", "over", *(f"valve{n}" for n in range(columns)))}
+    for _ in range(rows):
+        set_to = rng.integers(3, size=columns) / 2
+        told["level"].append(level)
+        told["flow"].append(float(rng.normal(5.0, 1.0)))
+        told["reward"].append(-abs(level - 0.6))
+        told["over"].append(float(level > 0.95))
+        for number, value in enumerate(set_to):
+            told[f"valve{number}"].append(value)
+        level = float(np.clip(level + 0.1 * (set_to.mean() - 0.5) + rng.normal(0.0, 0.01), 0.0, 1.0))
+        if terminal and told["over"][-1]:
+            level = 0.5
+    if not terminal:
+        del told["over"]
+    times = np.datetime64("2024-03-01", "us") + np.arange(rows) * np.timedelta64(60_000_000, "us")
+    return polars.DataFrame({"time": times, **told})
+
+
+@pytest.fixture(scope="module")
+def acting(tmp_path_factory: pytest.TempPathFactory) -> calib_rl.ActionModel:
+    folder = tmp_path_factory.mktemp("acting")
+    return calib_rl.build_model(tank(), folder, actions=["valve0"], reward="reward", timeout=40)
+
+
+@pytest.fixture(scope="module")
+def continuous(tmp_path_factory: pytest.TempPathFactory) -> calib_rl.ActionModel:
+    folder = tmp_path_factory.mktemp("continuous")
+    return calib_rl.build_model(tank(columns=2), folder, actions=["valve0", "valve1"], reward="reward", levels=3, timeout=40)
+
+
+def test_a_frame_with_actions_becomes_a_model_with_actions(acting: calib_rl.ActionModel) -> None:
+    assert acting.columns == ["level", "flow"] and [action.name for action in acting.actions] == ["valve0=0", "valve0=0.5", "valve0=1"]
+    done = acting.decisions
+    assert [int((done.actions == number).sum()) for number in range(3)] == [action.transitions for action in acting.actions]
+    neighbors, distances = acting.neighbors(2), acting.distances(2)
+    assert neighbors.shape == distances.shape == (1199, 3, 3) and not neighbors.flags.writeable
+    there = neighbors[:, 1] != 4294967295
+    assert (done.actions[neighbors[:, 1][there]] == 1).all(), "neighbours for an action have it"
+    again = calib_rl.ActionModel.open(acting.path)
+    assert (again.neighbors(2) == neighbors).all() and repr(pickle.loads(pickle.dumps(acting))) == repr(acting)
+    assert str(acting.times[1] - acting.times[0]) == "60000000 microseconds" and acting.recorded().mean < 0
+
+
+def test_a_step_goes_where_a_recorded_transition_went(acting: calib_rl.ActionModel) -> None:
+    env = calib_rl.gym.make(acting, member=1, units="physical", observe=["level"])
+    done, sources = acting.decisions, acting.sources
+    seen, before = env.reset(seed=3)
+    moved, total = 0.0, None
+    for number in range(40):
+        at = float(seen[0])
+        seen, reward, terminated, truncated, info = env.step(number % 3)
+        transition = int(np.flatnonzero(sources == info["row"] - 1)[0])
+        assert done.actions[transition] == number % 3 and done.rewards[transition] == np.float32(reward)
+        source = acting.physical(acting.states[info["row"] - 1])[0]
+        moved += source - at
+        assert abs(info["displacement"][0] - moved) < 1e-4 and info["covered"] in (True, False) and not terminated
+        total = truncated
+    assert total, "it is cut after the timeout of the model"
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(0)
+
+
+@pytest.mark.parametrize("kind", ["discrete", "multi_discrete", "box", "live"])
+def test_checkers_find_nothing_wrong(continuous: calib_rl.ActionModel, kind: str) -> None:
+    live, space = kind == "live", "box" if kind == "live" else kind
+    for units in ("normalised", "physical"):
+        env = calib_rl.gym.make(continuous, member=2, units=units, action_space=space, live=live)  # type: ignore[call-overload]
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            check_env(env, skip_render_check=True)
+        assert not [str(of.message) for of in told if "symmetric" not in str(of.message)]
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(calib_rl.gym.make(continuous, action_space=space, live=live), skip_render_check=True)  # type: ignore[call-overload]
+
+
+def test_action_spaces_agree(continuous: calib_rl.ActionModel) -> None:
+    rng = np.random.default_rng(4)
+    envs = {
+        kind: calib_rl.gym.make(continuous, member=1, action_space="box" if kind == "live" else kind, live=kind == "live")  # type: ignore[call-overload]
+        for kind in ("discrete", "multi_discrete", "box", "live")
+    }
+    for env in envs.values():
+        env.reset(seed=9)
+    for _ in range(39):
+        level = int(rng.integers(9))
+        values = continuous.actions[level].values
+        actions = {"discrete": level, "multi_discrete": [int(2 * value) for value in values], "box": values, "live": values}
+        rows = {kind: env.step(np.array(actions[kind]))[4]["row"] for kind, env in envs.items()}
+        assert len(set(rows.values())) == 1, rows
+
+
+def test_many_walkers_are_single_ones(acting: calib_rl.ActionModel) -> None:
+    vector = calib_rl.gym.make_vec(acting, 6, members=[0, 3], timeout=7)
+    seen, _ = vector.reset(seed=5)
+    singles = [calib_rl.gym.make(acting, member=[0, 3][number % 2], timeout=7) for number in range(6)]
+    alone = [env.reset(seed=5 + number)[0] for number, env in enumerate(singles)]
+    assert (np.array(alone) == seen).all()
+    rng = np.random.default_rng(0)
+    for step in range(30):
+        actions = rng.integers(3, size=6)
+        seen, rewards, terminated, truncated, info = vector.step(actions)
+        for number, env in enumerate(singles):
+            if step % 8 == 7:
+                observed, _ = env.reset()
+                assert rewards[number] == 0.0
+            else:
+                observed, reward, end, cut, told = env.step(int(actions[number]))
+                assert (reward, end, cut) == (rewards[number], terminated[number], truncated[number])
+                assert told["row"] == info["row"][number] and told["covered"] == info["covered"][number]
+            assert (observed == seen[number]).all()
+    there = pickle.loads(pickle.dumps(vector))
+    assert (there.step(np.zeros(6, np.int64))[0] == vector.step(np.zeros(6, np.int64))[0]).all()
+
+
+def test_what_an_environment_refuses(acting: calib_rl.ActionModel, continuous: calib_rl.ActionModel) -> None:
+    plain = calib_rl.build_model(np.random.default_rng(0).random((300, 2)))
+    arguments: Any
+    for arguments, told in [
+        ({"timeout": 5}, "timeout is for models with actions"),
+        ({"action_space": gymnasium.spaces.Discrete(3)}, "has no actions"),
+    ]:
+        with pytest.raises(ValueError, match=told):
+            calib_rl.gym.make(plain, **arguments)
+    for of, arguments, told in [
+        (acting, {"reward": 0}, "those of its log"),
+        (acting, {"max_steps": 5}, "timeout"),
+        (acting, {"action_space": gymnasium.spaces.Discrete(4)}, r"Discrete\(3\)"),
+        (acting, {"action_space": "box", "live": True}, "levels="),
+        (acting, {"observe": ["nothing"]}, "level, flow"),
+        (continuous, {"live": True}, "action_space='box'"),
+    ]:
+        with pytest.raises(ValueError, match=told):
+            calib_rl.gym.make(of, **arguments)
+    env = calib_rl.gym.make(acting)
+    env.reset()
+    with pytest.raises(ValueError, match="from 0 to 2"):
+        env.step(3)
+    with pytest.raises(TypeError, match="expected a list"):
+        calib_rl.build_model(tank(), "nowhere", actions="valve0", reward="reward")
+
+
+def test_pessimism_ends_episodes(acting: calib_rl.ActionModel) -> None:
+    careful = calib_rl.gym.make(acting, pessimism="minimum_return", worst_return=-77.0, timeout=10_000)
+    careful.reset(seed=0)
+    for _ in range(10_000):
+        _, reward, terminated, _, info = careful.step(2)
+        assert terminated == (not info["covered"])
+        if terminated:
+            break
+    assert terminated and reward == -77.0
+
+
+def test_gymnasium_makes_it_by_name(acting: calib_rl.ActionModel) -> None:
+    env = gymnasium.make("calib/Model-v0", path=acting.path, timeout=5, observe=["level"])
+    assert env.reset(seed=1)[0].shape == (1,) and env.action_space == gymnasium.spaces.Discrete(3)
+    vector = gymnasium.make_vec("calib/Model-v0", 4, vectorization_mode="vector_entry_point", path=acting.path)
+    assert vector.reset(seed=1)[0].shape == (4, 2)
+
+
+def test_actions_that_cannot_be(tmp_path: Path) -> None:
+    arguments: Any
+    for number, (frame, arguments, told) in enumerate(
+        [
+            (tank(), {"actions": ["none"], "reward": "reward"}, "none"),
+            (tank(), {"actions": ["valve0"], "reward": "nothing"}, "nothing"),
+            (tank().with_columns(reward=polars.lit(float("nan"))), {"actions": ["valve0"], "reward": "reward"}, "reward"),
+            (tank().with_columns(valve0=polars.Series(np.arange(1200.0))), {"actions": ["valve0"], "reward": "reward"}, "levels"),
+        ]
+    ):
+        with pytest.raises((calib_rl.CalibError, ValueError), match=told):
+            calib_rl.build_model(frame, tmp_path / str(number), **arguments)
+
+
+class Sarsa:
+    """A small agent that needs nothing but NumPy: Q-learning in tiles of the level."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any], step_size: float = 0.1, epsilon: float = 0.1, seed: int = 0) -> None:
+        if step_size > 5:
+            raise ValueError("step_size is too large")
+        self.env, self.step_size, self.epsilon = env, step_size, epsilon
+        self.values = np.zeros((21, env.action_space.n))  # type: ignore[attr-defined]
+        self.rng = np.random.default_rng(seed)
+
+    def learn(self, total_timesteps: int) -> None:
+        over, place = True, 0
+        for _ in range(total_timesteps):
+            if over:
+                place = int(self.env.reset()[0][0] * 20)
+            values = self.values[place]
+            action = int(self.rng.integers(len(values))) if self.rng.random() < self.epsilon else int(values.argmax())
+            seen, reward, terminated, truncated, _ = self.env.step(action)
+            after = int(seen[0] * 20)
+            target = float(reward) + (0.0 if terminated else 0.9 * self.values[after].max())
+            self.values[place, action] += self.step_size * (target - self.values[place, action])
+            over, place = terminated or truncated, after
+
+
+GRID = {"step_size": [0.001, 0.3], "epsilon": [0.05, 1.0]}
+
+
+@pytest.fixture(scope="module")
+def tuned(acting: calib_rl.ActionModel) -> calib_rl.Tuned:
+    return calib_rl.tune(Sarsa, GRID, acting, total_timesteps=3000, processes=1)
+
+
+def test_settings_are_ranked(tuned: calib_rl.Tuned) -> None:
+    assert tuned.chosen == {"step_size": 0.3, "epsilon": 0.05} and len(tuned.settings) == 5 and tuned.default == {}
+    assert tuned.failures == [] and len(tuned.runs) == 25 and {len(run["returns"]) for run in tuned.runs} == {75}
+    frame = tuned.frame()
+    assert frame["setting"][0] == "step_size=0.3 epsilon=0.05" and frame["worst_rank"][0] <= 2
+    assert "over a random setting: +" in str(tuned) and tuned.advice[0].split(":")[0] in ("deploy", "keep the default", "the log does not support a choice; it would be")
+    assert "<table>" in tuned._repr_html_()
+
+
+def test_processes_and_a_stop_change_nothing(acting: calib_rl.ActionModel, tuned: calib_rl.Tuned, tmp_path: Path) -> None:
+    def call(**arguments: Any) -> calib_rl.Tuned:
+        return calib_rl.tune(Sarsa, GRID, acting, total_timesteps=3000, folder=tmp_path / "units", **arguments)
+
+    assert call(processes=2).verdict == tuned.verdict
+    kept = sorted((tmp_path / "units").iterdir())
+    assert len(kept) == 25
+    before = {path: path.stat().st_mtime_ns for path in kept}
+    for path in kept[:4]:
+        os.unlink(path)
+    again = call(processes=1)
+    assert again.verdict == tuned.verdict and again.runs == tuned.runs
+    assert all(path.stat().st_mtime_ns == before[path] for path in kept[4:]), "what was there was not made again"
+
+
+def test_a_setting_that_fails_is_told_and_the_others_go_on(acting: calib_rl.ActionModel) -> None:
+    class Ends:
+        """Each mode is another way to fail."""
+
+        def __init__(self, env: Any, mode: str = "well") -> None:
+            self.env, self.mode = env, mode
+            if mode == "dies":
+                os._exit(3)
+
+        def learn(self, total_timesteps: int) -> None:
+            over = True
+            if self.mode == "lazy":
+                return
+            for step in range(total_timesteps * (1000 if self.mode == "endless" else 1)):
+                if over:
+                    self.env.reset()
+                _, _, end, cut, _ = self.env.step(float("nan") if self.mode == "nan" and step > 5 else 1)
+                over = end or cut
+
+    modes = ["nan", "lazy", "endless", "dies"]
+    tuned = calib_rl.tune(Ends, {"mode": modes}, acting, total_timesteps=200, members=[0, 1], processes=2)
+    failed = {failure.setting["mode"]: failure for failure in tuned.failures}
+    assert sorted(failed) == sorted(modes) and tuned.chosen == {}
+    assert "nan" in failed["nan"].error.lower() and failed["nan"].place == "learn"
+    assert "after 0 steps" in failed["lazy"].error and "does not stop" in failed["endless"].error
+    assert failed["dies"].place == "process" and "exit code 3" in failed["dies"].error
+    raised = calib_rl.tune(Sarsa, {"step_size": [0.1, 9.0]}, acting, total_timesteps=200, members=[0, 1], processes=1).failures
+    assert [failure.place for failure in raised] == ["make_agent"] and "too large" in str(raised[0])
+
+
+def test_halving_keeps_the_best_and_the_default(acting: calib_rl.ActionModel) -> None:
+    tuned = calib_rl.tune(Sarsa, GRID, acting, total_timesteps=1800, members=[0, 1], processes=1, halving=2)
+    (first, left), (second, left_later) = tuned.halved
+    assert (first, second) == (450, 900) and len(left) + len(left_later) + len(tuned.settings) == 5 and {} in tuned.settings
+
+
+def test_what_tune_refuses(acting: calib_rl.ActionModel) -> None:
+    for grid, told in [({}, "no setting"), ([{"a": 1}, {"a": 1}], "twice")]:
+        with pytest.raises(ValueError, match=told):
+            calib_rl.tune(Sarsa, grid, acting, total_timesteps=10)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="members is"):
+        calib_rl.tune(Sarsa, GRID, acting, total_timesteps=10, members=[9])
