@@ -9,6 +9,7 @@ use clap::Args;
 use super::OUTPUT;
 
 #[derive(Debug, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 pub(crate) struct DtwArgs {
     /// The first series: FILE.npy, FILE.csv or FILE.parquet, with :COLUMN where there are several
     pub(crate) query: String,

@@ -168,7 +168,9 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
         }
     }
     profile.sentinel_doubt().iter().for_each(|doubt| printer.warn(doubt));
-    calib_pipeline::in_future(profile.end).iter().for_each(|doubt| printer.warn(doubt));
+    if let Some(doubt) = calib_pipeline::in_future(profile.end) {
+        printer.warn(&doubt);
+    }
     profile.clock_doubts().iter().for_each(|doubt| printer.warn(doubt));
     profile.value_doubts().iter().take(DOUBTS).for_each(|(_, doubt)| printer.warn(doubt));
     for pattern in &profile.unused_excludes {

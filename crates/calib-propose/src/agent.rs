@@ -1,7 +1,7 @@
 /// An agent that `calib init` proposes. All of them start from the simple predictor that suits the sensor best.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProposedAgent {
-    /// A linear value function that learns from every step with SwiftTD.
+    /// A linear value function that learns from every step with `SwiftTD`.
     Linear,
     /// A network that learns from a replay buffer.
     Network,

@@ -66,7 +66,7 @@ pub(super) fn fit(
     let lags = weights[1..].to_vec();
     let bias = weights[0] - center * lags.iter().sum::<f64>();
     let predictor = FittedPredictor::Autoregression { column, lags, bias };
-    let squared_error = folds.error_ahead(&second, &targets, |parts| padded(parts, best));
+    let squared_error = Folds::error_ahead(&second, &targets, |parts| padded(parts, best));
     Some(Judged { predictor, squared_error })
 }
 

@@ -160,7 +160,7 @@ impl<'a> Fitter<'a> {
         if let Some(column) = column {
             weights[column] = solved[1];
         }
-        let squared_error = self.folds.error_ahead(&second, &targets, solve);
+        let squared_error = Folds::error_ahead(&second, &targets, solve);
         Some(Judged { predictor: self.features.affine(&weights), squared_error })
     }
 
@@ -211,7 +211,7 @@ impl<'a> Fitter<'a> {
         // The largest penalty of those that are alike.
         let best = errors.reduce(|best, other| if other.1 < best.1 { other } else { best })?.0;
         let predictor = self.features.affine(&solve(&self.folds.all(), best)?);
-        let squared_error = self.folds.error_ahead(second, &targets, |parts| solve(parts, best));
+        let squared_error = Folds::error_ahead(second, &targets, |parts| solve(parts, best));
         Some(Judged { predictor, squared_error })
     }
 

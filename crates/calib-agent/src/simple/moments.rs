@@ -138,7 +138,6 @@ impl Folds {
 
     /// The squared error over the later folds of what `solve` gives for the parts before them; infinite if it gives nothing.
     pub(super) fn error_ahead(
-        &self,
         second: &[Square],
         targets: &[Target],
         solve: impl Fn(&[usize]) -> Option<Vec<f64>>,

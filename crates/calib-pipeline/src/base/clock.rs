@@ -34,7 +34,7 @@ impl Stopwatch {
 pub fn in_future(last: Timestamp) -> Option<String> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?.as_micros();
     // Local times may be ahead of UTC by half a day.
-    let is_ahead = last.as_micros() as i128 > now as i128 + DAY_MICROS;
+    let is_ahead = i128::from(last.as_micros()) > now as i128 + DAY_MICROS;
     is_ahead.then(|| {
         format!(
             "the log ends at {}, which is still to come: is data.timestamp_format right, or the clock of the logger?",

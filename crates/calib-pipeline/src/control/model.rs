@@ -102,7 +102,7 @@ impl ControlModel {
     /// # Errors
     /// If there is none, or it was damaged.
     pub fn in_directory(directory: &Path) -> Result<Self, StepError> {
-        Ok(opened(directory, "calib control STUDY")?)
+        opened(directory, "calib control STUDY")
     }
 
     /// Map the model of a study.
@@ -110,7 +110,7 @@ impl ControlModel {
     /// # Errors
     /// As [`in_directory`](Self::in_directory).
     pub fn of_job(job: &Job) -> Result<Self, StepError> {
-        Ok(opened(&job.layout().control_model(), &job.command("control"))?)
+        opened(&job.layout().control_model(), &job.command("control"))
     }
 }
 
