@@ -325,7 +325,6 @@ fn try_one(act: &Act, base: &Base, draws: &mut Draws) -> Result<&'static str, St
 
 /// Files and links of somebody, then a command.
 #[cfg(unix)]
-#[expect(clippy::print_stdout, reason = "a campaign by hand says what it counted")]
 #[test]
 fn foreign() {
     let acts = acts();

@@ -248,8 +248,9 @@ fn large(kind: &str, draws: &mut Draws) -> Vec<(String, Vec<u8>)> {
         "many files of one tag" => {
             return (0..300 + draws.below(700))
                 .map(|file| {
-                    let rows: String =
+                    let rows: Vec<String> =
                         (0..5).map(|row| format!("{},{row}.5\n", time(row * 60))).collect();
+                    let rows = rows.concat();
                     (format!("t{file}.csv"), format!("time,value\n{rows}").into_bytes())
                 })
                 .collect();
@@ -262,7 +263,7 @@ fn large(kind: &str, draws: &mut Draws) -> Vec<(String, Vec<u8>)> {
             for row in 0..200_000_000 / (length * columns) / 4 {
                 write!(text, "\n{}", time(row)).expect("memory");
                 (0..columns).for_each(|column| {
-                    write!(text, ",{:x>1$}", row * columns + column, length).expect("memory")
+                    write!(text, ",{:x>1$}", row * columns + column, length).expect("memory");
                 });
             }
             text.push('\n');

@@ -226,7 +226,7 @@ fn written(times: &str, micros: i64, zone: Option<&str>) -> String {
         "milliseconds" | "milliseconds of 1969" => (micros / 1_000).to_string(),
         "microseconds" => micros.to_string(),
         "nanoseconds" => (i128::from(micros) * 1_000).to_string(),
-        "fractions of a second" => format!("{}.0", seconds),
+        "fractions of a second" => format!("{seconds}.0"),
         "14 digits" | "14 digits, 9999 among them" => as_pattern("%Y%m%d%H%M%S"),
         "8 and 14 digits" => {
             as_pattern(if seconds % 86_400 == 0 { "%Y%m%d" } else { "%Y%m%d%H%M%S" })
@@ -255,7 +255,7 @@ fn grouped(whole: u64, sign: char) -> String {
     let digits = whole.to_string();
     let mut grouped = String::new();
     for (place, digit) in digits.chars().enumerate() {
-        if place > 0 && (digits.len() - place) % 3 == 0 {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
             grouped.push(sign);
         }
         grouped.push(digit);
@@ -293,21 +293,23 @@ fn number(numbers: &str, thousandths: u64, row: usize, file: usize) -> (String, 
         ("three digits behind a comma", _) => {
             text_and_value(format!("{whole},{fraction:03}"), thousandths as f64 / 1_000.0)
         }
-        ("whole", _) | ("comma in one file, whole in the other", _) => {
-            text_and_value(whole.to_string(), whole as f64)
-        }
         ("whole, then comma", _) if late => text_and_value(format!("{whole},5"), half),
         ("whole, then thousands before a comma", _) if late => {
             text_and_value(format!("{},5", grouped(whole, '.')), half)
         }
-        ("whole, then both", _) if late && row % 2 == 0 => {
+        ("whole, then both", _) if late && row.is_multiple_of(2) => {
             text_and_value(format!("{},5", grouped(whole, '.')), half)
         }
         // Thousands, as the others of the file have them.
         ("whole, then both", _) if late => text_and_value(grouped(whole, '.'), whole as f64),
-        ("whole, then comma" | "whole, then thousands before a comma" | "whole, then both", _) => {
-            text_and_value(whole.to_string(), whole as f64)
-        }
+        (
+            "whole"
+            | "comma in one file, whole in the other"
+            | "whole, then comma"
+            | "whole, then thousands before a comma"
+            | "whole, then both",
+            _,
+        ) => text_and_value(whole.to_string(), whole as f64),
         ("exponents", _) => text_and_value(
             format!("{whole}.5e-3"),
             format!("{whole}.5e-3").parse().expect("a number"),
@@ -404,10 +406,11 @@ impl Log {
                 }
                 "file per tag" => {
                     for (tag, of) in [("P1", &one), ("Q1", &other)] {
-                        let rows: String = of
+                        let rows: Vec<String> = of
                             .iter()
                             .map(|(at, text)| format!("{at}{separator}{text}\n"))
                             .collect();
+                        let rows = rows.concat();
                         let header = format!("time{separator}value");
                         let units = format!("{separator}kPa");
                         log.add(
