@@ -259,7 +259,7 @@ fn what_cannot_be_built_leaves_the_model_that_is_there() {
 fn structures_and_places_do_not_change_the_model() {
     let place = Place::with_study();
     let build = |output: &str, args: &[&str]| {
-        place.calib(&[&["build-model", "study.toml", "--output", output], args].concat())
+        place.calib(&[&["build-model", "study.toml", "-v", "--output", output], args].concat())
     };
     build("plain", &[]).succeeds();
     let mut plain = place.content("plain");

@@ -137,7 +137,7 @@ fn any_agent_field_can_be_swept() {
     for command in ["build-model", "sweep"] {
         place.calib(&[command, "study.toml"]).succeeds();
     }
-    let verdict = place.calib(&["evaluate", "study.toml"]);
+    let verdict = place.calib(&["evaluate", "study.toml", "--why"]);
     let told = verdict.stdout();
     assert!(told.contains("of 4 values"), "{told}");
 }
@@ -149,7 +149,7 @@ fn without_a_held_out_range_there_is_a_choice_but_no_regret() {
     for command in ["build-model", "rollout", "sweep"] {
         place.calib(&[command, "study.toml"]).succeeds();
     }
-    let verdict = place.calib(&["evaluate", "study.toml"]).stdout();
+    let verdict = place.calib(&["evaluate", "study.toml", "--why"]).stdout();
     assert!(verdict.contains("No held-out data was given"), "{verdict}");
 }
 

@@ -86,7 +86,7 @@ fn a_study_may_ask_for_change() {
         "[simulate]\n",
         "[simulate]\nchange = 2\nfeeds_per_year = 50\nsensors_per_year = 50\n",
     );
-    let ran = place.calib(&["run", "study.toml"]);
+    let ran = place.calib(&["run", "study.toml", "-v"]);
     ran.succeeds();
     assert!(ran.stderr().contains(" changes from 2022-11-0"), "{}", ran.stderr());
     let report = place.path().join("study-results/report.html");

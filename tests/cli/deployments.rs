@@ -186,7 +186,7 @@ fn one_command_runs_them_all() {
             assert!(place.path().join(directory).join("report.html").is_file());
         }
     }
-    let again = place.calib(&["run", "study.toml"]);
+    let again = place.calib(&["run", "study.toml", "-v"]);
     assert!(again.stderr().matches("up to date").count() >= 10, "{}", again.stderr());
 }
 

@@ -30,7 +30,7 @@ fn models_are_compared_in_one_report() {
     let sweep = place.calib(&["sweep", "study.toml", "--model", "laplacian"]);
     // Two sensors in three members with two runs each; Online and log replay are shared.
     assert!(sweep.succeeds().contains("12 units run"), "{}", sweep.stdout());
-    let compared = place.calib(&["evaluate", "study.toml"]);
+    let compared = place.calib(&["evaluate", "study.toml", "--why"]);
     let table = compared.stdout();
     assert!(table.contains("Spearman") && table.contains("DTW"), "{table}");
     assert!(table.contains("laplacian ranks") && table.contains("euclidean ranks"));

@@ -40,7 +40,7 @@ fn a_network_goes_through_the_chain() {
     assert_eq!(collapse["rollouts"], 2);
     assert_eq!(collapse["sensors"].as_array().expect("a list").len(), 2);
     place.calib(&["sweep", "study.toml"]).succeeds();
-    let verdict = place.calib(&["evaluate", "study.toml"]).succeeds();
+    let verdict = place.calib(&["evaluate", "study.toml", "--why"]).succeeds();
     assert!(verdict.contains("NN ranks it"), "{verdict}");
     assert!(place.path().join("study-results/report.html").is_file());
     assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("up to date"));
@@ -186,7 +186,8 @@ fn a_gru_goes_through_the_chain() {
     let rolled = run("rollout").succeeds();
     assert!(rolled.contains("member 0: predictions"), "{rolled}");
     run("sweep").succeeds();
-    assert!(run("evaluate").succeeds().contains("GRU ranks it"));
+    let args = [&["evaluate", "study.toml", "--why"], &set[..]].concat();
+    assert!(place.calib(&args).succeeds().contains("GRU ranks it"));
     assert!(run("build-model").succeeds().contains("up to date"));
 }
 

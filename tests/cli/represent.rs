@@ -84,7 +84,7 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     let states = map_npy::<f32>(&results.join(states)).expect("states");
     let psi = map_npy::<f32>(&results.join(psi)).expect("ψ");
     assert_eq!((psi.rows(), psi.columns()), (states.rows(), 8));
-    let verdict = place.calib(&["evaluate", "study.toml"]);
+    let verdict = place.calib(&["evaluate", "study.toml", "--why"]);
     assert!(verdict.stdout().contains("Laplacian kNN"), "{}", verdict.stdout());
     let report = std::fs::read_to_string(results.join("report.html")).expect("a report");
     assert!(report.contains("Representations") && report.contains("dynamics awareness"));

@@ -14,7 +14,7 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     );
     assert!(!place.path().join("data").exists());
 
-    let whole = place.calib(&["run", "study.toml"]);
+    let whole = place.calib(&["run", "study.toml", "-v"]);
     let verdict = whole.succeeds();
     assert!(verdict.contains("PIT300") && !verdict.contains("wrote"), "{verdict}");
     assert!(whole.stderr().contains("3 written"), "{}", whole.stderr());

@@ -254,7 +254,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
     }
     std::fs::remove_dir_all(place.path().join(sweep.replace("near", "even")))
         .expect("it was there");
-    let resumed = place.calib(&VALIDITY[..2]);
+    let resumed = place.calib(&[&VALIDITY[..2], &["-v"]].concat());
     resumed.succeeds();
     assert!(resumed.stderr().contains("units run in"), "{}", resumed.stderr());
     assert!(place.content("validity-results/draw-5") == results);

@@ -222,7 +222,16 @@ fn what_is_made_anew() {
 fn what_stands_alone() {
     campaign(&Job { args: &["man", "made"], place: Place::new });
     campaign(&Job {
-        args: &["dtw", "a.csv", "b.csv", "--step-pattern", "symmetric2", "--path", "made.csv"],
+        args: &[
+            "dtw",
+            "a.csv",
+            "b.csv",
+            "--step-pattern",
+            "symmetric2",
+            "--path",
+            "made.csv",
+            "--force",
+        ],
         place: || {
             let place = Place::new();
             place.write("a.csv", "1\n2\n3\n");

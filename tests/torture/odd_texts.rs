@@ -87,7 +87,8 @@ fn injected(place: &Place) -> Option<String> {
         Ok(study) => study,
         Err(error) => return Some(format!("the study is no TOML: {error}")),
     };
-    if study.contains_key("evaluate") || study["seed"].as_integer() != Some(0) {
+    let judged = study["evaluate"].as_table().map(toml::Table::len);
+    if judged != Some(1) || study["seed"].as_integer() != Some(0) {
         return Some(format!("a name became a key: {text}"));
     }
     match run(place, &["inspect", "study.toml"], &NAMES) {

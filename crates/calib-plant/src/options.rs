@@ -199,7 +199,7 @@ mod tests {
         );
         assert!(message(|o| o.noise = f64::NAN).starts_with("`noise` is NaN"));
         assert!(message(|o| o.missing_fraction = 0.2).contains("from 0 to 0.05"));
-        assert!(message(|o| o.period = Period::from_micros(1).unwrap()).contains("seconds"));
+        assert!(message(|o| o.period = Period::from_micros(1).unwrap()).contains("`period_secs`"));
         assert!(
             message(|o| o.change.strength = 3.0)
                 .starts_with("`change` is 3, expected a number from 0 to 2")

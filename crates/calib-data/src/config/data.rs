@@ -64,6 +64,7 @@ pub struct DataConfig {
     pub only: BTreeMap<String, String>,
     /// Whether channels are called after their file too: `kitchen temperature`. Default: false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
+    #[schemars(extend("default" = false))]
     pub file_as_prefix: bool,
     /// Numbers that stand for a missing value, such as `[-200, -999.9]`, in all channels. Default: none.
     #[serde(skip_serializing_if = "Vec::is_empty")]

@@ -183,6 +183,17 @@ fn is_utc(
     Ok(all)
 }
 
+fn field_of(column: &crate::text::TextColumn, is_words_only: bool) -> Field {
+    let (kind, type_name) =
+        if is_words_only { (FieldKind::Text, "text") } else { (FieldKind::Number, "number") };
+    Field {
+        name: column.name.clone(),
+        kind,
+        type_name: type_name.to_owned(),
+        description: Description { unit: column.unit.clone(), label: column.label.clone() },
+    }
+}
+
 fn tables(
     heads: Vec<Head>,
     times: Vec<usize>,
@@ -210,23 +221,7 @@ fn tables(
                 let source =
                     Source { path: file.path.clone(), partitions: source::partitions(&file.path) };
                 let columns = file.columns().iter().zip(&read.words_only);
-                let field = |(column, &words_only): (&crate::text::TextColumn, &bool)| {
-                    let (kind, type_name) = if words_only {
-                        (FieldKind::Text, "text")
-                    } else {
-                        (FieldKind::Number, "number")
-                    };
-                    Field {
-                        name: column.name.clone(),
-                        kind,
-                        type_name: type_name.to_owned(),
-                        description: Description {
-                            unit: column.unit.clone(),
-                            label: column.label.clone(),
-                        },
-                    }
-                };
-                let fields = columns.map(field).collect();
+                let fields = columns.map(|(column, words)| field_of(column, *words)).collect();
                 let stored =
                     Stored { columns: read.columns, times: read.times, store: Arc::clone(&store) };
                 LogFile::stored(source, fields, &file, stored)

@@ -66,8 +66,8 @@ impl Taken {
 
 /// Processor time of this process so far, as Linux says it.
 fn processor_secs() -> f64 {
-    let read = fs::read("/proc/self/stat").ok();
-    read.and_then(|text| of_stat(&String::from_utf8_lossy(&text))).unwrap_or(0.0)
+    let read = fs::read_to_string("/proc/self/stat").ok();
+    read.and_then(|text| of_stat(&text)).unwrap_or(0.0)
 }
 
 /// `utime` and `stime` of `/proc/PID/stat` (proc(5)), in hundredths of a second on every machine.

@@ -273,50 +273,33 @@ impl Proposal {
         let trials = Trials { args, place: &place, printer };
         let candidates = spacings(sketch, scope, look.cut.rows[0]);
         let mut sensors = look.sensors.clone();
-        let draft = |spacing: usize,
-                     cut: &Cut,
-                     sensors: &Sensors,
-                     horizon,
-                     size: &Size,
-                     words: [&str; 3]| {
-            Draft {
-                sketch,
-                path,
-                scope,
-                cut,
-                cleaning: &look.cleaning,
-                missing_values: &look.sentinels,
-                clock: look.clock,
-                spacing: (spacing, words[0]),
-                sensors,
-                horizon,
-                size,
-                agent_reason: words[1],
-                size_reason: words[2],
-                asked: Asked { sensors: !args.sensors.is_empty(), horizon: args.horizon.is_some() },
-            }
-            .text()
-        };
-        let ahead = |spacing: usize, steps: usize| match args.horizon {
-            Some(secs) => Horizon::new(secs, sketch.period_secs * spacing as f64),
-            None => horizon(sketch, &look.sensors.proposed, spacing, steps),
-        };
-        let most = |spacing: usize| Size::most_steps(look.cut.rows[1] / spacing);
+        let drafting = Drafting { args, path, look };
         // Models of the last rows of the training range, because it is theirs to be judged on what follows.
         let small = |spacing: usize| {
             let rows = trial::ROWS * spacing;
-            let size = Size::trial(ProposedAgent::Linear, most(spacing), sensors.proposed.len());
+            let size = Size::trial(
+                ProposedAgent::Linear,
+                drafting.most_steps(spacing),
+                sensors.proposed.len(),
+            );
             let cut = look.cut.shortened(&sketch.timestamps, rows);
-            draft(spacing, &cut, &sensors, ahead(spacing, size.steps), &size, [""; 3])
+            drafting.text(
+                spacing,
+                &cut,
+                &sensors,
+                drafting.ahead(spacing, size.steps),
+                &size,
+                [""; 3],
+            )
         };
         let (spacing, why, build_secs) = trials.spacing(&candidates, small, sketch.period_secs)?;
         let latest = look.cut.shortened(&sketch.timestamps, trial::ROWS * spacing);
         let inside = latest.inside(&sketch.timestamps);
-        let mut horizon = ahead(spacing, most(spacing));
+        let mut horizon = drafting.ahead(spacing, drafting.most_steps(spacing));
         let agent = Evidence::gather(&trials, &mut horizon, |agent, horizon| {
             let steps = Size::most_steps(inside.rows[1] / spacing);
             let size = Size::comparison(agent, steps, look.sensors.proposed.len());
-            draft(spacing, &inside, &look.sensors, horizon, &size, [""; 3])
+            drafting.text(spacing, &inside, &look.sensors, horizon, &size, [""; 3])
         })?;
         agent.reorder(&mut sensors, !args.sensors.is_empty());
         let rows = trial::rows_within(left(), build_secs, look.cut.rows[0] / spacing);
@@ -325,10 +308,10 @@ impl Proposal {
         } else {
             look.cut.clone()
         };
-        let steps = most(spacing);
+        let steps = drafting.most_steps(spacing);
         let trial = |steps: usize, horizon: Horizon| {
             let size = Size::trial(agent.agent, steps, sensors.proposed.len());
-            (draft(spacing, &cut, &sensors, horizon, &size, [""; 3]), size)
+            (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 3]), size)
         };
         let measured = trials.costs(steps, &mut horizon, trial)?;
         let costs = measured.time;
@@ -337,22 +320,10 @@ impl Proposal {
         let size = Size::within(agent.agent, left(), costs, steps, sensors.proposed.len());
         let expected_secs = size.secs(costs);
         let expected_processor_secs = measured.processors.map(|costs| size.secs(costs));
-        let reason = format!(
-            "Sized to end within {}, of which `calib init` took {}: about {} on this machine, {} of them for the sweep",
-            span(args.within),
-            span(tried.round()),
-            span(expected_secs.round()),
-            span((expected_secs - costs.fixed_secs).round())
-        );
-        if expected_secs.round() > (args.within - tried).max(0.0) {
-            printer.warn(&format!(
-                "{} are not enough for the smallest study that says anything: `calib init` took {}, and `calib run` will take about {}",
-                span(args.within),
-                span(tried.round()),
-                span(expected_secs.round())
-            ));
-        }
-        let text = draft(spacing, &cut, &sensors, horizon, &size, [&why, &agent.reason, &reason]);
+        let reason =
+            drafting.size_reason(expected_secs, expected_secs - costs.fixed_secs, tried, printer);
+        let text =
+            drafting.text(spacing, &cut, &sensors, horizon, &size, [&why, &agent.reason, &reason]);
         // What was given holds for the study: it is read with it, and must say the same without.
         let text = calib_propose::with_given(&text, &args.set);
         Job::of_text(Request::new(&args.study), text.clone())?;
@@ -367,6 +338,83 @@ impl Proposal {
             expected_secs,
             expected_processor_secs,
         })
+    }
+}
+
+/// What all drafts of a study have in common.
+struct Drafting<'a> {
+    args: &'a ProposeOptions,
+    /// `data.path`.
+    path: &'a str,
+    look: &'a Look,
+}
+
+impl Drafting<'_> {
+    /// The study; `words` say why it has its spacing, agent and size.
+    fn text(
+        &self,
+        spacing: usize,
+        cut: &Cut,
+        sensors: &Sensors,
+        horizon: Horizon,
+        size: &Size,
+        words: [&str; 3],
+    ) -> String {
+        let Self { args, path, look } = self;
+        Draft {
+            sketch: &look.sketch,
+            path,
+            scope: &look.scope,
+            cut,
+            cleaning: &look.cleaning,
+            missing_values: &look.sentinels,
+            clock: look.clock,
+            spacing: (spacing, words[0]),
+            sensors,
+            horizon,
+            size,
+            agent_reason: words[1],
+            size_reason: words[2],
+            asked: Asked { sensors: !args.sensors.is_empty(), horizon: args.horizon.is_some() },
+        }
+        .text()
+    }
+
+    /// How far ahead runs of so many steps predict.
+    fn ahead(&self, spacing: usize, steps: usize) -> Horizon {
+        let sketch = &self.look.sketch;
+        match self.args.horizon {
+            Some(secs) => Horizon::new(secs, sketch.period_secs * spacing as f64),
+            None => horizon(sketch, &self.look.sensors.proposed, spacing, steps),
+        }
+    }
+
+    /// Steps of a run at most.
+    fn most_steps(&self, spacing: usize) -> usize {
+        Size::most_steps(self.look.cut.rows[1] / spacing)
+    }
+
+    /// What is said of a size that takes `expected_secs`, `sweep_secs` of them for the sweep, where looking and trying took
+    /// `tried_secs`.
+    fn size_reason(
+        &self,
+        expected_secs: f64,
+        sweep_secs: f64,
+        tried_secs: f64,
+        printer: &Printer,
+    ) -> String {
+        let within = self.args.within;
+        let [asked, tried, expected] =
+            [within, tried_secs.round(), expected_secs.round()].map(span);
+        if expected_secs.round() > (within - tried_secs).max(0.0) {
+            printer.warn(&format!(
+                "{asked} are not enough for the smallest study that says anything: `calib init` took {tried}, and `calib run` will take about {expected}"
+            ));
+        }
+        format!(
+            "Sized to end within {asked}, of which `calib init` took {tried}: about {expected} on this machine, {} of them for the sweep",
+            span(sweep_secs.round())
+        )
     }
 }
 
