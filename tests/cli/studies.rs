@@ -19,7 +19,7 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     assert!(verdict.contains("PIT300") && !verdict.contains("wrote"), "{verdict}");
     assert!(whole.stderr().contains("3 written"), "{}", whole.stderr());
     let before = place.content("study-results");
-    let again = place.calib(&["run", "study.toml"]);
+    let again = place.calib(&["run", "study.toml", "-v"]);
     again.succeeds();
     assert_eq!(again.stderr().matches("up to date").count(), 4, "{}", again.stderr());
     assert!(!again.stderr().contains("day files"), "{}", again.stderr());
@@ -34,7 +34,7 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     assert!(by_steps == whole, "but for the report's command lines");
 
     // What is stale is made again, and what is not stays.
-    let fewer = place.calib(&["run", "study.toml", "--set", "rollout.steps=300"]);
+    let fewer = place.calib(&["run", "study.toml", "-v", "--set", "rollout.steps=300"]);
     fewer.succeeds();
     assert_eq!(fewer.stderr().matches("up to date").count(), 3, "{}", fewer.stderr());
     assert!(fewer.stderr().contains("wrote study-results/rollout"), "{}", fewer.stderr());

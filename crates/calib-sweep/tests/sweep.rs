@@ -282,7 +282,7 @@ fn long_runs_go_on_in_the_middle() {
     // Six or eight agents of at least a million multiplications a step: a state every hundred steps.
     let mut resumed = 0;
     let results = loop {
-        let monitor = Impatient { asked: AtomicU64::new(0), patience: 5 };
+        let monitor = Impatient { asked: AtomicU64::new(0), patience: 320 };
         let plan = |plan: Plan<'_>| plan.keeping_after(800_000_000).run(&stopped, &monitor);
         match in_pool(1, || study.with_plan(1, plan)) {
             Err(SweepError::Cancelled(_)) => resumed += u32::from(unfinished.is_dir()),

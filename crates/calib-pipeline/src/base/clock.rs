@@ -1,13 +1,15 @@
 //! The only place that reads the time. It is used for progress and timings, never for results.
 
 use std::{
-    fs, thread,
+    thread,
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
 use calib_core::Timestamp;
 use calib_data::format_time;
 use calib_files::FileStat;
+
+use super::memory;
 
 /// A running stopwatch.
 #[derive(Clone, Copy, Debug)]
@@ -66,8 +68,7 @@ impl Taken {
 
 /// Processor time of this process so far, as Linux says it.
 fn processor_secs() -> f64 {
-    let read = fs::read_to_string("/proc/self/stat").ok();
-    read.and_then(|text| of_stat(&text)).unwrap_or(0.0)
+    memory::of_process("stat").and_then(|text| of_stat(&text)).unwrap_or(0.0)
 }
 
 /// `utime` and `stime` of `/proc/PID/stat` (proc(5)), in hundredths of a second on every machine.

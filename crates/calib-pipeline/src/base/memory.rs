@@ -55,13 +55,18 @@ impl FromStr for MemorySize {
 /// (a container, a batch job) allows less. None where the system does not say.
 pub(crate) fn available() -> Option<u64> {
     let system = fs::read_to_string("/proc/meminfo").ok().and_then(|text| of_meminfo(&text));
-    let groups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    let groups = of_process("cgroup").unwrap_or_default();
     let allowed = limits(Path::new("/sys/fs/cgroup"), &groups);
-    let addresses = fs::read_to_string("/proc/self/limits").ok().and_then(|text| {
-        let mapped = fs::read_to_string("/proc/self/status").ok()?;
+    let addresses = of_process("limits").and_then(|text| {
+        let mapped = of_process("status")?;
         of_limits(&text, &mapped)
     });
     system.into_iter().chain(allowed).chain(addresses).min()
+}
+
+/// What Linux says of this process in `/proc/self`; none elsewhere.
+pub(super) fn of_process(file: &str) -> Option<String> {
+    fs::read_to_string(Path::new("/proc/self").join(file)).ok()
 }
 
 /// What is left of the limit on addresses (`ulimit -v`), from `/proc/self/limits` and `/proc/self/status`; none if there
