@@ -74,8 +74,8 @@ def main():
                 print(f"{name}: calib init stopped", file=sys.stderr)
                 continue
         studies.append((name, study))
-    print("| log | sensor | horizon | deployed | NRMSE | best simple predictor | its NRMSE | ratio (95 %) | whole run, later |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print("| log | sensor | deployed | NRMSE | best simple predictor | its NRMSE | ratio (95 %) | whole run, later |")
+    print("|---|---|---|---|---|---|---|---|")
     sensors = fine = named = agree = misled = 0
     for name, study in studies:
         if study is None:
@@ -108,13 +108,14 @@ def main():
             values = ", ".join(f"{key} = {value}" for key, value in choice["values"].items())
             said = f"{ratio:.3f} ({interval['low']:.2f} to {interval['high']:.2f})" if interval else f"{ratio:.3f}"
             print(
-                f"| {name} | {choice['sensor']} |  | {deployed if deployed != 'agent' else values} | {own:.3g} "
+                f"| {name} | {choice['sensor']} | {deployed if deployed != 'agent' else values} | {own:.3g} "
                 f"| {best['predictor']} | {best['online_error']:.3g} | {said} | {'alike' if near else 'differ'} |",
                 flush=True,
             )
     print()
     print(f"No worse than the best simple predictor (upper end at most {NO_WORSE}): {percent(fine, sensors)}.")
-    print(f"Of the others, the verdict names a simple predictor instead: {percent(named, sensors - fine)}.")
+    if sensors > fine:
+        print(f"Of the others, the verdict names a simple predictor instead: {percent(named, sensors - fine)}.")
     print(f"Told to deploy what a simple predictor beats beyond chance: {misled}.")
     print(f"Choices by the whole run and by its later parts are alike, or neighbours: {percent(agree, sensors)}.")
 
