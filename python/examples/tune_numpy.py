@@ -21,7 +21,7 @@ class Agent:
         return np.cos(self.directions @ seen + self.offsets) / 8.0
 
     def learn(self, total_timesteps):
-        over = True
+        here, over = self.features(self.env.reset()[0]), False
         for _ in range(total_timesteps):
             if over:
                 here = self.features(self.env.reset()[0])

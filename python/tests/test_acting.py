@@ -165,6 +165,7 @@ def test_what_an_environment_refuses(acting: calib_rl.ActionModel, continuous: c
 def test_pessimism_ends_episodes(acting: calib_rl.ActionModel) -> None:
     careful = calib_rl.gym.make(acting, pessimism="minimum_return", worst_return=-77.0, timeout=10_000)
     careful.reset(seed=0)
+    terminated, reward = False, 0.0
     for _ in range(10_000):
         _, reward, terminated, _, info = careful.step(2)
         assert terminated == (not info["covered"])

@@ -154,8 +154,8 @@ def test_mistakes_are_named(model: calib_rl.Model) -> None:
     with pytest.raises(IndexError, match="members is -1"):
         calib_rl.gym.make_vec(model, 3, members=[0, -1])
     with pytest.raises(TypeError, match="max_steps is 1.5, expected a whole number"):
-        calib_rl.gym.make(model, max_steps=1.5)  # type: ignore[arg-type]
+        calib_rl.gym.make(model, max_steps=1.5)  # type: ignore[call-overload]
     with pytest.raises(TypeError, match="a column is 0.5"):
         calib_rl.gym.make(model, observe=[0.5])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="units"):
-        calib_rl.gym.make(model, units="SI")  # type: ignore[arg-type]
+        calib_rl.gym.make(model, units="SI")  # type: ignore[call-overload]

@@ -21,9 +21,10 @@ import calib_rl
 ABSENT = np.uint32(0xFFFFFFFF)
 
 
-def random_model(rows: int = 400, columns: int = 3, **options: object) -> calib_rl.Model:
+def random_model(rows: int = 400, columns: int = 3, **options: Any) -> calib_rl.Model:
     states = np.random.default_rng(1).random((rows, columns))
-    return calib_rl.build_model(states, **options)  # type: ignore[arg-type]
+    model: calib_rl.Model = calib_rl.build_model(states, **options)
+    return model
 
 
 def test_arrays_are_what_the_files_hold(model: calib_rl.Model) -> None:
@@ -122,7 +123,7 @@ def test_frames_of_other_libraries(folder: Path, tmp_path: Path) -> None:
     ]
     for other in models[1:]:
         assert other.columns == models[0].columns
-        assert (other.times == models[0].times).all()  # type: ignore[union-attr]
+        assert (other.times == models[0].times).all()
         assert (other.states == models[0].states).all()
         assert (other.neighbors(2) == models[0].neighbors(2)).all()
     from conftest import command_line

@@ -46,10 +46,10 @@ class SimplePredictor:
         sensors = {row["sensor"] for row in rows}
         if sensor not in sensors:
             raise ValueError(f"the study predicts no sensor {sensor!r}; it predicts {', '.join(sorted(sensors))}")
-        self.sensor = sensor
-        self.name = name
+        self.sensor: str = sensor
+        self.name: str = name
         fitted = next(row["fitted"] for row in rows if row["sensor"] == sensor and row["predictor"] == name)
-        self.bias = float(fitted["bias"])
+        self.bias: float = float(fitted["bias"])
         self.weights: NDArray[np.float64] | None = None
         """One for each column of a state; none for an autoregression."""
         self.lags: NDArray[np.float64] | None = None
@@ -57,7 +57,7 @@ class SimplePredictor:
         if fitted["form"] == "affine":
             self.weights = np.array(fitted["weights"], dtype=np.float64)
         else:
-            self.column = int(fitted["column"])
+            self.column: int = int(fitted["column"])
             self.lags = np.array(fitted["lags"], dtype=np.float64)
             self._latest: deque[float] = deque(maxlen=len(self.lags))
 
