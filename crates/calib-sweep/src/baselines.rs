@@ -125,18 +125,19 @@ impl<'a> Baselines<'a> {
         rows: &FittingRows,
     ) -> Vec<FittedSimple> {
         let agent = AgentConfig { gamma, ..AgentConfig::default() };
-        let mut all = Vec::with_capacity(sensors.len() * SimplePredictor::ALL.len());
-        for (sensor, column) in sensors {
-            let wanted: Vec<Wanted> =
-                SimplePredictor::ALL.into_iter().map(|predictor| (predictor, *column)).collect();
-            for (fitted, (predictor, column)) in
-                self.fitted(&wanted, &agent, rows).into_iter().zip(wanted)
-            {
-                let fitted = (*fitted).clone();
-                all.push(FittedSimple { sensor: sensor.clone(), column, predictor, fitted });
-            }
-        }
-        all
+        let each = sensors.iter().flat_map(|(sensor, column)| {
+            SimplePredictor::ALL.into_iter().map(move |predictor| (sensor, (predictor, *column)))
+        });
+        let wanted: Vec<Wanted> = each.clone().map(|(_, wanted)| wanted).collect();
+        // All at once: what they share of the log is summed up once.
+        let fitted = self.fitted(&wanted, &agent, rows);
+        let named = each.zip(fitted).map(|((sensor, (predictor, column)), fitted)| FittedSimple {
+            sensor: sensor.clone(),
+            column,
+            predictor,
+            fitted: (*fitted).clone(),
+        });
+        named.collect()
     }
 
     /// What agents start from at each state of a run's stream, for each of these agents and the column that it predicts; none
