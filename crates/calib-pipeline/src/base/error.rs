@@ -31,10 +31,7 @@ use crate::base::memory::NoRoom;
 #[derive(Debug)]
 pub enum StepError {
     /// The observer asked to stop.
-    Cancelled {
-        /// Whether the same command goes on from what was done.
-        is_resumable: bool,
-    },
+    Cancelled,
     /// Something is missing that another attempt may bring, here or elsewhere; what is there stays.
     Incomplete(String),
     /// A result was made from other inputs, by another format, or was changed after it was written.
@@ -77,7 +74,7 @@ impl StepError {
     /// The exit code of a command that ends with it.
     pub fn exit_code(&self) -> u8 {
         match self.root() {
-            Self::Cancelled { .. } => 130,
+            Self::Cancelled => 130,
             Self::Incomplete(_) => 4,
             _ => 2,
         }
@@ -85,7 +82,7 @@ impl StepError {
 
     /// Whether it is no error but the wish of whoever watches.
     pub fn was_cancelled(&self) -> bool {
-        matches!(self.root(), Self::Cancelled { .. })
+        matches!(self.root(), Self::Cancelled)
     }
 
     /// Whether something is missing that another attempt may bring.
@@ -104,14 +101,8 @@ impl StepError {
     /// What is told of the error itself, and of its causes.
     fn causes(&self) -> Vec<String> {
         let error: &dyn Error = match self {
-            Self::Cancelled { is_resumable: true } => {
+            Self::Cancelled => {
                 return vec!["interrupted; run the same command again to go on".to_owned()];
-            }
-            Self::Cancelled { is_resumable: false } => {
-                return vec![
-                    "interrupted; agents that act keep nothing: the same command begins anew"
-                        .to_owned(),
-                ];
             }
             Self::Incomplete(text) | Self::Stale(text) | Self::Unscorable(text) => {
                 return vec![text.clone()];
@@ -163,7 +154,7 @@ impl Error for StepError {}
 
 impl From<Cancelled> for StepError {
     fn from(_: Cancelled) -> Self {
-        Self::Cancelled { is_resumable: true }
+        Self::Cancelled
     }
 }
 
@@ -193,25 +184,6 @@ impl From<TableError> for StepError {
     fn from(error: TableError) -> Self {
         match error {
             TableError::File(error) => error.into(),
-            other => Self::Other(other.into()),
-        }
-    }
-}
-
-impl From<ControlError> for StepError {
-    fn from(error: ControlError) -> Self {
-        match error {
-            ControlError::Cancelled(_) => Self::Cancelled { is_resumable: false },
-            other => Self::Other(other.into()),
-        }
-    }
-}
-
-impl From<SweepError> for StepError {
-    fn from(error: SweepError) -> Self {
-        match error {
-            SweepError::Cancelled(cancelled) => cancelled.into(),
-            SweepError::File(error) => error.into(),
             other => Self::Other(other.into()),
         }
     }
@@ -257,8 +229,8 @@ macro_rules! from_others {
     )*};
 }
 
-from_errors_with_files!(DynamicsError, KnnError, RepresentError);
-from_errors!(AgentError, ModelError, RolloutError);
+from_errors_with_files!(DynamicsError, KnnError, RepresentError, SweepError);
+from_errors!(AgentError, ControlError, ModelError, RolloutError);
 from_others!(
     io::Error,
     FromUtf8Error,
