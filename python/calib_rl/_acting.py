@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _calib
 from ._checks import position, whole
+from ._model import physical_values
 
 if TYPE_CHECKING:
     from ._study import Study
@@ -193,9 +194,7 @@ class ActionModel:
 
     def physical(self, states: ArrayLike) -> NDArray[np.float64]:
         """Normalised states, ``[..., d]``, in the units of the sensors."""
-        _, offset, scale = zip(*self._native.columns)
-        values: NDArray[np.float64] = np.asarray(states, np.float64) * np.array(scale) + np.array(offset)
-        return values
+        return physical_values(self._native.columns, states)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return ActionModel.open, (str(self.path),)

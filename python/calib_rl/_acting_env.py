@@ -12,25 +12,24 @@ from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from . import _calib
 from ._acting import ActionModel
 from ._checks import LARGEST_SEED, position, whole
 from ._model import Units
-
-try:
-    from gymnasium.vector import AutoresetMode
-except ImportError:  # 1.0 does so too, and has no name for it
-    AUTORESET: dict[str, Any] = {}
-else:
-    AUTORESET = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+from ._walks import (
+    AUTORESET,
+    Column,
+    WalkSettings,
+    check_units,
+    dealt_members,
+    observation_space,
+    observed_columns,
+    one_seed,
+    seed_walkers,
+)
 
 Pessimism = Literal["nearest", "minimum_return"]
 ActionKind = Literal["discrete", "multi_discrete", "box"]
-Column = str | int
 AnySpace = gymnasium.Space[Any]
-
-# What a walk takes here and in compiled code, beside what it sees.
-WALKER_BYTES = 512
 
 
 class _Actions:
@@ -100,7 +99,7 @@ def _kind(wanted: AnySpace | None) -> str:
     return type(wanted).__name__
 
 
-class ActingSettings:
+class ActingSettings(WalkSettings):
     """What single and vector environments share."""
 
     def __init__(
@@ -115,45 +114,16 @@ class ActingSettings:
         action_space: ActionKind | AnySpace | None,
         live: bool,
     ) -> None:
-        if units not in ("normalised", "physical"):
-            raise ValueError(f"units are {units!r}, expected 'normalised' or 'physical'")
+        check_units(units)
         if pessimism not in ("nearest", "minimum_return"):
             raise ValueError(f"pessimism is {pessimism!r}, expected 'nearest' or 'minimum_return'")
-        names = model.columns
-        columns = list(range(len(names))) if observe is None else [_column(names, column) for column in observe]
-        if not columns:
-            raise ValueError("observe names no column")
+        columns = observed_columns(model.columns, observe)
         self.actions = _Actions(model, action_space, live)
         most = model.timeout if timeout is None else whole(timeout, "timeout", 1)
         worst = model.worst_return if worst_return is None else float(worst_return)
-        low, high = model._native.extremes()
-        if units == "physical":
-            low, high = model.physical(low).astype(np.float32), model.physical(high).astype(np.float32)
-        self.observation_space: gymnasium.Space[NDArray[np.float32]] = spaces.Box(low[columns], high[columns], dtype=np.float32)
-        self._walked = list(members), columns, units == "physical", most, pessimism == "minimum_return", worst, live
-        self._model = model
+        self.observation_space = observation_space(model, columns, units)
         self.timeout = most
-        self.walkers: _calib.ActionWalkers = model._native.walkers(*self._walked)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "walkers": self.walkers.state()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        at = state.pop("walkers")
-        self.__dict__.update(state)
-        self.walkers = self._model._native.walkers(*self._walked)
-        self.walkers.restore(at)
-
-
-def _column(names: list[str], column: Column) -> int:
-    if isinstance(column, str):
-        if column not in names:
-            raise ValueError(f"no column is called {column!r}; the model has {', '.join(names)}")
-        return names.index(column)
-    number = whole(column, "a column", -LARGEST_SEED)
-    if not 0 <= number < len(names):
-        raise ValueError(f"column {number}: the model has {len(names)}, from 0 on")
-    return number
+        super().__init__(model, (list(members), columns, units == "physical", most, pessimism == "minimum_return", worst, live))
 
 
 class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
@@ -234,13 +204,8 @@ class ActingVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         action_space: ActionKind | AnySpace | None = None,
         live: bool = False,
     ) -> None:
-        num_envs = whole(num_envs, "num_envs", 1)
-        given = [members] if isinstance(members, (int, np.integer)) else list(members)
-        if not given:
-            raise ValueError("members names no member")
-        given = [position(member, "members") for member in given]
-        _calib.require_memory(num_envs * (WALKER_BYTES + 16 * len(model.columns)), f"{num_envs} walks", "lower num_envs")
-        dealt = [given[number % len(given)] for number in range(num_envs)]
+        dealt = dealt_members(num_envs, members, len(model.columns))
+        num_envs = len(dealt)
         self._settings = ActingSettings(model, dealt, observe, timeout, units, pessimism, worst_return, action_space, live)
         self.model, self.members, self.num_envs = model, dealt, num_envs
         self.single_observation_space = self._settings.observation_space
@@ -253,14 +218,9 @@ class ActingVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin anew: all, or those that ``options["reset_mask"]`` marks. Walk ``i`` of seed ``s`` is that of a single environment with ``s + i``."""
-        one = seed if seed is None or isinstance(seed, (int, np.integer)) else None
-        super().reset(seed=None if one is None else int(one))
+        super().reset(seed=one_seed(seed))
         walkers = self._settings.walkers
-        if one is not None:
-            first = whole(one, "seed", most=LARGEST_SEED)
-            walkers.seed([(first + number) % (LARGEST_SEED + 1) for number in range(self.num_envs)])
-        elif seed is not None and not isinstance(seed, (int, np.integer)):
-            walkers.seed([None if of is None else whole(of, "seed", most=LARGEST_SEED) for of in seed])
+        seed_walkers(walkers, seed, self.num_envs)
         seen, _, _, _, *info = walkers.reset((options or {}).get("reset_mask"))
         return seen, self._info(*info)
 

@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 Units = Literal["normalised", "physical"]
 
 
+def physical_values(columns: Sequence[tuple[str, float, float]], states: ArrayLike) -> NDArray[np.float64]:
+    """Normalised states, ``[..., d]``, in the units of columns of these names, offsets and scales."""
+    _, offset, scale = zip(*columns)
+    values: NDArray[np.float64] = np.asarray(states, np.float64) * np.array(scale) + np.array(offset)
+    return values
+
+
 class Model:
     """A calibration model of neighbours: an ensemble that recombines recorded transitions.
 
@@ -163,9 +170,7 @@ class Model:
         Returns:
             ``float64 [..., d]``.
         """
-        _, offset, scale = zip(*self._native.columns)
-        values: NDArray[np.float64] = np.asarray(states, np.float64) * np.array(scale) + np.array(offset)
-        return values
+        return physical_values(self._native.columns, states)
 
     def normalised(self, values: ArrayLike) -> NDArray[np.float32]:
         """Values in the units of the sensors on the scale of the states; the inverse of `physical`.

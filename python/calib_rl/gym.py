@@ -24,39 +24,29 @@ from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from . import _calib
 from ._acting import ActionModel
-from ._acting_env import AUTORESET, WALKER_BYTES, ActingEnv, ActingVectorEnv, ActionKind, Pessimism
+from ._acting_env import ActingEnv, ActingVectorEnv, ActionKind, Pessimism
 from ._checks import LARGEST_SEED, position, whole
 from ._model import Model, Units
 from ._register import register
-
-Column = str | int
+from ._walks import (
+    AUTORESET,
+    Column,
+    WalkSettings,
+    check_units,
+    column_position,
+    dealt_members,
+    observation_space,
+    observed_columns,
+    one_seed,
+    seed_walkers,
+)
 
 # Steps after which an episode in a model without actions is truncated.
 _MAX_STEPS = 1000
 
-def _position(model: Model, column: Column) -> int:
-    if isinstance(column, str):
-        names = model.columns
-        if column not in names:
-            raise ValueError(f"no column is called {column!r}; the model has {', '.join(names)}")
-        return names.index(column)
-    width = model.states.shape[1]
-    number = whole(column, "a column", -LARGEST_SEED)
-    if not 0 <= number < width:
-        raise ValueError(f"column {number}: the model has {width}, from 0 on")
-    return number
 
-
-def _space(model: Model, columns: list[int], units: Units) -> Any:
-    low, high = model._native.extremes()
-    if units == "physical":
-        low, high = model.physical(low).astype(np.float32), model.physical(high).astype(np.float32)
-    return spaces.Box(low[columns], high[columns], dtype=np.float32)
-
-
-class _Settings:
+class _Settings(WalkSettings):
     """What single and vector environments share."""
 
     def __init__(
@@ -69,32 +59,17 @@ class _Settings:
         units: Units,
         action_space: gymnasium.Space[Any] | None,
     ) -> None:
-        if units not in ("normalised", "physical"):
-            raise ValueError(f"units are {units!r}, expected 'normalised' or 'physical'")
+        check_units(units)
         if action_space is not None:
             raise ValueError(
                 "action_space: this model has no actions, and nothing that an agent does changes what follows; leave it out, "
                 "and use `calib control` for agents that act"
             )
         most = 0 if max_steps is None else whole(max_steps, "max_steps", 1)
-        every = range(model.states.shape[1])
-        columns = list(every) if observe is None else [_position(model, column) for column in observe]
-        if not columns:
-            raise ValueError("observe names no column")
-        self.observation_space: gymnasium.Space[NDArray[np.float32]] = _space(model, columns, units)
+        columns = observed_columns(model.columns, observe)
+        self.observation_space = observation_space(model, columns, units)
         self.action_space: gymnasium.Space[Any] = spaces.Discrete(1)
-        self._walked = list(members), columns, _position(model, reward), most, units == "physical"
-        self._model = model
-        self.walkers = model._native.walkers(*self._walked)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "walkers": self.walkers.state()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        at = state.pop("walkers")
-        self.__dict__.update(state)
-        self.walkers = self._model._native.walkers(*self._walked)
-        self.walkers.restore(at)
+        super().__init__(model, (list(members), columns, column_position(model.columns, reward), most, units == "physical"))
 
 
 class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
@@ -153,14 +128,8 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         units: Units = "normalised",
         action_space: gymnasium.Space[Any] | None = None,
     ) -> None:
-        num_envs = whole(num_envs, "num_envs", 1)
-        given = [members] if isinstance(members, (int, np.integer)) else list(members)
-        if not given:
-            raise ValueError("members names no member")
-        given = [position(member, "members") for member in given]
-        width = model.states.shape[1] if observe is None else len(observe)
-        _calib.require_memory(num_envs * (WALKER_BYTES + 16 * width), f"{num_envs} walks", "lower num_envs")
-        dealt = [given[number % len(given)] for number in range(num_envs)]
+        dealt = dealt_members(num_envs, members, len(model.columns) if observe is None else len(observe))
+        num_envs = len(dealt)
         settings = _Settings(model, dealt, observe, reward, max_steps, units, action_space)
         self.model, self.members, self.num_envs = model, dealt, num_envs
         self.single_observation_space, self.single_action_space = settings.observation_space, settings.action_space
@@ -174,14 +143,9 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin anew: all, or those that ``options["reset_mask"]`` marks. Walk ``i`` of seed ``s`` is that of a single environment with ``s + i``."""
-        one = seed if seed is None or isinstance(seed, (int, np.integer)) else None
-        super().reset(seed=None if one is None else int(one))
+        super().reset(seed=one_seed(seed))
         walkers = self._settings.walkers
-        if one is not None:
-            first = whole(one, "seed", most=LARGEST_SEED)
-            walkers.seed([(first + number) % (LARGEST_SEED + 1) for number in range(self.num_envs)])
-        elif seed is not None and not isinstance(seed, (int, np.integer)):
-            walkers.seed([None if of is None else whole(of, "seed", most=LARGEST_SEED) for of in seed])
+        seed_walkers(walkers, seed, self.num_envs)
         mask = (options or {}).get("reset_mask")
         seen, _, _, rows, times, distances = walkers.reset(mask)
         return seen, self._info(rows, times, distances)
