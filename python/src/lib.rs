@@ -9,6 +9,7 @@
 )]
 
 mod acting;
+mod acting_walkers;
 mod array;
 mod convert;
 mod dtw;
@@ -41,7 +42,7 @@ fn _calib(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<model::Model>()?;
     module.add_class::<walkers::Walkers>()?;
     module.add_class::<acting::PyActionModel>()?;
-    module.add_class::<acting::ActionWalkers>()?;
+    module.add_class::<acting_walkers::ActionWalkers>()?;
     module.add_class::<streams::Streams>()?;
     module.add_class::<streams::Score>()?;
     module.add_function(wrap_pyfunction!(convert::to_toml, module)?)?;

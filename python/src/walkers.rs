@@ -113,6 +113,24 @@ impl Walkers {
     }
 }
 
+/// Which of `count` walkers are marked: all, where nothing is said.
+pub(crate) fn marked(which: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<bool>> {
+    let which = match which {
+        Some(which) => copied::<bool>(which, "which", &[1])?.0,
+        None => vec![true; count],
+    };
+    require_each(which.len(), "marks", count)?;
+    Ok(which)
+}
+
+/// Refuse other than one of `what` for each of `count` walkers.
+pub(crate) fn require_each(given: usize, what: &str, count: usize) -> PyResult<()> {
+    if given == count {
+        return Ok(());
+    }
+    Err(errors::value(format!("{given} {what} for {count} walkers")))
+}
+
 /// The random numbers of walker `number`.
 fn rng(seed: u64, number: usize) -> Rng {
     Seed::new(seed).child("environment").number(number as u64).rng()
@@ -159,13 +177,7 @@ impl Walkers {
 
     /// Seed some walkers, or all: of walker i by seeds[i].
     fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
-        if seeds.len() != self.walks.len() {
-            return Err(errors::value(format!(
-                "{} seeds for {} walkers",
-                seeds.len(),
-                self.walks.len()
-            )));
-        }
+        require_each(seeds.len(), "seeds", self.walks.len())?;
         for (walker, seed) in self.walks.iter_mut().zip(seeds) {
             if let Some(seed) = seed {
                 walker.rng = rng(seed, 0);
@@ -181,14 +193,7 @@ impl Walkers {
         py: Python<'py>,
         which: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Arrays<'py>> {
-        let count = self.walks.len();
-        let which = match which {
-            Some(which) => copied::<bool>(which, "which", &[1])?.0,
-            None => vec![true; count],
-        };
-        if which.len() != count {
-            return Err(errors::value(format!("{} marks for {count} walkers", which.len())));
-        }
+        let which = marked(which, self.walks.len())?;
         for (walker, _) in self.walks.iter_mut().zip(&which).filter(|(_, begins)| **begins) {
             walker.begin(&self.kept);
         }

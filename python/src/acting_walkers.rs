@@ -1,0 +1,248 @@
+//! Many walks through a model with actions at once, a step of all of them a call.
+
+use std::sync::Arc;
+
+use calib_control::{At, Coverage, Drift, Rules, Target, Walkers, Went};
+use calib_core::{Bounds, Normalised};
+use pyo3::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    acting::Kept,
+    array::{copied, owned},
+    errors,
+    walkers::{marked, require_each},
+};
+
+/// A column of the states, and the map to what is seen of it.
+type Mapped = (usize, Bounds);
+
+/// Walks through members of a model, which actions change.
+#[pyclass(module = "calib_rl._calib")]
+pub(crate) struct ActionWalkers {
+    pub(crate) kept: Arc<Kept>,
+    pub(crate) walkers: Walkers,
+    pub(crate) columns: Vec<Mapped>,
+    pub(crate) rules: Rules,
+    /// Steps after which an episode is cut; 0 for never.
+    pub(crate) timeout: u64,
+    /// Whether what is set is searched for.
+    pub(crate) live: bool,
+}
+
+/// What was done by all walkers, as JSON.
+#[derive(Serialize, Deserialize)]
+struct Lived {
+    coverage: Coverage,
+    drift: Drift,
+}
+
+type Arrays<'py> = (
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+);
+
+/// What walkers do in a step.
+enum Done {
+    Levels(Vec<i64>),
+    /// `[walkers, columns]`, each a share of its recorded range.
+    Set(Vec<f32>, usize),
+}
+
+impl Done {
+    fn of(&self, number: usize) -> Target<'_> {
+        match self {
+            Self::Levels(levels) => Target::Level(levels[number] as usize),
+            Self::Set(set, columns) => Target::Set(&set[number * columns..][..*columns]),
+        }
+    }
+}
+
+impl ActionWalkers {
+    /// The row that walker `number` sees.
+    fn row(&self, number: usize) -> i64 {
+        let of = &self.kept.of;
+        match self.walkers.walks()[number].at {
+            At::Start(start) => i64::from(of.start_rows[start as usize]),
+            At::After(transition) => i64::from(of.model.led_to(transition).0),
+        }
+    }
+
+    fn look(&self, number: usize, seen: &mut Vec<f32>, displaced: &mut Vec<f32>) {
+        let state = self.kept.of.model.observed(self.walkers.walks()[number].at);
+        let width = state.len();
+        let moved = &self.walkers.displacements()[number * width..][..width];
+        for (column, bounds) in &self.columns {
+            seen.push(bounds.physical(Normalised(state[*column])).0 as f32);
+            displaced.push((f64::from(moved[*column]) * bounds.scale) as f32);
+        }
+    }
+
+    fn arrays<'py>(&self, py: Python<'py>, went: &[Went]) -> PyResult<Arrays<'py>> {
+        let (count, width) = (went.len(), self.columns.len());
+        let (mut seen, mut displaced) =
+            (Vec::with_capacity(count * width), Vec::with_capacity(count * width));
+        let (mut rows, mut times) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for number in 0..count {
+            self.look(number, &mut seen, &mut displaced);
+            let row = self.row(number);
+            rows.push(row);
+            times.push(self.kept.of.times[row as usize]);
+        }
+        self.kept.since.check(py)?;
+        Ok((
+            owned(py, seen, &[count, width])?,
+            owned(py, went.iter().map(|of| of.reward).collect::<Vec<f64>>(), &[count])?,
+            owned(py, went.iter().map(|of| of.terminated).collect::<Vec<bool>>(), &[count])?,
+            owned(py, went.iter().map(|of| of.truncated).collect::<Vec<bool>>(), &[count])?,
+            owned(py, rows, &[count])?,
+            owned(py, times, &[count])?,
+            owned(py, went.iter().map(|of| of.distance).collect::<Vec<f32>>(), &[count])?,
+            owned(py, went.iter().map(|of| of.covered).collect::<Vec<bool>>(), &[count])?,
+            owned(py, displaced, &[count, width])?,
+        ))
+    }
+
+    /// What `actions` mean, for `count` walkers.
+    fn done(&self, actions: &Bound<'_, PyAny>, count: usize) -> PyResult<Done> {
+        if self.live {
+            return self.set(actions, count);
+        }
+        let (levels, _) = copied::<i64>(actions, "actions", &[1])?;
+        require_each(levels.len(), "actions", count)?;
+        levels.iter().enumerate().try_for_each(|(number, &level)| self.check(number, level))?;
+        Ok(Done::Levels(levels))
+    }
+
+    fn check(&self, number: usize, level: i64) -> PyResult<()> {
+        let known = self.kept.of.model.log().levels();
+        if (0..known as i64).contains(&level) {
+            return Ok(());
+        }
+        Err(errors::value(format!(
+            "walker {number} takes action {level}; the model has {known}, from 0 to {}",
+            known - 1
+        )))
+    }
+
+    fn set(&self, actions: &Bound<'_, PyAny>, count: usize) -> PyResult<Done> {
+        let ranges = &self.kept.of.names.ranges;
+        let (values, shape) = copied::<f64>(actions, "actions", &[2])?;
+        if shape != [count, ranges.len()] {
+            return Err(errors::value(format!(
+                "actions have the shape {shape:?}, expected [{count}, {}]",
+                ranges.len()
+            )));
+        }
+        let share = |(place, &value): (usize, &f64)| {
+            let [low, high] = ranges[place % ranges.len()];
+            if !value.is_finite() {
+                let number = place / ranges.len();
+                return Err(errors::value(format!(
+                    "walker {number} sets {value}, which is no number"
+                )));
+            }
+            let range = if high > low { high - low } else { 1.0 };
+            Ok(((value.clamp(low, high) - low) / range) as f32)
+        };
+        let shares = values.iter().enumerate().map(share).collect::<PyResult<_>>()?;
+        Ok(Done::Set(shares, ranges.len()))
+    }
+}
+
+#[pymethods]
+impl ActionWalkers {
+    /// Where every walk is and what it will draw, as text.
+    fn state(&self) -> PyResult<String> {
+        serde_json::to_string(&self.walkers).map_err(|error| errors::value(error.to_string()))
+    }
+
+    /// Go on where other walkers through the same members were.
+    fn restore(&mut self, state: &str) -> PyResult<()> {
+        let walkers: Walkers =
+            serde_json::from_str(state).map_err(|error| errors::value(error.to_string()))?;
+        if !walkers.fits(&self.kept.of.model, &self.walkers) {
+            return Err(errors::value("the state is of walkers through another model"));
+        }
+        self.walkers = walkers;
+        Ok(())
+    }
+
+    /// Seed some walkers: walker i by seeds[i].
+    fn seed(&mut self, seeds: Vec<Option<u64>>) -> PyResult<()> {
+        require_each(seeds.len(), "seeds", self.walkers.walks().len())?;
+        for (number, seed) in seeds.into_iter().enumerate() {
+            if let Some(seed) = seed {
+                self.walkers.seed(number, seed);
+            }
+        }
+        Ok(())
+    }
+
+    /// Coverage and drift of all steps so far, as JSON.
+    fn lived(&self) -> PyResult<String> {
+        let (coverage, drift) = (self.walkers.coverage(), self.walkers.drift());
+        let lived = Lived { coverage, drift };
+        serde_json::to_string(&lived).map_err(|error| errors::value(error.to_string()))
+    }
+
+    /// Begin anew, all or those where `which` is true; what they see, as `step` has it.
+    #[pyo3(signature = (which=None))]
+    fn reset<'py>(
+        &mut self,
+        py: Python<'py>,
+        which: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Arrays<'py>> {
+        let count = self.walkers.walks().len();
+        let which = marked(which, count)?;
+        let model = Arc::clone(&self.kept.of.model);
+        let mut went = vec![Went::BEGAN; count];
+        for (number, _) in which.iter().enumerate().filter(|(_, begins)| **begins) {
+            went[number] = self.walkers.begin(&model, number);
+        }
+        self.arrays(py, &went)
+    }
+
+    /// A step of every walker: what they see `float32 [n, c]`, rewards `float64 [n]`, whether they ended in a terminal and whether they were cut
+    /// `bool [n]`, rows and times `int64 [n]`, distances `float32 [n]`, whether the step was covered `bool [n]`, displacements `float32 [n, c]`.
+    /// One that was over begins anew, and has no reward for that.
+    fn step<'py>(&mut self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Arrays<'py>> {
+        let count = self.walkers.walks().len();
+        let done = self.done(actions, count)?;
+        let model = Arc::clone(&self.kept.of.model);
+        let (rules, timeout, walkers) = (self.rules, self.timeout, &mut self.walkers);
+        let step = |number: usize| walkers.step(&model, number, done.of(number), rules, timeout);
+        let went: Vec<Went> = (0..count).map(step).collect();
+        self.arrays(py, &went)
+    }
+
+    /// A step of the only walker, with a level: what it sees, reward, terminated, truncated, row, time, distance, covered, displacement.
+    #[expect(clippy::type_complexity, reason = "what a step has")]
+    fn step_one<'py>(
+        &mut self,
+        py: Python<'py>,
+        level: i64,
+    ) -> PyResult<(Bound<'py, PyAny>, f64, bool, bool, i64, i64, f32, bool, Bound<'py, PyAny>)>
+    {
+        self.check(0, level)?;
+        let model = Arc::clone(&self.kept.of.model);
+        let target = Target::Level(level as usize);
+        let went = self.walkers.step(&model, 0, target, self.rules, self.timeout);
+        let width = self.columns.len();
+        let (mut seen, mut displaced) = (Vec::with_capacity(width), Vec::with_capacity(width));
+        self.look(0, &mut seen, &mut displaced);
+        let row = self.row(0);
+        self.kept.since.check(py)?;
+        let Went { reward, terminated, truncated, distance, covered } = went;
+        let time = self.kept.of.times[row as usize];
+        let (seen, displaced) = (owned(py, seen, &[width])?, owned(py, displaced, &[width])?);
+        Ok((seen, reward, terminated, truncated, row, time, distance, covered, displaced))
+    }
+}
