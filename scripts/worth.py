@@ -2,9 +2,9 @@
 
     CALIB_DATA=/path/to/logs python3 scripts/worth.py [--within 60s] [--calib target/release/calib] [--keep FOLDER]
 
-It prints the table of docs/validity.md: for each predicted sensor the error of what calib says to deploy beside
-the best simple predictor on the same held-out windows, with the 95 % interval of their ratio over windows. Sensors
-that calib tells you to predict with a simple predictor count as that predictor.
+It prints the table of docs/validity.md: for each predicted sensor the error of the chosen agent by that of the best
+simple predictor on the same held-out windows, with the 95 % interval over windows, and what the verdict says to deploy.
+The best simple predictor is found on these windows, so that a verdict which names it cannot be wrong here.
 """
 
 import argparse
@@ -27,29 +27,14 @@ LOGS = [
 NO_WORSE = 1.02
 
 
-def verdicts(summary):
-    """The verdict of each sensor with its choice."""
-    return zip(summary["choices"], summary["verdicts"])
+def best_simple(verdict):
+    """The simple predictor with the least error on the held-out windows, or None where none was scored."""
+    simple = [row for row in verdict.get("simple", []) if row.get("ratio")]
+    return max(simple, key=lambda row: row["ratio"]["value"], default=None)
 
 
-def row(choice, verdict):
-    """The best simple predictor beside what is deployed: its name, errors, and the ratio with its interval."""
-    simple = [s for s in verdict.get("simple", []) if s.get("ratio")]
-    if not simple:
-        return None
-    best = max(simple, key=lambda s: s["ratio"]["value"])
-    ratio, interval = best["ratio"]["value"], best["ratio"].get("interval")
-    deployed = "agent"
-    if choice.get("simple_predictor"):
-        deployed = choice["simple_predictor"]["predictor"]
-        used = next(s for s in simple if s["predictor"] == deployed)
-        # What is deployed is the simple predictor itself: both were scored on the same windows.
-        ratio, interval = best["ratio"]["value"] / used["ratio"]["value"], None
-    return best, ratio, interval, deployed
-
-
-def percent(count, of):
-    return f"{count} of {of} ({100 * count / max(of, 1):.0f} %)"
+def percent(count, total):
+    return f"{count} of {total} ({100 * count / max(total, 1):.0f} %)"
 
 
 def main():
@@ -74,7 +59,7 @@ def main():
                 print(f"{name}: calib init stopped", file=sys.stderr)
                 continue
         studies.append((name, study))
-    print("| log | sensor | deployed | NRMSE | best simple predictor | its NRMSE | ratio (95 %) | whole run, later |")
+    print("| log | sensor | agent's NRMSE | best simple predictor | its NRMSE | agent / predictor (95 %) | to deploy | whole run, later |")
     print("|---|---|---|---|---|---|---|---|")
     sensors = fine = named = agree = misled = 0
     for name, study in studies:
@@ -90,32 +75,32 @@ def main():
             print(f"{name}: calib run stopped", file=sys.stderr)
             continue
         summary = json.loads(summaries[0].read_text())
-        for choice, verdict in verdicts(summary):
-            found = row(choice, verdict)
-            if found is None:
+        for choice, verdict in zip(summary["choices"], summary["verdicts"]):
+            best = best_simple(verdict)
+            if best is None:
                 continue
-            best, ratio, interval, deployed = found
             sensors += 1
-            upper = interval["high"] if interval else ratio
-            fine += upper <= NO_WORSE
-            named += upper > NO_WORSE and choice.get("simple_predictor") is not None
-            misled += choice["recommendation"].startswith("deploy") and bool(interval and interval["low"] > 1)
-            parts = verdict.get("parts", [])
-            near = max((p["chosen"] for p in parts), default=0) - min((p["chosen"] for p in parts), default=0) <= 1
+            ratio, interval = best["ratio"]["value"], best["ratio"].get("interval")
+            is_fine = (interval["high"] if interval else ratio) <= NO_WORSE
+            instead = choice.get("simple_predictor")
+            fine += is_fine
+            named += not is_fine and instead is not None
+            misled += choice["recommendation"] == "deploy" and bool(interval and interval["low"] > 1)
+            chosen = [part["chosen"] for part in verdict["parts"]]
+            near = max(chosen) - min(chosen) <= 1
             agree += near
-            chosen = verdict["truth"]["choice"]["online_error"] if "online_error" in verdict["truth"]["choice"] else None
-            own = chosen if chosen is not None else best["online_error"] * best["ratio"]["value"]
+            own = verdict["truth"]["choice"]["online_error"]
             values = ", ".join(f"{key} = {value}" for key, value in choice["values"].items())
-            said = f"{ratio:.3f} ({interval['low']:.2f} to {interval['high']:.2f})" if interval else f"{ratio:.3f}"
+            deployed = instead["predictor"] if instead else values
+            said = f"{ratio:.3f} ({interval['low']:.3g} to {interval['high']:.3g})" if interval else f"{ratio:.3f}"
             print(
-                f"| {name} | {choice['sensor']} | {deployed if deployed != 'agent' else values} | {own:.3g} "
-                f"| {best['predictor']} | {best['online_error']:.3g} | {said} | {'alike' if near else 'differ'} |",
+                f"| {name} | {choice['sensor']} | {own:.3g} | {best['predictor']} | {best['online_error']:.3g} "
+                f"| {said} | {deployed} | {'alike' if near else 'differ'} |",
                 flush=True,
             )
     print()
-    print(f"No worse than the best simple predictor (upper end at most {NO_WORSE}): {percent(fine, sensors)}.")
-    if sensors > fine:
-        print(f"Of the others, the verdict names a simple predictor instead: {percent(named, sensors - fine)}.")
+    print(f"Agents no worse than the best simple predictor (upper end at most {NO_WORSE}): {percent(fine, sensors)}.")
+    print(f"Of the others, the verdict names a simple predictor instead: {percent(named, sensors - fine)}.")
     print(f"Told to deploy what a simple predictor beats beyond chance: {misled}.")
     print(f"Choices by the whole run and by its later parts are alike, or neighbours: {percent(agree, sensors)}.")
 
