@@ -1,0 +1,71 @@
+use std::slice::from_ref;
+
+use super::*;
+
+fn changes(value: impl Fn(usize) -> f64) -> Changes {
+    let values: Vec<f64> = (0..2_000).map(value).collect();
+    Changes::of(&values, from_ref(&(0..2_000)), Moments::of(&values))
+}
+
+#[test]
+fn angles_and_totals_that_start_anew_are_told() {
+    let wander =
+        |row: usize| 300.0 + 90.0 * (row as f64 / 40.0).sin() + 7.0 * (row as f64 * 1.3).sin();
+    assert!(changes(|row| (wander(row) + 3.0 * row as f64 / 10.0).rem_euclid(360.0)).wraps);
+    assert!(
+        changes(|row| (row as f64 / 30.0 + (row as f64).sin())
+            .sin()
+            .atan2((row as f64 / 30.0).cos()))
+        .wraps
+    );
+    assert!(!changes(|row| 180.0 + 180.0 * (row as f64 / 40.0).sin()).wraps, "a valve");
+    assert!(!changes(|row| ((row * 7_919 + row * row * 104_729) % 360) as f64).wraps, "noise");
+    assert!(changes(|row| (row % 144) as f64 + (row % 7) as f64 / 10.0).restarts);
+    assert!(!changes(|row| (row as f64 / 9.0).sin()).restarts);
+}
+
+#[test]
+fn autocorrelation_of_a_wave_is_its_cosine() {
+    let turn = std::f64::consts::TAU / 40.0;
+    let wave: Vec<f64> = (0..4_000).map(|row| (f64::from(row) * turn).sin()).collect();
+    let found = autocorrelation(&wave, from_ref(&(0..4_000)), 0.5);
+    for (lag, value) in found.into_iter().filter(|(lag, _)| *lag <= 100) {
+        let expected = (lag as f64 * turn).cos();
+        assert!((value - expected).abs() < 0.01, "{lag}: {value} and {expected}");
+    }
+}
+
+#[test]
+fn gaps_and_missing_values_do_not_count() {
+    let mut values: Vec<f64> = (0..200).map(f64::from).collect();
+    values[50] = f64::NAN;
+    let found = autocorrelation(&values, &[0..100, 100..200], 1.0);
+    // A slope of one: the mean square at a lag is its square.
+    assert_eq!(found[0], (1, 0.5));
+    assert_eq!(found[1], (2, -1.0));
+    assert!(found.iter().all(|(lag, _)| *lag < 100), "no pair spans both stretches");
+}
+
+#[test]
+fn runs_of_missing_values_are_between_values() {
+    let there = |rows: &[Range<usize>]| {
+        let rows: Vec<usize> = rows.iter().flat_map(Range::clone).collect();
+        missing_run(rows.into_iter().map(|row| (row / 100, row)))
+    };
+    assert_eq!(there(&[3..10, 14..95]), 4);
+    assert_eq!(there(&[20..90, 110..120]), 0, "a gap is no run");
+    assert_eq!(there(&[]), 0);
+}
+
+#[test]
+fn totals_only_rise_and_clocks_rise_evenly() {
+    let whole = |rows: &[f64]| Changes::of(rows, from_ref(&(0..rows.len())), Moments::of(rows));
+    let clock: Vec<f64> = (0..100).map(f64::from).collect();
+    let clock = whole(&clock);
+    assert_eq!((clock.rises, clock.even), (1.0, 1.0));
+    let total: Vec<f64> = (0..100).map(|row| f64::from(row * row)).collect();
+    let total = whole(&total);
+    assert!(total.rises == 1.0 && total.even < 0.1);
+    let wave: Vec<f64> = (0..400).map(|row| (f64::from(row) / 10.0).sin()).collect();
+    assert!((whole(&wave).rises - 0.5).abs() < 0.1);
+}

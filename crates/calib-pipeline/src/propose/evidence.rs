@@ -1,0 +1,83 @@
+//! Which agent is proposed, by what was tried on the training range.
+
+use calib_propose::{Horizon, ProposedAgent, Sensors, Trial, choose_agent};
+
+use super::trial::{Predicted, Trials, halved};
+use crate::{StepError, output::span};
+
+/// What was tried where only the training range is known, and what follows from it.
+pub(super) struct Evidence {
+    pub(super) agent: ProposedAgent,
+    /// In words.
+    pub(super) reason: String,
+    /// Of each proposed sensor.
+    pub(super) predicted: Vec<Predicted>,
+}
+
+impl Evidence {
+    /// Try agents at a `horizon` that is halved until something predicts at least one of the sensors better than its mean.
+    pub(super) fn gather(
+        trials: &Trials<'_>,
+        horizon: &mut Horizon,
+        text: impl Fn(ProposedAgent, Horizon) -> String,
+    ) -> Result<Self, StepError> {
+        let say = |words: &str| trials.printer.say(words);
+        say("comparing agents with simple predictors on the last third of the training range");
+        let mut predicted = trials.compare(horizon, |at| text(ProposedAgent::Linear, at))?;
+        let is_given = trials.args.horizon.is_some();
+        let mut shorter = *horizon;
+        while !predicted.iter().any(Predicted::is_predicted) && !is_given && shorter.states >= 4.0 {
+            shorter = halved(shorter);
+            let nearer = trials.compare(&mut shorter, |at| text(ProposedAgent::Linear, at))?;
+            if nearer.iter().any(Predicted::is_predicted) {
+                say(&format!(
+                    "nothing predicts {} ahead better than the mean does",
+                    span(horizon.secs)
+                ));
+                (predicted, *horizon) = (nearer, shorter);
+            }
+        }
+        let network = trials.compare(horizon, |at| text(ProposedAgent::Network, at))?;
+        let tried = [(ProposedAgent::Linear, &predicted), (ProposedAgent::Network, &network)];
+        let tried = tried.map(|(agent, sensors)| Trial { agent, ratio: typical(sensors) });
+        let chosen = choose_agent(&tried).unwrap_or(tried[0]);
+        let said = |trial: &Trial| format!("{} {:.3}", trial.agent.label(), trial.ratio);
+        let errors = tried.iter().map(said).collect::<Vec<_>>().join(", ");
+        let mut reason = format!(
+            "On the last third of the training range, errors by the best simple predictor's: {errors}"
+        );
+        if !predicted.iter().chain(&network).any(Predicted::is_predicted) {
+            let warning = format!(
+                "nothing that was tried predicts {} ahead better than the mean does; try a shorter --horizon, or other sensors with --sensor",
+                span(horizon.secs)
+            );
+            trials.printer.warn(&warning);
+            reason = format!("{reason}; {warning}");
+        } else if chosen.ratio > 1.0 {
+            reason.push_str("; no agent is better, and the study asks once more");
+        }
+        Ok(Self { agent: chosen.agent, reason, predicted })
+    }
+
+    /// Sensors that something predicts come first, unless the order `is_given`.
+    pub(super) fn reorder(&self, sensors: &mut Sensors, is_given: bool) {
+        if is_given {
+            return;
+        }
+        let all: Vec<(usize, bool)> = sensors
+            .proposed
+            .iter()
+            .copied()
+            .zip(self.predicted.iter().map(Predicted::is_predicted))
+            .collect();
+        let (first, last): (Vec<_>, Vec<_>) =
+            all.into_iter().partition(|(_, predicted)| *predicted);
+        sensors.proposed = first.into_iter().chain(last).map(|(channel, _)| channel).collect();
+    }
+}
+
+/// The geometric mean of an agent's errors by the best simple predictors'.
+fn typical(sensors: &[Predicted]) -> f64 {
+    let sum: f64 = sensors.iter().map(|sensor| sensor.agent.ln()).sum();
+    (sum / sensors.len() as f64).exp()
+}

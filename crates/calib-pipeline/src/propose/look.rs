@@ -1,0 +1,140 @@
+//! What can be seen of a log before anything is tried.
+
+use calib_data::{ChannelSketch, Sentinel, Sketch, format_time, sketch};
+use calib_propose::{Cleaning, Clock, Cut, Scope, Sensors};
+
+use super::gives;
+use crate::{
+    Context as _, StepError,
+    base::{clock, left_alone::text_left_alone, memory, options::ProposeOptions},
+    output::{Printer, count, span},
+};
+
+/// What the log is like.
+pub(super) struct Look {
+    pub(super) sketch: Sketch,
+    /// Numbers that were found to stand for a missing value.
+    pub(super) sentinels: Vec<Sentinel>,
+    pub(super) clock: Option<Clock>,
+    pub(super) scope: Scope,
+    pub(super) cut: Cut,
+    pub(super) cleaning: Cleaning,
+    pub(super) sensors: Sensors,
+}
+
+impl Look {
+    pub(super) fn at(args: &ProposeOptions, printer: &Printer) -> Result<Self, StepError> {
+        let study = calib_study::of_data(&args.logs, &args.set)?;
+        let mut data = memory::on_this_machine(study.data);
+        memory::check_log(&data)?;
+        printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
+        text_left_alone(&data, printer)?;
+        let mut sketch = sketch(&data, &printer.progress())?;
+        if sketch.without_times {
+            printer.warn(&calib_data::without_times(sketch.period_secs, sketch.files));
+        }
+        if let Some(example) = sketch.bad_rows.examples.first() {
+            let lines = count(sketch.bad_rows.count as usize);
+            printer
+                .warn(&format!("{lines} lines cannot be read and are left out, such as {example}"));
+        }
+        let sentinels = if gives(args, "data.missing_values") {
+            Vec::new()
+        } else {
+            std::mem::take(&mut sketch.sentinels)
+        };
+        if !sentinels.is_empty() {
+            let told: Vec<String> = sentinels.iter().map(Sentinel::told).collect();
+            printer.warn(&format!(
+                "{}: taken for missing values, and the log is looked at again; --set data.missing_values=[] keeps them",
+                told.join("; ")
+            ));
+            data.missing_values = sentinels.iter().map(|of| of.value).collect();
+            sketch = calib_data::sketch(&data, &printer.progress())?;
+        }
+        let clock = if data.resample.is_none() { Clock::of(&sketch) } else { None };
+        if let Some(clock) = clock {
+            printer
+                .say("channels have clocks of their own: they are put on one, and looked at again");
+            data.resample = Some(calib_data::Resample::Last);
+            data.period_secs = Some(data.period_secs.unwrap_or(clock.period_secs));
+            data.max_age_secs = Some(clock.max_age_secs);
+            sketch = calib_data::sketch(&data, &printer.progress())?;
+        }
+        let wanted = named(&args.sensors, &sketch)?;
+        let scope = Scope::with(&sketch, &wanted)?;
+        let sensors = if wanted.is_empty() {
+            Sensors::of(&sketch, &scope)?
+        } else {
+            Sensors { proposed: wanted, others: Vec::new() }
+        };
+        let cut = Cut::of(&sketch, &scope)?;
+        if !args.sensors.is_empty() && scope.is_part {
+            let rows = &sketch.timestamps[scope.rows.clone()];
+            printer.say(&format!(
+                "{} complete from {} to {}: data.train and data.held_out take this stretch",
+                args.sensors.join(" and "),
+                format_time(rows[0]),
+                format_time(rows[rows.len() - 1])
+            ));
+        }
+        for doubt in doubts(&sketch) {
+            printer.warn(&doubt);
+        }
+        let cleaning = Cleaning::of(&sketch, &scope);
+        Ok(Self { sketch, sentinels, clock, scope, cut, cleaning, sensors })
+    }
+}
+
+/// What of the times of a log is probably not as meant, in sentences.
+fn doubts(sketch: &Sketch) -> Vec<String> {
+    let mut doubts = Vec::new();
+    let steps = sketch.timestamps.windows(2).map(|pair| (pair[1].micros_since(pair[0]), pair[0]));
+    if let Some((step, from)) = steps.max()
+        && step > YEAR_MICROS
+    {
+        doubts.push(calib_data::long_gap(from, step));
+    }
+    doubts.extend(sketch.timestamps.last().and_then(|last| clock::in_future(*last)));
+    doubts
+}
+
+/// A gap that is longer is said.
+const YEAR_MICROS: i64 = 365 * 86_400 * 1_000_000;
+
+/// The positions of the sensors that were asked for.
+fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
+    let find = |name: &String| {
+        let channel = sketch.channels.iter().position(|of| of.name == *name);
+        channel.with_context(|| {
+            format!("--sensor {name}: the log has no such channel; `calib inspect` shows all")
+        })
+    };
+    names.iter().map(find).collect()
+}
+
+/// What is said of channels that stop for longer than they usually do, where the age at which values are forgotten is that of
+/// the slowest channel.
+pub(super) fn bridged(look: &Look) -> Option<String> {
+    let Look { sketch, scope, .. } = look;
+    let mut stopped: Vec<&ChannelSketch> =
+        scope.channels.iter().map(|&of| &sketch.channels[of]).collect();
+    stopped.retain(|of| !of.bridged.is_none());
+    stopped.sort_by(|left, right| right.bridged.longest_secs.total_cmp(&left.bridged.longest_secs));
+    let longest = span(stopped.first()?.bridged.longest_secs);
+    let names: Vec<&str> = stopped.iter().take(NAMED).map(|of| of.name.as_str()).collect();
+    let more = if stopped.len() > NAMED { " …" } else { "" };
+    Some(format!(
+        "{} not recorded for up to {longest}, far longer than usual, and the last value stands in ({}{more}): lower data.max_age_secs, \
+         which is one for all channels, if that is not what the plant did",
+        if stopped.len() == 1 {
+            "1 channel is".to_owned()
+        } else {
+            format!("{} channels are", count(stopped.len()))
+        },
+        names.join(", ")
+    ))
+}
+
+/// Channels that are named.
+const NAMED: usize = 3;
