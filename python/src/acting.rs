@@ -23,7 +23,7 @@ use crate::{
 
 /// A model with actions that is mapped, since then.
 pub(crate) struct Kept {
-    pub(crate) of: ControlModel,
+    pub(crate) opened: ControlModel,
     pub(crate) since: Since,
 }
 
@@ -36,7 +36,7 @@ pub(crate) struct PyActionModel {
 
 impl PyActionModel {
     fn model(&self) -> &ActionModel {
-        &self.kept.of.model
+        &self.kept.opened.model
     }
 
     fn check_member(&self, member: usize) -> PyResult<()> {
@@ -54,9 +54,9 @@ impl PyActionModel {
         let opened = watched(py, Needs::Threads, None, |_| {
             ControlModel::in_directory(Path::new(&directory))
         })?;
-        let of = opened.map_err(|error| errors::of_step(py, &error))?;
+        let opened = opened.map_err(|error| errors::of_step(py, &error))?;
         since.check(py)?;
-        Ok(Self { kept: Arc::new(Kept { of, since }), directory })
+        Ok(Self { kept: Arc::new(Kept { opened, since }), directory })
     }
 
     /// The model of a study, which was built.
@@ -65,10 +65,10 @@ impl PyActionModel {
         let job = &job.get().job;
         let since = Since::now();
         let opened = watched(py, Needs::Threads, None, |_| ControlModel::of_job(job))?;
-        let of = opened.map_err(|error| errors::of_step(py, &error))?;
+        let opened = opened.map_err(|error| errors::of_step(py, &error))?;
         since.check(py)?;
         let directory = job.layout().control_model();
-        Ok(Self { kept: Arc::new(Kept { of, since }), directory })
+        Ok(Self { kept: Arc::new(Kept { opened, since }), directory })
     }
 
     /// The folder that it was opened from.
@@ -105,18 +105,18 @@ impl PyActionModel {
 
     #[getter]
     fn timeout(&self) -> usize {
-        self.kept.of.names.timeout
+        self.kept.opened.names.timeout
     }
 
     #[getter]
     fn seed(&self) -> u64 {
-        self.kept.of.names.seed
+        self.kept.opened.names.seed
     }
 
     /// Seconds from one row to the next.
     #[getter]
     fn period(&self) -> f64 {
-        self.kept.of.names.period.as_secs()
+        self.kept.opened.names.period.as_secs()
     }
 
     /// Whether actions are numbers.
@@ -128,14 +128,16 @@ impl PyActionModel {
     /// Name, offset and scale of every column: physical = normalised × scale + offset.
     #[getter]
     fn columns(&self) -> Vec<(String, f64, f64)> {
-        let columns = self.kept.of.names.columns.iter();
-        columns.map(|of| (of.name.clone(), of.bounds.offset, of.bounds.scale)).collect()
+        let columns = self.kept.opened.names.columns.iter();
+        columns
+            .map(|column| (column.name.clone(), column.bounds.offset, column.bounds.scale))
+            .collect()
     }
 
     /// Name, least and largest recorded value of every column of the actions.
     #[getter]
     fn action_columns(&self) -> Vec<(String, f64, f64)> {
-        let names = &self.kept.of.names;
+        let names = &self.kept.opened.names;
         let each = names.action_columns.iter().zip(&names.ranges);
         each.map(|(name, &[low, high])| (name.clone(), low, high)).collect()
     }
@@ -143,7 +145,7 @@ impl PyActionModel {
     /// What each action is called, what it sets, and how many transitions have it.
     #[getter]
     fn actions(&self) -> Vec<(String, Vec<f64>, usize)> {
-        let names = &self.kept.of.names;
+        let names = &self.kept.opened.names;
         let each = names.actions.iter().zip(&names.levels).zip(self.model().log().counts());
         each.map(|((name, level), count)| (name.clone(), level.clone(), count)).collect()
     }
@@ -151,8 +153,8 @@ impl PyActionModel {
     /// What the recorded behaviour got an episode of at most `timeout` steps: mean, and the best and the worst whole episode.
     fn recorded(&self, timeout: usize) -> PyResult<(f64, Option<f64>, Option<f64>)> {
         let recorded = self.model().log().recorded_return(timeout);
-        let of = recorded.map_err(|error| errors::value(error.to_string()))?;
-        Ok((of.mean, of.best, of.worst))
+        let recorded = recorded.map_err(|error| errors::value(error.to_string()))?;
+        Ok((recorded.mean, recorded.best, recorded.worst))
     }
 
     /// Normalised states, `float32 [n, d]`, a view.
@@ -160,18 +162,18 @@ impl PyActionModel {
         self.kept.since.check(py)?;
         let states = self.model().log().states();
         let shape = [states.rows(), states.columns()];
-        view(py, &self.kept, |kept| kept.of.model.log().states().as_slice(), &shape)
+        view(py, &self.kept, |kept| kept.opened.model.log().states().as_slice(), &shape)
     }
 
     /// Time of every row in microseconds, `int64 [n]`.
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        view(py, &self.kept, |kept| kept.of.times.as_slice(), &[self.kept.of.times.len()])
+        view(py, &self.kept, |kept| kept.opened.times.as_slice(), &[self.kept.opened.times.len()])
     }
 
     /// Row that every transition starts from, `uint32 [t]`, a view.
     fn sources<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let count = self.model().log().len();
-        view(py, &self.kept, |kept| kept.of.model.log().transitions().sources(), &[count])
+        view(py, &self.kept, |kept| kept.opened.model.log().transitions().sources(), &[count])
     }
 
     /// Action, reward and whether it ends in a terminal, of every transition: `int64 [t]`, `float32 [t]`, `bool [t]`.
@@ -180,8 +182,8 @@ impl PyActionModel {
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let log = self.model().log();
-        let terminal = |of: &calib_control::Ending| *of == calib_control::Ending::Terminal;
-        let actions = log.actions().iter().map(|&of| i64::from(of)).collect();
+        let terminal = |ending: &calib_control::Ending| *ending == calib_control::Ending::Terminal;
+        let actions = log.actions().iter().map(|&action| i64::from(action)).collect();
         let terminals = log.endings().iter().map(terminal).collect();
         Ok((
             owned(py, actions, &[log.len()])?,
@@ -196,7 +198,7 @@ impl PyActionModel {
         self.kept.since.check(py)?;
         let log = self.model().log();
         let shape = [log.len(), log.levels(), self.model().k()];
-        view(py, &self.kept, |kept| kept.of.model.table(member).0, &shape)
+        view(py, &self.kept, |kept| kept.opened.model.table(member).0, &shape)
     }
 
     /// Distances to them, `float32 [t, actions, k]`, a view.
@@ -205,7 +207,7 @@ impl PyActionModel {
         self.kept.since.check(py)?;
         let log = self.model().log();
         let shape = [log.len(), log.levels(), self.model().k()];
-        view(py, &self.kept, |kept| kept.of.model.table(member).1, &shape)
+        view(py, &self.kept, |kept| kept.opened.model.table(member).1, &shape)
     }
 
     /// Smallest and largest value of every column, `(float32 [d], float32 [d])`.
@@ -232,7 +234,7 @@ impl PyActionModel {
         live: bool,
     ) -> PyResult<ActionWalkers> {
         members.iter().try_for_each(|&member| self.check_member(member))?;
-        let names = &self.kept.of.names;
+        let names = &self.kept.opened.names;
         if let Some(column) = columns.iter().find(|column| **column >= names.columns.len()) {
             let known = names.columns.len();
             return Err(PyIndexError::new_err(format!("column {column}: the model has {known}")));
@@ -269,7 +271,7 @@ impl PyActionModel {
     ) -> PyResult<String> {
         let runs: Vec<Run> =
             serde_json::from_str(runs).map_err(|error| errors::value(error.to_string()))?;
-        let names = &self.kept.of.names;
+        let names = &self.kept.opened.names;
         let fewest = fewest_terminals.unwrap_or(names.fewest_terminals);
         let support = Support {
             most_uncovered: most_uncovered.unwrap_or(names.most_uncovered),
@@ -281,7 +283,7 @@ impl PyActionModel {
             judge(&runs, candidates, default, (log, timeout), support, resamples, seed)
         })?;
         let verdict = judged.map_err(|error| errors::of_any(py, &error))?;
-        let columns: Vec<String> = names.columns.iter().map(|of| of.name.clone()).collect();
+        let columns: Vec<String> = names.columns.iter().map(|column| column.name.clone()).collect();
         let told = |doubt| calib_pipeline::doubt_text(doubt, &names.actions, &columns);
         let reasons = verdict.doubts.iter().map(told).collect();
         serde_json::to_string(&Judged { reasons, verdict })

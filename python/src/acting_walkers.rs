@@ -68,15 +68,15 @@ impl Done {
 impl ActionWalkers {
     /// The row that walker `number` sees.
     fn row(&self, number: usize) -> i64 {
-        let of = &self.kept.of;
+        let opened = &self.kept.opened;
         match self.walkers.walks()[number].at {
-            At::Start(start) => i64::from(of.start_rows[start as usize]),
-            At::After(transition) => i64::from(of.model.led_to(transition).0),
+            At::Start(start) => i64::from(opened.start_rows[start as usize]),
+            At::After(transition) => i64::from(opened.model.led_to(transition).0),
         }
     }
 
     fn look(&self, number: usize, seen: &mut Vec<f32>, displaced: &mut Vec<f32>) {
-        let state = self.kept.of.model.observed(self.walkers.walks()[number].at);
+        let state = self.kept.opened.model.observed(self.walkers.walks()[number].at);
         let width = state.len();
         let moved = &self.walkers.displacements()[number * width..][..width];
         for (column, bounds) in &self.columns {
@@ -94,18 +94,18 @@ impl ActionWalkers {
             self.look(number, &mut seen, &mut displaced);
             let row = self.row(number);
             rows.push(row);
-            times.push(self.kept.of.times[row as usize]);
+            times.push(self.kept.opened.times[row as usize]);
         }
         self.kept.since.check(py)?;
         Ok((
             owned(py, seen, &[count, width])?,
-            owned(py, went.iter().map(|of| of.reward).collect::<Vec<f64>>(), &[count])?,
-            owned(py, went.iter().map(|of| of.terminated).collect::<Vec<bool>>(), &[count])?,
-            owned(py, went.iter().map(|of| of.truncated).collect::<Vec<bool>>(), &[count])?,
+            owned(py, went.iter().map(|step| step.reward).collect::<Vec<f64>>(), &[count])?,
+            owned(py, went.iter().map(|step| step.terminated).collect::<Vec<bool>>(), &[count])?,
+            owned(py, went.iter().map(|step| step.truncated).collect::<Vec<bool>>(), &[count])?,
             owned(py, rows, &[count])?,
             owned(py, times, &[count])?,
-            owned(py, went.iter().map(|of| of.distance).collect::<Vec<f32>>(), &[count])?,
-            owned(py, went.iter().map(|of| of.covered).collect::<Vec<bool>>(), &[count])?,
+            owned(py, went.iter().map(|step| step.distance).collect::<Vec<f32>>(), &[count])?,
+            owned(py, went.iter().map(|step| step.covered).collect::<Vec<bool>>(), &[count])?,
             owned(py, displaced, &[count, width])?,
         ))
     }
@@ -122,7 +122,7 @@ impl ActionWalkers {
     }
 
     fn check(&self, number: usize, level: i64) -> PyResult<()> {
-        let known = self.kept.of.model.log().levels();
+        let known = self.kept.opened.model.log().levels();
         if (0..known as i64).contains(&level) {
             return Ok(());
         }
@@ -133,7 +133,7 @@ impl ActionWalkers {
     }
 
     fn set(&self, actions: &Bound<'_, PyAny>, count: usize) -> PyResult<Done> {
-        let ranges = &self.kept.of.names.ranges;
+        let ranges = &self.kept.opened.names.ranges;
         let (values, shape) = copied::<f64>(actions, "actions", &[2])?;
         if shape != [count, ranges.len()] {
             return Err(errors::value(format!(
@@ -168,7 +168,7 @@ impl ActionWalkers {
     fn restore(&mut self, state: &str) -> PyResult<()> {
         let walkers: Walkers =
             serde_json::from_str(state).map_err(|error| errors::value(error.to_string()))?;
-        if !walkers.fits(&self.kept.of.model, &self.walkers) {
+        if !walkers.fits(&self.kept.opened.model, &self.walkers) {
             return Err(errors::value("the state is of walkers through another model"));
         }
         self.walkers = walkers;
@@ -202,7 +202,7 @@ impl ActionWalkers {
     ) -> PyResult<Arrays<'py>> {
         let count = self.walkers.walks().len();
         let which = marked(which, count)?;
-        let model = Arc::clone(&self.kept.of.model);
+        let model = Arc::clone(&self.kept.opened.model);
         let mut went = vec![Went::BEGAN; count];
         for (number, _) in which.iter().enumerate().filter(|(_, begins)| **begins) {
             went[number] = self.walkers.begin(&model, number);
@@ -216,7 +216,7 @@ impl ActionWalkers {
     fn step<'py>(&mut self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Arrays<'py>> {
         let count = self.walkers.walks().len();
         let done = self.done(actions, count)?;
-        let model = Arc::clone(&self.kept.of.model);
+        let model = Arc::clone(&self.kept.opened.model);
         let (rules, timeout, walkers) = (self.rules, self.timeout, &mut self.walkers);
         let step = |number: usize| walkers.step(&model, number, done.of(number), rules, timeout);
         let went: Vec<Went> = (0..count).map(step).collect();
@@ -232,7 +232,7 @@ impl ActionWalkers {
     ) -> PyResult<(Bound<'py, PyAny>, f64, bool, bool, i64, i64, f32, bool, Bound<'py, PyAny>)>
     {
         self.check(0, level)?;
-        let model = Arc::clone(&self.kept.of.model);
+        let model = Arc::clone(&self.kept.opened.model);
         let target = Target::Level(level as usize);
         let went = self.walkers.step(&model, 0, target, self.rules, self.timeout);
         let width = self.columns.len();
@@ -241,7 +241,7 @@ impl ActionWalkers {
         let row = self.row(0);
         self.kept.since.check(py)?;
         let Went { reward, terminated, truncated, distance, covered } = went;
-        let time = self.kept.of.times[row as usize];
+        let time = self.kept.opened.times[row as usize];
         let (seen, displaced) = (owned(py, seen, &[width])?, owned(py, displaced, &[width])?);
         Ok((seen, reward, terminated, truncated, row, time, distance, covered, displaced))
     }

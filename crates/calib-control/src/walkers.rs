@@ -86,7 +86,7 @@ impl Walkers {
 
     /// What all steps rested on so far.
     pub fn coverage(&self) -> Coverage {
-        self.walks.iter().fold(Coverage::default(), |all, of| all.and(of.coverage))
+        self.walks.iter().fold(Coverage::default(), |all, walk| all.and(walk.coverage))
     }
 
     /// How far the episodes that are over were moved by jumps; those that are not, where none is.
@@ -94,7 +94,7 @@ impl Walkers {
         let mut drift = self.drift.clone();
         if drift.episodes == 0 {
             let each = self.walks.iter().zip(self.displacements.chunks(self.columns.max(1)));
-            each.filter(|(walker, _)| walker.steps > 0).for_each(|(_, of)| drift.count(of));
+            each.filter(|(walker, _)| walker.steps > 0).for_each(|(_, moved)| drift.count(moved));
         }
         drift
     }
@@ -109,11 +109,12 @@ impl Walkers {
 
     /// Whether these could be walks through the same members of `model`: a state that was stored is checked before it is used.
     pub fn fits(&self, model: &ActionModel, like: &Self) -> bool {
-        let known = |of: &Walker| match of.at {
+        let known = |walker: &Walker| match walker.at {
             At::Start(start) => (start as usize) < model.starts().rows(),
             At::After(transition) => (transition as usize) < model.log().len(),
         };
-        let members = |of: &Self| of.walks.iter().map(|of| of.member).collect::<Vec<_>>();
+        let members =
+            |walkers: &Self| walkers.walks.iter().map(|walk| walk.member).collect::<Vec<_>>();
         self.columns == like.columns
             && self.displacements.len() == like.displacements.len()
             && members(self) == members(like)
@@ -204,8 +205,8 @@ mod tests {
             }
         };
         let endings: Vec<Ending> =
-            values.iter().map(|&of| Ending::terminal_if(of > 0.95)).collect();
-        let rewards: Vec<f32> = values.iter().map(|of| -(of - 0.6).abs()).collect();
+            values.iter().map(|&value| Ending::terminal_if(value > 0.95)).collect();
+        let rewards: Vec<f32> = values.iter().map(|value| -(value - 0.6).abs()).collect();
         let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
         let states = States::new(values, rows, 1).expect("valid");
         let segments = Segments::from_lengths(vec![20; rows / 20]).expect("valid");

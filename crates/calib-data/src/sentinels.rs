@@ -75,13 +75,13 @@ impl Extremes {
         if self.distinct.len() < DISTINCT {
             return Vec::new();
         }
-        let is_often = |of: &(f64, u64)| of.1 >= OFTEN.0.max(self.count / OFTEN.1);
+        let is_often = |end: &(f64, u64)| end.1 >= OFTEN.0.max(self.count / OFTEN.1);
         let mut best = Vec::new();
         for low in 0..KEPT {
             for high in 0..KEPT {
                 let (bottom, top) = (self.low[low].0, self.high[high].0);
                 let width = top - bottom;
-                let away = |of: &(f64, u64)| (of.0, (bottom - of.0).max(of.0 - top) / width);
+                let away = |end: &(f64, u64)| (end.0, (bottom - end.0).max(end.0 - top) / width);
                 let ends = || self.low[..low].iter().chain(&self.high[..high]);
                 let far: Vec<(f64, f64)> = ends().map(away).collect();
                 if width > 0.0
@@ -99,7 +99,7 @@ impl Extremes {
     /// How often `value` stands at an end of the channel.
     fn times(&self, value: f64) -> u64 {
         let ends = self.low.iter().chain(&self.high);
-        ends.filter(|of| of.0.total_cmp(&value).is_eq()).map(|of| of.1).max().unwrap_or(0)
+        ends.filter(|end| end.0.total_cmp(&value).is_eq()).map(|end| end.1).max().unwrap_or(0)
     }
 }
 
@@ -108,9 +108,9 @@ fn note(ends: &mut Vec<(f64, u64)>, value: f64, comes: impl Fn(f64, f64) -> bool
     if ends.len() == KEPT && comes(ends[KEPT - 1].0, value) {
         return;
     }
-    let place = ends.iter().take_while(|of| comes(of.0, value)).count();
+    let place = ends.iter().take_while(|end| comes(end.0, value)).count();
     match ends.get_mut(place) {
-        Some(of) if of.0 == value => of.1 += 1,
+        Some(end) if end.0 == value => end.1 += 1,
         _ => {
             ends.insert(place, (value, 1));
             ends.truncate(KEPT);
@@ -131,9 +131,9 @@ pub(crate) fn sentinels(channels: &[(&str, &Extremes)]) -> Vec<Sentinel> {
             let is_alone = usize::from(
                 away >= 1.0
                     && value < 0.0
-                    && extremes.low.iter().all(|of| of.0 >= 0.0 || of.0 == value),
+                    && extremes.low.iter().all(|end| end.0 >= 0.0 || end.0 == value),
             );
-            match candidates.iter_mut().find(|of| of.0 == value) {
+            match candidates.iter_mut().find(|candidate| candidate.0 == value) {
                 Some((_, counts)) => {
                     counts[0] += is_far;
                     counts[1] += is_alone;
@@ -208,7 +208,7 @@ pub(crate) fn make_missing(values: &mut [f64], declared: &[f64]) -> u64 {
 
 /// Whether `declared` has this value, perhaps rounded to 32 bits.
 pub(crate) fn stands_for_missing(value: f64, declared: &[f64]) -> bool {
-    declared.iter().any(|&of| value == of || value == f64::from(of as f32))
+    declared.iter().any(|&sentinel| value == sentinel || value == f64::from(sentinel as f32))
 }
 
 #[cfg(test)]
@@ -217,8 +217,12 @@ mod tests {
 
     fn found(channels: &[&[f64]]) -> Vec<(f64, u64, usize)> {
         let extremes: Vec<Extremes> = channels.iter().map(|values| Extremes::of(values)).collect();
-        let named: Vec<(&str, &Extremes)> = extremes.iter().map(|of| ("a", of)).collect();
-        sentinels(&named).iter().map(|of| (of.value, of.count, of.channels.len())).collect()
+        let named: Vec<(&str, &Extremes)> =
+            extremes.iter().map(|of_channel| ("a", of_channel)).collect();
+        sentinels(&named)
+            .iter()
+            .map(|sentinel| (sentinel.value, sentinel.count, sentinel.channels.len()))
+            .collect()
     }
 
     /// Values from `low` to `high`, and `others` between them.

@@ -53,7 +53,7 @@ pub fn upper_bound(losses: &[f64]) -> Result<Option<f64>, StatsError> {
     let (n, mean) = (losses.len() as f64, mean(losses)?);
     let shape = SQUARED_NORMAL.min((n - 1.0) / n * (mean / std).powi(2));
     let freedom = 2.0 * n * shape;
-    let quantile = ChiSquared::new(freedom).ok().map(|of| of.inverse_cdf(0.05));
+    let quantile = ChiSquared::new(freedom).ok().map(|distribution| distribution.inverse_cdf(0.05));
     Ok(quantile.map(|quantile| mean * freedom / quantile))
 }
 

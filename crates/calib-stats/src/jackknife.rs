@@ -20,11 +20,11 @@ pub fn jackknife(whole: f64, without: &[f64]) -> Option<Interval> {
 /// The standard error √((B − 1)/B · Σ(x − x̄)²) of the same; `None` likewise.
 pub fn jackknife_error(without: &[f64]) -> Option<f64> {
     let parts = without.len() as f64;
-    if without.len() < 2 || !without.iter().all(|of| of.is_finite()) {
+    if without.len() < 2 || !without.iter().all(|value| value.is_finite()) {
         return None;
     }
     let mean = without.iter().sum::<f64>() / parts;
-    let squares: f64 = without.iter().map(|of| (of - mean).powi(2)).sum();
+    let squares: f64 = without.iter().map(|value| (value - mean).powi(2)).sum();
     Some(((parts - 1.0) / parts * squares).sqrt())
 }
 

@@ -51,11 +51,11 @@ pub fn write_action_model(
         folder.states("starts-metric.npy", &model.starts.metric)?;
     }
     folder.states("starts.npy", &model.starts.observed)?;
-    let actions: Vec<u32> = log.actions().iter().map(|&of| u32::from(of)).collect();
+    let actions: Vec<u32> = log.actions().iter().map(|&action| u32::from(action)).collect();
     folder.write("actions.npy", &actions, 1)?;
     folder.write("rewards.npy", log.rewards(), 1)?;
     let terminals: Vec<u32> =
-        log.endings().iter().map(|&of| u32::from(of == Ending::Terminal)).collect();
+        log.endings().iter().map(|&ending| u32::from(ending == Ending::Terminal)).collect();
     folder.write("terminals.npy", &terminals, 1)?;
     if let Some(settings) = log.settings() {
         folder.write("set.npy", settings.of_rows(), settings.columns())?;
@@ -98,10 +98,10 @@ pub fn open_action_model(
     let actions: MappedNpy<u32> = folder.map("actions.npy", count)?;
     let rewards: MappedNpy<f32> = folder.map("rewards.npy", count)?;
     let terminals: MappedNpy<u32> = folder.map("terminals.npy", count)?;
-    if actions.as_slice().iter().any(|&of| of as usize >= record.levels) {
+    if actions.as_slice().iter().any(|&action| action as usize >= record.levels) {
         return Err(folder.damaged("actions.npy"));
     }
-    let endings = terminals.as_slice().iter().map(|&of| Ending::terminal_if(of != 0)).collect();
+    let endings = terminals.as_slice().iter().map(|&flag| Ending::terminal_if(flag != 0)).collect();
     let settings = if record.has_settings {
         let set: MappedNpy<f32> = folder.map("set.npy", states.rows())?;
         let levels: MappedNpy<f32> = folder.map("levels.npy", record.levels)?;
@@ -119,7 +119,7 @@ pub fn open_action_model(
     } else {
         (states.clone(), observed.clone())
     };
-    let fits = |of: &States, like: &States| of.rows() == like.rows();
+    let fits = |states: &States, like: &States| states.rows() == like.rows();
     if !fits(&metric, &states) || !fits(&metric_of_starts, &observed) || observed.rows() == 0 {
         return Err(folder.damaged("starts.npy"));
     }
@@ -127,7 +127,7 @@ pub fn open_action_model(
     let log = Decisions::from_parts(
         states,
         transitions,
-        actions.as_slice().iter().map(|&of| of as u16).collect(),
+        actions.as_slice().iter().map(|&action| action as u16).collect(),
         rewards.as_slice().to_vec(),
         endings,
         settings,
@@ -198,8 +198,10 @@ impl Folder<'_> {
         let neighbors: MappedNpy<u32> = self.map(&name, rows * levels)?;
         let far = format!("{kind}distances-{member}.npy");
         let distances: MappedNpy<f32> = self.map(&far, rows * levels)?;
-        let (k, known) = (neighbors.columns(), |of: &u32| (*of as usize) < transitions);
-        if k == 0 || !neighbors.as_slice().iter().all(|of| *of == u32::MAX || known(of)) {
+        let (k, known) = (neighbors.columns(), |neighbor: &u32| (*neighbor as usize) < transitions);
+        if k == 0
+            || !neighbors.as_slice().iter().all(|neighbor| *neighbor == u32::MAX || known(neighbor))
+        {
             return Err(self.damaged(&name));
         }
         if distances.columns() != k {

@@ -97,7 +97,11 @@ impl Log {
         let mut apart: HashMap<(u32, u32), bool> = HashMap::new();
         let is_in = |channel: &Channel, file: u32| channel.positions.contains_key(&(file as usize));
         let is_merged = |kept: u32, other: u32| {
-            kept != other && !self.channels.iter().any(|of| is_in(of, kept) && is_in(of, other))
+            kept != other
+                && !self
+                    .channels
+                    .iter()
+                    .any(|channel| is_in(channel, kept) && is_in(channel, other))
         };
         let mut merged = 0;
         for duplicate in &rows.duplicates {
@@ -125,7 +129,8 @@ impl Log {
             }
         }
         let owners = owners(rows);
-        let is_other = |of: &&super::rows::Duplicate| owners[of.row as usize] != of.file;
+        let is_other =
+            |duplicate: &&super::rows::Duplicate| owners[duplicate.row as usize] != duplicate.file;
         let others = rows.duplicates.iter().filter(is_other).count();
         let names = prefixes(&files.iter().map(LogFile::path).collect::<Vec<_>>());
         let mut prefixes: Vec<String> = names.iter().map(|name| name.trim().to_owned()).collect();
@@ -154,7 +159,7 @@ impl Log {
             let kept = codes[duplicate.row as usize];
             !kept.is_nan() && !code.is_nan() && kept.to_bits() != code.to_bits()
         };
-        let different = duplicates.iter().zip(&others).filter(|of| differs(*of)).count();
+        let different = duplicates.iter().zip(&others).filter(|pair| differs(*pair)).count();
         values.sort();
         Ok((different as f64 >= EXPLAINED * duplicates.len() as f64).then_some(values))
     }

@@ -202,7 +202,7 @@ pub(super) fn mend(
 ) -> Result<(), StepError> {
     let directory = &job.layout().control_model();
     let manifest: Option<ControlModelManifest> = artefact::read(directory);
-    let is_whole = manifest.is_some_and(|of| artefact::are_whole(directory, &of.files));
+    let is_whole = manifest.is_some_and(|manifest| artefact::are_whole(directory, &manifest.files));
     if directory.exists() && !is_whole {
         of(job, config, log, printer)?;
     }
@@ -217,7 +217,7 @@ fn kept(
     log: &ActionLog,
 ) -> Result<Option<ActionModel>, StepError> {
     let manifest: Option<ControlModelManifest> = artefact::read(directory);
-    let Some(manifest) = manifest.filter(|of| of.key == key) else { return Ok(None) };
+    let Some(manifest) = manifest.filter(|manifest| manifest.key == key) else { return Ok(None) };
     if !artefact::are_whole(directory, &manifest.files) {
         return Ok(None);
     }

@@ -49,7 +49,7 @@ impl Look {
                 "{}: taken for missing values, and the log is looked at again; --set data.missing_values=[] keeps them",
                 told.join("; ")
             ));
-            data.missing_values = sentinels.iter().map(|of| of.value).collect();
+            data.missing_values = sentinels.iter().map(|sentinel| sentinel.value).collect();
             sketch = calib_data::sketch(&data, &printer.progress())?;
         }
         let clock = if data.resample.is_none() { Clock::of(&sketch) } else { None };
@@ -105,7 +105,7 @@ const YEAR_MICROS: i64 = 365 * 86_400 * 1_000_000;
 /// The positions of the sensors that were asked for.
 fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
     let find = |name: &String| {
-        let channel = sketch.channels.iter().position(|of| of.name == *name);
+        let channel = sketch.channels.iter().position(|channel| channel.name == *name);
         channel.with_context(|| {
             format!("--sensor {name}: the log has no such channel; `calib inspect` shows all")
         })
@@ -118,11 +118,12 @@ fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
 pub(super) fn bridged(look: &Look) -> Option<String> {
     let Look { sketch, scope, .. } = look;
     let mut stopped: Vec<&ChannelSketch> =
-        scope.channels.iter().map(|&of| &sketch.channels[of]).collect();
-    stopped.retain(|of| !of.bridged.is_none());
+        scope.channels.iter().map(|&channel| &sketch.channels[channel]).collect();
+    stopped.retain(|channel| !channel.bridged.is_none());
     stopped.sort_by(|left, right| right.bridged.longest_secs.total_cmp(&left.bridged.longest_secs));
     let longest = span(stopped.first()?.bridged.longest_secs);
-    let names: Vec<&str> = stopped.iter().take(NAMED).map(|of| of.name.as_str()).collect();
+    let names: Vec<&str> =
+        stopped.iter().take(NAMED).map(|channel| channel.name.as_str()).collect();
     let more = if stopped.len() > NAMED { " …" } else { "" };
     Some(format!(
         "{} not recorded for up to {longest}, far longer than usual, and the last value stands in ({}{more}): lower data.max_age_secs, \

@@ -8,8 +8,8 @@ pub(super) fn share_nearby(
     chosen: usize,
 ) -> Option<f64> {
     let nearby = neighbours(candidates, chosen);
-    let counts = |of: &&Share| of.candidate == chosen || nearby.contains(&of.candidate);
-    let share = stability.iter().filter(counts).map(|of| of.share).sum();
+    let counts = |share: &&Share| share.candidate == chosen || nearby.contains(&share.candidate);
+    let share = stability.iter().filter(counts).map(|share| share.share).sum();
     (!stability.is_empty() && !nearby.is_empty()).then_some(share)
 }
 
@@ -25,11 +25,11 @@ fn neighbours(candidates: &[Candidate], chosen: usize) -> Vec<usize> {
         let number = |candidate: &Candidate| candidate.values[field].1.as_f64();
         let line = candidates.iter().filter(is_alike);
         let mut line: Vec<(f64, usize)> =
-            line.filter_map(|of| Some((number(of)?, of.index))).collect();
+            line.filter_map(|candidate| Some((number(candidate)?, candidate.index))).collect();
         line.sort_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some(place) = line.iter().position(|of| of.1 == chosen) {
+        if let Some(place) = line.iter().position(|candidate| candidate.1 == chosen) {
             let beside = [place.checked_sub(1), Some(place + 1)].into_iter().flatten();
-            nearby.extend(beside.filter_map(|place| line.get(place)).map(|of| of.1));
+            nearby.extend(beside.filter_map(|place| line.get(place)).map(|candidate| candidate.1));
         }
     }
     nearby
