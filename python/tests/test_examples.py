@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -59,6 +60,15 @@ def test_optuna_tunes_an_example(study: calib_rl.Study) -> None:
     pytest.importorskip("optuna")
     told = run("tune_with_optuna.py", study.path)
     assert "in the model" in told and "PIT300" in told
+
+
+def test_the_page_about_optuna_runs_as_it_stands(tmp_path: Path) -> None:
+    pytest.importorskip("optuna")
+    page = (Path(__file__).parents[2] / "docs" / "optuna-and-ray.md").read_text(encoding="utf-8")
+    example = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[0]
+    done = subprocess.run([sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "learning_rate" in done.stdout and "TIT101" in done.stdout
 
 
 def test_agents_that_act_are_tuned(tmp_path: Path) -> None:
