@@ -21,7 +21,14 @@ Index = Literal["auto", "kd_tree", "join", "scan"]
 
 
 class Warping(NamedTuple):
-    """A warping distance."""
+    """A warping distance; `dtw` returns it.
+
+    Examples:
+        >>> import calib_rl
+        >>> warping = calib_rl.dtw([0, 1, 2, 1], [0, 0, 1, 2, 1], path=True)
+        >>> warping.distance, warping.end
+        (0.0, 4)
+    """
 
     distance: float
     """Cumulated along the best path, in units of the local distance."""
@@ -232,15 +239,31 @@ def simulate(folder: str | os.PathLike[str], *, force: bool = False, progress: b
     Raises:
         CalibError: The folder holds other logs.
         ValueError: An option is unknown or outside its range.
+
+    Examples:
+        >>> import calib_rl, pathlib, tempfile
+        >>> folder = pathlib.Path(tempfile.mkdtemp()) / "plant"
+        >>> text = calib_rl.simulate(folder, days=1, channels=6, period_secs=60)
+        >>> len(list(folder.glob("*.parquet")))
+        1
     """
     return _calib.simulate(os.fspath(folder), options, force, observer(progress))
 
 
 def set_threads(threads: int) -> None:
-    """Use so many threads. Before anything else; otherwise ``RAYON_NUM_THREADS``, or as many as there are processors.
+    """Limit the threads that calib uses. Call it before anything else. Results do not depend on it.
+
+    Unless it is called, ``RAYON_NUM_THREADS`` says how many there are, or the number of processors.
+
+    Args:
+        threads: How many, from 1 to 1024.
 
     Raises:
         RuntimeError: Threads are at work already.
         ValueError: It is less than 1, or more than 1024.
+
+    Examples:
+        >>> import calib_rl
+        >>> calib_rl.set_threads(2)    # doctest: +SKIP
     """
     _calib.set_threads(whole(threads, "threads", 1))

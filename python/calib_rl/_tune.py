@@ -36,7 +36,13 @@ _FORMAT = 1
 
 @dataclass(frozen=True)
 class Failure:
-    """A setting that is not in the verdict."""
+    """A setting that failed, and is not in the verdict; `Tuned.failures` has them.
+
+    Examples:
+        >>> failure = Failure({"gamma": 2.0}, 0, 0, "make_agent", "ValueError: gamma", "")
+        >>> print(failure)
+        gamma=2 failed in member 0, run 0, in make_agent: ValueError: gamma; see that make_agent(env, **setting) can be called with it
+    """
 
     setting: Setting
     """The setting."""
@@ -62,7 +68,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Tuned:
-    """What `tune` found.
+    """What `tune` found. ``print`` shows the advice, and a notebook shows a table too.
 
     Examples:
         >>> from calib_rl._tune import label
@@ -95,13 +101,21 @@ class Tuned:
         return self.chosen is not None and not self.doubts
 
     def frame(self) -> Any:
-        """The settings as a frame, best first: `setting`, `worst_rank`, `mean_rank`, `mean_return`, `uncovered`, `chosen_again`."""
+        """The settings, best first.
+
+        Returns:
+            A frame with the columns `setting`, `worst_rank`, `mean_rank`, `mean_return`, `uncovered` and `chosen_again`.
+        """
         rows = self._rows()
         columns: dict[str, list[Any]] = {name: [row[name] for row in rows] for name in (rows[0] if rows else {})}
         return _frame(columns)
 
     def runs_frame(self) -> Any:
-        """`runs` as a frame, without the returns of episodes."""
+        """Every setting in every member and run.
+
+        Returns:
+            `runs` as a frame, without the returns of episodes.
+        """
         names = ["setting", "member", "run", "mean_return", "episodes", "terminals", "uncovered"]
         return _frame({name: [label(run[name]) if name == "setting" else run[name] for run in self.runs] for name in names})
 
@@ -166,15 +180,15 @@ def tune(
         total_timesteps: Steps of each agent.
         default: What would be deployed without a choice; it is compared too. ``{}`` is the agent's own default, ``None`` is nothing.
         runs: Runs of each setting in each member.
-        members: Positions of members; all without it.
-        folder: Where the result of each unit is kept: the same call goes on from there when it was stopped, and makes only what is missing. Nothing is kept without it.
-        processes: Processes; as many as there are processors without it, and with 1 everything happens in this one.
+        members: Positions of members; all, unless given.
+        folder: Where the result of each unit is kept: the same call goes on from there when it was stopped, and makes only what is missing. Unless given, nothing is kept.
+        processes: Processes; as many as there are processors, unless given. With 1 everything happens in this one.
         halving: Leave out all but one in so many settings after a part of the steps, in up to three rounds: 3 keeps a third after a ninth of the steps,
             and a ninth after a third. The default stays.
         seed: Root of all chance.
         environment: Further arguments of `calib_rl.gym.make`, such as ``{"observe": ["level"], "timeout": 200}``.
-        most_uncovered: Most share of the steps that the log may leave uncovered; the study's without it.
-        fewest_terminals: Fewest terminals of the log, if it has a column of them; the study's without it.
+        most_uncovered: Largest share of the steps that the log may leave uncovered; the study's, unless given.
+        fewest_terminals: Fewest terminals of the log, if it has a column of them; the study's, unless given.
         progress: Whether to print what is done.
 
     Returns:

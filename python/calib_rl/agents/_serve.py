@@ -20,6 +20,9 @@ def serve(factory: Factory) -> None:
 
     Args:
         factory: Makes an agent: ``factory(task, **parameters)``, with the parameters of ``[agent.parameters]`` and ``[sweep.grid]``.
+
+    Examples:
+        >>> serve(MyAgent)    # doctest: +SKIP
     """
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

@@ -14,7 +14,16 @@ from ._protocol import Agent, Factory, Task, Values, is_number, made
 
 
 class Stream:
-    """A run's stream of states.
+    """A run's stream of states; `Streams.all` has them.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> study = _example_study()
+        >>> _ = study.build_model(progress=False)
+        >>> stream = Streams(study).all[0]
+        >>> states, pieces = stream.states()
+        >>> states.dtype, pieces[0][0]
+        (dtype('float32'), 0)
 
     Attributes:
         environment: ``"member:0"`` …, ``"online"`` or ``"log-replay"``.
@@ -34,7 +43,11 @@ class Stream:
         self.steps: int = told[5]
 
     def states(self) -> tuple[NDArray[np.float32], list[tuple[int, int]]]:
-        """Normalised states, ``float32 [m, d]``, and the unbroken pieces of them, as ranges."""
+        """The states of the stream.
+
+        Returns:
+            Normalised states, ``float32 [m, d]``, and the unbroken pieces of them, as ranges.
+        """
         return self._native.states(self.position)
 
     def __repr__(self) -> str:
@@ -47,6 +60,20 @@ class Streams:
     Args:
         study: The study.
         progress: Whether to print what is done, or an observer.
+
+    Attributes:
+        all: Every `Stream`.
+        sensors: The predicted sensors, each with its column.
+        gamma: The discount factor.
+        part: Which part of a run is scored.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> study = _example_study()
+        >>> _ = study.build_model(progress=False)
+        >>> streams = Streams(study)
+        >>> sorted({stream.environment.split(":")[0] for stream in streams.all})
+        ['log-replay', 'member', 'online']
     """
 
     def __init__(self, study: Study, *, progress: bool | Observer = False) -> None:
@@ -58,7 +85,16 @@ class Streams:
         self.part: str = self._native.part
 
     def task(self, stream: Stream, sensor: str, columns: int) -> Task:
-        """What an agent of this stream is to predict."""
+        """What an agent of this stream is to predict.
+
+        Args:
+            stream: One of `all`.
+            sensor: What to predict.
+            columns: Columns of the states.
+
+        Returns:
+            The task.
+        """
         return Task(sensor, self.sensors[sensor], columns, self.gamma, stream.seed)
 
     def run(

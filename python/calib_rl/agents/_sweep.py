@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._progress import Observer, observer
 from .._study import Study
-from ._protocol import Factory, Values
+from ._protocol import Factory, Task, Values
 from ._runs import AgentRuns
 from ._streams import Streams
 from ._unit import Unit, open_streams, plain, run_there, run_unit
@@ -25,11 +26,33 @@ from ._unit import Unit, open_streams, plain, run_there, run_unit
 def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
     """All combinations of values.
 
+    Args:
+        values: The values of each hyperparameter.
+
+    Returns:
+        One dictionary for each combination.
+
     Examples:
         >>> grid({"a": [1, 2], "b": ["x"]})
         [{'a': 1, 'b': 'x'}, {'a': 2, 'b': 'x'}]
     """
     return [dict(zip(values, combination)) for combination in product(*values.values())]
+
+
+class _ExampleAgent:
+    """Predicts the mean return that it has seen so far; for examples."""
+
+    def __init__(self, task: Task, rate: float = 0.1) -> None:
+        self.gamma, self.rate, self.value = task.gamma, rate, 0.0
+
+    def predict(self, observation: NDArray[np.float32]) -> float:
+        return self.value
+
+    def update(self, observation: NDArray[np.float32], reward: float, next_observation: NDArray[np.float32]) -> None:
+        self.value += self.rate * (reward + self.gamma * self.value - self.value)
+
+    def state_dict(self) -> Mapping[str, Any]:
+        return {"value": self.value}
 
 
 class Sweep:
@@ -38,8 +61,23 @@ class Sweep:
     Args:
         study: The study; its model is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs; ``agent.gamma`` which
             return is predicted. Its grid and the rest of ``[agent]`` are those of calib's own agents, and do not matter here.
-        folder: Where results go; ``agents`` in the results of the study without it.
+        folder: Where results go; ``agents`` in the results of the study, unless given.
         progress: Whether to print what is done, or an observer.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> class MeanReturn:
+        ...     def __init__(self, task, rate):
+        ...         self.gamma, self.rate, self.value = task.gamma, rate, 0.0
+        ...     def predict(self, observation):
+        ...         return self.value
+        ...     def update(self, observation, reward, next_observation):
+        ...         self.value += self.rate * (reward + self.gamma * self.value - self.value)
+        ...     def state_dict(self):
+        ...         return {"value": self.value}
+        >>> runs = Sweep(_example_study(), progress=False).run(MeanReturn, {"rate": [0.01, 0.1]})
+        >>> list(runs.evaluate().settings)
+        ['PIT300']
     """
 
     def __init__(
@@ -68,7 +106,7 @@ class Sweep:
         Args:
             factory: Makes an agent: ``factory(task, **values)``. With several processes it must be a function of a module.
             values: Values of every hyperparameter, all of whose combinations are run, or a list of combinations.
-            default: The combination that nobody has to decide; the first without it. It is added if it is none of ``values``.
+            default: The combination that you would use without a choice; the first, unless given. It is added if it is none of ``values``.
             processes: Processes to run in; their results are the same.
             version: Change it when the agent's code changes.
             keep_states: Whether what each agent has learnt is pickled beside the runs.
