@@ -80,13 +80,27 @@ def test_optuna_tunes_an_example(study: calib_rl.Study) -> None:
     assert "in the model" in told and "PIT300" in told
 
 
+def run_page(name: str, folder: Path, take: slice = slice(None)) -> str:
+    """Run the Python blocks of a page of docs, one after the other, in an empty folder."""
+    page = (Path(__file__).parents[2] / "docs" / name).read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    # What answers on standard output waits for questions.
+    program = "\n".join(block for block in blocks[take] if "serve(" not in block)
+    done = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 def test_the_page_about_optuna_runs_as_it_stands(tmp_path: Path) -> None:
     pytest.importorskip("optuna")
-    page = (Path(__file__).parents[2] / "docs" / "optuna-and-ray.md").read_text(encoding="utf-8")
-    example = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[0]
-    done = subprocess.run([sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "learning_rate" in done.stdout and "TIT101" in done.stdout
+    told = run_page("optuna-and-ray.md", tmp_path, slice(1))
+    assert "learning_rate" in told and "TIT101" in told
+
+
+def test_the_page_about_python_runs_as_it_stands(tmp_path: Path) -> None:
+    pytest.importorskip("gymnasium")
+    told = run_page("guides/python.md", tmp_path)
+    assert "did you mean `gamma`?" in told and "calib_rl.Model: 5 members" in told and "(10, 501, 4)" in told
 
 
 def test_agents_that_act_are_tuned(tmp_path: Path) -> None:
