@@ -103,7 +103,7 @@ class Runs:
 class Verdict:
     """What to deploy, and the evidence. `Study.run` and `Study.evaluate` return it.
 
-    ``print`` shows it as the command line does with ``--why``, and a notebook shows it as a page.
+    ``print`` shows the advice with all reasons, and a notebook shows it as a page.
 
     Args:
         path: The folder ``evaluate`` of a study's results.
