@@ -161,7 +161,7 @@ def described(documented: dict[str, str]) -> str:
     out = [paragraphs(documented[""])]
     for section, title in (("Args", "Arguments"), ("Attributes", "Attributes"), ("Raises", "Raises")):
         if entries := listed(documented.get(section, "")):
-            rows = "\n".join(f"- `{name}`: {paragraphs(text, '  ', len(name) + 6)}" for name, text in entries)
+            rows = "\n".join(f"- `{name}`: {paragraphs(text, '    ', len(name) + 6)}" for name, text in entries)
             out.append(f"**{title}**\n\n{rows}")
         if section == "Args" and "Returns" in documented:
             out.append(f"**Returns**\n\n{paragraphs(documented['Returns'])}")
@@ -216,7 +216,7 @@ class Reference:
         properties = [of for of in methods if is_property(of) and not of.name.startswith("_")]
         for of in properties:
             self.require(bool(ast.get_docstring(of)), f"{name}.{of.name}", "a docstring")
-            told = paragraphs(divided(ast.get_docstring(of) or "")[""], "  ", len(of.name) + 6)
+            told = paragraphs(divided(ast.get_docstring(of) or "")[""], "    ", len(of.name) + 6)
             fields.append(f"- `{of.name}`: {told}")
         if fields:
             out.append("**Attributes**\n\n" + "\n".join(fields))
@@ -236,7 +236,7 @@ class Reference:
                 if of.target.id != "metadata":
                     self.require(is_told, f"{name}.{of.target.id}", "a text")
                     told = after.value.value if is_told else ""  # type: ignore[union-attr]
-                    fields.append(f"- `{of.target.id}`: {paragraphs(str(told), '  ', len(of.target.id) + 6)}")
+                    fields.append(f"- `{of.target.id}`: {paragraphs(str(told), '    ', len(of.target.id) + 6)}")
         return fields
 
     def page(self, title: str, about: str, module: str, names: list[str]) -> str:

@@ -141,6 +141,8 @@ def gather(copy: Path) -> None:
                 target = (ROOT / page).parent.joinpath(link).resolve()
                 if target.is_file() and target.is_relative_to(ROOT):
                     wanted.append(str(target.relative_to(ROOT)))
+    copy.mkdir(parents=True)
+    shutil.copyfile(ROOT / "scripts" / "site.css", copy / "site.css")
     for name in dict.fromkeys(wanted):
         (copy / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(ROOT / name, copy / name)
