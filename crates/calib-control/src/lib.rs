@@ -41,8 +41,8 @@ pub use life::{Life, Span, live};
 pub use log::{Columns, Decisions};
 pub use model::{
     ActionModel, ActionModelConfig, ActionModelRecord, At, Coverage, Covered, Distance, Ensemble,
-    NetworkConfig, NetworkModel, NetworkWalk, Pessimism, Rules, Starts, Step, Target, Walk, Walked,
-    open_action_model, write_action_model,
+    IncrementModel, IncrementWalk, Increments, NetworkConfig, NetworkModel, NetworkWalk, Pessimism,
+    Rules, Starts, Step, Target, Walk, Walked, open_action_model, write_action_model,
 };
 pub use recorded::RecordedReturn;
 pub use reward::{Reward, Term};

@@ -2,6 +2,7 @@
 
 mod build;
 mod ensemble;
+mod increments;
 mod network;
 mod radius;
 mod step;
@@ -15,6 +16,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use ensemble::{Ensemble, Walked};
+pub use increments::{IncrementModel, IncrementWalk, Increments};
 pub use network::{NetworkConfig, NetworkModel, NetworkWalk};
 pub use step::{At, Covered, Rules, Step, Target};
 pub use store::{ActionModelRecord, open_action_model, write_action_model};
