@@ -5,7 +5,7 @@ use std::{
     sync::Arc,
 };
 
-use calib_control::{ActionModel, Pessimism, Rules, Run, Support, Walkers, judge};
+use calib_control::{ActionModel, Pessimism, Question, Rules, Run, Support, Walkers, judge};
 use calib_core::{Bounds, Seed};
 use calib_pipeline::ControlModel;
 use pyo3::{exceptions::PyIndexError, prelude::*};
@@ -280,7 +280,8 @@ impl PyActionModel {
         let log = self.model().log();
         let seed = Seed::new(seed).child("control");
         let judged = watched(py, Needs::Threads, None, |_| {
-            judge(&runs, candidates, default, (log, timeout), support, resamples, seed)
+            let new = Question::new(log, timeout, candidates);
+            judge(&runs, &Question { default, support, resamples, ..new }, seed)
         })?;
         let verdict = judged.map_err(|error| errors::of_any(py, &error))?;
         let columns: Vec<String> = names.columns.iter().map(|column| column.name.clone()).collect();

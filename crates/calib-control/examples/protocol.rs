@@ -21,11 +21,12 @@ use std::{
 use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
     Coverage, Decisions, Drift, Environment, Extent, Grid, IncrementModel, Increments,
-    NetworkConfig, NetworkModel, Pessimism, PuddleWorld, Quality, Run, Simulated, Span, Starts,
-    Support, Task, TaskKind, fitted_q_evaluation, judge, record, sweep, truth,
+    NetworkConfig, NetworkModel, Pessimism, PuddleWorld, Quality, Question, Run, Simulated, Span,
+    Starts, Support, Task, TaskKind, fitted_q_evaluation, judge, record, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
 use calib_represent::{LaplacianConfig, Split, Training, encode};
+use calib_stats::RankRule;
 use serde_json::{Value, json};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -216,8 +217,11 @@ impl Study<'_> {
         }
         let runs = self.runs(kind, &log, &starts, &candidates, seed)?;
         let default = candidates.iter().position(|of| *of == AgentConfig::default());
-        let (all, support) = (candidates.len(), Support::default());
-        let verdict = judge(&runs, all, default, (&log, timeout), support, 200, seed)?;
+        let support = Support::default();
+        let rule = RankRule::WorstRank;
+        let question =
+            Question { default, rule, support, ..Question::new(&log, timeout, candidates.len()) };
+        let verdict = judge(&runs, &question, seed)?;
         let fitted = if let Some(fitted) = fitted {
             Some(fitted as usize)
         } else {

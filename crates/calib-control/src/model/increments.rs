@@ -4,7 +4,7 @@ use calib_core::{Monitor, Rng, States, TransitionIndex};
 use calib_knn::{Blocks, Sources};
 
 use super::step::{Draw, MOST_LIVE, Nearest};
-use super::{ActionModel, Coverage, Ensemble, Step, Walked, radius};
+use super::{ActionModel, ActionModelKind, Coverage, Ensemble, Step, Walked, radius};
 use crate::{ControlError, Decisions, Environment, Outcome};
 
 /// Transitions by which it is decided which columns keep their offset; more change little.
@@ -12,8 +12,8 @@ const MOST_COMPARED: usize = 4_000;
 
 /// What a walk that adds recorded changes needs beside the model of the same log.
 ///
-/// From state s, one of the k transitions with the action is drawn whose source s_j is nearest in the
-/// scaled states. It leads to s plus the recorded change, s + (s'_j − s_j), cut to the range of the log:
+/// From state s, one of the k transitions with the action is drawn whose source `s_j` is nearest in the
+/// scaled states. It leads to s plus the recorded change, `s + (s'_j − s_j)`, cut to the range of the log:
 /// the locally incremental analog operator of Lguensat et al. (2017). Reward and ending are those of the
 /// transition.
 ///
@@ -217,6 +217,10 @@ impl Ensemble for IncrementModel<'_> {
         = IncrementWalk<'a>
     where
         Self: 'a;
+
+    fn kind(&self) -> ActionModelKind {
+        ActionModelKind::Increments
+    }
 
     fn members(&self) -> usize {
         self.model.members()

@@ -15,7 +15,7 @@ use calib_knn::{Blocks, Weights};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use ensemble::{Ensemble, Walked};
+pub use ensemble::{ActionModelKind, Ensemble, Walked};
 pub use increments::{IncrementModel, IncrementWalk, Increments};
 pub use network::{NetworkConfig, NetworkModel, NetworkWalk};
 pub use step::{At, Covered, Rules, Step, Target};
@@ -233,6 +233,10 @@ impl ActionModel {
 
 impl Ensemble for ActionModel {
     type Walk<'a> = Walk<'a>;
+
+    fn kind(&self) -> ActionModelKind {
+        ActionModelKind::Neighbors
+    }
 
     fn members(&self) -> usize {
         self.tables.len()

@@ -7,7 +7,7 @@ use calib_knn::Blocks;
 use calib_nn::{Mlp, Workspace};
 use rayon::prelude::*;
 
-use super::{Coverage, Ensemble, Walked};
+use super::{ActionModelKind, Coverage, Ensemble, Walked};
 use crate::{ControlError, Decisions, Ending, Environment, Outcome};
 use train::{Scales, train};
 
@@ -107,6 +107,10 @@ impl NetworkModel {
 
 impl Ensemble for NetworkModel {
     type Walk<'a> = NetworkWalk<'a>;
+
+    fn kind(&self) -> ActionModelKind {
+        ActionModelKind::Network
+    }
 
     fn members(&self) -> usize {
         self.networks.len()
