@@ -63,6 +63,7 @@ RULES = {
     **{f"{kind}, worst rank": ([kind], by_worst_rank) for kind in KINDS},
     "increments and network, mean rank": (KINDS[1:], by_mean_rank),
     "neighbors and network, mean rank": ([KINDS[0], KINDS[2]], by_mean_rank),
+    "neighbors and increments, mean rank": (KINDS[:2], by_mean_rank),
 }
 TODAY = "neighbors, worst rank"
 
@@ -114,9 +115,9 @@ def by_cell(logs, values):
 
 
 def of_others(truth, task):
-    """The candidate that is best on average, in % of a random choice's regret, over the other tasks."""
-    others = [truth[other] for other in TASKS if other != task]
-    return min(range(len(truth[task])), key=lambda c: sum(regret(returns, c) for returns in others))
+    """The candidate with the best mean percentile over the other tasks."""
+    others = [ranks(truth[other]) for other in TASKS if other != task]
+    return min(range(len(truth[task])), key=lambda c: sum(own[c] for own in others))
 
 
 def main():

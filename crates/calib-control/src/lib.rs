@@ -42,8 +42,8 @@ pub use log::{Columns, Decisions};
 pub use model::{
     ActionModel, ActionModelConfig, ActionModelKind, ActionModelRecord, At, Coverage, Covered,
     Distance, Ensemble, IncrementModel, IncrementWalk, Increments, NetworkConfig, NetworkModel,
-    NetworkWalk, Pessimism, Rules, Starts, Step, Target, Walk, Walked, open_action_model,
-    write_action_model,
+    NetworkWalk, NetworkWorkplace, Pessimism, Rules, Starts, Step, Target, Walk, Walked,
+    open_action_model, write_action_model,
 };
 pub use recorded::RecordedReturn;
 pub use reward::{Reward, Term};
@@ -54,4 +54,4 @@ pub use task::{
 };
 pub use usage::{CoverageMap, Spread};
 pub use verdict::{Doubt, KindReturns, Question, Regret, ReturnVerdict, Support, judge, regret};
-pub use walkers::{Walker, Walkers, Went};
+pub use walkers::{Moves, Walker, Walkers, Went};

@@ -4,7 +4,9 @@ use calib_core::{Monitor, Rng, States, TransitionIndex};
 use calib_knn::{Blocks, Sources};
 
 use super::step::{Draw, MOST_LIVE, Nearest};
-use super::{ActionModel, ActionModelKind, Coverage, Ensemble, Step, Walked, radius};
+use super::{
+    ActionModel, ActionModelKind, Coverage, Ensemble, Rules, Step, Target, Walked, radius,
+};
 use crate::{ControlError, Decisions, Environment, Outcome};
 
 /// Transitions by which it is decided which columns keep their offset; more change little.
@@ -127,7 +129,8 @@ impl Increments {
             let action = usize::from(log.actions()[transition.get()]);
             let member = blocks.block_of(transition);
             let mut found = Nearest::new(1);
-            self.nearest(model, member, source, action, &mut query, &mut found);
+            let target = Target::Level(action);
+            self.nearest((model, member), source, target, &mut query, &mut found);
             let (&[nearest], _) = found.lists() else { continue };
             let [other, other_next] = log.ends(TransitionIndex(nearest));
             for column in 0..columns {
@@ -139,41 +142,48 @@ impl Increments {
         gains.into_iter().map(|gain| gain > 0.0).collect()
     }
 
-    /// The nearest transitions that `member` has with `action`; `query` is a place to work in.
+    /// The transitions that `member` has nearest to what is done in `state`; `query` is a place to work in.
     fn nearest(
         &self,
-        model: &ActionModel,
-        member: usize,
+        (model, member): (&ActionModel, usize),
         state: &[f32],
-        action: usize,
+        target: Target<'_>,
         query: &mut Vec<f32>,
         found: &mut Nearest,
     ) {
-        let Some(settings) = model.log().settings() else {
-            return self.groups[action].search(state, model.blocks(), member, found);
+        let blocks = model.blocks();
+        let set = match (target, model.log().settings()) {
+            (Target::Level(action), None) => {
+                return self.groups[action].search(state, blocks, member, found);
+            }
+            (Target::Level(action), Some(settings)) => settings.of_level(action),
+            (Target::Set(set), _) => set,
         };
         query.clear();
         query.extend_from_slice(state);
         let weight = model.action_weight;
-        let level = settings.of_level(action).iter();
-        query.extend(level.map(|&set| (weight * f64::from(set)) as f32));
-        self.groups[0].search(query, model.blocks(), member, found);
+        query.extend(set.iter().map(|&set| (weight * f64::from(set)) as f32));
+        self.groups[0].search(query, blocks, member, found);
     }
 
-    /// Take a step in `member` of `model`: `state` becomes the next one, unless the episode ends because
-    /// the log does not cover the step.
-    fn step(
+    /// Take a step in a member of the model: `state` becomes the next one, unless the episode ends because
+    /// the log does not cover the step. `query` is a place to work in.
+    ///
+    /// # Panics
+    /// If there is no such member or action, or settings are given where actions are no numbers.
+    pub fn step(
         &self,
         (model, member): (&ActionModel, usize),
-        action: usize,
+        target: Target<'_>,
+        rules: Rules,
         query: &mut Vec<f32>,
         rng: &mut Rng,
         state: &mut [f32],
     ) -> Step {
         let mut found = Nearest::new(model.k().min(MOST_LIVE));
-        self.nearest(model, member, state, action, query, &mut found);
-        let (near, distances) = found.lists();
-        let draw = Draw { neighbors: near, distances, radius: self.radius, rules: model.rules() };
+        self.nearest((model, member), state, target, query, &mut found);
+        let (neighbors, distances) = found.lists();
+        let draw = Draw { neighbors, distances, radius: self.radius, rules };
         let step = model.drawn(&draw, rng);
         if let Some(drawn) = step.drawn {
             let [source, next] = model.log().ends(drawn);
@@ -269,8 +279,9 @@ impl Environment for IncrementWalk<'_> {
     }
 
     fn step(&mut self, action: usize, rng: &mut Rng, state: &mut [f32]) -> Outcome {
-        let of = (self.model, self.member);
-        let step = self.increments.step(of, action, &mut self.query, rng, state);
+        let (of, rules) = ((self.model, self.member), self.model.rules());
+        let target = Target::Level(action);
+        let step = self.increments.step(of, target, rules, &mut self.query, rng, state);
         self.coverage.count(step.covered);
         Outcome { reward: step.reward, ending: step.ending }
     }

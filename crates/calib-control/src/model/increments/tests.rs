@@ -107,7 +107,8 @@ fn a_member_does_not_know_its_block() {
             let [source, _] = model.log().ends(transition);
             let action = usize::from(model.log().actions()[number]);
             let mut found = Nearest::new(1);
-            increments.nearest(&model, member, source, action, &mut query, &mut found);
+            let target = Target::Level(action);
+            increments.nearest((&model, member), source, target, &mut query, &mut found);
             let (nearest, distances) = found.lists();
             let is_known = model.blocks().contains(member, transition);
             assert_eq!(nearest[0] == transition.0 && distances[0] == 0.0, is_known);
