@@ -342,16 +342,16 @@ def message_breaches() -> list[tuple[str, int, str]]:
 # Wrapping --------------------------------------------------------------------------------------------------------------
 
 
-TOKEN = re.compile(r"(?:(`+)(?!`).+?(?<!`)\1(?!`)|\]\([^)]*\)|[^\s`]|`)+")
+TOKEN = re.compile(r"(?:(`+)(?!`).+?(?<!`)\1(?!`)|\[[^\]]*\]\([^)]*\)|\]\([^)]*\)|[^\s`]|`)+")
 
 
 def tokens(text: str) -> list[str]:
-    """What a line may be cut between: words, with code and the addresses of links whole."""
+    """What a line may be cut between: words, with code and links whole."""
     return [found.group(0) for found in TOKEN.finditer(text)]
 
 
 # What would be something else at the beginning of a line.
-BEGINS_A_BLOCK = re.compile(r"^(?:[-+*>=|~]|#{1,6}$|\d+[.)]$|<|!\[|```)")
+BEGINS_A_BLOCK = re.compile(r"^(?:[-+*]$|[>|<]|=+$|-+$|~~~|#{1,6}$|\d+[.)]$|!\[|\[\^|```)")
 
 
 def wrap(page: str) -> str:
