@@ -170,7 +170,7 @@ def sentences(text: str) -> list[str]:
     found, begin = [], 0
     for end in re.finditer(r"[.!?][\"')\]]*(?=\s+[\"'(\[]*(?:[A-Z0-9γψ…]|calib\b))", text):
         so_far = text[begin : end.end()]
-        if so_far.rstrip("\"')]").endswith(ABBREVIATIONS) or re.search(r"(?:^|\s)(?:\d+|[A-Z])\.$", so_far):
+        if so_far.rstrip("\"')]").endswith(ABBREVIATIONS) or re.search(r"^\d+\.$|(?:^|\s)[A-Z]\.$", so_far):
             continue
         found.append(so_far.strip())
         begin = end.end()
@@ -403,7 +403,7 @@ def self_test() -> None:
         "It costs 3.5 % more. calib says why.": ["It costs 3.5 % more.", "calib says why."],
         "Use a kNN, e.g. Euclidean. See App. B for more.": ["Use a kNN, e.g. Euclidean.", "See App. B for more."],
         "Is it? Yes! (It is.) Good.": ["Is it?", "Yes!", "(It is.)", "Good."],
-        "Set CODE to 1. CODE is next.": ["Set CODE to 1. CODE is next."],
+        "Set it to 1. Run it with K. Smith.": ["Set it to 1.", "Run it with K. Smith."],
         "Set CODE to one. CODE is next.": ["Set CODE to one.", "CODE is next."],
         "a sentence that ends in lower case. then goes on": ["a sentence that ends in lower case. then goes on"],
         "γ is near 1.0. ψ is a map.": ["γ is near 1.0.", "ψ is a map."],
