@@ -15,7 +15,7 @@ looked at for banned phrasings alone: string literals of more than two words, an
 import argparse
 import re
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -34,6 +34,9 @@ class Limits:
 
 TIGHT = Limits(mean=17, longest=35, semicolons=3)
 LOOSE = Limits(mean=20, longest=45, semicolons=8)
+
+# Pages that are not wrapped.
+UNWRAPPED = ("docs/validity.md", "docs/control.md")
 
 # In the order of the table. A page belongs to the first group with a pattern that fits.
 GROUPS = [
@@ -366,18 +369,17 @@ def wrap(page: str) -> str:
         lead = marker.group(0) if block.kind == "item" else first[: len(first) - len(first.lstrip())]
         quote = "> " if first.lstrip().startswith("> ") else ""
         rest = " " * len(lead) + quote
-        line, lines = lead + quote, []
-        empty = True
+        lines: list[list[str]] = [[]]
         for token in tokens(block.text()):
-            if empty:
-                line += token
-            elif len(line) + 1 + len(token) > COLUMNS and not BEGINS_A_BLOCK.match(token):
-                lines.append(line)
-                line = rest + token
+            width = len(lead + quote) + sum(len(of) + 1 for of in lines[-1]) + len(token)
+            if lines[-1] and width > COLUMNS:
+                carried = [token]
+                while BEGINS_A_BLOCK.match(carried[0]) and len(lines[-1]) > 1:
+                    carried.insert(0, lines[-1].pop())
+                lines.append(carried)
             else:
-                line += " " + token
-            empty = False
-        out += [*lines, line]
+                lines[-1].append(token)
+        out += [(rest if place else lead + quote) + " ".join(of) for place, of in enumerate(lines)]
     return "\n".join(out) + "\n"
 
 
@@ -456,7 +458,7 @@ def main() -> int:
         for name in pages:
             if asked.pages and name not in asked.pages:
                 continue
-            page = measured((ROOT / name).read_text(), limits)
+            page = measured((ROOT / name).read_text(), replace(limits, wrapped=name not in UNWRAPPED))
             total.add(page.measure)
             breaches += [(name, line, what) for line, what in page.breaches]
             print(page.measure.row(name))
