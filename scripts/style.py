@@ -38,6 +38,9 @@ LOOSE = Limits(mean=20, longest=45, semicolons=8)
 # Pages that are not wrapped.
 UNWRAPPED = ("docs/validity.md", "docs/control.md")
 
+# Pages that are measured and not yet held to the rules.
+LATER = ("docs/commands.md", "docs/guides/python.md", "docs/guides/reading-the-report.md")
+
 # In the order of the table. A page belongs to the first group with a pattern that fits.
 GROUPS = [
     ("README", TIGHT, ["README.md", "python/README.md"]),
@@ -460,7 +463,8 @@ def main() -> int:
                 continue
             page = measured((ROOT / name).read_text(), replace(limits, wrapped=name not in UNWRAPPED))
             total.add(page.measure)
-            breaches += [(name, line, what) for line, what in page.breaches]
+            if name not in LATER or asked.pages:
+                breaches += [(name, line, what) for line, what in page.breaches]
             print(page.measure.row(name))
             for line, length, sentence in page.long[: asked.longest]:
                 print(f"    {name}:{line}: {length} words: {sentence}")
