@@ -68,7 +68,7 @@ BANNED = [
     (r"\bsays so\b|\bsaying so\b|\bsay so\b", "warns, reports, prints …"),
     (r"\bsays what it takes\b", "estimates time and memory"),
     (r"\bstands? still\b|\bstood still\b|\bstandstills?\b", "is constant, does not change"),
-    (r"(?:\bit|\bthat|\bwhich|\bcalib|`|\bstate|\bwindow) wants\b", "needs"),
+    (r"(?:\bit|\bthat|\bwhich|\bcalib|`|\bCODE|\bstate|\bwindow) wants\b", "needs"),
     (r"\bas far as the logs? can tell\b", "on this evidence"),
     (r"\bled out of\b", "given an exit"),
     (r"\bspared\b", "saved, skipped"),
