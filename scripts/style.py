@@ -90,6 +90,15 @@ ITEM = re.compile(r"^(\s*)([-*+]|\d+[.)])\s+")
 ABBREVIATIONS = ("e.g.", "i.e.", "cf.", "vs.", "etc.", "App.", "Fig.", "Eq.", "Sec.", "No.", "et al.", "resp.", "approx.")
 
 
+@dataclass(frozen=True)
+class Breach:
+    """Where a rule is broken."""
+
+    line: int
+    what: str
+    file: str = ""
+
+
 # Pages -----------------------------------------------------------------------------------------------------------------
 
 
@@ -200,12 +209,13 @@ class Measure:
     semicolons: int = 0
     you: int = 0
     examples: int = 0
+    outputs: int = 0
     long_lines: int = 0
     banned: int = 0
 
     def add(self, other: "Measure") -> None:
         self.lengths += other.lengths
-        for name in ("semicolons", "you", "examples", "long_lines", "banned"):
+        for name in ("semicolons", "you", "examples", "outputs", "long_lines", "banned"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
 
     @property
@@ -220,11 +230,20 @@ class Measure:
         return (
             f"{name:<44}{sum(self.lengths):>7}{len(self.lengths):>6}{self.mean:>7.1f}{max(self.lengths, default=0):>6}{over:>6.0f}"
             f"{self.per_100_sentences(self.semicolons):>7.1f}{1000 * self.you / max(1, sum(self.lengths)):>6.1f}"
-            f"{self.per_100_sentences(self.examples):>6.1f}{self.long_lines:>7}{self.banned:>7}"
+            f"{self.per_100_sentences(self.examples):>6.1f}{self.outputs:>5}{self.long_lines:>7}{self.banned:>7}"
         )
 
 
-HEADER = f"{'page':<44}{'words':>7}{'sent.':>6}{'mean':>7}{'max':>6}{'>30 %':>6}{'; /100':>7}{'you‰':>6}{'e.g.%':>6}{'>100':>7}{'banned':>7}"
+HEADER = f"{'page':<44}{'words':>7}{'sent.':>6}{'mean':>7}{'max':>6}{'>30 %':>6}{'; /100':>7}{'you‰':>6}{'e.g.%':>6}{'out':>5}{'>100':>7}{'banned':>7}"
+
+
+@dataclass
+class Sentence:
+    """A sentence of a page."""
+
+    line: int
+    words: int
+    text: str
 
 
 @dataclass
@@ -232,8 +251,8 @@ class Page:
     """What is measured of a page, and where it breaks a rule."""
 
     measure: Measure
-    long: list[tuple[int, int, str]]  # line, words, sentence
-    breaches: list[tuple[int, str]]  # line, what is wrong
+    sentences: list[Sentence]  # the longest first
+    breaches: list[Breach]
 
 
 def line_of(block: Block, sentence: str) -> int:
@@ -245,9 +264,14 @@ def line_of(block: Block, sentence: str) -> int:
     return block.first
 
 
-def banned_in(text: str) -> list[tuple[str, str]]:
-    """Banned phrasings of a text, and what to write."""
-    return [(found.group(0).strip(), cure) for of, cure in BANNED for found in re.finditer(of, text, re.IGNORECASE if of[0] == "\\" else 0)]
+def banned_in(text: str) -> list[str]:
+    """Banned phrasings of a text, each with what to write."""
+    found = []
+    for pattern, cure in BANNED:
+        # What begins a sentence has a capital letter.
+        flags = 0 if pattern.startswith("(?:^") else re.IGNORECASE
+        found += [f"“{hit.group(0).strip()}”: {cure}" for hit in re.finditer(pattern, text, flags)]
+    return found
 
 
 def is_list_of_phrasings(block: Block) -> bool:
@@ -262,20 +286,24 @@ def is_long(line: str) -> bool:
 
 def measured(text: str, limits: Limits) -> Page:
     """A page by its limits."""
-    measure, long, breaches = Measure(), [], []
+    measure = Measure()
+    found: list[Sentence] = []
+    breaches: list[Breach] = []
     for block in blocks(text):
         if block.kind in ("table", "heading", "raw") and not is_list_of_phrasings(block):
             for place, line in enumerate(block.lines):
                 shown = plain(line)
                 for cell in shown.strip("|").split(" | ") if block.kind == "table" else [shown]:
-                    breaches += [(block.first + place, f"“{what}”: {cure}") for what, cure in banned_in(cell.strip())]
+                    breaches += [Breach(block.first + place, what) for what in banned_in(cell.strip())]
+        if block.kind == "code" and block.lines[0].strip() in ("```text", "```console"):
+            measure.outputs += 1
         if not block.is_prose:
             continue
         for place, line in enumerate(block.lines):
             if is_long(line):
                 measure.long_lines += 1
                 if limits.wrapped:
-                    breaches.append((block.first + place, f"{len(line)} columns, at most {COLUMNS}"))
+                    breaches.append(Breach(block.first + place, f"{len(line)} columns, at most {COLUMNS}"))
         prose = plain(block.text())
         if words(prose) < 4:
             continue
@@ -286,17 +314,18 @@ def measured(text: str, limits: Limits) -> Page:
             length = words(sentence)
             measure.lengths.append(length)
             measure.semicolons += sentence.count(";")
-            long.append((line, length, sentence))
+            found.append(Sentence(line, length, sentence))
             if length > limits.longest:
-                breaches.append((line, f"{length} words in a sentence, at most {limits.longest}: {sentence[:60]}…"))
-            breaches += [(line, f"“{what}”: {cure}") for what, cure in banned_in(sentence)]
-    measure.banned = sum(1 for _, what in breaches if what.startswith("“"))
+                told = f"{length} words in a sentence, at most {limits.longest}: {sentence[:60]}…"
+                breaches.append(Breach(line, told))
+            breaches += [Breach(line, what) for what in banned_in(sentence)]
+    measure.banned = sum(1 for breach in breaches if breach.what.startswith("“"))
     if measure.mean > limits.mean:
-        breaches.append((1, f"{measure.mean:.1f} words a sentence on average, at most {limits.mean:g}"))
+        breaches.append(Breach(1, f"{measure.mean:.1f} words a sentence on average, at most {limits.mean:g}"))
     if measure.semicolons > max(1, limits.semicolons * len(measure.lengths) / 100):
         per = measure.per_100_sentences(measure.semicolons)
-        breaches.append((1, f"{per:.0f} semicolons in 100 sentences, at most {limits.semicolons:g}"))
-    return Page(measure, sorted(long, key=lambda of: -of[1]), breaches)
+        breaches.append(Breach(1, f"{per:.0f} semicolons in 100 sentences, at most {limits.semicolons:g}"))
+    return Page(measure, sorted(found, key=lambda sentence: -sentence.words), breaches)
 
 
 # Messages --------------------------------------------------------------------------------------------------------------
@@ -330,9 +359,9 @@ def helps(source: str) -> list[tuple[int, str]]:
     ]
 
 
-def message_breaches() -> list[tuple[str, int, str]]:
+def message_breaches() -> list[Breach]:
     """Banned phrasings in what the program says."""
-    found = []
+    found: list[Breach] = []
     for path in sorted([*ROOT.glob("crates/*/src/**/*.rs"), *ROOT.glob("src/**/*.rs")]):
         name = path.relative_to(ROOT).as_posix()
         if "/tests" in name or path.stem in ("tests", "test"):
@@ -341,7 +370,7 @@ def message_breaches() -> list[tuple[str, int, str]]:
         told = messages(source)
         if name.startswith("src/cli"):
             told += helps(source)
-        found += [(name, line, f"“{what}”: {cure}") for line, text in told for what, cure in banned_in(text)]
+        found += [Breach(line, what, name) for line, text in told for what in banned_in(text)]
     return found
 
 
@@ -374,7 +403,7 @@ def wrap(page: str) -> str:
         rest = " " * len(lead) + quote
         lines: list[list[str]] = [[]]
         for token in tokens(block.text()):
-            width = len(lead + quote) + sum(len(of) + 1 for of in lines[-1]) + len(token)
+            width = len(lead + quote) + sum(len(word) + 1 for word in lines[-1]) + len(token)
             if lines[-1] and width > COLUMNS:
                 carried = [token]
                 while BEGINS_A_BLOCK.match(carried[0]) and len(lines[-1]) > 1:
@@ -382,7 +411,7 @@ def wrap(page: str) -> str:
                 lines.append(carried)
             else:
                 lines[-1].append(token)
-        out += [(rest if place else lead + quote) + " ".join(of) for place, of in enumerate(lines)]
+        out += [(rest if place else lead + quote) + " ".join(line) for place, line in enumerate(lines)]
     return "\n".join(out) + "\n"
 
 
@@ -394,7 +423,8 @@ def grouped() -> list[tuple[str, Limits, list[str]]]:
     taken: set[str] = set()
     found = []
     for name, limits, patterns in GROUPS:
-        pages = [path.relative_to(ROOT).as_posix() for of in patterns for path in sorted(ROOT.glob(of))]
+        paths = [path for pattern in patterns for path in sorted(ROOT.glob(pattern))]
+        pages = [path.relative_to(ROOT).as_posix() for path in paths]
         pages = list(dict.fromkeys(page for page in pages if page not in taken))
         taken.update(pages)
         found.append((name, limits, pages))
@@ -424,7 +454,7 @@ def self_test() -> None:
     assert kinds == expected, kinds
     measure = measured(page, TIGHT).measure
     assert measure.semicolons == 1 and measure.lengths[0] == 5, measure
-    assert [line for line, _ in measured("x y z w " * 20, TIGHT).breaches] == [1, 1, 1]
+    assert [breach.line for breach in measured("x y z w " * 20, TIGHT).breaches] == [1, 1, 1]
     long = "- " + "word " * 30 + "`code that is kept whole` [a link](to/a/page.md) - 1. end"
     wrapped = wrap(long)
     assert all(len(line) <= COLUMNS for line in wrapped.splitlines()) and "`code that is kept whole`" in wrapped
@@ -454,7 +484,7 @@ def main() -> int:
         for name in asked.wrap:
             Path(name).write_text(wrap(Path(name).read_text()))
         return 0
-    breaches: list[tuple[str, int, str]] = []
+    breaches: list[Breach] = []
     print(HEADER)
     for group, limits, pages in grouped():
         total = Measure()
@@ -464,19 +494,19 @@ def main() -> int:
             page = measured((ROOT / name).read_text(), replace(limits, wrapped=name not in UNWRAPPED))
             total.add(page.measure)
             if name not in LATER or asked.pages:
-                breaches += [(name, line, what) for line, what in page.breaches]
+                breaches += [replace(breach, file=name) for breach in page.breaches]
             print(page.measure.row(name))
-            for line, length, sentence in page.long[: asked.longest]:
-                print(f"    {name}:{line}: {length} words: {sentence}")
+            for sentence in page.sentences[: asked.longest]:
+                print(f"    {name}:{sentence.line}: {sentence.words} words: {sentence.text}")
         if total.lengths and not asked.pages:
             print(total.row(f"= {group}"))
     if not asked.pages:
         breaches += message_breaches()
     if asked.check or asked.messages:
         self_test()
-        shown = breaches if asked.check else [of for of in breaches if of[0].endswith(".rs")]
-        for name, line, what in shown:
-            print(f"{name}:{line}: {what}", file=sys.stderr)
+        shown = [breach for breach in breaches if asked.check or breach.file.endswith(".rs")]
+        for breach in shown:
+            print(f"{breach.file}:{breach.line}: {breach.what}", file=sys.stderr)
         if shown and asked.check:
             print(f"style.py: {len(shown)} breaches of STYLE.md", file=sys.stderr)
             return 1
