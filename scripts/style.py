@@ -9,7 +9,8 @@
 
 Only prose is measured: paragraphs and list items of four words or more. Code, tables and headings are not, except that
 banned phrasings are looked for in tables and headings too. Inline code counts as one word. Messages of the program are
-looked at for banned phrasings alone: string literals of more than two words, and the help of its commands.
+looked at for banned phrasings alone: string literals of more than two words, the help of its commands, and what the
+schema of a study says of its keys.
 """
 
 import argparse
@@ -371,6 +372,10 @@ def message_breaches() -> list[Breach]:
         if name.startswith("src/cli"):
             told += helps(source)
         found += [Breach(line, what, name) for line, text in told for what in banned_in(text)]
+    schema = "configs/study.schema.json"
+    for line, text in enumerate((ROOT / schema).read_text().splitlines(), start=1):
+        if described := re.match(r'\s*"description": "(.*)"', text):
+            found += [Breach(line, what, schema) for what in banned_in(plain(described.group(1)))]
     return found
 
 
