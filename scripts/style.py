@@ -57,7 +57,7 @@ GROUPS = [
     ),
     ("questions", TIGHT, ["docs/*.md", "docs/*/*.md"]),
     ("design", LOOSE, ["DESIGN.md", "ARCHITECTURE.md"]),
-    ("project", LOOSE, ["STYLE.md", "CONTRIBUTING.md", "SECURITY.md"]),
+    ("project", LOOSE, ["STYLE.md", "CONTRIBUTING.md", "SECURITY.md", "crates/*/README.md"]),
 ]
 
 # What is not written, and what is written in its place. STYLE.md lists the same.
