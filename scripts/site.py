@@ -72,6 +72,7 @@ CONTENTS = [
             {"Why they are so": "DESIGN.md"},
             {"From the paper to the code": "docs/paper-map.md"},
             {"Contributing": "CONTRIBUTING.md"},
+            {"Style": "STYLE.md"},
             {"Security": "SECURITY.md"},
             {"Changes": "CHANGELOG.md"},
         ]
