@@ -12,6 +12,10 @@ lint:
     cargo fmt --all
     cargo clippy --locked --workspace --all-targets -- -D warnings
 
+# How plain the pages are, and where they break a rule of STYLE.md.
+style *arguments="--check":
+    python3 scripts/style.py {{arguments}}
+
 # Tests of one package: `just test calib-data`, `just test calib-data outliers`.
 test package *filter:
     cargo test -p {{package}} {{filter}}

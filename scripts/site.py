@@ -95,6 +95,7 @@ CONTENTS = [
             {"Where things are": "ARCHITECTURE.md"},
             {"From the paper to the code": "docs/paper-map.md"},
             {"Contributing": "CONTRIBUTING.md"},
+            {"Style": "STYLE.md"},
             {"Security": "SECURITY.md"},
             {"Changes": "CHANGELOG.md"},
         ]

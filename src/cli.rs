@@ -85,7 +85,7 @@ pub(crate) enum Command {
     Init(InitArgs),
     /// Show what is in a log and what preprocessing would keep
     Inspect(InspectArgs),
-    /// Write logs of any form (CSV, long tables, a file a tag) once as one wide Parquet file
+    /// Write logs of any form (CSV, long tables, one file per tag) once as one wide Parquet file
     Import(ImportArgs),
     /// Run a study from its log to the verdict: every step that it needs, as far as it is not done
     Run(DeviceArgs),

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._acting import ActionModel
 from ._checks import LARGEST_SEED, position, whole
+from ._kinds import ModelKind
 from ._model import Units
 from ._walks import (
     AUTORESET,
@@ -35,7 +36,7 @@ AnySpace = gymnasium.Space[Any]
 class _Actions:
     """The action space of a model, and what its actions are to the walkers."""
 
-    def __init__(self, model: ActionModel, wanted: ActionKind | AnySpace | None, live: bool) -> None:
+    def __init__(self, model: ActionModel, wanted: ActionKind | AnySpace | None, live: bool, model_kind: ModelKind) -> None:
         levels = np.array([action.values for action in model.actions], np.float64)
         low, high = np.array(list(model.action_columns.values()), np.float64).T
         self.live = live
@@ -44,6 +45,8 @@ class _Actions:
         kind = wanted if isinstance(wanted, str) else _kind(wanted)
         if live and kind != "box":
             raise ValueError("live searches for what is set, which is a number: it wants action_space='box'")
+        if live and model_kind == "network":
+            raise ValueError("live searches among recorded settings, and a network knows levels alone; take kind='neighbors' or 'increments'")
         if live and not model.is_continuous:
             raise ValueError("live wants a model whose actions are numbers; build it with levels=, such as levels=7")
         self.space: AnySpace
@@ -113,17 +116,18 @@ class ActingSettings(WalkSettings):
         worst_return: float | None,
         action_space: ActionKind | AnySpace | None,
         live: bool,
+        kind: ModelKind,
     ) -> None:
         check_units(units)
         if pessimism not in ("nearest", "minimum_return"):
             raise ValueError(f"pessimism is {pessimism!r}, expected 'nearest' or 'minimum_return'")
         columns = observed_columns(model.columns, observe)
-        self.actions = _Actions(model, action_space, live)
+        self.actions = _Actions(model, action_space, live, kind)
         most = model.timeout if timeout is None else whole(timeout, "timeout", 1)
         worst = model.worst_return if worst_return is None else float(worst_return)
         self.observation_space = observation_space(model, columns, units)
         self.timeout = most
-        super().__init__(model, (list(members), columns, units == "physical", most, pessimism == "minimum_return", worst, live))
+        super().__init__(model, (list(members), columns, units == "physical", most, pessimism == "minimum_return", worst, live, kind))
 
 
 class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
@@ -143,9 +147,10 @@ class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
         worst_return: float | None = None,
         action_space: ActionKind | AnySpace | None = None,
         live: bool = False,
+        kind: ModelKind = "neighbors",
     ) -> None:
         member = position(member, "member")
-        self._settings = ActingSettings(model, [member], observe, timeout, units, pessimism, worst_return, action_space, live)
+        self._settings = ActingSettings(model, [member], observe, timeout, units, pessimism, worst_return, action_space, live, kind)
         self.model, self.member, self.timeout = model, member, self._settings.timeout
         self.observation_space, self.action_space = self._settings.observation_space, self._settings.actions.space
         self._over = True
@@ -203,10 +208,11 @@ class ActingVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         worst_return: float | None = None,
         action_space: ActionKind | AnySpace | None = None,
         live: bool = False,
+        kind: ModelKind = "neighbors",
     ) -> None:
         dealt = dealt_members(num_envs, members, len(model.columns))
         num_envs = len(dealt)
-        self._settings = ActingSettings(model, dealt, observe, timeout, units, pessimism, worst_return, action_space, live)
+        self._settings = ActingSettings(model, dealt, observe, timeout, units, pessimism, worst_return, action_space, live, kind)
         self.model, self.members, self.num_envs = model, dealt, num_envs
         self.single_observation_space = self._settings.observation_space
         self.single_action_space = self._settings.actions.space

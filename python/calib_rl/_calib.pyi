@@ -173,6 +173,7 @@ class ActionModel:
         pessimistic: bool,
         worst_return: float,
         live: bool,
+        kind: str,
     ) -> ActionWalkers: ...
     def judge(
         self,

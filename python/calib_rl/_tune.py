@@ -16,12 +16,13 @@ import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
 from ._acting import ActionModel
 from ._checks import LARGEST_SEED, position, whole
+from ._kinds import ModelKind
 
 if TYPE_CHECKING:
     from ._tune_unit import Unit
@@ -31,7 +32,7 @@ Grid = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Any]]
 
 _RESAMPLES = 1000
 # What a result follows from beside what is in its key.
-_FORMAT = 1
+_FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Tuned:
     settings: list[Setting]
     """What was compared: the settings that did not fail, and were not left out on the way."""
     chosen: Setting | None
-    """The setting with the best worst rank over the members, whether the log supports it or not; ``None`` where all failed."""
+    """The setting with the best mean rank over the members of all kinds of models, whether the log supports it or not; ``None`` where all failed."""
     default: Setting | None
     """What it is compared with."""
     advice: list[str]
@@ -93,7 +94,7 @@ class Tuned:
     verdict: dict[str, Any]
     """All figures, as ``calib control --json`` has them under ``verdict``, with settings by their place in `settings`."""
     runs: list[dict[str, Any]] = field(repr=False)
-    """Every setting in every member and run: `setting`, `member`, `run`, `mean_return`, `episodes`, `terminals`, `uncovered`, and the `returns` of its episodes."""
+    """Every setting in every member and run: `setting`, `kind`, `member`, `run`, `mean_return`, `episodes`, `terminals`, `uncovered`, and the `returns` of its episodes."""
 
     @property
     def is_supported(self) -> bool:
@@ -104,7 +105,7 @@ class Tuned:
         """The settings, best first.
 
         Returns:
-            A frame with the columns `setting`, `worst_rank`, `mean_rank`, `mean_return`, `uncovered` and `chosen_again`.
+            A frame with the columns `setting`, `mean_rank`, `worst_rank`, `mean_return`, `uncovered` and `chosen_again`.
         """
         rows = self._rows()
         columns: dict[str, list[Any]] = {name: [row[name] for row in rows] for name in (rows[0] if rows else {})}
@@ -116,7 +117,7 @@ class Tuned:
         Returns:
             `runs` as a frame, without the returns of episodes.
         """
-        names = ["setting", "member", "run", "mean_return", "episodes", "terminals", "uncovered"]
+        names = ["setting", "kind", "member", "run", "mean_return", "episodes", "terminals", "uncovered"]
         return _frame({name: [label(run[name]) if name == "setting" else run[name] for run in self.runs] for name in names})
 
     def _rows(self) -> list[dict[str, Any]]:
@@ -126,15 +127,15 @@ class Tuned:
         rows = [
             {
                 "setting": label(setting),
-                "worst_rank": selection["worst_ranks"][place],
                 "mean_rank": selection["mean_ranks"][place],
+                "worst_rank": selection["worst_ranks"][place],
                 "mean_return": selection["mean_errors"][place],
                 "uncovered": _uncovered(self.verdict["coverage"][place]),
                 "chosen_again": again[place] / max(1, sum(again)),
             }
             for place, setting in enumerate(self.settings)
         ]
-        return sorted(rows, key=lambda row: (row["setting"] != label(self.chosen or {}), row["worst_rank"], row["mean_rank"]))
+        return sorted(rows, key=lambda row: (row["setting"] != label(self.chosen or {}), row["mean_rank"], row["worst_rank"]))
 
     def __str__(self) -> str:
         first, *rest = self.advice
@@ -158,6 +159,7 @@ def tune(
     default: Setting | None = {},  # noqa: B006 - it is not changed
     runs: int = 1,
     members: Iterable[int] | None = None,
+    kinds: Sequence[ModelKind] = ("neighbors", "increments", "network"),
     folder: str | os.PathLike[str] | None = None,
     processes: int | None = None,
     halving: int | None = None,
@@ -181,6 +183,8 @@ def tune(
         default: What would be deployed without a choice; it is compared too. ``{}`` is the agent's own default, ``None`` is nothing.
         runs: Runs of each setting in each member.
         members: Positions of members; all, unless given.
+        kinds: Kinds of models that agents learn in, of which every member is made; see ``kind`` of `calib_rl.gym.make`. Unlike kinds err in unlike ways, and the
+            choice is the best by mean rank over the members of all. One kind alone takes a third of the time.
         folder: Where the result of each unit is kept: the same call goes on from there when it was stopped, and makes only what is missing. Unless given, nothing is kept.
         processes: Processes; as many as there are processors, unless given. With 1 everything happens in this one.
         halving: Leave out all but one in so many settings after a part of the steps, in up to three rounds: 3 keeps a third after a ninth of the steps,
@@ -224,11 +228,16 @@ def tune(
     each = [position(member, "members") for member in (range(model.members) if members is None else members)]
     if not each or max(each) >= model.members or len(set(each)) != len(each):
         raise ValueError(f"members is {each}; the model has {model.members}, from 0 on, each once")
+    if not kinds or isinstance(kinds, str) or not set(kinds) <= set(get_args(ModelKind)) or len(set(kinds)) != len(kinds):
+        raise ValueError(f"kinds is {kinds!r}, expected a list of 'neighbors', 'increments' and 'network', each once")
+    if "kind" in environment:
+        raise ValueError("environment has a kind; give the kinds of models by kinds=")
     work = _Work(
         make_agent=make_agent,
         model=model,
         settings=settings,
         members=each,
+        kinds=list(kinds),
         runs=whole(runs, "runs", 1),
         seed=whole(seed, "seed", most=LARGEST_SEED),
         environment=environment,
@@ -246,7 +255,7 @@ def tune(
             break
         verdict = work.judged(alive, lived, default, limits)
         ranks = verdict["selection"]
-        order = sorted(range(len(alive)), key=lambda place: (ranks["worst_ranks"][place], ranks["mean_ranks"][place]))
+        order = sorted(range(len(alive)), key=lambda place: (ranks["mean_ranks"][place], ranks["worst_ranks"][place]))
         kept = {alive[place] for place in order[: max(1, -(-len(alive) // (halving or 1)))]}
         kept |= {place for place in alive if settings[place] == default}
         halved.append((max(1, steps // part), [settings[place] for place in alive if place not in kept]))
@@ -262,7 +271,7 @@ def tune(
     told = [
         {
             "setting": settings[place],
-            **{name: unit["run"][name] for name in ("member", "run", "mean_return", "episodes", "terminals")},
+            **{name: unit["run"][name] for name in ("kind", "member", "run", "mean_return", "episodes", "terminals")},
             "uncovered": _uncovered(unit["run"]["coverage"]),
             "returns": unit["returns"],
         }
@@ -380,6 +389,7 @@ class _Work:
     model: ActionModel
     settings: list[Setting]
     members: list[int]
+    kinds: list[ModelKind]
     runs: int
     seed: int
     environment: dict[str, Any]
@@ -393,16 +403,15 @@ class _Work:
         from ._tune_unit import Unit
 
         units: list[Unit] = []
-        for number, member in enumerate(self.members):
-            for run in range(self.runs):
-                # The same chance for all settings.
-                sequence = np.random.SeedSequence([self.seed, member, run])
-                seed = int(sequence.generate_state(1, np.uint64)[0])
-                units += [Unit(self.settings[place], place, member, run, seed, steps) for place in places]
+        for kind, member, run in itertools.product(self.kinds, self.members, range(self.runs)):
+            # The same chance for all settings, and for all kinds of models.
+            sequence = np.random.SeedSequence([self.seed, member, run])
+            seed = int(sequence.generate_state(1, np.uint64)[0])
+            units += [Unit(self.settings[place], place, kind, member, run, seed, steps) for place in places]
         known = {place: unit for place, unit in enumerate(map(self.kept, units)) if unit is not None}
         missing = [place for place in range(len(units)) if place not in known]
         if self.progress:
-            print(f"{len(places)} settings x {len(self.members)} members x {self.runs} runs of {steps:,} steps, {len(known)} units are there", file=sys.stderr)
+            print(f"{len(places)} settings x {len(self.members)} members of {', '.join(self.kinds)} x {self.runs} runs of {steps:,} steps, {len(known)} units are there", file=sys.stderr)
         self._live(units, missing, known)
         lived: dict[int, list[dict[str, Any]]] = {place: [] for place in places}
         for place, unit in enumerate(units):
@@ -433,7 +442,7 @@ class _Work:
                 else:
                     self._keep(units[place], came)
                 if self.progress:
-                    print(f"{done} of {len(missing)}: {label(units[place].setting)}, member {units[place].member}", file=sys.stderr)
+                    print(f"{done} of {len(missing)}: {label(units[place].setting)}, {units[place].kind}, member {units[place].member}", file=sys.stderr)
 
         if min(self.processes, len(missing)) <= 1:
             for place in missing:
@@ -526,7 +535,7 @@ class _Work:
             hashlib.sha256(manifest).hexdigest(),
             _source(self.make_agent),
             {name: repr(value) for name, value in sorted(unit.setting.items())},
-            [unit.member, unit.run, unit.seed, unit.steps],
+            [unit.kind, unit.member, unit.run, unit.seed, unit.steps],
             {name: repr(value) for name, value in sorted(self.environment.items())},
         ]
         name = hashlib.sha256(json.dumps(of).encode()).hexdigest()[:32]

@@ -25,8 +25,9 @@ _BEYOND = 100_000
 class Unit:
     """A setting in a run of a member."""
 
-    def __init__(self, setting: dict[str, Any], candidate: int, member: int, run: int, seed: int, steps: int) -> None:
-        self.setting, self.candidate, self.member, self.run, self.seed, self.steps = setting, candidate, member, run, seed, steps
+    def __init__(self, setting: dict[str, Any], candidate: int, kind: str, member: int, run: int, seed: int, steps: int) -> None:
+        self.setting, self.candidate, self.kind, self.member = setting, candidate, kind, member
+        self.run, self.seed, self.steps = run, seed, steps
 
 
 class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -77,7 +78,8 @@ def live(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environ
     """What came of a unit: a run as `calib control` has it, with the return of every episode; or why it failed."""
     place = "make_agent"
     try:
-        made = make(model, member=unit.member, **environment)
+        kind: Any = unit.kind
+        made = make(model, member=unit.member, kind=kind, **environment)
         env = Recorder(made, unit.steps, made.timeout)
         env.seed = unit.seed
         env.action_space.seed(unit.seed % 2**32)
@@ -97,6 +99,7 @@ def live(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environ
         return {"error": _told(error), "place": place, "trace": traceback.format_exc(limit=-8)}
     returns = env.returns
     run = {
+        "kind": unit.kind,
         "member": unit.member,
         "run": unit.run,
         "candidate": unit.candidate,

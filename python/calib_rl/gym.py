@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from ._acting import ActionModel
 from ._acting_env import ActingEnv, ActingVectorEnv, ActionKind, Pessimism
 from ._checks import LARGEST_SEED, position, whole
+from ._kinds import ModelKind
 from ._model import Model, Units
 from ._register import register
 from ._walks import (
@@ -235,10 +236,11 @@ def _of_plain(
     pessimism: str,
     worst_return: float | None,
     live: bool,
+    kind: ModelKind,
     **settings: Any,
 ) -> dict[str, Any]:
     """What an environment of a model without actions is made with."""
-    given = {"timeout": timeout is not None, "pessimism": pessimism != "nearest", "worst_return": worst_return is not None, "live": live}
+    given = {"timeout": timeout is not None, "pessimism": pessimism != "nearest", "worst_return": worst_return is not None, "live": live, "kind": kind != "neighbors"}
     for name, is_given in given.items():
         if is_given:
             raise ValueError(f"{name} is for models with actions; build one with calib_rl.build_model(..., actions=[...], reward=...)")
@@ -268,6 +270,7 @@ def make(
     pessimism: Pessimism = "nearest",
     worst_return: float | None = None,
     live: bool = False,
+    kind: ModelKind = "neighbors",
 ) -> ActingEnv: ...
 def make(
     model: Model | ActionModel,
@@ -282,6 +285,7 @@ def make(
     pessimism: Pessimism = "nearest",
     worst_return: float | None = None,
     live: bool = False,
+    kind: ModelKind = "neighbors",
 ) -> CalibrationEnv | ActingEnv:
     """A member of a model as an environment.
 
@@ -300,6 +304,11 @@ def make(
         worst_return: The reward of such an end; the model's, unless given.
         live: With ``"box"``: search for exactly what is set, among all transitions of the member, instead of taking the nearest level. It takes time in proportion
             to the log, and wants a model with ``levels``.
+        kind: With actions: what a step does. ``"neighbors"`` goes to the recorded next state of a neighbour. ``"increments"`` adds the neighbour's recorded
+            change to the state, in every column where that predicts better, and so leaves recorded rows, though never the recorded range. Each step searches
+            all transitions with the action. ``row`` in ``info`` is then the row that the neighbour led to, and ``displacement`` is 0.
+            ``"network"`` goes where a network says that learnt the log, as ``calib control`` trains it; it is trained at its first use in a process, in a second or
+            two. ``row`` is then that of the start of the episode, and every step counts as covered.
 
     Returns:
         The environment. Observations are ``float32 [columns]``, bounded by what was recorded; ``info`` has the ``row`` of the model's data
@@ -338,7 +347,7 @@ def make(
         >>> reward == float(seen[2]), terminated, truncated
         (True, False, False)
     """
-    acting: dict[str, Any] = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live}
+    acting: dict[str, Any] = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live, "kind": kind}
     shared: dict[str, Any] = {"observe": observe, "units": units, **acting}
     if isinstance(model, ActionModel):
         return ActingEnv(model, member, **_of_acting(reward, max_steps, action_space, **shared))
@@ -370,6 +379,7 @@ def make_vec(
     pessimism: Pessimism = "nearest",
     worst_return: float | None = None,
     live: bool = False,
+    kind: ModelKind = "neighbors",
 ) -> ActingVectorEnv: ...
 def make_vec(
     model: Model | ActionModel,
@@ -385,6 +395,7 @@ def make_vec(
     pessimism: Pessimism = "nearest",
     worst_return: float | None = None,
     live: bool = False,
+    kind: ModelKind = "neighbors",
 ) -> CalibrationVectorEnv | ActingVectorEnv:
     """Many walks through members of a model as a vector environment, without Python between them.
 
@@ -401,6 +412,7 @@ def make_vec(
         pessimism: See `make`.
         worst_return: See `make`.
         live: See `make`.
+        kind: See `make`.
 
     Returns:
         The vector environment: observations ``float32 [num_envs, columns]``, rewards ``float64 [num_envs]``. Episodes begin anew in the
@@ -421,7 +433,7 @@ def make_vec(
         >>> seen.shape, env.step(env.action_space.sample())[1].shape
         ((256, 3), (256,))
     """
-    acting: dict[str, Any] = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live}
+    acting: dict[str, Any] = {"timeout": timeout, "pessimism": pessimism, "worst_return": worst_return, "live": live, "kind": kind}
     shared: dict[str, Any] = {"observe": observe, "units": units, **acting}
     if isinstance(model, ActionModel):
         return ActingVectorEnv(model, num_envs, members, **_of_acting(reward, max_steps, action_space, **shared))

@@ -2,11 +2,14 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, OnceLock},
 };
 
-use calib_control::{ActionModel, Pessimism, Rules, Run, Support, Walkers, judge};
-use calib_core::{Bounds, Seed};
+use calib_control::{
+    ActionModel, Increments, Moves, NetworkConfig, NetworkModel, Pessimism, Question, Rules, Run,
+    Support, Walkers, judge,
+};
+use calib_core::{Bounds, Seed, Silent};
 use calib_pipeline::ControlModel;
 use pyo3::{exceptions::PyIndexError, prelude::*};
 use serde::Serialize;
@@ -25,6 +28,14 @@ use crate::{
 pub(crate) struct Kept {
     pub(crate) opened: ControlModel,
     pub(crate) since: Since,
+    increments: OnceLock<Arc<Increments>>,
+    networks: OnceLock<Arc<NetworkModel>>,
+}
+
+impl Kept {
+    fn new(opened: ControlModel, since: Since) -> Self {
+        Self { opened, since, increments: OnceLock::new(), networks: OnceLock::new() }
+    }
 }
 
 /// A model with actions.
@@ -37,6 +48,34 @@ pub(crate) struct PyActionModel {
 impl PyActionModel {
     fn model(&self) -> &ActionModel {
         &self.kept.opened.model
+    }
+
+    /// The increments of the model, made at their first use.
+    fn increments(&self, py: Python<'_>) -> PyResult<Arc<Increments>> {
+        if let Some(increments) = self.kept.increments.get() {
+            return Ok(Arc::clone(increments));
+        }
+        let coverage = self.kept.opened.coverage;
+        let made = watched(py, Needs::Threads, None, |_| {
+            Increments::new(self.model(), coverage, &Silent)
+        })?;
+        let made = Arc::new(made.map_err(|error| errors::of_any(py, &error))?);
+        Ok(Arc::clone(self.kept.increments.get_or_init(|| made)))
+    }
+
+    /// The networks of the model, trained at their first use: as `calib control` trains them.
+    fn networks(&self, py: Python<'_>) -> PyResult<Arc<NetworkModel>> {
+        if let Some(networks) = self.kept.networks.get() {
+            return Ok(Arc::clone(networks));
+        }
+        let (model, members) = (self.model(), self.model().blocks().members());
+        let seed = Seed::new(self.kept.opened.names.seed).child("control").child("networks");
+        let config = NetworkConfig { members, ..NetworkConfig::default() };
+        let trained = watched(py, Needs::Threads, None, |_| {
+            NetworkModel::train(model.log(), model.starts().clone(), &config, seed, &Silent)
+        })?;
+        let trained = Arc::new(trained.map_err(|error| errors::of_any(py, &error))?);
+        Ok(Arc::clone(self.kept.networks.get_or_init(|| trained)))
     }
 
     fn check_member(&self, member: usize) -> PyResult<()> {
@@ -56,7 +95,7 @@ impl PyActionModel {
         })?;
         let opened = opened.map_err(|error| errors::of_step(py, &error))?;
         since.check(py)?;
-        Ok(Self { kept: Arc::new(Kept { opened, since }), directory })
+        Ok(Self { kept: Arc::new(Kept::new(opened, since)), directory })
     }
 
     /// The model of a study, which was built.
@@ -68,7 +107,7 @@ impl PyActionModel {
         let opened = opened.map_err(|error| errors::of_step(py, &error))?;
         since.check(py)?;
         let directory = job.layout().control_model();
-        Ok(Self { kept: Arc::new(Kept { opened, since }), directory })
+        Ok(Self { kept: Arc::new(Kept::new(opened, since)), directory })
     }
 
     /// The folder that it was opened from.
@@ -221,10 +260,11 @@ impl PyActionModel {
     }
 
     /// Walkers, one for each of `members`; `timeout` of 0 is for never.
-    #[pyo3(signature = (members, columns, physical, timeout, pessimistic, worst_return, live))]
+    #[pyo3(signature = (members, columns, physical, timeout, pessimistic, worst_return, live, kind))]
     #[expect(clippy::too_many_arguments, reason = "what decides about walks")]
     fn walkers(
         &self,
+        py: Python<'_>,
         members: Vec<usize>,
         columns: Vec<usize>,
         physical: bool,
@@ -232,6 +272,7 @@ impl PyActionModel {
         pessimistic: bool,
         worst_return: f64,
         live: bool,
+        kind: &str,
     ) -> PyResult<ActionWalkers> {
         members.iter().try_for_each(|&member| self.check_member(member))?;
         let names = &self.kept.opened.names;
@@ -244,8 +285,18 @@ impl PyActionModel {
             (column, if physical { bounds } else { Bounds::IDENTITY })
         };
         let pessimism = if pessimistic { Pessimism::MinimumReturn } else { Pessimism::Nearest };
+        let mut walkers = Walkers::new(self.model(), &members);
+        walkers = walkers.by(match kind {
+            "neighbors" => Moves::Recorded,
+            "increments" => Moves::Increments(self.increments(py)?),
+            "network" => Moves::by_network(self.networks(py)?),
+            _ => {
+                let expected = "expected \"neighbors\", \"increments\" or \"network\"";
+                return Err(errors::value(format!("kind is {kind:?}, {expected}")));
+            }
+        });
         Ok(ActionWalkers {
-            walkers: Walkers::new(self.model(), &members),
+            walkers,
             kept: Arc::clone(&self.kept),
             columns: columns.into_iter().map(map).collect(),
             rules: Rules { pessimism, worst_return },
@@ -280,7 +331,8 @@ impl PyActionModel {
         let log = self.model().log();
         let seed = Seed::new(seed).child("control");
         let judged = watched(py, Needs::Threads, None, |_| {
-            judge(&runs, candidates, default, (log, timeout), support, resamples, seed)
+            let new = Question::new(log, timeout, candidates);
+            judge(&runs, &Question { default, support, resamples, ..new }, seed)
         })?;
         let verdict = judged.map_err(|error| errors::of_any(py, &error))?;
         let columns: Vec<String> = names.columns.iter().map(|column| column.name.clone()).collect();

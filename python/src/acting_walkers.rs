@@ -76,7 +76,7 @@ impl ActionWalkers {
     }
 
     fn look(&self, number: usize, seen: &mut Vec<f32>, displaced: &mut Vec<f32>) {
-        let state = self.kept.opened.model.observed(self.walkers.walks()[number].at);
+        let state = self.walkers.observed(&self.kept.opened.model, number);
         let width = state.len();
         let moved = &self.walkers.displacements()[number * width..][..width];
         for (column, bounds) in &self.columns {
@@ -168,10 +168,9 @@ impl ActionWalkers {
     fn restore(&mut self, state: &str) -> PyResult<()> {
         let walkers: Walkers =
             serde_json::from_str(state).map_err(|error| errors::value(error.to_string()))?;
-        if !walkers.fits(&self.kept.opened.model, &self.walkers) {
-            return Err(errors::value("the state is of walkers through another model"));
-        }
-        self.walkers = walkers;
+        let restored = walkers.restored(&self.kept.opened.model, &self.walkers);
+        self.walkers = restored
+            .ok_or_else(|| errors::value("the state is of walkers through another model"))?;
         Ok(())
     }
 

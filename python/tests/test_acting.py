@@ -15,6 +15,7 @@ import calib_rl
 import calib_rl.gym
 
 polars = pytest.importorskip("polars")
+KINDS = ("neighbors", "increments", "network")
 
 
 def tank(rows: int = 1200, columns: int = 1, terminal: bool = False) -> Any:
@@ -135,6 +136,37 @@ def test_many_walkers_are_single_ones(acting: calib_rl.ActionModel) -> None:
     assert (there.step(np.zeros(6, np.int64))[0] == vector.step(np.zeros(6, np.int64))[0]).all()
 
 
+@pytest.mark.parametrize("kind", ["increments", "network"])
+def test_walks_that_leave_recorded_rows(acting: calib_rl.ActionModel, kind: Any) -> None:
+    env = calib_rl.gym.make(acting, member=1, units="physical", kind=kind)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of bounds that are not from -1 to 1
+        check_env(env, skip_render_check=True)
+    recorded = {float(np.float32(value)) for value in tank()["level"]}
+    many = calib_rl.gym.make_vec(acting, 4, members=[1, 2], units="physical", kind=kind)
+    seen, info = env.reset(seed=7)
+    all_seen, _ = many.reset(seed=[7, 8, 9, 10])
+    assert (seen == all_seen[0]).all()
+    others = 0
+    for number in range(30):
+        before = float(seen[0])
+        seen, reward, terminated, truncated, info = env.step(number % 3)
+        all_seen, rewards, *_ = many.step(np.full(4, number % 3))
+        assert (seen == all_seen[0]).all() and reward == rewards[0]
+        assert env.observation_space.contains(seen) and (info["displacement"] == 0).all()
+        others += float(seen[0]) not in recorded
+        # The level moves by what its valve does, from where it is.
+        expected = np.clip(before + 0.1 * ((number % 3) / 2 - 0.5), 0.0, 1.0)
+        assert abs(float(seen[0]) - expected) < 0.08, (before, number % 3, seen)
+        if number == 12:
+            twin = pickle.loads(pickle.dumps(env))
+            one, other = twin.step(1), env.step(1)
+            assert (one[0] == other[0]).all() and one[1] == other[1]
+            many.step(np.ones(4, int))
+            seen = other[0]
+    assert others > 20
+
+
 def test_what_an_environment_refuses(acting: calib_rl.ActionModel, continuous: calib_rl.ActionModel) -> None:
     plain = calib_rl.build_model(np.random.default_rng(0).random((300, 2)))
     arguments: Any
@@ -229,9 +261,11 @@ def tuned(acting: calib_rl.ActionModel) -> calib_rl.Tuned:
 
 def test_settings_are_ranked(tuned: calib_rl.Tuned) -> None:
     assert tuned.chosen == {"step_size": 0.3, "epsilon": 0.05} and len(tuned.settings) == 5 and tuned.default == {}
-    assert tuned.failures == [] and len(tuned.runs) == 25 and {len(run["returns"]) for run in tuned.runs} == {75}
+    assert tuned.failures == [] and len(tuned.runs) == 75 and {len(run["returns"]) for run in tuned.runs} == {75}
     frame = tuned.frame()
-    assert frame["setting"][0] == "step_size=0.3 epsilon=0.05" and frame["worst_rank"][0] <= 2
+    assert frame["setting"][0] == "step_size=0.3 epsilon=0.05" and frame["mean_rank"][0] <= 2
+    assert [kind["kind"] for kind in tuned.verdict["kinds"]] == ["neighbors", "increments", "network"]
+    assert {(run["kind"], run["member"]) for run in tuned.runs} == {(kind, member) for kind in KINDS for member in range(5)}
     assert "over a random setting: +" in str(tuned) and tuned.advice[0].split(":")[0] in ("deploy", "keep the default", "the log does not support a choice; it would be")
     assert "<table>" in tuned._repr_html_()
 
@@ -242,7 +276,7 @@ def test_processes_and_a_stop_change_nothing(acting: calib_rl.ActionModel, tuned
 
     assert call(processes=2).verdict == tuned.verdict
     kept = sorted((tmp_path / "units").iterdir())
-    assert len(kept) == 25
+    assert len(kept) == 75
     before = {path: path.stat().st_mtime_ns for path in kept}
     for path in kept[:4]:
         os.unlink(path)
@@ -293,3 +327,8 @@ def test_what_tune_refuses(acting: calib_rl.ActionModel) -> None:
             calib_rl.tune(Sarsa, grid, acting, total_timesteps=10)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="members is"):
         calib_rl.tune(Sarsa, GRID, acting, total_timesteps=10, members=[9])
+    for kinds in ([], ["neighbors", "neighbors"], "network", ["tables"]):
+        with pytest.raises(ValueError, match="kinds is"):
+            calib_rl.tune(Sarsa, GRID, acting, total_timesteps=10, kinds=kinds)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="kinds="):
+        calib_rl.tune(Sarsa, GRID, acting, total_timesteps=10, environment={"kind": "network"})

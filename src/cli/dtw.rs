@@ -13,7 +13,7 @@ use super::OUTPUT;
 pub(crate) struct DtwArgs {
     /// The first series: FILE.npy, FILE.csv or FILE.parquet, with :COLUMN where there are several
     pub(crate) query: String,
-    /// The second series, likewise
+    /// The second series, in the same form
     pub(crate) reference: String,
     /// Which steps a warping path may take and what they cost, such as symmetricP2 or
     /// rabinerJuang:3c:smoothed; may be given several times

@@ -89,8 +89,8 @@ const WORDS: usize = 3;
 /// What a person calls a shape.
 pub(super) fn shape_name(shape: Shape) -> &'static str {
     match shape {
-        Shape::Wide => "wide tables: a column a channel",
-        Shape::Long => "long tables: a row a sample",
+        Shape::Wide => "wide tables: one column per channel",
+        Shape::Long => "long tables: one row per sample",
         Shape::FilePerTag => "files of one tag each",
     }
 }

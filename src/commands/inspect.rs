@@ -64,7 +64,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
     let usable = !refused && profile.train.transitions > 0 && profile.kept().next().is_some();
     if profile.bad_quality > 0 && 2 * profile.bad_quality > profile.file_rows {
         printer.warn(
-            "most samples are of bad quality; if 0 is good there, as it is in PI, say so: data.good_quality = [\"0\"]",
+            "most samples are of bad quality; if 0 is good there, as it is in PI, set data.good_quality = [\"0\"]",
         );
     }
     if !usable && !refused {
@@ -104,7 +104,7 @@ fn settings(args: &InspectArgs) -> Result<Settings, StepError> {
     } else {
         ensure!(
             args.profile.is_none(),
-            "--profile is of a study, and {} is none; leave it out",
+            "--profile is of a study, and {} is not one; leave it out",
             args.data.display()
         );
         calib_study::of_data(&args.data, &args.set)?

@@ -23,7 +23,7 @@ fn a_long_table_is_shown_and_imported() {
     let place = Place::new();
     place.write("history.csv", &long());
     let shown = place.calib(&["inspect", "history.csv"]).succeeds();
-    assert!(shown.contains("read as long tables: a row a sample"), "{shown}");
+    assert!(shown.contains("read as long tables: one row per sample"), "{shown}");
     assert!(shown.contains("1: samples of bad quality"), "{shown}");
     assert!(shown.contains("1 h 29 min"), "{shown}");
     let made = place.calib(&["import", "history.csv", "wide.parquet"]).succeeds();

@@ -84,8 +84,8 @@ pub enum ReplayKind {
     None,
 }
 
-/// Hyperparameters of a TD(0) agent, or of one of another program. Every field has a default; all but `traces`, and what is of programs, are
-/// scalars. What is of programs is left out where it is the default.
+/// Hyperparameters of a TD(0) agent, or of one of another program. Every field has a default. All but `traces` and
+/// the fields of programs are scalars. Fields of programs are left out where they have their defaults.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AgentConfig {

@@ -18,11 +18,12 @@ use std::{
 
 use calib_control::{
     ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Decisions, Extent, Grid,
-    Levels, Pendulum, Quality, Simulated, Span, Starts, Support, TaskKind, judge, record, regret,
-    sweep, truth,
+    Levels, Pendulum, Quality, Question, Simulated, Span, Starts, Support, TaskKind, judge, record,
+    regret, sweep, truth,
 };
 use calib_core::{RowIndex, Seed, Silent, States};
-use calib_stats::summarise;
+
+use calib_stats::{RankRule, summarise};
 use serde_json::{Value, json};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -91,8 +92,10 @@ fn one(
         let extent = Extent { runs: 1, span: SPAN };
         let runs = sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?;
         let support = Support { fewest_terminals: 0, ..Support::default() };
-        let verdict =
-            judge(&runs, candidates.len(), None, (&log, SPAN.timeout), support, 200, seed)?;
+        let rule = RankRule::WorstRank;
+        let question =
+            Question { rule, support, ..Question::new(&log, SPAN.timeout, candidates.len()) };
+        let verdict = judge(&runs, &question, seed)?;
         let line = json!({
             "name": name, "weight": weight, "chosen": verdict.chosen,
             "promised": verdict.selection.mean_errors[verdict.chosen],

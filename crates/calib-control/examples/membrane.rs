@@ -17,11 +17,11 @@ use std::{
 
 use calib_control::{
     ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Ensemble as _, Extent,
-    Grid, Membrane, Quality, Simulated, Span, Starts, Support, TaskKind, fitted_q_evaluation,
-    judge, live, record, regret, sweep, truth,
+    Grid, Membrane, Quality, Question, Simulated, Span, Starts, Support, TaskKind,
+    fitted_q_evaluation, judge, live, record, regret, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
-use calib_stats::summarise;
+use calib_stats::{RankRule, summarise};
 use serde_json::{Value, json};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -108,8 +108,8 @@ impl Study {
         let log = model.log();
         // Plants hardly ever trip: terminals are few wherever operators are careful.
         let support = Support { fewest_terminals: 0, ..Support::default() };
-        let verdict =
-            judge(&runs, candidates.len(), untuned, (log, span.timeout), support, 200, seed)?;
+        let (rule, new) = (RankRule::WorstRank, Question::new(log, span.timeout, candidates.len()));
+        let verdict = judge(&runs, &Question { default: untuned, rule, support, ..new }, seed)?;
         let fitted = fitted_q_evaluation(log, &starts, &candidates, STEPS, span.timeout, &Silent)?;
         let best_fitted =
             (0..fitted.len()).max_by(|&a, &b| fitted[a].total_cmp(&fitted[b]).then(b.cmp(&a)));

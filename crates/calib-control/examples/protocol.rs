@@ -1,12 +1,14 @@
 //! The published protocol of choosing hyperparameters from logs, for agents that act (Wang et al. 2022), repeated:
 //!
 //! ```sh
-//! cargo run --release -p calib-control --example protocol -- DIR [LOGS] [TRUTH_RUNS] [nearest|minimum_return] [TASK,TASK] \
-//!     [--model euclidean|laplacian|network]
+//! cargo run --release -p calib-control --example protocol -- DIR [LOGS|FIRST..END] [TRUTH_RUNS] [nearest|minimum_return] [TASK,TASK] \
+//!     [--model euclidean|laplacian|network|pool]
 //! ```
 //!
 //! `DIR/truth-TASK.json` has the true mean returns of the 54 candidates, `DIR/logs.jsonl` a line for every log and model: what each way to
-//! choose chose, and the return that it promised. What is there is not done again; all models have the same logs. `docs/control` is such a folder;
+//! choose chose, and the return that it promised. With `--model pool`, `DIR/pool.jsonl` has for every log the return of every candidate in
+//! every member of three kinds of models (neighbours, increments, networks), so that rules of choice can be compared; `scripts/pool_protocol.py`
+//! does. What is there is not done again; all models have the same logs. `docs/control` is such a folder;
 //! `scripts/control_protocol.py docs/control` makes the table and the figure of docs/control.md.
 
 use std::{
@@ -18,12 +20,13 @@ use std::{
 
 use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
-    Decisions, Environment, Extent, Grid, NetworkConfig, NetworkModel, Pessimism, PuddleWorld,
-    Quality, Run, Simulated, Span, Starts, Support, Task, TaskKind, fitted_q_evaluation, judge,
-    record, sweep, truth,
+    Coverage, Decisions, Drift, Environment, Extent, Grid, IncrementModel, Increments,
+    NetworkConfig, NetworkModel, Pessimism, PuddleWorld, Quality, Question, Run, Simulated, Span,
+    Starts, Support, Task, TaskKind, fitted_q_evaluation, judge, record, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
 use calib_represent::{LaplacianConfig, Split, Training, encode};
+use calib_stats::RankRule;
 use serde_json::{Value, json};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -56,17 +59,25 @@ enum Model {
     Laplacian,
     /// A network.
     Network,
+    /// Neighbours, increments and networks, whose estimates are all kept.
+    Pool,
 }
 
 impl Model {
-    const ALL: [Self; 3] = [Self::Euclidean, Self::Laplacian, Self::Network];
+    const ALL: [Self; 4] = [Self::Euclidean, Self::Laplacian, Self::Network, Self::Pool];
 
     fn name(self) -> &'static str {
         match self {
             Self::Euclidean => "euclidean",
             Self::Laplacian => "laplacian",
             Self::Network => "network",
+            Self::Pool => "pool",
         }
+    }
+
+    /// The file with a line a log.
+    fn file(self) -> &'static str {
+        if self == Self::Pool { "pool.jsonl" } else { "logs.jsonl" }
     }
 
     /// Whether a line is of this model; those of the first one do not name it.
@@ -83,14 +94,20 @@ fn main() -> Outcome<()> {
             let named: Vec<String> = arguments.drain(place..).skip(1).collect();
             let [name] = &named[..] else { return Err("--model NAME comes last".into()) };
             let own = Model::ALL.into_iter().find(|of| of.name() == name);
-            own.ok_or_else(|| format!("`{name}` is no model: euclidean, laplacian or network"))?
+            own.ok_or_else(|| {
+                format!("`{name}` is no model: euclidean, laplacian, network or pool")
+            })?
         }
     };
     let number = |place: usize, default: usize| -> Outcome<usize> {
         Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
     };
     let directory = Path::new(arguments.first().ok_or("where to write?")?);
-    let (logs, truth_runs) = (number(1, 30)?, number(2, 30)?);
+    let logs = match arguments.get(1).and_then(|text| text.split_once("..")) {
+        Some((first, end)) => first.parse::<usize>()?..end.parse()?,
+        None => 0..number(1, 30)?,
+    };
+    let truth_runs = number(2, 30)?;
     let pessimism = match arguments.get(3).map(String::as_str) {
         None | Some("nearest") => Pessimism::Nearest,
         Some("minimum_return") => Pessimism::MinimumReturn,
@@ -106,7 +123,7 @@ fn main() -> Outcome<()> {
     let cart_pole = CartPole::with_slip(0.1);
     let poles = study.truth(TaskKind::CartPole, &cart_pole)?;
     let puddles = study.truth(TaskKind::PuddleWorld, &PuddleWorld::default())?;
-    for log in 0..logs {
+    for log in logs {
         if is_wanted(TaskKind::PuddleWorld) {
             study.log(TaskKind::PuddleWorld, &PuddleWorld::default(), log, &puddles)?;
         }
@@ -155,7 +172,7 @@ impl Study<'_> {
         for quality in Quality::PUBLISHED {
             for length in [500, 5000] {
                 let name = format!("{}/{}/{length}/{number}", kind.name(), quality.name());
-                let path = self.directory.join("logs.jsonl");
+                let path = self.directory.join(self.model.file());
                 let rule = json!(self.pessimism);
                 let lines = fs::read_to_string(&path).unwrap_or_default();
                 let of_log: Vec<Value> = lines
@@ -195,10 +212,16 @@ impl Study<'_> {
         let recorded = record(&mut behaviour, &mut anywhere, length, timeout, seed.child("log"));
         let log = recorded.decisions(world.actions())?;
         let starts = starts(&mut world, seed.child("starts"))?;
+        if self.model == Model::Pool {
+            return self.pool(kind, &log, &starts, &candidates, seed);
+        }
         let runs = self.runs(kind, &log, &starts, &candidates, seed)?;
         let default = candidates.iter().position(|of| *of == AgentConfig::default());
-        let (all, support) = (candidates.len(), Support::default());
-        let verdict = judge(&runs, all, default, (&log, timeout), support, 200, seed)?;
+        let support = Support::default();
+        let rule = RankRule::WorstRank;
+        let question =
+            Question { default, rule, support, ..Question::new(&log, timeout, candidates.len()) };
+        let verdict = judge(&runs, &question, seed)?;
         let fitted = if let Some(fitted) = fitted {
             Some(fitted as usize)
         } else {
@@ -233,17 +256,59 @@ impl Study<'_> {
         let [metric, begin] = match self.model {
             Model::Euclidean => [log.states().clone(), starts.clone()],
             Model::Laplacian => represented(log, starts, seed.child("representation"))?,
+            Model::Pool => unreachable!("has lines of its own"),
             Model::Network => {
                 let (config, seed_of) = (NetworkConfig::default(), seed.child("networks"));
                 let model = NetworkModel::train(log, starts.clone(), &config, seed_of, &Silent)?;
                 return Ok(sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?);
             }
         };
-        let config = ActionModelConfig { pessimism: self.pessimism, ..Default::default() };
         let begin = Starts { observed: starts.clone(), metric: begin };
-        let (log, worst) = (log.clone(), kind.worst_return());
-        let model = ActionModel::build(log, &metric, begin, &config, worst, &Silent)?;
+        let model = self.neighbors(kind, log, &metric, begin)?;
         Ok(sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?)
+    }
+
+    fn neighbors(
+        &self,
+        kind: TaskKind,
+        log: &Decisions,
+        metric: &States,
+        begin: Starts,
+    ) -> Outcome<ActionModel> {
+        let config = ActionModelConfig { pessimism: self.pessimism, ..Default::default() };
+        let (log, worst) = (log.clone(), kind.worst_return());
+        Ok(ActionModel::build(log, metric, begin, &config, worst, &Silent)?)
+    }
+
+    /// What every candidate gets in every member of three kinds of models.
+    fn pool(
+        &self,
+        kind: TaskKind,
+        log: &Decisions,
+        starts: &States,
+        candidates: &[AgentConfig],
+        seed: Seed,
+    ) -> Outcome<Value> {
+        let extent = Extent { runs: 1, span: Span { steps: STEPS, timeout: kind.timeout() } };
+        let begin = Starts { observed: starts.clone(), metric: starts.clone() };
+        let model = self.neighbors(kind, log, log.states(), begin)?;
+        let increments = Increments::new(&model, ActionModelConfig::DEFAULT.coverage, &Silent)?;
+        let (config, of_networks) = (NetworkConfig::default(), seed.child("networks"));
+        let networks = NetworkModel::train(log, starts.clone(), &config, of_networks, &Silent)?;
+        let seed = seed.child("sweep");
+        let by_increments = IncrementModel::new(&model, &increments);
+        let recorded = log.recorded_return(kind.timeout())?;
+        Ok(json!({
+            "rule": self.pessimism,
+            "model_kind": "pool",
+            "actions": log.counts(),
+            "terminals": log.terminals(),
+            "recorded": [recorded.mean, recorded.best.unwrap_or(f64::INFINITY)],
+            "keeps": increments.keeps(),
+            "neighbors": told(&sweep(&model, candidates, extent, seed, &Silent)?),
+            "increments": told(&sweep(&by_increments, candidates, extent, seed, &Silent)?),
+            "network": told(&sweep(&networks, candidates, extent, seed, &Silent)?),
+        }))
     }
 
     /// The policy of this quality: learnt by the candidate that is best in the truth.
@@ -278,6 +343,39 @@ fn represented(log: &Decisions, starts: &States, seed: Seed) -> Outcome<[States;
     }
     let encoder = training.encoder();
     Ok([encode(encoder, states)?, encode(encoder, starts)?])
+}
+
+/// Of a kind of models: `returns[member][candidate]`, and of each candidate the share of its steps that the log does not cover, its terminals a
+/// step, and how far its episodes are moved.
+fn told(runs: &[Run]) -> Value {
+    let candidates = 1 + runs.iter().map(|run| run.candidate).max().unwrap_or(0);
+    let members = 1 + runs.iter().map(|run| run.member).max().unwrap_or(0);
+    let mut returns = vec![vec![Value::Null; candidates]; members];
+    let mut sums = vec![(Coverage::default(), 0, Drift::default()); candidates];
+    for run in runs {
+        returns[run.member][run.candidate] = rounded(run.mean_return);
+        let (coverage, terminals, drift) = &mut sums[run.candidate];
+        *coverage = coverage.and(run.coverage);
+        *terminals += run.terminals;
+        *drift = std::mem::take(drift).and(&run.drift);
+    }
+    let moved =
+        |drift: &Drift| drift.means().into_iter().map(|[mean, _]| mean.abs()).fold(0.0, f64::max);
+    json!({
+        "returns": returns,
+        "uncovered": sums.iter().map(|of| rounded(of.0.uncovered())).collect::<Vec<_>>(),
+        "terminals": sums.iter().map(|of| rounded(of.1 as f64 / of.0.steps.max(1) as f64)).collect::<Vec<_>>(),
+        "moved": sums.iter().map(|of| rounded(moved(&of.2))).collect::<Vec<_>>(),
+    })
+}
+
+/// Five significant digits; nothing where it diverged.
+fn rounded(value: f64) -> Value {
+    if value.is_finite() {
+        json!(format!("{value:.4e}").parse::<f64>().unwrap_or(value))
+    } else {
+        Value::Null
+    }
 }
 
 /// The line with its name.

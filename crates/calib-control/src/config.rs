@@ -1,7 +1,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ActionModelConfig, AgentConfig, ControlError, Grid, Reward, Support};
+use calib_stats::RankRule;
+
+use crate::{ActionModelConfig, ActionModelKind, AgentConfig, ControlError, Grid, Reward, Support};
 
 /// `[control]`: an agent that acts, learnt from a log of decisions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -41,7 +43,11 @@ pub struct ControlConfig {
     pub most_uncovered: f64,
     /// Fewest terminals of a log whose study names a terminal, before a choice is refused.
     pub fewest_terminals: usize,
-    /// The model.
+    /// The kinds of models that agents act in; each has `model.members` members, each of which lacks one block of the log.
+    pub models: Vec<ActionModelKind>,
+    /// How a candidate is chosen from its ranks in all members.
+    pub rule: RankRule,
+    /// The neighbours, of which increments are made as well, and the members of every kind.
     pub model: ActionModelConfig,
     /// The agent, and so the default that a choice is compared with.
     pub agent: AgentConfig,
@@ -76,6 +82,8 @@ impl Default for ControlConfig {
             start: StartRows::Episodes,
             most_uncovered: Support::default().most_uncovered,
             fewest_terminals: Support::default().fewest_terminals,
+            models: ActionModelKind::ALL.to_vec(),
+            rule: RankRule::default(),
             model: ActionModelConfig::default(),
             agent: AgentConfig::default(),
             grid: Grid::default(),
@@ -122,6 +130,14 @@ impl ControlConfig {
         ];
         if let Some((field, got, _, expected)) = checks.into_iter().find(|check| !check.2) {
             return Err(ControlError::Field { field, got, expected });
+        }
+        if self.models.is_empty() {
+            return Err(ControlError::NoModels);
+        }
+        let is_again =
+            |&(place, kind): &(usize, &ActionModelKind)| self.models[..place].contains(kind);
+        if let Some((_, kind)) = self.models.iter().enumerate().find(is_again) {
+            return Err(ControlError::RepeatedModel { kind: kind.name() });
         }
         self.reward.check()?;
         self.model.check()?;
@@ -194,6 +210,11 @@ mod tests {
         assert!(told.expect_err("densities").to_string().contains("control.probability"));
         let one = ControlConfig { levels: Some(1), probability: None, ..config.clone() };
         assert!(one.check().expect_err("one").to_string().contains("levels"));
+        let none = ControlConfig { models: Vec::new(), ..config.clone() }.check();
+        assert!(none.expect_err("none").to_string().contains("control.models"));
+        let network = ActionModelKind::Network;
+        let twice = ControlConfig { models: vec![network; 2], ..config.clone() }.check();
+        assert!(twice.expect_err("twice").to_string().contains("\"network\" twice"));
         let none = ControlConfig { steps: 0, ..config };
         assert!(none.check().expect_err("none").to_string().contains("steps"));
     }

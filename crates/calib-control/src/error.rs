@@ -42,6 +42,17 @@ pub enum ControlError {
     /// A study does not say which columns are actions.
     #[error("`actions` is empty; name the columns of the action that was taken in a row")]
     NoActions,
+    /// No kind of model to let agents act in.
+    #[error(
+        "control.models is empty; list \"neighbors\", \"increments\" or \"network\", or leave the key out for all of them"
+    )]
+    NoModels,
+    /// A kind of model twice.
+    #[error("control.models has \"{kind}\" twice; remove one")]
+    RepeatedModel {
+        /// The kind.
+        kind: &'static str,
+    },
     /// A reward without terms.
     #[error(
         "`reward` has no term; name a column, or list terms such as {{ column = \"flow\", weight = 1 }}"

@@ -40,17 +40,18 @@ pub use levels::Levels;
 pub use life::{Life, Span, live};
 pub use log::{Columns, Decisions};
 pub use model::{
-    ActionModel, ActionModelConfig, ActionModelRecord, At, Coverage, Covered, Distance, Ensemble,
-    NetworkConfig, NetworkModel, NetworkWalk, Pessimism, Rules, Starts, Step, Target, Walk, Walked,
+    ActionModel, ActionModelConfig, ActionModelKind, ActionModelRecord, At, Coverage, Covered,
+    Distance, Ensemble, IncrementModel, IncrementWalk, Increments, NetworkConfig, NetworkModel,
+    NetworkWalk, NetworkWorkplace, Pessimism, Rules, Starts, Step, Target, Walk, Walked,
     open_action_model, write_action_model,
 };
 pub use recorded::RecordedReturn;
 pub use reward::{Reward, Term};
 pub use settings::Settings;
-pub use sweep::{Extent, NotKept, Run, RunKeeper, sweep, sweep_keeping, truth};
+pub use sweep::{Extent, NotKept, Run, RunId, RunKeeper, sweep, sweep_keeping, truth};
 pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,
 };
 pub use usage::{CoverageMap, Spread};
-pub use verdict::{Doubt, Regret, ReturnVerdict, Support, judge, regret};
-pub use walkers::{Walker, Walkers, Went};
+pub use verdict::{Doubt, KindReturns, Question, Regret, ReturnVerdict, Support, judge, regret};
+pub use walkers::{Moves, Walker, Walkers, Went};

@@ -196,6 +196,13 @@ impl Decisions {
         &self.endings
     }
 
+    /// The states that a transition leads from and to.
+    pub(crate) fn ends(&self, transition: TransitionIndex) -> [&[f32]; 2] {
+        let transitions = &self.transitions;
+        [transitions.source(transition), transitions.next(transition)]
+            .map(|row| self.states.row(row.get()))
+    }
+
     /// The transitions with `action`, ascending.
     pub fn with_action(&self, action: usize) -> Vec<u32> {
         let is = |&(_, &of): &(usize, &u16)| usize::from(of) == action;

@@ -5,13 +5,16 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Agent, AgentConfig, ControlError, Coverage, Drift, Ensemble, Environment, Life, Span,
-    Walked as _, live,
+    ActionModelKind, Agent, AgentConfig, ControlError, Coverage, Drift, Ensemble, Environment,
+    Life, Span, Walked as _, live,
 };
 
 /// What came of one candidate in one run of one member.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
+    /// What the member is.
+    #[serde(default)]
+    pub kind: ActionModelKind,
     /// The member.
     pub member: usize,
     /// Which run in it.
@@ -34,10 +37,31 @@ pub struct Run {
     pub drift: Drift,
 }
 
+/// Which run it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RunId {
+    /// What the member is.
+    pub kind: ActionModelKind,
+    /// The member.
+    pub member: usize,
+    /// Which run in it.
+    pub run: usize,
+    /// The candidate.
+    pub candidate: usize,
+}
+
+impl Run {
+    /// Which run it is.
+    pub fn id(&self) -> RunId {
+        let Self { kind, member, run, candidate, .. } = *self;
+        RunId { kind, member, run, candidate }
+    }
+}
+
 /// Whoever keeps runs, so that a sweep that was stopped goes on from them.
 pub trait RunKeeper: Sync {
     /// What came of this run, if it was kept.
-    fn known(&self, member: usize, run: usize, candidate: usize) -> Option<Run>;
+    fn known(&self, id: RunId) -> Option<Run>;
 
     /// Keep a run.
     ///
@@ -51,7 +75,7 @@ pub trait RunKeeper: Sync {
 pub struct NotKept;
 
 impl RunKeeper for NotKept {
-    fn known(&self, _: usize, _: usize, _: usize) -> Option<Run> {
+    fn known(&self, _: RunId) -> Option<Run> {
         None
     }
 
@@ -100,12 +124,18 @@ pub fn sweep_keeping<M: Ensemble>(
 ) -> Result<Vec<Run>, ControlError> {
     let of_member = extent.runs * candidates.len();
     let units = model.members() * of_member;
-    monitor.begin("agents in members", units as u64);
+    let task = match model.kind() {
+        ActionModelKind::Neighbors => "agents in neighbours",
+        ActionModelKind::Increments => "agents in increments",
+        ActionModelKind::Network => "agents in networks",
+    };
+    monitor.begin(task, units as u64);
     let one = |unit: usize| -> Result<Run, ControlError> {
         monitor.check()?;
         let (member, rest) = (unit / of_member, unit % of_member);
         let (run, candidate) = (rest / candidates.len(), rest % candidates.len());
-        if let Some(known) = keeper.known(member, run, candidate) {
+        let id = RunId { kind: model.kind(), member, run, candidate };
+        if let Some(known) = keeper.known(id) {
             monitor.advance(1);
             return Ok(known);
         }
@@ -113,6 +143,7 @@ pub fn sweep_keeping<M: Ensemble>(
         let mut walk = model.walk(member);
         let life = one_life(candidates[candidate], &mut walk, extent.span, seed);
         let lived = Run {
+            kind: model.kind(),
             member,
             run,
             candidate,

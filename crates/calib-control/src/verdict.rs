@@ -2,13 +2,13 @@
 
 use calib_core::Seed;
 use calib_stats::{
-    Difference, Direction, Drawn, Nested, Selection, StatsError, hierarchical, jackknife,
-    paired_difference, select,
+    Difference, Direction, Drawn, Nested, RankRule, Selection, StatsError, hierarchical, jackknife,
+    paired_difference, select_by,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ControlError, Coverage, Decisions, Drift, RecordedReturn, Run};
+use crate::{ActionModelKind, ControlError, Coverage, Decisions, Drift, RecordedReturn, Run};
 
 const HIGHER: Direction = Direction::HigherIsBetter;
 
@@ -90,13 +90,18 @@ pub enum Doubt {
 /// Returns of a model say which candidate is better, not what it will get: they are for comparison only.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReturnVerdict {
-    /// The chosen candidate, by worst rank over members.
+    /// The rule by which it was chosen.
+    pub rule: RankRule,
+    /// The chosen candidate.
     pub chosen: usize,
     /// The candidate that would be deployed without a choice, if the grid has it.
     pub default: Option<usize>,
-    /// Ranks over the members, 1 for the highest mean return.
+    /// Ranks over the members of all kinds of models, one kind after the other; 1 for the highest mean return.
     pub selection: Selection,
-    /// Mean return of each candidate over the runs of each member, `[members][candidates]` (`"-inf"` in files where it diverged).
+    /// What each kind of model says.
+    pub kinds: Vec<KindReturns>,
+    /// Mean return of each candidate in the members that lack each block of the log, over kinds and runs, `[blocks][candidates]` (`"-inf"` in
+    /// files where it diverged).
     #[serde(with = "calib_stats::diverged::rows")]
     #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
     pub members: Vec<Vec<f64>>,
@@ -108,12 +113,59 @@ pub struct ReturnVerdict {
     pub chosen_of_resamples: Vec<usize>,
     /// What the recorded behaviour got.
     pub behaviour: RecordedReturn,
-    /// What the steps of each candidate rested on, over members and runs.
+    /// What the steps of each candidate rested on, over members and runs of the first kind of model.
     pub coverage: Vec<Coverage>,
     /// How far the episodes of the chosen candidate were moved by jumps between recorded transitions, over members and runs.
     pub drift: Drift,
     /// Why the log does not support the choice; empty if it does.
     pub doubts: Vec<Doubt>,
+}
+
+/// What the members of one kind say.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct KindReturns {
+    /// The kind.
+    pub kind: ActionModelKind,
+    /// What these members alone would choose, by the same rule.
+    pub chosen: usize,
+    /// Mean return of each candidate over the runs of each member, `[members][candidates]` (`"-inf"` in files where it diverged).
+    #[serde(with = "calib_stats::diverged::rows")]
+    #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
+    pub members: Vec<Vec<f64>>,
+}
+
+/// What is asked of the runs of a sweep.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// The log of the models.
+    pub log: &'a Decisions,
+    /// Steps after which an episode was cut.
+    pub timeout: usize,
+    /// How many candidates there are.
+    pub candidates: usize,
+    /// The one that would be deployed without a choice, if the grid has it.
+    pub default: Option<usize>,
+    /// How to choose.
+    pub rule: RankRule,
+    /// When a choice is refused.
+    pub support: Support,
+    /// How often members and runs are drawn anew.
+    pub resamples: usize,
+}
+
+impl<'a> Question<'a> {
+    /// Of `candidates` candidates none of which is the default, by the default rule and limits, with 200 resamples.
+    pub fn new(log: &'a Decisions, timeout: usize, candidates: usize) -> Self {
+        Self {
+            log,
+            timeout,
+            candidates,
+            default: None,
+            rule: RankRule::default(),
+            support: Support::default(),
+            resamples: 200,
+        }
+    }
 }
 
 impl ReturnVerdict {
@@ -123,42 +175,57 @@ impl ReturnVerdict {
     }
 }
 
-/// Judge the runs of `candidates` candidates in the model of `log`, in episodes of at most `timeout` steps.
+/// Judge the runs of a sweep.
 ///
-/// The choice is the one whose worst rank over the members is best, as for prediction, with the highest mean return as rank 1
-/// ([`select`]). Where a candidate diverged its return is −∞.
+/// Each member of each kind of model ranks the candidates by mean return, the highest first, and the choice is made from all these ranks by
+/// the rule ([`select_by`]). Where a candidate diverged its return is −∞.
 ///
 /// # Errors
-/// If there are no runs, or not one of every candidate in every run of a member.
+/// If there are no runs, or not one of every candidate in every run of a member of every kind.
 pub fn judge(
     runs: &[Run],
-    candidates: usize,
-    default: Option<usize>,
-    (log, timeout): (&Decisions, usize),
-    support: Support,
-    resamples: usize,
+    question: &Question<'_>,
     seed: Seed,
 ) -> Result<ReturnVerdict, ControlError> {
-    let nested = Nested::new(by_member(runs, candidates))?;
-    let members = nested.whole().means();
-    let selection = select(&members, HIGHER)?;
+    let Question { log, timeout, candidates, default, rule, support, resamples } = *question;
+    let mut kinds: Vec<ActionModelKind> = runs.iter().map(|run| run.kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    // Members of different kinds that lack the same block stand and fall together, and so do runs with the same draws.
+    let nested = Nested::new(by_block(runs, &kinds, candidates))?;
+    let blocks = nested.whole().means();
+    let selection = select_by(rule, &of_all_kinds(&blocks, candidates), HIGHER)?;
     let chosen = selection.chosen;
-    let of = |candidate: usize| -> Vec<f64> { members.iter().map(|of| of[candidate]).collect() };
-    let all: Vec<f64> =
+    let each = kinds.iter().enumerate().map(|(place, &kind)| {
+        let members = of_kind(&blocks, place, candidates);
+        let chosen = select_by(rule, &members, HIGHER)?.chosen;
+        Ok(KindReturns { kind, chosen, members })
+    });
+    let each = each.collect::<Result<Vec<_>, StatsError>>()?;
+    let members: Vec<Vec<f64>> = blocks.iter().map(|of| over_kinds(of, candidates)).collect();
+    let of_candidate = |candidate: usize| -> Vec<f64> {
+        members.iter().map(|returns| returns[candidate]).collect()
+    };
+    let random: Vec<f64> =
         members.iter().map(|of| of.iter().sum::<f64>() / candidates as f64).collect();
-    let choose = |drawn: &[Drawn<'_>]| Ok(Some(select(&drawn[0].means(), HIGHER)?.chosen));
+    let choose = |drawn: &[Drawn<'_>]| {
+        Ok(Some(select_by(rule, &of_all_kinds(&drawn[0].means(), candidates), HIGHER)?.chosen))
+    };
     let mut rng = seed.child("resamples").rng();
-    let shares = hierarchical(&[&nested], resamples, |n| rng.below(n), choose)?;
+    let mut shares = hierarchical(&[&nested], resamples, |n| rng.below(n), choose)?;
+    shares.counts.truncate(candidates);
+    // Of the first kind: neighbours, where there are any, which alone know what a step rests on and how far it jumps.
+    let first = || runs.iter().filter(|run| run.kind == kinds[0]);
     let mut coverage = vec![Coverage::default(); candidates];
-    for run in runs {
+    for run in first() {
         coverage[run.candidate] = coverage[run.candidate].and(run.coverage);
     }
     let over_default = match default {
-        Some(default) => beyond(&of(chosen), &of(default))?,
+        Some(default) => beyond(&of_candidate(chosen), &of_candidate(default))?,
         None => None,
     };
     let behaviour = log.recorded_return(timeout)?;
-    let own = || runs.iter().filter(|run| run.candidate == chosen);
+    let own = || first().filter(|run| run.candidate == chosen);
     let drift = own().fold(Drift::default(), |all, run| all.and(&run.drift));
     let evidence = Evidence {
         selection: &selection,
@@ -170,10 +237,12 @@ pub fn judge(
     };
     let doubts = evidence.doubts(log, support);
     Ok(ReturnVerdict {
+        rule,
         chosen,
         default,
+        kinds: each,
         over_default,
-        over_random: beyond(&of(chosen), &all)?.unwrap_or(Difference {
+        over_random: beyond(&of_candidate(chosen), &random)?.unwrap_or(Difference {
             mean: f64::INFINITY,
             interval: None,
             clusters: [members.len(); 2],
@@ -189,6 +258,41 @@ pub fn judge(
     })
 }
 
+/// Mean returns `[block][run][kind × candidates + candidate]`.
+fn by_block(runs: &[Run], kinds: &[ActionModelKind], candidates: usize) -> Vec<Vec<Vec<f64>>> {
+    let mut blocks: Vec<Vec<Vec<f64>>> = Vec::new();
+    for run in runs {
+        if blocks.len() <= run.member {
+            blocks.resize(run.member + 1, Vec::new());
+        }
+        let of_block = &mut blocks[run.member];
+        if of_block.len() <= run.run {
+            of_block.resize(run.run + 1, vec![f64::NAN; kinds.len() * candidates]);
+        }
+        let kind = kinds.binary_search(&run.kind).unwrap_or(0);
+        of_block[run.run][kind * candidates + run.candidate] = run.mean_return;
+    }
+    blocks
+}
+
+/// The mean returns of one kind, `[blocks][candidates]`, of `[blocks][kinds × candidates]`.
+fn of_kind(blocks: &[Vec<f64>], kind: usize, candidates: usize) -> Vec<Vec<f64>> {
+    blocks.iter().map(|block| block[kind * candidates..][..candidates].to_vec()).collect()
+}
+
+/// The mean returns of all members, `[kinds × blocks][candidates]`.
+fn of_all_kinds(blocks: &[Vec<f64>], candidates: usize) -> Vec<Vec<f64>> {
+    let kinds = blocks.first().map_or(0, |block| block.len() / candidates);
+    (0..kinds).flat_map(|kind| of_kind(blocks, kind, candidates)).collect()
+}
+
+/// The mean over kinds of the returns of each candidate in one block.
+fn over_kinds(block: &[f64], candidates: usize) -> Vec<f64> {
+    let kinds = (block.len() / candidates) as f64;
+    let of = |candidate| block.iter().skip(candidate).step_by(candidates).sum::<f64>() / kinds;
+    (0..candidates).map(of).collect()
+}
+
 /// What `own` is more than `other`, `[members]` each; none where both diverged, so that there is no difference.
 ///
 /// Members lack one block of the log each and share all others, so that their interval is the jackknife's over blocks: as if they
@@ -202,22 +306,6 @@ fn beyond(own: &[f64], other: &[f64]) -> Result<Option<Difference>, StatsError> 
     };
     let each: Vec<f64> = own.iter().zip(other).map(|(own, other)| own - other).collect();
     Ok(Some(Difference { interval: jackknife(difference.mean, &each), ..difference }))
-}
-
-/// Mean returns `[member][run][candidate]`.
-fn by_member(runs: &[Run], candidates: usize) -> Vec<Vec<Vec<f64>>> {
-    let mut members: Vec<Vec<Vec<f64>>> = Vec::new();
-    for run in runs {
-        if members.len() <= run.member {
-            members.resize(run.member + 1, Vec::new());
-        }
-        let of_member = &mut members[run.member];
-        if of_member.len() <= run.run {
-            of_member.resize(run.run + 1, vec![f64::NAN; candidates]);
-        }
-        of_member[run.run][run.candidate] = run.mean_return;
-    }
-    members
 }
 
 /// What a choice rests on.

@@ -1,9 +1,34 @@
 //! Many walks through a model at once: what an environment of many agents, or of one agent with many places, steps.
 
+use std::sync::Arc;
+
 use calib_core::{Rng, Seed};
 use serde::{Deserialize, Serialize};
 
-use crate::{ActionModel, At, Coverage, Covered, Drift, Ending, Rules, Step, Target};
+use crate::{
+    ActionModel, At, Coverage, Covered, Drift, Ending, Increments, NetworkModel, NetworkWorkplace,
+    Outcome, Rules, Step, Target,
+};
+
+/// What a step of a walk does.
+#[derive(Clone, Debug, Default)]
+pub enum Moves {
+    /// It goes to the recorded next state of a neighbour.
+    #[default]
+    Recorded,
+    /// It adds the recorded change of a neighbour.
+    Increments(Arc<Increments>),
+    /// It goes where a network says; actions are levels.
+    Network(Arc<NetworkModel>, Box<NetworkWorkplace>),
+}
+
+impl Moves {
+    /// By networks.
+    pub fn by_network(networks: Arc<NetworkModel>) -> Self {
+        let place = Box::new(networks.workplace());
+        Self::Network(networks, place)
+    }
+}
 
 /// Walks through members of a model, each with its own draws.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -14,6 +39,11 @@ pub struct Walkers {
     displacements: Vec<f32>,
     /// The same over the episodes that were over.
     drift: Drift,
+    /// Where walks that leave recorded rows are, `[walks, columns]`; nothing of others.
+    #[serde(default)]
+    states: Vec<f32>,
+    #[serde(skip)]
+    moves: Moves,
 }
 
 /// One walk.
@@ -71,7 +101,29 @@ impl Walkers {
         };
         let walks: Vec<Walker> = members.iter().enumerate().map(walker).collect();
         let displacements = vec![0.0; walks.len() * columns];
-        Self { walks, columns, displacements, drift: Drift::default() }
+        let (drift, states) = (Drift::default(), Vec::new());
+        Self { walks, columns, displacements, drift, states, moves: Moves::Recorded }
+    }
+
+    /// The same, which move so; the moves are those of the model.
+    #[must_use]
+    pub fn by(self, moves: Moves) -> Self {
+        let states = match moves {
+            Moves::Recorded => Vec::new(),
+            Moves::Increments(_) | Moves::Network(..) => vec![0.0; self.displacements.len()],
+        };
+        Self { states, moves, ..self }
+    }
+
+    /// What is observed where walk `number` is.
+    ///
+    /// # Panics
+    /// If there is no such walk.
+    pub fn observed<'a>(&'a self, model: &'a ActionModel, number: usize) -> &'a [f32] {
+        if self.states.is_empty() {
+            return model.observed(self.walks[number].at);
+        }
+        &self.states[number * self.columns..][..self.columns]
     }
 
     /// The walks.
@@ -107,8 +159,12 @@ impl Walkers {
         self.walks[number].rng = draws(seed);
     }
 
-    /// Whether these could be walks through the same members of `model`: a state that was stored is checked before it is used.
-    pub fn fits(&self, model: &ActionModel, like: &Self) -> bool {
+    /// These walks, which were stored, where they could be walks through the same members of `model` as `like`.
+    pub fn restored(self, model: &ActionModel, like: &Self) -> Option<Self> {
+        self.fits(model, like).then(|| Self { moves: like.moves.clone(), ..self })
+    }
+
+    fn fits(&self, model: &ActionModel, like: &Self) -> bool {
         let known = |walker: &Walker| match walker.at {
             At::Start(start) => (start as usize) < model.starts().rows(),
             At::After(transition) => (transition as usize) < model.log().len(),
@@ -117,6 +173,8 @@ impl Walkers {
             |walkers: &Self| walkers.walks.iter().map(|walk| walk.member).collect::<Vec<_>>();
         self.columns == like.columns
             && self.displacements.len() == like.displacements.len()
+            && self.states.len() == like.states.len()
+            && self.states.iter().all(|value| value.is_finite())
             && members(self) == members(like)
             && self.walks.iter().all(known)
     }
@@ -129,14 +187,18 @@ impl Walkers {
         let walker = &mut self.walks[number];
         walker.at = At::Start(walker.rng.below(model.starts().rows()) as u32);
         (walker.steps, walker.over) = (0, false);
-        self.displacements[number * self.columns..][..self.columns].fill(0.0);
+        let of_walk = number * self.columns..(number + 1) * self.columns;
+        self.displacements[of_walk.clone()].fill(0.0);
+        if !self.states.is_empty() {
+            self.states[of_walk].copy_from_slice(model.observed(walker.at));
+        }
         Went::BEGAN
     }
 
-    /// A step of walk `number`, whose episode is cut after `timeout` steps; one whose episode is over begins another one.
+    /// A step of walk `number` by its moves, whose episode is cut after `timeout` steps; one whose episode is over begins another one.
     ///
     /// # Panics
-    /// If there is no such walk or action.
+    /// If there is no such walk or action, or a network is told settings.
     pub fn step(
         &mut self,
         model: &ActionModel,
@@ -148,13 +210,29 @@ impl Walkers {
         if self.walks[number].over {
             return self.begin(model, number);
         }
+        let of_walk = number * self.columns..(number + 1) * self.columns;
         let walker = &mut self.walks[number];
-        let Step { drawn, reward, ending, covered, distance } =
-            model.step(walker.member, walker.at, target, rules, &mut walker.rng);
+        let Step { drawn, reward, ending, covered, distance } = match &mut self.moves {
+            Moves::Recorded => model.step(walker.member, walker.at, target, rules, &mut walker.rng),
+            Moves::Increments(increments) => {
+                let state = &mut self.states[of_walk.clone()];
+                let of = (model, walker.member);
+                increments.step(of, target, rules, &mut Vec::new(), &mut walker.rng, state)
+            }
+            Moves::Network(networks, place) => {
+                let Target::Level(action) = target else { panic!("a network knows levels alone") };
+                let state = &mut self.states[of_walk.clone()];
+                let outcome = networks.step(walker.member, action, place, state);
+                let (drawn, covered, distance) = (None, Covered::Near, 0.0);
+                let Outcome { reward, ending } = outcome;
+                Step { drawn, reward, ending, covered, distance }
+            }
+        };
         walker.coverage.count(covered);
         if let Some(drawn) = drawn {
-            let sum = &mut self.displacements[number * self.columns..][..self.columns];
-            model.add_displacement(walker.at, drawn, sum);
+            if self.states.is_empty() {
+                model.add_displacement(walker.at, drawn, &mut self.displacements[of_walk.clone()]);
+            }
             walker.at = At::After(drawn.0);
         }
         walker.steps += 1;
@@ -162,7 +240,7 @@ impl Walkers {
         let truncated = !terminated && timeout > 0 && walker.steps >= timeout;
         walker.over = terminated || truncated;
         if walker.over {
-            self.drift.count(&self.displacements[number * self.columns..][..self.columns]);
+            self.drift.count(&self.displacements[of_walk]);
         }
         Went { reward, terminated, truncated, distance, covered: covered == Covered::Near }
     }
@@ -174,8 +252,9 @@ mod tests {
 
     use super::*;
     use crate::{
-        ActionModelConfig, Columns, Decisions, Ensemble as _, Environment as _, Levels, Pessimism,
-        Starts, Walked as _, open_action_model, write_action_model,
+        ActionModelConfig, Columns, Decisions, Ensemble as _, Environment as _, IncrementModel,
+        Levels, NetworkConfig, Pessimism, Starts, Walked as _, open_action_model,
+        write_action_model,
     };
 
     const CONFIG: ActionModelConfig = ActionModelConfig {
@@ -249,6 +328,64 @@ mod tests {
     }
 
     #[test]
+    fn walkers_by_increments_walk_as_a_walk_does_and_are_restored() {
+        let model = model(None);
+        let increments = Arc::new(Increments::new(&model, 0.95, &Silent).expect("made"));
+        let ensemble = IncrementModel::new(&model, &increments);
+        let moves = Moves::Increments(Arc::clone(&increments));
+        let new = || Walkers::new(&model, &[1, 2]).by(moves.clone());
+        let mut walkers = new();
+        walkers.seed(0, 5);
+        let (mut walk, mut rng, mut state) = (ensemble.walk(1), draws(5), [0.0]);
+        walkers.begin(&model, 0);
+        walk.start(&mut rng, &mut state);
+        for number in 0..300 {
+            let action = number % 4;
+            let went = walkers.step(&model, 0, Target::Level(action), model.rules(), 30);
+            let outcome = walk.step(action, &mut rng, &mut state);
+            assert_eq!(went.reward, outcome.reward);
+            assert_eq!(walkers.observed(&model, 0), state);
+            if went.terminated || went.truncated {
+                walkers.begin(&model, 0);
+                walk.start(&mut rng, &mut state);
+            }
+            if number == 150 {
+                let stored = serde_json::to_string(&walkers).expect("stored");
+                let read: Walkers = serde_json::from_str(&stored).expect("read");
+                assert!(read.clone().restored(&model, &Walkers::new(&model, &[1, 2])).is_none());
+                walkers = read.restored(&model, &new()).expect("walks like these");
+            }
+        }
+        assert_eq!(walkers.walks()[0].coverage, walk.coverage());
+        assert!(walkers.drift().means().iter().all(|&moved| moved == [0.0, 0.0]), "no jumps");
+    }
+
+    #[test]
+    fn walkers_by_networks_walk_as_a_walk_does() {
+        let model = model(None);
+        let config = NetworkConfig { members: 3, updates: 200, ..NetworkConfig::default() };
+        let starts = model.starts().clone();
+        let networks = NetworkModel::train(model.log(), starts, &config, Seed::new(4), &Silent)
+            .expect("learnt");
+        let networks = Arc::new(networks);
+        let moves = Moves::by_network(Arc::clone(&networks));
+        let mut walkers = Walkers::new(&model, &[1, 2]).by(moves);
+        walkers.seed(1, 5);
+        let (mut walk, mut rng, mut state) = (networks.walk(2), draws(5), [0.0]);
+        walkers.begin(&model, 1);
+        walk.start(&mut rng, &mut state);
+        for number in 0..20 {
+            let went = walkers.step(&model, 1, Target::Level(number % 4), model.rules(), 0);
+            assert_eq!(went.reward, walk.step(number % 4, &mut rng, &mut state).reward);
+            assert_eq!(walkers.observed(&model, 1), state);
+            if went.terminated {
+                break;
+            }
+        }
+        assert_eq!(walkers.walks()[1].coverage, walk.coverage());
+    }
+
+    #[test]
     fn jumps_and_transitions_together_are_the_way() {
         let model = model(None);
         let mut walkers = Walkers::new(&model, &[0]);
@@ -310,8 +447,9 @@ mod tests {
             };
             let ((first, _), (second, walkers)) = (way(&model), way(&opened));
             assert_eq!(first, second);
-            assert!(walkers.fits(&model, &Walkers::new(&model, &[0, 1, 2])));
-            assert!(!walkers.fits(&model, &Walkers::new(&model, &[0, 1])));
+            let again = walkers.clone().restored(&model, &Walkers::new(&model, &[0, 1, 2]));
+            assert!(again.is_some());
+            assert!(walkers.restored(&model, &Walkers::new(&model, &[0, 1])).is_none());
             let short = vec![0.0_f32; 10];
             calib_files::write_npy(&directory.path().join("rewards.npy"), &short, 10, 1)
                 .expect("written");

@@ -18,7 +18,7 @@ use crate::{guard::guard, table::write_frame};
 pub enum ArrowError {
     /// The stream gives no table.
     #[error(
-        "the data cannot be taken over: {0}; expected an Arrow table with a column of times and a column a channel"
+        "the data cannot be taken over: {0}; expected an Arrow table with a column of times and one column per channel"
     )]
     Stream(String),
     /// The stream holds tables without rows.

@@ -338,7 +338,7 @@ pub fn long_gap(from: Timestamp, micros: i64) -> String {
 pub fn without_times(period_secs: f64, files: usize) -> String {
     let between = if files > 1 { ", with a gap before each further file" } else { "" };
     format!(
-        "THE LOG HAS NO COLUMN OF TIMES: its rows are taken to be {period_secs} s apart, from 1970-01-01 00:00:00 on{between}, because data.period_secs says so. \
+        "THE LOG HAS NO COLUMN OF TIMES: its rows are taken to be {period_secs} s apart, from 1970-01-01 00:00:00 on{between}, as data.period_secs has it. \
          If a column has the times, name it with data.timestamp"
     )
 }

@@ -43,7 +43,7 @@ pub struct DynamicsConfig {
     pub validation_fraction: f64,
     /// Which epoch's weights are kept.
     pub keep: Keep,
-    /// What is added to the predictions of a rollout: `"none"` (the paper), `"residual"` or `"block"`. Left out where it is the default.
+    /// The noise that rollouts add to predictions: `"none"` (the paper), `"residual"` or `"block"`. Left out where it is the default.
     #[serde(skip_serializing_if = "DynamicsConfig::is_without_noise")]
     #[schemars(extend("default" = "none"))]
     pub noise: Noise,

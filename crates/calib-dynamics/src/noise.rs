@@ -15,7 +15,7 @@ use crate::{Dynamics, DynamicsError, Transitioning, predict};
 /// Steps of a block on average.
 const BLOCK: f64 = 36.0;
 
-/// What is added to the predictions of a rollout.
+/// The noise that rollouts add to predictions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Noise {

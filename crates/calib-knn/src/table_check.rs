@@ -33,7 +33,7 @@ pub enum Fault {
         neighbor: u32,
     },
     /// A neighbour that is no prototype.
-    #[error("neighbour {neighbor} is none of the prototypes, which are every {prototypes}-th")]
+    #[error("neighbour {neighbor} is not one of the prototypes, which are every {prototypes}-th")]
     NoPrototype {
         /// The neighbour.
         neighbor: u32,

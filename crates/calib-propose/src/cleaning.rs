@@ -36,7 +36,7 @@ impl Cleaning {
             (
                 2.5,
                 format!(
-                    "{} of {} gaps are single missing rows: they are none",
+                    "{} of {} gaps are single missing rows: they do not count as gaps",
                     within(2.5),
                     gaps.len()
                 ),
@@ -45,7 +45,7 @@ impl Cleaning {
             (
                 3.5,
                 format!(
-                    "{} of {} gaps are one or two missing rows: they are none",
+                    "{} of {} gaps are one or two missing rows: they do not count as gaps",
                     within(3.5),
                     gaps.len()
                 ),

@@ -256,8 +256,8 @@ impl Draft<'_> {
         }
         let windows = (self.held_out_states() / size.steps.max(1)).clamp(1, 8);
         let fit = match windows {
-            1 => "one window of what is held out".to_owned(),
-            many => format!("{many} windows fit beside each other in what is held out"),
+            1 => "one window of the held-out period".to_owned(),
+            many => format!("{many} windows fit beside each other in the held-out period"),
         };
         text.comment(self.size_reason);
         text.key("steps", &size.steps.to_string(), &fit);

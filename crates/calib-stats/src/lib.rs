@@ -9,7 +9,7 @@
 //! - [`summarise_clusters`]: the same where runs come in clusters, such as members that start from the same state;
 //!   [`paired_difference`], [`unpaired_difference`], [`error_ratio`]: which of two is smaller.
 //! - [`competition_ranks`], [`average_ranks`]: ranks with the two usual rules for ties.
-//! - [`select`]: the worst-rank rule, with its tie set.
+//! - [`select`], [`select_by`]: choices by worst or mean rank, with their tie sets.
 //! - [`choose_by_mean_log`], [`choose_around_default`]: the smallest mean log error; the default, unless another is surely better.
 //! - [`Losses`]: what candidates cost over several windows, with bounds, and what choosing by another window does.
 //! - [`upper_bound`], [`cantelli_bound`]: how large a mean may be of what cannot be negative; [`jackknife`]: intervals of what was made again without
@@ -94,7 +94,7 @@ pub use power::{observations_needed, smallest_difference};
 pub use quantile::{median, quantile};
 pub use ranks::{average_ranks, competition_ranks};
 pub use ratio::ratio_of_sums;
-pub use selection::{Selection, select};
+pub use selection::{RankRule, Selection, select, select_by};
 pub use sequential::{Look, SequentialTest};
 pub use summary::{Interval, Summary, mean, sample_std, summarise, summarise_overlapping};
 pub use trajectory::{

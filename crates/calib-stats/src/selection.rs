@@ -1,4 +1,4 @@
-//! The worst-rank rule.
+//! Choices by ranks over members.
 
 use std::cmp::Ordering;
 
@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 use crate::error::check;
 use crate::{Direction, StatsError, competition_ranks, mean};
 
-/// What the worst-rank rule chose, and why. All vectors but `tie_set` have one entry for each value, in grid order.
+/// What a rule over ranks chose, and why. All vectors but `tie_set` have one entry for each value, in grid order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Selection {
     /// Index of the chosen value in the grid.
     pub chosen: usize,
-    /// All values with the smallest worst rank, in grid order; `chosen` is one of them.
+    /// All values with the smallest rank by the rule, in grid order; `chosen` is one of them.
     pub tie_set: Vec<usize>,
     /// W(λ): largest competition rank over members.
     pub worst_ranks: Vec<usize>,
@@ -25,6 +25,65 @@ pub struct Selection {
     pub mean_errors: Vec<f64>,
     /// Competition ranks, `[members, values]`.
     pub ranks: Vec<Vec<usize>>,
+}
+
+/// By which rank over the members a value is chosen.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RankRule {
+    /// The smallest mean rank: one member that cannot tell values apart has no last word.
+    #[default]
+    MeanRank,
+    /// The smallest worst rank (the paper's rule).
+    WorstRank,
+}
+
+/// Chooses by `rule` from `scores` `[members, values]`, as [`select`] does by worst rank.
+///
+/// Ties in the mean rank go to the value that is better by more standard deviations of the scores of
+/// a member, over members, then to the earlier one. A value that diverged in a member is infinitely worse.
+///
+/// # Errors
+///
+/// As [`select`].
+pub fn select_by<Row: AsRef<[f64]>>(
+    rule: RankRule,
+    scores: &[Row],
+    direction: Direction,
+) -> Result<Selection, StatsError> {
+    let mut selection = select(scores, direction)?;
+    if rule == RankRule::WorstRank {
+        return Ok(selection);
+    }
+    let smallest = selection.mean_ranks.iter().copied().fold(f64::INFINITY, f64::min);
+    let values = 0..selection.mean_ranks.len();
+    // Means of equal ranks in another order may differ in the last bit.
+    let is_tied = |&value: &usize| selection.mean_ranks[value] < smallest + 1e-9;
+    selection.tie_set = values.filter(is_tied).collect();
+    let leads = leads(scores, direction);
+    let best = |&a: &usize, &b: &usize| leads[b].total_cmp(&leads[a]).then(a.cmp(&b));
+    selection.chosen = selection.tie_set.iter().copied().min_by(best).unwrap_or(0);
+    Ok(selection)
+}
+
+/// How much better than the mean of its member each value is, in standard deviations, summed over members.
+fn leads<Row: AsRef<[f64]>>(scores: &[Row], direction: Direction) -> Vec<f64> {
+    let mut leads = vec![0.0; scores[0].as_ref().len()];
+    for scores in scores.iter().map(AsRef::as_ref) {
+        let finite: Vec<f64> = scores.iter().copied().filter(|score| score.is_finite()).collect();
+        let count = finite.len().max(1) as f64;
+        let mean = finite.iter().sum::<f64>() / count;
+        let variance = finite.iter().map(|score| (score - mean).powi(2)).sum::<f64>() / count;
+        for (lead, &score) in leads.iter_mut().zip(scores) {
+            *lead += match score {
+                _ if !score.is_finite() => f64::NEG_INFINITY,
+                _ if variance == 0.0 => 0.0,
+                _ if direction == Direction::LowerIsBetter => (mean - score) / variance.sqrt(),
+                _ => (score - mean) / variance.sqrt(),
+            };
+        }
+    }
+    leads
 }
 
 /// Chooses the value with the smallest worst rank from `mean_errors` `[members, values]`:
@@ -116,6 +175,30 @@ mod tests {
     fn higher_returns_win_where_higher_is_better() {
         let selection = select(&[[1.0, 3.0, -INF]], Direction::HigherIsBetter).unwrap();
         assert_eq!((selection.chosen, selection.worst_ranks), (1, vec![2, 1, 3]));
+    }
+
+    #[test]
+    fn one_blind_member_has_no_last_word_by_mean_rank() {
+        // The last member puts value 1, which is best elsewhere, behind the others by a hair.
+        let members = [[1.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.501, 0.5, 0.502]];
+        let by_worst = select_by(RankRule::WorstRank, &members, Direction::HigherIsBetter).unwrap();
+        assert_eq!(by_worst, select(&members, Direction::HigherIsBetter).unwrap());
+        assert_eq!((by_worst.chosen, by_worst.worst_ranks), (0, vec![2, 3, 3]));
+        let by_mean = select_by(RankRule::MeanRank, &members, Direction::HigherIsBetter).unwrap();
+        assert_eq!((by_mean.chosen, by_mean.tie_set), (1, vec![1]));
+    }
+
+    #[test]
+    fn ties_in_mean_rank_go_to_the_larger_lead() {
+        let members = [[1.0, 2.0, 0.0], [1.0, 0.9, -9.0]];
+        let tied = select_by(RankRule::MeanRank, &members, Direction::HigherIsBetter).unwrap();
+        assert_eq!((tied.tie_set.as_slice(), tied.chosen), (&[0, 1][..], 1));
+        // The same of errors, where one value diverged in the member that it wins elsewhere.
+        let members = [[-1.0, -2.0, 9.0], [1.0, INF, 2.0]];
+        let tied = select_by(RankRule::MeanRank, &members, LOWER).unwrap();
+        assert_eq!(tied.chosen, 0);
+        let alike = select_by(RankRule::MeanRank, &[[1.0; 3], [1.0; 3]], LOWER).unwrap();
+        assert_eq!((alike.chosen, alike.tie_set), (0, vec![0, 1, 2]));
     }
 
     #[test]

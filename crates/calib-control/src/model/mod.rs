@@ -2,6 +2,7 @@
 
 mod build;
 mod ensemble;
+mod increments;
 mod network;
 mod radius;
 mod step;
@@ -14,8 +15,9 @@ use calib_knn::{Blocks, Weights};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use ensemble::{Ensemble, Walked};
-pub use network::{NetworkConfig, NetworkModel, NetworkWalk};
+pub use ensemble::{ActionModelKind, Ensemble, Walked};
+pub use increments::{IncrementModel, IncrementWalk, Increments};
+pub use network::{NetworkConfig, NetworkModel, NetworkWalk, NetworkWorkplace};
 pub use step::{At, Covered, Rules, Step, Target};
 pub use store::{ActionModelRecord, open_action_model, write_action_model};
 pub use walk::{Coverage, Walk};
@@ -231,6 +233,10 @@ impl ActionModel {
 
 impl Ensemble for ActionModel {
     type Walk<'a> = Walk<'a>;
+
+    fn kind(&self) -> ActionModelKind {
+        ActionModelKind::Neighbors
+    }
 
     fn members(&self) -> usize {
         self.tables.len()

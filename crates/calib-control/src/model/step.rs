@@ -61,7 +61,19 @@ pub struct Step {
 }
 
 /// Most neighbours that are searched for in a step.
-const MOST_LIVE: usize = 64;
+pub(super) const MOST_LIVE: usize = 64;
+
+/// What a step is drawn from.
+pub(super) struct Draw<'a> {
+    /// Transitions, nearest first.
+    pub(super) neighbors: &'a [u32],
+    /// How far each is.
+    pub(super) distances: &'a [f32],
+    /// Up to which distance the log covers the step.
+    pub(super) radius: f32,
+    /// What is done beyond it.
+    pub(super) rules: Rules,
+}
 
 impl ActionModel {
     /// Take a step in `member` from `at`.
@@ -79,26 +91,31 @@ impl ActionModel {
         match (target, at) {
             (Target::Level(action), At::Start(start)) => {
                 let (near, far) = self.start_tables[member].of(start as usize, action);
-                self.drawn(near, far, rules, rng)
+                self.drawn(&self.draw(near, far, rules), rng)
             }
             (Target::Level(action), At::After(transition)) => {
                 let (near, far) = self.tables[member].of(transition as usize, action);
-                self.drawn(near, far, rules, rng)
+                self.drawn(&self.draw(near, far, rules), rng)
             }
             (Target::Set(set), at) => {
                 let mut found = Nearest::new(self.k().min(MOST_LIVE));
                 self.search(member, at, set, &mut found);
                 let (near, far) = found.lists();
-                self.drawn(near, far, rules, rng)
+                self.drawn(&self.draw(near, far, rules), rng)
             }
         }
     }
 
-    fn drawn(&self, neighbors: &[u32], distances: &[f32], rules: Rules, rng: &mut Rng) -> Step {
+    fn draw<'a>(&self, neighbors: &'a [u32], distances: &'a [f32], rules: Rules) -> Draw<'a> {
+        Draw { neighbors, distances, radius: self.radius, rules }
+    }
+
+    pub(super) fn drawn(&self, draw: &Draw<'_>, rng: &mut Rng) -> Step {
+        let Draw { neighbors, distances, radius, rules } = *draw;
         let nearest = distances.first().copied().unwrap_or(f32::INFINITY);
         let covered = match () {
             () if neighbors.is_empty() => Covered::Missing,
-            () if nearest > self.radius => Covered::Far,
+            () if nearest > radius => Covered::Far,
             () => Covered::Near,
         };
         let is_far = covered == Covered::Far && rules.pessimism == Pessimism::MinimumReturn;
@@ -163,7 +180,7 @@ fn squared(one: &[f32], other: &[f32]) -> f32 {
 }
 
 /// The nearest so far, by squared distance and then by number.
-struct Nearest {
+pub(super) struct Nearest {
     wanted: usize,
     there: usize,
     transitions: [u32; MOST_LIVE],
@@ -171,7 +188,7 @@ struct Nearest {
 }
 
 impl Nearest {
-    fn new(wanted: usize) -> Self {
+    pub(super) fn new(wanted: usize) -> Self {
         Self {
             wanted,
             there: 0,
@@ -181,7 +198,7 @@ impl Nearest {
     }
 
     /// Transitions come in ascending order, so that of equal ones the first stays before.
-    fn offer(&mut self, transition: u32, squared: f32) {
+    pub(super) fn offer(&mut self, transition: u32, squared: f32) {
         if self.there == self.wanted && squared >= self.distances[self.there - 1] {
             return;
         }
@@ -197,7 +214,7 @@ impl Nearest {
     }
 
     /// Their numbers, and how far they are.
-    fn lists(&mut self) -> (&[u32], &[f32]) {
+    pub(super) fn lists(&mut self) -> (&[u32], &[f32]) {
         let distances = &mut self.distances[..self.there];
         for squared in distances.iter_mut() {
             *squared = squared.sqrt();

@@ -73,9 +73,9 @@ fn a_sweep_goes_on_from_what_was_kept() {
         made: Mutex<usize>,
     }
     impl RunKeeper for Kept {
-        fn known(&self, member: usize, run: usize, candidate: usize) -> Option<Run> {
-            let is = |of: &&Run| (of.member, of.run, of.candidate) == (member, run, candidate);
-            self.runs.lock().expect("not poisoned").iter().find(is).cloned()
+        fn known(&self, id: RunId) -> Option<Run> {
+            let runs = self.runs.lock().expect("not poisoned");
+            runs.iter().find(|run| run.id() == id).cloned()
         }
         fn keep(&self, run: &Run) -> Result<(), ControlError> {
             self.runs.lock().expect("not poisoned").push(run.clone());

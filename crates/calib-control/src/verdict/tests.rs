@@ -4,7 +4,19 @@ use crate::{Ending, recorded::tests::log};
 fn run(member: usize, candidate: usize, mean_return: f64) -> Run {
     let coverage = Coverage { steps: 100, missing: 0, far: 10 };
     let (episodes, terminals, curve, drift) = (10, 10, Vec::new(), Drift::default());
-    Run { member, run: 0, candidate, mean_return, episodes, terminals, coverage, curve, drift }
+    let kind = ActionModelKind::Neighbors;
+    Run {
+        kind,
+        member,
+        run: 0,
+        candidate,
+        mean_return,
+        episodes,
+        terminals,
+        coverage,
+        curve,
+        drift,
+    }
 }
 
 /// Twenty episodes of −8 to −12, −10 on average, a terminal in ten steps.
@@ -21,8 +33,14 @@ fn runs(returns: &[[f64; 3]]) -> Vec<Run> {
     returns.iter().enumerate().flat_map(of_member).collect()
 }
 
+/// Three candidates of which the first is the default.
+fn question(log: &Decisions) -> Question<'_> {
+    Question { default: Some(0), rule: RankRule::WorstRank, ..Question::new(log, 500, 3) }
+}
+
 fn judged_of(log: &Decisions, runs: &[Run], support: Support) -> ReturnVerdict {
-    judge(runs, 3, Some(0), (log, 500), support, 200, Seed::new(1)).expect("judged")
+    let question = Question { support, resamples: 200, ..question(log) };
+    judge(runs, &question, Seed::new(1)).expect("judged")
 }
 
 fn judged(returns: &[[f64; 3]], support: Support) -> ReturnVerdict {
@@ -55,6 +73,45 @@ fn intervals_over_members_are_the_jackknifes() {
 }
 
 #[test]
+fn kinds_are_pooled_by_rank_and_members_of_one_block_stay_together() {
+    // Neighbours cannot tell candidates 1 and 2 apart, networks prefer 2 by far, increments by a hair.
+    let of_kind = |kind: ActionModelKind, returns: &[[f64; 3]]| -> Vec<Run> {
+        runs(returns).into_iter().map(|run| Run { kind, ..run }).collect()
+    };
+    let neighbors = [[-15.0, -9.0, -9.0], [-15.0, -9.0, -9.0], [-15.0, -9.0, -9.0]];
+    let increments = [[-9.5, -9.1, -9.0], [-9.5, -9.1, -9.0], [-9.5, -9.0, -9.1]];
+    let networks = [[-60.0, -50.0, -8.0]; 3];
+    let all = [
+        of_kind(ActionModelKind::Network, &networks),
+        of_kind(ActionModelKind::Neighbors, &neighbors),
+        of_kind(ActionModelKind::Increments, &increments),
+    ];
+    let log = plain();
+    let question = Question { rule: RankRule::MeanRank, ..question(&log) };
+    let verdict = judge(&all.concat(), &question, Seed::new(1)).expect("judged");
+    assert_eq!((verdict.chosen, verdict.selection.ranks.len()), (2, 9));
+    let kinds: Vec<_> = verdict.kinds.iter().map(|of| (of.kind, of.chosen)).collect();
+    let expected = [
+        (ActionModelKind::Neighbors, 1),
+        (ActionModelKind::Increments, 2),
+        (ActionModelKind::Network, 2),
+    ];
+    assert_eq!(kinds, expected);
+    assert_eq!(verdict.kinds[2].members, networks.map(|of| of.to_vec()));
+    // Blocks are what is independent: three of them, not nine members.
+    let over = verdict.over_default.expect("a default");
+    assert!(
+        (over.mean - (6.0 + 0.5 + 52.0 + 6.0 + 0.5 + 52.0 + 6.0 + 0.4 + 52.0) / 9.0).abs() < 1e-9
+    );
+    assert_eq!(over.clusters, [3, 3]);
+    assert_eq!((verdict.members.len(), verdict.chosen_of_resamples.len()), (3, 3));
+    assert_eq!(verdict.chosen_of_resamples.iter().sum::<usize>(), 200);
+    assert_eq!(verdict.coverage[2].steps, 300, "of neighbours alone");
+    let lacking = all.concat().split_last().expect("runs").1.to_vec();
+    assert!(judge(&lacking, &question, Seed::new(1)).is_err(), "a run is missing");
+}
+
+#[test]
 fn a_candidate_that_diverges_is_not_chosen() {
     let gone = f64::NEG_INFINITY;
     let verdict = judged(&[[gone, -9.0, -12.0], [gone, -11.0, -10.0]], Support::default());
@@ -82,7 +139,8 @@ fn a_choice_that_may_be_no_better_than_the_default_is_doubted() {
     assert_eq!((verdict.chosen, verdict.doubts), (1, vec![Doubt::NotBetterThanDefault]));
     let default = [[-9.0, -10.0, -12.0]; 3];
     assert_eq!(judged(&default, Support::default()).doubts, [], "the default is chosen");
-    let alone = judge(&runs(&noise), 3, None, (&plain(), 500), Support::default(), 9, Seed::new(1));
+    let log = plain();
+    let alone = judge(&runs(&noise), &Question { default: None, ..question(&log) }, Seed::new(1));
     assert_eq!(alone.expect("judged").doubts, [], "there is no default");
 }
 

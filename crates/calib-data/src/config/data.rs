@@ -111,7 +111,7 @@ pub struct DataConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
-    /// A time and a value of every channel: a column a channel.
+    /// A time and a value of every channel: one column per channel.
     #[default]
     Wide,
     /// A time, a tag and its value.

@@ -151,7 +151,7 @@ impl Submitting<'_> {
         match status.code() {
             Some(0) => Ok(Outcome::Done),
             Some(4) => Ok(Outcome::Incomplete),
-            code => bail!("the driver for Ray ended with {code:?}; it wants `pip install ray`"),
+            code => bail!("the driver for Ray ended with {code:?}; it needs `pip install ray`"),
         }
     }
 

@@ -181,7 +181,7 @@ fn learning(told: &Told) -> Option<OverviewFigure> {
         std::iter::once(Cell::Count(tenth as u64 + 1)).chain(shown).collect()
     };
     Some(OverviewFigure {
-        caption: "Mean return of the episodes in each tenth of a run, over members and runs: the best candidates by worst rank, and the \
+        caption: "Mean return of the episodes in each tenth of a run, over members and runs: the best candidates by rank, and the \
                   default. A curve that still rises would gain from more steps."
             .to_owned(),
         table: Table {

@@ -34,7 +34,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 6;
+    const FORMAT: u32 = 7;
 
     fn format(&self) -> u32 {
         self.format
@@ -134,6 +134,7 @@ fn table(runs: &[Run], told: &Told) -> Table {
         runs.iter().map(|run| i64::try_from(value(run)).unwrap_or(i64::MAX)).collect()
     };
     Table::new()
+        .with("model", runs.iter().map(|run| run.kind.name().to_owned()).collect::<Vec<_>>())
         .with("member", of(|run| run.member as u64))
         .with("run", of(|run| run.run as u64))
         .with("candidate", of(|run| run.candidate as u64))

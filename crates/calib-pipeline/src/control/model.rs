@@ -94,6 +94,8 @@ pub struct ControlModel {
     pub times: Vec<i64>,
     /// Rows in which episodes begin.
     pub start_rows: Vec<u32>,
+    /// Share of the recorded states by which the radius of coverage was taken.
+    pub coverage: f64,
 }
 
 impl ControlModel {
@@ -130,6 +132,7 @@ fn opened(directory: &Path, command: &str) -> Result<ControlModel, StepError> {
         names: manifest.names,
         times: times.as_slice().to_vec(),
         start_rows: rows.as_slice().to_vec(),
+        coverage: manifest.record.config.coverage,
     })
 }
 

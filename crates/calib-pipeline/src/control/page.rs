@@ -70,7 +70,7 @@ fn candidates(told: &Told) -> Table {
         let mut row = vec![
             Cell::Text(show::name(told, candidate)),
             Cell::Text(role.to_owned()),
-            Cell::Count(selection.worst_ranks[candidate] as u64),
+            Cell::Text(show::rank(told, candidate)),
             Cell::Number(numbers[0]),
             Cell::Percent(verdict.coverage[candidate].uncovered()),
             Cell::Number(numbers[1]),
@@ -85,13 +85,13 @@ fn candidates(told: &Told) -> Table {
         row
     };
     let mut columns =
-        texts(["candidate", "", "worst rank", "model return", "not covered", "fitted Q"]);
+        texts(["candidate", "", show::rank_name(told), "model return", "not covered", "fitted Q"]);
     if told.importance_sampling.is_some() {
         columns.extend(texts(["importance", "of episodes"]));
     }
     Table {
         title: "Candidates".to_owned(),
-        caption: "By worst rank over the members. The return in the model ranks candidates; it is not what the plant will give. Not covered: \
+        caption: "By rank over the members of all models. The return in the model ranks candidates; it is not what the plant will give. Not covered: \
                   steps for which the log has no such action near. Fitted Q, and importance sampling where probabilities were logged, need no model; \
                   the latter rests on so many episodes."
             .to_owned(),

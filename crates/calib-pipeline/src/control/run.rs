@@ -1,6 +1,7 @@
 use calib_control::{
-    AgentConfig, Algorithm, ControlConfig, Distance, Extent, Span, Support, fitted_q_evaluation,
-    importance_sampling, judge, sweep_keeping,
+    ActionModel, ActionModelKind, AgentConfig, Algorithm, ControlConfig, ControlError, Distance,
+    Extent, IncrementModel, Increments, NetworkConfig, NetworkModel, Question, Run, Span, Support,
+    fitted_q_evaluation, importance_sampling, judge, sweep_keeping,
 };
 use calib_study::Job;
 
@@ -83,11 +84,21 @@ fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer:
     ));
     let members = config.model.members;
     printer.say(&format!(
-        "{} x {members} members x {} of {}",
+        "{} x {members} members of {} x {} of {}",
         counted(candidates, "candidate"),
+        kinds(config),
         counted(config.runs, "run"),
         counted(config.steps, "step"),
     ));
+}
+
+/// "neighbors, increments and network".
+fn kinds(config: &ControlConfig) -> String {
+    let names: Vec<&str> = config.models.iter().map(|kind| kind.name()).collect();
+    match &names[..] {
+        [rest @ .., last] if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
+        _ => names.join(""),
+    }
 }
 
 /// Whether agents that learn side by side fit into memory, and a word where most of their time would go into pairs of columns.
@@ -120,7 +131,7 @@ fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Resul
 /// Pairs of more columns are worth a warning.
 const PAIRED_COLUMNS: usize = 32;
 
-type Judged = ((calib_files::Fingerprint, Told), Vec<calib_control::Run>);
+type Judged = ((calib_files::Fingerprint, Told), Vec<Run>);
 
 /// Build the model, let every candidate act in it, and judge.
 fn judged(
@@ -138,18 +149,23 @@ fn judged(
     let model = model::of(job, config, &log, printer)?;
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
-    let extent =
-        Extent { runs: config.runs, span: Span { steps: config.steps, timeout: config.timeout } };
-    let runs = sweep_keeping(&model, &candidates, extent, seed, units, &progress)?;
+    let runs = swept(config, &model, &candidates, seed, units, printer)?;
     let decisions = model.log();
     let support = Support {
         most_uncovered: config.most_uncovered,
         fewest_terminals: config.terminal.as_ref().map_or(0, |_| config.fewest_terminals),
     };
     let default = candidates.iter().position(|of| *of == config.agent);
-    let resamples = study.evaluate.resamples;
-    let verdict =
-        judge(&runs, candidates.len(), default, (decisions, timeout), support, resamples, seed)?;
+    let question = Question {
+        log: decisions,
+        timeout,
+        candidates: candidates.len(),
+        default,
+        rule: config.rule,
+        support,
+        resamples: study.evaluate.resamples,
+    };
+    let verdict = judge(&runs, &question, seed)?;
     let (steps, timeout) = (config.steps, config.timeout);
     let fitted = fitted_q_evaluation(decisions, &observed, &candidates, steps, timeout, &progress)?;
     let importance = importance_sampling(decisions, &candidates, steps, timeout, &progress)?;
@@ -166,13 +182,59 @@ fn judged(
     Ok(((fingerprint, told), runs))
 }
 
+/// Every candidate in every member of every kind of model.
+fn swept(
+    config: &ControlConfig,
+    model: &ActionModel,
+    candidates: &[AgentConfig],
+    seed: calib_core::Seed,
+    units: &Units,
+    printer: &Printer,
+) -> Result<Vec<Run>, StepError> {
+    let progress = printer.progress();
+    let span = Span { steps: config.steps, timeout: config.timeout };
+    let extent = Extent { runs: config.runs, span };
+    let mut runs = Vec::new();
+    for &kind in &config.models {
+        runs.extend(match kind {
+            ActionModelKind::Neighbors => {
+                sweep_keeping(model, candidates, extent, seed, units, &progress)?
+            }
+            ActionModelKind::Increments => {
+                let increments = Increments::new(model, config.model.coverage, &progress)?;
+                let model = IncrementModel::new(model, &increments);
+                sweep_keeping(&model, candidates, extent, seed, units, &progress)?
+            }
+            ActionModelKind::Network => {
+                let network =
+                    NetworkConfig { members: config.model.members, ..NetworkConfig::default() };
+                let starts = model.starts().clone();
+                let seed_of = seed.child("networks");
+                match NetworkModel::train(model.log(), starts, &network, seed_of, &progress) {
+                    Ok(model) => {
+                        sweep_keeping(&model, candidates, extent, seed, units, &progress)?
+                    }
+                    Err(error @ ControlError::NetworkDiverged { .. }) if config.models.len() > 1 => {
+                        printer.warn(&format!(
+                            "{error}; the other kinds of models decide. To leave networks out, list the others in control.models"
+                        ));
+                        continue;
+                    }
+                    Err(error) => return Err(error.into()),
+                }
+            }
+        });
+    }
+    Ok(runs)
+}
+
 fn named(config: &ControlConfig, candidate: &AgentConfig) -> Vec<(String, String)> {
     let told = config.grid.told(candidate).into_iter();
     told.map(|(field, value)| (field.to_owned(), value)).collect()
 }
 
 /// The mean curve of each candidate over the runs that have one.
-fn learning(runs: &[calib_control::Run], candidates: usize) -> Vec<Vec<f64>> {
+fn learning(runs: &[Run], candidates: usize) -> Vec<Vec<f64>> {
     let of = |candidate: usize| -> Vec<f64> {
         let own = runs.iter().filter(|run| run.candidate == candidate);
         let curves: Vec<&[f64]> =

@@ -1,5 +1,5 @@
-use calib_control::{Doubt, Importance, Spread};
-use calib_stats::{Difference, Interval};
+use calib_control::{Doubt, Importance, KindReturns, Spread};
+use calib_stats::{Difference, Interval, RankRule};
 
 use super::{
     described::{ActionTold, LogTold, SettingTold},
@@ -96,11 +96,15 @@ pub(super) fn best(told: &Told, count: usize) -> Vec<usize> {
     let (verdict, selection) = (&told.verdict, &told.verdict.selection);
     let mut order: Vec<usize> = (0..told.candidates.len()).collect();
     order.sort_by(|&a, &b| {
-        let rank = |of: usize| (selection.worst_ranks[of], selection.mean_ranks[of]);
-        let (one, other) = (rank(a), rank(b));
         let is_behind = |of: usize| of != verdict.chosen;
-        let by_rank = one.0.cmp(&other.0).then(one.1.total_cmp(&other.1));
-        by_rank.then(is_behind(a).cmp(&is_behind(b))).then(a.cmp(&b))
+        let by_mean = selection.mean_ranks[a].total_cmp(&selection.mean_ranks[b]);
+        let by_rule = match verdict.rule {
+            RankRule::MeanRank => by_mean,
+            RankRule::WorstRank => {
+                selection.worst_ranks[a].cmp(&selection.worst_ranks[b]).then(by_mean)
+            }
+        };
+        by_rule.then(is_behind(a).cmp(&is_behind(b))).then(a.cmp(&b))
     });
     order.truncate(count);
     order.extend(verdict.default.filter(|of| !order.contains(of)));
@@ -122,7 +126,7 @@ fn candidates(told: &Told) -> String {
         let mut row = vec![
             name(told, candidate),
             mark.to_owned(),
-            selection.worst_ranks[candidate].to_string(),
+            rank(told, candidate),
             significant(selection.mean_errors[candidate]),
             percent(verdict.coverage[candidate].uncovered()),
             percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
@@ -135,7 +139,7 @@ fn candidates(told: &Told) -> String {
     let mut header = vec![
         "candidate",
         "",
-        "worst rank",
+        rank_name(told),
         "model return",
         "not covered",
         "chosen again",
@@ -145,6 +149,23 @@ fn candidates(told: &Told) -> String {
         header.extend(["importance", "of episodes"]);
     }
     table(&header, &rows)
+}
+
+/// The rank that the rule goes by.
+pub(super) fn rank(told: &Told, candidate: usize) -> String {
+    let selection = &told.verdict.selection;
+    match told.verdict.rule {
+        RankRule::MeanRank => format!("{:.1}", selection.mean_ranks[candidate]),
+        RankRule::WorstRank => selection.worst_ranks[candidate].to_string(),
+    }
+}
+
+/// What it is called.
+pub(super) fn rank_name(told: &Told) -> &'static str {
+    match told.verdict.rule {
+        RankRule::MeanRank => "mean rank",
+        RankRule::WorstRank => "worst rank",
+    }
 }
 
 /// A value by importance sampling, and on how many episodes it rests.
@@ -182,6 +203,18 @@ pub(super) fn sentences(told: &Told) -> Vec<String> {
     } else {
         "a random candidate may diverge in the model".to_owned()
     });
+    if let [_, _, ..] = &verdict.kinds[..] {
+        let agree = verdict.kinds.iter().filter(|of| of.chosen == verdict.chosen);
+        let others = verdict.kinds.iter().filter(|of| of.chosen != verdict.chosen);
+        let names: Vec<&str> = agree.map(|of| of.kind.name()).collect();
+        let mut parts = vec![match &names[..] {
+            [] => "no kind of model alone would choose it".to_owned(),
+            names => format!("alone, {} would choose the same", names.join(" and ")),
+        }];
+        let other = |of: &KindReturns| format!("{} {}", of.kind.name(), name(told, of.chosen));
+        parts.extend(others.map(other));
+        lines.push(parts.join("; "));
+    }
     let recorded = verdict.behaviour;
     lines.push(format!(
         "recorded episodes: mean return {}{}{}",

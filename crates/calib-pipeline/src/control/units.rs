@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_control::{ControlError, Run, RunKeeper};
+use calib_control::{ActionModelKind, ControlError, Run, RunId, RunKeeper};
 use calib_files::{read_sealed_json, remove_known, write_sealed_json};
 use serde::{Deserialize, Serialize};
 
@@ -37,8 +37,14 @@ impl Units {
         Ok(Self { directory: directory.to_owned(), key: key.to_owned(), _claim: claim })
     }
 
-    fn path(&self, member: usize, run: usize, candidate: usize) -> PathBuf {
-        self.directory.join(format!("run-{member}-{run}-{candidate}.json"))
+    fn path(&self, id: RunId) -> PathBuf {
+        let RunId { kind, member, run, candidate } = id;
+        let of_kind = match kind {
+            ActionModelKind::Neighbors => "run",
+            ActionModelKind::Increments => "run-increments",
+            ActionModelKind::Network => "run-network",
+        };
+        self.directory.join(format!("{of_kind}-{member}-{run}-{candidate}.json"))
     }
 
     /// Forget them: the verdict is there.
@@ -56,14 +62,15 @@ fn is_unit(path: &Path) -> bool {
 }
 
 impl RunKeeper for Units {
-    fn known(&self, member: usize, run: usize, candidate: usize) -> Option<Run> {
-        let unit: Unit = read_sealed_json(&self.path(member, run, candidate)).ok()?;
-        let place = (unit.run.member, unit.run.run, unit.run.candidate);
-        (unit.key == self.key && place == (member, run, candidate)).then_some(unit.run)
+    fn known(&self, id: RunId) -> Option<Run> {
+        let unit: Unit = read_sealed_json(&self.path(id)).ok()?;
+        (unit.key == self.key && unit.run.id() == id).then_some(unit.run)
     }
 
     fn keep(&self, run: &Run) -> Result<(), ControlError> {
-        let path = self.path(run.member, run.run, run.candidate);
-        Ok(write_sealed_json(&path, &Unit { key: self.key.clone(), run: run.clone() })?)
+        Ok(write_sealed_json(
+            &self.path(run.id()),
+            &Unit { key: self.key.clone(), run: run.clone() },
+        )?)
     }
 }

@@ -220,7 +220,7 @@ pub(crate) fn warnings(members: &[MemberSummary], recurrent: bool) -> Vec<String
         ),
         (
             &|of, _| of.classes.exits > 0,
-            "walks of MEMBERS are led out of dead ends by jumps to states that are not near: too much of the log never \
+            "walks of MEMBERS leave dead ends by jumps to states that are not near: too much of the log never \
              returns to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude"
                 .to_owned(),
         ),

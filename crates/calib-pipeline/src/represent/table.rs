@@ -181,8 +181,8 @@ pub(crate) fn report_table(manifest: &RepresentationManifest) -> ReportTable {
     ReportTable {
         title: "Representations".to_owned(),
         caption: format!(
-            "Scored on the last {} training states{}. Of those with a uniqueness \
-             above {LEAST_UNIQUENESS} the one with the highest dynamics awareness is used. Bold: the largest of a column; \
+            "Scored on the last {} training states{}. calib uses the one with the highest \
+             dynamics awareness of those with a uniqueness above {LEAST_UNIQUENESS}. Bold: the largest of a column; \
              scores have no intervals, so small differences may be chance.",
             calib_report::count(manifest.validation_rows as u64),
             // What an imported one was trained on is not known.

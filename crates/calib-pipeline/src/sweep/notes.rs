@@ -65,7 +65,7 @@ pub(crate) fn saved(results: &[UnitResult], all: usize) -> Option<String> {
     let made: usize = results.iter().map(|result| result.rows.len()).sum();
     (made < all).then(|| {
         let share = percent((all - made) as f64 / all as f64);
-        format!("the race dropped values early, and so spared {share} of the runs; see the verdict for which, and when")
+        format!("the race dropped values early, and so saved {share} of the runs; see the verdict for which, and when")
     })
 }
 

@@ -42,7 +42,7 @@ impl Still {
             _ => format!("{windows} of {of} windows"),
         };
         format!(
-            "{sensor} stands still in {place} of the held-out range, though not in the training range: there is nothing to predict, and \
+            "{sensor} is constant in {place} of the held-out range, though not in the training range: there is nothing to predict, and \
              errors there say nothing about a choice; hold out a range in which it moves"
         )
     }
@@ -72,7 +72,7 @@ mod tests {
         assert_eq!(told, [("a", 1), ("b", 2)]);
         assert_eq!(still[0].everywhere(), None);
         assert_eq!(still[1].everywhere().as_deref(), Some("b"));
-        assert!(still[0].note().starts_with("a stands still in 1 of 2 windows"));
-        assert!(still[1].note().starts_with("b stands still in all 2 windows"));
+        assert!(still[0].note().starts_with("a is constant in 1 of 2 windows"));
+        assert!(still[1].note().starts_with("b is constant in all 2 windows"));
     }
 }

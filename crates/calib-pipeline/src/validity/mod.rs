@@ -301,7 +301,7 @@ fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> Result<Judg
 fn missing(gathered: &[(String, Gathered)], lacking: &BTreeMap<String, usize>) -> Vec<String> {
     let lacking = lacking.iter().map(|(model, plants)| {
         format!(
-            "{model} is left out of {plants} plants: it wants libtorch, which this calib was built without, and no other one \
+            "{model} is left out of {plants} plants: it needs libtorch, which this calib was built without, and no other one \
              has built it"
         )
     });

@@ -112,9 +112,9 @@ fn agreement(agreement: &[RankAgreement]) -> Table {
     table(
         "Agreement of rankings with Online, and how firm choices are",
         "Spearman's correlation of the model's ranking of the values with their regrets Online, mean over pairs. Same choice: the share \
-         of other draws of members, runs and windows of the log from which the same value is chosen. A race saves: the share of the \
+         of resamples of members, runs and windows of the log from which the same value is chosen. A race saves: the share of the \
          updates in members and on the log that sweep.race = \"sure\" would not have made; what it would have chosen is the rule \"raced\". \
-         Halving: the same of sweep.race = \"halving\", and the rule \"halved\".",
+         Halving: the same for sweep.race = \"halving\", and the rule \"halved\".",
         &[
             "model",
             "pairs",

@@ -37,7 +37,7 @@ pub(super) fn markup(
             h4 { "What matters" }
             p.caption {
                 "Share of the differences between all combinations that a hyperparameter's value alone explains, by the logarithm of the \
-                 error. What is missing to 100 % depends on two or more together."
+                 error. The rest to 100 % depends on two or more together."
             }
             (rows(&importance_table(sensitivity)))
             @if let Some(first) = heats.first() {

@@ -191,7 +191,7 @@ fn comparison(report: &Report) -> Table {
         caption: format!(
             "Online is the mean {} of the choice on held-out data, and skill how much less that is than the error of predicting \
              the mean return. Regret is how much worse the choice is than the best value of each window, with its upper bound over \
-             windows. Stability is the share of other draws of \
+             windows. Stability is the share of resamples of \
              members, runs and windows of this log that would choose the same, or a value next to it on the grid; another log of the \
              same plant agrees less often.",
             report.score.name

@@ -63,7 +63,7 @@ impl Verdict {
                 )
             }
             Grade::Unchecked => {
-                format!("Use {choice} for {sensor}, as far as the logs can tell.")
+                format!("Use {choice} for {sensor}, on the evidence of the log.")
             }
         }
     }
@@ -235,7 +235,7 @@ impl Verdict {
                     .to_owned()
             }
             _ => format!(
-                "{} other draws of members, runs and windows of the log would choose it as well{}: {}{}.",
+                "{} resamples of members, runs and windows of the log would choose it as well{}: {}{}.",
                 if share >= ALL {
                     "Nearly all".to_owned()
                 } else {
@@ -340,7 +340,7 @@ fn online_sentence(verdict: &Verdict, online: &Agreement, score: &Score) -> Stri
     match online.regret {
         _ if online.stands_still => {
             format!(
-                "On held-out data ({on}) {sensor} stands still: there is nothing to predict, so no error says anything."
+                "On held-out data ({on}) {sensor} is constant: there is nothing to predict, so no error says anything."
             )
         }
         Some(_) if *values == 1 => format!("On held-out data ({on}) its {name} is {error}."),

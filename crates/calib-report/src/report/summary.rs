@@ -44,7 +44,7 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
         sentences.push(format!("Do not deploy {}: held-out data contradicts it.", choices(&poor)));
     }
     if !not_learnt.is_empty() {
-        sentences.push(format!("No value learns {}.", sensors(&not_learnt)));
+        sentences.push(format!("No setting learns {}.", sensors(&not_learnt)));
     }
     let online = || verdicts.iter().copied().filter(|verdict| verdict.online.is_some());
     let compared: Vec<&Verdict> = online().filter(|verdict| verdict.has_costs()).collect();
@@ -91,7 +91,7 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
     }
     if not_learnt {
         return Some(format!(
-            "{sensor}: no value learns it, whichever model chooses: do not deploy on this evidence."
+            "{sensor}: no setting learns it, whichever model chooses: do not deploy on this evidence."
         ));
     }
     let (first, others) = own.split_first()?;
@@ -223,7 +223,7 @@ mod tests {
         assert_eq!(
             choices_of_models(&own),
             [
-                "PIT300: no value learns it, whichever model chooses: do not deploy on this evidence."
+                "PIT300: no setting learns it, whichever model chooses: do not deploy on this evidence."
             ]
         );
     }

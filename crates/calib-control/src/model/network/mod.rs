@@ -7,7 +7,7 @@ use calib_knn::Blocks;
 use calib_nn::{Mlp, Workspace};
 use rayon::prelude::*;
 
-use super::{Coverage, Ensemble, Walked};
+use super::{ActionModelKind, Coverage, Ensemble, Walked};
 use crate::{ControlError, Decisions, Ending, Environment, Outcome};
 use train::{Scales, train};
 
@@ -105,22 +105,59 @@ impl NetworkModel {
     }
 }
 
+/// What a step of a network needs beside it; the same for all members.
+#[derive(Clone, Debug)]
+pub struct NetworkWorkplace {
+    workspace: Workspace,
+    input: Vec<f32>,
+}
+
+impl NetworkModel {
+    /// A place to take steps in.
+    pub fn workplace(&self) -> NetworkWorkplace {
+        let network = &self.networks[0];
+        let input = vec![0.0; network.inputs()];
+        NetworkWorkplace { workspace: Workspace::new(network, 1), input }
+    }
+
+    /// Take `action` in `member`: `state` becomes the next one.
+    ///
+    /// # Panics
+    /// If there is no such member or action.
+    pub fn step(
+        &self,
+        member: usize,
+        action: usize,
+        place: &mut NetworkWorkplace,
+        state: &mut [f32],
+    ) -> Outcome {
+        let scales = &self.scales;
+        scales.put_input(state, action, &mut place.input);
+        let output = self.networks[member].forward(&place.input, &mut place.workspace);
+        let (changes, rest) = output.split_at(state.len());
+        for ((value, change), column) in state.iter_mut().zip(changes).zip(&scales.columns) {
+            *value = (*value + change * column.change).clamp(column.lowest, column.highest);
+        }
+        let reward = &scales.reward;
+        let got = (reward.mean + rest[0] * reward.std).clamp(reward.lowest, reward.highest);
+        Outcome { reward: f64::from(got), ending: Ending::terminal_if(rest[1] > 0.0) }
+    }
+}
+
 impl Ensemble for NetworkModel {
     type Walk<'a> = NetworkWalk<'a>;
+
+    fn kind(&self) -> ActionModelKind {
+        ActionModelKind::Network
+    }
 
     fn members(&self) -> usize {
         self.networks.len()
     }
 
     fn walk(&self, member: usize) -> NetworkWalk<'_> {
-        let network = &self.networks[member];
-        NetworkWalk {
-            model: self,
-            network,
-            workspace: Workspace::new(network, 1),
-            input: vec![0.0; network.inputs()],
-            steps: 0,
-        }
+        assert!(member < self.members(), "a member of the ensemble");
+        NetworkWalk { model: self, member, place: self.workplace(), steps: 0 }
     }
 }
 
@@ -128,9 +165,8 @@ impl Ensemble for NetworkModel {
 #[derive(Clone, Debug)]
 pub struct NetworkWalk<'a> {
     model: &'a NetworkModel,
-    network: &'a Mlp,
-    workspace: Workspace,
-    input: Vec<f32>,
+    member: usize,
+    place: NetworkWorkplace,
     steps: u64,
 }
 
@@ -156,16 +192,7 @@ impl Environment for NetworkWalk<'_> {
 
     fn step(&mut self, action: usize, _rng: &mut Rng, state: &mut [f32]) -> Outcome {
         self.steps += 1;
-        let scales = &self.model.scales;
-        scales.put_input(state, action, &mut self.input);
-        let output = self.network.forward(&self.input, &mut self.workspace);
-        let (changes, rest) = output.split_at(state.len());
-        for ((value, change), column) in state.iter_mut().zip(changes).zip(&scales.columns) {
-            *value = (*value + change * column.change).clamp(column.lowest, column.highest);
-        }
-        let reward = &scales.reward;
-        let got = (reward.mean + rest[0] * reward.std).clamp(reward.lowest, reward.highest);
-        Outcome { reward: f64::from(got), ending: Ending::terminal_if(rest[1] > 0.0) }
+        self.model.step(self.member, action, &mut self.place, state)
     }
 }
 

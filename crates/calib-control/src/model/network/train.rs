@@ -49,21 +49,14 @@ fn unless_zero(spread: f32) -> f32 {
     if spread > 1e-6 { spread } else { 1.0 }
 }
 
-/// The states that a transition leads from and to.
-fn ends(log: &Decisions, transition: TransitionIndex) -> [&[f32]; 2] {
-    let transitions = log.transitions();
-    [transitions.source(transition), transitions.next(transition)]
-        .map(|row| log.states().row(row.get()))
-}
-
 impl Scales {
     pub(super) fn new(log: &Decisions) -> Self {
         let all = || (0..log.len()).map(TransitionIndex::new);
         let of = |column: usize| {
-            let values = all().flat_map(move |at| ends(log, at).map(|state| state[column]));
+            let values = all().flat_map(move |at| log.ends(at).map(|state| state[column]));
             let Reward { mean, std, lowest, highest } = spread(values);
             let squares = all().map(|at| {
-                let [from, to] = ends(log, at);
+                let [from, to] = log.ends(at);
                 f64::from(to[column] - from[column]).powi(2)
             });
             let change = unless_zero((squares.sum::<f64>() / log.len() as f64).sqrt() as f32);
@@ -88,7 +81,7 @@ impl Scales {
 
     /// What it should say.
     fn put_target(&self, log: &Decisions, number: usize, target: &mut [f32]) {
-        let [from, to] = ends(log, TransitionIndex::new(number));
+        let [from, to] = log.ends(TransitionIndex::new(number));
         for (place, column) in self.columns.iter().enumerate() {
             target[place] = (to[place] - from[place]) / column.change;
         }
@@ -112,7 +105,7 @@ impl Examples {
         let (mut inputs, mut targets) = (Vec::new(), Vec::new());
         let (mut input, mut target) = (vec![0.0; widths[0]], vec![0.0; widths[1]]);
         for number in transitions {
-            let [from, _] = ends(log, TransitionIndex::new(number));
+            let [from, _] = log.ends(TransitionIndex::new(number));
             scales.put_input(from, usize::from(log.actions()[number]), &mut input);
             scales.put_target(log, number, &mut target);
             inputs.extend_from_slice(&input);

@@ -194,7 +194,7 @@ pub(crate) fn show(rows: &[Deployed], printer: &Printer) -> Result<(), StepError
     printer.result("")?;
     printer.result(match rows.iter().any(Deployed::disagrees) {
         _ if rows.iter().all(Deployed::is_not_learnt) => {
-            "what to deploy: nothing, as no value learns any sensor in any deployment"
+            "what to deploy: nothing, as no setting learns any sensor in any deployment"
         }
         false => {
             "what to deploy (regret Online, grade): every choice is the same for all deployments"

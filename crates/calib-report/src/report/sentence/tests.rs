@@ -74,7 +74,7 @@ fn a_good_verdict() {
 Use learning_rate = 1e-4 for PIT300.
 kNN ranks it never below 2nd of 9 values in its 5 members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
 On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: at most 5 %); the best value over all windows is 3e-4 (NRMSE 0.42 against 0.423).
 Its skill is 0.55: 55 % less error than predicting the mean return. The best value's is 0.57.
 It has 20 % less error than the default, 1e-3 (quotient 0.80, 95 %: 0.70 to 0.90).
@@ -122,7 +122,7 @@ fn a_verdict_without_online() {
         ..verdict()
     };
     insta::assert_snapshot!(text(&verdict), @r"
-Use learning_rate = 1e-4 for PIT300, as far as the logs can tell.
+Use learning_rate = 1e-4 for PIT300, on the evidence of the log.
 kNN ranks it best of 9 values in all 5 members.
 Every other draw of members, runs and windows of the log would choose it as well.
 No held-out data was given: regret and agreement with Online are unknown.
@@ -145,7 +145,7 @@ fn a_choice_that_diverged() {
 Do not deploy learning_rate = 1e-4 for PIT300 on this evidence.
 kNN ranks it never below 2nd of 9 values in its 5 members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
 On held-out data (whole runs of 4 windows, 8 runs) it diverged; the best value was 3e-4 (NRMSE 0.42).
 The default (1e-3) would have diverged.
 Log replay's choice (3e-4) would have had a regret of 1 %.
@@ -209,7 +209,7 @@ fn everything_diverged() {
 No value of learning_rate can be deployed for PIT300: every one diverged.
 kNN ranks it never below 2nd of 9 values in its 5 members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
 On held-out data (whole runs of 4 windows, 8 runs) every value diverged, so there is no best one.
 ");
 }
@@ -264,10 +264,10 @@ fn errors_that_are_all_alike_praise_no_value() {
     online.values = Told::Alike;
     online.regret = Some(Bounded { value: 0.0, upper: None });
     insta::assert_snapshot!(text(&verdict), @r"
-Use learning_rate = 1e-4 for PIT300, as far as the logs can tell.
+Use learning_rate = 1e-4 for PIT300, on the evidence of the log.
 kNN ranks it never below 2nd of 9 values in its 5 members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
 On held-out data (whole runs of 4 windows, 8 runs) all 9 values have the same error (NRMSE 0.423): nothing there tells them apart.
 Its skill is 0.55: 55 % less error than predicting the mean return. The best value's is 0.57.
 ");
@@ -290,8 +290,8 @@ fn a_sensor_that_stands_still_checks_nothing() {
     PIT300 never changes in the held-out data, so the choice could not be checked. The log suggests learning_rate = 1e-4.
     kNN ranks it never below 2nd of 9 values in its 5 members.
     It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-    70 % of other draws of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
-    On held-out data (whole runs of 4 windows, 8 runs) PIT300 stands still: there is nothing to predict, so no error says anything.
+    70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
+    On held-out data (whole runs of 4 windows, 8 runs) PIT300 is constant: there is nothing to predict, so no error says anything.
     It does not move in the held-out data, so there was nothing to predict, and the choice is not checked. Judge by a held-out range in which it moves.
     ");
 }

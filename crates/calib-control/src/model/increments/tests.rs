@@ -1,0 +1,143 @@
+use calib_core::{Seed, Segments, Silent};
+
+use super::*;
+use crate::{ActionModelConfig, Columns, Ending, Levels, Pessimism, Starts};
+
+/// A place that is moved by −0.02 or +0.03, and noise beside it, in episodes of forty rows.
+fn decisions(levels: Option<usize>) -> Decisions {
+    let mut rng = Seed::new(1).rng();
+    let (rows, mut place) = (2000, 0.5_f32);
+    let (mut states, mut set, mut rewards) = (Vec::new(), Vec::new(), Vec::new());
+    for row in 0..rows {
+        if row % 40 == 0 {
+            place = 0.2 + 0.6 * rng.unit() as f32;
+        }
+        states.extend([place, rng.unit() as f32]);
+        rewards.push(place);
+        let action = if levels.is_some() { rng.unit() } else { rng.below(2) as f64 };
+        set.push(action);
+        place += follows(action);
+    }
+    let lengths = vec![40; rows / 40];
+    let segments = Segments::from_lengths(lengths).expect("valid");
+    let endings = vec![Ending::Continues; rows];
+    let (levels, settings) = match levels {
+        None => (Levels::new(&[set], 8).expect("two"), None),
+        Some(levels) => {
+            let (levels, settings) = Levels::of_range(&[set], levels, 8).expect("levels");
+            (levels, Some(settings))
+        }
+    };
+    let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
+    let states = States::new(states, rows, 2).expect("valid");
+    let log = Decisions::new(states, &segments, columns, levels.values.len()).expect("a log");
+    match settings {
+        Some(settings) => log.with_settings(settings).expect("as many"),
+        None => log,
+    }
+}
+
+fn follows(action: f64) -> f32 {
+    (0.05 * action - 0.02) as f32
+}
+
+fn model(levels: Option<usize>, pessimism: Pessimism) -> ActionModel {
+    let log = decisions(levels);
+    let metric = log.states().clone();
+    let starts = Starts { observed: metric.slice(0..9), metric: metric.slice(0..9) };
+    let config = ActionModelConfig { pessimism, members: 3, ..ActionModelConfig::DEFAULT };
+    ActionModel::build(log, &metric, starts, &config, -7.0, &Silent).expect("built")
+}
+
+fn increments(model: &ActionModel) -> Increments {
+    Increments::new(model, 0.95, &Silent).expect("made")
+}
+
+#[test]
+fn a_smooth_column_keeps_its_offset_and_noise_does_not() {
+    let model = model(None, Pessimism::Nearest);
+    let increments = increments(&model);
+    assert_eq!(increments.keeps(), [true, false]);
+    let ensemble = IncrementModel::new(&model, &increments);
+    for member in 0..ensemble.members() {
+        let (mut walk, mut rng) = (ensemble.walk(member), Seed::new(2).rng());
+        let mut state = [0.0; 2];
+        walk.start(&mut rng, &mut state);
+        assert!((0..9).any(|start| model.starts().row(start) == state));
+        state[0] = 0.5;
+        for action in [0, 1, 1, 0, 1] {
+            let before = state[0];
+            let outcome = walk.step(action, &mut rng, &mut state);
+            // To the place itself, where recombined rows lead to that of a neighbour.
+            assert!((state[0] - before - follows(action as f64)).abs() < 1e-6);
+            assert!((outcome.reward - f64::from(state[0])).abs() < 0.1, "{outcome:?} {state:?}");
+            assert!(recorded(&model, state[1]), "noise is what was recorded");
+        }
+        assert_eq!(walk.coverage().steps, 5);
+    }
+}
+
+fn recorded(model: &ActionModel, noise: f32) -> bool {
+    (0..model.log().states().rows()).any(|row| model.log().states().row(row)[1] == noise)
+}
+
+#[test]
+fn steps_stay_in_the_range_of_the_log() {
+    let model = model(None, Pessimism::Nearest);
+    let increments = increments(&model);
+    let ensemble = IncrementModel::new(&model, &increments);
+    let (mut walk, mut rng, mut state) = (ensemble.walk(0), Seed::new(2).rng(), [0.5, 0.5]);
+    let highest = (0..model.log().states().rows())
+        .map(|row| model.log().states().row(row)[0])
+        .fold(0.0, f32::max);
+    for _ in 0..200 {
+        walk.step(1, &mut rng, &mut state);
+    }
+    assert_eq!(state[0], highest);
+}
+
+#[test]
+fn a_member_does_not_know_its_block() {
+    let model = model(None, Pessimism::Nearest);
+    let increments = increments(&model);
+    let mut query = Vec::new();
+    for member in 0..3 {
+        for number in (0..model.log().len()).step_by(97) {
+            let transition = TransitionIndex::new(number);
+            let [source, _] = model.log().ends(transition);
+            let action = usize::from(model.log().actions()[number]);
+            let mut found = Nearest::new(1);
+            let target = Target::Level(action);
+            increments.nearest((&model, member), source, target, &mut query, &mut found);
+            let (nearest, distances) = found.lists();
+            let is_known = model.blocks().contains(member, transition);
+            assert_eq!(nearest[0] == transition.0 && distances[0] == 0.0, is_known);
+            assert!(model.blocks().contains(member, TransitionIndex(nearest[0])));
+        }
+    }
+}
+
+#[test]
+fn an_episode_ends_where_the_log_does_not_cover_a_step_if_so_wished() {
+    let model = model(None, Pessimism::MinimumReturn);
+    let increments = increments(&model);
+    let ensemble = IncrementModel::new(&model, &increments);
+    let (mut walk, mut rng, mut state) = (ensemble.walk(0), Seed::new(2).rng(), [90.0, 0.5]);
+    let outcome = walk.step(1, &mut rng, &mut state);
+    assert_eq!((outcome.reward, outcome.ending), (-7.0, Ending::Terminal));
+    assert_eq!((state[0], walk.coverage().far), (90.0, 1));
+}
+
+#[test]
+fn actions_that_are_numbers_move_by_what_was_set_near_the_level() {
+    let model = model(Some(3), Pessimism::Nearest);
+    let increments = increments(&model);
+    assert!(increments.keeps()[0]);
+    let ensemble = IncrementModel::new(&model, &increments);
+    let (mut walk, mut rng) = (ensemble.walk(1), Seed::new(2).rng());
+    for (action, set) in [(0, 0.0), (1, 0.5), (2, 1.0)] {
+        let mut state = [0.5, 0.5];
+        walk.step(action, &mut rng, &mut state);
+        assert!((state[0] - 0.5 - follows(set)).abs() < 0.01, "{action}: {state:?}");
+    }
+}

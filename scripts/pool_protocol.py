@@ -1,0 +1,153 @@
+"""How well rules over unlike kinds of models choose: the tables of docs/control.md, "Pooling unlike models".
+
+    cargo run --release -p calib-control --example protocol -- DIR 3..9 30 nearest --model pool
+    python3 scripts/pool_protocol.py DIR [--logs FIRST END]
+
+Reads `DIR/truth-TASK.json` and `DIR/pool.jsonl`. Chooses by each rule from the stored returns, in a program of its own, and prints
+Markdown: regret in % of a random choice's with 95 % intervals by a bootstrap over logs within cells, tasks weighted equally.
+"""
+
+import argparse
+import json
+import math
+import random
+from collections import defaultdict
+from pathlib import Path
+
+TASKS = ["acrobot", "puddle_world", "cart_pole"]
+KINDS = ["neighbors", "increments", "network"]
+DRAWS = 10_000
+# calib's own default among the 54: step size 0.03, no momentum, temperature 10, weights from 0.
+DEFAULT = 21
+
+
+def ranks(returns):
+    """Competition ranks, 1 for the highest return."""
+    return [1 + sum(other > own for other in returns) for own in returns]
+
+
+def leads(returns):
+    """By how many standard deviations of the member each return is above its mean; infinitely below where it diverged."""
+    finite = [value for value in returns if value > -math.inf]
+    mean = sum(finite) / max(len(finite), 1)
+    std = math.sqrt(sum((value - mean) ** 2 for value in finite) / max(len(finite), 1))
+    return [-math.inf if value == -math.inf else (value - mean) / std if std else 0.0 for value in returns]
+
+
+def columns(rows):
+    return list(zip(*rows))
+
+
+def by_worst_rank(members):
+    own = columns([ranks(member) for member in members])
+    means = [sum(column) for column in columns(members)]
+    return min(range(len(own)), key=lambda c: (max(own[c]), sum(own[c]), -means[c]))
+
+
+def by_mean_rank(members):
+    own = columns([ranks(member) for member in members])
+    lead = [sum(column) for column in columns([leads(member) for member in members])]
+    return min(range(len(own)), key=lambda c: (sum(own[c]), -lead[c]))
+
+
+def by_lead(members):
+    lead = [sum(column) for column in columns([leads(member) for member in members])]
+    return max(range(len(lead)), key=lambda c: lead[c])
+
+
+RULES = {
+    "pool, mean rank": (KINDS, by_mean_rank),
+    "pool, standard deviations": (KINDS, by_lead),
+    "pool, worst rank": (KINDS, by_worst_rank),
+    **{f"{kind}, mean rank": ([kind], by_mean_rank) for kind in KINDS},
+    **{f"{kind}, worst rank": ([kind], by_worst_rank) for kind in KINDS},
+    "increments and network, mean rank": (KINDS[1:], by_mean_rank),
+    "neighbors and network, mean rank": ([KINDS[0], KINDS[2]], by_mean_rank),
+    "neighbors and increments, mean rank": (KINDS[:2], by_mean_rank),
+}
+TODAY = "neighbors, worst rank"
+
+
+def read(folder, numbers):
+    truth = {}
+    for task in TASKS:
+        runs = json.loads((folder / f"truth-{task}.json").read_text())["returns"]
+        truth[task] = [sum(run[c] for run in runs) / len(runs) for c in range(len(runs[0]))]
+    logs = []
+    for line in (folder / "pool.jsonl").read_text().splitlines():
+        log = json.loads(line)
+        log["task"], log["quality"], log["length"], number = log["name"].split("/")
+        for kind in KINDS:
+            log[kind]["returns"] = [[-math.inf if value is None else value for value in member] for member in log[kind]["returns"]]
+        if int(number) in numbers:
+            logs.append(log)
+    return truth, logs
+
+
+def regret(returns, candidate):
+    """In % of that of a random choice."""
+    return 100 * (max(returns) - returns[candidate]) / (max(returns) - sum(returns) / len(returns))
+
+
+def mean(values):
+    return sum(values) / len(values)
+
+
+def bootstrap(cells, draws):
+    """The mean over tasks of means over logs, and its 95 % interval when logs are drawn anew within cells."""
+    generator = random.Random(1)
+
+    def equal(of_cells):
+        tasks = defaultdict(list)
+        for (task, *_), values in of_cells.items():
+            tasks[task].extend(values)
+        return mean([mean(values) for values in tasks.values()])
+
+    drawn = sorted(equal({cell: generator.choices(values, k=len(values)) for cell, values in cells.items()}) for _ in range(draws))
+    return equal(cells), drawn[int(0.025 * draws)], drawn[int(0.975 * draws)]
+
+
+def by_cell(logs, values):
+    cells = defaultdict(list)
+    for log, value in zip(logs, values):
+        cells[log["task"], log["quality"], log["length"]].append(value)
+    return cells
+
+
+def of_others(truth, task):
+    """The candidate with the best mean percentile over the other tasks."""
+    others = [ranks(truth[other]) for other in TASKS if other != task]
+    return min(range(len(truth[task])), key=lambda c: sum(own[c] for own in others))
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--logs", type=int, nargs=2, default=[3, 9], metavar=("FIRST", "END"))
+    arguments = parser.parse_args()
+    truth, logs = read(arguments.folder, range(*arguments.logs))
+    chosen = {
+        name: [rule([member for kind in kinds for member in log[kind]["returns"]]) for log in logs] for name, (kinds, rule) in RULES.items()
+    }
+    chosen["calib's default"] = [DEFAULT] * len(logs)
+    chosen["default of the other two tasks"] = [of_others(truth, log["task"]) for log in logs]
+    regrets = {name: [regret(truth[log["task"]], c) for log, c in zip(logs, choice)] for name, choice in chosen.items()}
+    counts = {task: sum(log["task"] == task for log in logs) for task in TASKS}
+    print(f"{len(logs)} logs: {', '.join(f'{count} of {task}' for task, count in counts.items())}\n")
+    print("| models, rule | Acrobot | Puddle World | Cart-pole | tasks equal (95 %) | less than neighbours by worst rank (95 %) | worst log |")
+    print("|---|---|---|---|---|---|---|")
+    for name, values in regrets.items():
+        of_tasks = [mean([v for v, log in zip(values, logs) if log["task"] == task]) for task in TASKS if counts[task]]
+        whole, low, high = bootstrap(by_cell(logs, values), DRAWS)
+        less = [today - value for today, value in zip(regrets[TODAY], values)]
+        gain, least, most = bootstrap(by_cell(logs, less), DRAWS)
+        beside = "" if name == TODAY else f"{gain:.1f} ({least:.1f} to {most:.1f})"
+        print(f"| {name} | {' | '.join(f'{of:.1f}' for of in of_tasks)} | {whole:.1f} ({low:.1f} to {high:.1f}) | {beside} | {max(values):.0f} |")
+    pool = regrets["pool, mean rank"]
+    for length in ["500", "5000"]:
+        own = [value for value, log in zip(pool, logs) if log["length"] == length]
+        print(f"\nof {length} steps: {mean(own):.1f} over {len(own)} logs")
+
+
+if __name__ == "__main__":
+    main()
