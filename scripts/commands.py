@@ -20,8 +20,8 @@ TABLE = ROOT / "docs" / "commands.md"
 BEFORE = """\
 # Every command and option
 
-`calib COMMAND --help` prints what stands here, and `calib man DIR` writes it as man pages.
-[Commands and exit codes](commands.md) has a shorter list. `python3 scripts/commands.py` makes this page.
+`calib COMMAND --help` prints the same text, and `calib man DIR` writes it as man pages.
+[Commands and exit codes](commands.md) has a shorter list. `scripts/commands.py` makes this page.
 
 """
 

@@ -34,13 +34,13 @@ CONTENTS = {
     ),
     "tune": (
         "Tuning agents that act",
-        "Choose the settings of an agent that acts. The guide is [tune your own agent](../guides/tune-your-agent.md).",
+        "Choose the settings of an agent that acts. The guide is\n[tune your own agent](../guides/tune-your-agent.md).",
         "calib_rl",
         ["tune", "Tuned", "Failure"],
     ),
     "agents": (
         "Your own agents that predict",
-        "Run agents of your own in the environments of a study. The guide is [calib from Python](../guides/python.md#agents-of-your-own).",
+        "Run agents of your own in the environments of a study. The guide is\n[calib from Python](../guides/python.md#agents-of-your-own).",
         "calib_rl.agents",
         ["Agent", "Task", "Sweep", "AgentRuns", "evaluate", "grid", "Streams", "Stream", "optuna_objective", "serve"]
         + ["SimplePredictor", "Mean", "Persistence", "Ridge", "LeastSquaresTD"],
@@ -261,8 +261,8 @@ class Reference:
             "Every public name of the package, with its arguments, what it returns and an example. The\n"
             "[guide](../guides/python.md) shows how they fit together.\n\n"
             f"{table}\n\n"
-            "These pages are made of the docstrings by `python3 scripts/python_api.py`. The examples are run by the\n"
-            "project's tests. Names in examples that begin with an underscore make small data, and are not for you.\n"
+            "These pages are made of the docstrings by `scripts/python_api.py`. The project's tests run the\n"
+            "examples. Names that begin with an underscore make small data there, and are not for you.\n"
         )
 
 

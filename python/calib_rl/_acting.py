@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Action(NamedTuple):
-    """An action that agents choose among; `ActionModel.actions` has them.
+    """An action that agents choose among. `ActionModel.actions` has them.
 
     Examples:
         >>> model = _example_model()
@@ -36,7 +36,7 @@ class Action(NamedTuple):
 
 
 class Decisions(NamedTuple):
-    """What was done in the log, and what came of it; `ActionModel.decisions` has it.
+    """The recorded actions, rewards and terminals. `ActionModel.decisions` returns them.
 
     Examples:
         >>> decisions = _example_model().decisions
@@ -53,7 +53,7 @@ class Decisions(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """What the recorded behaviour got; `ActionModel.recorded` returns it.
+    """What the recorded behaviour got. `ActionModel.recorded` returns it.
 
     Examples:
         >>> recorded = _example_model().recorded(timeout=50)
@@ -64,7 +64,7 @@ class Recorded(NamedTuple):
     mean: float
     """Mean return an episode."""
     best: float | None
-    """The best whole episode; ``None`` where none is whole."""
+    """The best whole episode. ``None`` where none is whole."""
     worst: float | None
     """The worst one."""
 
@@ -189,7 +189,7 @@ class ActionModel:
 
     @property
     def sources(self) -> NDArray[np.uint32]:
-        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``; it leads to the row after it."""
+        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``. It leads to the row after it."""
         return self._native.sources()
 
     @property
@@ -229,7 +229,7 @@ class ActionModel:
         """What the recorded behaviour got in an episode.
 
         Args:
-            timeout: Steps after which an episode is cut; the study's, unless given.
+            timeout: Steps after which an episode is cut. The study's, unless given.
 
         Returns:
             Mean, best and worst return.

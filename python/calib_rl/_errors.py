@@ -2,7 +2,7 @@
 
 
 class CalibError(Exception):
-    """The data is wrong, or the machine refuses; the text says what, where, what was expected and what to do.
+    """The data is wrong, or the machine refuses. The text says what, where, what was expected and what to do.
 
     Examples:
         >>> import calib_rl
@@ -15,7 +15,7 @@ class CalibError(Exception):
 
 
 class StudyError(CalibError, ValueError):
-    """A study that is not valid; the text begins with the place in the file, where there is one.
+    """A study that is not valid. The text begins with the place in the file, where there is one.
 
     It is a `CalibError` and a ``ValueError``, so that either catches it.
 

@@ -94,7 +94,7 @@ class Model:
 
     @property
     def path(self) -> Path | None:
-        """The folder that the model lies in; ``None`` where it was built of arrays."""
+        """The folder that the model lies in. ``None`` where it was built of arrays."""
         directory = self._native.directory
         return None if directory is None else Path(directory).absolute()
 
@@ -110,7 +110,7 @@ class Model:
 
     @property
     def period(self) -> float | None:
-        """Seconds from one row to the next; ``None`` where the model was built of arrays."""
+        """Seconds from one row to the next. ``None`` where the model was built of arrays."""
         return self._native.period
 
     @property
@@ -125,18 +125,18 @@ class Model:
 
     @property
     def times(self) -> NDArray[np.datetime64] | None:
-        """Time of every row, ``datetime64[us] [n]``, UTC where the log knows it; ``None`` where there are none."""
+        """Time of every row, ``datetime64[us] [n]``, UTC where the log knows it. ``None`` where there are none."""
         times = self._native.times()
         return None if times is None else times.view("datetime64[us]")
 
     @property
     def segments(self) -> list[int]:
-        """Rows of each unbroken segment; no transition crosses from one into the next."""
+        """Rows of each unbroken segment. No transition crosses from one into the next."""
         return self._native.segments()
 
     @property
     def sources(self) -> NDArray[np.uint32]:
-        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``; it leads to the row after it."""
+        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``. It leads to the row after it."""
         return self._native.sources()
 
     def transitions(self, member: int = 0) -> NDArray[np.uint32]:
@@ -194,7 +194,7 @@ class Model:
         return physical_values(self._native.columns, states)
 
     def normalised(self, values: ArrayLike) -> NDArray[np.float32]:
-        """Values in the units of the sensors on the scale of the states; the inverse of `physical`.
+        """Values in the units of the sensors on the scale of the states. This is the inverse of `physical`.
 
         Args:
             values: ``[..., d]``.
@@ -222,14 +222,14 @@ class Model:
             n: Rollouts. Rollout ``r`` is the same however many there are.
             steps: Steps of each.
             member: Position of the member.
-            start: Rows to start from, one for each rollout, again from the first after the last; random ones unless given. A row that the
+            start: Rows to start from, one for each rollout, again from the first after the last. Random ones unless given. A row that the
                 member lacks is replaced by its nearest.
             seed: Root of the draws. Unless given, it is the study's, which gives the rollouts of the command line where they start at random
                 states too.
             progress: Whether to print how far it is, or an observer.
 
         Returns:
-            The rows that are visited, ``uint32 [n, steps + 1]``; ``model.states[rows]`` are their states.
+            The rows that are visited, ``uint32 [n, steps + 1]``. ``model.states[rows]`` are their states.
 
         Raises:
             IndexError: There is no such member or row.
@@ -258,7 +258,7 @@ class Model:
 
         Args:
             states: ``[q, d]``, real numbers of any type and layout.
-            k: Neighbours to find; as many as the tables have, unless given.
+            k: Neighbours to find. As many as the tables have, unless given.
             member: Position of the member.
             units: What the values are in.
 

@@ -40,7 +40,7 @@ class Observer(Protocol):
         """See how far a task is, some twenty times a second at most.
 
         Args:
-            task: What is being done, such as ``"training"``; an empty name says that it has ended.
+            task: What is being done, such as ``"training"``. An empty name says that it has ended.
             done: How much of it is done.
             total: How much there is to do.
         """
@@ -50,7 +50,7 @@ class Printed:
     """Prints what it hears to stderr, and how far a task is in one line that is written over.
 
     Args:
-        stream: Where to; ``None`` is ``sys.stderr`` at that time, which notebooks show below the cell.
+        stream: Where to. ``None`` is ``sys.stderr`` at that time, which notebooks show below the cell.
 
     Examples:
         >>> import io
@@ -75,7 +75,7 @@ class Printed:
             self._width = 0
 
     def told(self, kind: str, text: str) -> None:
-        """Print what was said; details are left out.
+        """Print what was said. Details are left out.
 
         Args:
             kind: See `Observer.told`.

@@ -22,16 +22,16 @@ Text = str | os.PathLike[str]
 class Study:
     """A study: what to compute, resolved once and checked before anything runs.
 
-    Every step makes what is missing and keeps it in the folder of results; the command line goes on where Python stopped, and the
+    Every step makes what is missing and keeps it in the folder of results. The command line goes on where Python stopped, and the
     other way round: results are the same bytes.
 
     Args:
-        source: The study file; or its sections as a dictionary, of which a file is written at ``path``.
+        source: The study file, or its sections as a dictionary, of which a file is written at ``path``.
         path: Where a study of a dictionary or of keywords is written. It must not hold another one.
         set: What is laid over the study, such as ``{"agent.gamma": 0.9}``, or texts as the command line has them.
         profile: The ``NAME`` of ``[profiles.NAME]``.
-        model: The ``NAME`` of ``[models.NAME]``, all of them unless given; or the section ``[model]`` as a dictionary.
-        deployment: The ``NAME`` of ``[deployments.NAME]``; all of them unless given.
+        model: The ``NAME`` of ``[models.NAME]``, all of them unless given, or the section ``[model]`` as a dictionary.
+        deployment: The ``NAME`` of ``[deployments.NAME]``. All of them unless given.
         output: The folder of results, whatever the study says.
         redo: Whether results that are there are made again.
         sections: Sections of a study, as keywords: ``data={"path": "logs"}, sweep={"sensors": ["PIT300"]}``.
@@ -137,7 +137,7 @@ class Study:
         self._step("simulate", progress)
 
     def represent(self, *, progress: bool | Observer = True) -> None:
-        """Train or import representations of the states, and choose one; only for studies with ``[representation]``.
+        """Train or import representations of the states, and choose one. Only for studies with ``[representation]``.
 
         Args:
             progress: Whether to print what is done, or an observer.
@@ -145,7 +145,7 @@ class Study:
         self._step("represent", progress)
 
     def pretrain(self, *, progress: bool | Observer = True) -> None:
-        """Pre-train one agent for each sensor; only for studies with ``[pretrain]``.
+        """Pre-train one agent for each sensor. Only for studies with ``[pretrain]``.
 
         Args:
             progress: Whether to print what is done, or an observer.
@@ -163,7 +163,7 @@ class Study:
 
         Raises:
             CalibError: The data is wrong, or the machine refuses.
-            KeyboardInterrupt: Ctrl-C; the same call goes on from there.
+            KeyboardInterrupt: Ctrl-C. The same call goes on from there.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -225,7 +225,7 @@ class Study:
 
         Raises:
             CalibError: The model was not built.
-            KeyboardInterrupt: Ctrl-C; the same call goes on from there.
+            KeyboardInterrupt: Ctrl-C. The same call goes on from there.
         """
         self._step("sweep", progress)
         return Runs(Path(self._job.path("sweep")))
@@ -256,7 +256,7 @@ class Study:
 
         Raises:
             CalibError: The data is wrong, or the machine refuses.
-            KeyboardInterrupt: Ctrl-C; the same call goes on from there.
+            KeyboardInterrupt: Ctrl-C. The same call goes on from there.
 
         Examples:
             >>> from calib_rl._study import _example_study
@@ -315,7 +315,7 @@ def _overrides(given: Mapping[str, Any] | Sequence[str]) -> list[str]:
 
 
 def _write(path: Path, text: str) -> None:
-    """Write the file; never in the place of another one."""
+    """Write the file, never in the place of another one."""
     if _holds(path, text):
         return
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -84,7 +84,7 @@ class Runs:
         """All runs: one row for each setting, sensor, environment and run.
 
         Returns:
-            ``runs.parquet`` as a frame of polars or pandas; docs/formats.md describes its columns.
+            ``runs.parquet`` as a frame of polars or pandas. docs/formats.md describes its columns.
         """
         return frame(self.path / "runs.parquet")
 

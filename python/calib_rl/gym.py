@@ -111,7 +111,7 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
         """Begin at a random recorded state of the member.
 
         Args:
-            seed: Seed of the walk; it goes on from the seed before, unless given.
+            seed: Seed of the walk. It goes on from the seed before, unless given.
             options: Not used.
 
         Returns:
@@ -128,7 +128,7 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
         """Go one step on.
 
         Args:
-            action: Any action; it changes nothing.
+            action: Any action. It changes nothing.
 
         Returns:
             Observation, reward, ``False``, whether the episode is over, and ``info``.
@@ -180,7 +180,7 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         """Begin anew: all, or those that ``options["reset_mask"]`` marks.
 
         Args:
-            seed: Walk ``i`` of seed ``s`` is that of a single environment with ``s + i``; or one seed for each walk.
+            seed: Walk ``i`` of seed ``s`` is that of a single environment with ``s + i``, or one seed for each walk.
             options: ``{"reset_mask": mask}``, with ``mask`` of type bool ``[num_envs]``.
 
         Returns:
@@ -196,10 +196,10 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def step(
         self, actions: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Go one step on with every walk; one that was over begins anew instead, as ``AutoresetMode.NEXT_STEP`` has it.
+        """Go one step on with every walk. One that was over begins anew instead, as ``AutoresetMode.NEXT_STEP`` has it.
 
         Args:
-            actions: Any actions; they change nothing.
+            actions: Any actions. They change nothing.
 
         Returns:
             Observations, rewards, terminated, truncated, and ``info``.
@@ -292,29 +292,29 @@ def make(
     Args:
         model: The model, with actions or without.
         member: Position of the member.
-        observe: Columns that are observed, by name or position; all, unless given.
-        reward: Without actions: the column whose value after a step is its reward; the first one, unless given.
-        max_steps: Without actions: steps after which an episode is truncated; ``None`` for never.
+        observe: Columns that are observed, by name or position. All, unless given.
+        reward: Without actions: the column whose value after a step is its reward. The first one, unless given.
+        max_steps: Without actions: steps after which an episode is truncated. ``None`` for never.
         units: What observations are in, and the rewards of a model without actions.
-        action_space: With actions: ``"discrete"``, the actions of the model by number; ``"multi_discrete"``, a level of each column of the actions; ``"box"``, the
-            values that are set, of which the nearest action is taken; or a space that is one of these. Refused without actions.
-        timeout: With actions: steps after which an episode is truncated; those of the model, unless given.
+        action_space: With actions, ``"discrete"``: the actions of the model by number. ``"multi_discrete"``: a level of each column of the actions. ``"box"``: the
+            values that are set, of which the nearest action is taken. Or a space that is one of these. Refused without actions.
+        timeout: With actions: steps after which an episode is truncated. Those of the model, unless given.
         pessimism: With actions: where the log has no transition with the action within the model's radius, go on with the ``"nearest"`` one, or end the episode with
             the ``"minimum_return"``. An action that the member never took ends the episode either way.
-        worst_return: The reward of such an end; the model's, unless given.
+        worst_return: The reward of such an end. The model's, unless given.
         live: With ``"box"``: search for exactly what is set, among all transitions of the member, instead of taking the nearest level. It takes time in proportion
             to the log, and wants a model with ``levels``.
         kind: With actions: what a step does. ``"neighbors"`` goes to the recorded next state of a neighbour. ``"increments"`` adds the neighbour's recorded
             change to the state, in every column where that predicts better, and so leaves recorded rows, though never the recorded range. Each step searches
             all transitions with the action. ``row`` in ``info`` is then the row that the neighbour led to, and ``displacement`` is 0.
-            ``"network"`` goes where a network says that learnt the log, as ``calib control`` trains it; it is trained at its first use in a process, in a second or
+            ``"network"`` goes where a network says that learnt the log, as ``calib control`` trains it. It is trained at its first use in a process, in a second or
             two. ``row`` is then that of the start of the episode, and every step counts as covered.
 
     Returns:
-        The environment. Observations are ``float32 [columns]``, bounded by what was recorded; ``info`` has the ``row`` of the model's data
-        that is seen, its ``time`` in microseconds since 1970 (its number where there are no times), and the ``distance`` from the state
-        before to the recorded one whose transition was taken. With actions it also has whether the step is ``covered``, and the ``displacement`` of each observed
-        column: the sum over the episode of the jumps from where the agent was to where the transitions that it took begin.
+        The environment. Observations are ``float32 [columns]``, bounded by what was recorded. ``info`` has the ``row`` of the model's data
+        that is seen. It has the ``time`` of that row in microseconds since 1970, or its number where there are no times. Its ``distance`` is that
+        from the state before to the recorded one whose transition was taken. With actions it also has whether the step is ``covered``. The ``displacement``
+        of each observed column is the sum of the jumps of the episode, from where the agent was to where the transitions that it took begin.
 
     Raises:
         ValueError: There is no such column, an argument is for models of the other kind, or the model has no such action space.
@@ -403,7 +403,7 @@ def make_vec(
         model: The model, with actions or without.
         num_envs: Walks.
         members: The member of all walks, or a list that is dealt to them in turn.
-        observe: As in `make`; so are the others.
+        observe: As in `make`. So are the others.
         reward: See `make`.
         max_steps: See `make`.
         units: See `make`.
@@ -419,7 +419,7 @@ def make_vec(
         step after the one that ended them.
 
     Raises:
-        ValueError: As `make`; or there are no members, or no walks.
+        ValueError: As `make`, or there are no members, or no walks.
         IndexError: There is no such member.
         MemoryError: There is no memory for so many walks.
 

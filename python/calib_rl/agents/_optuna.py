@@ -24,7 +24,7 @@ def optuna_objective(
         sweep: Where agents are run.
         factory: Makes an agent: ``factory(task, **values)``.
         suggest: Draws the values of a trial, such as ``lambda trial: {"learning_rate": trial.suggest_float("learning_rate", 1e-4, 1, log=True)}``.
-        sensor: What is predicted; the study's first, unless given.
+        sensor: What is predicted. The study's first, unless given.
         environments: Which environments count. Online does not by default: it is what a choice is judged by.
 
     Returns:

@@ -54,12 +54,12 @@ class Agent(Protocol):
         """Say what was learnt.
 
         Returns:
-            Arrays or numbers by name; kept beside the runs if `Sweep.run` is asked to.
+            Arrays or numbers by name. They are kept beside the runs if `Sweep.run` is asked to.
         """
 
 
 class Task(NamedTuple):
-    """What an agent is to predict; a factory is given it.
+    """What an agent is to predict. A factory is given it.
 
     Examples:
         >>> task = Task(sensor="PIT300", column=3, columns=8, gamma=0.9, seed=42)

@@ -12,7 +12,7 @@ from .._verdict import Runs, Verdict
 
 
 class AgentRuns(Runs):
-    """Runs of agents of your own; `Sweep.run` returns it. docs/formats.md describes the columns.
+    """Runs of agents of your own. `Sweep.run` returns it. docs/formats.md describes the columns.
 
     Args:
         path: The folder of the runs.
@@ -60,16 +60,16 @@ def evaluate(
     """Judge a table of runs that something else made.
 
     Args:
-        runs: Parquet with the columns ``environment``, ``sensor``, ``run``, ``candidate`` and ``rmse``; see docs/formats.md for the others.
-        study: How to judge; by the defaults, unless given.
-        folder: Where the summary, figures and ``report.html`` go; ``evaluate`` beside the table, unless given.
+        runs: Parquet with the columns ``environment``, ``sensor``, ``run``, ``candidate`` and ``rmse``. See docs/formats.md for the others.
+        study: How to judge. By the defaults, unless given.
+        folder: Where the summary, figures and ``report.html`` go. ``evaluate`` beside the table, unless given.
         progress: Whether to print what is done, or an observer.
 
     Returns:
         The verdict.
 
     Raises:
-        CalibError: A column is missing, or a value is wrong; the text says which.
+        CalibError: A column is missing, or a value is wrong. The text says which.
 
     Examples:
         >>> import tempfile, pathlib

@@ -56,9 +56,9 @@ class SimplePredictor:
         fitted = next(row["fitted"] for row in rows if row["sensor"] == sensor and row["predictor"] == name)
         self.bias: float = float(fitted["bias"])
         self.weights: NDArray[np.float64] | None = None
-        """One for each column of a state; none for an autoregression."""
+        """One for each column of a state. An autoregression has none."""
         self.lags: NDArray[np.float64] | None = None
-        """For the sensor's latest values, the present one first; none but for an autoregression."""
+        """For the sensor's latest values, the present one first. Only an autoregression has them."""
         if fitted["form"] == "affine":
             self.weights = np.array(fitted["weights"], dtype=np.float64)
         else:
@@ -101,7 +101,7 @@ class SimplePredictor:
         """The coefficients.
 
         Returns:
-            ``bias``, ``weights`` and ``lags``; one of the last two is ``None``.
+            ``bias``, ``weights`` and ``lags``. One of the last two is ``None``.
         """
         return {"bias": self.bias, "weights": self.weights, "lags": self.lags}
 

@@ -14,7 +14,7 @@ from ._protocol import Agent, Factory, Task, Values, is_number, made
 
 
 class Stream:
-    """A run's stream of states; `Streams.all` has them.
+    """A run's stream of states. `Streams.all` has them.
 
     Examples:
         >>> from calib_rl._study import _example_study
@@ -29,7 +29,7 @@ class Stream:
         environment: ``"member:0"`` …, ``"online"`` or ``"log-replay"``.
         run: Number of the run there.
         seed: For the agents of the run.
-        steps: Steps of the run. The stream has more states, so that the last returns are complete; agents do not see them.
+        steps: Steps of the run. The stream has more states, so that the last returns are complete. Agents do not see them.
     """
 
     def __init__(self, native: _calib.Streams, position: int, told: tuple[str, int, int, int, str, int]) -> None:
@@ -123,7 +123,7 @@ class Streams:
 def predicted(
     agent: Agent, states: NDArray[np.float32], pieces: list[tuple[int, int]], column: int, steps: int
 ) -> tuple[NDArray[np.float32], int]:
-    """What an agent predicts on ``steps`` states, learning from each; up to the first that is no number. And how often it learnt."""
+    """What an agent predicts on ``steps`` states, learning from each. Up to the first that is no number, and how often it learnt."""
     predictions = np.zeros(steps, np.float32)
     rewards = states[:, column].astype(float).tolist()
     predict, update = agent.predict, agent.update

@@ -40,7 +40,7 @@ def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
 
 
 class _ExampleAgent:
-    """Predicts the mean return that it has seen so far; for examples."""
+    """Predicts the mean return that it has seen so far, for examples."""
 
     def __init__(self, task: Task, rate: float = 0.1) -> None:
         self.gamma, self.rate, self.value = task.gamma, rate, 0.0
@@ -59,9 +59,9 @@ class Sweep:
     """Runs of agents in the environments of a study.
 
     Args:
-        study: The study; its model is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs; ``agent.gamma`` which
+        study: The study. Its model is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs. ``agent.gamma`` which
             return is predicted. Its grid and the rest of ``[agent]`` are those of calib's own agents, and do not matter here.
-        folder: Where results go; ``agents`` in the results of the study, unless given.
+        folder: Where results go. ``agents`` in the results of the study, unless given.
         progress: Whether to print what is done, or an observer.
 
     Examples:
@@ -101,13 +101,13 @@ class Sweep:
     ) -> AgentRuns:
         """Run an agent of every value in every environment.
 
-        What was run before is not run again, as long as the streams, the values, the factory's name and ``version`` are the same.
+        Finished runs are kept, as long as the streams, the values, the factory's name and ``version`` are the same.
 
         Args:
             factory: Makes an agent: ``factory(task, **values)``. With several processes it must be a function of a module.
             values: Values of every hyperparameter, all of whose combinations are run, or a list of combinations.
-            default: The combination that you would use without a choice; the first, unless given. It is added if it is none of ``values``.
-            processes: Processes to run in; their results are the same.
+            default: The combination that you would use without a choice. The first, unless given. It is added if ``values`` lacks it.
+            processes: Processes to run in. Their results are the same.
             version: Change it when the agent's code changes.
             keep_states: Whether what each agent has learnt is pickled beside the runs.
 
@@ -115,7 +115,7 @@ class Sweep:
             The runs.
 
         Raises:
-            Exception: What an agent raised; runs that were finished are kept.
+            Exception: What an agent raised. Runs that were finished are kept.
         """
         candidates = grid(values) if isinstance(values, Mapping) else [dict(of) for of in values]
         if not candidates:
