@@ -3,7 +3,7 @@
 use std::{path::PathBuf, sync::Arc};
 
 use calib_pipeline::{BuildOptions, Job, Outcome, Printer, Request, StepError};
-use calib_study::{Existing, Policy, Writes};
+use calib_study::{Existing, Policy, StepKind, Writes};
 use pyo3::prelude::*;
 
 use crate::{
@@ -93,8 +93,10 @@ impl PyJob {
     }
 
     /// What to type to run the same step on the command line.
-    fn command(&self, step: &str) -> String {
-        self.job.command(step)
+    fn command(&self, step: &str) -> PyResult<String> {
+        let step = StepKind::of_command(step)
+            .ok_or_else(|| errors::value(format!("no step is called {step}")))?;
+        Ok(self.job.command(step))
     }
 }
 

@@ -3,11 +3,12 @@
 use calib_core::Seed;
 use calib_model::ModelFamily;
 use calib_plant::Plant;
-use calib_study::{Each, Job, Study};
+use calib_study::{Job, StepKind, Study};
 
 use crate::{
     Context as _, StepError,
     agents::pretrain,
+    bail,
     base::{
         clock::Stopwatch,
         options::{BuildOptions, Device},
@@ -38,56 +39,32 @@ pub(crate) enum Extent {
     Choice,
 }
 
-/// One command of the chain, on the study or on each of its models.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
-    Represent,
-    BuildModel,
-    Rollout,
-    Sweep,
+/// Whether a study needs the step on the way to `extent`.
+fn is_wanted(step: StepKind, study: &Study, extent: Extent) -> bool {
+    study.needs(step) && (step != StepKind::Rollout || extent == Extent::Report)
 }
 
-/// The steps on each model, in order.
-const STEPS: [Step; 4] = [Step::Represent, Step::BuildModel, Step::Rollout, Step::Sweep];
-
-impl Step {
-    /// What to type for it.
-    fn command(self) -> &'static str {
-        match self {
-            Self::Represent => "represent",
-            Self::BuildModel => "build-model",
-            Self::Rollout => "rollout",
-            Self::Sweep => "sweep",
+/// Take one of the steps that each model takes.
+fn take(step: StepKind, job: &Job, going: &Going<'_>) -> Result<Outcome, StepError> {
+    let &Going { plan, course, counted, device, talk: printer } = going;
+    match step {
+        // What is made before rollouts is the same for all deployments.
+        StepKind::Represent => represent::run(&job.before_deployment()?, device, printer),
+        StepKind::BuildModel => {
+            let device = device.filter(|_| job.study().model.kind.family() == ModelFamily::Network);
+            let options = BuildOptions { device, ..BuildOptions::default() };
+            build_model::run(&job.before_deployment()?, &options, printer)
         }
-    }
-
-    fn is_wanted(self, study: &Study, extent: Extent) -> bool {
-        match self {
-            Self::Represent => report::commands(&[study]).contains(&"represent"),
-            Self::Rollout => extent == Extent::Report,
-            Self::BuildModel | Self::Sweep => true,
-        }
-    }
-
-    fn run(self, job: &Job, going: &Going<'_>) -> Result<Outcome, StepError> {
-        let &Going { plan, course, counted, device, talk: printer } = going;
-        match self {
-            // What is made before rollouts is the same for all deployments.
-            Self::Represent => represent::run(&job.before_deployment()?, device, printer),
-            Self::BuildModel => {
-                let device =
-                    device.filter(|_| job.study().model.kind.family() == ModelFamily::Network);
-                let options = BuildOptions { device, ..BuildOptions::default() };
-                build_model::run(&job.before_deployment()?, &options, printer)
-            }
-            Self::Rollout => {
-                each_part(Each::Rollouts, job, printer, |job| rollout::run(job, printer))
-            }
-            Self::Sweep => each_part(Each::Deployment, job, printer, |job| {
-                course.sweep(plan, job);
-                sweep::run(job, counted, device, printer)
-            }),
-        }
+        StepKind::Rollout => each_part(step, job, printer, |job| rollout::run(job, printer)),
+        StepKind::Sweep => each_part(step, job, printer, |job| {
+            course.sweep(plan, job);
+            sweep::run(job, counted, device, printer)
+        }),
+        StepKind::Simulate
+        | StepKind::Prepare
+        | StepKind::Pretrain
+        | StepKind::Evaluate
+        | StepKind::Control => bail!("{} is no step of one model", step.label()),
     }
 }
 
@@ -149,12 +126,12 @@ pub(crate) fn run_to(
     }
     streams::check(&models[0].job.before_deployment()?, talk)?;
     if is_pretrained(&models) {
-        course.stage("pretrain");
+        course.stage(StepKind::Pretrain.label());
         ended.and(pretrain::run(&job.before_deployment()?, talk)?);
     }
     let counted = Counted::default();
     let going = Going { plan: &plan, course: &course, counted: &counted, device, talk };
-    for step in STEPS {
+    for step in StepKind::OF_MODELS {
         for model in &mut models {
             ended.and(model.take(step, extent, &going)?);
         }
@@ -177,14 +154,14 @@ pub(crate) fn run_to(
 
 /// Whether agents are pre-trained, which is done once for all models.
 fn is_pretrained(models: &[Model]) -> bool {
-    report::commands(&[models[0].job.study()]).contains(&"pretrain")
+    models[0].job.study().needs(StepKind::Pretrain)
 }
 
 /// How many stages a run has that goes to `extent`.
 fn stages(models: &[Model], plant: Option<&PlantOfStudy>, extent: Extent, job: &Job) -> usize {
     let steps = models.iter().flat_map(|model| {
         let study = model.job.study();
-        STEPS.into_iter().filter(move |step| step.is_wanted(study, extent))
+        StepKind::OF_MODELS.into_iter().filter(move |step| is_wanted(*step, study, extent))
     });
     let once = [
         plant.is_some_and(|plant| is_made(plant, job)),
@@ -216,9 +193,9 @@ fn judge(
     course: &Course<'_>,
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
-    course.stage("evaluate");
+    course.stage(StepKind::Evaluate.label());
     let remaining = models.iter().filter(|model| model.left_out.is_none());
-    let all = remaining.map(|model| model.job.parts(Each::Deployment));
+    let all = remaining.map(|model| model.job.parts(StepKind::Evaluate.scope()));
     let all: Vec<Job> = all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
     ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
     let judged = match all.as_slice() {
@@ -227,7 +204,7 @@ fn judge(
     };
     match judged {
         Err(reason) if job.policy().is_dry() => {
-            not_yet("evaluate", &reason, printer);
+            not_yet(StepKind::Evaluate, &reason, printer);
             Ok(Outcome::Done)
         }
         judged => judged,
@@ -267,7 +244,7 @@ fn simulate(
     if !is_made(&plant, job) {
         return Ok(true);
     }
-    course.stage("simulate");
+    course.stage(StepKind::Simulate.label());
     if job.policy().is_dry() {
         let takes = sentence(&Plant::new(plant.options.clone())?);
         talk.say(&format!("dry run: would write {takes}, to {shown}"));
@@ -279,32 +256,32 @@ fn simulate(
     Ok(true)
 }
 
-/// The commands that a dry run without a log cannot look into.
+/// The steps that a dry run without a log cannot look into.
 fn remaining(models: &[Model]) -> Vec<&'static str> {
-    report::commands(&models.iter().map(|model| model.job.study()).collect::<Vec<_>>())
+    let studies: Vec<&Study> = models.iter().map(|model| model.job.study()).collect();
+    report::steps(&studies).into_iter().map(StepKind::label).collect()
 }
 
 impl Model {
     /// Take one step. What this calib cannot do for want of libtorch leaves the model out, and the others go on.
     fn take(
         &mut self,
-        step: Step,
+        step: StepKind,
         extent: Extent,
         going: &Going<'_>,
     ) -> Result<Outcome, StepError> {
         let Going { course, counted, talk, .. } = going;
-        if !step.is_wanted(self.job.study(), extent) {
+        if !is_wanted(step, self.job.study(), extent) {
             return Ok(Outcome::Done);
         }
         if self.left_out.is_some() {
             course.skip(1);
             return Ok(Outcome::Done);
         }
-        let command = step.command();
         let of_model =
             self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
-        course.stage(&format!("{command}{of_model}"));
-        match step.run(&self.job, going) {
+        course.stage(&format!("{}{of_model}", step.label()));
+        match take(step, &self.job, going) {
             Err(reason)
                 if matches!(reason.root(), StepError::Unavailable(_)) && self.name.is_some() =>
             {
@@ -317,14 +294,14 @@ impl Model {
             // In a dry run, steps lack what those before them did not write.
             Err(reason)
                 if self.job.policy().is_dry()
-                    && matches!(step, Step::Rollout | Step::Sweep)
+                    && matches!(step, StepKind::Rollout | StepKind::Sweep)
                     && !reason.was_cancelled() =>
             {
-                not_yet(command, &reason, talk);
+                not_yet(step, &reason, talk);
                 // What another arithmetic takes is not known.
-                if step == Step::Sweep && going.device.is_none() {
+                if step == StepKind::Sweep && going.device.is_none() {
                     let expect = |job: &Job| sweep::expected::before_model(job, counted, talk);
-                    return each_part(Each::Deployment, &self.job, talk, expect);
+                    return each_part(step, &self.job, talk, expect);
                 }
                 Ok(Outcome::Done)
             }
@@ -333,8 +310,9 @@ impl Model {
     }
 }
 
-fn not_yet(command: &str, reason: &StepError, talk: &Printer) {
-    talk.say(&format!("dry run: {command} waits for the steps before it ({reason})"));
+fn not_yet(step: StepKind, reason: &StepError, talk: &Printer) {
+    let step = step.label();
+    talk.say(&format!("dry run: {step} waits for the steps before it ({reason})"));
 }
 
 /// How the steps ended: a negative answer of one is one of the whole.

@@ -1,6 +1,6 @@
 //! A step of each model and deployment of a study.
 
-use calib_study::{Each, Job};
+use calib_study::{Job, StepKind};
 
 use crate::{Outcome, StepError, ensure, output::Printer};
 
@@ -13,12 +13,12 @@ pub(crate) enum Which {
 
 /// Run a step on each part of the study, or on the study if it has none.
 pub(crate) fn each(
-    each: Each,
+    step: StepKind,
     job: &Job,
     printer: &Printer,
     run: impl Fn(&Job, Which) -> Result<Outcome, StepError>,
 ) -> Result<Outcome, StepError> {
-    let parts = job.parts(each)?;
+    let parts = job.parts(step.scope())?;
     if let [only] = parts.as_slice() {
         return run(only, Which::TheOnly);
     }
@@ -32,12 +32,12 @@ pub(crate) fn each(
 
 /// Run a step of a longer chain on each deployment of a study, or of one of its models.
 pub(crate) fn each_part(
-    each: Each,
+    step: StepKind,
     job: &Job,
     printer: &Printer,
     run: impl Fn(&Job) -> Result<Outcome, StepError>,
 ) -> Result<Outcome, StepError> {
-    match job.parts(each)?.as_slice() {
+    match job.parts(step.scope())?.as_slice() {
         [only] => run(only),
         parts => each_of(parts, printer, run),
     }

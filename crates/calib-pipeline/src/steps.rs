@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use calib_plant::PlantOptions;
-use calib_study::{Each, Job, Study};
+use calib_study::{Job, StepKind, Study};
 
 use crate::{
     BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Device, Logs,
@@ -63,7 +63,7 @@ pub fn represent(
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    each(Each::Model, job, printer, |job, which| {
+    each(StepKind::Represent, job, printer, |job, which| {
         // Of several models some search among the states themselves.
         if which == Which::OneOfSeveral && !job.study().has_representation() {
             printer.say("no representation: nothing to train");
@@ -83,7 +83,7 @@ pub fn build_model(
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    each(Each::Model, job, printer, |job, _| model::run(job, options, printer))
+    each(StepKind::BuildModel, job, printer, |job, _| model::run(job, options, printer))
 }
 
 /// Roll the models out, and compare with what was recorded.
@@ -92,7 +92,7 @@ pub fn build_model(
 /// As [`run`].
 pub fn rollout(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    each(Each::Rollouts, job, printer, |job, _| rollouts::run(job, printer))
+    each(StepKind::Rollout, job, printer, |job, _| rollouts::run(job, printer))
 }
 
 /// Pre-train one agent a sensor.
@@ -114,7 +114,7 @@ pub fn sweep(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Out
     prepared::begin_command();
     let counted = Counted::default();
     let run = |job: &Job, _| sweeping::run(job, &counted, device, printer);
-    each(Each::Deployment, job, printer, run)
+    each(StepKind::Sweep, job, printer, run)
 }
 
 /// Choose a value, judge the choice by held-out data, and write the report.
@@ -123,7 +123,7 @@ pub fn sweep(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Out
 /// As [`run`].
 pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     prepared::begin_command();
-    match job.parts(Each::Deployment)?.as_slice() {
+    match job.parts(StepKind::Evaluate.scope())?.as_slice() {
         [only] if only.is_same_part(job) => judging::run(job, printer),
         parts => compare::run(job, parts, &[], printer),
     }

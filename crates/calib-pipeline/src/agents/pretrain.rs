@@ -6,7 +6,7 @@ use calib_agent::{
 };
 use calib_core::{RowStream, Seed};
 use calib_files::write_json;
-use calib_study::{Job, Study};
+use calib_study::{Job, StepKind, Study};
 use serde::Serialize;
 
 use crate::{
@@ -336,7 +336,7 @@ fn finish(
         let rows: Vec<Vec<String>> = manifest.agents.iter().map(row).collect();
         printer.lines(&table(&header, &rows))?;
     }
-    printer.next(&[job.command("build-model"), job.command("sweep")]);
+    printer.next(&job.next_commands(StepKind::Pretrain));
     Ok(())
 }
 

@@ -10,7 +10,7 @@ use calib_core::{Normaliser, Period};
 use calib_data::{Dataset, table::Table};
 use calib_files::{Fingerprint, Tensor, Tensors, file_name, read_tensors, write_tensors};
 use calib_nn::{Mlp, Moments, Naming};
-use calib_study::{Job, Made, MomentsRule, Study};
+use calib_study::{Job, MomentsRule, StepKind, Study};
 use calib_sweep::{Candidate, Start};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -234,7 +234,7 @@ pub(crate) fn starts(
     let (Some(directory), Some(part)) = (directory(job), part) else {
         return Ok((BTreeMap::new(), vec![]));
     };
-    let command = job.command("pretrain");
+    let command = job.command(StepKind::Pretrain);
     let manifest: PretrainManifest = artefact::require(&directory, &command)?;
     check_columns(&directory, &manifest, dataset)?;
     if manifest.data != part.fingerprint {
@@ -264,7 +264,7 @@ pub(crate) fn starts(
         if study.pretrain.checkpoint.is_none() {
             let key = agent_key(study, &part.fingerprint, sensor, *column)?;
             let kept =
-                Kept { result: Made::Pretrained, study: &manifest.study, directory: &directory };
+                Kept { step: StepKind::Pretrain, study: &manifest.study, directory: &directory };
             kept.check(job)?;
             ensure!(
                 agent.key == key,

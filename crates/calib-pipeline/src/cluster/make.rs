@@ -9,7 +9,7 @@ use calib_agent::training_bytes;
 use calib_files::{
     FileError, FolderRecord, create_directory, is_temporary, remove_known, write_new_sealed_json,
 };
-use calib_study::{Each, Job};
+use calib_study::{Job, Scope, StepKind};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Unit, UnitResult};
 
 use crate::{
@@ -47,7 +47,7 @@ pub(crate) fn make(
     ensure!(
         !job.study().agent.is_external(),
         "agent.kind = \"external\": a plan does not carry the program to other machines; run `{}` where it is",
-        job.command("sweep")
+        job.command(StepKind::Sweep)
     );
     let directory = &options.directory;
     let path = path_in(directory);
@@ -82,7 +82,7 @@ pub(crate) fn make(
         seen,
     };
     let (mut parts, mut work) = (Vec::new(), Vec::new());
-    for part in job.parts(Each::Deployment)? {
+    for part in job.parts(Scope::Deployment)? {
         let (model, deployment) = (part.model(), part.deployment());
         let mut planned = Part {
             model: model.map(str::to_owned),

@@ -7,7 +7,7 @@ use std::{
 };
 
 use calib_files::{FolderRecord, write_atomically};
-use calib_study::shell_words;
+use calib_study::{StepKind, shell_words};
 
 use crate::{
     Context as _, StepError, bail,
@@ -128,7 +128,7 @@ impl Submitting<'_> {
 
     /// What judges the merged sweep.
     fn evaluate(&self) -> Result<String, StepError> {
-        let command = self.opened.plan.asked.job()?.command("evaluate");
+        let command = self.opened.plan.asked.job()?.command(StepKind::Evaluate);
         let rest = command.strip_prefix("calib").unwrap_or(&command).to_owned();
         Ok(format!("{}{rest}", self.config.calib))
     }

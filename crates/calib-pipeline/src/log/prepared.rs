@@ -13,7 +13,7 @@ use calib_files::{
     FileStat, Fingerprint, ScratchPlace, read_sealed_json, remove_empty_folder, remove_file,
     write_sealed_json,
 };
-use calib_study::{Each, Job};
+use calib_study::{Job, Scope};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -380,7 +380,7 @@ impl Place {
     fn remove_others(&self, job: &Job) -> Result<(), StepError> {
         let mut read = BTreeSet::from([self.directory.clone()]);
         for model in job.choose(None, None)?.models()? {
-            for part in model.parts(Each::Deployment)?.iter().chain([&model]) {
+            for part in model.parts(Scope::Deployment)?.iter().chain([&model]) {
                 let study = part.study();
                 let training = DataConfig { held_out: None, ..study.data.clone() };
                 for data in [&study.data, &training] {

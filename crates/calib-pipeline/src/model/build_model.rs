@@ -8,7 +8,7 @@ use calib_data::Dataset;
 use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
 use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
 use calib_model::{JumpStatistics, ModelFamily, StartSource, rollout, start_states};
-use calib_study::{Job, Layout, Study};
+use calib_study::{Job, Layout, StepKind, Study};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -113,7 +113,7 @@ pub(crate) fn run(
     } else {
         summarise(&manifest, &directory, built, clock, printer)?;
     }
-    printer.next(&[job.command("rollout"), job.command("sweep")]);
+    printer.next(&job.next_commands(StepKind::BuildModel));
     Ok(status)
 }
 
@@ -143,7 +143,7 @@ pub(crate) fn find(
     if let Some(found) = up_to_date(&directory, key) {
         return Ok(Some(found));
     }
-    for other in paths.of_other_models("model") {
+    for other in paths.of_other_models(StepKind::BuildModel) {
         let Some(found) = up_to_date(&other, key) else { continue };
         printer.say(&format!("the model is that in {}, and is copied", other.display()));
         let files = found.files.keys().map(String::as_str);

@@ -6,7 +6,7 @@ use calib_core::Transitions;
 use calib_data::Dataset;
 use calib_files::write_json;
 use calib_model::ModelKind;
-use calib_study::{Job, Study};
+use calib_study::{Job, StepKind, Study};
 use serde::Serialize;
 
 use crate::{
@@ -74,7 +74,7 @@ pub(crate) fn run(
         let training = training.map_or_else(|| "imported".to_owned(), ToString::to_string);
         printer.result(&format!("  member 0: {transitions} transitions; {training}"))?;
     }
-    printer.next(&[job.command("rollout"), job.command("sweep")]);
+    printer.next(&job.next_commands(StepKind::BuildModel));
     Ok(Outcome::Done)
 }
 

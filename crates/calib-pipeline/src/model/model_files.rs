@@ -9,7 +9,7 @@ use calib_knn::{KnnModel, ModelConfig, Recall, SEARCH_VERSION, Shortcuts, Weight
 use calib_model::JumpStatistics;
 use calib_nn::Mlp;
 use calib_represent::encode;
-use calib_study::{Job, Made, Study};
+use calib_study::{Job, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -241,9 +241,9 @@ fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
 /// Open the model of a job; tables and states are mapped, and checked.
 pub(crate) fn open(job: &Job) -> Result<OpenModel, StepError> {
     let directory = &job.layout().model();
-    let build = job.command("build-model");
+    let build = job.command(StepKind::BuildModel);
     let manifest: ModelManifest = artefact::require(directory, &build)?;
-    Kept { result: Made::Model, study: &manifest.study, directory }.check(job)?;
+    Kept { step: StepKind::BuildModel, study: &manifest.study, directory }.check(job)?;
     opened(directory, manifest, &build)
 }
 
@@ -285,7 +285,7 @@ pub(crate) fn check_data(
             job.layout().model().display(),
             manifest.data.short(),
             dataset.fingerprint.short(),
-            job.command("build-model"),
+            job.command(StepKind::BuildModel),
         );
     }
     Ok(())

@@ -3,7 +3,7 @@
 use calib_agent::SimplePredictor;
 use calib_files::TemporaryFolder;
 use calib_propose::{Costs, Horizon, Size};
-use calib_study::{Job, Request};
+use calib_study::{Job, Request, StepKind};
 use calib_sweep::SensorVerdict;
 
 use crate::{
@@ -123,7 +123,7 @@ impl Trials<'_> {
             let clock = Stopwatch::start();
             build_model::run(&job, &BuildOptions::default(), &self.printer.silent())?;
             let secs = clock.elapsed().as_secs_f64();
-            let build = job.command("build-model");
+            let build = job.command(StepKind::BuildModel);
             let model: ModelManifest = artefact::require(&job.layout().model(), &build)?;
             let warnings = build_model::warnings(&model);
             let moves = model.members.first().and_then(|member| member.jumps.as_ref());

@@ -1,7 +1,7 @@
 //! The representation of a log of decisions, which `calib control` trains itself.
 
 use calib_core::States;
-use calib_study::Job;
+use calib_study::{Job, StepKind};
 
 use super::{Material, RepresentationManifest, made, read, trained, up_to_date};
 use crate::{StepError, base::artefact, output::Printer};
@@ -30,7 +30,7 @@ pub(crate) fn of(
             trained(job, None, (material, split), directory, printer)
         })?,
     };
-    Ok(read(directory, &manifest, &job.command("control"))?.psi)
+    Ok(read(directory, &manifest, &job.command(StepKind::Control))?.psi)
 }
 
 /// Make what was trained again if it is there and damaged; what is the same is the same to the byte.
@@ -52,7 +52,7 @@ pub(crate) fn kept(job: &Job, material: Material<'_>) -> Result<Option<States>, 
     if manifest.chosen.is_none() {
         return Ok(None);
     }
-    Ok(Some(read(directory, &manifest, &job.command("control"))?.psi))
+    Ok(Some(read(directory, &manifest, &job.command(StepKind::Control))?.psi))
 }
 
 /// What `calib control` trained, for the report.

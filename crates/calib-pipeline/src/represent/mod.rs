@@ -15,7 +15,7 @@ use calib_represent::{
     Divergence, LaplacianConfig, Point, RepresentationKind, Scores, Split, encode, read_encoder,
     score, select, write_encoder,
 };
-use calib_study::{Job, Layout, Made, Share, Study};
+use calib_study::{Job, Layout, Share, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -143,7 +143,7 @@ pub(crate) fn run(
         table::show(&manifest, printer)?;
     }
     if manifest.chosen.is_some() {
-        printer.next(&[job.command("build-model")]);
+        printer.next(&job.next_commands(StepKind::Represent));
         return Ok(Outcome::Done);
     }
     printer.warn(NONE_QUALIFIES);
@@ -176,7 +176,7 @@ fn train_share(
         counted(trained, "representation"),
         study.representation.candidates().len()
     ))?;
-    printer.next(&[job.command("represent")]);
+    printer.next(&[job.command(StepKind::Represent)]);
     Ok(Outcome::Done)
 }
 
@@ -194,7 +194,7 @@ fn find(
     if let Some(found) = up_to_date(&directory, key) {
         return Ok(Some(found));
     }
-    for other in paths.of_other_models("representation") {
+    for other in paths.of_other_models(StepKind::Represent) {
         let Some(found) = up_to_date(&other, key) else { continue };
         printer.say(&format!("the representation is that in {}, and is copied", other.display()));
         let files = found.files.keys().map(String::as_str);
@@ -401,10 +401,9 @@ pub(crate) fn open(job: &Job, dataset: &Dataset) -> Result<Option<Representation
     if study.representation.kind == RepresentationKind::None {
         return Ok(None);
     }
-    let (directory, command) = (paths.representation(), job.command("represent"));
+    let (directory, command) = (paths.representation(), job.command(StepKind::Represent));
     let manifest: RepresentationManifest = artefact::require(&directory, &command)?;
-    Kept { result: Made::Representation, study: &manifest.study, directory: &directory }
-        .check(job)?;
+    Kept { step: StepKind::Represent, study: &manifest.study, directory: &directory }.check(job)?;
     if manifest.key != key(job, dataset)? {
         bail!(
             "the representation in {} was made from other data; run `{command}` again",

@@ -4,7 +4,7 @@ use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
 use calib_data::table::Table;
 use calib_files::Fingerprint;
 use calib_model::{JumpStatistics, ModelStart, Rolling, RolloutConfig, Search, Trajectory};
-use calib_study::{Job, Made, Study};
+use calib_study::{Job, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -81,10 +81,10 @@ impl Manifest for RolloutManifest {
 pub(crate) fn finished(job: &Job, model: &str) -> Result<Option<RolloutManifest>, StepError> {
     let paths = job.layout();
     let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(|found| {
-        found.model == *model && job.study().differences(Made::Rollouts, &found.study).is_empty()
+        found.model == *model && job.study().differences(StepKind::Rollout, &found.study).is_empty()
     });
     if let Some(found) = &found {
-        artefact::check_files(&paths.rollout(), &found.files, &job.command("rollout"))?;
+        artefact::check_files(&paths.rollout(), &found.files, &job.command(StepKind::Rollout))?;
     }
     Ok(found)
 }
@@ -162,7 +162,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
             one_step::show(one_step, printer)?;
         }
     }
-    printer.next(&[job.command("sweep")]);
+    printer.next(&job.next_commands(StepKind::Rollout));
     Ok(Outcome::Done)
 }
 

@@ -3,7 +3,7 @@ use std::{collections::BTreeMap, path::Path};
 use calib_agent::{Accelerator, check_accelerated};
 use calib_data::Dataset;
 use calib_files::{read_json, write_json};
-use calib_study::{Job, Layout, Study};
+use calib_study::{Job, Layout, StepKind, Study};
 use calib_sweep::{
     Baselines, Candidate, Completed, Plan, PlannedUnit, Span, Unit, UnitResult, UnitStore,
 };
@@ -345,6 +345,6 @@ fn finish(
         let runs = job.layout().sweep().join("runs.parquet");
         printer.result(&format!("{did}; results in {}", runs.display()))?;
     }
-    printer.next(&[job.command("evaluate")]);
+    printer.next(&job.next_commands(StepKind::Sweep));
     Ok(())
 }

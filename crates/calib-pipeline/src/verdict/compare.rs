@@ -344,7 +344,7 @@ fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> Result<Repor
     }
     let studies: Vec<&Study> = parts.iter().map(|part| part.judged.study()).collect();
     whole.reproduction.command =
-        report::command_lines(job, &report::commands(&studies), &parts[0].judged.manifest);
+        report::command_lines(job, &report::steps(&studies), &parts[0].judged.manifest);
     Ok(whole)
 }
 

@@ -2,7 +2,7 @@ use calib_agent::Part;
 use calib_core::{Monitor, Seed};
 use calib_model::StartKind;
 use calib_report::caveats;
-use calib_study::{Job, Layout, Made, Study};
+use calib_study::{Job, Layout, StepKind, Study};
 use calib_sweep::{
     Candidate, Grade, Judging, Recommendation, SensorVerdict, SimpleComparison, SweepError,
     UnitResult, told_apart, verdict,
@@ -121,7 +121,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     } else {
         print(summary, paths, printer)?;
         if !printer.is_explaining() {
-            printer.say(&format!("reasons: {} --why", job.command("evaluate")));
+            printer.say(&format!("reasons: {} --why", job.command(StepKind::Evaluate)));
         }
     }
     Ok(told(summary))
@@ -152,7 +152,10 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepErro
     }
     let store = unit_store(&paths.sweep(), manifest.arithmetic.as_deref());
     let results = store.collect(&manifest.units).with_context(|| {
-        format!("the sweep is not complete; run `{}` again", manifest.again(&job.command("sweep")))
+        format!(
+            "the sweep is not complete; run `{}` again",
+            manifest.again(&job.command(StepKind::Sweep))
+        )
     })?;
     let sensors = study.sweep.sensors.iter();
     let profile = model_files::read_profile(&paths.model())?;
@@ -173,7 +176,7 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepErro
             format!(
                 "{} cannot be judged; if they were edited, `{} --force` makes them again",
                 paths.sweep().display(),
-                manifest.again(&job.command("sweep"))
+                manifest.again(&job.command(StepKind::Sweep))
             )
         })?;
     let rows: Vec<calib_report::Verdict> = verdicts
@@ -242,16 +245,16 @@ fn stale_rollouts(job: &Job, model: &str) -> Result<Vec<String>, StepError> {
     Ok(vec![format!(
         "the {stale} in {} were made with other settings, or are damaged, and are not shown; run `{}` again",
         directory.display(),
-        job.command("rollout")
+        job.command(StepKind::Rollout)
     )])
 }
 
 /// The manifest of a sweep that was made with this study and the model as it is now.
 fn finished_sweep(job: &Job) -> Result<SweepManifest, StepError> {
-    let (paths, again) = (job.layout(), job.command("sweep"));
+    let (paths, again) = (job.layout(), job.command(StepKind::Sweep));
     let mut manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
     let directory = &paths.sweep();
-    Kept { result: Made::Sweep, study: &manifest.study, directory }.check(job)?;
+    Kept { step: StepKind::Sweep, study: &manifest.study, directory }.check(job)?;
     check_log(job, &manifest)?;
     let model = artefact::read::<ModelManifest>(&paths.model());
     if model.map(|model| model.content()).transpose()?.is_some_and(|of| of != manifest.model) {
@@ -276,7 +279,7 @@ fn check_log(job: &Job, swept: &SweepManifest) -> Result<(), StepError> {
         "the sweep in {} is of other data than those in {}; run `{}` again",
         job.layout().sweep().display(),
         job.study().data.path.0.join(", "),
-        job.command("sweep")
+        job.command(StepKind::Sweep)
     );
     Ok(())
 }

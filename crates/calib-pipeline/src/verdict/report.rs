@@ -9,7 +9,7 @@ use calib_report::{
     Cell, JumpStatistics, Report, Reproduction, RolloutFigure, Score, Sensitivity, Table,
 };
 use calib_represent::RepresentationKind;
-use calib_study::{Job, Layout, Study};
+use calib_study::{Job, Layout, StepKind, Study};
 
 use crate::{
     Context as _, StepError,
@@ -145,7 +145,7 @@ pub(crate) fn assemble(judged: &Judged) -> Result<Report, StepError> {
 
 fn assembled(judged: &Judged) -> Result<Report, StepError> {
     let Judged { job, manifest: sweep, summary, results } = judged;
-    let (study, paths, build) = (job.study(), job.layout(), job.command("build-model"));
+    let (study, paths, build) = (job.study(), job.layout(), job.command(StepKind::BuildModel));
     let name = job.model_name();
     let model: ModelManifest = artefact::require(&paths.model(), &build)?;
     ensure!(
@@ -188,7 +188,7 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
         jumps: jumps(name, &model),
         tables: tables(job, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
-        reproduction: reproduction(job, &commands(&[study]), sweep)?,
+        reproduction: reproduction(job, &steps(&[study]), sweep)?,
     };
     descriptions.put_into(&mut report);
     Ok(report)
@@ -292,21 +292,15 @@ fn jumps(name: &str, model: &ModelManifest) -> Vec<JumpStatistics> {
         .collect()
 }
 
-/// The commands that make the report of studies that differ in their models only.
-pub(crate) fn commands(models: &[&Study]) -> Vec<&'static str> {
-    let pretrained =
-        |study: &&Study| study.pretrain.epochs > 0 && study.pretrain.checkpoint.is_none();
-    let needed = [
-        ("pretrain", models.iter().any(pretrained)),
-        ("represent", models.iter().any(|study| study.has_representation())),
-    ];
-    let needed = needed.into_iter().filter(|(_, needed)| *needed).map(|(command, _)| command);
-    needed.chain(["build-model", "rollout", "sweep", "evaluate"]).collect()
+/// The steps that make the report of studies that differ in their models only, but for the log.
+pub(crate) fn steps(models: &[&Study]) -> Vec<StepKind> {
+    let made_of_log = StepKind::ALL.into_iter().filter(|step| *step > StepKind::Prepare);
+    made_of_log.filter(|step| models.iter().any(|study| study.needs(*step))).collect()
 }
 
 fn reproduction(
     job: &Job,
-    commands: &[&str],
+    steps: &[StepKind],
     sweep: &SweepManifest,
 ) -> Result<Reproduction, StepError> {
     let written = job.whole()?;
@@ -314,7 +308,7 @@ fn reproduction(
         format!("# with [profiles.{name}] laid over the rest: as a file of its own it is run without --profile\n")
     });
     Ok(Reproduction {
-        command: command_lines(job, commands, sweep),
+        command: command_lines(job, steps, sweep),
         study_toml: laid_over + &toml::to_string(&written)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
         seeds: vec![("study".to_owned(), written.seed)],
@@ -323,12 +317,12 @@ fn reproduction(
 }
 
 /// What to type, one command a line.
-pub(crate) fn command_lines(job: &Job, commands: &[&str], sweep: &SweepManifest) -> String {
-    let line = |command: &&str| match *command {
-        "sweep" => sweep.again(&job.reproduction("sweep")),
-        other => job.reproduction(other),
-    };
-    commands.iter().map(line).collect::<Vec<_>>().join("\n")
+pub(crate) fn command_lines(job: &Job, steps: &[StepKind], sweep: &SweepManifest) -> String {
+    let lines = steps.iter().map(|step| match step {
+        StepKind::Sweep => sweep.again(&job.reproduction(*step)),
+        step => job.reproduction(*step),
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 #[cfg(test)]
