@@ -167,19 +167,21 @@ fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>) -> bool {
             return plant_of_study::data(part).is_ok_and(|data| prepared::is_there(part, &data));
         }
         StepKind::Pretrain => {
-            artefact::read::<PretrainManifest>(directory).map(|found| found.study)
+            artefact::read::<PretrainManifest>(directory).map(|found| found.facts.study)
         }
         StepKind::Represent => {
-            artefact::read::<RepresentationManifest>(directory).map(|found| found.study)
+            artefact::read::<RepresentationManifest>(directory).map(|found| found.facts.study)
         }
-        StepKind::BuildModel => artefact::read::<ModelManifest>(directory).map(|found| found.study),
+        StepKind::BuildModel => {
+            artefact::read::<ModelManifest>(directory).map(|found| found.facts.study)
+        }
         StepKind::Rollout => artefact::read::<RolloutManifest>(directory)
             .filter(|found| Some(&found.model) == model_content(part).as_ref())
-            .map(|found| found.study),
+            .map(|found| found.facts.study),
         StepKind::Sweep => artefact::read::<SweepManifest>(directory)
             .filter(|found| Some(&found.model) == model_content(part).as_ref())
             .filter(|found| found.arithmetic.as_deref() == arithmetic)
-            .map(|found| found.study),
+            .map(|found| found.facts.study),
         // Whether they are is found out when they are taken.
         StepKind::Simulate | StepKind::Evaluate | StepKind::Control => None,
     };

@@ -13,13 +13,14 @@ use crate::{
     Context as _, StepError,
     agents::{
         pretrain_files::{
-            self, PretrainManifest, PretrainedAgent, TrainedAgent, agent_key, write_agent,
+            self, PretrainFacts, PretrainManifest, PretrainedAgent, TrainedAgent, agent_key,
+            write_agent,
         },
         shares::{self, OfShares},
     },
     bail,
     base::{
-        artefact::{self, Below, Claim, Files, MANIFEST, Manifest as _, TOOL},
+        artefact::{self, Below, Claim, MANIFEST},
         clock::Stopwatch,
         memory,
         outcome::Outcome,
@@ -98,30 +99,28 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         done.insert(sensor.clone(), agent);
     }
     let agents = wanted.iter().filter_map(|wanted| done.remove(&wanted.sensor)).collect();
-    let manifest = tabled(study, &parts, agents, diverged, &directory)?;
+    let facts = facts(study, &parts, agents, diverged)?;
+    artefact::write_table(pretrain_files::curves(&facts.agents), &directory.join(CURVES))?;
     if !missing.is_empty() {
         let wall_secs = clock.elapsed().as_secs_f64();
         write_json(&directory.join("timings.json"), &Timings { agents: missing.len(), wall_secs })?;
     }
-    claim.complete(&manifest)?;
+    let manifest = claim.finish(facts, [CURVES])?;
     file.remove();
     shares::remove(&directory, &wanted)?;
     finish(job, &manifest, trained, clock, printer)?;
     Ok(tell_of_diverged(study, &manifest, printer))
 }
 
-/// The manifest of these agents, whose learning curves it writes.
-fn tabled(
+/// What is told of these agents.
+fn facts(
     study: &Study,
     parts: &Parts,
     agents: Vec<PretrainedAgent>,
     diverged: BTreeMap<String, usize>,
-    directory: &std::path::Path,
-) -> Result<PretrainManifest, StepError> {
+) -> Result<PretrainFacts, StepError> {
     let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
-    let mut manifest = PretrainManifest {
-        format: PretrainManifest::FORMAT,
-        tool: TOOL.to_owned(),
+    Ok(PretrainFacts {
         study: study.clone(),
         data: part.fingerprint.clone(),
         span: span(&part.frames)?,
@@ -129,12 +128,7 @@ fn tabled(
         normaliser: parts.dataset.normaliser.clone(),
         agents,
         diverged,
-        files: Files::new(),
-    };
-    let curves = pretrain_files::curves(&manifest.agents);
-    artefact::write_table(curves, &directory.join(CURVES))?;
-    manifest.files = artefact::fingerprints(directory, [CURVES])?;
-    Ok(manifest)
+    })
 }
 
 /// Say which sensors have no agent.
@@ -196,7 +190,7 @@ fn up_to_date(
         kept.study == *study
             && kept.data == part.fingerprint
             && kept.normaliser == parts.dataset.normaliser
-            && artefact::are_whole(directory, &kept.files)
+            && kept.is_whole(directory)
     })
 }
 
@@ -209,7 +203,7 @@ fn finished(directory: &std::path::Path, wanted: &[Wanted]) -> BTreeMap<String, 
         wanted.iter().any(|wanted| wanted.key == agent.key)
             && artefact::are_whole(directory, &agent.files)
     };
-    let agents = manifest.agents.into_iter().filter(is_wanted);
+    let agents = manifest.facts.agents.into_iter().filter(is_wanted);
     agents.map(|agent| (agent.sensor.clone(), agent)).collect()
 }
 

@@ -19,7 +19,7 @@ use crate::{
     output::Printer,
     rollouts::figures,
     sweep::{
-        SweepManifest,
+        SweepFacts,
         simple::{self, SimpleErrors},
     },
     verdict::{
@@ -115,7 +115,7 @@ const REPORT: &str = "report.html";
 fn report(
     summary: &Summary,
     verdicts: Vec<calib_report::Verdict>,
-    sweep: &SweepManifest,
+    sweep: &SweepFacts,
     study: &Study,
     path: &Path,
 ) -> Result<Report, StepError> {
@@ -170,9 +170,9 @@ fn write(directory: &Path, summary: &Summary, report: &Report) -> Result<(), Ste
 }
 
 /// Of a sweep that calib did not make.
-fn manifest(study: &Study, candidates: Vec<Candidate>) -> SweepManifest {
+fn manifest(study: &Study, candidates: Vec<Candidate>) -> SweepFacts {
     let second = Period::from_micros(1_000_000);
     let period = second.unwrap_or_else(|| unreachable!("a second is positive"));
     let span = Span { steps: study.sweep.steps, tail: 1 };
-    SweepManifest::of_no_data(study, period, span, candidates)
+    SweepFacts::of_no_data(study, period, span, candidates)
 }

@@ -15,13 +15,13 @@ use serde_json::Value;
 
 use crate::{
     StepError,
-    base::artefact::{self, TOOL},
+    base::artefact,
     ensure,
     log::{partition, prepared},
     model::model_files,
     output::Printer,
     sweep::{
-        SweepManifest,
+        SweepFacts,
         environments::{Environments, Sources, Streaming, open_all},
         simple::{self, SimpleErrors},
         streams::{Streams, error_scales},
@@ -37,7 +37,7 @@ pub struct SweepStreams {
     scales: Vec<ErrorScale>,
     dataset: Dataset,
     windows: Vec<RecordedWindow>,
-    manifest: SweepManifest,
+    manifest: SweepFacts,
     part: Part,
     curve: CurveRule,
 }
@@ -140,7 +140,7 @@ impl SweepStreams {
         let windows = recorded_windows(&opened)?;
         let span = streams.demand.span;
         let content = model.manifest.content()?;
-        let mut manifest = SweepManifest::of_nothing(study, &dataset, content, span, Vec::new());
+        let mut manifest = SweepFacts::of_nothing(study, &dataset, content, span, Vec::new());
         manifest.scales.clone_from(&scales);
         let curve = CurveRule { windows: study.sweep.curve_points };
         drop(environments);
@@ -234,8 +234,7 @@ impl SweepStreams {
             values: of.values.clone(),
             agent: self.manifest.study.agent.clone(),
         });
-        let sweep = SweepManifest {
-            tool: TOOL.to_owned(),
+        let sweep = SweepFacts {
             candidates: candidates.collect(),
             scales: self.scales.clone(),
             ..self.manifest.clone()

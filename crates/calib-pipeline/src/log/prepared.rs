@@ -13,13 +13,13 @@ use calib_files::{
     FileStat, Fingerprint, ScratchPlace, read_sealed_json, remove_empty_folder, remove_file,
     write_sealed_json,
 };
-use calib_study::{Job, Scope};
+use calib_study::{Job, Scope, StepKind};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     Context as _, StepError, bail,
     base::{
-        artefact::{self, Below, Claim, Files, MANIFEST, Manifest, TOOL},
+        artefact::{self, Artefact, Below, Claim, Facts, MANIFEST, TOOL},
         clock, frames, memory,
     },
     log::plant_of_study,
@@ -27,10 +27,11 @@ use crate::{
 };
 
 /// `manifest.json` of a prepared log.
+type LogManifest = Artefact<LogFacts>;
+
+/// What is told of a prepared log.
 #[derive(Serialize, Deserialize)]
-struct DatasetManifest {
-    format: u32,
-    tool: String,
+struct LogFacts {
     /// Fingerprint of what it follows from, beside the content of the log.
     key: String,
     data: DataConfig,
@@ -42,15 +43,14 @@ struct DatasetManifest {
     train: Fingerprint,
     /// The same of the held-out ones.
     held_out: Option<Fingerprint>,
-    /// Fingerprint of every other file.
-    files: Files,
 }
 
-impl Manifest for DatasetManifest {
+impl Facts for LogFacts {
     const FORMAT: u32 = 2;
+    const STEP: StepKind = StepKind::Prepare;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
     }
 }
 
@@ -216,31 +216,27 @@ impl Place {
             return None;
         }
         let directory = &self.directory;
-        let manifest: DatasetManifest = artefact::read(directory)?;
+        let manifest = LogManifest::find(directory, &self.key)?;
         let sources: Sources = read_sealed_json(&directory.join(SOURCES)).ok()?;
         let written = FileStat::of(&directory.join(MANIFEST)).ok()??;
-        let is_same = manifest.key == self.key
-            && sources == self.sources
+        let is_same = sources == self.sources
             && sources.files.iter().all(|source| source.was_older_than(&written));
-        if !is_same || !artefact::are_whole(directory, &manifest.files) {
-            return None;
-        }
-        self.map(manifest).ok()
+        if is_same { self.map(manifest.facts).ok() } else { None }
     }
 
-    fn map(&self, manifest: DatasetManifest) -> Result<Prepared, StepError> {
+    fn map(&self, facts: LogFacts) -> Result<Prepared, StepError> {
         let open = |name: &str| -> Result<Frames, StepError> {
             let states = frames::map_states(&self.states(name))?;
             frames::open(&self.rows(name), states)
         };
         let dataset = Dataset {
-            normaliser: manifest.normaliser,
+            normaliser: facts.normaliser,
             train: open(TRAIN)?,
-            held_out: manifest.held_out.as_ref().map(|_| open(HELD_OUT)).transpose()?,
-            period: manifest.period,
-            profile: manifest.profile,
-            fingerprint: manifest.train,
-            held_out_fingerprint: manifest.held_out,
+            held_out: facts.held_out.as_ref().map(|_| open(HELD_OUT)).transpose()?,
+            period: facts.period,
+            profile: facts.profile,
+            fingerprint: facts.train,
+            held_out_fingerprint: facts.held_out,
         };
         Ok(Prepared { dataset, states: Some(self.states(TRAIN)) })
     }
@@ -330,12 +326,8 @@ impl Place {
         let names =
             [TRAIN, HELD_OUT].map(|name| [format!("{name}.npy"), format!("{name}.parquet")]);
         let written = if dataset.held_out.is_some() { &names[..] } else { &names[..1] };
-        let files =
-            artefact::fingerprints(directory, written.iter().flatten().map(String::as_str))?;
         let study = job.study();
-        let manifest = DatasetManifest {
-            format: DatasetManifest::FORMAT,
-            tool: TOOL.to_owned(),
+        let facts = LogFacts {
             key: self.key.clone(),
             data: study.data.clone(),
             preprocess: study.preprocess.clone(),
@@ -344,15 +336,14 @@ impl Place {
             profile: dataset.profile,
             train: dataset.fingerprint,
             held_out: dataset.held_out_fingerprint,
-            files,
         };
         // A log that was written to while it was read is read again next time.
         if self.sources.files.iter().all(Source::is_same) {
             write_sealed_json(&directory.join(SOURCES), &self.sources)?;
         }
-        claim.complete(&manifest)?;
+        let kept = claim.finish(facts, written.iter().flatten().map(String::as_str))?;
         self.remove_others(job)?;
-        self.map(manifest)
+        self.map(kept.facts)
     }
 
     /// Write states, or give those of another log of the study, which may differ in what it holds out, a second name.
@@ -365,10 +356,9 @@ impl Place {
         let path = self.states(name);
         if name == TRAIN {
             for other in folders(&self.root).filter(|other| *other != self.directory) {
-                let same = artefact::read::<DatasetManifest>(&other)
-                    .filter(|manifest| manifest.train == dataset.fingerprint)
-                    .filter(|manifest| artefact::are_whole(&other, &manifest.files));
-                if same.is_some() {
+                let is_same = artefact::read::<LogManifest>(&other)
+                    .is_some_and(|kept| kept.train == dataset.fingerprint && kept.is_whole(&other));
+                if is_same {
                     return Ok(calib_files::link_or_copy(&other.join("train.npy"), &path)?);
                 }
             }
@@ -414,7 +404,7 @@ impl Source {
 /// Fingerprint of what a prepared log follows from, beside the content of its files.
 fn key(data: &DataConfig, preprocess: &PreprocessConfig) -> Result<String, StepError> {
     let data = DataConfig { path: Paths::default(), ..data.clone() };
-    artefact::key(&(DatasetManifest::FORMAT, TOOL, data, preprocess))
+    artefact::key(&(LogFacts::FORMAT, TOOL, data, preprocess))
 }
 
 /// The folder of a prepared log.

@@ -1,21 +1,18 @@
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use calib_core::{Seed, Silent, States, Transitions};
 use calib_data::Dataset;
-use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
+use calib_files::{ScratchPlace, write_json};
 use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
 use calib_model::{JumpStatistics, ModelFamily, StartSource, rollout, start_states};
-use calib_study::{Job, Layout, StepKind, Study};
+use calib_study::{Job, StepKind, Study};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
     StepError, bail,
     base::{
-        artefact::{self, Below, Claim, TOOL},
+        artefact::{Below, Claim},
         clock::Stopwatch,
         options::BuildOptions,
         outcome::Outcome,
@@ -30,7 +27,7 @@ use crate::{
         build_network,
         build_plan::{BuildPlan, Spilled, Training},
         jumps,
-        model_files::{self, MemberSummary, ModelManifest, model_key},
+        model_files::{self, MemberSummary, ModelFacts, ModelManifest, model_key},
         recurrence::{self, MemberRecurrence},
     },
     output::{Printer, count, duration},
@@ -93,7 +90,7 @@ pub(crate) fn run(
     model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let representation = represent::open(job, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
-    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
+    let existing = ModelManifest::of_job(job, &key, printer)?;
     let (manifest, built) = if let Some(manifest) = existing
         && is_still_there(&directory, &key)?
     {
@@ -117,13 +114,6 @@ pub(crate) fn run(
     Ok(status)
 }
 
-/// The manifest of a model that follows from what `key` names, if all its files are what was written; the profile can
-/// be written again.
-pub(crate) fn up_to_date(directory: &Path, key: &str) -> Option<ModelManifest> {
-    artefact::read::<ModelManifest>(directory)
-        .filter(|found| found.key == key && artefact::are_whole(directory, &found.lasting_files()))
-}
-
 /// Say what would be built.
 fn planned(plan: &BuildPlan, directory: &Path, printer: &Printer) -> Result<Outcome, StepError> {
     if printer.is_for_machines() {
@@ -131,26 +121,6 @@ fn planned(plan: &BuildPlan, directory: &Path, printer: &Printer) -> Result<Outc
     }
     printer.say(&format!("dry run: nothing written to {}", directory.display()));
     Ok(Outcome::Done)
-}
-
-/// The model that follows from what `key` names, if it is there, or if another model of the study is the same.
-pub(crate) fn find(
-    paths: &Layout,
-    key: &str,
-    printer: &Printer,
-) -> Result<Option<ModelManifest>, StepError> {
-    let directory = paths.model();
-    if let Some(found) = up_to_date(&directory, key) {
-        return Ok(Some(found));
-    }
-    for other in paths.of_other_models(StepKind::BuildModel) {
-        let Some(found) = up_to_date(&other, key) else { continue };
-        printer.say(&format!("the model is that in {}, and is copied", other.display()));
-        let files = found.files.keys().map(String::as_str);
-        artefact::adopt(&other, files, &found, &directory)?;
-        return Ok(Some(found));
-    }
-    Ok(None)
 }
 
 /// Remove the parts that are left of a build that was killed at its very end, and say whether the model is still
@@ -161,7 +131,7 @@ fn is_still_there(directory: &Path, key: &str) -> Result<bool, StepError> {
         return Ok(true);
     }
     let _claim = Claim::new(directory, Below::Ours)?;
-    let is_there = up_to_date(directory, key).is_some();
+    let is_there = ModelManifest::find(directory, key).is_some();
     if is_there {
         Parts::new(parts, key).remove()?;
     }
@@ -204,8 +174,7 @@ fn build(
         // The plan could not always know how many coordinates ψ has. Nothing is given up for what cannot be built.
         KnnModel::check(Some(representation.psi.columns()), &transitions, &how.config)?;
     }
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
+    let claim = Claim::begun(directory)?;
     // Not needed any more, and a part of the memory.
     dataset.held_out = None;
     let read = clock.elapsed();
@@ -237,9 +206,7 @@ fn build(
     let members: Vec<MemberSummary> =
         (0..knn.members()).into_par_iter().map(summarised).collect::<Result<_, _>>()?;
     let recall = recall_of(study, &knn, &printer.progress())?;
-    let manifest = ModelManifest {
-        format: <ModelManifest as artefact::Manifest>::FORMAT,
-        tool: TOOL.to_owned(),
+    let facts = ModelFacts {
         key: how.key.clone(),
         study: study.clone(),
         data: dataset.fingerprint.clone(),
@@ -253,7 +220,6 @@ fn build(
         recall,
         members,
         training: None,
-        files: fingerprints(directory, knn.members(), &copied.unwrap_or_default())?,
     };
     write_json(
         &directory.join("timings.json"),
@@ -264,7 +230,8 @@ fn build(
                 .as_secs_f64(),
         },
     )?;
-    claim.complete(&manifest)?;
+    let files = file_names(knn.members(), &copied.unwrap_or_default());
+    let manifest = claim.finish(facts, files.iter().map(String::as_str))?;
     // Until now a build that was killed could go on from them; the directory is still claimed.
     parts.remove()?;
     Ok(manifest)
@@ -341,21 +308,16 @@ fn summary(
     Ok(MemberSummary { transitions: of.len(), jumps, recurrence: Some(recurrence) })
 }
 
-/// Fingerprints of a model's files: those of every kind, the tables of its members, and `further` ones.
-pub(crate) fn fingerprints(
-    directory: &Path,
-    members: usize,
-    further: &[&str],
-) -> Result<BTreeMap<String, Fingerprint>, StepError> {
+/// A model's files: those of every kind, the tables of its members, and `further` ones.
+pub(crate) fn file_names(members: usize, further: &[&str]) -> Vec<String> {
     let own = ["states.npy", "rows.parquet", "profile.json"];
     let mut names: Vec<String> = own.iter().chain(further).map(|&name| name.to_owned()).collect();
     for member in 0..members {
-        names.push(format!("members/{member}/neighbors.npy"));
-        names.push(format!("members/{member}/distances.npy"));
-        names.push(format!("members/{member}/left_out.npy"));
+        for table in ["neighbors", "distances", "left_out"] {
+            names.push(format!("members/{member}/{table}.npy"));
+        }
     }
-    let fingerprint = |name: String| Ok((name.clone(), fingerprint_file(&directory.join(&name))?));
-    names.into_iter().map(fingerprint).collect()
+    names
 }
 
 fn summarise(
@@ -387,8 +349,8 @@ fn summarise(
 }
 
 /// What the reader of anything that follows from a model should know: how far walks of its members get.
-pub(crate) fn warnings(manifest: &ModelManifest) -> Vec<String> {
-    let ModelManifest { members, study, .. } = manifest;
+pub(crate) fn warnings(manifest: &ModelFacts) -> Vec<String> {
+    let ModelFacts { members, study, .. } = manifest;
     let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));
     let walks = recurrence::warnings(members, study.model.recurrent);
     [walks, jumps::warnings(jumps, &study.model)].concat()

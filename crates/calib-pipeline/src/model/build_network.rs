@@ -12,15 +12,15 @@ use serde::Serialize;
 use crate::{
     StepError, bail,
     base::{
-        artefact::{self, Below, Claim, TOOL},
+        artefact::{self, Below, Claim},
         clock::Stopwatch,
         options::BuildOptions,
         outcome::Outcome,
     },
     log::partition,
     model::{
-        build_model::{find, fingerprints},
-        model_files::{self, MemberSummary, ModelManifest},
+        build_model::file_names,
+        model_files::{self, MemberSummary, ModelFacts, ModelManifest},
         train_model,
     },
     output::{Printer, count, duration},
@@ -33,8 +33,7 @@ pub(crate) fn run(
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
-    let (study, paths) = (job.study(), job.layout());
-    let directory = paths.model();
+    let (study, directory) = (job.study(), job.layout().model());
     // What another calib has trained can be used by one that cannot train it.
     let may_be_there = options.device.is_none()
         && !job.policy().redoes()
@@ -55,7 +54,7 @@ pub(crate) fn run(
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(Outcome::Done);
     }
-    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
+    let existing = ModelManifest::of_job(job, &key, printer)?;
     let verb = if existing.is_some() { "up to date:" } else { "wrote" };
     let manifest = if let Some(manifest) = existing {
         refresh(manifest, study, &dataset, &directory)?
@@ -86,8 +85,7 @@ fn build(
     (clock, printer): (Stopwatch, &Printer),
 ) -> Result<ModelManifest, StepError> {
     let (study, directory) = (job.study(), &job.layout().model());
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
+    let claim = Claim::begun(directory)?;
     if job.policy().redoes() {
         train_model::remove_checkpoint(directory)?;
     }
@@ -102,9 +100,7 @@ fn build(
     model_files::write_states(directory, &dataset.train, states)?;
     model_files::write(directory, dataset, None)?;
     let transitions = Transitions::new(dataset.train.segments().clone()).len();
-    let manifest = ModelManifest {
-        format: <ModelManifest as artefact::Manifest>::FORMAT,
-        tool: TOOL.to_owned(),
+    let facts = ModelFacts {
         key,
         study: study.clone(),
         data: dataset.fingerprint.clone(),
@@ -118,7 +114,6 @@ fn build(
         recall: None,
         members: vec![MemberSummary { transitions, jumps: None, recurrence: None }],
         training,
-        files: fingerprints(directory, 0, train_model::files(study.model.kind))?,
     };
     let timings = Timings {
         reading_secs: read.as_secs_f64(),
@@ -126,8 +121,8 @@ fn build(
         writing_secs: clock.elapsed().saturating_sub(trained).as_secs_f64(),
     };
     write_json(&directory.join("timings.json"), &timings)?;
-    claim.complete(&manifest)?;
-    Ok(manifest)
+    let files = file_names(0, train_model::files(study.model.kind));
+    claim.finish(facts, files.iter().map(String::as_str))
 }
 
 /// A model that is up to date, under a study that may differ in what does not change its weights.

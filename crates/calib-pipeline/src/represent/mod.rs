@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Context as _, StepError, bail,
     base::{
-        artefact::{self, Below, Claim, Files, Manifest, TOOL},
+        artefact::{self, Artefact, Claim, Facts, Files},
         clock::Stopwatch,
         memory,
         options::Device,
@@ -37,10 +37,11 @@ use crate::{
 pub(crate) use table::report_table;
 
 /// `manifest.json` of a representation directory.
+pub(crate) type RepresentationManifest = Artefact<RepresentationFacts>;
+
+/// What is told of representations and their scores.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct RepresentationManifest {
-    pub(crate) format: u32,
-    pub(crate) tool: String,
+pub(crate) struct RepresentationFacts {
     /// Fingerprint of data and configuration.
     pub(crate) key: String,
     #[schemars(with = "crate::base::resolved::ResolvedStudy")]
@@ -52,8 +53,6 @@ pub(crate) struct RepresentationManifest {
     pub(crate) candidates: Vec<Candidate>,
     /// Position of the chosen one; none if none qualifies.
     pub(crate) chosen: Option<usize>,
-    /// Fingerprint of every other file.
-    pub(crate) files: Files,
 }
 
 /// A representation that could be used.
@@ -70,11 +69,16 @@ pub(crate) struct Candidate {
     pub(crate) points: Vec<Point>,
 }
 
-impl Manifest for RepresentationManifest {
+impl Facts for RepresentationFacts {
     const FORMAT: u32 = 2;
+    const STEP: StepKind = StepKind::Represent;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
+    }
+
+    fn has_all_parts(&self, directory: &Path) -> bool {
+        self.candidates.iter().all(|candidate| grid::is_whole(directory, candidate))
     }
 }
 
@@ -109,7 +113,7 @@ pub(crate) fn run(
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
     let clock = Stopwatch::start();
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
     if device.is_some() {
         torch::require("--device")?;
     }
@@ -121,7 +125,7 @@ pub(crate) fn run(
     }
     let dataset = partition::load(job, printer)?.dataset;
     let key = key(job, &dataset)?;
-    let directory = paths.representation();
+    let directory = job.layout().representation();
     announce(study, &dataset, printer);
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
@@ -130,8 +134,7 @@ pub(crate) fn run(
     if let Some(share) = job.policy().share {
         return train_share(job, device, &dataset, share, printer);
     }
-    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
-    let (manifest, verb) = match existing {
+    let (manifest, verb) = match RepresentationManifest::of_job(job, &key, printer)? {
         Some(manifest) => (manifest, "up to date:"),
         None => (make(job, device, &dataset, key, printer)?, "wrote"),
     };
@@ -184,35 +187,6 @@ fn train_share(
 const LESS: &str =
     "lower representation.hidden_units or representation.batch_size, or use fewer --threads";
 
-/// The representation that follows from what `key` names, if it is there, or if another model of the study has it.
-fn find(
-    paths: &Layout,
-    key: &str,
-    printer: &Printer,
-) -> Result<Option<RepresentationManifest>, StepError> {
-    let directory = paths.representation();
-    if let Some(found) = up_to_date(&directory, key) {
-        return Ok(Some(found));
-    }
-    for other in paths.of_other_models(StepKind::Represent) {
-        let Some(found) = up_to_date(&other, key) else { continue };
-        printer.say(&format!("the representation is that in {}, and is copied", other.display()));
-        let files = found.files.keys().map(String::as_str);
-        artefact::adopt(&other, files, &found, &directory)?;
-        return Ok(Some(found));
-    }
-    Ok(None)
-}
-
-/// The representation in `directory`, if it follows from what `key` names and is whole.
-fn up_to_date(directory: &Path, key: &str) -> Option<RepresentationManifest> {
-    artefact::read::<RepresentationManifest>(directory).filter(|found| {
-        found.key == key
-            && artefact::are_whole(directory, &found.files)
-            && found.candidates.iter().all(|of| grid::is_whole(directory, of))
-    })
-}
-
 /// What to do where no candidate may be used.
 const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the distinct states apart; \
     try a greater `zeta` or `dimension`, more `steps`, or a smaller `learning_rate` in [representation]";
@@ -225,7 +199,7 @@ fn key(job: &Job, dataset: &Dataset) -> Result<String, StepError> {
         _ => None,
     };
     artefact::key(&(
-        RepresentationManifest::FORMAT,
+        RepresentationFacts::FORMAT,
         &dataset.fingerprint,
         &study.representation,
         study.seed,
@@ -306,8 +280,7 @@ fn made(
     try_all: impl FnOnce(&Split) -> Result<Tried, StepError>,
 ) -> Result<RepresentationManifest, StepError> {
     let split = Split::in_time(material.segments)?;
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
+    let claim = Claim::begun(directory)?;
     if job.policy().redoes() {
         // Everything is made again from here on, so that an interrupted run goes on without `--force`.
         grid::remove(directory)?;
@@ -323,19 +296,15 @@ fn made(
         files.push(PSI);
     }
     table::write(directory, &candidates, chosen)?;
-    let manifest = RepresentationManifest {
-        format: RepresentationManifest::FORMAT,
-        tool: TOOL.to_owned(),
+    let facts = RepresentationFacts {
         key,
         study: job.study().clone(),
         data: material.fingerprint.clone(),
         validation_rows: split.validation.len(),
         candidates,
         chosen,
-        files: artefact::fingerprints(directory, files)?,
     };
-    claim.complete(&manifest)?;
-    Ok(manifest)
+    claim.finish(facts, files)
 }
 
 /// Where a study's representations begin to draw from.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     StepError,
     base::{
-        artefact::{self, Below, Claim, Files, Manifest, TOOL},
+        artefact::{self, Artefact, Claim, Facts},
         clock::Stopwatch,
         memory,
         outcome::Outcome,
@@ -34,10 +34,11 @@ use crate::{
 };
 
 /// `manifest.json` of a rollout directory.
+pub(crate) type RolloutManifest = Artefact<RolloutFacts>;
+
+/// What is told of rollouts.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct RolloutManifest {
-    pub(crate) format: u32,
-    pub(crate) tool: String,
+pub(crate) struct RolloutFacts {
     pub(crate) key: String,
     pub(crate) model: String,
     /// What it was made with.
@@ -50,8 +51,6 @@ pub(crate) struct RolloutManifest {
     pub(crate) collapse: Collapse,
     /// Distances from what was recorded after the same starts, unless they are switched off.
     pub(crate) comparison: Option<Comparison>,
-    /// Fingerprint of every table.
-    pub(crate) files: Files,
 }
 
 /// What the rollouts of one member were like.
@@ -66,11 +65,12 @@ pub(crate) struct MemberRollouts {
     pub(crate) starts: StartSummary,
 }
 
-impl Manifest for RolloutManifest {
+impl Facts for RolloutFacts {
     const FORMAT: u32 = 7;
+    const STEP: StepKind = StepKind::Rollout;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
     }
 }
 
@@ -112,7 +112,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         .unzip();
     let starts = Starts::new(&study.rollout, &study.data, &model, held_out, seed)?;
     let inputs = (
-        RolloutManifest::FORMAT,
+        RolloutFacts::FORMAT,
         starts.origin(fingerprint)?,
         model.manifest.content()?,
         study.model.of_any_index().config,
@@ -130,9 +130,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(Outcome::Done);
     }
-    let existing = artefact::read::<RolloutManifest>(&directory)
-        .filter(|found| found.key == key && !job.policy().redoes())
-        .filter(|found| artefact::are_whole(&directory, &found.files));
+    let existing = RolloutManifest::of_job(job, &key, printer)?;
     let (manifest, verb) = if let Some(manifest) = existing {
         (manifest, "up to date:")
     } else {
@@ -209,8 +207,7 @@ fn roll_out(
     directory: &Path,
     printer: &Printer,
 ) -> Result<RolloutManifest, StepError> {
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
+    let claim = Claim::begun(directory)?;
     let config = &study.rollout;
     let progress = printer.progress();
     let place = search_place(&*model.model, directory);
@@ -248,9 +245,7 @@ fn roll_out(
         .collect();
     let compared = comparison.is_some().then_some(comparison::FILES);
     files.extend(compared.into_iter().flatten().map(str::to_owned));
-    let manifest = RolloutManifest {
-        format: RolloutManifest::FORMAT,
-        tool: TOOL.to_owned(),
+    let facts = RolloutFacts {
         key,
         model: model.manifest.content()?,
         study: study.clone(),
@@ -259,10 +254,8 @@ fn roll_out(
         members,
         collapse,
         comparison,
-        files: artefact::fingerprints(directory, files.iter().map(String::as_str))?,
     };
-    claim.complete(&manifest)?;
-    Ok(manifest)
+    claim.finish(facts, files.iter().map(String::as_str))
 }
 
 fn jumps_of(rollouts: &[Trajectory]) -> Option<JumpStatistics> {

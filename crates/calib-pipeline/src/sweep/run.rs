@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     StepError,
     base::{
-        artefact::{self, Below, Claim},
+        artefact::{self, Artefact, Claim},
         clock::Stopwatch,
         options::Device,
         outcome::Outcome,
@@ -21,7 +21,7 @@ use crate::{
     output::{Printer, count, duration},
     sweep::{
         expected::Expected,
-        manifest::SweepManifest,
+        manifest::{SweepFacts, SweepManifest},
         notes::{failed_rollouts, saved},
         plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
         recorded,
@@ -134,14 +134,14 @@ fn sweep(
     // Nothing is given up, nor need the disk be writable, before there is something to write.
     let is_done = missing == 0 && stored.keys().all(|unit| own.contains_key(unit));
     let kept = if is_done { finished(&directory, job) } else { None };
-    let claim = kept.is_none().then(|| begin(&directory)).transpose()?;
+    let claim = kept.is_none().then(|| Claim::begun(&directory)).transpose()?;
     if job.policy().redoes() {
         store.clear()?;
     }
     let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
     shared.map(|(_, result)| result).try_for_each(|result| store.put(result))?;
     let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
-    let mut manifest = manifest_of(study, &setting, &results, printer)?;
+    let mut manifest = Artefact::new(facts(study, &setting, &results, printer)?);
     if let Some(class) = arithmetic {
         manifest.arithmetic = Some(class.to_owned());
         manifest.notes.push(format!(
@@ -154,27 +154,26 @@ fn sweep(
         None => false,
     };
     if !is_the_same {
-        let claim = claim.map_or_else(|| begin(&directory), Ok)?;
+        let claim = claim.map_or_else(|| Claim::begun(&directory), Ok)?;
         sweep_tables::write(&directory, &manifest, &results)?;
         setting.simple_errors(&environments, &baselines)?.write(&directory)?;
         recorded::write(&directory, &setting.dataset, setting.pretrain.as_ref(), &setting.sensors)?;
-        manifest.files = artefact::fingerprints(&directory, tables())?;
         if ran > 0 {
             write_timings(&directory, ran, &clock)?;
         }
-        claim.complete(&manifest)?;
+        manifest = claim.finish(manifest.facts, tables())?;
     }
     finish(job, &manifest, ran, clock, printer)?;
     Ok(Outcome::Done)
 }
 
-/// The manifest of these results, but for its files.
-fn manifest_of(
+/// What is told of these results.
+fn facts(
     study: &Study,
     setting: &Setting,
     results: &[UnitResult],
     printer: &Printer,
-) -> Result<SweepManifest, StepError> {
+) -> Result<SweepFacts, StepError> {
     let Setting { model, dataset, candidates, streams, sensors, still, .. } = setting;
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
     printer.say_all(saved(results, setting.runs()).as_slice());
@@ -187,14 +186,14 @@ fn manifest_of(
         failed,
     ];
     let (content, span) = (model.manifest.content()?, streams.demand.span);
-    Ok(SweepManifest {
+    Ok(SweepFacts {
         key: artefact::key(&units)?,
         windows: windows(dataset, streams),
         standing_still: still.iter().filter_map(Still::everywhere).collect(),
         scales: error_scales(dataset, sensors, candidates),
         units,
         notes: notes.concat(),
-        ..SweepManifest::of_nothing(study, dataset, content, span, candidates.clone())
+        ..SweepFacts::of_nothing(study, dataset, content, span, candidates.clone())
     })
 }
 
@@ -227,14 +226,7 @@ fn tables() -> impl Iterator<Item = &'static str> {
 /// The manifest of a sweep whose tables are what was written.
 fn finished(directory: &Path, job: &Job) -> Option<SweepManifest> {
     let kept = artefact::read::<SweepManifest>(directory)?;
-    (!job.policy().redoes() && artefact::are_whole(directory, &kept.files)).then_some(kept)
-}
-
-/// Claim the directory of a sweep that has something to write.
-fn begin(directory: &Path) -> Result<Claim, StepError> {
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
-    Ok(claim)
+    (!job.policy().redoes() && kept.is_whole(directory)).then_some(kept)
 }
 
 fn planned(result: &UnitResult) -> PlannedUnit {
@@ -259,13 +251,12 @@ fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<Outco
         return Ok(Outcome::Negative);
     }
     let span = Span::new(study.sweep.steps, candidates.iter().map(|of| of.agent.gamma));
-    let manifest = SweepManifest {
+    let facts = SweepFacts {
         key: artefact::key(&reason)?,
         left_out: Some(reason),
-        ..SweepManifest::of_nothing(study, &dataset, model, span, candidates)
+        ..SweepFacts::of_nothing(study, &dataset, model, span, candidates)
     };
-    let claim = begin(&job.layout().sweep())?;
-    claim.complete(&manifest)?;
+    Claim::begun(&job.layout().sweep())?.finish(facts, [])?;
     Ok(Outcome::Negative)
 }
 

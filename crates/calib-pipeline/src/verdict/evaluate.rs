@@ -23,7 +23,7 @@ use crate::{
     model::model_files::{self, ModelManifest},
     output::Printer,
     rollouts::{one_step, rollout},
-    sweep::{SweepManifest, simple::SimpleErrors, unit_store},
+    sweep::{SweepFacts, SweepManifest, simple::SimpleErrors, unit_store},
     verdict::{
         report,
         verdict_rows::{self, verdict_row},
@@ -139,7 +139,7 @@ pub(crate) fn told(summary: &Summary) -> Outcome {
 /// Why a deployment is not judged, if it is not.
 pub(crate) fn left_out(job: &Job) -> Result<Option<String>, StepError> {
     let name = job.deployment().unwrap_or_default();
-    let reason = finished_sweep(job)?.left_out;
+    let reason = finished_sweep(job)?.facts.left_out;
     Ok(reason.map(|reason| format!("deployment {name} is left out: {reason}")))
 }
 
@@ -202,7 +202,7 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepErro
 pub(crate) fn verdict_of(
     sensor: &str,
     part: Part,
-    (study, manifest, results): (&Study, &SweepManifest, &[UnitResult]),
+    (study, manifest, results): (&Study, &SweepFacts, &[UnitResult]),
 ) -> Result<SensorVerdict, SweepError> {
     let judging = Judging {
         part,
@@ -268,7 +268,7 @@ fn finished_sweep(job: &Job) -> Result<SweepManifest, StepError> {
 }
 
 /// Whether a log that may be another than the one that was swept holds the same states.
-fn check_log(job: &Job, swept: &SweepManifest) -> Result<(), StepError> {
+fn check_log(job: &Job, swept: &SweepFacts) -> Result<(), StepError> {
     if job.reads_the_log_of(&swept.study) {
         return Ok(());
     }

@@ -29,7 +29,7 @@ use crate::{
         rollout::{self, RolloutManifest},
         trajectory_columns::Columns,
     },
-    sweep::{SweepManifest, recorded},
+    sweep::{SweepFacts, recorded},
     verdict::{
         described::Descriptions,
         evaluate::{Judged, Summary},
@@ -301,7 +301,7 @@ pub(crate) fn steps(models: &[&Study]) -> Vec<StepKind> {
 fn reproduction(
     job: &Job,
     steps: &[StepKind],
-    sweep: &SweepManifest,
+    sweep: &SweepFacts,
 ) -> Result<Reproduction, StepError> {
     let written = job.whole()?;
     let laid_over = job.profile().map_or_else(String::new, |name| {
@@ -317,7 +317,7 @@ fn reproduction(
 }
 
 /// What to type, one command a line.
-pub(crate) fn command_lines(job: &Job, steps: &[StepKind], sweep: &SweepManifest) -> String {
+pub(crate) fn command_lines(job: &Job, steps: &[StepKind], sweep: &SweepFacts) -> String {
     let lines = steps.iter().map(|step| match step {
         StepKind::Sweep => sweep.again(&job.reproduction(*step)),
         step => job.reproduction(*step),
