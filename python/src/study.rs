@@ -2,7 +2,7 @@
 
 use std::{path::PathBuf, sync::Arc};
 
-use calib_pipeline::{BuildOptions, Job, Outcome, Printer, Request, StepError};
+use calib_pipeline::{BuildOptions, Job, Outcome, Printer, Request, StepError, Told as _};
 use calib_study::{Existing, Policy, StepKind, Writes};
 use pyo3::prelude::*;
 
@@ -105,19 +105,32 @@ type Run = fn(&Job, &Printer) -> Result<Outcome, StepError>;
 fn step(name: &str) -> PyResult<Run> {
     Ok(match name {
         "simulate" => |job, printer| calib_pipeline::simulate(job, printer).map(|_| Outcome::Done),
-        "represent" => |job, printer| calib_pipeline::represent(job, None, printer),
-        "build_model" => {
-            |job, printer| calib_pipeline::build_model(job, &BuildOptions::default(), printer)
+        "represent" => {
+            |job, printer| calib_pipeline::represent(job, None, printer).map(|made| made.outcome())
         }
-        "pretrain" => calib_pipeline::pretrain,
-        "rollout" => calib_pipeline::rollout,
-        "sweep" => |job, printer| calib_pipeline::sweep(job, None, printer),
-        "evaluate" => calib_pipeline::evaluate,
+        "build_model" => |job, printer| {
+            calib_pipeline::build_model(job, &BuildOptions::default(), printer)
+                .map(|built| built.outcome())
+        },
+        "pretrain" => {
+            |job, printer| calib_pipeline::pretrain(job, printer).map(|made| made.outcome())
+        }
+        "rollout" => {
+            |job, printer| calib_pipeline::rollout(job, printer).map(|made| made.outcome())
+        }
+        "sweep" => {
+            |job, printer| calib_pipeline::sweep(job, None, printer).map(|swept| swept.outcome())
+        }
+        "evaluate" => {
+            |job, printer| calib_pipeline::evaluate(job, printer).map(|judged| judged.outcome())
+        }
         "control" => calib_pipeline::control,
         "control_model" => {
             |job, printer| calib_pipeline::control_model(job, printer).map(|()| Outcome::Done)
         }
-        "run" => |job, printer| calib_pipeline::run(job, None, printer),
+        "run" => {
+            |job, printer| calib_pipeline::run(job, None, printer).map(|ended| ended.outcome())
+        }
         other => return Err(errors::value(format!("no step is called {other}"))),
     })
 }

@@ -12,10 +12,10 @@ use crate::{
     base::{
         clock::Stopwatch,
         options::{BuildOptions, Device},
-        outcome::Outcome,
+        outcome::{NoPlan, Outcome, StepResult, Told as _},
     },
     course::Course,
-    each::each_part,
+    each::{each_part, taken},
     ensure,
     log::{
         plant_of_study::PlantOfStudy,
@@ -27,7 +27,10 @@ use crate::{
     represent,
     rollouts::rollout,
     sweep::{self, plan::Counted, streams},
-    verdict::{compare, evaluate, report},
+    verdict::{
+        evaluation::{self, Evaluation},
+        report,
+    },
 };
 
 /// How far a study is taken.
@@ -49,11 +52,15 @@ fn take(step: StepKind, job: &Job, going: &Going<'_>) -> Result<Outcome, StepErr
     let &Going { plan, course, counted, device, talk: printer } = going;
     match step {
         // What is made before rollouts is the same for all deployments.
-        StepKind::Represent => represent::run(&job.before_deployment()?, device, printer),
+        StepKind::Represent => {
+            taken(&job.before_deployment()?, printer, |job| represent::run(job, device, printer))
+        }
         StepKind::BuildModel => {
             let device = device.filter(|_| job.study().model.kind.family() == ModelFamily::Network);
             let options = BuildOptions { device, ..BuildOptions::default() };
-            build_model::run(&job.before_deployment()?, &options, printer)
+            taken(&job.before_deployment()?, printer, |job| {
+                build_model::run(job, &options, printer)
+            })
         }
         StepKind::Rollout => each_part(step, job, printer, |job| rollout::run(job, printer)),
         StepKind::Sweep => each_part(step, job, printer, |job| {
@@ -87,12 +94,29 @@ struct Model {
     left_out: Option<String>,
 }
 
+/// What every step of a study came to.
+#[derive(Debug)]
+pub struct StudyRun {
+    /// The verdicts; none in a dry run.
+    pub evaluation: Option<Evaluation>,
+    /// Why models are missing from them, if any are: this calib cannot train them.
+    pub left_out: Vec<String>,
+    outcome: Outcome,
+}
+
+impl StudyRun {
+    /// How it ended: a negative answer of one step is one of the whole.
+    pub fn outcome(&self) -> Outcome {
+        self.outcome
+    }
+}
+
 /// Run every step that a study needs, as far as it is not done.
 pub(crate) fn run(
     job: &Job,
     device: Option<Device>,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<StudyRun, StepError> {
     run_to(Extent::Report, job, device, printer)
 }
 
@@ -102,7 +126,7 @@ pub(crate) fn run_to(
     job: &Job,
     device: Option<Device>,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<StudyRun, StepError> {
     let clock = Stopwatch::start();
     let mut models = models(job)?;
     // Only the verdict is the result; the steps before it just report.
@@ -122,12 +146,13 @@ pub(crate) fn run_to(
     {
         talk.say(&format!("then: {}", remaining(&models).join(", ")));
         tell(&plan, job, printer)?;
-        return Ok(Outcome::Done);
+        let (evaluation, left_out, outcome) = (None, Vec::new(), ended.0);
+        return Ok(StudyRun { evaluation, left_out, outcome });
     }
     streams::check(&models[0].job.before_deployment()?, talk)?;
     if is_pretrained(&models) {
         course.stage(StepKind::Pretrain.label());
-        ended.and(pretrain::run(&job.before_deployment()?, talk)?);
+        ended.and(taken(&job.before_deployment()?, talk, |job| pretrain::run(job, talk))?);
     }
     let counted = Counted::default();
     let going = Going { plan: &plan, course: &course, counted: &counted, device, talk };
@@ -142,14 +167,17 @@ pub(crate) fn run_to(
     if !left_out.is_empty() {
         ended.and(Outcome::Negative);
     }
+    let mut evaluation = None;
     if extent == Extent::Report {
-        ended.and(judge(job, &models, &left_out, &course, printer)?);
+        let judged = judge(job, &models, &left_out, &course, printer)?;
+        ended.and(judged.outcome());
+        evaluation = judged.made();
         for reason in &left_out {
             printer.error(reason);
         }
     }
     printer.say(&format!("done in {}", duration(clock.elapsed())));
-    Ok(ended.0)
+    Ok(StudyRun { evaluation, left_out, outcome: ended.0 })
 }
 
 /// Whether agents are pre-trained, which is done once for all models.
@@ -192,22 +220,22 @@ fn judge(
     left_out: &[String],
     course: &Course<'_>,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<StepResult<Evaluation>, StepError> {
     course.stage(StepKind::Evaluate.label());
     let remaining = models.iter().filter(|model| model.left_out.is_none());
     let all = remaining.map(|model| model.job.parts(StepKind::Evaluate.scope()));
     let all: Vec<Job> = all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
     ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
-    let judged = match all.as_slice() {
-        [only] if only.is_same_part(job) => evaluate::run(job, printer),
-        all => compare::run(job, all, left_out, printer),
-    };
-    match judged {
+    match evaluation::run(job, &all, left_out, printer) {
         Err(reason) if job.policy().is_dry() => {
             not_yet(StepKind::Evaluate, &reason, printer);
-            Ok(Outcome::Done)
+            Ok(StepResult::Planned(NoPlan))
         }
-        judged => judged,
+        judged => {
+            let judged = judged?;
+            judged.tell(job, printer)?;
+            Ok(judged)
+        }
     }
 }
 
@@ -300,8 +328,13 @@ impl Model {
                 not_yet(step, &reason, talk);
                 // What another arithmetic takes is not known.
                 if step == StepKind::Sweep && going.device.is_none() {
-                    let expect = |job: &Job| sweep::expected::before_model(job, counted, talk);
-                    return each_part(step, &self.job, talk, expect);
+                    let parts = self.job.parts(step.scope())?;
+                    for part in &parts {
+                        if parts.len() > 1 {
+                            talk.heading(&part.name());
+                        }
+                        sweep::expected::before_model(part, counted, talk)?;
+                    }
                 }
                 Ok(Outcome::Done)
             }

@@ -69,7 +69,7 @@ pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
         (StepKind::Rollout.command(), JsonDocuments::of::<RolloutManifest>()),
         (StepKind::Prepare.command(), verdict().or::<Plan>()),
         (StepKind::Simulate.command(), JsonDocuments::of::<Simulated>().or::<SimulatedTask>()),
-        (StepKind::Sweep.command(), JsonDocuments::of::<SweepManifest>().or::<SweepPlan<'_>>()),
+        (StepKind::Sweep.command(), JsonDocuments::of::<SweepManifest>().or::<SweepPlan>()),
         ("validity", JsonDocuments::of::<validity::Summary<'_>>()),
     ];
     documents.into_iter().map(|(command, documents)| (command, documents.schema(command))).collect()

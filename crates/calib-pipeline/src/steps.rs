@@ -8,18 +8,28 @@ use calib_study::{Job, StepKind, Study};
 use crate::{
     BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Device, Logs,
     Outcome, Printer, ProposeOptions, Simulated, StepError, ValidityOptions,
-    agents::pretrain as agents,
-    chain, check as checking, cluster,
+    agents::pretrain::{self as agents, PretrainedAgents},
+    base::outcome::{StepResult, Told as _},
+    chain::{self, StudyRun},
+    check as checking, cluster,
     control::{self as controls, LogTold, SimulateTask, SimulatedTask},
-    each::{Which, each},
+    each::{Results, Which, each},
     external,
     log::{prepared, simulate as simulation},
-    model::build_model as model,
-    propose as proposals, represent as representations,
-    rollouts::rollout as rollouts,
-    sweep::{self as sweeping, plan::Counted},
+    model::{
+        build_model::{self as model, BuiltModel},
+        build_plan::BuildPlan,
+    },
+    propose as proposals,
+    render::show_judgement,
+    represent::{self as representations, Representations},
+    rollouts::rollout::{self as rollouts, Rollouts},
+    sweep::{self as sweeping, SweepResult, plan::Counted},
     validity as validities,
-    verdict::{compare, evaluate as judging},
+    verdict::{
+        evaluate::Judgement,
+        evaluation::{self as judging, Evaluation},
+    },
 };
 
 /// Every step that a study needs, from its log to the verdict, as far as it is missing; representations, networks and the agents of sweeps are trained
@@ -27,7 +37,7 @@ use crate::{
 ///
 /// # Errors
 /// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
-pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Outcome, StepError> {
+pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<StudyRun, StepError> {
     prepared::begin_command();
     chain::run(job, device, printer)
 }
@@ -61,13 +71,13 @@ pub fn represent(
     job: &Job,
     device: Option<Device>,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<Results<StepResult<Representations>>, StepError> {
     prepared::begin_command();
     each(StepKind::Represent, job, printer, |job, which| {
         // Of several models some search among the states themselves.
         if which == Which::OneOfSeveral && !job.study().has_representation() {
             printer.say("no representation: nothing to train");
-            return Ok(Outcome::Done);
+            return Ok(StepResult::Nothing(Outcome::Done));
         }
         representations::run(job, device, printer)
     })
@@ -81,7 +91,7 @@ pub fn build_model(
     job: &Job,
     options: &BuildOptions,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<Results<StepResult<BuiltModel, Option<BuildPlan>>>, StepError> {
     prepared::begin_command();
     each(StepKind::BuildModel, job, printer, |job, _| model::run(job, options, printer))
 }
@@ -90,7 +100,7 @@ pub fn build_model(
 ///
 /// # Errors
 /// As [`run`].
-pub fn rollout(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollouts>>, StepError> {
     prepared::begin_command();
     each(StepKind::Rollout, job, printer, |job, _| rollouts::run(job, printer))
 }
@@ -99,10 +109,12 @@ pub fn rollout(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 ///
 /// # Errors
 /// As [`run`].
-pub fn pretrain(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+pub fn pretrain(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAgents>, StepError> {
     prepared::begin_command();
     job.refuse_deployment()?;
-    agents::run(job, printer)
+    let result = agents::run(job, printer)?;
+    result.tell(job, printer)?;
+    Ok(result)
 }
 
 /// Train agents for every value of the grid, in the models, Online and on the replayed log; through libtorch on `device`, if one is named, which
@@ -110,7 +122,11 @@ pub fn pretrain(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 ///
 /// # Errors
 /// As [`run`]; also if agents are not networks in single precision and a device is named.
-pub fn sweep(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Outcome, StepError> {
+pub fn sweep(
+    job: &Job,
+    device: Option<Device>,
+    printer: &Printer,
+) -> Result<Results<SweepResult>, StepError> {
     prepared::begin_command();
     let counted = Counted::default();
     let run = |job: &Job, _| sweeping::run(job, &counted, device, printer);
@@ -121,12 +137,11 @@ pub fn sweep(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Out
 ///
 /// # Errors
 /// As [`run`].
-pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, StepError> {
     prepared::begin_command();
-    match job.parts(StepKind::Evaluate.scope())?.as_slice() {
-        [only] if only.is_same_part(job) => judging::run(job, printer),
-        parts => compare::run(job, parts, &[], printer),
-    }
+    let result = judging::run(job, &job.parts(StepKind::Evaluate.scope())?, &[], printer)?;
+    result.tell(job, printer)?;
+    Ok(result)
 }
 
 /// Read a log of decisions, build its model with actions, let every candidate act in it, and say which to deploy.
@@ -173,8 +188,10 @@ pub fn evaluate_runs(
     study: &Study,
     output: Option<&Path>,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
-    external::runs::run(runs, study, output, printer)
+) -> Result<Judgement, StepError> {
+    let judged = external::runs::run(runs, study, output)?;
+    show_judgement(&judged, printer)?;
+    Ok(judged)
 }
 
 /// Look at a log, try small models of it, and write a study with a reason for every value.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::{
     StepError,
-    base::outcome::Outcome,
+    base::outcome::{Outcome, Told as _},
     cluster::{missing::ranges, plan_file::Opened, results::Extent},
     output::{Printer, count, counted},
     sweep::{Pool, put_together},
@@ -31,7 +31,9 @@ pub(crate) fn merge(directory: &Path, printer: &Printer) -> Result<Outcome, Step
         if !name.is_empty() {
             printer.heading(&name);
         }
-        if put_together(&job, &pool, printer)? != Outcome::Done {
+        let result = put_together(&job, &pool, printer)?;
+        result.tell(&job, printer)?;
+        if result.outcome() != Outcome::Done {
             outcome = Outcome::Negative;
         }
     }

@@ -11,19 +11,15 @@ use calib_sweep::{Candidate, EnvironmentId, Judging, Span, verdict};
 use super::read::{Runs, read};
 use crate::{
     StepError,
-    base::{
-        artefact::{Below, Claim, TOOL},
-        outcome::Outcome,
-    },
+    base::artefact::{Below, Claim, TOOL},
     ensure,
-    output::Printer,
     rollouts::figures,
     sweep::{
         SweepFacts,
         simple::{self, SimpleErrors},
     },
     verdict::{
-        evaluate::{self, Summary},
+        evaluate::{self, Judgement, Summary},
         report::{FIGURES, SUMMARY},
         verdict_rows::{self, sensitivity, verdict_row},
     },
@@ -35,8 +31,7 @@ pub(crate) fn run(
     path: &Path,
     study: &Study,
     output: Option<&Path>,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<Judgement, StepError> {
     let part = study.part();
     let Runs { sensors, candidates, results } = read(path, part)?;
     let mut sweep = manifest(study, candidates);
@@ -85,16 +80,7 @@ pub(crate) fn run(
         let report = report(&summary, rows, &sweep, study, path)?;
         write(directory, &summary, &report)?;
     }
-    if printer.is_for_machines() {
-        printer.json(&summary)?;
-    } else {
-        evaluate::print_advice(&summary, printer)?;
-        evaluate::print_notes(&summary.caveats, printer)?;
-        if let Some(directory) = output {
-            printer.result(&format!("report: {}", directory.join(REPORT).display()))?;
-        }
-    }
-    Ok(evaluate::told(&summary))
+    Ok(Judgement { summary, report: output.map(|directory| directory.join(REPORT)) })
 }
 
 /// What simple predictors came to on the windows of these runs, where calib wrote both.

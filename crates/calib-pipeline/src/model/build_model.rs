@@ -1,11 +1,14 @@
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use calib_core::{Seed, Silent, States, Transitions};
 use calib_data::Dataset;
 use calib_files::{ScratchPlace, write_json};
 use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
 use calib_model::{JumpStatistics, ModelFamily, StartSource, rollout, start_states};
-use calib_study::{Job, StepKind, Study};
+use calib_study::{Job, Study};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -15,7 +18,7 @@ use crate::{
         artefact::{Below, Claim},
         clock::Stopwatch,
         options::BuildOptions,
-        outcome::Outcome,
+        outcome::{Freshness, Outcome, StepResult},
     },
     log::{
         partition::{self, span},
@@ -23,14 +26,14 @@ use crate::{
         prepared::{self, Known},
     },
     model::{
-        build_check::{check_against_brute_force, recall_line, recall_of},
+        build_check::{check_against_brute_force, recall_of},
         build_network,
         build_plan::{BuildPlan, Spilled, Training},
         jumps,
         model_files::{self, MemberSummary, ModelFacts, ModelManifest, model_key},
         recurrence::{self, MemberRecurrence},
     },
-    output::{Printer, count, duration},
+    output::Printer,
     represent::{self, Representation},
 };
 
@@ -39,12 +42,50 @@ const PARTIAL: &str = "partial";
 /// Steps of the rollout that shows how often each member jumps.
 const PROBE_STEPS: usize = 10_000;
 
+/// The calibration model of a study.
+#[derive(Debug)]
+pub struct BuiltModel {
+    pub(crate) manifest: ModelManifest,
+    pub(crate) directory: PathBuf,
+    pub(crate) freshness: Freshness,
+    pub(crate) took: Duration,
+    /// What came of comparing it with brute force, if that was asked for.
+    pub(crate) verified: Outcome,
+}
+
+impl BuiltModel {
+    /// Rows of the states that it was built from.
+    pub fn rows(&self) -> usize {
+        self.manifest.rows
+    }
+
+    /// Transitions of each of its members.
+    pub fn transitions(&self) -> Vec<usize> {
+        self.manifest.members.iter().map(|member| member.transitions).collect()
+    }
+
+    /// Whether it was there already.
+    pub fn freshness(&self) -> Freshness {
+        self.freshness
+    }
+
+    /// Where it is.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// What whoever uses it should know: how far walks of its members get.
+    pub fn warnings(&self) -> Vec<String> {
+        warnings(&self.manifest)
+    }
+}
+
 /// Build the model of a study.
 pub(crate) fn run(
     job: &Job,
     options: &BuildOptions,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     if study.model.kind.family() == ModelFamily::Network {
@@ -70,10 +111,10 @@ pub(crate) fn run(
     drop(training);
     printer.say(&plan.sentence());
     let Known::Prepared(prepared) = known else {
-        return planned(&plan, &directory, printer);
+        return Ok(planned(plan, &directory, printer));
     };
     if is_dry {
-        return planned(&plan, &directory, printer);
+        return Ok(planned(plan, &directory, printer));
     }
     let partition::Parts { dataset, pretrain, states } = partition::parts(study, *prepared)?;
     if study.model.period.is_some() && pretrain.is_none() {
@@ -91,36 +132,34 @@ pub(crate) fn run(
     let representation = represent::open(job, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
     let existing = ModelManifest::of_job(job, &key, printer)?;
-    let (manifest, built) = if let Some(manifest) = existing
+    let (manifest, freshness) = if let Some(manifest) = existing
         && is_still_there(&directory, &key)?
     {
-        (refresh(manifest, study, &dataset, representation.as_ref(), &directory)?, false)
+        let representation = representation.as_ref();
+        (refresh(manifest, study, &dataset, representation, &directory)?, Freshness::Kept)
     } else {
         let representation = representation.as_ref();
         let how = How { key, config, plan, states, force: job.policy().redoes() };
-        (build(study, dataset, representation, &how, &directory, clock, printer)?, true)
+        let built = build(study, dataset, representation, &how, &directory, clock, printer)?;
+        (built, Freshness::Made)
     };
-    let status = if options.verify > 0 {
+    let verified = if options.verify > 0 {
         check_against_brute_force(job, options.verify, printer)?
     } else {
         Outcome::Done
     };
-    if printer.is_for_machines() {
-        printer.json(&manifest)?;
-    } else {
-        summarise(&manifest, &directory, built, clock, printer)?;
-    }
-    printer.next(&job.next_commands(StepKind::BuildModel));
-    Ok(status)
+    let took = clock.elapsed();
+    Ok(StepResult::Made(BuiltModel { manifest, directory, freshness, took, verified }))
 }
 
 /// Say what would be built.
-fn planned(plan: &BuildPlan, directory: &Path, printer: &Printer) -> Result<Outcome, StepError> {
-    if printer.is_for_machines() {
-        printer.json(plan)?;
-    }
+fn planned(
+    plan: BuildPlan,
+    directory: &Path,
+    printer: &Printer,
+) -> StepResult<BuiltModel, Option<BuildPlan>> {
     printer.say(&format!("dry run: nothing written to {}", directory.display()));
-    Ok(Outcome::Done)
+    StepResult::Planned(Some(plan))
 }
 
 /// Remove the parts that are left of a build that was killed at its very end, and say whether the model is still
@@ -318,34 +357,6 @@ pub(crate) fn file_names(members: usize, further: &[&str]) -> Vec<String> {
         }
     }
     names
-}
-
-fn summarise(
-    manifest: &ModelManifest,
-    directory: &Path,
-    built: bool,
-    clock: Stopwatch,
-    printer: &Printer,
-) -> Result<(), StepError> {
-    let verb = if built { "wrote" } else { "up to date:" };
-    printer.result(&format!("{verb} {} in {}", directory.display(), duration(clock.elapsed())))?;
-    if let Some(recall) = &manifest.recall {
-        printer.result(&format!("  {}", recall_line(recall, manifest.study.model.neighbors)))?;
-    }
-    for (number, member) in manifest.members.iter().enumerate() {
-        let transitions = count(member.transitions);
-        let line = member.jumps.as_ref().map(jumps::line).unwrap_or_default();
-        printer.result(&format!("  member {number}: {transitions} transitions; {line}"))?;
-        for line in
-            member.recurrence.iter().flat_map(|of| recurrence::lines(of, member.transitions))
-        {
-            printer.result(&format!("    {line}"))?;
-        }
-    }
-    for warning in warnings(manifest) {
-        printer.warn(&warning);
-    }
-    Ok(())
 }
 
 /// What the reader of anything that follows from a model should know: how far walks of its members get.

@@ -6,7 +6,7 @@ use calib_core::Transitions;
 use calib_data::Dataset;
 use calib_files::write_json;
 use calib_model::ModelKind;
-use calib_study::{Job, StepKind, Study};
+use calib_study::{Job, Study};
 use serde::Serialize;
 
 use crate::{
@@ -15,15 +15,16 @@ use crate::{
         artefact::{self, Below, Claim},
         clock::Stopwatch,
         options::BuildOptions,
-        outcome::Outcome,
+        outcome::{Freshness, Outcome, StepResult},
     },
     log::partition,
     model::{
-        build_model::file_names,
+        build_model::{BuiltModel, file_names},
+        build_plan::BuildPlan,
         model_files::{self, MemberSummary, ModelFacts, ModelManifest},
         train_model,
     },
-    output::{Printer, count, duration},
+    output::Printer,
 };
 
 /// Train the network of a study.
@@ -31,7 +32,7 @@ pub(crate) fn run(
     job: &Job,
     options: &BuildOptions,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
     let clock = Stopwatch::start();
     let (study, directory) = (job.study(), job.layout().model());
     // What another calib has trained can be used by one that cannot train it.
@@ -52,10 +53,10 @@ pub(crate) fn run(
     train_model::announce(study, &dataset, printer);
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(Outcome::Done);
+        return Ok(StepResult::Planned(None));
     }
     let existing = ModelManifest::of_job(job, &key, printer)?;
-    let verb = if existing.is_some() { "up to date:" } else { "wrote" };
+    let freshness = if existing.is_some() { Freshness::Kept } else { Freshness::Made };
     let manifest = if let Some(manifest) = existing {
         refresh(manifest, study, &dataset, &directory)?
     } else if let Some(reason) = cannot_train {
@@ -63,18 +64,8 @@ pub(crate) fn run(
     } else {
         build(job, options, (&dataset, states.as_deref()), key, (clock, printer))?
     };
-    if printer.is_for_machines() {
-        printer.json(&manifest)?;
-    } else {
-        let elapsed = duration(clock.elapsed());
-        printer.result(&format!("{verb} {} in {elapsed}", directory.display()))?;
-        let transitions = count(manifest.transitions);
-        let training = manifest.training.as_ref();
-        let training = training.map_or_else(|| "imported".to_owned(), ToString::to_string);
-        printer.result(&format!("  member 0: {transitions} transitions; {training}"))?;
-    }
-    printer.next(&job.next_commands(StepKind::BuildModel));
-    Ok(Outcome::Done)
+    let (took, verified) = (clock.elapsed(), Outcome::Done);
+    Ok(StepResult::Made(BuiltModel { manifest, directory, freshness, took, verified }))
 }
 
 fn build(

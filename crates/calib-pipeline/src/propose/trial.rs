@@ -3,17 +3,16 @@
 use calib_agent::SimplePredictor;
 use calib_files::TemporaryFolder;
 use calib_propose::{Costs, Horizon, Size};
-use calib_study::{Job, Request, StepKind};
+use calib_study::{Job, Request};
 use calib_sweep::SensorVerdict;
 
 use crate::{
-    StepError, bail,
+    Context as _, StepError, bail,
     base::{
-        artefact,
         clock::{Stopwatch, Taken},
         options::{BuildOptions, ProposeOptions},
     },
-    model::{build_model, jumps, model_files::ModelManifest},
+    model::{build_model, jumps},
     output::{Printer, span},
     rollouts::rollout,
     sweep::{self, plan::Counted},
@@ -121,12 +120,11 @@ impl Trials<'_> {
             let apart = span(period_secs * spacing as f64);
             let job = self.job(text(spacing), &format!("spacing-{spacing}"))?;
             let clock = Stopwatch::start();
-            build_model::run(&job, &BuildOptions::default(), &self.printer.silent())?;
+            let built = build_model::run(&job, &BuildOptions::default(), &self.printer.silent())?;
+            let built = built.made().context("a trial is no dry run")?;
             let secs = clock.elapsed().as_secs_f64();
-            let build = job.command(StepKind::BuildModel);
-            let model: ModelManifest = artefact::require(&job.layout().model(), &build)?;
-            let warnings = build_model::warnings(&model);
-            let moves = model.members.first().and_then(|member| member.jumps.as_ref());
+            let warnings = built.warnings();
+            let moves = built.manifest.members.first().and_then(|member| member.jumps.as_ref());
             let moves = moves.map(jumps::line).unwrap_or_default();
             let said = warnings.first().map_or(&moves, |first| first);
             self.printer.say(&format!("states {apart} apart: {said}"));

@@ -5,7 +5,12 @@ mod grid;
 mod import;
 mod table;
 
-use std::{collections::BTreeMap, path::Path, sync::Arc};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Duration,
+};
 
 use calib_core::{Seed, Segments, States};
 use calib_data::Dataset;
@@ -26,15 +31,15 @@ use crate::{
         clock::Stopwatch,
         memory,
         options::Device,
-        outcome::Outcome,
+        outcome::{Freshness, NoPlan, Outcome, StepResult},
         stale::Kept,
         torch,
     },
     log::partition,
-    output::{Printer, bytes, count, counted, duration},
+    output::{Printer, bytes, count, counted},
 };
 
-pub(crate) use table::report_table;
+pub(crate) use table::{report_table, show};
 
 /// `manifest.json` of a representation directory.
 pub(crate) type RepresentationManifest = Artefact<RepresentationFacts>;
@@ -106,12 +111,33 @@ impl<'a> Material<'a> {
 const ENCODER: &str = "encoder.safetensors";
 const PSI: &str = "representation.npy";
 
+/// The representations of a study.
+#[derive(Debug)]
+pub struct Representations {
+    pub(crate) manifest: RepresentationManifest,
+    pub(crate) directory: PathBuf,
+    pub(crate) freshness: Freshness,
+    pub(crate) took: Duration,
+}
+
+impl Representations {
+    /// Position of the chosen one among those that were tried; none if none qualifies.
+    pub fn chosen(&self) -> Option<usize> {
+        self.manifest.chosen
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
 /// Train or import the representations of a study, and choose one.
 pub(crate) fn run(
     job: &Job,
     device: Option<Device>,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<StepResult<Representations>, StepError> {
     let clock = Stopwatch::start();
     let study = job.study();
     if device.is_some() {
@@ -129,28 +155,18 @@ pub(crate) fn run(
     announce(study, &dataset, printer);
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(Outcome::Done);
+        return Ok(StepResult::Planned(NoPlan));
     }
     if let Some(share) = job.policy().share {
-        return train_share(job, device, &dataset, share, printer);
+        train_share(job, device, &dataset, share, printer)?;
+        return Ok(StepResult::Nothing(Outcome::Done));
     }
-    let (manifest, verb) = match RepresentationManifest::of_job(job, &key, printer)? {
-        Some(manifest) => (manifest, "up to date:"),
-        None => (make(job, device, &dataset, key, printer)?, "wrote"),
+    let (manifest, freshness) = match RepresentationManifest::of_job(job, &key, printer)? {
+        Some(manifest) => (manifest, Freshness::Kept),
+        None => (make(job, device, &dataset, key, printer)?, Freshness::Made),
     };
-    if printer.is_for_machines() {
-        printer.json(&manifest)?;
-    } else {
-        let (place, time) = (directory.display(), duration(clock.elapsed()));
-        printer.result(&format!("{verb} {place} in {time}"))?;
-        table::show(&manifest, printer)?;
-    }
-    if manifest.chosen.is_some() {
-        printer.next(&job.next_commands(StepKind::Represent));
-        return Ok(Outcome::Done);
-    }
-    printer.warn(NONE_QUALIFIES);
-    Ok(Outcome::Negative)
+    let took = clock.elapsed();
+    Ok(StepResult::Made(Representations { manifest, directory, freshness, took }))
 }
 
 /// Train the share of the grid that this process has. Every candidate is a directory of its own, so that shares have nothing in
@@ -161,11 +177,11 @@ fn train_share(
     dataset: &Dataset,
     share: Share,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<(), StepError> {
     let (study, directory) = (job.study(), job.layout().representation());
     if study.representation.kind == RepresentationKind::Import {
         printer.say("an imported representation is not trained: there is nothing to share");
-        return Ok(Outcome::Done);
+        return Ok(());
     }
     let material = Material::of(dataset);
     if device.is_none() {
@@ -180,7 +196,7 @@ fn train_share(
         study.representation.candidates().len()
     ))?;
     printer.next(&[job.command(StepKind::Represent)]);
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// What to do where memory does not suffice.
@@ -188,7 +204,7 @@ const LESS: &str =
     "lower representation.hidden_units or representation.batch_size, or use fewer --threads";
 
 /// What to do where no candidate may be used.
-const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the distinct states apart; \
+pub(crate) const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the distinct states apart; \
     try a greater `zeta` or `dimension`, more `steps`, or a smaller `learning_rate` in [representation]";
 
 /// Fingerprint of what the representations follow from.

@@ -1,4 +1,7 @@
-use std::path::Path;
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
 use calib_data::table::Table;
@@ -14,20 +17,20 @@ use crate::{
         artefact::{self, Artefact, Claim, Facts},
         clock::Stopwatch,
         memory,
-        outcome::Outcome,
+        outcome::{Freshness, NoPlan, Outcome, StepResult},
     },
     log::partition,
     model::{
-        jumps,
         kinds::search_place,
         model_files::{self, OpenModel},
         starts::{StartSummary, Starts, summaries},
     },
-    output::{Printer, bytes, count, duration},
+    output::{Printer, bytes, count},
     rollouts::{
         collapse::{self, Collapse},
         comparison::{self, Comparison},
-        figures, one_step,
+        figures,
+        one_step::{self, OneStep},
         trajectory_columns::Columns,
         truth::{self, Record},
     },
@@ -89,8 +92,41 @@ pub(crate) fn finished(job: &Job, model: &str) -> Result<Option<RolloutManifest>
     Ok(found)
 }
 
+/// Rollouts of the model of a study.
+#[derive(Debug)]
+pub struct Rollouts {
+    pub(crate) manifest: RolloutManifest,
+    /// How well the model predicts the next state, where something is held out and it can.
+    pub(crate) one_step: Option<OneStep>,
+    pub(crate) directory: PathBuf,
+    pub(crate) freshness: Freshness,
+    pub(crate) took: Duration,
+}
+
+impl Rollouts {
+    /// The sensors that trajectories are written of.
+    pub fn sensors(&self) -> &[String] {
+        &self.manifest.sensors
+    }
+
+    /// Members of the model, each of which was rolled out.
+    pub fn members(&self) -> usize {
+        self.manifest.members.len()
+    }
+
+    /// Whether they were there already.
+    pub fn freshness(&self) -> Freshness {
+        self.freshness
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
 /// Roll every member out and set the trajectories beside the recorded ones.
-pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+pub(crate) fn run(job: &Job, printer: &Printer) -> Result<StepResult<Rollouts>, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     let model = model_files::open(job)?;
@@ -100,7 +136,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         Err(reason) if job.deployment().is_some() && partition::is_outside(&reason) => {
             let name = job.deployment().unwrap_or_default();
             printer.error(&format!("deployment {name} is left out: {reason}"));
-            return Ok(Outcome::Negative);
+            return Ok(StepResult::Nothing(Outcome::Negative));
         }
         deployment => deployment?,
     };
@@ -128,17 +164,18 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     let needed = announce(study, &model, sensors.len(), printer);
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(Outcome::Done);
+        return Ok(StepResult::Planned(NoPlan));
     }
     let existing = RolloutManifest::of_job(job, &key, printer)?;
-    let (manifest, verb) = if let Some(manifest) = existing {
-        (manifest, "up to date:")
+    let (manifest, freshness) = if let Some(manifest) = existing {
+        (manifest, Freshness::Kept)
     } else {
         let remedy = "lower rollout.steps or rollout.rollouts, or name fewer sweep.sensors";
         memory::require(needed, "the rollouts", remedy)?;
         let record = Record { model: &model.frames, deployment: held_out };
         let from = (&starts, record);
-        (roll_out(study, &model, from, &sensors, key, &directory, printer)?, "wrote")
+        let made = roll_out(study, &model, from, &sensors, key, &directory, printer)?;
+        (made, Freshness::Made)
     };
     let one_step = match deployment.as_ref().filter(|_| study.rollout.dtw_steps > 0) {
         Some(held_out) => one_step::ensure(job, &model, held_out, &sensors, printer)?,
@@ -147,21 +184,8 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     if one_step.is_none() {
         one_step::remove(paths)?;
     }
-    if printer.is_for_machines() {
-        printer.json(&manifest)?;
-    } else {
-        printer.result(&format!(
-            "{verb} {} in {}",
-            directory.display(),
-            duration(clock.elapsed())
-        ))?;
-        summarise(&manifest, study, printer)?;
-        if let Some(one_step) = &one_step {
-            one_step::show(one_step, printer)?;
-        }
-    }
-    printer.next(&job.next_commands(StepKind::Rollout));
-    Ok(Outcome::Done)
+    let took = clock.elapsed();
+    Ok(StepResult::Made(Rollouts { manifest, one_step, directory, freshness, took }))
 }
 
 /// The sensors of the sweep, or all, with their columns.
@@ -361,26 +385,4 @@ fn trajectories(
             .with_optional(named.recorded, flat().flat_map(recorded).collect::<Vec<Option<f64>>>());
     }
     table
-}
-
-fn summarise(
-    manifest: &RolloutManifest,
-    study: &Study,
-    printer: &Printer,
-) -> Result<(), StepError> {
-    for (number, member) in manifest.members.iter().enumerate() {
-        let replaced = member.starts.text().map_or_else(String::new, |text| format!("; {text}"));
-        let moves = member.jumps.as_ref().map_or_else(|| "predictions".to_owned(), jumps::line);
-        printer.result(&format!("  member {number}: {moves}{replaced}"))?;
-    }
-    let members = manifest.members.iter();
-    let members = members.map(|member| (member.jumps.as_ref(), member.transitions));
-    for warning in jumps::warnings(members, &study.model) {
-        printer.warn(&warning);
-    }
-    collapse::show(&manifest.collapse, printer)?;
-    match &manifest.comparison {
-        Some(of) => comparison::show(of, printer),
-        None => Ok(()),
-    }
 }

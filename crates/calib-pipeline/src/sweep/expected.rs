@@ -10,7 +10,6 @@ use serde::Serialize;
 
 use crate::{
     StepError,
-    base::outcome::Outcome,
     model::model_files,
     output::{Printer, bytes, count, duration},
     sweep::{
@@ -43,7 +42,7 @@ impl Expected {
     /// Of a sweep that was planned, with `passes` left.
     pub(crate) fn of(
         cost: Cost,
-        plan: &SweepPlan<'_>,
+        plan: &SweepPlan,
         passes: usize,
         sensors: usize,
         study: &Study,
@@ -87,11 +86,11 @@ pub(crate) fn before_model(
     job: &Job,
     counted: &Counted,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<(), StepError> {
     let study = job.study();
     let candidates = candidates_of(study)?;
     let (parts, streams) = scorable(job, &candidates, &printer.silent())?;
-    let Ok(streams) = streams else { return Ok(Outcome::Done) };
+    let Ok(streams) = streams else { return Ok(()) };
     let dataset = &parts.dataset;
     let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let starts = BTreeMap::new();
@@ -114,5 +113,5 @@ pub(crate) fn before_model(
     let expected = Expected::new(cost.of(sensors.len()), passes, threads, results, study);
     printer.say(&expected.line());
     counted.expect(job, expected);
-    Ok(Outcome::Done)
+    Ok(())
 }

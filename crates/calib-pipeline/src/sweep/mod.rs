@@ -16,3 +16,4 @@ pub(crate) mod tables;
 
 pub(crate) use manifest::{SweepFacts, SweepManifest};
 pub(crate) use run::{Found, Pool, Source, on_device, put_together, run, unit_store, wall_secs};
+pub use run::{SweepResult, Swept};

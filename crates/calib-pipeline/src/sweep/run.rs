@@ -1,9 +1,13 @@
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use calib_agent::{Accelerator, check_accelerated};
 use calib_data::Dataset;
 use calib_files::{read_json, write_json};
-use calib_study::{Job, Layout, StepKind, Study};
+use calib_study::{Job, Layout, Study};
 use calib_sweep::{
     Baselines, Candidate, Completed, Plan, PlannedUnit, Span, Unit, UnitResult, UnitStore,
 };
@@ -15,10 +19,10 @@ use crate::{
         artefact::{self, Artefact, Claim},
         clock::Stopwatch,
         options::Device,
-        outcome::Outcome,
+        outcome::{Outcome, StepResult},
         torch,
     },
-    output::{Printer, count, duration},
+    output::Printer,
     sweep::{
         expected::Expected,
         manifest::{SweepFacts, SweepManifest},
@@ -39,6 +43,46 @@ pub(crate) fn unit_store(directory: &Path, arithmetic: Option<&str>) -> UnitStor
     UnitStore::new(directory.join(format!("units{apart}")))
 }
 
+/// What a sweep came to.
+pub type SweepResult = StepResult<Swept, SweepPlan>;
+
+/// A finished sweep.
+#[derive(Debug)]
+pub struct Swept {
+    pub(crate) manifest: SweepManifest,
+    pub(crate) directory: PathBuf,
+    /// How many units were run just now.
+    pub(crate) ran: usize,
+    pub(crate) took: Duration,
+}
+
+impl Swept {
+    /// Every value that agents were trained for, in the order of the results.
+    pub fn candidates(&self) -> &[Candidate] {
+        &self.manifest.candidates
+    }
+
+    /// Units (sensor, environment, run) of it.
+    pub fn units(&self) -> usize {
+        self.manifest.units.len()
+    }
+
+    /// How many of them were run just now; the others were there.
+    pub fn ran(&self) -> usize {
+        self.ran
+    }
+
+    /// What the reader of the results should know.
+    pub fn notes(&self) -> &[String] {
+        &self.manifest.notes
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
 /// Results of units by their keys, as other processes made them.
 pub(crate) type Pool = BTreeMap<String, UnitResult>;
 
@@ -48,7 +92,7 @@ pub(crate) fn run(
     counted: &Counted,
     device: Option<Device>,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<SweepResult, StepError> {
     let accelerator = on_device(device, job.study())?;
     sweep(job, counted, Source { pool: None, accelerator: accelerator.as_deref() }, printer)
 }
@@ -74,7 +118,7 @@ pub(crate) fn put_together(
     job: &Job,
     pool: &Pool,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<SweepResult, StepError> {
     sweep(job, &Counted::default(), Source { pool: Some(pool), accelerator: None }, printer)
 }
 
@@ -92,7 +136,7 @@ fn sweep(
     counted: &Counted,
     Source { pool, accelerator }: Source<'_>,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<SweepResult, StepError> {
     let clock = Stopwatch::start();
     let (study, directory) = (job.study(), job.layout().sweep());
     let setting = match Setting::of(job, printer)? {
@@ -127,9 +171,10 @@ fn sweep(
         counted.expect(job, expected.clone());
         preview.expected = Some(expected);
     }
-    preview.announce(job, printer)?;
+    preview.announce(study, printer)?;
     if job.policy().is_dry() {
-        return Ok(Outcome::Done);
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(preview));
     }
     // Nothing is given up, nor need the disk be writable, before there is something to write.
     let is_done = missing == 0 && stored.keys().all(|unit| own.contains_key(unit));
@@ -163,8 +208,7 @@ fn sweep(
         }
         manifest = claim.finish(manifest.facts, tables())?;
     }
-    finish(job, &manifest, ran, clock, printer)?;
-    Ok(Outcome::Done)
+    Ok(StepResult::Made(Swept { manifest, directory, ran, took: clock.elapsed() }))
 }
 
 /// What is told of these results.
@@ -198,16 +242,16 @@ fn facts(
 }
 
 /// What it takes to train all `candidates`: units, those that are left, and those of them that others share.
-fn preview<'a>(
-    candidates: &'a [Candidate],
+fn preview(
+    candidates: &[Candidate],
     sizes: &Sizes,
     [units, left, shared]: [usize; 3],
     span: Span,
-) -> SweepPlan<'a> {
+) -> SweepPlan {
     let threads = rayon::current_num_threads();
     let memory = Memory::of(sizes, &agents_of(candidates), threads);
     SweepPlan {
-        candidates,
+        candidates: candidates.to_vec(),
         units,
         left,
         shared,
@@ -242,13 +286,13 @@ fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
 }
 
 /// Write down why nothing can be scored in a deployment, so that the other ones are judged without it.
-fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<Outcome, StepError> {
+fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<SweepResult, StepError> {
     let Unsettled { dataset, model, candidates, reason } = unsettled;
     let study = job.study();
     let name = job.deployment().unwrap_or_default();
     printer.error(&format!("deployment {name} is left out: {reason}"));
     if job.policy().is_dry() {
-        return Ok(Outcome::Negative);
+        return Ok(StepResult::Nothing(Outcome::Negative));
     }
     let span = Span::new(study.sweep.steps, candidates.iter().map(|of| of.agent.gamma));
     let facts = SweepFacts {
@@ -257,7 +301,7 @@ fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<Outco
         ..SweepFacts::of_nothing(study, &dataset, model, span, candidates)
     };
     Claim::begun(&job.layout().sweep())?.finish(facts, [])?;
-    Ok(Outcome::Negative)
+    Ok(StepResult::Nothing(Outcome::Negative))
 }
 
 /// Units that are left to run, and that another part of the same command runs before.
@@ -316,26 +360,4 @@ fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> Result<()
 pub(crate) fn wall_secs(paths: &Layout) -> Option<f64> {
     let timings: Timings = read_json(&paths.sweep().join("timings.json")).ok()?;
     Some(timings.wall_secs)
-}
-
-fn finish(
-    job: &Job,
-    manifest: &SweepManifest,
-    ran: usize,
-    clock: Stopwatch,
-    printer: &Printer,
-) -> Result<(), StepError> {
-    if printer.is_for_machines() {
-        printer.json(manifest)?;
-    } else {
-        let did = if ran == 0 {
-            "up to date".to_owned()
-        } else {
-            format!("{} units run in {}", count(ran), duration(clock.elapsed()))
-        };
-        let runs = job.layout().sweep().join("runs.parquet");
-        printer.result(&format!("{did}; results in {}", runs.display()))?;
-    }
-    printer.next(&job.next_commands(StepKind::Sweep));
-    Ok(())
 }

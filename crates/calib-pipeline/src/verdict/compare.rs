@@ -1,11 +1,15 @@
 //! One report on several models and deployments of the same study.
 
-use std::{collections::BTreeMap, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use calib_core::Monitor;
 use calib_files::write_json;
 use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
 use calib_study::{Job, Layout, Study};
+use calib_sweep::SensorVerdict;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -13,7 +17,7 @@ use crate::{
     StepError,
     base::{
         artefact::{self, TOOL},
-        outcome::Outcome,
+        outcome::{NoPlan, Outcome, StepResult},
     },
     ensure,
     output::Printer,
@@ -28,14 +32,65 @@ use crate::{
         compare_pairs::{self, Comparisons},
         compare_tables,
         deployed::{self, Deployed},
-        evaluate::{self, Judged, Summary, judge, print_advice, print_notes, told},
+        evaluate::{self, Judged, Summary, judge, told},
         kept_report, learning, recorded_together, report, report_data,
     },
 };
 
+/// The verdicts on several models and deployments, beside each other.
+#[derive(Debug)]
+pub struct Compared {
+    pub(crate) summaries: Summaries,
+    /// In the order in which they were judged.
+    pub(crate) places: Vec<Place>,
+    /// What models chose, as a table for a terminal.
+    pub(crate) choices: String,
+    pub(crate) notes: Vec<String>,
+    pub(crate) report: PathBuf,
+    pub(crate) outcome: Outcome,
+}
+
+/// Where the summary of a model in a deployment is, and what the two are called together.
+#[derive(Debug)]
+pub(crate) struct Place {
+    pub(crate) name: String,
+    model: String,
+    deployment: Option<String>,
+}
+
+impl Compared {
+    /// What is said of each sensor for one model in one deployment, of several.
+    pub fn verdicts(&self, model: &str, deployment: Option<&str>) -> &[SensorVerdict] {
+        self.summary(model, deployment).map_or(&[], |summary| &summary.verdicts)
+    }
+
+    /// The verdicts as `summary.json` has them, which is what `--json` prints.
+    pub fn summaries(&self) -> &Summaries {
+        &self.summaries
+    }
+
+    /// The report on all of them.
+    pub fn report(&self) -> &Path {
+        &self.report
+    }
+
+    /// The summary of a place.
+    pub(crate) fn at(&self, place: &Place) -> Option<&Summary> {
+        self.summary(&place.model, place.deployment.as_deref())
+    }
+
+    fn summary(&self, model: &str, deployment: Option<&str>) -> Option<&Summary> {
+        let Summaries { models, deployments, .. } = &self.summaries;
+        match deployment {
+            None => models.get(model),
+            Some(name) => deployments.iter().find(|own| own.deployment == name)?.models.get(model),
+        }
+    }
+}
+
 /// `summary.json` of several models and deployments.
-#[derive(Serialize, JsonSchema)]
-pub(crate) struct Summaries {
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Summaries {
     format: u32,
     tool: &'static str,
     title: String,
@@ -47,13 +102,13 @@ pub(crate) struct Summaries {
     deployments: Vec<DeploymentSummary>,
     /// What to deploy, sensor by sensor, where there are several deployments.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    what_to_deploy: Vec<Deployed>,
+    pub(crate) what_to_deploy: Vec<Deployed>,
     /// Every two models.
-    comparisons: Comparisons,
+    pub(crate) comparisons: Comparisons,
 }
 
 /// One deployment of a study.
-#[derive(Serialize, JsonSchema)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct DeploymentSummary {
     deployment: String,
     /// Its window, as the study has it.
@@ -133,12 +188,12 @@ pub(crate) fn run(
     parts: &[Job],
     left_out: &[String],
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<StepResult<Compared>, StepError> {
     // The study without any model says where the common results lie.
     let paths = job.layout();
     if job.policy().is_dry() {
         printer.say(&format!("dry run: would write {}", paths.report().display()));
-        return Ok(Outcome::Done);
+        return Ok(StepResult::Planned(NoPlan));
     }
     let mut left_out = left_out.to_vec();
     let mut judged = Vec::with_capacity(parts.len());
@@ -149,44 +204,40 @@ pub(crate) fn run(
             None => judged.push(part.clone()),
         }
     }
-    let mut ended = if left_out.is_empty() { Outcome::Done } else { Outcome::Negative };
+    let mut outcome = if left_out.is_empty() { Outcome::Done } else { Outcome::Negative };
     let parts = judged;
     ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
     let names: Vec<String> = parts.iter().map(Job::name).collect();
     let monitor = printer.progress();
-    let part = |job: &Job| Part::new(job, &*monitor);
-    let parts = parts.iter().map(part).collect::<Result<Vec<Part>, StepError>>()?;
+    let mut judged = Vec::with_capacity(parts.len());
+    for job in &parts {
+        judged.push(Part::new(job, &*monitor)?);
+    }
+    let parts = judged;
     same_arithmetic(&names, &parts)?;
-    for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
+    let mut places = Vec::with_capacity(parts.len());
+    for (name, part) in names.into_iter().zip(&parts) {
+        let Part { judged, report, .. } = part;
         let written = report::write(&judged.job, report, &judged.summary, &*monitor);
         artefact::or_read_only(written, &judged.paths().report(), printer)?;
-        if !printer.is_for_machines() {
-            printer.heading(name);
-            print_advice(&judged.summary, printer)?;
-        }
         match told(&judged.summary) {
             Outcome::Done => {}
-            other => ended = other,
+            other => outcome = other,
         }
+        let (model, deployment) = (part.model_name().to_owned(), part.deployment.clone());
+        places.push(Place { name, model, deployment });
     }
     let what_to_deploy = deployed::all(&parts)?;
     let mut whole = whole(job, &parts, &what_to_deploy)?;
     whole.warnings.extend_from_slice(&left_out);
-    let table = choices(&parts);
+    let choices = choices(&parts);
     let comparisons = compare_pairs::comparisons(&by_deployment(&parts))?;
     let title = whole.title.clone();
     let summaries = summaries(title, parts, what_to_deploy, comparisons);
     artefact::or_read_only(write(job, &whole, &summaries), &paths.report(), printer)?;
-    if printer.is_for_machines() {
-        printer.json(&summaries)?;
-    } else {
-        printer.lines(&table)?;
-        comparison::show_pairs(&summaries.comparisons.of_all_rollouts(), printer)?;
-        deployed::show(&summaries.what_to_deploy, printer)?;
-        print_notes(&[caveats(&whole.verdicts), whole.warnings].concat(), printer)?;
-        printer.result(&format!("report: {}", paths.report().display()))?;
-    }
-    Ok(ended)
+    let notes = [caveats(&whole.verdicts), whole.warnings].concat();
+    let report = paths.report();
+    Ok(StepResult::Made(Compared { summaries, places, choices, notes, report, outcome }))
 }
 
 /// Refuse sweeps of which one was made on a device and another one was not: they round otherwise.

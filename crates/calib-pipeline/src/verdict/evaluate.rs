@@ -1,3 +1,5 @@
+use std::path::{Path, PathBuf};
+
 use calib_agent::Part;
 use calib_core::{Monitor, Seed};
 use calib_model::StartKind;
@@ -15,7 +17,7 @@ use crate::{
     Context as _, StepError, bail,
     base::{
         artefact::{self, MANIFEST, TOOL},
-        outcome::Outcome,
+        outcome::{NoPlan, Outcome, StepResult},
         stale::Kept,
     },
     ensure,
@@ -32,7 +34,7 @@ use crate::{
 
 /// `summary.json`: the verdict for machines.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct Summary {
+pub struct Summary {
     pub(crate) format: u32,
     pub(crate) tool: &'static str,
     pub(crate) title: String,
@@ -53,7 +55,7 @@ pub(crate) struct Summary {
 
 /// What is chosen for a sensor.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct SensorChoice {
+pub struct SensorChoice {
     sensor: String,
     /// The swept keys of the agent, and their values.
     values: Map<String, Value>,
@@ -104,27 +106,44 @@ impl Judged {
     }
 }
 
-/// Judge a finished sweep and write the report.
-pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+/// The verdicts on one model in one deployment.
+#[derive(Debug)]
+pub struct Judgement {
+    pub(crate) summary: Summary,
+    /// The report, if one was to be written.
+    pub(crate) report: Option<PathBuf>,
+}
+
+impl Judgement {
+    /// What is said of each sensor.
+    pub fn verdicts(&self) -> &[SensorVerdict] {
+        &self.summary.verdicts
+    }
+
+    /// The verdicts as `summary.json` has them, which is what `--json` prints.
+    pub fn summary(&self) -> &Summary {
+        &self.summary
+    }
+
+    /// The report, if one was to be written.
+    pub fn report(&self) -> Option<&Path> {
+        self.report.as_deref()
+    }
+}
+
+/// Judge a finished sweep and write the report; nothing is written in a dry run.
+pub(crate) fn run(job: &Job, printer: &Printer) -> Result<StepResult<Judgement>, StepError> {
     let monitor = printer.progress();
     let judged = judge(job, &*monitor)?;
-    let (paths, summary) = (judged.paths(), &judged.summary);
+    let page = job.layout().report();
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: would write {}", paths.report().display()));
-        return Ok(Outcome::Done);
+        printer.say(&format!("dry run: would write {}", page.display()));
+        return Ok(StepResult::Planned(NoPlan));
     }
     let report = report::assemble(&judged)?;
-    let written = report::write(job, &report, summary, &*monitor);
-    artefact::or_read_only(written, &paths.report(), printer)?;
-    if printer.is_for_machines() {
-        printer.json(summary)?;
-    } else {
-        print(summary, paths, printer)?;
-        if !printer.is_explaining() {
-            printer.say(&format!("reasons: {} --why", job.command(StepKind::Evaluate)));
-        }
-    }
-    Ok(told(summary))
+    let written = report::write(job, &report, &judged.summary, &*monitor);
+    artefact::or_read_only(written, &page, printer)?;
+    Ok(StepResult::Made(Judgement { summary: judged.summary, report: Some(page) }))
 }
 
 /// Whether every sensor's members prefer some value to another.
@@ -282,29 +301,4 @@ fn check_log(job: &Job, swept: &SweepFacts) -> Result<(), StepError> {
         job.command(StepKind::Sweep)
     );
     Ok(())
-}
-
-/// The verdicts, what stands in their way, and where the report is.
-fn print(summary: &Summary, paths: &Layout, printer: &Printer) -> Result<(), StepError> {
-    print_advice(summary, printer)?;
-    print_notes(&[&summary.caveats[..], &summary.notes].concat(), printer)?;
-    printer.result(&format!("report: {}", paths.report().display()))
-}
-
-/// The verdict on each sensor: what to deploy, and what that means, or all reasons.
-pub(crate) fn print_advice(summary: &Summary, printer: &Printer) -> Result<(), StepError> {
-    for (lines, plain) in summary.advice.iter().zip(&summary.plain) {
-        let Some((headline, reasons)) = lines.split_first() else { continue };
-        printer.result(headline)?;
-        printer.result(&format!("    {plain}"))?;
-        if printer.is_explaining() {
-            reasons.iter().try_for_each(|line| printer.result(&format!("    {line}")))?;
-        }
-    }
-    Ok(())
-}
-
-/// What the reader must know before relying on verdicts.
-pub(crate) fn print_notes(notes: &[String], printer: &Printer) -> Result<(), StepError> {
-    notes.iter().try_for_each(|note| printer.result(&format!("note: {note}")))
 }
