@@ -18,6 +18,7 @@ use crate::{
     each::{each_part, taken},
     ensure,
     log::{
+        context::RunContext,
         plant_of_study::PlantOfStudy,
         simulate::{Found, sentence},
     },
@@ -49,23 +50,21 @@ fn is_wanted(step: StepKind, study: &Study, extent: Extent) -> bool {
 
 /// Take one of the steps that each model takes.
 fn take(step: StepKind, job: &Job, going: &Going<'_>) -> Result<Outcome, StepError> {
-    let &Going { plan, course, counted, device, talk: printer } = going;
+    let &Going { plan, course, counted, device, talk } = going;
     match step {
         // What is made before rollouts is the same for all deployments.
         StepKind::Represent => {
-            taken(&job.before_deployment()?, printer, |job| represent::run(job, device, printer))
+            taken(&job.before_deployment()?, talk, |job| represent::run(job, device, talk))
         }
         StepKind::BuildModel => {
             let device = device.filter(|_| job.study().model.kind.family() == ModelFamily::Network);
             let options = BuildOptions { device, ..BuildOptions::default() };
-            taken(&job.before_deployment()?, printer, |job| {
-                build_model::run(job, &options, printer)
-            })
+            taken(&job.before_deployment()?, talk, |job| build_model::run(job, &options, talk))
         }
-        StepKind::Rollout => each_part(step, job, printer, |job| rollout::run(job, printer)),
-        StepKind::Sweep => each_part(step, job, printer, |job| {
+        StepKind::Rollout => each_part(step, job, talk, |job| rollout::run(job, talk)),
+        StepKind::Sweep => each_part(step, job, talk, |job| {
             course.sweep(plan, job);
-            sweep::run(job, counted, device, printer)
+            sweep::run(job, counted, device, talk)
         }),
         StepKind::Simulate
         | StepKind::Prepare
@@ -82,7 +81,7 @@ struct Going<'a> {
     counted: &'a Counted,
     /// Where networks and agents are trained, if not natively.
     device: Option<Device>,
-    talk: &'a Printer,
+    talk: &'a RunContext,
 }
 
 /// One of the models that a study compares, or its only one.
@@ -115,9 +114,9 @@ impl StudyRun {
 pub(crate) fn run(
     job: &Job,
     device: Option<Device>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<StudyRun, StepError> {
-    run_to(Extent::Report, job, device, printer)
+    run_to(Extent::Report, job, device, context)
 }
 
 /// Run every step that a study needs on the way to `extent`, as far as it is not done.
@@ -125,19 +124,19 @@ pub(crate) fn run_to(
     extent: Extent,
     job: &Job,
     device: Option<Device>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<StudyRun, StepError> {
     let clock = Stopwatch::start();
     let mut models = models(job)?;
     // Only the verdict is the result; the steps before it just report.
-    let talk = &printer.talking();
+    let talk = &context.talking();
     let mut ended = Ended(Outcome::Done);
     let jobs: Vec<&Job> = models.iter().map(|model| &model.job).collect();
     // What a device cannot do is found out before anything is made.
     let on_devices = jobs.iter().map(|job| sweep::on_device(device, job.study()));
     let on_devices = on_devices.collect::<Result<Vec<_>, StepError>>()?;
     let arithmetic = on_devices.iter().flatten().map(|of| of.class()).next();
-    let mut plan = Plan::of(job, &jobs, arithmetic)?;
+    let mut plan = Plan::of(job, &jobs, arithmetic, context)?;
     talk.say_all(&plan.lines());
     let plant = PlantOfStudy::of(job)?;
     let course = Course::new(talk, stages(&models, plant.as_ref(), extent, job), &plan, &jobs)?;
@@ -145,7 +144,7 @@ pub(crate) fn run_to(
         && !simulate(plant, job, &course, talk)?
     {
         talk.say(&format!("then: {}", remaining(&models).join(", ")));
-        tell(&plan, job, printer)?;
+        tell(&plan, job, context)?;
         let (evaluation, left_out, outcome) = (None, Vec::new(), ended.0);
         return Ok(StudyRun { evaluation, left_out, outcome });
     }
@@ -162,21 +161,21 @@ pub(crate) fn run_to(
         }
     }
     plan.expect(&counted.expected());
-    tell(&plan, job, printer)?;
+    tell(&plan, job, context)?;
     let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
     if !left_out.is_empty() {
         ended.and(Outcome::Negative);
     }
     let mut evaluation = None;
     if extent == Extent::Report {
-        let judged = judge(job, &models, &left_out, &course, printer)?;
+        let judged = judge(job, &models, &left_out, &course, context)?;
         ended.and(judged.outcome());
         evaluation = judged.made();
         for reason in &left_out {
-            printer.error(reason);
+            context.error(reason);
         }
     }
-    printer.say(&format!("done in {}", duration(clock.elapsed())));
+    context.say(&format!("done in {}", duration(clock.elapsed())));
     Ok(StudyRun { evaluation, left_out, outcome: ended.0 })
 }
 
@@ -219,21 +218,21 @@ fn judge(
     models: &[Model],
     left_out: &[String],
     course: &Course<'_>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<StepResult<Evaluation>, StepError> {
     course.stage(StepKind::Evaluate.label());
     let remaining = models.iter().filter(|model| model.left_out.is_none());
     let all = remaining.map(|model| model.job.parts(StepKind::Evaluate.scope()));
     let all: Vec<Job> = all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
     ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
-    match evaluation::run(job, &all, left_out, printer) {
+    match evaluation::run(job, &all, left_out, context) {
         Err(reason) if job.policy().is_dry() => {
-            not_yet(StepKind::Evaluate, &reason, printer);
+            not_yet(StepKind::Evaluate, &reason, context);
             Ok(StepResult::Planned(NoPlan))
         }
         judged => {
             let judged = judged?;
-            judged.tell(job, printer)?;
+            judged.tell(job, context)?;
             Ok(judged)
         }
     }

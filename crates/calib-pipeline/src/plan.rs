@@ -10,7 +10,7 @@ use crate::{
     StepError,
     agents::pretrain_files::PretrainManifest,
     base::artefact,
-    log::{plant_of_study, prepared},
+    log::{context::RunContext, plant_of_study, prepared},
     model::model_files::ModelManifest,
     represent::RepresentationManifest,
     rollouts::rollout::RolloutManifest,
@@ -52,14 +52,15 @@ impl Plan {
         job: &Job,
         models: &[&Job],
         arithmetic: Option<&str>,
+        context: &RunContext,
     ) -> Result<Self, StepError> {
         let mut plan = Self::default();
         for step in [StepKind::Prepare, StepKind::Pretrain] {
-            plan.add(step, job, arithmetic)?;
+            plan.add(step, job, arithmetic, context)?;
         }
         for model in models {
             for step in StepKind::OF_MODELS {
-                plan.add(step, model, arithmetic)?;
+                plan.add(step, model, arithmetic, context)?;
             }
         }
         plan.steps.push(Planned::new(StepKind::Evaluate, job, State::ToDo));
@@ -72,6 +73,7 @@ impl Plan {
         step: StepKind,
         job: &Job,
         arithmetic: Option<&str>,
+        context: &RunContext,
     ) -> Result<(), StepError> {
         if !job.study().needs(step) {
             return Ok(());
@@ -83,7 +85,8 @@ impl Plan {
         };
         for part in parts {
             let waits = step.prerequisites().iter().any(|before| self.is_to_do(*before, &part));
-            let is_kept = !waits && !part.policy().redoes() && is_kept(step, &part, arithmetic);
+            let is_kept =
+                !waits && !part.policy().redoes() && is_kept(step, &part, arithmetic, context);
             let state = if is_kept { State::UpToDate } else { State::ToDo };
             self.steps.push(Planned::new(step, &part, state));
         }
@@ -160,11 +163,12 @@ impl Planned {
 }
 
 /// Whether what a step made for a part of the study is what it would make now of what is there.
-fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>) -> bool {
+fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>, context: &RunContext) -> bool {
     let directory = &part.layout().directory(step);
     let study = match step {
         StepKind::Prepare => {
-            return plant_of_study::data(part).is_ok_and(|data| prepared::is_there(part, &data));
+            return plant_of_study::data(part)
+                .is_ok_and(|data| prepared::is_there(part, &data, context));
         }
         StepKind::Pretrain => {
             artefact::read::<PretrainManifest>(directory).map(|found| found.facts.study)

@@ -15,7 +15,7 @@ use crate::{
     control::{self as controls, LogTold, SimulateTask, SimulatedTask},
     each::{Results, Which, each},
     external,
-    log::{prepared, simulate as simulation},
+    log::{context::RunContext, simulate as simulation},
     model::{
         build_model::{self as model, BuiltModel},
         build_plan::BuildPlan,
@@ -38,8 +38,8 @@ use crate::{
 /// # Errors
 /// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
 pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<StudyRun, StepError> {
-    prepared::begin_command();
-    chain::run(job, device, printer)
+    let context = &RunContext::new(printer);
+    chain::run(job, device, context)
 }
 
 /// Write the log of the plant that the study describes; nothing is said of a study that describes none.
@@ -72,14 +72,14 @@ pub fn represent(
     device: Option<Device>,
     printer: &Printer,
 ) -> Result<Results<StepResult<Representations>>, StepError> {
-    prepared::begin_command();
+    let context = &RunContext::new(printer);
     each(StepKind::Represent, job, printer, |job, which| {
         // Of several models some search among the states themselves.
         if which == Which::OneOfSeveral && !job.study().has_representation() {
             printer.say("no representation: nothing to train");
             return Ok(StepResult::Nothing(Outcome::Done));
         }
-        representations::run(job, device, printer)
+        representations::run(job, device, context)
     })
 }
 
@@ -92,8 +92,8 @@ pub fn build_model(
     options: &BuildOptions,
     printer: &Printer,
 ) -> Result<Results<StepResult<BuiltModel, Option<BuildPlan>>>, StepError> {
-    prepared::begin_command();
-    each(StepKind::BuildModel, job, printer, |job, _| model::run(job, options, printer))
+    let context = &RunContext::new(printer);
+    each(StepKind::BuildModel, job, printer, |job, _| model::run(job, options, context))
 }
 
 /// Roll the models out, and compare with what was recorded.
@@ -101,8 +101,8 @@ pub fn build_model(
 /// # Errors
 /// As [`run`].
 pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollouts>>, StepError> {
-    prepared::begin_command();
-    each(StepKind::Rollout, job, printer, |job, _| rollouts::run(job, printer))
+    let context = &RunContext::new(printer);
+    each(StepKind::Rollout, job, printer, |job, _| rollouts::run(job, context))
 }
 
 /// Pre-train one agent a sensor.
@@ -110,9 +110,9 @@ pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollou
 /// # Errors
 /// As [`run`].
 pub fn pretrain(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAgents>, StepError> {
-    prepared::begin_command();
+    let context = &RunContext::new(printer);
     job.refuse_deployment()?;
-    let result = agents::run(job, printer)?;
+    let result = agents::run(job, context)?;
     result.tell(job, printer)?;
     Ok(result)
 }
@@ -127,9 +127,9 @@ pub fn sweep(
     device: Option<Device>,
     printer: &Printer,
 ) -> Result<Results<SweepResult>, StepError> {
-    prepared::begin_command();
+    let context = &RunContext::new(printer);
     let counted = Counted::default();
-    let run = |job: &Job, _| sweeping::run(job, &counted, device, printer);
+    let run = |job: &Job, _| sweeping::run(job, &counted, device, context);
     each(StepKind::Sweep, job, printer, run)
 }
 
@@ -138,8 +138,8 @@ pub fn sweep(
 /// # Errors
 /// As [`run`].
 pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, StepError> {
-    prepared::begin_command();
-    let result = judging::run(job, &job.parts(StepKind::Evaluate.scope())?, &[], printer)?;
+    let context = &RunContext::new(printer);
+    let result = judging::run(job, &job.parts(StepKind::Evaluate.scope())?, &[], context)?;
     result.tell(job, printer)?;
     Ok(result)
 }
@@ -149,7 +149,6 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, 
 /// # Errors
 /// As [`run`]; also if the study has no `[control]` section.
 pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
     controls::run(job, printer)
 }
 
@@ -158,7 +157,6 @@ pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// # Errors
 /// As [`control`].
 pub fn control_model(job: &Job, printer: &Printer) -> Result<(), StepError> {
-    prepared::begin_command();
     controls::build(job, printer)
 }
 
@@ -199,8 +197,8 @@ pub fn evaluate_runs(
 /// # Errors
 /// As [`run`]; also if nothing in the log can be predicted.
 pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    proposals::run(options, printer)
+    let context = &RunContext::new(printer);
+    proposals::run(options, context)
 }
 
 /// Compare a folder of results with what was written.
@@ -216,8 +214,8 @@ pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, S
 /// # Errors
 /// As [`run`].
 pub fn validity(options: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    validities::run(options, printer)
+    let context = &RunContext::new(printer);
+    validities::run(options, context)
 }
 
 /// Divide what is left of a study's sweeps into shards, with everything that they read, in a folder of their own.
@@ -229,8 +227,8 @@ pub fn cluster_plan(
     options: &ClusterPlanOptions,
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    cluster::make(job, options, printer)
+    let context = &RunContext::new(printer);
+    cluster::make(job, options, context)
 }
 
 /// Make one shard of a plan. Whoever makes it twice gets the same bytes.
@@ -258,7 +256,7 @@ pub fn cluster_status(
 /// # Errors
 /// If a shard is missing or not what it should be ([`StepError::is_incomplete`]): nothing is written then.
 pub fn cluster_merge(plan: &Path, printer: &Printer) -> Result<Outcome, StepError> {
-    cluster::merge(plan, printer)
+    cluster::merge(plan, &RunContext::new(printer))
 }
 
 /// Hand a plan to a system that runs its shards.

@@ -29,7 +29,10 @@ use crate::{
         memory,
         outcome::{NoPlan, StepResult},
     },
-    log::partition::{self, Parts, span},
+    log::{
+        context::RunContext,
+        partition::{self, Parts, span},
+    },
     model::model_files::sensor_columns,
     output::{Printer, bytes, count},
 };
@@ -69,11 +72,14 @@ impl PretrainedAgents {
 }
 
 /// Pre-train one agent a sensor.
-pub(crate) fn run(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAgents>, StepError> {
+pub(crate) fn run(
+    job: &Job,
+    context: &RunContext,
+) -> Result<StepResult<PretrainedAgents>, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     check(study)?;
-    let parts = partition::load(job, printer)?;
+    let parts = partition::load(job, context)?;
     let wanted = wanted(study, &parts)?;
     let directory = paths.pretrain();
     let mut done =
@@ -86,13 +92,13 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedA
     let is_missing =
         |wanted: &Wanted| !done.contains_key(&wanted.sensor) && !of_shares.has(&wanted.sensor);
     let missing: Vec<&Wanted> = wanted.iter().filter(|wanted| is_missing(wanted)).collect();
-    announce(study, &parts, &wanted, missing.len(), printer)?;
+    announce(study, &parts, &wanted, missing.len(), context)?;
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
     if let Some(share) = job.policy().share {
-        let ended = shares::run(share, job, &parts, (&wanted, &missing), printer)?;
+        let ended = shares::run(share, job, &parts, (&wanted, &missing), context)?;
         return Ok(StepResult::Nothing(ended));
     }
     if missing.is_empty()
@@ -112,7 +118,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedA
         shares::remove(&directory, &wanted)?;
     }
     let trained = missing.len() + of_shares.len();
-    let pretrained = train(study, &parts, &missing, &file, printer)?;
+    let pretrained = train(study, &parts, &missing, &file, context)?;
     claim.begin()?;
     shares::take(&directory, &of_shares)?;
     let mut diverged = of_shares.diverged;

@@ -17,7 +17,7 @@ use crate::{
     StepError,
     base::artefact,
     ensure,
-    log::{partition, prepared},
+    log::{context::RunContext, partition},
     model::model_files,
     output::Printer,
     sweep::{
@@ -92,14 +92,13 @@ impl SweepStreams {
     /// # Errors
     /// If the model was not built, or the log cannot be read.
     pub fn of_job(job: &Job, printer: &Printer) -> Result<Self, StepError> {
-        prepared::begin_command();
-        Self::new(job, printer)
+        Self::new(job, &RunContext::new(printer))
     }
 
-    fn new(job: &Job, printer: &Printer) -> Result<Self, StepError> {
+    fn new(job: &Job, context: &RunContext) -> Result<Self, StepError> {
         let study = job.study();
         let model = model_files::open(job)?;
-        let dataset: Dataset = partition::load(job, printer)?.dataset;
+        let dataset: Dataset = partition::load(job, context)?.dataset;
         model_files::check_data(job, &model.manifest, &dataset)?;
         let only = [Candidate {
             index: 0,
@@ -107,10 +106,10 @@ impl SweepStreams {
             values: Vec::new(),
             agent: study.agent.clone(),
         }];
-        let streams = Streams::of(study, &dataset, &only, printer)?;
+        let streams = Streams::of(study, &dataset, &only, context)?;
         let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
         let scales = error_scales(&dataset, &sensors, &only);
-        let made = Environments::describe(job, &model, &dataset, &streams, printer)?;
+        let made = Environments::describe(job, &model, &dataset, &streams, context)?;
         let sources = Sources {
             states: Some(&model.frames),
             model: Some(&*model.model),

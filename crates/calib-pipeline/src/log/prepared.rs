@@ -1,10 +1,9 @@
 //! The log of a study, read and prepared once: every later step, of this command or another, maps what the first one wrote.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeSet,
     fs,
     path::{Path, PathBuf},
-    sync::{Mutex, PoisonError},
 };
 
 use calib_core::{Frames, Normaliser, Period};
@@ -22,7 +21,7 @@ use crate::{
         artefact::{self, Artefact, Below, Claim, Facts, MANIFEST, TOOL},
         clock, frames, memory,
     },
-    log::plant_of_study,
+    log::{context::RunContext, plant_of_study},
     output::{Printer, bytes, count, counted},
 };
 
@@ -77,44 +76,35 @@ pub(crate) enum Known {
     Surveyed(Box<Surveyed>, u64),
 }
 
-/// The logs that this process has opened, of the study that it opened last: within a command a log is what it was when
-/// it was first read, and files are compared with what was written once.
-static OPENED: Mutex<Option<(PathBuf, BTreeMap<PathBuf, Prepared>)>> = Mutex::new(None);
-
-/// A command begins: what an earlier one of this process has opened may have changed meanwhile.
-pub(crate) fn begin_command() {
-    *OPENED.lock().unwrap_or_else(PoisonError::into_inner) = None;
-}
-
 /// The states of a log, as they were prepared before, or else from its files. `data` is the section of the study, or
 /// less of it; `memory` is how much there is, in bytes, if somebody says so.
 pub(crate) fn open(
     job: &Job,
     data: &DataConfig,
     memory: Option<u64>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<Prepared, StepError> {
     let place = Place::of(job, data)?;
-    if let Some(known) = place.opened() {
+    if let Some(known) = place.opened(context) {
         return Ok(known);
     }
     let prepared = match place.kept(job) {
         Some(kept) => kept,
-        None => place.prepare(job, data, memory, printer)?,
+        None => place.prepare(job, data, memory, context)?,
     };
-    place.remember(&prepared);
+    place.remember(context, &prepared);
     Ok(prepared)
 }
 
 /// Whether the states of a log are there, and the log is what it was.
-pub(crate) fn is_there(job: &Job, data: &DataConfig) -> bool {
+pub(crate) fn is_there(job: &Job, data: &DataConfig, context: &RunContext) -> bool {
     let Ok(place) = Place::of(job, data) else { return false };
-    if place.opened().is_some() {
+    if place.opened(context).is_some() {
         return true;
     }
     let kept = place.kept(job);
     if let Some(kept) = &kept {
-        place.remember(kept);
+        place.remember(context, kept);
     }
     kept.is_some()
 }
@@ -124,17 +114,17 @@ pub(crate) fn look(
     job: &Job,
     data: &DataConfig,
     memory: Option<u64>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<Known, StepError> {
     let place = Place::of(job, data)?;
-    if let Some(known) = place.opened().or_else(|| place.kept(job)) {
+    if let Some(known) = place.opened(context).or_else(|| place.kept(job)) {
         return Ok(Known::Prepared(Box::new(known)));
     }
     plant_of_study::check_days(job)?;
     memory::check_log(data)?;
     let there = memory.or_else(memory::available);
-    tell(data, printer);
-    let surveyed = calib_data::survey(data, &job.study().preprocess, &printer.progress())?;
+    tell(data, context);
+    let surveyed = calib_data::survey(data, &job.study().preprocess, &context.progress())?;
     let (_, needed) = place.scratch(&surveyed, there, Writable::Yes)?;
     Ok(Known::Surveyed(Box::new(surveyed), needed))
 }
@@ -194,20 +184,12 @@ impl Place {
         Ok(Self { directory, root, key, sources: sources(data)? })
     }
 
-    fn opened(&self) -> Option<Prepared> {
-        let opened = OPENED.lock().unwrap_or_else(PoisonError::into_inner);
-        let (root, logs) = opened.as_ref()?;
-        (*root == self.root).then(|| logs.get(&self.directory).cloned()).flatten()
+    fn opened(&self, context: &RunContext) -> Option<Prepared> {
+        context.opened(&self.root, &self.directory)
     }
 
-    fn remember(&self, prepared: &Prepared) {
-        let mut opened = OPENED.lock().unwrap_or_else(PoisonError::into_inner);
-        if opened.as_ref().is_none_or(|(root, _)| *root != self.root) {
-            *opened = Some((self.root.clone(), BTreeMap::new()));
-        }
-        if let Some((_, logs)) = opened.as_mut() {
-            logs.insert(self.directory.clone(), prepared.clone());
-        }
+    fn remember(&self, context: &RunContext, prepared: &Prepared) {
+        context.remember(&self.root, &self.directory, prepared);
     }
 
     /// What was prepared before, if the log is still what it was and no file is damaged.

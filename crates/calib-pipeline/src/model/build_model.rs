@@ -21,6 +21,7 @@ use crate::{
         outcome::{Freshness, Outcome, StepResult},
     },
     log::{
+        context::RunContext,
         partition::{self, span},
         plant_of_study,
         prepared::{self, Known},
@@ -84,12 +85,12 @@ impl BuiltModel {
 pub(crate) fn run(
     job: &Job,
     options: &BuildOptions,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     if study.model.kind.family() == ModelFamily::Network {
-        return build_network::run(job, options, printer);
+        return build_network::run(job, options, context);
     }
     if options.device.is_some() {
         bail!("--device is for networks, and model.kind is \"knn\"; leave it out");
@@ -99,9 +100,9 @@ pub(crate) fn run(
     let is_dry = job.policy().is_dry();
     let memory = options.memory;
     let known = if is_dry {
-        prepared::look(job, &data, memory, printer)?
+        prepared::look(job, &data, memory, context)?
     } else {
-        Known::Prepared(Box::new(prepared::open(job, &data, memory, printer)?))
+        Known::Prepared(Box::new(prepared::open(job, &data, memory, context)?))
     };
     let training = Training::of(&known);
     let config = ModelConfig { index: options.index.unwrap_or(study.model.index), ..*study.model };
@@ -109,20 +110,20 @@ pub(crate) fn run(
     let width = represent::width(study, paths, training.columns);
     let plan = BuildPlan::new(&training, model_rows, &config, width, options)?;
     drop(training);
-    printer.say(&plan.sentence());
+    context.say(&plan.sentence());
     let Known::Prepared(prepared) = known else {
-        return Ok(planned(plan, &directory, printer));
+        return Ok(planned(plan, &directory, context));
     };
     if is_dry {
-        return Ok(planned(plan, &directory, printer));
+        return Ok(planned(plan, &directory, context));
     }
     let partition::Parts { dataset, pretrain, states } = partition::parts(study, *prepared)?;
     if study.model.period.is_some() && pretrain.is_none() {
-        printer.say(&format!("the model is built from {} alone", span(&dataset.train)?));
+        context.say(&format!("the model is built from {} alone", span(&dataset.train)?));
     }
     // Taken apart here: states that nobody holds any more can be mapped from files.
     if let Some(part) = pretrain {
-        printer.say(&format!(
+        context.say(&format!(
             "the model is built from {}; {} is for pre-training",
             span(&dataset.train)?,
             span(&part.frames)?
@@ -131,7 +132,7 @@ pub(crate) fn run(
     model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let representation = represent::open(job, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
-    let existing = ModelManifest::of_job(job, &key, printer)?;
+    let existing = ModelManifest::of_job(job, &key, context)?;
     let (manifest, freshness) = if let Some(manifest) = existing
         && is_still_there(&directory, &key)?
     {
@@ -140,11 +141,11 @@ pub(crate) fn run(
     } else {
         let representation = representation.as_ref();
         let how = How { key, config, plan, states, force: job.policy().redoes() };
-        let built = build(study, dataset, representation, &how, &directory, clock, printer)?;
+        let built = build(study, dataset, representation, &how, &directory, clock, context)?;
         (built, Freshness::Made)
     };
     let verified = if options.verify > 0 {
-        check_against_brute_force(job, options.verify, printer)?
+        check_against_brute_force(job, options.verify, context)?
     } else {
         Outcome::Done
     };

@@ -17,7 +17,7 @@ use crate::{
         options::BuildOptions,
         outcome::{Freshness, Outcome, StepResult},
     },
-    log::partition,
+    log::{context::RunContext, partition},
     model::{
         build_model::{BuiltModel, file_names},
         build_plan::BuildPlan,
@@ -31,7 +31,7 @@ use crate::{
 pub(crate) fn run(
     job: &Job,
     options: &BuildOptions,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
     let clock = Stopwatch::start();
     let (study, directory) = (job.study(), job.layout().model());
@@ -47,22 +47,22 @@ pub(crate) fn run(
     if options.verify > 0 {
         bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
     }
-    let partition::Parts { dataset, states, .. } = partition::load(job, printer)?;
+    let partition::Parts { dataset, states, .. } = partition::load(job, context)?;
     model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let key = train_model::key(&dataset.fingerprint, job)?;
-    train_model::announce(study, &dataset, printer);
+    train_model::announce(study, &dataset, context);
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(None));
     }
-    let existing = ModelManifest::of_job(job, &key, printer)?;
+    let existing = ModelManifest::of_job(job, &key, context)?;
     let freshness = if existing.is_some() { Freshness::Kept } else { Freshness::Made };
     let manifest = if let Some(manifest) = existing {
         refresh(manifest, study, &dataset, &directory)?
     } else if let Some(reason) = cannot_train {
         return Err(reason);
     } else {
-        build(job, options, (&dataset, states.as_deref()), key, (clock, printer))?
+        build(job, options, (&dataset, states.as_deref()), key, (clock, context))?
     };
     let (took, verified) = (clock.elapsed(), Outcome::Done);
     Ok(StepResult::Made(BuiltModel { manifest, directory, freshness, took, verified }))

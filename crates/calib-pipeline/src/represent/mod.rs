@@ -35,7 +35,7 @@ use crate::{
         stale::Kept,
         torch,
     },
-    log::partition,
+    log::{context::RunContext, partition},
     output::{Printer, bytes, count, counted},
 };
 
@@ -136,7 +136,7 @@ impl Representations {
 pub(crate) fn run(
     job: &Job,
     device: Option<Device>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<StepResult<Representations>, StepError> {
     let clock = Stopwatch::start();
     let study = job.study();
@@ -149,21 +149,21 @@ pub(crate) fn run(
              set it to \"laplacian\" or \"import\""
         );
     }
-    let dataset = partition::load(job, printer)?.dataset;
+    let dataset = partition::load(job, context)?.dataset;
     let key = key(job, &dataset)?;
     let directory = job.layout().representation();
-    announce(study, &dataset, printer);
+    announce(study, &dataset, context);
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
     if let Some(share) = job.policy().share {
-        train_share(job, device, &dataset, share, printer)?;
+        train_share(job, device, &dataset, share, context)?;
         return Ok(StepResult::Nothing(Outcome::Done));
     }
-    let (manifest, freshness) = match RepresentationManifest::of_job(job, &key, printer)? {
+    let (manifest, freshness) = match RepresentationManifest::of_job(job, &key, context)? {
         Some(manifest) => (manifest, Freshness::Kept),
-        None => (make(job, device, &dataset, key, printer)?, Freshness::Made),
+        None => (make(job, device, &dataset, key, context)?, Freshness::Made),
     };
     let took = clock.elapsed();
     Ok(StepResult::Made(Representations { manifest, directory, freshness, took }))

@@ -19,7 +19,7 @@ use crate::{
         memory,
         outcome::{Freshness, NoPlan, Outcome, StepResult},
     },
-    log::partition,
+    log::{context::RunContext, partition},
     model::{
         kinds::search_place,
         model_files::{self, OpenModel},
@@ -126,16 +126,16 @@ impl Rollouts {
 }
 
 /// Roll every member out and set the trajectories beside the recorded ones.
-pub(crate) fn run(job: &Job, printer: &Printer) -> Result<StepResult<Rollouts>, StepError> {
+pub(crate) fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     let model = model_files::open(job)?;
     let sensors = sensors(study, &model, &paths.model())?;
     let directory = paths.rollout();
-    let deployment = match held_out(job, &model, printer) {
+    let deployment = match held_out(job, &model, context) {
         Err(reason) if job.deployment().is_some() && partition::is_outside(&reason) => {
             let name = job.deployment().unwrap_or_default();
-            printer.error(&format!("deployment {name} is left out: {reason}"));
+            context.error(&format!("deployment {name} is left out: {reason}"));
             return Ok(StepResult::Nothing(Outcome::Negative));
         }
         deployment => deployment?,
@@ -161,12 +161,12 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<StepResult<Rollouts>, 
         Some(noise) => artefact::key(&(inputs, noise))?,
         None => artefact::key(&inputs)?,
     };
-    let needed = announce(study, &model, sensors.len(), printer);
+    let needed = announce(study, &model, sensors.len(), context);
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
-    let existing = RolloutManifest::of_job(job, &key, printer)?;
+    let existing = RolloutManifest::of_job(job, &key, context)?;
     let (manifest, freshness) = if let Some(manifest) = existing {
         (manifest, Freshness::Kept)
     } else {
@@ -174,11 +174,11 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<StepResult<Rollouts>, 
         memory::require(needed, "the rollouts", remedy)?;
         let record = Record { model: &model.frames, deployment: held_out };
         let from = (&starts, record);
-        let made = roll_out(study, &model, from, &sensors, key, &directory, printer)?;
+        let made = roll_out(study, &model, from, &sensors, key, &directory, context)?;
         (made, Freshness::Made)
     };
     let one_step = match deployment.as_ref().filter(|_| study.rollout.dtw_steps > 0) {
-        Some(held_out) => one_step::ensure(job, &model, held_out, &sensors, printer)?,
+        Some(held_out) => one_step::ensure(job, &model, held_out, &sensors, context)?,
         None => None,
     };
     if one_step.is_none() {
@@ -311,7 +311,7 @@ fn compare(
 fn held_out(
     job: &Job,
     model: &OpenModel,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<Option<(Frames, Fingerprint)>, StepError> {
     let (study, paths) = (job.study(), job.layout());
     // A model that deployments share was built without what is held out of one of them.
@@ -322,7 +322,7 @@ fn held_out(
     if !study.starts_follow_from_deployment() && !is_used && is_in_place {
         return Ok(None);
     }
-    let dataset = partition::load(job, printer)?.dataset;
+    let dataset = partition::load(job, context)?.dataset;
     model_files::check_data(job, &model.manifest, &dataset)?;
     Ok(dataset.held_out.zip(dataset.held_out_fingerprint))
 }

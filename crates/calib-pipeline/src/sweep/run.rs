@@ -22,6 +22,7 @@ use crate::{
         outcome::{Outcome, StepResult},
         torch,
     },
+    log::context::RunContext,
     output::Printer,
     sweep::{
         expected::Expected,
@@ -91,10 +92,10 @@ pub(crate) fn run(
     job: &Job,
     counted: &Counted,
     device: Option<Device>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<SweepResult, StepError> {
     let accelerator = on_device(device, job.study())?;
-    sweep(job, counted, Source { pool: None, accelerator: accelerator.as_deref() }, printer)
+    sweep(job, counted, Source { pool: None, accelerator: accelerator.as_deref() }, context)
 }
 
 /// What trains the agents of a study on a device, if one is named, before anything is read or made.
@@ -117,9 +118,9 @@ pub(crate) fn on_device(
 pub(crate) fn put_together(
     job: &Job,
     pool: &Pool,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<SweepResult, StepError> {
-    sweep(job, &Counted::default(), Source { pool: Some(pool), accelerator: None }, printer)
+    sweep(job, &Counted::default(), Source { pool: Some(pool), accelerator: None }, context)
 }
 
 /// Where results come from, if not from this program's own arithmetic.
@@ -135,13 +136,13 @@ fn sweep(
     job: &Job,
     counted: &Counted,
     Source { pool, accelerator }: Source<'_>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<SweepResult, StepError> {
     let clock = Stopwatch::start();
     let (study, directory) = (job.study(), job.layout().sweep());
-    let setting = match Setting::of(job, printer)? {
+    let setting = match Setting::of(job, context)? {
         Ok(setting) => setting,
-        Err(unsettled) => return leave_out(job, unsettled, printer),
+        Err(unsettled) => return leave_out(job, unsettled, context),
     };
     let span = setting.streams.demand.span;
     let environments = setting.open(study)?;
@@ -164,16 +165,16 @@ fn sweep(
     let is_own = setting.program.is_none() && accelerator.is_none();
     let is_timed = is_own && missing > shared && preview.memory.fits();
     if job.policy().is_dry() && is_timed {
-        let progress = printer.silent().progress();
+        let progress = context.silent().progress();
         let cost = setting.cost(study, counted.measured(), &progress)?;
         let passes = plan.passes(&stored)?;
         let expected = Expected::of(cost, &preview, passes, setting.sensors.len(), study);
         counted.expect(job, expected.clone());
         preview.expected = Some(expected);
     }
-    preview.announce(study, printer)?;
+    preview.announce(study, context)?;
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(preview));
     }
     // Nothing is given up, nor need the disk be writable, before there is something to write.
@@ -185,8 +186,8 @@ fn sweep(
     }
     let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
     shared.map(|(_, result)| result).try_for_each(|result| store.put(result))?;
-    let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
-    let mut manifest = Artefact::new(facts(study, &setting, &results, printer)?);
+    let Completed { results, ran } = plan.complete(stored, &store, &context.progress())?;
+    let mut manifest = Artefact::new(facts(study, &setting, &results, context)?);
     if let Some(class) = arithmetic {
         manifest.arithmetic = Some(class.to_owned());
         manifest.notes.push(format!(

@@ -20,7 +20,7 @@ use crate::{
         outcome::{NoPlan, Outcome, StepResult},
     },
     ensure,
-    output::Printer,
+    log::context::RunContext,
     rollouts::{
         comparison::{self, Comparison, Pair},
         figures::{self, Starts},
@@ -131,8 +131,8 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    fn new(job: &Job, monitor: &dyn Monitor) -> Result<Self, StepError> {
-        let judged = judge(job, monitor)?;
+    fn new(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<Self, StepError> {
+        let judged = judge(job, context, monitor)?;
         let (paths, manifest) = (job.layout(), &judged.manifest);
         let report = report::assemble(&judged)?;
         let rollouts = rollout::finished(job, &manifest.model)?;
@@ -187,18 +187,18 @@ pub(crate) fn run(
     job: &Job,
     parts: &[Job],
     left_out: &[String],
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<StepResult<Compared>, StepError> {
     // The study without any model says where the common results lie.
     let paths = job.layout();
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: would write {}", paths.report().display()));
+        context.say(&format!("dry run: would write {}", paths.report().display()));
         return Ok(StepResult::Planned(NoPlan));
     }
     let mut left_out = left_out.to_vec();
     let mut judged = Vec::with_capacity(parts.len());
     for part in parts {
-        match evaluate::left_out(part)? {
+        match evaluate::left_out(part, context)? {
             Some(reason) if !left_out.contains(&reason) => left_out.push(reason),
             Some(_) => {}
             None => judged.push(part.clone()),
@@ -208,10 +208,10 @@ pub(crate) fn run(
     let parts = judged;
     ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
     let names: Vec<String> = parts.iter().map(Job::name).collect();
-    let monitor = printer.progress();
+    let monitor = context.progress();
     let mut judged = Vec::with_capacity(parts.len());
     for job in &parts {
-        judged.push(Part::new(job, &*monitor)?);
+        judged.push(Part::new(job, context, &*monitor)?);
     }
     let parts = judged;
     same_arithmetic(&names, &parts)?;
@@ -219,7 +219,7 @@ pub(crate) fn run(
     for (name, part) in names.into_iter().zip(&parts) {
         let Part { judged, report, .. } = part;
         let written = report::write(&judged.job, report, &judged.summary, &*monitor);
-        artefact::or_read_only(written, &judged.paths().report(), printer)?;
+        artefact::or_read_only(written, &judged.paths().report(), context)?;
         match told(&judged.summary) {
             Outcome::Done => {}
             other => outcome = other,
@@ -234,7 +234,7 @@ pub(crate) fn run(
     let comparisons = compare_pairs::comparisons(&by_deployment(&parts))?;
     let title = whole.title.clone();
     let summaries = summaries(title, parts, what_to_deploy, comparisons);
-    artefact::or_read_only(write(job, &whole, &summaries), &paths.report(), printer)?;
+    artefact::or_read_only(write(job, &whole, &summaries), &paths.report(), context)?;
     let notes = [caveats(&whole.verdicts), whole.warnings].concat();
     let report = paths.report();
     Ok(StepResult::Made(Compared { summaries, places, choices, notes, report, outcome }))

@@ -21,9 +21,8 @@ use crate::{
         stale::Kept,
     },
     ensure,
-    log::partition,
+    log::{context::RunContext, partition},
     model::model_files::{self, ModelManifest},
-    output::Printer,
     rollouts::{one_step, rollout},
     sweep::{SweepFacts, SweepManifest, simple::SimpleErrors, unit_store},
     verdict::{
@@ -132,17 +131,17 @@ impl Judgement {
 }
 
 /// Judge a finished sweep and write the report; nothing is written in a dry run.
-pub(crate) fn run(job: &Job, printer: &Printer) -> Result<StepResult<Judgement>, StepError> {
-    let monitor = printer.progress();
-    let judged = judge(job, &*monitor)?;
+pub(crate) fn run(job: &Job, context: &RunContext) -> Result<StepResult<Judgement>, StepError> {
+    let monitor = context.progress();
+    let judged = judge(job, context, &*monitor)?;
     let page = job.layout().report();
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: would write {}", page.display()));
+        context.say(&format!("dry run: would write {}", page.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
     let report = report::assemble(&judged)?;
     let written = report::write(job, &report, &judged.summary, &*monitor);
-    artefact::or_read_only(written, &page, printer)?;
+    artefact::or_read_only(written, &page, context)?;
     Ok(StepResult::Made(Judgement { summary: judged.summary, report: Some(page) }))
 }
 
@@ -156,16 +155,20 @@ pub(crate) fn told(summary: &Summary) -> Outcome {
 }
 
 /// Why a deployment is not judged, if it is not.
-pub(crate) fn left_out(job: &Job) -> Result<Option<String>, StepError> {
+pub(crate) fn left_out(job: &Job, context: &RunContext) -> Result<Option<String>, StepError> {
     let name = job.deployment().unwrap_or_default();
-    let reason = finished_sweep(job)?.facts.left_out;
+    let reason = finished_sweep(job, context)?.facts.left_out;
     Ok(reason.map(|reason| format!("deployment {name} is left out: {reason}")))
 }
 
 /// Judge a finished sweep; nothing is written.
-pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepError> {
+pub(crate) fn judge(
+    job: &Job,
+    context: &RunContext,
+    monitor: &dyn Monitor,
+) -> Result<Judged, StepError> {
     let (study, paths) = (job.study(), job.layout());
-    let manifest = finished_sweep(job)?;
+    let manifest = finished_sweep(job, context)?;
     if let Some(reason) = &manifest.left_out {
         bail!("there is nothing to judge: {reason}");
     }
@@ -246,8 +249,8 @@ const LOOKED_AHEAD: &str = "the sweep's rollouts start at the recorded states th
      known beforehand";
 
 /// Whether a sweep was finished with the study as it is now.
-pub(crate) fn is_swept(job: &Job) -> bool {
-    finished_sweep(job).is_ok()
+pub(crate) fn is_swept(job: &Job, context: &RunContext) -> bool {
+    finished_sweep(job, context).is_ok()
 }
 
 /// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
@@ -269,12 +272,12 @@ fn stale_rollouts(job: &Job, model: &str) -> Result<Vec<String>, StepError> {
 }
 
 /// The manifest of a sweep that was made with this study and the model as it is now.
-fn finished_sweep(job: &Job) -> Result<SweepManifest, StepError> {
+fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, StepError> {
     let (paths, again) = (job.layout(), job.command(StepKind::Sweep));
     let mut manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
     let directory = &paths.sweep();
     Kept { step: StepKind::Sweep, study: &manifest.study, directory }.check(job)?;
-    check_log(job, &manifest)?;
+    check_log(job, &manifest, context)?;
     let model = artefact::read::<ModelManifest>(&paths.model());
     if model.map(|model| model.content()).transpose()?.is_some_and(|of| of != manifest.model) {
         bail!("the model was built again after the sweep; run `{again}` again");
@@ -287,11 +290,11 @@ fn finished_sweep(job: &Job) -> Result<SweepManifest, StepError> {
 }
 
 /// Whether a log that may be another than the one that was swept holds the same states.
-fn check_log(job: &Job, swept: &SweepFacts) -> Result<(), StepError> {
+fn check_log(job: &Job, swept: &SweepFacts, context: &RunContext) -> Result<(), StepError> {
     if job.reads_the_log_of(&swept.study) {
         return Ok(());
     }
-    let dataset = partition::load(job, &Printer::nobody())?.dataset;
+    let dataset = partition::load(job, &context.silent())?.dataset;
     let held_out = swept.held_out.as_ref().and_then(|of| of.data.as_ref());
     ensure!(
         dataset.fingerprint == swept.data && dataset.held_out_fingerprint.as_ref() == held_out,

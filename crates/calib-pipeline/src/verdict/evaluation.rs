@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 use crate::{
     StepError,
     base::outcome::StepResult,
-    output::Printer,
+    log::context::RunContext,
     verdict::{
         compare::{self, Compared},
         evaluate::{self, Judgement},
@@ -28,13 +28,13 @@ pub(crate) fn run(
     job: &Job,
     parts: &[Job],
     left_out: &[String],
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<StepResult<Evaluation>, StepError> {
     Ok(match parts {
         [only] if only.is_same_part(job) => {
-            evaluate::run(job, printer)?.map(|judged| Evaluation::Judged(Box::new(judged)))
+            evaluate::run(job, context)?.map(|judged| Evaluation::Judged(Box::new(judged)))
         }
-        parts => compare::run(job, parts, left_out, printer)?
+        parts => compare::run(job, parts, left_out, context)?
             .map(|compared| Evaluation::Compared(Box::new(compared))),
     })
 }
