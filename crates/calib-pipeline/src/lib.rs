@@ -27,6 +27,7 @@ mod control;
 mod course;
 mod each;
 mod external;
+mod inspect;
 mod log;
 mod model;
 pub mod output;
@@ -62,6 +63,7 @@ pub use control::{
 };
 pub use each::{PartResult, Results};
 pub use external::{ExternalCandidate, ExternalResult, StreamRun, SweepStreams};
+pub use inspect::{Inspection, inspect_deployments};
 pub use log::{
     plant_of_study::{data_of, plant_of},
     simulate::Simulated,
@@ -73,8 +75,8 @@ pub use rollouts::rollout::Rollouts;
 pub use schemas::{JsonDocuments, json_schemas};
 pub use steps::{
     build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
-    control, control_model, evaluate, evaluate_runs, inspect_actions, pretrain, propose, represent,
-    rollout, run, simulate, simulate_plant, simulate_task, sweep, validity,
+    control, control_model, evaluate, evaluate_runs, pretrain, propose, represent, rollout, run,
+    simulate, simulate_plant, simulate_task, sweep, validity,
 };
 pub use sweep::{SweepResult, Swept, plan::SweepPlan};
 pub use verdict::{

@@ -12,7 +12,7 @@ use crate::{
     base::outcome::{StepResult, Told as _},
     chain::{self, StudyRun},
     check as checking, cluster,
-    control::{self as controls, LogTold, SimulateTask, SimulatedTask},
+    control::{self as controls, SimulateTask, SimulatedTask},
     each::{Results, Which, each},
     external,
     log::{context::RunContext, simulate as simulation},
@@ -158,14 +158,6 @@ pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// As [`control`].
 pub fn control_model(job: &Job, printer: &Printer) -> Result<(), StepError> {
     controls::build(job, printer)
-}
-
-/// What the log of a study with `[control]` did: its actions, where they were taken, and where it says what they do. Nothing of another study.
-///
-/// # Errors
-/// As [`control`].
-pub fn inspect_actions(job: &Job, printer: &Printer) -> Result<Option<LogTold>, StepError> {
-    controls::inspect(job, printer)
 }
 
 /// Write the log of a policy in a classic task, and a study of it.
