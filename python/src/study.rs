@@ -76,14 +76,12 @@ impl PyJob {
         Ok(match of {
             "root" => layout.root().to_owned(),
             "study" => layout.study().to_owned(),
-            "model" => layout.model(),
-            "rollout" => layout.rollout(),
-            "sweep" => layout.sweep(),
-            "evaluate" => layout.evaluate(),
-            "control" => layout.control(),
             "control_model" => layout.control_model(),
             "report" => layout.report(),
-            other => return Err(errors::value(format!("no results are called {other}"))),
+            folder => match StepKind::of_folder(folder) {
+                Some(step) => layout.directory(step),
+                None => return Err(errors::value(format!("no results are called {folder}"))),
+            },
         })
     }
 
@@ -103,34 +101,39 @@ impl PyJob {
 type Run = fn(&Job, &Printer) -> Result<Outcome, StepError>;
 
 fn step(name: &str) -> PyResult<Run> {
-    Ok(match name {
-        "simulate" => |job, printer| calib_pipeline::simulate(job, printer).map(|_| Outcome::Done),
-        "represent" => {
+    if name == "control_model" {
+        return Ok(|job, printer| {
+            calib_pipeline::control_model(job, printer).map(|()| Outcome::Done)
+        });
+    }
+    let step = StepKind::of_command(name)
+        .ok_or_else(|| errors::value(format!("no step is called {name}")))?;
+    Ok(match step {
+        StepKind::Simulate => {
+            |job, printer| calib_pipeline::simulate(job, printer).map(|_| Outcome::Done)
+        }
+        StepKind::Prepare => {
+            |job, printer| calib_pipeline::run(job, None, printer).map(|ended| ended.outcome())
+        }
+        StepKind::Pretrain => {
+            |job, printer| calib_pipeline::pretrain(job, printer).map(|made| made.outcome())
+        }
+        StepKind::Represent => {
             |job, printer| calib_pipeline::represent(job, None, printer).map(|made| made.outcome())
         }
-        "build_model" => |job, printer| {
+        StepKind::BuildModel => |job, printer| {
             calib_pipeline::build_model(job, &BuildOptions::default(), printer)
                 .map(|built| built.outcome())
         },
-        "pretrain" => {
-            |job, printer| calib_pipeline::pretrain(job, printer).map(|made| made.outcome())
-        }
-        "rollout" => {
+        StepKind::Rollout => {
             |job, printer| calib_pipeline::rollout(job, printer).map(|made| made.outcome())
         }
-        "sweep" => {
+        StepKind::Sweep => {
             |job, printer| calib_pipeline::sweep(job, None, printer).map(|swept| swept.outcome())
         }
-        "evaluate" => {
+        StepKind::Evaluate => {
             |job, printer| calib_pipeline::evaluate(job, printer).map(|judged| judged.outcome())
         }
-        "control" => calib_pipeline::control,
-        "control_model" => {
-            |job, printer| calib_pipeline::control_model(job, printer).map(|()| Outcome::Done)
-        }
-        "run" => {
-            |job, printer| calib_pipeline::run(job, None, printer).map(|ended| ended.outcome())
-        }
-        other => return Err(errors::value(format!("no step is called {other}"))),
+        StepKind::Control => calib_pipeline::control,
     })
 }

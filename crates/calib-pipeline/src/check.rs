@@ -264,7 +264,7 @@ fn made_by(folder: &Path) -> Option<MadeBy> {
             Some(MadeBy { command: "calib validity STUDY …".to_owned(), needs_manifest: false })
         }
         name => {
-            let step = StepKind::ALL.into_iter().find(|step| step.folder() == Some(name))?;
+            let step = StepKind::of_folder(name)?;
             // A log is kept in folders below it.
             Some(of_step(step, step != StepKind::Prepare))
         }

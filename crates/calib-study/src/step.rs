@@ -79,6 +79,11 @@ impl StepKind {
         Self::ALL.into_iter().find(|step| step.command() == command)
     }
 
+    /// The step whose results are in a folder of this name.
+    pub fn of_folder(folder: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|step| step.folder() == Some(folder))
+    }
+
     /// What it is called where steps are listed.
     pub const fn label(self) -> &'static str {
         match self {
