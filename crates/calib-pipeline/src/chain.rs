@@ -135,7 +135,7 @@ pub(crate) fn run_to(
     // What a device cannot do is found out before anything is made.
     let on_devices = jobs.iter().map(|job| sweep::on_device(device, job.study()));
     let on_devices = on_devices.collect::<Result<Vec<_>, StepError>>()?;
-    let arithmetic = on_devices.iter().flatten().map(|of| of.class()).next();
+    let arithmetic = on_devices.iter().flatten().map(|device| device.class()).next();
     let mut plan = Plan::of(job, &jobs, arithmetic, context)?;
     talk.say_all(&plan.lines());
     let plant = PlantOfStudy::of(job)?;

@@ -298,7 +298,7 @@ impl Claim {
             .with_context(|| format!("cannot write to {}", self.directory.display()))
     }
 
-    /// Claim a directory, which does not count as a result until it is [`finish`](Self::finish)ed.
+    /// Claim a directory, which does not count as a result until [`finish`](Self::finish) completes it.
     ///
     /// # Errors
     /// As [`Claim::new`].

@@ -18,9 +18,9 @@ use crate::{
     cluster::{
         config::ClusterConfig,
         engines::{
-            Demand, kubernetes,
+            Demand, RAY_DRIVER, kubernetes,
             queue::{JOBS, Submitted},
-            ray, slurm,
+            slurm,
         },
         plan_file::Opened,
         status::missing,
@@ -134,7 +134,7 @@ impl Submitting<'_> {
     }
 
     fn ray(&self) -> Result<Outcome, StepError> {
-        let text = ray::DRIVER.to_owned();
+        let text = RAY_DRIVER.to_owned();
         let script = Script { name: "ray/calib_ray.py".to_owned(), text };
         let written = self.write(&[script])?;
         let mut words = vec!["python3".to_owned(), written[0].display().to_string(), self.place()];

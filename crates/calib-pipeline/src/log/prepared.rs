@@ -416,8 +416,9 @@ fn forget(directory: &Path) -> Result<(), StepError> {
 
 /// The files of states and of their rows.
 fn parts() -> impl Iterator<Item = String> {
-    let of = |name| [format!("{name}.npy"), format!("{name}.parquet")];
-    [TRAIN, HELD_OUT].into_iter().flat_map(of)
+    [TRAIN, HELD_OUT]
+        .into_iter()
+        .flat_map(|name| [format!("{name}.npy"), format!("{name}.parquet")])
 }
 
 fn folders(root: &Path) -> impl Iterator<Item = PathBuf> {

@@ -235,7 +235,7 @@ fn build(
     printer.detail(&format!("search structure: {}", built.choice));
     let searched = clock.elapsed();
     model_files::write(directory, &dataset, Some(&knn))?;
-    let copied = representation.map(|of| represent::copy_to(directory, of)).transpose()?;
+    let copied = representation.map(|own| represent::copy_to(directory, own)).transpose()?;
     let summarised = |member: usize| {
         let (classes, ends) = (built.recurrence[member].clone(), &built.ends[member]);
         let weights = study.model.weights()?;
@@ -297,7 +297,8 @@ fn refresh(
     )?;
     let weights = study.model.weights()?;
     let refreshed = |(member, old): (usize, &MemberSummary)| {
-        let mut classes = old.recurrence.as_ref().map(|of| of.classes.clone()).unwrap_or_default();
+        let mut classes =
+            old.recurrence.as_ref().map(|known| known.classes.clone()).unwrap_or_default();
         let (now, ends) = closed_classes(&knn, member, weights, classes.candidates, &Silent)?;
         if !study.model.recurrent {
             classes.before = now.clone();
@@ -322,7 +323,8 @@ fn refresh(
 
 /// What distances are measured in: the states, or their representation.
 fn metric(dataset: &Dataset, representation: Option<&Representation>) -> States {
-    representation.map_or_else(|| dataset.train.states().clone(), |of| of.psi.clone())
+    representation
+        .map_or_else(|| dataset.train.states().clone(), |representation| representation.psi.clone())
 }
 
 /// Wall times: the only file of a model that differs from one build to the next.
@@ -340,12 +342,12 @@ fn summary(
     member: usize,
     recurrence: MemberRecurrence,
 ) -> Result<MemberSummary, StepError> {
-    let of = knn.member(member);
+    let tables = knn.member(member);
     let seed = Seed::new(study.seed).child("jump probe").number(member as u64);
-    let starts = start_states(&of, StartSource::Random, 1, seed)?;
-    let probe = rollout(&of, &starts[0], PROBE_STEPS, study.model.weights()?, seed);
+    let starts = start_states(&tables, StartSource::Random, 1, seed)?;
+    let probe = rollout(&tables, &starts[0], PROBE_STEPS, study.model.weights()?, seed);
     let jumps = Some(JumpStatistics::of([probe.rows()]));
-    Ok(MemberSummary { transitions: of.len(), jumps, recurrence: Some(recurrence) })
+    Ok(MemberSummary { transitions: tables.len(), jumps, recurrence: Some(recurrence) })
 }
 
 /// A model's files: those of every kind, the tables of its members, and `further` ones.

@@ -64,7 +64,9 @@ fn show_member(
     };
     let transitions = count(member.transitions);
     printer.result(&format!("  member {number}: {transitions} transitions; {how}"))?;
-    for line in member.recurrence.iter().flat_map(|of| recurrence::lines(of, member.transitions)) {
+    for line in
+        member.recurrence.iter().flat_map(|walks| recurrence::lines(walks, member.transitions))
+    {
         printer.result(&format!("    {line}"))?;
     }
     Ok(())

@@ -231,8 +231,8 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
         return;
     }
     let candidates = study.representation.candidates();
-    let steps: usize = candidates.iter().map(|of| of.steps).sum();
-    let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
+    let steps: usize = candidates.iter().map(|candidate| candidate.steps).sum();
+    let widest = candidates.iter().map(|candidate| candidate.dimension).max().unwrap_or(0);
     let at_once = rayon::current_num_threads().min(candidates.len());
     printer.say(&format!(
         "{} rows x {columns} columns; {} of up to {widest} dimensions, {} steps in all, \
@@ -248,15 +248,16 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
 fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
     let (rows, columns) = material.shape();
     let candidates = study.representation.candidates();
-    let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
+    let widest = candidates.iter().map(|candidate| candidate.dimension).max().unwrap_or(0);
     let at_once = rayon::current_num_threads().min(candidates.len()) as u64;
-    let of_one = |of: &LaplacianConfig| {
-        let layers = std::iter::repeat_n(of.hidden_units, of.hidden_layers);
-        let sizes: Vec<usize> = [columns].into_iter().chain(layers).chain([of.dimension]).collect();
+    let mut largest = 0;
+    for LaplacianConfig { hidden_units, hidden_layers, dimension, batch_size, .. } in &candidates {
+        let mut sizes = vec![columns];
+        sizes.extend(std::iter::repeat_n(*hidden_units, *hidden_layers));
+        sizes.push(*dimension);
         // A batch has u, v and x.
-        calib_nn::training_bytes(&sizes, of.batch_size.saturating_mul(3))
-    };
-    let largest = candidates.iter().map(of_one).max().unwrap_or(0);
+        largest = largest.max(calib_nn::training_bytes(&sizes, batch_size.saturating_mul(3)));
+    }
     let states = (rows * (2 * columns + widest) * 4) as u64;
     states.saturating_add(largest.saturating_mul(at_once))
 }
@@ -363,7 +364,7 @@ fn trained(
             Candidate { scores, ..candidate.clone() }
         })
         .collect();
-    let scores: Vec<Option<Scores>> = candidates.iter().map(|of| of.scores).collect();
+    let scores: Vec<Option<Scores>> = candidates.iter().map(|candidate| candidate.scores).collect();
     let chosen = select(&scores);
     let encoder = chosen.and_then(|chosen| trained[chosen].1.clone());
     let psi = encoder.as_ref().map(encoded).transpose()?;
@@ -441,7 +442,7 @@ pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
         RepresentationKind::Laplacian => config.candidates(),
         RepresentationKind::Import => Vec::new(),
     };
-    let dimensions = || candidates.iter().map(|of| of.dimension);
+    let dimensions = || candidates.iter().map(|candidate| candidate.dimension);
     let widest = dimensions().max();
     if let Some(only) = widest.filter(|_| dimensions().min() == widest) {
         return Width::Exactly(only);
@@ -456,9 +457,9 @@ pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
 /// Put the representation into a model's directory, which then needs nothing else; names of the files.
 pub(crate) fn copy_to(
     directory: &Path,
-    of: &Representation,
+    representation: &Representation,
 ) -> Result<Vec<&'static str>, StepError> {
-    let Representation { psi, encoder, .. } = of;
+    let Representation { psi, encoder, .. } = representation;
     write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
     let Some(encoder) = encoder else { return Ok(vec![PSI]) };
     write_encoder(&directory.join(ENCODER), encoder, BTreeMap::new())?;

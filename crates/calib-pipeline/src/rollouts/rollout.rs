@@ -197,7 +197,7 @@ fn sensors(
     let normaliser = &model.manifest.normaliser;
     if study.sweep.sensors.is_empty() {
         let columns = normaliser.columns().iter().enumerate();
-        return Ok(columns.map(|(column, of)| (of.name.clone(), column)).collect());
+        return Ok(columns.map(|(column, known)| (known.name.clone(), column)).collect());
     }
     model_files::sensor_columns(study, normaliser, &model_files::read_profile(directory)?)
 }

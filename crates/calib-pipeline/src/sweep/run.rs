@@ -107,7 +107,9 @@ pub(crate) fn on_device(
     study: &Study,
 ) -> Result<Option<Box<dyn Accelerator>>, StepError> {
     let Some(device) = device else { return Ok(None) };
-    candidates_of(study)?.iter().try_for_each(|of| check_accelerated(&of.agent))?;
+    for candidate in candidates_of(study)? {
+        check_accelerated(&candidate.agent)?;
+    }
     Ok(Some(torch::accelerator(device)?))
 }
 
@@ -295,7 +297,8 @@ fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<Sweep
     if job.policy().is_dry() {
         return Ok(StepResult::Nothing(Outcome::Negative));
     }
-    let span = Span::new(study.sweep.steps, candidates.iter().map(|of| of.agent.gamma));
+    let span =
+        Span::new(study.sweep.steps, candidates.iter().map(|candidate| candidate.agent.gamma));
     let facts = SweepFacts {
         key: artefact::key(&reason)?,
         left_out: Some(reason),

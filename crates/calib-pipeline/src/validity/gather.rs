@@ -162,7 +162,7 @@ fn verdict(model: &OfModel, sensor: &str, part: Part) -> Result<Option<SensorVer
     if part == study.part() {
         return Ok(summary.verdicts.iter().find(|of| of.sensor == sensor).cloned());
     }
-    match evaluate::verdict_of(sensor, part, (study, manifest, results)) {
+    match evaluate::verdict_of(sensor, part, study, manifest, results) {
         Err(SweepError::NothingScored { .. }) => Ok(None),
         verdict => Ok(Some(verdict?)),
     }

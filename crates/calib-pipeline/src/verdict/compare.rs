@@ -142,11 +142,11 @@ impl Part {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
             None => Vec::new(),
         };
-        for of in &mut starts {
-            let known = report.recorded.iter().find(|figure| figure.sensor == of.sensor);
-            of.unit = known.and_then(|figure| figure.unit.clone());
+        for own in &mut starts {
+            let known = report.recorded.iter().find(|figure| figure.sensor == own.sensor);
+            own.unit = known.and_then(|figure| figure.unit.clone());
         }
-        let compared = rollouts.as_ref().and_then(|of| of.comparison.as_ref());
+        let compared = rollouts.as_ref().and_then(|made| made.comparison.as_ref());
         let pairs = match compared {
             Some(_) => comparison::read(job)?,
             None => Vec::new(),
@@ -242,17 +242,17 @@ pub(crate) fn run(
 
 /// Refuse sweeps of which one was made on a device and another one was not: they round otherwise.
 fn same_arithmetic(names: &[String], parts: &[Part]) -> Result<(), StepError> {
-    let of = |part: &Part| {
+    let trained_by = |part: &Part| {
         let class = part.judged.manifest.arithmetic.clone();
         class.unwrap_or_else(|| "calib itself".to_owned())
     };
-    let first = of(&parts[0]);
+    let first = trained_by(&parts[0]);
     for (name, part) in names.iter().zip(parts) {
         ensure!(
-            of(part) == first,
+            trained_by(part) == first,
             "{} was swept by {first}, {name} by {}; sweep all of them with the same --device, or all without",
             names[0],
-            of(part)
+            trained_by(part)
         );
     }
     Ok(())
@@ -274,7 +274,7 @@ fn write(job: &Job, whole: &Report, summaries: &Summaries) -> Result<(), StepErr
 fn write_figures(paths: &Layout, whole: &Report) -> Result<Vec<String>, StepError> {
     let directory = paths.evaluate().join(report::FIGURES);
     let mut written = Vec::new();
-    let names = report::placed(whole.sensitivities.iter().map(|of| of.sensor.as_str()));
+    let names = report::placed(whole.sensitivities.iter().map(|figure| figure.sensor.as_str()));
     for (sensitivity, name) in whole.sensitivities.iter().zip(names) {
         let name = format!("sensitivity-{name}");
         written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
@@ -297,7 +297,7 @@ fn summaries(
             continue;
         };
         let window = part.judged.study().data.held_out.as_ref().map(ToString::to_string);
-        let place = deployments.iter().position(|of| of.deployment == deployment);
+        let place = deployments.iter().position(|known| known.deployment == deployment);
         let place = place.unwrap_or_else(|| {
             let (window, models) = (window.unwrap_or_default(), BTreeMap::new());
             deployments.push(DeploymentSummary { deployment, window, models });
@@ -325,19 +325,14 @@ fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> Result<Repor
     let study = job.study();
     let deployments = by_deployment(parts);
     let first = &parts[0].report;
-    let of_all = |of: &dyn Fn(&str, &[&Part]) -> Vec<Verdict>| -> Vec<Verdict> {
-        let sensors = study.sweep.sensors.iter();
-        sensors.flat_map(|sensor| deployments.iter().flat_map(|group| of(sensor, group))).collect()
-    };
-    let verdicts = of_all(&|sensor, group| {
-        let own = group.iter().flat_map(|part| {
-            let verdicts = part.report.verdicts.iter().filter(|verdict| verdict.sensor == sensor);
-            let placed =
-                |of: &Verdict| Verdict { sensor: part.in_deployment(sensor), ..of.clone() };
-            verdicts.map(placed).collect::<Vec<_>>()
-        });
-        own.collect()
-    });
+    let mut verdicts = Vec::new();
+    for sensor in &study.sweep.sensors {
+        for part in deployments.iter().flatten() {
+            for verdict in part.report.verdicts.iter().filter(|own| own.sensor == *sensor) {
+                verdicts.push(Verdict { sensor: part.in_deployment(sensor), ..verdict.clone() });
+            }
+        }
+    }
     let sensitivities = study
         .sweep
         .sensors
@@ -429,17 +424,18 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> 
 
 /// The panel of one sensor in one deployment: Online, and the worst ranks of all models.
 fn sensitivity(sensor: &str, group: &[&Part]) -> Option<Sensitivity> {
-    let own =
-        |part: &&Part| part.report.sensitivities.iter().find(|of| of.sensor == sensor).cloned();
+    let own = |part: &&Part| {
+        part.report.sensitivities.iter().find(|figure| figure.sensor == sensor).cloned()
+    };
     let all: Vec<Sensitivity> = group.iter().filter_map(own).collect();
     let mut whole = all.first()?.clone();
     whole.sensor = group[0].in_deployment(sensor);
-    whole.worst_ranks = all.iter().flat_map(|of| of.worst_ranks.clone()).collect();
+    whole.worst_ranks = all.iter().flat_map(|figure| figure.worst_ranks.clone()).collect();
     // Online and the log are the same for all; what models chose by is not.
-    let is_evidence = |of: &&ErrorCurve| of.source == ErrorSource::Evidence;
-    whole.errors.retain(|of| !is_evidence(&of));
-    whole.errors.extend(all.iter().flat_map(|of| &of.errors).filter(is_evidence).cloned());
+    let is_evidence = |curve: &&ErrorCurve| curve.source == ErrorSource::Evidence;
+    whole.errors.retain(|curve| !is_evidence(&curve));
+    whole.errors.extend(all.iter().flat_map(|figure| &figure.errors).filter(is_evidence).cloned());
     // No model's choice is marked before others'.
-    whole.chosen = whole.chosen.filter(|_| all.iter().all(|of| of.chosen == whole.chosen));
+    whole.chosen = whole.chosen.filter(|_| all.iter().all(|figure| figure.chosen == whole.chosen));
     Some(whole)
 }

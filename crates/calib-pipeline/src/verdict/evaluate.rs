@@ -71,7 +71,7 @@ pub struct SensorChoice {
 
 /// The choices of these verdicts, whose numbers count `candidates`.
 pub(crate) fn choices(verdicts: &[SensorVerdict], candidates: &[Candidate]) -> Vec<SensorChoice> {
-    let of = |verdict: &SensorVerdict| {
+    let choice = |verdict: &SensorVerdict| {
         let candidate = &candidates[verdict.chosen];
         SensorChoice {
             sensor: verdict.sensor.clone(),
@@ -82,7 +82,7 @@ pub(crate) fn choices(verdicts: &[SensorVerdict], candidates: &[Candidate]) -> V
             simple_predictor: verdict.simpler().cloned(),
         }
     };
-    verdicts.iter().map(of).collect()
+    verdicts.iter().map(choice).collect()
 }
 
 /// A finished sweep, and what follows from it.
@@ -185,10 +185,10 @@ pub(crate) fn judge(
     let verdicts = sensors
         .map(|sensor| {
             monitor.check()?;
-            let mut verdict = verdict_of(sensor, study.part(), (study, &manifest, &results))?;
+            let mut verdict = verdict_of(sensor, study.part(), study, &manifest, &results)?;
             let of_it = doubts.iter().filter(|(name, _)| name == sensor);
             verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
-            if profile.sentinels.iter().any(|of| of.channels.contains(sensor)) {
+            if profile.sentinels.iter().any(|sentinel| sentinel.channels.contains(sensor)) {
                 verdict.warnings.extend(profile.sentinel_doubt());
             }
             Ok(verdict)
@@ -224,7 +224,9 @@ pub(crate) fn judge(
 pub(crate) fn verdict_of(
     sensor: &str,
     part: Part,
-    (study, manifest, results): (&Study, &SweepFacts, &[UnitResult]),
+    study: &Study,
+    manifest: &SweepFacts,
+    results: &[UnitResult],
 ) -> Result<SensorVerdict, SweepError> {
     let judging = Judging {
         part,
@@ -279,7 +281,11 @@ fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, Step
     Kept { step: StepKind::Sweep, study: &manifest.study, directory }.check(job)?;
     check_log(job, &manifest, context)?;
     let model = artefact::read::<ModelManifest>(&paths.model());
-    if model.map(|model| model.content()).transpose()?.is_some_and(|of| of != manifest.model) {
+    if model
+        .map(|model| model.content())
+        .transpose()?
+        .is_some_and(|content| content != manifest.model)
+    {
         bail!("the model was built again after the sweep; run `{again}` again");
     }
     artefact::check_files(&paths.sweep(), &manifest.files, &again)?;
@@ -295,7 +301,7 @@ fn check_log(job: &Job, swept: &SweepFacts, context: &RunContext) -> Result<(), 
         return Ok(());
     }
     let dataset = partition::load(job, &context.silent())?.dataset;
-    let held_out = swept.held_out.as_ref().and_then(|of| of.data.as_ref());
+    let held_out = swept.held_out.as_ref().and_then(|states| states.data.as_ref());
     ensure!(
         dataset.fingerprint == swept.data && dataset.held_out_fingerprint.as_ref() == held_out,
         "the sweep in {} is of other data than those in {}; run `{}` again",

@@ -160,11 +160,11 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
-    for of in &mut starts {
-        of.unit = descriptions.words(&of.sensor);
+    for own in &mut starts {
+        own.unit = descriptions.words(&own.sensor);
     }
     let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
-    let grids = starts.iter().flat_map(|of| figures::grids(&[(name, of)]));
+    let grids = starts.iter().flat_map(|own| figures::grids(&[(name, own)]));
     let mut report = Report {
         title: summary.title.clone(),
         subtitle: Some(subtitle(&profile, &model, judged)),
@@ -210,7 +210,7 @@ fn tables(
         let members = rollouts.members.len();
         // Beside no other model the means are all there is to show.
         let compared = rollouts.comparison.as_ref();
-        let compared = compared.map(|of| ComparedModel::new(name, members, of, &[]));
+        let compared = compared.map(|own| ComparedModel::new(name, members, own, &[]));
         tables.extend(comparison::report_tables(compared.as_slice())?);
         tables.extend(starts_table(name, rollouts));
     }
