@@ -225,14 +225,14 @@ pub fn judge(
         None => None,
     };
     let behaviour = log.recorded_return(timeout)?;
-    let own = runs.iter().filter(|run| run.candidate == chosen);
+    let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
     let drift = first()
         .filter(|run| run.candidate == chosen)
         .fold(Drift::default(), |all, run| all.and(&run.drift));
     let evidence = Evidence {
         selection: &selection,
         coverage: coverage[chosen],
-        terminals: median_rate(own, &kinds),
+        terminals: median_rate(&own, &kinds),
         drift: &drift,
         ahead_of_default: match (default, over_default) {
             // A default that diverged is surely worse.
@@ -335,9 +335,9 @@ fn ranks_ahead(
 }
 
 /// The middle one of the kinds of models by their terminals a step, of these runs; the lower one of two.
-fn median_rate<'a>(runs: impl Iterator<Item = &'a Run> + Clone, kinds: &[ActionModelKind]) -> f64 {
+fn median_rate(runs: &[&Run], kinds: &[ActionModelKind]) -> f64 {
     let rate = |kind: &ActionModelKind| {
-        let own = || runs.clone().filter(|run| run.kind == *kind);
+        let own = || runs.iter().filter(|run| run.kind == *kind);
         let steps: u64 = own().map(|run| run.coverage.steps).sum();
         own().map(|run| run.terminals).sum::<usize>() as f64 / steps.max(1) as f64
     };

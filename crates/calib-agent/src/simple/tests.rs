@@ -144,7 +144,8 @@ fn a_mixture_does_nearly_as_well_as_the_best_of_what_it_mixes() {
     let each = SimplePredictor::ALL.map(|predictor| error(&fitter.fit(predictor, 0), &changed));
     let best = each.into_iter().fold(f64::INFINITY, f64::min);
     let mixed = error(&mixture, &changed);
-    assert!(each[4] > 5.0 * best && mixed <= 1.1 * best, "{mixed} {each:?}");
+    // Some steps pass before it is seen that they do.
+    assert!(each[4] > 50.0 * best && mixed <= 2.0 * best, "{mixed} {each:?}");
 }
 
 #[test]
