@@ -122,11 +122,14 @@ def of_others(truth, task):
 
 
 def is_ahead(log, chosen):
-    """Whether the ranks of the choice are better than the default's, by the jackknife over the five blocks of the log."""
-    own = [[ranks(member) for member in log[kind]["returns"]] for kind in KINDS]
-    blocks = [mean([kind[block][DEFAULT] - kind[block][chosen] for kind in own]) for block in range(5)]
-    error = math.sqrt(4 / 5 * sum((block - mean(blocks)) ** 2 for block in blocks))
-    return chosen == DEFAULT or mean(blocks) > 2.776 * error
+    """Whether ranks or returns of the choice are better than the default's, by the jackknife over the five blocks of the log."""
+    of_ranks = [[[-rank for rank in ranks(member)] for member in log[kind]["returns"]] for kind in KINDS]
+    for own in [of_ranks, [log[kind]["returns"] for kind in KINDS]]:
+        blocks = [mean([kind[block][chosen] - kind[block][DEFAULT] for kind in own]) for block in range(5)]
+        error = math.sqrt(4 / 5 * sum((block - mean(blocks)) ** 2 for block in blocks))
+        if mean(blocks) > 2.776 * error:
+            return True
+    return chosen == DEFAULT
 
 
 def reasons(log, chosen):

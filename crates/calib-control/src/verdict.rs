@@ -234,11 +234,11 @@ pub fn judge(
         coverage: coverage[chosen],
         terminals: median_rate(&own, &kinds),
         drift: &drift,
-        ahead_of_default: match (default, over_default) {
-            // A default that diverged is surely worse.
-            (Some(_), Some(over)) if over.mean == f64::INFINITY => None,
-            (Some(default), Some(_)) if default != chosen => {
-                ranks_ahead(&selection.ranks, [chosen, default], members.len())?
+        is_ahead: match (default, over_default) {
+            (Some(default), Some(over)) if default != chosen => {
+                // Ranks tell more where candidates are many, returns where they are few.
+                let ranks = ranks_ahead(&selection.ranks, [chosen, default], members.len())?;
+                Some(is_more(over) || ranks.is_some_and(is_more))
             }
             _ => None,
         },
@@ -355,8 +355,9 @@ struct Evidence<'a> {
     terminals: f64,
     /// Of the chosen candidate.
     drift: &'a Drift,
-    /// Ranks by which the chosen candidate is ahead of the default; none where that is chosen, not in the grid, or diverged.
-    ahead_of_default: Option<Difference>,
+    /// Whether the chosen candidate is surely ahead of the default, by ranks or by returns; none where that is chosen, not in the grid, or
+    /// diverged as well.
+    is_ahead: Option<bool>,
     behaviour: RecordedReturn,
 }
 
@@ -403,9 +404,7 @@ impl Evidence<'_> {
             doubts.push(Doubt::Diverged);
             return doubts;
         }
-        let is_ahead =
-            |ahead: Difference| ahead.interval.is_some_and(|interval| interval.low > 0.0);
-        if self.ahead_of_default.is_some_and(|ahead| !is_ahead(ahead)) {
+        if self.is_ahead == Some(false) {
             doubts.push(Doubt::NotBetterThanDefault);
         }
         doubts.extend(self.beside_the_log(promised, log));
@@ -434,6 +433,11 @@ impl Evidence<'_> {
 
 /// Terminals that are so many times rarer than in the log are worth a doubt: an order of magnitude.
 const RARER: f64 = 10.0;
+
+/// Whether a difference is surely above 0: by its interval, or because the other diverged.
+fn is_more(of: Difference) -> bool {
+    of.mean == f64::INFINITY || of.interval.is_some_and(|interval| interval.low > 0.0)
+}
 
 /// What a choice costs, where the truth is known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
