@@ -1,7 +1,7 @@
 use calib_agent::Part;
 use calib_core::{Monitor, Seed};
 use calib_model::StartKind;
-use calib_report::caveats;
+use calib_report::{RecordedFigure, caveats};
 use calib_study::{Job, Layout, Made, Study};
 use calib_sweep::{
     Candidate, Grade, Judging, Recommendation, SensorVerdict, SimpleComparison, SweepError,
@@ -23,7 +23,7 @@ use crate::{
     model::model_files::{self, ModelManifest},
     output::Printer,
     rollouts::{one_step, rollout},
-    sweep::{SweepManifest, simple::SimpleErrors, unit_store},
+    sweep::{SweepManifest, recorded, simple::SimpleErrors, unit_store},
     verdict::{
         report,
         verdict_rows::{self, verdict_row},
@@ -90,6 +90,10 @@ pub(crate) struct Judged {
     pub(crate) manifest: SweepManifest,
     pub(crate) results: Vec<UnitResult>,
     pub(crate) summary: Summary,
+    /// What was recorded of each sensor.
+    pub(crate) recorded: Vec<RecordedFigure>,
+    /// The verdicts in words.
+    pub(crate) rows: Vec<calib_report::Verdict>,
 }
 
 impl Judged {
@@ -176,9 +180,14 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepErro
                 manifest.again(&job.command("sweep"))
             )
         })?;
+    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
     let rows: Vec<calib_report::Verdict> = verdicts
         .iter()
-        .map(|verdict| verdict_row(verdict, &manifest, study, job.model_name()))
+        .zip(&kept)
+        .map(|(verdict, kept)| {
+            let outside = kept.outside_training();
+            verdict_row(verdict, outside, &manifest, study, job.model_name())
+        })
         .collect();
     let summary = Summary {
         format: 2,
@@ -192,7 +201,7 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepErro
         verdicts,
         notes: [manifest.notes.clone(), stale_rollouts(job, &manifest.model)?].concat(),
     };
-    Ok(Judged { job: job.clone(), manifest, results, summary })
+    Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
 }
 
 /// What a finished sweep says about a sensor by the errors over `part` of each run.

@@ -6,6 +6,7 @@ use super::{
     Part, Section, document,
     figure::{Drawn, Numbers},
     tables::table,
+    text::prose,
 };
 use crate::Overview;
 
@@ -17,11 +18,11 @@ pub(crate) fn overview(overview: &Overview) -> String {
         title: "What was found",
         parts: Vec::new(),
         body: html! {
-            @for finding in findings { p { (finding) } }
+            @for finding in findings { p { (prose(finding)) } }
             @if !warnings.is_empty() {
                 div.warnings role="note" {
                     h3 { "Before you rely on this" }
-                    ul { @for warning in warnings { li { (warning) } } }
+                    ul { @for warning in warnings { li { (prose(warning)) } } }
                 }
             }
         },

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::figure::{legend, still_plot, still_tools};
 use super::tables::rows;
+use super::text::prose;
 use crate::figures::{Heat, HeatCell};
 use crate::number::number;
 use crate::{Cell, ReportError, Sensitivity, Table};
@@ -27,7 +28,7 @@ pub(super) fn markup(
                 figcaption {
                     h3 { (chart.title) }
                     p {
-                        "Each plot varies one hyperparameter and keeps the others of the choice; all have the same vertical axes. " (caption)
+                        "Each plot varies one hyperparameter and keeps the others of the choice; all have the same vertical axes. " (prose(caption))
                     }
                 }
                 (still_tools(&chart.title))

@@ -28,6 +28,7 @@ pub(in crate::report) fn verdict() -> Verdict {
         members: 5,
         stability: vec![(Setting::from(1e-4), 0.7), (Setting::from(3e-4), 0.3)],
         stability_nearby: None,
+        outside_training: None,
         online: Some(Agreement {
             part: "whole runs".to_owned(),
             windows: 4,
@@ -116,6 +117,7 @@ fn a_verdict_without_online() {
     let verdict = Verdict {
         online: None,
         grade: Grade::Unchecked,
+        outside_training: None,
         tie_set: vec![Setting::from(1e-4)],
         worst_rank: 1,
         stability: vec![(Setting::from(1e-4), 1.0)],
