@@ -282,11 +282,6 @@ mod tests {
         let none = starts(&[]);
         assert!(super::grids(&[("year", &none), ("week", &none)]).is_empty());
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
 
     #[test]
     fn figures_of_sensors_have_readable_names_of_their_own() {

@@ -38,7 +38,7 @@ pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect, picture: f64) -> Vec<Mark
     let rows = name_rows(axis, plot.width);
     let mut free_from = [f64::MIN; 2];
     let mut labelled = 0;
-    for Tick { value, label } in horizontal_ticks(axis, plot.width) {
+    for Tick { value, label } in horizontal_ticks(axis, plot, picture) {
         let x = plot.x + axis.scale.fraction(value) * plot.width;
         let length = if label.is_some() { 6.0 } else { 3.0 };
         marks.push(rule((x, plot.bottom()), (x, plot.bottom() + length), Colour::Muted));
@@ -55,6 +55,8 @@ pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect, picture: f64) -> Vec<Mark
             let half = text_width(&label, TICK_SIZE) / 2.0;
             let row = labelled % rows;
             labelled += 1;
+            // The last label ends where the picture does.
+            let x = x.min(picture - 1.0 - half);
             if x - half >= free_from[row] {
                 let y = plot.bottom() + 21.0 + NAME_ROW * row as f64;
                 marks.push(tick_text(x, y, label, Anchor::Middle));
@@ -81,7 +83,7 @@ pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect, picture: f64) -> Vec<Mark
 }
 
 /// As many ticks as have room for their labels. Names are all marked.
-fn horizontal_ticks(axis: &Axis, width: f64) -> Vec<Tick> {
+fn horizontal_ticks(axis: &Axis, plot: Rect, picture: f64) -> Vec<Tick> {
     if matches!(axis.scale.kind, ScaleKind::Names(_)) {
         return ticks(&axis.scale, X_TICKS);
     }
@@ -89,8 +91,9 @@ fn horizontal_ticks(axis: &Axis, width: f64) -> Vec<Tick> {
         let labels = ticks.iter().filter_map(|tick| Some((tick.value, tick.label.as_deref()?)));
         let mut ends: Vec<(f64, f64)> = labels
             .map(|(value, label)| {
-                let (x, half) =
-                    (axis.scale.fraction(value) * width, text_width(label, TICK_SIZE) / 2.0);
+                let half = text_width(label, TICK_SIZE) / 2.0;
+                let x = plot.x + axis.scale.fraction(value) * plot.width;
+                let x = x.min(picture - 1.0 - half);
                 (x - half, x + half)
             })
             .collect();

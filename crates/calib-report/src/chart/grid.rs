@@ -8,6 +8,8 @@ use super::scene::{Anchor, Group, GroupKind, Mark, Rect, Scene, Text, Weight, li
 const HEADING: f64 = 22.0;
 const HEADING_SIZE: u32 = 14;
 const HEADING_ROW: f64 = 18.0;
+/// How much wider bold text is.
+const BOLD: f64 = 1.13;
 /// Between a column and the axis of the next one.
 const GAP: f64 = 12.0;
 
@@ -106,7 +108,7 @@ fn draw_rows(
             .map(|(column, cell)| {
                 let end = sides.get(column + 1).map_or(picture - MARGIN, |next| next.left);
                 let heading = cell.heading.as_deref();
-                heading.map_or_else(Vec::new, |text| lines(text, HEADING_SIZE, end - heading_left(sides[column], picture)))
+                heading.map_or_else(Vec::new, |text| lines(text, HEADING_SIZE, (end - heading_left(sides[column], picture)) / BOLD))
             })
             .collect();
         let most = headings.iter().map(Vec::len).max().unwrap_or(0);

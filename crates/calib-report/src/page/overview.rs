@@ -8,7 +8,14 @@ use super::{
     tables::table,
     text::prose,
 };
-use crate::Overview;
+use crate::{Overview, OverviewFigure};
+
+/// The caption of a figure, unless the figure before it has the same.
+fn own_caption(figures: &[OverviewFigure], number: usize) -> &str {
+    let caption = &figures[number].caption;
+    let before = number.checked_sub(1).map(|before| &figures[before].caption);
+    if before == Some(caption) { "" } else { caption }
+}
 
 /// Renders `overview`.
 pub(crate) fn overview(overview: &Overview) -> String {
@@ -37,7 +44,7 @@ pub(crate) fn overview(overview: &Overview) -> String {
                 (Drawn {
                     chart: &figure.chart,
                     id: &id(number),
-                    caption: &figure.caption,
+                    caption: own_caption(figures, number),
                     table: &figure.table,
                     numbers: Numbers::All,
                     shown: figure.chart.series.len(),

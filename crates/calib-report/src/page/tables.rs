@@ -11,6 +11,8 @@ use crate::{
 
 /// Text up to this length stays on one line.
 const SHORT: usize = 24;
+/// The same for headings, on a narrow screen.
+const SHORT_HEAD: usize = 32;
 
 /// A table with a title, a caption and a copy button.
 pub(super) fn table(table: &Table, id: &str) -> Markup {
@@ -33,7 +35,7 @@ pub(super) fn rows(table: &Table) -> Markup {
             table {
                 caption.hidden { (table.title) }
                 thead { tr { @for column in &table.columns {
-                    th.short[column.len() <= SHORT] scope="col" { (column) }
+                    th.short[column.len() <= SHORT_HEAD] scope="col" { (column) }
                 } } }
                 tbody {
                     @for (row, cells) in table.rows.iter().enumerate() {

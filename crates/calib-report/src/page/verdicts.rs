@@ -173,8 +173,9 @@ fn comparison(report: &Report) -> Table {
     Table {
         title: "All verdicts".to_owned(),
         caption: format!(
-            "Online is the mean {} of the choice on held-out data, and skill how much less that is than the error of predicting \
-             the mean return. Regret is how much worse the choice is than the best value of each window, with its upper bound over \
+            "Online is the mean {} of the choice on held-out data. NRMSE divides by the spread of returns in the training range: 1 is \
+             the error of their mean. Skill is beside another mean, that of each held-out window, which nobody knows beforehand: 0 \
+             is as good as that. Regret is how much worse the choice is than the best value of each window, with its upper bound over \
              windows. Stability is the share of resamples of \
              members, runs and windows of this log that would choose the same, or a value next to it on the grid; another log of the \
              same plant agrees less often.",

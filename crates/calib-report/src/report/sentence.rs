@@ -425,10 +425,9 @@ fn skill_sentence(online: &Agreement) -> Option<String> {
     })
 }
 
-/// A skill with two decimals and a minus sign.
+/// A skill with two decimals, and no sign of its own where they are 0.
 fn signed(skill: f64) -> String {
-    let text = format!("{:.2}", skill.abs());
-    if skill < 0.0 && text != "0.00" { format!("−{text}") } else { text }
+    format!("{skill:.2}").replace("-0.00", "0.00")
 }
 
 fn agreement_sentence(online: &Agreement) -> String {
