@@ -126,6 +126,9 @@ def use_chart(page, figure) -> None:
         key.press("Space")
         check(is_shown() == before, f"{name}: the keyboard neither hides nor shows a curve")
 
+    # A long legend has moved the plot.
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
     whole = axis.inner_html()
 
     def zoomed(by: str) -> None:

@@ -129,9 +129,14 @@ impl Job {
     /// What the study is called in reports: its title, or the name of its file, or where that says nothing the name of its log,
     /// or else its sensors.
     pub fn title(&self) -> String {
+        self.own_title().unwrap_or_else(|| self.sensors())
+    }
+
+    /// The same, where the study, its file or its log has a name.
+    pub fn own_title(&self) -> Option<String> {
         let stem = || file_stem(&self.written.request).filter(|stem| says_something(stem));
         let title = self.study.evaluate.title.clone();
-        title.or_else(stem).or_else(|| self.log_name()).unwrap_or_else(|| self.sensors())
+        title.or_else(stem).or_else(|| self.log_name())
     }
 
     /// The last part of the path of the log that is a name rather than a pattern or a word for any log.

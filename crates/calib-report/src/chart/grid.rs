@@ -96,7 +96,8 @@ fn draw_rows(
             sides
         })
         .collect();
-    let mut scene = Scene { width: picture, height: 0.0, plot: Rect::default(), groups: Vec::new() };
+    let mut scene =
+        Scene { width: picture, height: 0.0, plot: Rect::default(), groups: Vec::new() };
     let above = Sides { left: MARGIN + 4.0, width: picture - 2.0 * MARGIN };
     if legend_place == LegendPlace::Inside {
         scene.height = heading(&mut scene.groups, legend_of, &legend_of.title, above);
@@ -108,7 +109,9 @@ fn draw_rows(
             .map(|(column, cell)| {
                 let end = sides.get(column + 1).map_or(picture - MARGIN, |next| next.left);
                 let heading = cell.heading.as_deref();
-                heading.map_or_else(Vec::new, |text| lines(text, HEADING_SIZE, (end - heading_left(sides[column], picture)) / BOLD))
+                heading.map_or_else(Vec::new, |text| {
+                    lines(text, HEADING_SIZE, (end - heading_left(sides[column], picture)) / BOLD)
+                })
             })
             .collect();
         let most = headings.iter().map(Vec::len).max().unwrap_or(0);

@@ -2,7 +2,8 @@
 
 use crate::ReportError;
 use crate::chart::{
-    Chart, GridCell, LegendPlace, NARROW, Scene, WIDE, draw, draw_grid, draw_panels, draw_stacked, png, svg,
+    Chart, GridCell, LegendPlace, NARROW, Scene, WIDE, draw, draw_grid, draw_panels, draw_stacked,
+    png, svg,
 };
 
 /// A figure ready to be written in either format.
@@ -55,9 +56,8 @@ impl Figure {
             Layout::Grid(rows, height) => draw_stacked(&self.chart, rows, *height),
             _ => draw(&self.chart.thinned(), LegendPlace::Outside, NARROW),
         };
-        let element = |scene: &Scene, id: &str| {
-            svg(scene, id, &self.chart.title, &self.chart.description)
-        };
+        let element =
+            |scene: &Scene, id: &str| svg(scene, id, &self.chart.title, &self.chart.description);
         [element(&self.scene(LegendPlace::Outside), id), element(&narrow, &format!("{id}-narrow"))]
     }
 

@@ -1,9 +1,7 @@
 //! What a sensor showed in each period: while it was learned from, and in each deployment.
 
 use super::rollout::axis_label;
-use crate::chart::{
-    Axis, Chart, Colour, Dash, GridCell, Point, Rule, Scale, Series, Side, extent,
-};
+use crate::chart::{Axis, Chart, Colour, Dash, GridCell, Point, Rule, Scale, Series, Side, extent};
 use crate::number::{duration, number};
 use crate::{Figure, ReportError};
 

@@ -47,9 +47,9 @@ impl Verdict {
                 }
                 None => format!("Do not deploy {choice} for {sensor} on this evidence."),
             },
-            Grade::NotLearnt if self.left_training().is_some() => format!(
-                "Do not deploy an agent for {sensor}: it was never trained on such values."
-            ),
+            Grade::NotLearnt if self.left_training().is_some() => {
+                format!("Do not deploy an agent for {sensor}: it was never trained on such values.")
+            }
             Grade::NotLearnt if !self.simple.is_empty() => format!(
                 "Do not deploy an agent for {sensor}: none is shown to beat the training mean."
             ),
@@ -408,7 +408,8 @@ fn windows(online: &Agreement) -> String {
 fn skill_sentence(online: &Agreement) -> Option<String> {
     let skill = online.chosen_skill?;
     let best = online.best_skill.filter(|best| best - skill > 0.005);
-    let best = best.map_or_else(String::new, |best| format!(" The best value's is {}.", signed(best)));
+    let best =
+        best.map_or_else(String::new, |best| format!(" The best value's is {}.", signed(best)));
     Some(if skill > 0.0 {
         format!(
             "Its skill is {}: {} less error than the mean return of each window, which nobody knows beforehand.{best} \

@@ -44,7 +44,8 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
         sentences.push(format!("Do not deploy {}: held-out data contradicts it.", choices(&poor)));
     }
     if !not_learnt.is_empty() {
-        let each: Vec<String> = not_learnt.iter().map(|verdict| verdict.sensor_and_error()).collect();
+        let each: Vec<String> =
+            not_learnt.iter().map(|verdict| verdict.sensor_and_error()).collect();
         sentences.push(format!("No setting learns {}.", listed(&each)));
     }
     let online = || verdicts.iter().copied().filter(|verdict| verdict.online.is_some());
@@ -84,7 +85,9 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
 /// What all models choose, if it is the same, or that no value is worth choosing.
 fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
     let not_learnt = own.iter().all(|verdict| verdict.grade == Grade::NotLearnt);
-    if let (true, Some(share)) = (not_learnt, own.iter().find_map(|verdict| verdict.left_training())) {
+    if let (true, Some(share)) =
+        (not_learnt, own.iter().find_map(|verdict| verdict.left_training()))
+    {
         return Some(format!(
             "{sensor}: no model was ever trained on such values ({} of the held-out ones lie outside of the training range): do not \
              deploy on this evidence.",
@@ -263,7 +266,9 @@ mod tests {
         };
         let verdict = of_model("a", elsewhere);
         assert!(verdict.headline().contains("never trained on such values"), "{verdict:?}");
-        assert!(verdict.plain().contains("NRMSE of 0.2") && verdict.plain().contains("93 % of the"));
+        assert!(
+            verdict.plain().contains("NRMSE of 0.2") && verdict.plain().contains("93 % of the")
+        );
         let told = choices_of_models(&[verdict, of_model("b", elsewhere)]);
         assert!(told[0].contains("ever trained on such values (93 %"), "{told:?}");
     }

@@ -30,7 +30,8 @@ fn a_report_is_called_by_what_tells_it_from_others() {
         let request = Request::new(file);
         Job::of_text(request, text.to_owned()).expect("valid").title()
     };
-    let logs = |path: &str| format!("[data]\npath = \"{path}\"\n[sweep]\nsensors = [\"A\", \"B\"]\n");
+    let logs =
+        |path: &str| format!("[data]\npath = \"{path}\"\n[sweep]\nsensors = [\"A\", \"B\"]\n");
     assert_eq!(title("membranes.toml", &logs("log.parquet")), "membranes");
     assert_eq!(title("study.toml", &logs("plant-7.parquet")), "plant-7");
     assert_eq!(title("study.toml", &logs("../plant 7/logs/*.csv")), "plant 7");

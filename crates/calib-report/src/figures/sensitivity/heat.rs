@@ -102,7 +102,8 @@ impl Surface {
     /// Whether the values differ by more than rounding.
     fn varies(&self) -> bool {
         let known = || self.values.iter().copied().filter(|value| !value.is_nan());
-        let (low, high) = (known().fold(f64::INFINITY, f64::min), known().fold(-f64::INFINITY, f64::max));
+        let (low, high) =
+            (known().fold(f64::INFINITY, f64::min), known().fold(-f64::INFINITY, f64::max));
         high - low > 1e-9 * high.abs()
     }
 
