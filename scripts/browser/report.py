@@ -103,8 +103,13 @@ def use_chart(page, figure) -> None:
     figure.scroll_into_view_if_needed()
     plot = figure.locator(".plot")
     plot.scroll_into_view_if_needed()
-    box = plot.bounding_box()
-    at = lambda x, y: (box["x"] + x * box["width"], box["y"] + y * box["height"])
+
+    def at(x: float, y: float) -> tuple[float, float]:
+        """A place in the plot, which may have moved: what was clicked last can be far above it."""
+        plot.scroll_into_view_if_needed()
+        box = plot.bounding_box()
+        return box["x"] + x * box["width"], box["y"] + y * box["height"]
+
     tip, axis, reset = figure.locator(".tip"), figure.locator(".wide svg .axis.x"), figure.locator("button.reset")
 
     shown = False
@@ -126,9 +131,6 @@ def use_chart(page, figure) -> None:
         key.press("Space")
         check(is_shown() == before, f"{name}: the keyboard neither hides nor shows a curve")
 
-    # A long legend has moved the plot.
-    plot.scroll_into_view_if_needed()
-    box = plot.bounding_box()
     whole = axis.inner_html()
 
     def zoomed(by: str) -> None:
