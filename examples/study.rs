@@ -72,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Read once; whoever edits the file from here on changes the next run, and not this one.
     let job = Job::resolve(Request::new(&file))?;
     let printer = Printer::new(Arc::new(Brief));
-    match calib_pipeline::run(&job, None, &printer)? {
+    match calib_pipeline::run(&job, None, &printer)?.outcome() {
         Outcome::Done => {}
         other => return Err(format!("{other:?}").into()),
     }

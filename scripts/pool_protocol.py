@@ -3,8 +3,9 @@
     cargo run --release -p calib-control --example protocol -- DIR 3..9 30 nearest --model pool
     python3 scripts/pool_protocol.py DIR [--logs FIRST END]
 
-Reads `DIR/truth-TASK.json` and `DIR/pool.jsonl`. Chooses by each rule from the stored returns, in a program of its own, and prints
-Markdown: regret in % of a random choice's with 95 % intervals by a bootstrap over logs within cells, tasks weighted equally.
+`docs/control` has the logs that were made: numbers 3 to 6. Reads `DIR/truth-TASK.json` and `DIR/pool.jsonl`. Chooses by each rule from the stored returns, in a program of its own, and prints
+Markdown: regret in % of a random choice's with 95 % intervals by a bootstrap over logs within cells, tasks weighted equally. Then, for
+each reason to refuse, the regret of the pool's choices that have it and of those that have not.
 """
 
 import argparse
@@ -120,10 +121,52 @@ def of_others(truth, task):
     return min(range(len(truth[task])), key=lambda c: sum(own[c] for own in others))
 
 
+def is_ahead(log, chosen):
+    """Whether the ranks of the choice are better than the default's, by the jackknife over the five blocks of the log."""
+    own = [[ranks(member) for member in log[kind]["returns"]] for kind in KINDS]
+    blocks = [mean([kind[block][DEFAULT] - kind[block][chosen] for kind in own]) for block in range(5)]
+    error = math.sqrt(4 / 5 * sum((block - mean(blocks)) ** 2 for block in blocks))
+    return chosen == DEFAULT or mean(blocks) > 2.776 * error
+
+
+def reasons(log, chosen):
+    """Why calib refuses a choice: as `calib control` has it, but for errors of displacements."""
+    neighbors, steps = log["neighbors"], sum(log["actions"])
+    promised = mean([member[chosen] for kind in KINDS for member in log[kind]["returns"]])
+    rate = sorted(log[kind]["terminals"][chosen] for kind in KINDS)[1]
+    lowest, best = log["recorded"]
+    all_reasons = {
+        "an action was never taken": min(log["actions"]) == 0,
+        "more than half of the steps not covered": neighbors["uncovered"][chosen] > 0.5,
+        "fewer than ten terminals": log["terminals"] < 10,
+        "terminals rarer by an order": rate < log["terminals"] / steps / 10,
+        "less than was recorded": promised < lowest,
+        "more than any recorded episode": promised > best,
+        "moved beyond two ranges": neighbors["moved"][chosen] > 2,
+        "not ahead of the default": not is_ahead(log, chosen),
+    }
+    return {name for name, holds in all_reasons.items() if holds}
+
+
+def refusals(logs, chosen, regrets):
+    of_logs = [reasons(log, c) for log, c in zip(logs, chosen)]
+    print("\n| reason to refuse | logs with it | their regret, mean and worst | logs without it | their regret, mean and worst |")
+    print("|---|---|---|---|---|")
+
+    def told(values):
+        return f"{mean(values):.1f}, {max(values):.0f}" if values else ""
+
+    for name in [*sorted(set().union(*of_logs)), "any of these"]:
+        has = [bool(own) if name == "any of these" else name in own for own in of_logs]
+        refused = [regret for regret, it in zip(regrets, has) if it]
+        kept = [regret for regret, it in zip(regrets, has) if not it]
+        print(f"| {name} | {len(refused)} | {told(refused)} | {len(kept)} | {told(kept)} |")
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--logs", type=int, nargs=2, default=[3, 9], metavar=("FIRST", "END"))
+    parser.add_argument("--logs", type=int, nargs=2, default=[3, 7], metavar=("FIRST", "END"))
     arguments = parser.parse_args()
     truth, logs = read(arguments.folder, range(*arguments.logs))
     chosen = {
@@ -147,6 +190,7 @@ def main():
     for length in ["500", "5000"]:
         own = [value for value, log in zip(pool, logs) if log["length"] == length]
         print(f"\nof {length} steps: {mean(own):.1f} over {len(own)} logs")
+    refusals(logs, chosen["pool, mean rank"], pool)
 
 
 if __name__ == "__main__":

@@ -22,54 +22,77 @@ PINNED = "mkdocs==1.6.1"
 CONTENTS = [
     {"calib": "README.md"},
     {
-        "Guides": [
+        "Start": [
             {"Your first study": "docs/guides/first-study.md"},
-            {"Exports of historians": "docs/guides/exports.md"},
             {"Your own logs": "docs/guides/your-own-logs.md"},
-            {"Reading the report": "docs/guides/reading-the-report.md"},
-            {"Which model, which distance": "docs/guides/which-model.md"},
-            {"Tune your own agent": "docs/guides/tune-your-agent.md"},
-            {"An agent that acts": "docs/guides/control.md"},
-            {"A year of data": "docs/guides/a-year-of-data.md"},
-            {"More than one machine": "docs/guides/cluster.md"},
+            {"A real plant, from export to decision": "docs/real-plant.md"},
             {"calib from Python": "docs/guides/python.md"},
-            {"Agents of any program": "docs/guides/external-agents.md"},
         ]
     },
     {
-        "Questions": [
-            {"Questions": "docs/faq.md"},
-            {"How much log do I need?": "docs/how-much-log.md"},
-            {"Gamma, steps and subsample": "docs/gamma-steps-subsample.md"},
-            {"Jump rates": "docs/jump-rates.md"},
+        "Concepts": [
+            {"How calib works": "docs/how-calib-works.md"},
             {"When not to use calib": "docs/when-not.md"},
-            {"Glossary": "docs/glossary.md"},
+            {"Replay or model?": "docs/replay-or-model.md"},
+            {"Gamma, steps and subsample": "docs/gamma-steps-subsample.md"},
+            {"How much log do I need?": "docs/how-much-log.md"},
+            {"Models": "docs/models.md"},
+            {"Representations": "docs/representations.md"},
+            {"Jump rates": "docs/jump-rates.md"},
+            {"Questions": "docs/faq.md"},
+        ]
+    },
+    {
+        "How-to": [
+            {"Exports of historians": "docs/guides/exports.md"},
+            {"Interpret your verdict": "docs/guides/interpret-your-verdict.md"},
+            {"Reading the report": "docs/guides/reading-the-report.md"},
+            {"Troubleshooting": "docs/troubleshooting.md"},
+            {"Which model, which distance": "docs/guides/which-model.md"},
+            {"A year of data": "docs/guides/a-year-of-data.md"},
+            {"Fine-tune a pre-trained agent": "docs/guides/fine-tune.md"},
+            {"Tune your own agent": "docs/guides/tune-your-agent.md"},
+            {"An agent that acts": "docs/guides/control.md"},
+            {"Agents of any program": "docs/guides/external-agents.md"},
+            {"Optuna and Ray Tune": "docs/optuna-and-ray.md"},
+            {"More than one machine": "docs/guides/cluster.md"},
         ]
     },
     {
         "Reference": [
             {"Commands and exit codes": "docs/commands.md"},
+            {"Every command and option": "docs/command-line.md"},
             {"Every key of a study": "docs/study.md"},
-            {"Every file": "docs/formats.md"},
+            {
+                "Python": [
+                    {"All names": "docs/python/index.md"},
+                    {"Studies and verdicts": "docs/python/study.md"},
+                    {"Models": "docs/python/models.md"},
+                    {"Tuning agents that act": "docs/python/tune.md"},
+                    {"Your own agents that predict": "docs/python/agents.md"},
+                    {"Environments": "docs/python/gym.md"},
+                    {"Functions": "docs/python/functions.md"},
+                ]
+            },
             {"What every number means": "docs/metrics.md"},
-            {"Models": "docs/models.md"},
-            {"Representations": "docs/representations.md"},
+            {"Every file": "docs/formats.md"},
+            {"Glossary": "docs/glossary.md"},
         ]
     },
     {
-        "What was found": [
+        "Evidence": [
             {"Does calib choose well?": "docs/validity.md"},
+            {"Agents that act": "docs/control.md"},
             {"The paper's studies": "docs/paper-studies.md"},
             {"Fine-tuning": "docs/fine-tuning.md"},
-            {"Agents that act": "docs/control.md"},
             {"Performance": "docs/performance.md"},
             {"Reliability": "docs/reliability.md"},
         ]
     },
     {
-        "The project": [
+        "Project": [
+            {"Why things are so": "DESIGN.md"},
             {"Where things are": "ARCHITECTURE.md"},
-            {"Why they are so": "DESIGN.md"},
             {"From the paper to the code": "docs/paper-map.md"},
             {"Contributing": "CONTRIBUTING.md"},
             {"Style": "STYLE.md"},
@@ -119,6 +142,8 @@ def gather(copy: Path) -> None:
                 target = (ROOT / page).parent.joinpath(link).resolve()
                 if target.is_file() and target.is_relative_to(ROOT):
                     wanted.append(str(target.relative_to(ROOT)))
+    copy.mkdir(parents=True)
+    shutil.copyfile(ROOT / "scripts" / "site.css", copy / "site.css")
     for name in dict.fromkeys(wanted):
         (copy / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(ROOT / name, copy / name)

@@ -1,8 +1,8 @@
 """calib: which hyperparameters to deploy, from a plant's logs alone.
 
-- `Study`: what to compute; its steps `Study.build_model`, `Study.rollout`, `Study.sweep`, `Study.evaluate`, or all in `Study.run`.
+- `Study`: what to compute. Its steps `Study.build_model`, `Study.rollout`, `Study.sweep`, `Study.evaluate`, or all in `Study.run`.
 - `build_model`: a calibration model of a frame, an array, or logs. `Model`: it as arrays.
-- `ActionModel`: a model with actions, for agents that act; `tune`: which of their settings to deploy.
+- `ActionModel`: a model with actions, for agents that act. `tune`: which of their settings to deploy.
 - `Verdict`: what to deploy, as text and frames.
 - `knn_join`, `dtw`, `simulate`: without a study.
 - `calib_rl.gym`: a model as an environment of Gymnasium.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,7 +19,13 @@ if TYPE_CHECKING:
 
 
 class Action(NamedTuple):
-    """An action that agents choose among."""
+    """An action that agents choose among. `ActionModel.actions` has them.
+
+    Examples:
+        >>> model = _example_model()
+        >>> model.actions[2].name, model.actions[2].values
+        ('valve=1', (1.0,))
+    """
 
     name: str
     """What it is called."""
@@ -29,7 +36,13 @@ class Action(NamedTuple):
 
 
 class Decisions(NamedTuple):
-    """What was done in the log, and what came of it."""
+    """The recorded actions, rewards and terminals. `ActionModel.decisions` returns them.
+
+    Examples:
+        >>> decisions = _example_model().decisions
+        >>> len(decisions.actions) == len(decisions.rewards) == len(decisions.terminals)
+        True
+    """
 
     actions: NDArray[np.int64]
     """The action of every transition, ``int64 [t]``."""
@@ -40,12 +53,18 @@ class Decisions(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """What the recorded behaviour got."""
+    """What the recorded behaviour got. `ActionModel.recorded` returns it.
+
+    Examples:
+        >>> recorded = _example_model().recorded(timeout=50)
+        >>> recorded.worst <= recorded.mean <= recorded.best
+        True
+    """
 
     mean: float
     """Mean return an episode."""
     best: float | None
-    """The best whole episode; ``None`` where none is whole."""
+    """The best whole episode. ``None`` where none is whole."""
     worst: float | None
     """The worst one."""
 
@@ -80,6 +99,9 @@ class ActionModel:
         Args:
             folder: ``control-model/`` of a study's results.
 
+        Returns:
+            The model, mapped.
+
         Raises:
             CalibError: There is none, or it was damaged.
         """
@@ -88,6 +110,12 @@ class ActionModel:
     @staticmethod
     def of(study: Study) -> ActionModel:
         """Open the model with actions of a study.
+
+        Args:
+            study: The study.
+
+        Returns:
+            The model, mapped.
 
         Raises:
             CalibError: It was not built.
@@ -161,7 +189,7 @@ class ActionModel:
 
     @property
     def sources(self) -> NDArray[np.uint32]:
-        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``; it leads to the row after it."""
+        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``. It leads to the row after it."""
         return self._native.sources()
 
     @property
@@ -172,6 +200,9 @@ class ActionModel:
     def neighbors(self, member: int = 0) -> NDArray[np.uint32]:
         """The transitions that a member goes on with from where each one led, for every action, nearest first.
 
+        Args:
+            member: Position of the member.
+
         Returns:
             ``uint32 [t, actions, k]``, a read-only view. 4294967295 where there are no more, and of transitions that the member lacks.
 
@@ -181,7 +212,13 @@ class ActionModel:
         return self._native.neighbors(position(member, "member"))
 
     def distances(self, member: int = 0) -> NDArray[np.float32]:
-        """How far the sources of `neighbors` are, ``float32 [t, actions, k]``; +∞ where there is none.
+        """How far the sources of `neighbors` are.
+
+        Args:
+            member: Position of the member.
+
+        Returns:
+            ``float32 [t, actions, k]``, a read-only view; +∞ where there is none.
 
         Raises:
             IndexError: There is no such member.
@@ -189,11 +226,25 @@ class ActionModel:
         return self._native.distances(position(member, "member"))
 
     def recorded(self, timeout: int | None = None) -> Recorded:
-        """What the recorded behaviour got an episode of at most ``timeout`` steps; as the study has it, without it."""
+        """What the recorded behaviour got in an episode.
+
+        Args:
+            timeout: Steps after which an episode is cut. The study's, unless given.
+
+        Returns:
+            Mean, best and worst return.
+        """
         return Recorded(*self._native.recorded(self.timeout if timeout is None else whole(timeout, "timeout", 1)))
 
     def physical(self, states: ArrayLike) -> NDArray[np.float64]:
-        """Normalised states, ``[..., d]``, in the units of the sensors."""
+        """Normalised states in the units of the sensors.
+
+        Args:
+            states: ``[..., d]``.
+
+        Returns:
+            ``float64 [..., d]``.
+        """
         return physical_values(self._native.columns, states)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -204,6 +255,13 @@ class ActionModel:
             f"<calib_rl.ActionModel: {self.members} members of {self._native.transitions:,} transitions, {len(self.actions)} actions, "
             f"{self.k} neighbours, {len(self.columns)} columns>"
         )
+
+
+def _example_model() -> ActionModel:
+    """A model with actions of `_example_log`, for examples."""
+    from ._functions import build_model
+
+    return build_model(_example_log(), tempfile.mkdtemp(), actions=["valve"], reward="reward")
 
 
 def _example_log() -> Any:

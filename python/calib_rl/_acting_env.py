@@ -131,7 +131,7 @@ class ActingSettings(WalkSettings):
 
 
 class ActingEnv(gymnasium.Env[NDArray[np.float32], Any]):
-    """One walk through a member of a model with actions; see `calib_rl.gym.make`."""
+    """One walk through a member of a model with actions. See `calib_rl.gym.make`."""
 
     metadata: dict[str, Any] = {"render_modes": []}
 
@@ -191,7 +191,7 @@ def _info(row: Any, time: Any, distance: Any, covered: Any, displacement: Any) -
 
 
 class ActingVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
-    """Many walks at once, a call of compiled code a step; see `calib_rl.gym.make_vec`."""
+    """Many walks at once, a call of compiled code a step. See `calib_rl.gym.make_vec`."""
 
     metadata: dict[str, Any] = {"render_modes": [], **AUTORESET}
 
@@ -233,7 +233,7 @@ class ActingVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def step(
         self, actions: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """A step of every walk; one whose episode is over begins another one instead, as ``AutoresetMode.NEXT_STEP`` has it."""
+        """A step of every walk. One whose episode is over begins another one instead, as ``AutoresetMode.NEXT_STEP`` has it."""
         settings = self._settings
         seen, rewards, terminated, truncated, *info = settings.walkers.step(settings.actions.of(actions))
         return seen, rewards, terminated, truncated, self._info(*info)

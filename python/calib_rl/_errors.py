@@ -2,9 +2,30 @@
 
 
 class CalibError(Exception):
-    """The data is wrong, or the machine refuses; the text says what, where, what was expected and what to do."""
+    """The data is wrong, or the machine refuses. The text says what, where, what was expected and what to do.
+
+    Examples:
+        >>> import calib_rl
+        >>> try:
+        ...     calib_rl.Model.open("/no/such/folder")
+        ... except calib_rl.CalibError as error:
+        ...     print("there is no model")
+        there is no model
+    """
 
 
 class StudyError(CalibError, ValueError):
-    """A study that is not valid; the text begins with the place in the file, where there is one."""
+    """A study that is not valid. The text begins with the place in the file, where there is one.
+
+    It is a `CalibError` and a ``ValueError``, so that either catches it.
+
+    Examples:
+        >>> import calib_rl, tempfile
+        >>> try:
+        ...     calib_rl.Study({"agent": {"gama": 0.9}}, path=tempfile.mkdtemp() + "/study.toml")
+        ... except calib_rl.StudyError as error:
+        ...     print("gamma" in str(error))
+        True
+    """
+
 CalibError.__module__ = StudyError.__module__ = "calib_rl"

@@ -21,12 +21,19 @@ Index = Literal["auto", "kd_tree", "join", "scan"]
 
 
 class Warping(NamedTuple):
-    """A warping distance."""
+    """A warping distance. `dtw` returns it.
+
+    Examples:
+        >>> import calib_rl
+        >>> warping = calib_rl.dtw([0, 1, 2, 1], [0, 0, 1, 2, 1], path=True)
+        >>> warping.distance, warping.end
+        (0.0, 4)
+    """
 
     distance: float
     """Cumulated along the best path, in units of the local distance."""
     normalized: float | None
-    """Divided as the step pattern says; ``None`` for patterns without a normalisation."""
+    """Divided as the step pattern says. ``None`` for patterns without a normalisation."""
     end: int
     """Sample of the reference at which the path ends."""
     path: tuple[NDArray[np.int64], NDArray[np.int64]] | None
@@ -71,18 +78,18 @@ def build_model(
     """Build a calibration model of whatever holds the data.
 
     Args:
-        data: One of
+        data: One of these:
 
             - anything with ``__arrow_c_stream__`` (frames of polars and pandas, tables of pyarrow, relations of DuckDB): a column of
               times and one a channel. It is written as ``folder/log.parquet``, batch by batch and without a copy of the whole, and goes
-              on from there as a log does on the command line. What calib wrote there before is replaced, and nothing else;
-            - a path to logs: read where they are;
+              on from there as a log does on the command line. What calib wrote there before is replaced, and nothing else.
+            - a path to logs: read where they are.
             - an array of normalised states ``[n, d]``, real numbers of any type and layout: copied once, as ``float32``.
-        folder: Where the study, the log and the results go; wanted for tables and paths.
+        folder: Where the study, the log and the results go. Tables and paths need it.
         segments: Of an array: rows of each unbroken segment. All rows are one without it.
         actions: Columns of what was done in a row, for agents that act: the model is one with actions then. All of the log is read, unless ``data`` says
             otherwise.
-        reward: The column of the reward of the step that led to a row; or terms, such as ``[{"column": "flow", "weight": 1.0}]``.
+        reward: The column of the reward of the step that led to a row, or terms, such as ``[{"column": "flow", "weight": 1.0}]``.
         terminal: The column that is 1 where an episode ends, if there is one. An episode also ends where the log has a gap.
         levels: Of actions that are numbers: how many levels of each column agents choose among. Every combination that was recorded is an action without it.
         timeout: Steps after which an episode is cut.
@@ -91,13 +98,13 @@ def build_model(
             For an array: keys of ``[model]``, such as ``members=5, neighbors=3``.
 
     Returns:
-        The model: mapped from ``folder``, or in memory where it is of an array; an `ActionModel` where there are ``actions``.
+        The model: mapped from ``folder``, or in memory where it is of an array. An `ActionModel` where there are ``actions``.
 
     Raises:
-        CalibError: A value of an array is NaN or infinite; a log is wrong; ``folder/log.parquet`` is there, and calib did not write it.
+        CalibError: A value of an array is NaN or infinite. A log is wrong. ``folder/log.parquet`` is there, and calib did not write it.
         StudyError: A section is not valid. Nothing is written then.
         FileExistsError: ``folder/study.toml`` holds another study.
-        TypeError: The data is none of these, or has no real numbers.
+        TypeError: The data is something else, or has no real numbers.
         MemoryError: There is no memory for a copy of an array.
 
     Examples:
@@ -157,8 +164,8 @@ def knn_join(
         array: Points, ``[n, d]``: real numbers of any type and layout, copied once as ``float32``.
         k: Neighbours of each.
         queries: Other points, ``[q, d]``, whose neighbours are wanted instead.
-        exclude_self: Whether a point is no neighbour of itself; not for ``queries``.
-        index: The search structure; ``"auto"`` takes the one that suits the data.
+        exclude_self: Whether to leave out the point itself. Not for ``queries``.
+        index: The search structure. ``"auto"`` takes the one that suits the data.
         progress: Whether to print how far it is, or an observer.
 
     Returns:
@@ -232,15 +239,31 @@ def simulate(folder: str | os.PathLike[str], *, force: bool = False, progress: b
     Raises:
         CalibError: The folder holds other logs.
         ValueError: An option is unknown or outside its range.
+
+    Examples:
+        >>> import calib_rl, pathlib, tempfile
+        >>> folder = pathlib.Path(tempfile.mkdtemp()) / "plant"
+        >>> text = calib_rl.simulate(folder, days=1, channels=6, period_secs=60)
+        >>> len(list(folder.glob("*.parquet")))
+        1
     """
     return _calib.simulate(os.fspath(folder), options, force, observer(progress))
 
 
 def set_threads(threads: int) -> None:
-    """Use so many threads. Before anything else; otherwise ``RAYON_NUM_THREADS``, or as many as there are processors.
+    """Limit the threads that calib uses. Call it before anything else. Results do not depend on it.
+
+    Unless it is called, ``RAYON_NUM_THREADS`` says how many there are, or the number of processors.
+
+    Args:
+        threads: How many, from 1 to 1024.
 
     Raises:
         RuntimeError: Threads are at work already.
         ValueError: It is less than 1, or more than 1024.
+
+    Examples:
+        >>> import calib_rl
+        >>> calib_rl.set_threads(2)    # doctest: +SKIP
     """
     _calib.set_threads(whole(threads, "threads", 1))

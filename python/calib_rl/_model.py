@@ -69,6 +69,9 @@ class Model:
         Args:
             folder: ``model/`` of a study's results.
 
+        Returns:
+            The model, mapped.
+
         Raises:
             CalibError: There is none, it was damaged, or it is a network.
         """
@@ -78,6 +81,12 @@ class Model:
     def of(study: Study) -> Model:
         """Open the model of a study.
 
+        Args:
+            study: The study.
+
+        Returns:
+            The model, mapped.
+
         Raises:
             CalibError: It was not built, or of another study.
         """
@@ -85,7 +94,7 @@ class Model:
 
     @property
     def path(self) -> Path | None:
-        """The folder that the model lies in; ``None`` where it was built of arrays."""
+        """The folder that the model lies in. ``None`` where it was built of arrays."""
         directory = self._native.directory
         return None if directory is None else Path(directory).absolute()
 
@@ -101,7 +110,7 @@ class Model:
 
     @property
     def period(self) -> float | None:
-        """Seconds from one row to the next; ``None`` where the model was built of arrays."""
+        """Seconds from one row to the next. ``None`` where the model was built of arrays."""
         return self._native.period
 
     @property
@@ -116,22 +125,28 @@ class Model:
 
     @property
     def times(self) -> NDArray[np.datetime64] | None:
-        """Time of every row, ``datetime64[us] [n]``, UTC where the log knows it; ``None`` where there are none."""
+        """Time of every row, ``datetime64[us] [n]``, UTC where the log knows it. ``None`` where there are none."""
         times = self._native.times()
         return None if times is None else times.view("datetime64[us]")
 
     @property
     def segments(self) -> list[int]:
-        """Rows of each unbroken segment; no transition crosses from one into the next."""
+        """Rows of each unbroken segment. No transition crosses from one into the next."""
         return self._native.segments()
 
     @property
     def sources(self) -> NDArray[np.uint32]:
-        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``; it leads to the row after it."""
+        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``. It leads to the row after it."""
         return self._native.sources()
 
     def transitions(self, member: int = 0) -> NDArray[np.uint32]:
-        """The transitions that a member has, in time order, ``uint32``.
+        """The transitions that a member has, in time order.
+
+        Args:
+            member: Position of the member.
+
+        Returns:
+            Their numbers, ``uint32``.
 
         Raises:
             IndexError: There is no such member.
@@ -140,6 +155,9 @@ class Model:
 
     def neighbors(self, member: int = 0) -> NDArray[np.uint32]:
         """The transitions whose sources are nearest to where each one leads, nearest first.
+
+        Args:
+            member: Position of the member.
 
         Returns:
             ``uint32 [t, k]``, a read-only view. Rows of transitions that the member lacks hold 4294967295.
@@ -151,6 +169,9 @@ class Model:
 
     def distances(self, member: int = 0) -> NDArray[np.float32]:
         """How far the sources of `neighbors` are.
+
+        Args:
+            member: Position of the member.
 
         Returns:
             ``float32 [t, k]``, a read-only view: Euclidean, in units of the states, or of their representation. +∞ for
@@ -173,7 +194,7 @@ class Model:
         return physical_values(self._native.columns, states)
 
     def normalised(self, values: ArrayLike) -> NDArray[np.float32]:
-        """Values in the units of the sensors on the scale of the states; the inverse of `physical`.
+        """Values in the units of the sensors on the scale of the states. This is the inverse of `physical`.
 
         Args:
             values: ``[..., d]``.
@@ -201,14 +222,14 @@ class Model:
             n: Rollouts. Rollout ``r`` is the same however many there are.
             steps: Steps of each.
             member: Position of the member.
-            start: Rows to start from, one a rollout, again from the first after the last; random ones without it. A row that the
+            start: Rows to start from, one for each rollout, again from the first after the last. Random ones unless given. A row that the
                 member lacks is replaced by its nearest.
-            seed: Root of the draws; the study's without it, which gives the rollouts of the command line where they start at random
+            seed: Root of the draws. Unless given, it is the study's, which gives the rollouts of the command line where they start at random
                 states too.
             progress: Whether to print how far it is, or an observer.
 
         Returns:
-            The rows that are visited, ``uint32 [n, steps + 1]``; ``model.states[rows]`` are their states.
+            The rows that are visited, ``uint32 [n, steps + 1]``. ``model.states[rows]`` are their states.
 
         Raises:
             IndexError: There is no such member or row.
@@ -216,6 +237,14 @@ class Model:
             TypeError: A number that is to be whole is not.
             MemoryError: There is no memory for so many steps.
             KeyboardInterrupt: Ctrl-C.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.random.default_rng(0).random((300, 2)))
+            >>> rows = model.rollout(4, 50, member=1, seed=3)
+            >>> rows.shape, model.states[rows].shape
+            ((4, 51), (4, 51, 2))
         """
         rows = None if start is None else [position(row, "start") for row in np.asarray(start).ravel()]
         root = None if seed is None else whole(seed, "seed", most=LARGEST_SEED)
@@ -229,7 +258,7 @@ class Model:
 
         Args:
             states: ``[q, d]``, real numbers of any type and layout.
-            k: Neighbours to find; as many as the tables have without it.
+            k: Neighbours to find. As many as the tables have, unless given.
             member: Position of the member.
             units: What the values are in.
 
@@ -243,6 +272,14 @@ class Model:
             IndexError: There is no such member.
             MemoryError: There is no memory for so many.
             KeyboardInterrupt: Ctrl-C.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.random.default_rng(0).random((300, 2)))
+            >>> rows, distances = model.nearest([[0.5, 0.5]], k=4)
+            >>> rows.shape, bool((np.diff(distances) >= 0).all())
+            ((1, 4), True)
         """
         if units == "physical":
             states = self.normalised(states)

@@ -8,7 +8,25 @@ _EVERY = 0.2
 
 
 class Observer(Protocol):
-    """Whoever watches a step. An exception that one of these raises ends the step at its next safe point."""
+    """Whoever watches a step. An exception that one of its methods raises ends the step at its next safe point.
+
+    Any object with these two methods is one. Give it as ``progress=`` to any step.
+
+    Examples:
+        >>> class Warnings:
+        ...     def __init__(self):
+        ...         self.texts = []
+        ...     def told(self, kind, text):
+        ...         if kind == "warning":
+        ...             self.texts.append(text)
+        ...     def progress(self, task, done, total):
+        ...         pass
+        >>> from calib_rl._study import _example_study
+        >>> observer = Warnings()
+        >>> model = _example_study().build_model(progress=observer)
+        >>> all("walks" in text or "rollouts" in text for text in observer.texts)
+        True
+    """
 
     def told(self, kind: str, text: str) -> None:
         """Hear something.
@@ -19,14 +37,28 @@ class Observer(Protocol):
         """
 
     def progress(self, task: str, done: int, total: int) -> None:
-        """See how far a task is, some twenty times a second at most; an empty name says that it has ended."""
+        """See how far a task is, some twenty times a second at most.
+
+        Args:
+            task: What is being done, such as ``"training"``. An empty name says that it has ended.
+            done: How much of it is done.
+            total: How much there is to do.
+        """
 
 
 class Printed:
     """Prints what it hears to stderr, and how far a task is in one line that is written over.
 
     Args:
-        stream: Where to; ``None`` is ``sys.stderr`` at that time, which notebooks show below the cell.
+        stream: Where to. ``None`` is ``sys.stderr`` at that time, which notebooks show below the cell.
+
+    Examples:
+        >>> import io
+        >>> import calib_rl
+        >>> told = io.StringIO()
+        >>> calib_rl.Printed(told).told("warning", "few horizons")
+        >>> told.getvalue()
+        'warning: few horizons\\n'
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -43,7 +75,12 @@ class Printed:
             self._width = 0
 
     def told(self, kind: str, text: str) -> None:
-        """See `Observer.told`. Details are left out."""
+        """Print what was said. Details are left out.
+
+        Args:
+            kind: See `Observer.told`.
+            text: What was said.
+        """
         if kind == "detail":
             return
         self._clear()
@@ -52,7 +89,13 @@ class Printed:
         self._out().flush()
 
     def progress(self, task: str, done: int, total: int) -> None:
-        """See `Observer.progress`."""
+        """Print how far a task is, five times a second at most.
+
+        Args:
+            task: See `Observer.progress`.
+            done: How much of it is done.
+            total: How much there is to do.
+        """
         now = time.monotonic()
         ended = not task or done >= total
         if now - self._last < _EVERY and not ended:

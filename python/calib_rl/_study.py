@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,16 +22,16 @@ Text = str | os.PathLike[str]
 class Study:
     """A study: what to compute, resolved once and checked before anything runs.
 
-    Every step makes what is missing and keeps it in the folder of results; the command line goes on where Python stopped, and the
+    Every step makes what is missing and keeps it in the folder of results. The command line goes on where Python stopped, and the
     other way round: results are the same bytes.
 
     Args:
-        source: The study file; or its sections as a dictionary, of which a file is written at ``path``.
+        source: The study file, or its sections as a dictionary, of which a file is written at ``path``.
         path: Where a study of a dictionary or of keywords is written. It must not hold another one.
         set: What is laid over the study, such as ``{"agent.gamma": 0.9}``, or texts as the command line has them.
         profile: The ``NAME`` of ``[profiles.NAME]``.
-        model: The ``NAME`` of ``[models.NAME]``, all of them without it; or the section ``[model]`` as a dictionary.
-        deployment: The ``NAME`` of ``[deployments.NAME]``; all of them without it.
+        model: The ``NAME`` of ``[models.NAME]``, all of them unless given, or the section ``[model]`` as a dictionary.
+        deployment: The ``NAME`` of ``[deployments.NAME]``. All of them unless given.
         output: The folder of results, whatever the study says.
         redo: Whether results that are there are made again.
         sections: Sections of a study, as keywords: ``data={"path": "logs"}, sweep={"sensors": ["PIT300"]}``.
@@ -111,19 +113,43 @@ class Study:
         return resolved
 
     def command(self, step: str = "run") -> str:
-        """What to type to run a step of this study on the command line."""
+        """What to type to run a step of this study on the command line.
+
+        Args:
+            step: ``"run"``, or the name of a command, such as ``"build-model"``.
+
+        Returns:
+            The command.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> _example_study().command("sweep").startswith("calib sweep ")
+            True
+        """
         return self._job.command(step)
 
     def simulate(self, *, progress: bool | Observer = True) -> None:
-        """Write the log of the plant that ``[simulate]`` describes, as far as it is missing."""
+        """Write the log of the plant that ``[simulate]`` describes, as far as it is missing.
+
+        Args:
+            progress: Whether to print what is done, or an observer.
+        """
         self._step("simulate", progress)
 
     def represent(self, *, progress: bool | Observer = True) -> None:
-        """Train or import representations of the states, and choose one; only for studies with ``[representation]``."""
+        """Train or import representations of the states, and choose one. Only for studies with ``[representation]``.
+
+        Args:
+            progress: Whether to print what is done, or an observer.
+        """
         self._step("represent", progress)
 
     def pretrain(self, *, progress: bool | Observer = True) -> None:
-        """Pre-train one agent a sensor; only for studies with ``[pretrain]``."""
+        """Pre-train one agent for each sensor. Only for studies with ``[pretrain]``.
+
+        Args:
+            progress: Whether to print what is done, or an observer.
+        """
         self._step("pretrain", progress)
 
     def build_model(self, *, progress: bool | Observer = True) -> Model:
@@ -137,13 +163,21 @@ class Study:
 
         Raises:
             CalibError: The data is wrong, or the machine refuses.
-            KeyboardInterrupt: Ctrl-C; the same call goes on from there.
+            KeyboardInterrupt: Ctrl-C. The same call goes on from there.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> _example_study().build_model(progress=False).members
+            5
         """
         self._step("build_model", progress)
         return Model.of(self)
 
     def model(self) -> Model:
-        """The model that was built.
+        """The model that was built before.
+
+        Returns:
+            The model, mapped.
 
         Raises:
             CalibError: It was not, or of another study.
@@ -152,6 +186,9 @@ class Study:
 
     def build_control_model(self, *, progress: bool | Observer = True) -> ActionModel:
         """Build the model with actions of a study with ``[control]``, as far as it is missing.
+
+        Args:
+            progress: Whether to print what is done, or an observer.
 
         Returns:
             The model, mapped.
@@ -163,22 +200,70 @@ class Study:
         return ActionModel.of(self)
 
     def rollout(self, *, progress: bool | Observer = True) -> Rollouts:
-        """Roll the model out as ``[rollout]`` says, and compare with what was recorded."""
+        """Roll the model out as ``[rollout]`` says, and compare with what was recorded.
+
+        Args:
+            progress: Whether to print what is done, or an observer.
+
+        Returns:
+            The tables of the rollouts.
+
+        Raises:
+            CalibError: The model was not built.
+        """
         self._step("rollout", progress)
         return Rollouts(Path(self._job.path("rollout")))
 
     def sweep(self, *, progress: bool | Observer = True) -> Runs:
-        """Train agents for every value of the grid, in the members, Online and on the replayed log."""
+        """Train agents with every setting of the grid: in the models, on the replayed log, and on the held-out period.
+
+        Args:
+            progress: Whether to print what is done, or an observer.
+
+        Returns:
+            The runs.
+
+        Raises:
+            CalibError: The model was not built.
+            KeyboardInterrupt: Ctrl-C. The same call goes on from there.
+        """
         self._step("sweep", progress)
         return Runs(Path(self._job.path("sweep")))
 
     def evaluate(self, *, progress: bool | Observer = True) -> Verdict:
-        """Choose a value, judge the choice by held-out data, and write the report."""
+        """Choose a setting, judge the choice by held-out data, and write the report.
+
+        Args:
+            progress: Whether to print what is done, or an observer.
+
+        Returns:
+            The verdict.
+
+        Raises:
+            CalibError: The sweep is not complete.
+        """
         outcome = self._step("evaluate", progress)
         return self._verdict(outcome)
 
     def run(self, *, progress: bool | Observer = True) -> Verdict:
-        """Every step that the study needs, from its log to the verdict, as far as it is missing."""
+        """Make every step that the study needs, from its log to the verdict, as far as it is missing.
+
+        Args:
+            progress: Whether to print what is done, or an observer.
+
+        Returns:
+            The verdict.
+
+        Raises:
+            CalibError: The data is wrong, or the machine refuses.
+            KeyboardInterrupt: Ctrl-C. The same call goes on from there.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> verdict = _example_study().run(progress=False)
+            >>> list(verdict.settings)
+            ['PIT300']
+        """
         outcome = self._step("run", progress)
         return self._verdict(outcome)
 
@@ -190,6 +275,28 @@ class Study:
 
     def __repr__(self) -> str:
         return f"<calib_rl.Study: {self.path}, results in {self.results}>"
+
+
+@functools.cache
+def _example_study() -> Study:
+    """A small study of a simulated plant in a temporary folder, for examples: it runs in a second."""
+    study = Study(
+        path=Path(tempfile.mkdtemp()) / "study.toml",
+        simulate={"days": 2, "channels": 6, "period_secs": 60},
+        data={"path": "plant", "train_fraction": 0.7},
+        agent={"value_function": "linear", "gamma": 0.8, "batch_size": 16},
+        rollout={"start": "random", "steps": 100},
+        sweep={
+            "sensors": ["PIT300"],
+            "steps": 300,
+            "online_runs": 2,
+            "member_runs": 1,
+            "log_replay_runs": 2,
+            "grid": {"learning_rate": [1e-3, 1e-2]},
+        },
+    )
+    study.simulate(progress=False)
+    return study
 
 
 def _overrides(given: Mapping[str, Any] | Sequence[str]) -> list[str]:
@@ -208,7 +315,7 @@ def _overrides(given: Mapping[str, Any] | Sequence[str]) -> list[str]:
 
 
 def _write(path: Path, text: str) -> None:
-    """Write the file; never in the place of another one."""
+    """Write the file, never in the place of another one."""
     if _holds(path, text):
         return
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -37,7 +37,13 @@ _FORMAT = 2
 
 @dataclass(frozen=True)
 class Failure:
-    """A setting that is not in the verdict."""
+    """A setting that failed, and is not in the verdict. `Tuned.failures` has them.
+
+    Examples:
+        >>> failure = Failure({"gamma": 2.0}, 0, 0, "make_agent", "ValueError: gamma", "")
+        >>> print(failure)
+        gamma=2 failed in member 0, run 0, in make_agent: ValueError: gamma; see that make_agent(env, **setting) can be called with it
+    """
 
     setting: Setting
     """The setting."""
@@ -63,7 +69,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Tuned:
-    """What `tune` found.
+    """What `tune` found. ``print`` shows the advice, and a notebook shows a table too.
 
     Examples:
         >>> from calib_rl._tune import label
@@ -74,13 +80,13 @@ class Tuned:
     settings: list[Setting]
     """What was compared: the settings that did not fail, and were not left out on the way."""
     chosen: Setting | None
-    """The setting with the best mean rank over the members of all kinds of models, whether the log supports it or not; ``None`` where all failed."""
+    """The setting with the best mean rank over the members of all kinds of models, whether the log supports it or not. ``None`` where all failed."""
     default: Setting | None
     """What it is compared with."""
     advice: list[str]
-    """What to do, and the evidence, in words; the first line says what to deploy."""
+    """What to do, and the evidence, in words. The first line says what to deploy."""
     doubts: list[str]
-    """Why the log does not support the choice; empty if it does."""
+    """Why the log does not support the choice, empty if it does."""
     failures: list[Failure]
     """Settings that failed."""
     halved: list[tuple[int, list[Setting]]]
@@ -96,13 +102,21 @@ class Tuned:
         return self.chosen is not None and not self.doubts
 
     def frame(self) -> Any:
-        """The settings as a frame, best first: `setting`, `mean_rank`, `worst_rank`, `mean_return`, `uncovered`, `chosen_again`."""
+        """The settings, best first.
+
+        Returns:
+            A frame with the columns `setting`, `mean_rank`, `worst_rank`, `mean_return`, `uncovered` and `chosen_again`.
+        """
         rows = self._rows()
         columns: dict[str, list[Any]] = {name: [row[name] for row in rows] for name in (rows[0] if rows else {})}
         return _frame(columns)
 
     def runs_frame(self) -> Any:
-        """`runs` as a frame, without the returns of episodes."""
+        """Every setting in every member and run.
+
+        Returns:
+            `runs` as a frame, without the returns of episodes.
+        """
         names = ["setting", "kind", "member", "run", "mean_return", "episodes", "terminals", "uncovered"]
         return _frame({name: [label(run[name]) if name == "setting" else run[name] for run in self.runs] for name in names})
 
@@ -163,32 +177,32 @@ def tune(
     Args:
         make_agent: ``make_agent(env, **setting)`` returns anything with ``learn(total_timesteps)``, such as an algorithm of Stable-Baselines3. If it has an
             argument ``seed``, it is given one. Other processes are given the function by value where ``cloudpickle`` is installed, else by its module and name.
-        grid: Values of each argument, all combinations of which are settings; or a list of settings.
+        grid: Values of each argument, all combinations of which are settings, or a list of settings.
         model: The model with actions.
         total_timesteps: Steps of each agent.
-        default: What would be deployed without a choice; it is compared too. ``{}`` is the agent's own default, ``None`` is nothing.
+        default: What would be deployed without a choice. It is compared too. ``{}`` is the agent's own default, ``None`` is nothing.
         runs: Runs of each setting in each member.
-        members: Positions of members; all without it.
-        kinds: Kinds of models that agents learn in, of which every member is made; see ``kind`` of `calib_rl.gym.make`. Unlike kinds err in unlike ways, and the
+        members: Positions of members. All, unless given.
+        kinds: Kinds of models that agents learn in, of which every member is made. See ``kind`` of `calib_rl.gym.make`. Unlike kinds err in unlike ways, and the
             choice is the best by mean rank over the members of all. One kind alone takes a third of the time.
-        folder: Where the result of each unit is kept: the same call goes on from there when it was stopped, and makes only what is missing. Nothing is kept without it.
-        processes: Processes; as many as there are processors without it, and with 1 everything happens in this one.
-        halving: Leave out all but one in so many settings after a part of the steps, in up to three rounds: 3 keeps a third after a ninth of the steps,
-            and a ninth after a third. The default stays.
+        folder: Where the result of each unit is kept: the same call goes on from there when it was stopped, and makes only what is missing. Unless given, nothing is kept.
+        processes: Processes. As many as there are processors, unless given. With 1 everything happens in this one.
+        halving: Leave out all but one in so many settings after a part of the steps, in up to three rounds. For example, 3 keeps a third after a ninth of
+            the steps, and a ninth after a third. The default stays.
         seed: Root of all chance.
         environment: Further arguments of `calib_rl.gym.make`, such as ``{"observe": ["level"], "timeout": 200}``.
-        most_uncovered: Most share of the steps that the log may leave uncovered; the study's without it.
-        fewest_terminals: Fewest terminals of the log, if it has a column of them; the study's without it.
+        most_uncovered: Largest share of the steps that the log may leave uncovered. The study's, unless given.
+        fewest_terminals: Fewest terminals of the log, if it has a column of them. The study's, unless given.
         progress: Whether to print what is done.
 
     Returns:
-        The verdict. It says *deploy* only where the log supports the choice; `Tuned.doubts` are the reasons why it does not. Settings that fail are in
+        The verdict. It says *deploy* only where the log supports the choice. `Tuned.doubts` are the reasons why it does not. Settings that fail are in
         `Tuned.failures`, and the others go on without them.
 
     Raises:
-        ValueError: There is no setting, or one that comes twice; an argument is outside its range.
+        ValueError: There is no setting, or one that comes twice. An argument is outside its range.
         TypeError: ``make_agent`` cannot be given to other processes.
-        KeyboardInterrupt: Ctrl-C; with a ``folder`` the same call goes on.
+        KeyboardInterrupt: Ctrl-C. With a ``folder`` the same call goes on.
 
     Examples:
         >>> import tempfile
@@ -608,7 +622,7 @@ class _Worker:
             pass  # it has ended, which its answer tells
 
     def live(self, unit: Unit) -> dict[str, Any] | None:
-        """What came of a unit; ``None`` if the process ended."""
+        """What came of a unit. ``None`` if the process ended."""
         try:
             text = _packer()(vars(unit)).hex()
         except Exception as error:

@@ -69,13 +69,13 @@ class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
         return seen, reward, terminated, truncated, info
 
     def mean_return(self) -> float:
-        """Sum of all rewards by episodes and the part of the last one; one at least."""
+        """Sum of all rewards by episodes and the part of the last one. One at least."""
         episodes = max(1.0, len(self.returns) + self.length / self.timeout)
         return (sum(self.returns) + self.reward) / episodes
 
 
 def live(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environment: Mapping[str, Any]) -> dict[str, Any]:
-    """What came of a unit: a run as `calib control` has it, with the return of every episode; or why it failed."""
+    """What came of a unit: a run as `calib control` has it, with the return of every episode, or why it failed."""
     place = "make_agent"
     try:
         kind: Any = unit.kind
@@ -113,7 +113,7 @@ def live(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environ
 
 
 def _arguments(make_agent: Callable[..., Any], unit: Unit) -> dict[str, Any]:
-    """The setting; with a seed, if ``make_agent`` names one."""
+    """The setting. With a seed, if ``make_agent`` names one."""
     try:
         wants = "seed" in inspect.signature(make_agent).parameters and "seed" not in unit.setting
     except (TypeError, ValueError):

@@ -24,17 +24,40 @@ def frame(path: Path) -> Any:
 
 
 class Rollouts:
-    """Rollouts of a model, in a folder of results."""
+    """Rollouts of a model, in a folder of results. `Study.rollout` returns it.
+
+    Args:
+        path: The folder ``rollout`` of a study's results.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> rollouts = _example_study().rollout(progress=False)
+        >>> "trajectories" in rollouts.tables()
+        True
+        >>> "member" in rollouts.frame("trajectories").columns
+        True
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def tables(self) -> list[str]:
-        """Names of the tables that there are."""
+        """Names of the tables that there are.
+
+        Returns:
+            Names for `frame`, such as ``["dtw", "trajectories"]``.
+        """
         return sorted(str(table.relative_to(self.path).with_suffix("")) for table in self.path.rglob("*.parquet"))
 
     def frame(self, name: str) -> Any:
-        """One of `tables` as a frame."""
+        """One table as a frame.
+
+        Args:
+            name: One of `tables`.
+
+        Returns:
+            A frame of polars, or of pandas where polars is not installed.
+        """
         return frame(self.path / f"{name}.parquet")
 
     def __repr__(self) -> str:
@@ -42,17 +65,35 @@ class Rollouts:
 
 
 class Runs:
-    """Runs of a sweep: one row a value, sensor, environment and run."""
+    """Runs of a sweep. `Study.sweep` returns it.
+
+    Args:
+        path: The folder ``sweep`` of a study's results.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> runs = _example_study().sweep(progress=False).frame()
+        >>> runs.select("sensor", "environment", "learning_rate", "nrmse").columns
+        ['sensor', 'environment', 'learning_rate', 'nrmse']
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def frame(self) -> Any:
-        """``runs.parquet`` as a frame; docs/formats.md describes its columns."""
+        """All runs: one row for each setting, sensor, environment and run.
+
+        Returns:
+            ``runs.parquet`` as a frame of polars or pandas. docs/formats.md describes its columns.
+        """
         return frame(self.path / "runs.parquet")
 
     def curves(self) -> Any:
-        """Learning curves as a frame, one row a point."""
+        """Learning curves.
+
+        Returns:
+            ``curves.parquet`` as a frame of polars or pandas: one row for each point of a curve.
+        """
         return frame(self.path / "curves.parquet")
 
     def __repr__(self) -> str:
@@ -60,11 +101,30 @@ class Runs:
 
 
 class Verdict:
-    """What to deploy, and the evidence.
+    """What to deploy, and the evidence. `Study.run` and `Study.evaluate` return it.
+
+    ``print`` shows the advice with all reasons, and a notebook shows it as a page.
+
+    Args:
+        path: The folder ``evaluate`` of a study's results.
+        sweep: The folder ``sweep`` of the same results.
+        report: The report.
+        outcome: How the evaluation ended.
 
     Attributes:
-        negative: Whether some sensor's members prefer no value to another.
+        negative: Whether the evidence prefers no setting of some sensor to another.
         report: The report, one self-contained page.
+        summary: ``summary.json`` as a dictionary.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> verdict = _example_study().run(progress=False)
+        >>> list(verdict.settings), list(verdict.settings["PIT300"])
+        (['PIT300'], ['learning_rate'])
+        >>> verdict.recommendations["PIT300"] in ("deploy", "keep_default", "use_simple_predictor", "do_not_deploy", "not_checked")
+        True
+        >>> verdict.report.name
+        'report.html'
     """
 
     def __init__(self, path: Path, sweep: Path, report: Path, outcome: str = "done") -> None:
@@ -77,15 +137,28 @@ class Verdict:
 
     @property
     def advice(self) -> list[list[str]]:
-        """The verdict in words: a list of lines a sensor, the first of which says what to deploy."""
+        """The verdict in words: one list of lines for each sensor, the first of which says what to deploy."""
         lines: list[list[str]] = self.summary.get("advice", [])
         return lines
 
     @property
     def chosen(self) -> dict[str, str]:
-        """The chosen value of each sensor, as its label."""
+        """The chosen setting of each sensor, as text: ``{"PIT300": "learning_rate = 0.001"}``. See `settings` for numbers."""
         labels = self.summary.get("candidates", [])
         return {of["sensor"]: labels[of["chosen"]] for of in self.summary.get("verdicts", [])}
+
+    @property
+    def settings(self) -> dict[str, dict[str, Any]]:
+        """The chosen setting of each sensor, by hyperparameter: ``{"PIT300": {"learning_rate": 0.001}}``.
+
+        Look at `recommendations` too: a setting is chosen also where it should not be deployed.
+        """
+        return {of["sensor"]: dict(of["values"]) for of in self.summary.get("choices", [])}
+
+    @property
+    def recommendations(self) -> dict[str, str]:
+        """What to do for each sensor: ``"deploy"``, ``"keep_default"``, ``"use_simple_predictor"``, ``"do_not_deploy"`` or ``"not_checked"``."""
+        return {of["sensor"]: of["recommendation"] for of in self.summary.get("choices", [])}
 
     @property
     def caveats(self) -> list[str]:
@@ -93,15 +166,27 @@ class Verdict:
         return [*self.summary.get("caveats", []), *self.summary.get("notes", [])]
 
     def runs(self) -> Any:
-        """The runs that it follows from, as a frame."""
+        """The runs that the verdict follows from.
+
+        Returns:
+            A frame, as `Runs.frame`.
+        """
         return Runs(self._sweep).frame()
 
     def curves(self) -> Any:
-        """Learning curves, as a frame."""
+        """Learning curves of these runs.
+
+        Returns:
+            A frame, as `Runs.curves`.
+        """
         return Runs(self._sweep).curves()
 
     def scores(self) -> Any:
-        """Mean error of every value in every environment, as a frame: `sensor`, `environment`, `candidate`, `label`, `mean`, `chosen`."""
+        """Mean error of every setting in every environment.
+
+        Returns:
+            A frame with the columns `sensor`, `environment`, `candidate`, `label`, `mean` and `chosen`.
+        """
         rows: dict[str, list[Any]] = {name: [] for name in ("sensor", "environment", "candidate", "label", "mean", "chosen")}
         labels = self.summary.get("candidates", [])
         for verdict in self.summary.get("verdicts", []):

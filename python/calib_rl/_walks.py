@@ -62,7 +62,7 @@ def column_position(names: list[str], column: Column) -> int:
 
 
 def observed_columns(names: list[str], observe: Sequence[Column] | None) -> list[int]:
-    """Positions of the columns that are observed; all of them without ``observe``."""
+    """Positions of the columns that are observed. All of them without ``observe``."""
     columns = list(range(len(names))) if observe is None else [column_position(names, column) for column in observe]
     if not columns:
         raise ValueError("observe names no column")

@@ -74,7 +74,17 @@ class _Settings(WalkSettings):
 
 
 class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
-    """One walk through a member of a model; see `make`."""
+    """One walk through a member of a model without actions. `make` makes it, and describes its arguments.
+
+    Examples:
+        >>> import numpy as np
+        >>> import calib_rl
+        >>> model = calib_rl.build_model(np.random.default_rng(0).random((500, 3)))
+        >>> env = CalibrationEnv(model, member=1, reward=2)
+        >>> seen, info = env.reset(seed=1)
+        >>> seen.shape
+        (3,)
+    """
 
     metadata: dict[str, Any] = {"render_modes": []}
 
@@ -98,7 +108,15 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin at a random recorded state of the member."""
+        """Begin at a random recorded state of the member.
+
+        Args:
+            seed: Seed of the walk. It goes on from the seed before, unless given.
+            options: Not used.
+
+        Returns:
+            The first observation, and ``info``.
+        """
         super().reset(seed=seed)
         walkers = self._settings.walkers
         if seed is not None:
@@ -107,13 +125,29 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
         return seen[0], {"row": int(rows[0]), "time": int(times[0]), "distance": float(distances[0])}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Go one step on; the action changes nothing."""
+        """Go one step on.
+
+        Args:
+            action: Any action. It changes nothing.
+
+        Returns:
+            Observation, reward, ``False``, whether the episode is over, and ``info``.
+        """
         seen, reward, over, row, time, distance = self._settings.walkers.step_one()
         return seen, reward, False, over, {"row": row, "time": time, "distance": distance}
 
 
 class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
-    """Many walks at once, a call of compiled code a step; see `make_vec`."""
+    """Many walks through models without actions at once. `make_vec` makes it, and describes its arguments.
+
+    Examples:
+        >>> import numpy as np
+        >>> import calib_rl
+        >>> model = calib_rl.build_model(np.random.default_rng(0).random((500, 3)))
+        >>> env = CalibrationVectorEnv(model, 8, members=range(5))
+        >>> env.reset(seed=1)[0].shape
+        (8, 3)
+    """
 
     metadata: dict[str, Any] = {"render_modes": [], **AUTORESET}
 
@@ -143,7 +177,15 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin anew: all, or those that ``options["reset_mask"]`` marks. Walk ``i`` of seed ``s`` is that of a single environment with ``s + i``."""
+        """Begin anew: all, or those that ``options["reset_mask"]`` marks.
+
+        Args:
+            seed: Walk ``i`` of seed ``s`` is that of a single environment with ``s + i``, or one seed for each walk.
+            options: ``{"reset_mask": mask}``, with ``mask`` of type bool ``[num_envs]``.
+
+        Returns:
+            The observations, and ``info``.
+        """
         super().reset(seed=one_seed(seed))
         walkers = self._settings.walkers
         seed_walkers(walkers, seed, self.num_envs)
@@ -154,7 +196,14 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def step(
         self, actions: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Go one step on with every walk; one that was over begins anew instead, as ``AutoresetMode.NEXT_STEP`` has it."""
+        """Go one step on with every walk. One that was over begins anew instead, as ``AutoresetMode.NEXT_STEP`` has it.
+
+        Args:
+            actions: Any actions. They change nothing.
+
+        Returns:
+            Observations, rewards, terminated, truncated, and ``info``.
+        """
         seen, rewards, over, rows, times, distances = self._settings.walkers.step()
         return seen, rewards, self._never.copy(), over, self._info(rows, times, distances)
 
@@ -243,29 +292,29 @@ def make(
     Args:
         model: The model, with actions or without.
         member: Position of the member.
-        observe: Columns that are observed, by name or position; all without it.
-        reward: Without actions: the column whose value after a step is its reward, the first one without it.
-        max_steps: Without actions: steps after which an episode is truncated; ``None`` for never.
+        observe: Columns that are observed, by name or position. All, unless given.
+        reward: Without actions: the column whose value after a step is its reward. The first one, unless given.
+        max_steps: Without actions: steps after which an episode is truncated. ``None`` for never.
         units: What observations are in, and the rewards of a model without actions.
-        action_space: With actions: ``"discrete"``, the actions of the model by number; ``"multi_discrete"``, a level of each column of the actions; ``"box"``, the
-            values that are set, of which the nearest action is taken; or a space that is one of these. Refused without actions.
-        timeout: With actions: steps after which an episode is truncated; those of the model without it.
+        action_space: With actions, ``"discrete"``: the actions of the model by number. ``"multi_discrete"``: a level of each column of the actions. ``"box"``: the
+            values that are set, of which the nearest action is taken. Or a space that is one of these. Refused without actions.
+        timeout: With actions: steps after which an episode is truncated. Those of the model, unless given.
         pessimism: With actions: where the log has no transition with the action within the model's radius, go on with the ``"nearest"`` one, or end the episode with
             the ``"minimum_return"``. An action that the member never took ends the episode either way.
-        worst_return: The reward of such an end; the model's without it.
+        worst_return: The reward of such an end. The model's, unless given.
         live: With ``"box"``: search for exactly what is set, among all transitions of the member, instead of taking the nearest level. It takes time in proportion
             to the log, and wants a model with ``levels``.
         kind: With actions: what a step does. ``"neighbors"`` goes to the recorded next state of a neighbour. ``"increments"`` adds the neighbour's recorded
             change to the state, in every column where that predicts better, and so leaves recorded rows, though never the recorded range. Each step searches
             all transitions with the action. ``row`` in ``info`` is then the row that the neighbour led to, and ``displacement`` is 0.
-            ``"network"`` goes where a network says that learnt the log, as ``calib control`` trains it; it is trained at its first use in a process, in a second or
+            ``"network"`` goes where a network says that learnt the log, as ``calib control`` trains it. It is trained at its first use in a process, in a second or
             two. ``row`` is then that of the start of the episode, and every step counts as covered.
 
     Returns:
-        The environment. Observations are ``float32 [columns]``, bounded by what was recorded; ``info`` has the ``row`` of the model's data
-        that is seen, its ``time`` in microseconds since 1970 (its number where there are no times), and the ``distance`` from the state
-        before to the recorded one whose transition was taken. With actions it also has whether the step is ``covered``, and the ``displacement`` of each observed
-        column: the sum over the episode of the jumps from where the agent was to where the transitions that it took begin.
+        The environment. Observations are ``float32 [columns]``, bounded by what was recorded. ``info`` has the ``row`` of the model's data
+        that is seen. It has the ``time`` of that row in microseconds since 1970, or its number where there are no times. Its ``distance`` is that
+        from the state before to the recorded one whose transition was taken. With actions it also has whether the step is ``covered``. The ``displacement``
+        of each observed column is the sum of the jumps of the episode, from where the agent was to where the transitions that it took begin.
 
     Raises:
         ValueError: There is no such column, an argument is for models of the other kind, or the model has no such action space.
@@ -354,7 +403,7 @@ def make_vec(
         model: The model, with actions or without.
         num_envs: Walks.
         members: The member of all walks, or a list that is dealt to them in turn.
-        observe: As in `make`; so are the others.
+        observe: As in `make`. So are the others.
         reward: See `make`.
         max_steps: See `make`.
         units: See `make`.
@@ -370,7 +419,7 @@ def make_vec(
         step after the one that ended them.
 
     Raises:
-        ValueError: As `make`; or there are no members, or no walks.
+        ValueError: As `make`, or there are no members, or no walks.
         IndexError: There is no such member.
         MemoryError: There is no memory for so many walks.
 
@@ -398,13 +447,42 @@ def _opened(path: str | os.PathLike[str]) -> Model | ActionModel:
 
 
 def of_path(path: str | os.PathLike[str], **arguments: Any) -> CalibrationEnv | ActingEnv:
-    """The environment of a model in a folder: what ``gymnasium.make("calib/Model-v0", path=…)`` calls, with the arguments of `make`."""
+    """The environment of a model in a folder: what ``gymnasium.make("calib/Model-v0", path=…)`` calls.
+
+    Args:
+        path: The folder of a model, with actions or without.
+        arguments: Those of `make`.
+
+    Returns:
+        The environment.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> env = of_path(_example_study().build_model(progress=False).path, reward="PIT300")
+        >>> env.reset(seed=1)[0].dtype
+        dtype('float32')
+    """
     made: CalibrationEnv | ActingEnv = make(_opened(path), **arguments)
     return made
 
 
 def vector_of_path(path: str | os.PathLike[str], num_envs: int, **arguments: Any) -> CalibrationVectorEnv | ActingVectorEnv:
-    """The same of ``gymnasium.make_vec``, with the arguments of `make_vec`."""
+    """The vector environment of a model in a folder: what ``gymnasium.make_vec("calib/Model-v0", path=…)`` calls.
+
+    Args:
+        path: The folder of a model, with actions or without.
+        num_envs: Walks.
+        arguments: Those of `make_vec`.
+
+    Returns:
+        The vector environment.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> env = vector_of_path(_example_study().build_model(progress=False).path, 3)
+        >>> env.num_envs
+        3
+    """
     made: CalibrationVectorEnv | ActingVectorEnv = make_vec(_opened(path), num_envs, **arguments)
     return made
 

@@ -3,7 +3,9 @@
 use std::{path::PathBuf, sync::Arc};
 
 use calib_agent::Part;
-use calib_pipeline::{ExternalCandidate, ExternalResult, Outcome, Printer, SweepStreams};
+use calib_pipeline::{
+    ExternalCandidate, ExternalResult, Outcome, Printer, SweepStreams, Told as _,
+};
 use calib_study::Study;
 use pyo3::{exceptions::PyIndexError, prelude::*};
 
@@ -182,6 +184,7 @@ pub(crate) fn evaluate_runs(
     let work = |watch: &Arc<Watch>| {
         let printer = Printer::new(Arc::new(Ears(Arc::clone(watch))));
         calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), &printer)
+            .map(|judged| judged.outcome())
     };
     match watched(py, Needs::Tables, observer, work)? {
         Ok(Outcome::Done) => Ok("done"),

@@ -2,8 +2,8 @@
 
 use std::{path::PathBuf, sync::Arc};
 
-use calib_pipeline::{BuildOptions, Job, Outcome, Printer, Request, StepError};
-use calib_study::{Existing, Policy, Writes};
+use calib_pipeline::{BuildOptions, Job, Outcome, Printer, Request, StepError, Told as _};
+use calib_study::{Existing, Policy, StepKind, Writes};
 use pyo3::prelude::*;
 
 use crate::{
@@ -76,14 +76,12 @@ impl PyJob {
         Ok(match of {
             "root" => layout.root().to_owned(),
             "study" => layout.study().to_owned(),
-            "model" => layout.model(),
-            "rollout" => layout.rollout(),
-            "sweep" => layout.sweep(),
-            "evaluate" => layout.evaluate(),
-            "control" => layout.control(),
             "control_model" => layout.control_model(),
             "report" => layout.report(),
-            other => return Err(errors::value(format!("no results are called {other}"))),
+            folder => match StepKind::of_folder(folder) {
+                Some(step) => layout.directory(step),
+                None => return Err(errors::value(format!("no results are called {folder}"))),
+            },
         })
     }
 
@@ -93,29 +91,49 @@ impl PyJob {
     }
 
     /// What to type to run the same step on the command line.
-    fn command(&self, step: &str) -> String {
-        self.job.command(step)
+    fn command(&self, step: &str) -> PyResult<String> {
+        let step = StepKind::of_command(step)
+            .ok_or_else(|| errors::value(format!("no step is called {step}")))?;
+        Ok(self.job.command(step))
     }
 }
 
 type Run = fn(&Job, &Printer) -> Result<Outcome, StepError>;
 
 fn step(name: &str) -> PyResult<Run> {
-    Ok(match name {
-        "simulate" => |job, printer| calib_pipeline::simulate(job, printer).map(|_| Outcome::Done),
-        "represent" => |job, printer| calib_pipeline::represent(job, None, printer),
-        "build_model" => {
-            |job, printer| calib_pipeline::build_model(job, &BuildOptions::default(), printer)
+    if name == "control_model" {
+        return Ok(|job, printer| {
+            calib_pipeline::control_model(job, printer).map(|()| Outcome::Done)
+        });
+    }
+    let step = StepKind::of_command(name)
+        .ok_or_else(|| errors::value(format!("no step is called {name}")))?;
+    Ok(match step {
+        StepKind::Simulate => {
+            |job, printer| calib_pipeline::simulate(job, printer).map(|_| Outcome::Done)
         }
-        "pretrain" => calib_pipeline::pretrain,
-        "rollout" => calib_pipeline::rollout,
-        "sweep" => |job, printer| calib_pipeline::sweep(job, None, printer),
-        "evaluate" => calib_pipeline::evaluate,
-        "control" => calib_pipeline::control,
-        "control_model" => {
-            |job, printer| calib_pipeline::control_model(job, printer).map(|()| Outcome::Done)
+        StepKind::Prepare => {
+            |job, printer| calib_pipeline::run(job, None, printer).map(|ended| ended.outcome())
         }
-        "run" => |job, printer| calib_pipeline::run(job, None, printer),
-        other => return Err(errors::value(format!("no step is called {other}"))),
+        StepKind::Pretrain => {
+            |job, printer| calib_pipeline::pretrain(job, printer).map(|made| made.outcome())
+        }
+        StepKind::Represent => {
+            |job, printer| calib_pipeline::represent(job, None, printer).map(|made| made.outcome())
+        }
+        StepKind::BuildModel => |job, printer| {
+            calib_pipeline::build_model(job, &BuildOptions::default(), printer)
+                .map(|built| built.outcome())
+        },
+        StepKind::Rollout => {
+            |job, printer| calib_pipeline::rollout(job, printer).map(|made| made.outcome())
+        }
+        StepKind::Sweep => {
+            |job, printer| calib_pipeline::sweep(job, None, printer).map(|swept| swept.outcome())
+        }
+        StepKind::Evaluate => {
+            |job, printer| calib_pipeline::evaluate(job, printer).map(|judged| judged.outcome())
+        }
+        StepKind::Control => calib_pipeline::control,
     })
 }

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -44,21 +46,61 @@ def test_ray_tunes_an_example_or_says_that_it_is_missing(study: calib_rl.Study) 
     assert "PIT300" in told or "skipped, No module named 'ray'" in told
 
 
-def test_the_notebook_goes_from_a_frame_to_a_verdict() -> None:
+def shown(cells: list[Any]) -> list[list[tuple[str, str]]]:
+    """What each cell shows: the kind of each output, and the words of texts. Numbers may differ, as they do between processors."""
+
+    def words(text: str) -> str:
+        return " ".join(re.findall(r"[A-Za-z_]{2,}", text))
+
+    def told(output: Any) -> tuple[str, str]:
+        if output["output_type"] == "stream":
+            return "stream", words(output["text"])
+        data = output["data"]
+        return " ".join(sorted(data)), words(data.get("text/plain", ""))
+
+    return [[told(output) for output in cell.get("outputs", [])] for cell in cells]
+
+
+def test_the_notebook_shows_what_is_saved_in_it() -> None:
     nbclient = pytest.importorskip("nbclient")
     nbformat = pytest.importorskip("nbformat")
+    saved = nbformat.read(EXAMPLES / "frame_to_verdict.ipynb", as_version=4)
     notebook = nbformat.read(EXAMPLES / "frame_to_verdict.ipynb", as_version=4)
-    assert not any(cell.get("outputs") for cell in notebook.cells), "it is kept without outputs"
     nbclient.NotebookClient(notebook, timeout=60, kernel_name="python3").execute()
-    shown = [output.get("data", {}) for cell in notebook.cells for output in cell.get("outputs", [])]
-    assert sum("image/svg+xml" in data for data in shown) == 2
-    assert any("PIT300" in data.get("text/html", "") and "Report" in data["text/html"] for data in shown if "text/html" in data)
+    assert shown(notebook.cells) == shown(saved.cells), "save it anew with scripts/notebook.py"
+    kinds = [kind for cell in shown(saved.cells) for kind, _ in cell]
+    assert sum("image/svg+xml" in kind for kind in kinds) == 2
+    texts = [output["data"].get("text/html", "") for cell in saved.cells for output in cell.get("outputs", []) if "data" in output]
+    assert any("PIT300" in text and "Report" in text for text in texts)
 
 
 def test_optuna_tunes_an_example(study: calib_rl.Study) -> None:
     pytest.importorskip("optuna")
     told = run("tune_with_optuna.py", study.path)
     assert "in the model" in told and "PIT300" in told
+
+
+def run_page(name: str, folder: Path, take: slice = slice(None)) -> str:
+    """Run the Python blocks of a page of docs, one after the other, in an empty folder."""
+    page = (Path(__file__).parents[2] / "docs" / name).read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    # What answers on standard output waits for questions.
+    program = "\n".join(block for block in blocks[take] if "serve(" not in block)
+    done = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_page_about_optuna_runs_as_it_stands(tmp_path: Path) -> None:
+    pytest.importorskip("optuna")
+    told = run_page("optuna-and-ray.md", tmp_path, slice(1))
+    assert "learning_rate" in told and "TIT101" in told
+
+
+def test_the_page_about_python_runs_as_it_stands(tmp_path: Path) -> None:
+    pytest.importorskip("gymnasium")
+    told = run_page("guides/python.md", tmp_path)
+    assert "did you mean `gamma`?" in told and "calib_rl.Model: 5 members" in told and "(10, 501, 4)" in told
 
 
 def test_agents_that_act_are_tuned(tmp_path: Path) -> None:

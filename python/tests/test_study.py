@@ -19,6 +19,10 @@ def test_a_study_ends_with_a_verdict(verdict: calib_rl.Verdict) -> None:
     assert verdict.report.is_file()
     assert list(verdict.chosen) == ["PIT300"]
     assert verdict.chosen["PIT300"].startswith("learning_rate = ")
+    rate = verdict.settings["PIT300"]["learning_rate"]
+    assert rate in (1e-4, 1e-3, 1e-2) and list(verdict.settings["PIT300"]) == ["learning_rate"]
+    assert float(verdict.chosen["PIT300"].removeprefix("learning_rate = ")) == rate
+    assert list(verdict.recommendations) == ["PIT300"]
     assert "PIT300" in str(verdict) and "PIT300" in verdict._repr_html_()
     runs = verdict.runs()
     assert len(runs) == 3 * (5 + 2 + 2)

@@ -2,6 +2,8 @@
 """Open a report in a real browser and use it as a reader would.
 
     python3 scripts/browser/report.py calib-quickstart/results/report.html [SCREENSHOTS]
+    python3 scripts/browser/report.py calib-quickstart/results/report.html --check-pictures docs/guides
+    python3 scripts/browser/report.py calib-quickstart/results/report.html --pictures docs/guides
 
 Needs Chromium (`apt-get install chromium`); pinned Playwright goes into a virtual environment of its
 own. Checks that the page loads without a console error or a request; that in both themes every chart
@@ -9,9 +11,14 @@ answers to the pointer, its legend, a drag, the wheel and the keyboard; that a z
 every step; that pictures and numbers can be saved; that text has a contrast of at least 4.5; that no
 screen scrolls sideways, cuts text, or hides the line of the choice; and that what is printed has its tables and no controls.
 Writes screenshots of wide, narrow, dark and printed pages to SCREENSHOTS, if given.
+
+`--pictures` writes the pictures of the guides instead: the top of the report with the words in it, and the
+sensitivity curves. `--check-pictures` fails where the report has other words than the pictures that are kept.
+Numbers may differ, as they do between processors.
 """
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -229,11 +236,70 @@ def check_print(page, pictures: Path | None) -> None:
         (pictures / "printed.pdf").write_bytes(printed)
 
 
+# Width and height of the picture of the guides.
+TOP = {"width": 1280, "height": 870}
+
+# What can be read in the picture, whatever the fonts: texts of the title, the contents and the cards.
+WORDS = """() => {
+  const lines = [];
+  for (const element of document.querySelectorAll("h1, nav a, h2 + p, article.card *")) {
+    const box = element.getBoundingClientRect();
+    const block = element.querySelector("h1, h2, h3, p, div, dl, dt, dd, ul, li, table, details");
+    const text = element.innerText && element.innerText.replace(/\\s+/g, " ").trim();
+    if (text && !block && box.height && lines[lines.length - 1] !== text) lines.push(text);
+  }
+  return lines;
+}"""
+
+
+def masked(text: str) -> str:
+    """Without numbers."""
+    return re.sub(r"<?[0-9][0-9.,e+-]*", "#", text)
+
+
+def texts_of(drawing: Path) -> list[str]:
+    """The texts of an SVG, without numbers."""
+    elements = xml.etree.ElementTree.parse(drawing).iter()
+    return [masked(element.text.strip()) for element in elements if element.text and element.text.strip()]
+
+
+def guides_pictures(playwright, chromium: str, report: Path, folder: Path, is_check: bool) -> None:
+    """Write the pictures of the guides, or compare what can be read in them."""
+    browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+    page = browser.new_context(viewport=TOP, color_scheme="light").new_page()
+    page.goto(report.as_uri())
+    words = page.evaluate(WORDS)
+    curves = report.parent / "evaluate" / "figures" / "sensitivity.svg"
+    written, kept = folder / "report.txt", folder / "sensitivity.svg"
+    if is_check:
+        again = f"run scripts/browser/report.py {report.name} --pictures {folder} and look at them"
+        seen = written.read_text(encoding="utf-8").splitlines()
+        differ = [line for line in words if masked(line) not in [masked(other) for other in seen]]
+        check(not differ and len(words) == len(seen), f"{folder}/report.png is of another report, in {differ[:3]}; {again}")
+        check(texts_of(curves) == texts_of(kept), f"{kept} is of another report; {again}")
+        print(f"the pictures of {folder} have the words of this report")
+    else:
+        page.screenshot(path=folder / "report.png")
+        written.write_text("\n".join(words) + "\n", encoding="utf-8")
+        shutil.copyfile(curves, kept)
+        print(f"{len(words)} lines of words in {written}")
+    browser.close()
+
+
 def main() -> None:
-    if len(sys.argv) not in (2, 3):
+    arguments = sys.argv[1:]
+    guides = None
+    for option in ("--pictures", "--check-pictures"):
+        if option in arguments:
+            at = arguments.index(option)
+            if at + 1 == len(arguments):
+                raise SystemExit(__doc__)
+            guides = (Path(arguments[at + 1]), option == "--check-pictures")
+            del arguments[at : at + 2]
+    if len(arguments) not in (1, 2):
         raise SystemExit(__doc__)
-    report = Path(sys.argv[1]).resolve()
-    pictures = Path(sys.argv[2]) if len(sys.argv) == 3 else None
+    report = Path(arguments[0]).resolve()
+    pictures = Path(arguments[1]) if len(arguments) == 2 else None
     if pictures:
         pictures.mkdir(parents=True, exist_ok=True)
     chromium = shutil.which("chromium") or shutil.which("google-chrome") or shutil.which("chromium-browser")
@@ -245,6 +311,10 @@ def main() -> None:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
+        if guides is not None:
+            guides_pictures(playwright, chromium, report, *guides)
+            if not guides[1]:
+                return
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         context = browser.new_context(viewport={"width": 1280, "height": 900})
         page = context.new_page()

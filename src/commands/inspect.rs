@@ -1,15 +1,9 @@
-use calib_data::{
-    Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile, format_time,
-};
+use calib_data::{DataConfig, PartProfile, PreprocessConfig, Profile, format_time};
 use calib_pipeline::{
-    Context as _, Descriptions, Job, LogTold, Outcome, Printer, Request, StepError, check_log,
-    data_of, ensure, on_this_machine,
+    Descriptions, Inspection, Job, Outcome, Printer, Request, StepError, data_of, ensure,
+    inspect_deployments, on_this_machine,
     output::{bytes, count, counted, span, table},
-    text_left_alone,
 };
-
-use schemars::JsonSchema;
-use serde::Serialize;
 
 use super::{import::shape_name, inspect_channels::show_channels};
 use crate::cli::InspectArgs;
@@ -17,72 +11,47 @@ use crate::cli::InspectArgs;
 /// Show what is in a log, and what preprocessing would make of it.
 pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let Settings { data, preprocess, deployments, job } = settings(args)?;
-    printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
-    text_left_alone(&data, printer)?;
-    check_log(&data)?;
-    let profile = calib_data::inspect(&data, &preprocess, &printer.progress())?;
-    let acted = match &job {
-        Some(job) => calib_pipeline::inspect_actions(job, printer)?,
-        None => None,
-    };
+    let inspection = Inspection::of(&data, &preprocess, job.as_ref(), printer)?;
+    let profile = &inspection.profile;
     if printer.is_for_machines() {
-        printer.json(&Inspected { profile: &profile, control: acted })?;
+        printer.json(&inspection)?;
     } else {
-        show_log(&profile, printer)?;
+        show_log(profile, printer)?;
         let descriptions = match &job {
-            Some(job) => Descriptions::of(job, &profile)?,
-            None => Descriptions::of_log(&profile),
+            Some(job) => Descriptions::of(job, profile)?,
+            None => Descriptions::of_log(profile),
         };
-        show_channels(&profile, &descriptions, args, printer)?;
-        let of = |(name, data): (String, DataConfig)| {
-            let profile = calib_data::inspect(&data, &preprocess, &printer.progress())
-                .with_context(|| format!("[deployments.{name}]"))?;
-            Ok(profile.held_out.map(|held_out| (name, held_out)))
-        };
-        let deployments: Vec<_> =
-            deployments.into_iter().map(of).collect::<Result<_, StepError>>()?;
-        let deployments: Vec<(String, PartProfile)> = deployments.into_iter().flatten().collect();
-        show_parts(&profile, &deployments, printer)?;
-        if let Some(acted) = acted {
+        show_channels(profile, &descriptions, args, printer)?;
+        let deployments = inspect_deployments(deployments, &preprocess, printer)?;
+        show_parts(profile, &deployments, printer)?;
+        if let Some(acted) = &inspection.control {
             acted.show(printer)?;
         }
     }
-    for name in
-        job.iter().flat_map(|job| calib_pipeline::unknown_sensors(&job.study().sensors, &profile))
-    {
-        printer.warn(&format!("[sensors.{name}] describes no channel of the log"));
+    if let Some(job) = &job {
+        for name in calib_pipeline::unknown_sensors(&job.study().sensors, profile) {
+            printer.warn(&format!("[sensors.{name}] describes no channel of the log"));
+        }
     }
-    let refused = profile.contradictions.count > 0 && data.contradictions == Contradictions::Refuse;
-    if refused {
-        let error = DataError::Contradictions {
-            count: profile.contradictions.count,
-            examples: profile.contradictions.examples.clone(),
-            cause: profile.contradictions.cause.clone(),
-        };
+    let refusal = inspection.refusal();
+    if let Some(error) = &refusal {
         printer.warn(&format!("a study of this log would be refused: {error}"));
     }
-    let usable = !refused && profile.train.transitions > 0 && profile.kept().next().is_some();
     if profile.bad_quality > 0 && 2 * profile.bad_quality > profile.file_rows {
         printer.warn(
             "most samples are of bad quality; if 0 is good there, as it is in PI, set data.good_quality = [\"0\"]",
         );
     }
-    if !usable && !refused {
+    if refusal.is_some() {
+        return Ok(Outcome::Negative);
+    }
+    if !inspection.has_states() {
         printer.warn(
             "no channel or no transition is left: nothing could be built from this log as it is",
         );
+        return Ok(Outcome::Negative);
     }
-    Ok(if usable { Outcome::Done } else { Outcome::Negative })
-}
-
-/// What is told to machines.
-#[derive(Serialize, JsonSchema)]
-pub(super) struct Inspected<'a> {
-    #[serde(flatten)]
-    profile: &'a Profile,
-    /// What a log of decisions did; of a study with `[control]`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    control: Option<LogTold>,
+    Ok(Outcome::Done)
 }
 
 /// A study's own sections, or the defaults for data alone.

@@ -13,7 +13,9 @@ mod series;
 mod share;
 mod simulate;
 
-use calib_pipeline::{Context as _, Logs, Outcome, Printer, StepError, ValidityOptions, ensure};
+use calib_pipeline::{
+    Context as _, Logs, Outcome, Printer, StepError, Told as _, ValidityOptions, ensure,
+};
 pub use schemas::json_schemas;
 
 use crate::{
@@ -52,30 +54,30 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
         Command::Inspect(args) => inspect::run(&args, printer)?,
         Command::Import(args) => import::run(&args, printer)?,
         Command::Run(DeviceArgs { study, device }) => {
-            calib_pipeline::run(&study.job()?, device.map(Into::into), printer)?
+            calib_pipeline::run(&study.job()?, device.map(Into::into), printer)?.outcome()
         }
         Command::Represent(RepresentArgs { study, share, device }) => {
             let job = share::shared(study.job()?, share.as_deref())?;
-            calib_pipeline::represent(&job, device.map(Into::into), printer)?
+            calib_pipeline::represent(&job, device.map(Into::into), printer)?.outcome()
         }
         Command::BuildModel(BuildModelArgs { study, options }) => {
-            calib_pipeline::build_model(&study.job()?, &options.into(), printer)?
+            calib_pipeline::build_model(&study.job()?, &options.into(), printer)?.outcome()
         }
-        Command::Rollout(args) => calib_pipeline::rollout(&args.job()?, printer)?,
+        Command::Rollout(args) => calib_pipeline::rollout(&args.job()?, printer)?.outcome(),
         Command::Pretrain(PretrainArgs { study, share }) => {
             let job = share::shared(study.job()?, share.as_deref())?;
-            calib_pipeline::pretrain(&job, printer)?
+            calib_pipeline::pretrain(&job, printer)?.outcome()
         }
         Command::Sweep(DeviceArgs { study, device }) => {
-            calib_pipeline::sweep(&study.job()?, device.map(Into::into), printer)?
+            calib_pipeline::sweep(&study.job()?, device.map(Into::into), printer)?.outcome()
         }
         Command::Evaluate(EvaluateArgs { study, runs: None, why }) => {
-            calib_pipeline::evaluate(&study.job()?, &explaining(printer, why))?
+            calib_pipeline::evaluate(&study.job()?, &explaining(printer, why))?.outcome()
         }
         Command::Evaluate(EvaluateArgs { study, runs: Some(runs), why }) => {
             let printer = &explaining(printer, why);
             let (study, output) = EvaluateArgs::judging(study)?;
-            calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), printer)?
+            calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), printer)?.outcome()
         }
         Command::Control(args) => calib_pipeline::control(&args.job()?, printer)?,
         Command::Check(args) => {

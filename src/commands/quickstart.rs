@@ -15,12 +15,12 @@ pub(super) fn run(args: &QuickstartArgs, printer: &Printer) -> Result<Outcome, S
         "calib quickstart: four and a half days of a simulated plant, from its logs to a verdict",
     );
     let study = write_study(directory, args.seed)?;
-    let status = calib_pipeline::run(&Job::resolve(Request::new(&study))?, None, printer)?;
+    let ended = calib_pipeline::run(&Job::resolve(Request::new(&study))?, None, printer)?;
     printer.say(&format!(
         "Open the report in a browser; then copy {}, point its data.path at your own logs, and remove [simulate].",
         study.display(),
     ));
-    Ok(status)
+    Ok(ended.outcome())
 }
 
 /// Leave the study file beside the data, as a start for the user's own.

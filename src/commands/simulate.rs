@@ -93,7 +93,7 @@ fn described(args: &SimulateArgs) -> Result<(PathBuf, PlantOptions, String), Ste
             if args.set.is_empty() { "" } else { " (one is not used where --set names the data)" };
         bail!("{shown} has no [simulate] section{unused}; add one, or simulate into a folder")
     };
-    Ok((directory, plant, job.command("run")))
+    Ok((directory, plant, job.run_command()))
 }
 
 /// What was typed, and the defaults for the rest.

@@ -15,7 +15,7 @@ use calib_files::{
     Tensor, Tensors, map_npy, read_array, read_csv, read_sealed_json, read_sealed_tensors,
     read_tensors, write_npy, write_sealed_json, write_tensors,
 };
-use calib_study::{Each, Job, Protocol, Request, of_data};
+use calib_study::{Job, Protocol, Request, Scope, of_data};
 use proptest::{collection::vec, prelude::*, sample::Index};
 
 /// One change to some bytes.
@@ -283,7 +283,7 @@ proptest! {
             if let Ok(models) = job.models() {
                 prop_assert!(!models.is_empty());
             }
-            let _ = job.parts(Each::Rollouts);
+            let _ = job.parts(Scope::Rollouts);
         }
     }
 

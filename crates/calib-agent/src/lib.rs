@@ -89,7 +89,7 @@ pub use pretrain::{
 };
 pub use returns::{ReturnMoments, discounted_returns, truncation_horizon};
 pub use scoring::{Part, PartScore, Scores};
-pub use simple::{FittedPredictor, Fitter, SimplePredictor};
+pub use simple::{FittedPredictor, Fitter, Mixture, SimplePredictor};
 pub use state_file::StateFile;
 pub use together::{MOST_TOGETHER, check_accelerated, runs_together, train_together};
 pub use traces::with_traces;

@@ -225,14 +225,23 @@ pub fn judge(
         None => None,
     };
     let behaviour = log.recorded_return(timeout)?;
-    let own = || first().filter(|run| run.candidate == chosen);
-    let drift = own().fold(Drift::default(), |all, run| all.and(&run.drift));
+    let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
+    let drift = first()
+        .filter(|run| run.candidate == chosen)
+        .fold(Drift::default(), |all, run| all.and(&run.drift));
     let evidence = Evidence {
         selection: &selection,
         coverage: coverage[chosen],
-        terminals: own().map(|run| run.terminals).sum(),
+        terminals: median_rate(&own, &kinds),
         drift: &drift,
-        over_default: over_default.filter(|_| default != Some(chosen)),
+        ahead_of_default: match (default, over_default) {
+            // A default that diverged is surely worse.
+            (Some(_), Some(over)) if over.mean == f64::INFINITY => None,
+            (Some(default), Some(_)) if default != chosen => {
+                ranks_ahead(&selection.ranks, [chosen, default], members.len())?
+            }
+            _ => None,
+        },
         behaviour,
     };
     let doubts = evidence.doubts(log, support);
@@ -308,17 +317,46 @@ fn beyond(own: &[f64], other: &[f64]) -> Result<Option<Difference>, StatsError> 
     Ok(Some(Difference { interval: jackknife(difference.mean, &each), ..difference }))
 }
 
+/// By how many ranks the first of two candidates is ahead of the second, over kinds of models, with the jackknife's interval over blocks.
+/// Of `ranks`, `[kinds × blocks][candidates]`.
+fn ranks_ahead(
+    ranks: &[Vec<usize>],
+    [first, second]: [usize; 2],
+    blocks: usize,
+) -> Result<Option<Difference>, StatsError> {
+    let kinds = (ranks.len() / blocks) as f64;
+    let of_block = |candidate: usize| -> Vec<f64> {
+        (0..blocks)
+            .map(|block| ranks.iter().skip(block).step_by(blocks))
+            .map(|of_kinds| of_kinds.map(|ranks| ranks[candidate] as f64).sum::<f64>() / kinds)
+            .collect()
+    };
+    beyond(&of_block(second), &of_block(first))
+}
+
+/// The middle one of the kinds of models by their terminals a step, of these runs; the lower one of two.
+fn median_rate(runs: &[&Run], kinds: &[ActionModelKind]) -> f64 {
+    let rate = |kind: &ActionModelKind| {
+        let own = || runs.iter().filter(|run| run.kind == *kind);
+        let steps: u64 = own().map(|run| run.coverage.steps).sum();
+        own().map(|run| run.terminals).sum::<usize>() as f64 / steps.max(1) as f64
+    };
+    let mut rates: Vec<f64> = kinds.iter().map(rate).collect();
+    rates.sort_by(f64::total_cmp);
+    rates.get(rates.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)
+}
+
 /// What a choice rests on.
 struct Evidence<'a> {
     selection: &'a Selection,
     /// Of the chosen candidate.
     coverage: Coverage,
-    /// Of the chosen candidate, over members and runs.
-    terminals: usize,
+    /// Terminals a step of the chosen candidate, in the middle one of the kinds of models.
+    terminals: f64,
     /// Of the chosen candidate.
     drift: &'a Drift,
-    /// None where the default is chosen, not in the grid, or diverged as well.
-    over_default: Option<Difference>,
+    /// Ranks by which the chosen candidate is ahead of the default; none where that is chosen, not in the grid, or diverged.
+    ahead_of_default: Option<Difference>,
     behaviour: RecordedReturn,
 }
 
@@ -365,7 +403,9 @@ impl Evidence<'_> {
             doubts.push(Doubt::Diverged);
             return doubts;
         }
-        if self.over_default.is_some_and(|over| !is_more(over)) {
+        let is_ahead =
+            |ahead: Difference| ahead.interval.is_some_and(|interval| interval.low > 0.0);
+        if self.ahead_of_default.is_some_and(|ahead| !is_ahead(ahead)) {
             doubts.push(Doubt::NotBetterThanDefault);
         }
         doubts.extend(self.beside_the_log(promised, log));
@@ -383,7 +423,7 @@ impl Evidence<'_> {
         if let Some(best) = self.behaviour.best.filter(|&best| promised > best) {
             doubts.push(Doubt::AboveRecorded { promised, best });
         }
-        let in_model = self.terminals as f64 / self.coverage.steps.max(1) as f64;
+        let in_model = self.terminals;
         let in_log = log.terminals() as f64 / log.len() as f64;
         if in_model < in_log / RARER {
             doubts.push(Doubt::RareTerminals { in_model, in_log });
@@ -394,11 +434,6 @@ impl Evidence<'_> {
 
 /// Terminals that are so many times rarer than in the log are worth a doubt: an order of magnitude.
 const RARER: f64 = 10.0;
-
-/// Whether a difference is surely above 0: by its interval, or because the other diverged.
-fn is_more(of: Difference) -> bool {
-    of.mean == f64::INFINITY || of.interval.is_some_and(|interval| interval.low > 0.0)
-}
 
 /// What a choice costs, where the truth is known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -3,20 +3,22 @@
 use calib_core::Seed;
 use calib_model::ModelFamily;
 use calib_plant::Plant;
-use calib_study::{Each, Job, Study};
+use calib_study::{Job, StepKind, Study};
 
 use crate::{
     Context as _, StepError,
     agents::pretrain,
+    bail,
     base::{
         clock::Stopwatch,
         options::{BuildOptions, Device},
-        outcome::Outcome,
+        outcome::{NoPlan, Outcome, StepResult, Told as _},
     },
     course::Course,
-    each::each_part,
+    each::{each_part, taken},
     ensure,
     log::{
+        context::RunContext,
         plant_of_study::PlantOfStudy,
         simulate::{Found, sentence},
     },
@@ -26,7 +28,10 @@ use crate::{
     represent,
     rollouts::rollout,
     sweep::{self, plan::Counted, streams},
-    verdict::{compare, evaluate, report},
+    verdict::{
+        evaluation::{self, Evaluation},
+        report,
+    },
 };
 
 /// How far a study is taken.
@@ -38,56 +43,34 @@ pub(crate) enum Extent {
     Choice,
 }
 
-/// One command of the chain, on the study or on each of its models.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
-    Represent,
-    BuildModel,
-    Rollout,
-    Sweep,
+/// Whether a study needs the step on the way to `extent`.
+fn is_wanted(step: StepKind, study: &Study, extent: Extent) -> bool {
+    study.needs(step) && (step != StepKind::Rollout || extent == Extent::Report)
 }
 
-/// The steps on each model, in order.
-const STEPS: [Step; 4] = [Step::Represent, Step::BuildModel, Step::Rollout, Step::Sweep];
-
-impl Step {
-    /// What to type for it.
-    fn command(self) -> &'static str {
-        match self {
-            Self::Represent => "represent",
-            Self::BuildModel => "build-model",
-            Self::Rollout => "rollout",
-            Self::Sweep => "sweep",
+/// Take one of the steps that each model takes.
+fn take(step: StepKind, job: &Job, going: &Going<'_>) -> Result<Outcome, StepError> {
+    let &Going { plan, course, counted, device, talk } = going;
+    match step {
+        // What is made before rollouts is the same for all deployments.
+        StepKind::Represent => {
+            taken(&job.before_deployment()?, talk, |job| represent::run(job, device, talk))
         }
-    }
-
-    fn is_wanted(self, study: &Study, extent: Extent) -> bool {
-        match self {
-            Self::Represent => report::commands(&[study]).contains(&"represent"),
-            Self::Rollout => extent == Extent::Report,
-            Self::BuildModel | Self::Sweep => true,
+        StepKind::BuildModel => {
+            let device = device.filter(|_| job.study().model.kind.family() == ModelFamily::Network);
+            let options = BuildOptions { device, ..BuildOptions::default() };
+            taken(&job.before_deployment()?, talk, |job| build_model::run(job, &options, talk))
         }
-    }
-
-    fn run(self, job: &Job, going: &Going<'_>) -> Result<Outcome, StepError> {
-        let &Going { plan, course, counted, device, talk: printer } = going;
-        match self {
-            // What is made before rollouts is the same for all deployments.
-            Self::Represent => represent::run(&job.before_deployment()?, device, printer),
-            Self::BuildModel => {
-                let device =
-                    device.filter(|_| job.study().model.kind.family() == ModelFamily::Network);
-                let options = BuildOptions { device, ..BuildOptions::default() };
-                build_model::run(&job.before_deployment()?, &options, printer)
-            }
-            Self::Rollout => {
-                each_part(Each::Rollouts, job, printer, |job| rollout::run(job, printer))
-            }
-            Self::Sweep => each_part(Each::Deployment, job, printer, |job| {
-                course.sweep(plan, job);
-                sweep::run(job, counted, device, printer)
-            }),
-        }
+        StepKind::Rollout => each_part(step, job, talk, |job| rollout::run(job, talk)),
+        StepKind::Sweep => each_part(step, job, talk, |job| {
+            course.sweep(plan, job);
+            sweep::run(job, counted, device, talk)
+        }),
+        StepKind::Simulate
+        | StepKind::Prepare
+        | StepKind::Pretrain
+        | StepKind::Evaluate
+        | StepKind::Control => bail!("{} is no step of one model", step.label()),
     }
 }
 
@@ -98,7 +81,7 @@ struct Going<'a> {
     counted: &'a Counted,
     /// Where networks and agents are trained, if not natively.
     device: Option<Device>,
-    talk: &'a Printer,
+    talk: &'a RunContext,
 }
 
 /// One of the models that a study compares, or its only one.
@@ -110,13 +93,30 @@ struct Model {
     left_out: Option<String>,
 }
 
+/// What every step of a study came to.
+#[derive(Debug)]
+pub struct StudyRun {
+    /// The verdicts; none in a dry run.
+    pub evaluation: Option<Evaluation>,
+    /// Why models are missing from them, if any are: this calib cannot train them.
+    pub left_out: Vec<String>,
+    outcome: Outcome,
+}
+
+impl StudyRun {
+    /// How it ended: a negative answer of one step is one of the whole.
+    pub fn outcome(&self) -> Outcome {
+        self.outcome
+    }
+}
+
 /// Run every step that a study needs, as far as it is not done.
 pub(crate) fn run(
     job: &Job,
     device: Option<Device>,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
-    run_to(Extent::Report, job, device, printer)
+    context: &RunContext,
+) -> Result<StudyRun, StepError> {
+    run_to(Extent::Report, job, device, context)
 }
 
 /// Run every step that a study needs on the way to `extent`, as far as it is not done.
@@ -124,19 +124,19 @@ pub(crate) fn run_to(
     extent: Extent,
     job: &Job,
     device: Option<Device>,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+    context: &RunContext,
+) -> Result<StudyRun, StepError> {
     let clock = Stopwatch::start();
     let mut models = models(job)?;
     // Only the verdict is the result; the steps before it just report.
-    let talk = &printer.talking();
+    let talk = &context.talking();
     let mut ended = Ended(Outcome::Done);
     let jobs: Vec<&Job> = models.iter().map(|model| &model.job).collect();
     // What a device cannot do is found out before anything is made.
     let on_devices = jobs.iter().map(|job| sweep::on_device(device, job.study()));
     let on_devices = on_devices.collect::<Result<Vec<_>, StepError>>()?;
-    let arithmetic = on_devices.iter().flatten().map(|of| of.class()).next();
-    let mut plan = Plan::of(job, &jobs, arithmetic)?;
+    let arithmetic = on_devices.iter().flatten().map(|device| device.class()).next();
+    let mut plan = Plan::of(job, &jobs, arithmetic, context)?;
     talk.say_all(&plan.lines());
     let plant = PlantOfStudy::of(job)?;
     let course = Course::new(talk, stages(&models, plant.as_ref(), extent, job), &plan, &jobs)?;
@@ -144,47 +144,51 @@ pub(crate) fn run_to(
         && !simulate(plant, job, &course, talk)?
     {
         talk.say(&format!("then: {}", remaining(&models).join(", ")));
-        tell(&plan, job, printer)?;
-        return Ok(Outcome::Done);
+        tell(&plan, job, context)?;
+        let (evaluation, left_out, outcome) = (None, Vec::new(), ended.0);
+        return Ok(StudyRun { evaluation, left_out, outcome });
     }
     streams::check(&models[0].job.before_deployment()?, talk)?;
     if is_pretrained(&models) {
-        course.stage("pretrain");
-        ended.and(pretrain::run(&job.before_deployment()?, talk)?);
+        course.stage(StepKind::Pretrain.label());
+        ended.and(taken(&job.before_deployment()?, talk, |job| pretrain::run(job, talk))?);
     }
     let counted = Counted::default();
     let going = Going { plan: &plan, course: &course, counted: &counted, device, talk };
-    for step in STEPS {
+    for step in StepKind::OF_MODELS {
         for model in &mut models {
             ended.and(model.take(step, extent, &going)?);
         }
     }
     plan.expect(&counted.expected());
-    tell(&plan, job, printer)?;
+    tell(&plan, job, context)?;
     let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
     if !left_out.is_empty() {
         ended.and(Outcome::Negative);
     }
+    let mut evaluation = None;
     if extent == Extent::Report {
-        ended.and(judge(job, &models, &left_out, &course, printer)?);
+        let judged = judge(job, &models, &left_out, &course, context)?;
+        ended.and(judged.outcome());
+        evaluation = judged.made();
         for reason in &left_out {
-            printer.error(reason);
+            context.error(reason);
         }
     }
-    printer.say(&format!("done in {}", duration(clock.elapsed())));
-    Ok(ended.0)
+    context.say(&format!("done in {}", duration(clock.elapsed())));
+    Ok(StudyRun { evaluation, left_out, outcome: ended.0 })
 }
 
 /// Whether agents are pre-trained, which is done once for all models.
 fn is_pretrained(models: &[Model]) -> bool {
-    report::commands(&[models[0].job.study()]).contains(&"pretrain")
+    models[0].job.study().needs(StepKind::Pretrain)
 }
 
 /// How many stages a run has that goes to `extent`.
 fn stages(models: &[Model], plant: Option<&PlantOfStudy>, extent: Extent, job: &Job) -> usize {
     let steps = models.iter().flat_map(|model| {
         let study = model.job.study();
-        STEPS.into_iter().filter(move |step| step.is_wanted(study, extent))
+        StepKind::OF_MODELS.into_iter().filter(move |step| is_wanted(*step, study, extent))
     });
     let once = [
         plant.is_some_and(|plant| is_made(plant, job)),
@@ -214,23 +218,23 @@ fn judge(
     models: &[Model],
     left_out: &[String],
     course: &Course<'_>,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
-    course.stage("evaluate");
+    context: &RunContext,
+) -> Result<StepResult<Evaluation>, StepError> {
+    course.stage(StepKind::Evaluate.label());
     let remaining = models.iter().filter(|model| model.left_out.is_none());
-    let all = remaining.map(|model| model.job.parts(Each::Deployment));
+    let all = remaining.map(|model| model.job.parts(StepKind::Evaluate.scope()));
     let all: Vec<Job> = all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
     ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
-    let judged = match all.as_slice() {
-        [only] if only.is_same_part(job) => evaluate::run(job, printer),
-        all => compare::run(job, all, left_out, printer),
-    };
-    match judged {
+    match evaluation::run(job, &all, left_out, context) {
         Err(reason) if job.policy().is_dry() => {
-            not_yet("evaluate", &reason, printer);
-            Ok(Outcome::Done)
+            not_yet(StepKind::Evaluate, &reason, context);
+            Ok(StepResult::Planned(NoPlan))
         }
-        judged => judged,
+        judged => {
+            let judged = judged?;
+            judged.tell(job, context)?;
+            Ok(judged)
+        }
     }
 }
 
@@ -267,7 +271,7 @@ fn simulate(
     if !is_made(&plant, job) {
         return Ok(true);
     }
-    course.stage("simulate");
+    course.stage(StepKind::Simulate.label());
     if job.policy().is_dry() {
         let takes = sentence(&Plant::new(plant.options.clone())?);
         talk.say(&format!("dry run: would write {takes}, to {shown}"));
@@ -279,32 +283,32 @@ fn simulate(
     Ok(true)
 }
 
-/// The commands that a dry run without a log cannot look into.
+/// The steps that a dry run without a log cannot look into.
 fn remaining(models: &[Model]) -> Vec<&'static str> {
-    report::commands(&models.iter().map(|model| model.job.study()).collect::<Vec<_>>())
+    let studies: Vec<&Study> = models.iter().map(|model| model.job.study()).collect();
+    report::steps(&studies).into_iter().map(StepKind::label).collect()
 }
 
 impl Model {
     /// Take one step. What this calib cannot do for want of libtorch leaves the model out, and the others go on.
     fn take(
         &mut self,
-        step: Step,
+        step: StepKind,
         extent: Extent,
         going: &Going<'_>,
     ) -> Result<Outcome, StepError> {
         let Going { course, counted, talk, .. } = going;
-        if !step.is_wanted(self.job.study(), extent) {
+        if !is_wanted(step, self.job.study(), extent) {
             return Ok(Outcome::Done);
         }
         if self.left_out.is_some() {
             course.skip(1);
             return Ok(Outcome::Done);
         }
-        let command = step.command();
         let of_model =
             self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
-        course.stage(&format!("{command}{of_model}"));
-        match step.run(&self.job, going) {
+        course.stage(&format!("{}{of_model}", step.label()));
+        match take(step, &self.job, going) {
             Err(reason)
                 if matches!(reason.root(), StepError::Unavailable(_)) && self.name.is_some() =>
             {
@@ -317,14 +321,19 @@ impl Model {
             // In a dry run, steps lack what those before them did not write.
             Err(reason)
                 if self.job.policy().is_dry()
-                    && matches!(step, Step::Rollout | Step::Sweep)
+                    && matches!(step, StepKind::Rollout | StepKind::Sweep)
                     && !reason.was_cancelled() =>
             {
-                not_yet(command, &reason, talk);
+                not_yet(step, &reason, talk);
                 // What another arithmetic takes is not known.
-                if step == Step::Sweep && going.device.is_none() {
-                    let expect = |job: &Job| sweep::expected::before_model(job, counted, talk);
-                    return each_part(Each::Deployment, &self.job, talk, expect);
+                if step == StepKind::Sweep && going.device.is_none() {
+                    let parts = self.job.parts(step.scope())?;
+                    for part in &parts {
+                        if parts.len() > 1 {
+                            talk.heading(&part.name());
+                        }
+                        sweep::expected::before_model(part, counted, talk)?;
+                    }
                 }
                 Ok(Outcome::Done)
             }
@@ -333,8 +342,9 @@ impl Model {
     }
 }
 
-fn not_yet(command: &str, reason: &StepError, talk: &Printer) {
-    talk.say(&format!("dry run: {command} waits for the steps before it ({reason})"));
+fn not_yet(step: StepKind, reason: &StepError, talk: &Printer) {
+    let step = step.label();
+    talk.say(&format!("dry run: {step} waits for the steps before it ({reason})"));
 }
 
 /// How the steps ended: a negative answer of one is one of the whole.

@@ -8,7 +8,7 @@ use std::{
 use calib_core::Monitor as _;
 use calib_data::{DataConfig, PreprocessConfig, table::read_parquet};
 use calib_files::{fingerprint_file, is_temporary, read_sealed_json, read_sealed_tensors};
-use calib_study::with_variables;
+use calib_study::{StepKind, with_variables};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
@@ -173,7 +173,7 @@ impl Check<'_> {
             return;
         }
         let made_by = folder.ancestors().find_map(made_by);
-        let made_by = made_by.map_or("calib run STUDY", |made| made.command).to_owned();
+        let made_by = made_by.map_or_else(|| "calib run STUDY".to_owned(), |made| made.command);
         self.checked.damages.push(Damage { path: path.to_owned(), reason, made_by });
     }
 
@@ -247,24 +247,26 @@ fn sealed(path: &Path) -> bool {
 
 /// What a folder of results is called, and what makes it.
 struct MadeBy {
-    command: &'static str,
+    command: String,
     needs_manifest: bool,
 }
 
 fn made_by(folder: &Path) -> Option<MadeBy> {
     let name = folder.file_name()?.to_str()?;
-    let (command, needs_manifest) = match name {
-        "dataset" => ("calib run STUDY", false),
-        "representation" => ("calib represent STUDY", true),
-        "model" => ("calib build-model STUDY", true),
-        "pretrain" => ("calib pretrain STUDY", true),
-        "control" | "control-model" | "control-representation" => ("calib control STUDY", true),
-        "control-units" => ("calib control STUDY", false),
-        "rollout" => ("calib rollout STUDY", true),
-        "sweep" => ("calib sweep STUDY", true),
-        "evaluate" => ("calib evaluate STUDY", true),
-        "validity-results" => ("calib validity STUDY …", false),
-        _ => return None,
+    let of_step = |step: StepKind, needs_manifest| MadeBy {
+        command: format!("calib {} STUDY", step.command()),
+        needs_manifest,
     };
-    Some(MadeBy { command, needs_manifest })
+    match name {
+        "control-model" | "control-representation" => Some(of_step(StepKind::Control, true)),
+        "control-units" => Some(of_step(StepKind::Control, false)),
+        "validity-results" => {
+            Some(MadeBy { command: "calib validity STUDY …".to_owned(), needs_manifest: false })
+        }
+        name => {
+            let step = StepKind::of_folder(name)?;
+            // A log is kept in folders below it.
+            Some(of_step(step, step != StepKind::Prepare))
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use calib_study::{Each, Job, Study};
+use calib_study::{Job, Scope, StepKind, Study};
 
 use crate::{
     StepError,
@@ -29,8 +29,8 @@ impl<'a> Course<'a> {
     ) -> Result<Self, StepError> {
         let mut later = 0.0;
         for model in models {
-            let parts = model.parts(Each::Deployment)?;
-            let left = parts.iter().filter(|part| plan.is_to_do("sweep", part));
+            let parts = model.parts(Scope::Deployment)?;
+            let left = parts.iter().filter(|part| plan.is_to_do(StepKind::Sweep, part));
             later += left.map(|part| passes(part.study())).sum::<f64>();
         }
         Ok(Self { talk, stages, begun: Cell::new(0), later: Cell::new(later) })
@@ -50,7 +50,7 @@ impl<'a> Course<'a> {
 
     /// The sweep of a part begins, if it is not done.
     pub(crate) fn sweep(&self, plan: &Plan, part: &Job) {
-        if plan.is_to_do("sweep", part) {
+        if plan.is_to_do(StepKind::Sweep, part) {
             let own = passes(part.study());
             let later = (self.later.get() - own).max(0.0);
             self.later.set(later);

@@ -1,8 +1,45 @@
 //! A step of each model and deployment of a study.
 
-use calib_study::{Each, Job};
+use calib_study::{Job, StepKind};
 
-use crate::{Outcome, StepError, ensure, output::Printer};
+use crate::{Outcome, StepError, base::outcome::Told, ensure, output::Printer};
+
+/// What a step came to for each model and deployment that it was taken for.
+#[derive(Debug)]
+pub struct Results<T> {
+    parts: Vec<PartResult<T>>,
+}
+
+/// What a step came to for one model and deployment.
+#[derive(Debug)]
+pub struct PartResult<T> {
+    /// The model, if the study compares several.
+    pub model: Option<String>,
+    /// The deployment, if the study has several and the step is taken for each.
+    pub deployment: Option<String>,
+    /// What the step came to.
+    pub result: T,
+}
+
+impl<T> Results<T> {
+    /// Each of them, in the order of the models and deployments.
+    pub fn parts(&self) -> &[PartResult<T>] {
+        &self.parts
+    }
+
+    /// The only one, where the study has one model and one deployment.
+    pub fn only(mut self) -> Option<T> {
+        if self.parts.len() == 1 { self.parts.pop().map(|part| part.result) } else { None }
+    }
+}
+
+impl<T: Told> Results<T> {
+    /// How the step ended: as the last of its parts that was not simply done.
+    pub fn outcome(&self) -> Outcome {
+        let ended = self.parts.iter().map(|part| part.result.outcome());
+        ended.filter(|outcome| *outcome != Outcome::Done).last().unwrap_or(Outcome::Done)
+    }
+}
 
 /// Whether a step is for a whole study or for one of its models and deployments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,50 +48,59 @@ pub(crate) enum Which {
     OneOfSeveral,
 }
 
-/// Run a step on each part of the study, or on the study if it has none.
-pub(crate) fn each(
-    each: Each,
+/// Take a step on each part of the study, or on the study if it has none; each result is told when it is there.
+pub(crate) fn each<T: Told>(
+    step: StepKind,
     job: &Job,
     printer: &Printer,
-    run: impl Fn(&Job, Which) -> Result<Outcome, StepError>,
-) -> Result<Outcome, StepError> {
-    let parts = job.parts(each)?;
-    if let [only] = parts.as_slice() {
-        return run(only, Which::TheOnly);
-    }
+    run: impl Fn(&Job, Which) -> Result<T, StepError>,
+) -> Result<Results<T>, StepError> {
+    let parts = job.parts(step.scope())?;
     ensure!(
-        !printer.is_for_machines(),
+        parts.len() == 1 || !printer.is_for_machines(),
         "--json prints one result, and the study has several; add {}",
         job.missing_names(&parts).join(" and ")
     );
-    each_of(&parts, printer, |part| run(part, Which::OneOfSeveral))
+    each_of(&parts, printer, run)
 }
 
-/// Run a step of a longer chain on each deployment of a study, or of one of its models.
-pub(crate) fn each_part(
-    each: Each,
+/// Take a step of a longer chain on each part of a study, or of one of its models.
+pub(crate) fn each_part<T: Told>(
+    step: StepKind,
     job: &Job,
     printer: &Printer,
-    run: impl Fn(&Job) -> Result<Outcome, StepError>,
+    run: impl Fn(&Job) -> Result<T, StepError>,
 ) -> Result<Outcome, StepError> {
-    match job.parts(each)?.as_slice() {
-        [only] => run(only),
-        parts => each_of(parts, printer, run),
-    }
+    Ok(each_of(&job.parts(step.scope())?, printer, |part, _| run(part))?.outcome())
 }
 
-fn each_of(
+/// Take a step of a longer chain, and tell what it came to.
+pub(crate) fn taken<T: Told>(
+    job: &Job,
+    printer: &Printer,
+    run: impl FnOnce(&Job) -> Result<T, StepError>,
+) -> Result<Outcome, StepError> {
+    let result = run(job)?;
+    result.tell(job, printer)?;
+    Ok(result.outcome())
+}
+
+fn each_of<T: Told>(
     parts: &[Job],
     printer: &Printer,
-    run: impl Fn(&Job) -> Result<Outcome, StepError>,
-) -> Result<Outcome, StepError> {
-    let mut ended = Outcome::Done;
+    run: impl Fn(&Job, Which) -> Result<T, StepError>,
+) -> Result<Results<T>, StepError> {
+    let which = if parts.len() == 1 { Which::TheOnly } else { Which::OneOfSeveral };
+    let mut results = Vec::with_capacity(parts.len());
     for part in parts {
-        printer.heading(&part.name());
-        match run(part)? {
-            Outcome::Done => {}
-            other => ended = other,
+        if which == Which::OneOfSeveral {
+            printer.heading(&part.name());
         }
+        let result = run(part, which)?;
+        result.tell(part, printer)?;
+        let (model, deployment) = (part.model(), part.deployment());
+        let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
+        results.push(PartResult { model, deployment, result });
     }
-    Ok(ended)
+    Ok(Results { parts: results })
 }

@@ -27,12 +27,14 @@ mod control;
 mod course;
 mod each;
 mod external;
+mod inspect;
 mod log;
 mod model;
 pub mod output;
 mod plan;
 mod program;
 mod propose;
+mod render;
 mod represent;
 mod rollouts;
 mod schemas;
@@ -41,6 +43,7 @@ mod sweep;
 mod validity;
 mod verdict;
 
+pub use agents::pretrain::PretrainedAgents;
 pub use base::{
     clock::{Stopwatch, in_future},
     error::{Context, StepError},
@@ -51,26 +54,37 @@ pub use base::{
         Device, Engine, Leftovers, Logs, Of, ProposeOptions, Spill, Standing, Submission,
         ValidityExtent, ValidityOptions,
     },
-    outcome::Outcome,
+    outcome::{Freshness, NoPlan, Outcome, StepResult, Told},
 };
-pub use calib_study::{Job, Request, StudyError};
+pub use calib_study::{Job, Request, StepKind, StudyError};
+pub use chain::StudyRun;
 pub use control::{
     ControlColumn, ControlModel, ControlNames, LogTold, SimulateTask, SimulatedTask, doubt_text,
 };
+pub use each::{PartResult, Results};
 pub use external::{ExternalCandidate, ExternalResult, StreamRun, SweepStreams};
+pub use inspect::{Inspection, inspect_deployments};
 pub use log::{
     plant_of_study::{data_of, plant_of},
     simulate::Simulated,
 };
-pub use model::calibration::Calibration;
+pub use model::{build_model::BuiltModel, build_plan::BuildPlan, calibration::Calibration};
 pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
+pub use represent::Representations;
+pub use rollouts::rollout::Rollouts;
 pub use schemas::{JsonDocuments, json_schemas};
 pub use steps::{
     build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
-    control, control_model, evaluate, evaluate_runs, inspect_actions, pretrain, propose, represent,
-    rollout, run, simulate, simulate_plant, simulate_task, sweep, validity,
+    control, control_model, evaluate, evaluate_runs, pretrain, propose, represent, rollout, run,
+    simulate, simulate_plant, simulate_task, sweep, validity,
 };
-pub use verdict::described::{Descriptions, unknown as unknown_sensors};
+pub use sweep::{SweepResult, Swept, plan::SweepPlan};
+pub use verdict::{
+    compare::{Compared, Summaries},
+    described::{Descriptions, unknown as unknown_sensors},
+    evaluate::{Judgement, SensorChoice, Summary},
+    evaluation::Evaluation,
+};
 
 /// The step patterns by which trajectories are compared: those of the paper's Table 1.
 pub const STEP_PATTERNS: [&str; 4] = ["symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c"];

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use calib_study::{Each, Job, Made, Study};
+use calib_study::{Job, Scope, StepKind};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ use crate::{
     StepError,
     agents::pretrain_files::PretrainManifest,
     base::artefact,
-    log::{plant_of_study, prepared},
+    log::{context::RunContext, plant_of_study, prepared},
     model::model_files::ModelManifest,
     represent::RepresentationManifest,
     rollouts::rollout::RolloutManifest,
@@ -26,7 +26,8 @@ pub(crate) struct Plan {
 /// A step of one model and deployment.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Planned {
-    step: &'static str,
+    #[schemars(with = "String")]
+    step: StepKind,
     #[serde(skip_serializing_if = "Option::is_none")]
     model: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -44,12 +45,6 @@ enum State {
     ToDo,
 }
 
-impl State {
-    fn of(is_up_to_date: bool) -> Self {
-        if is_up_to_date { Self::UpToDate } else { Self::ToDo }
-    }
-}
-
 impl Plan {
     /// What a run of these `models` of the study would do, whose agents are trained by an `arithmetic` that is not calib's own, if one is named. Nothing
     /// is read but manifests, and the log if it was prepared.
@@ -57,91 +52,64 @@ impl Plan {
         job: &Job,
         models: &[&Job],
         arithmetic: Option<&str>,
+        context: &RunContext,
     ) -> Result<Self, StepError> {
         let mut plan = Self::default();
-        let read = plan.log(&job.before_deployment()?);
-        let study = job.study();
-        if study.pretrain.epochs > 0 && study.pretrain.checkpoint.is_none() {
-            let job = job.before_deployment()?;
-            let found = artefact::read::<PretrainManifest>(&job.layout().pretrain());
-            let state = read && is_same(&job, Made::Pretrained, found.map(|found| found.study));
-            plan.add("pretrain", &job, state);
+        for step in [StepKind::Prepare, StepKind::Pretrain] {
+            plan.add(step, job, arithmetic, context)?;
         }
         for model in models {
-            plan.model(model, read, arithmetic)?;
+            for step in StepKind::OF_MODELS {
+                plan.add(step, model, arithmetic, context)?;
+            }
         }
-        plan.add("evaluate", job, false);
+        plan.steps.push(Planned::new(StepKind::Evaluate, job, State::ToDo));
         Ok(plan)
     }
 
-    fn log(&mut self, job: &Job) -> bool {
-        let there = plant_of_study::data(job).is_ok_and(|data| prepared::is_there(job, &data));
-        let read = there && !job.policy().redoes();
-        self.add("reading the log", job, read);
-        read
-    }
-
-    /// The steps of one model; what follows from what is to be done is to be done as well.
-    fn model(&mut self, job: &Job, read: bool, arithmetic: Option<&str>) -> Result<(), StepError> {
-        let first = job.before_deployment()?;
-        let (study, paths) = (first.study(), first.layout());
-        let mut current = read;
-        if study.has_representation() {
-            let found = artefact::read::<RepresentationManifest>(&paths.representation());
-            current &= is_same(&first, Made::Representation, found.map(|found| found.study));
-            self.add("represent", &first, current);
+    /// A step of each part of a job, if its study needs it. What follows from what is to be done is to be done as well.
+    fn add(
+        &mut self,
+        step: StepKind,
+        job: &Job,
+        arithmetic: Option<&str>,
+        context: &RunContext,
+    ) -> Result<(), StepError> {
+        if !job.study().needs(step) {
+            return Ok(());
         }
-        let model = artefact::read::<ModelManifest>(&paths.model());
-        let content = model.as_ref().and_then(|model| model.content().ok());
-        current &= is_same(&first, Made::Model, model.map(|model| model.study));
-        self.add("build-model", &first, current);
-        for part in job.parts(Each::Rollouts)? {
-            let found = artefact::read::<RolloutManifest>(&part.layout().rollout())
-                .filter(|found| Some(&found.model) == content.as_ref());
-            let same = is_same(&part, Made::Rollouts, found.map(|found| found.study));
-            self.add("rollout", &part, current && same);
-        }
-        for part in job.parts(Each::Deployment)? {
-            let found = artefact::read::<SweepManifest>(&part.layout().sweep())
-                .filter(|found| Some(&found.model) == content.as_ref())
-                .filter(|found| found.arithmetic.as_deref() == arithmetic);
-            let same = is_same(&part, Made::Sweep, found.map(|found| found.study));
-            self.add("sweep", &part, current && same);
+        let parts = match step.scope() {
+            // What is made before rollouts is the same for all deployments.
+            scope @ (Scope::Study | Scope::Model) => job.before_deployment()?.parts(scope)?,
+            scope => job.parts(scope)?,
+        };
+        for part in parts {
+            let waits = step.prerequisites().iter().any(|before| self.is_to_do(*before, &part));
+            let is_kept =
+                !waits && !part.policy().redoes() && is_kept(step, &part, arithmetic, context);
+            let state = if is_kept { State::UpToDate } else { State::ToDo };
+            self.steps.push(Planned::new(step, &part, state));
         }
         Ok(())
     }
 
-    fn add(&mut self, step: &'static str, job: &Job, is_up_to_date: bool) {
-        let owned = |name: Option<&str>| name.map(str::to_owned);
-        let (model, deployment) = (owned(job.model()), owned(job.deployment()));
-        self.steps.push(Planned {
-            step,
-            model,
-            deployment,
-            state: State::of(is_up_to_date),
-            expected: None,
-        });
-    }
-
-    /// Whether a step of this part is to be done.
-    pub(crate) fn is_to_do(&self, step: &str, part: &Job) -> bool {
-        let is_meant = |planned: &&Planned| {
-            planned.step == step
-                && planned.model.as_deref() == part.model()
-                && planned.deployment.as_deref() == part.deployment()
-        };
-        self.steps.iter().find(is_meant).is_some_and(|planned| planned.state == State::ToDo)
+    /// Whether a step that this part of the study has, or shares with others, is to be done.
+    pub(crate) fn is_to_do(&self, step: StepKind, part: &Job) -> bool {
+        self.steps
+            .iter()
+            .find(|planned| planned.step == step && planned.is_of(part))
+            .is_some_and(|planned| planned.state == State::ToDo)
     }
 
     /// Say what sweeps will take.
     pub(crate) fn expect(&mut self, all: &[OfPart]) {
         for OfPart { model, deployment, expected } in all {
-            let is_meant = |planned: &&mut Planned| {
-                planned.step == "sweep"
+            let sweep = self.steps.iter_mut().find(|planned| {
+                planned.step == StepKind::Sweep
                     && planned.model == *model
                     && planned.deployment == *deployment
-            };
-            if let Some(planned) = self.steps.iter_mut().find(is_meant) {
+            });
+            if let Some(planned) = sweep {
                 planned.expected = Some(expected.clone());
             }
         }
@@ -152,7 +120,7 @@ impl Plan {
         let told = |state: State, name: &str| {
             let own = self.steps.iter().filter(|planned| planned.state == state);
             let mut seen = BTreeSet::new();
-            let steps = own.clone().map(|planned| planned.step).filter(|step| seen.insert(*step));
+            let steps = own.map(|planned| planned.step).filter(|step| seen.insert(*step));
             let steps: Vec<String> = steps.map(|step| self.named(step, state)).collect();
             (!steps.is_empty()).then(|| format!("{name}: {}", steps.join(", ")))
         };
@@ -163,28 +131,70 @@ impl Plan {
     }
 
     /// "sweep", or "sweep (laplacian, week april)" where it is so of some of the models and deployments only.
-    fn named(&self, step: &'static str, state: State) -> String {
+    fn named(&self, step: StepKind, state: State) -> String {
         let all = self.steps.iter().filter(|planned| planned.step == step);
         if all.clone().all(|planned| planned.state == state) {
-            return step.to_owned();
+            return step.label().to_owned();
         }
         let own = all.filter(|planned| planned.state == state);
         let names: Vec<String> = own.map(Planned::whose).collect();
-        format!("{step} ({})", names.join(", "))
+        format!("{} ({})", step.label(), names.join(", "))
     }
 }
 
 impl Planned {
+    fn new(step: StepKind, part: &Job, state: State) -> Self {
+        let (model, deployment) = (part.model(), part.deployment());
+        let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
+        Self { step, model, deployment, state, expected: None }
+    }
+
+    /// Whether it is taken for this part of the study, be it with others.
+    fn is_of(&self, part: &Job) -> bool {
+        let is_own = |name: Option<&str>, of_part: Option<&str>| name.is_none() || name == of_part;
+        is_own(self.model.as_deref(), part.model())
+            && is_own(self.deployment.as_deref(), part.deployment())
+    }
+
     fn whose(&self) -> String {
         let names = [self.model.as_deref(), self.deployment.as_deref()];
         names.into_iter().flatten().collect::<Vec<_>>().join(" ")
     }
 }
 
-/// Whether what was made from `study` is what would be made now.
-fn is_same(job: &Job, made: Made, study: Option<Study>) -> bool {
-    !job.policy().redoes()
-        && study.is_some_and(|study| job.study().differences(made, &study).is_empty())
+/// Whether what a step made for a part of the study is what it would make now of what is there.
+fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>, context: &RunContext) -> bool {
+    let directory = &part.layout().directory(step);
+    let study = match step {
+        StepKind::Prepare => {
+            return plant_of_study::data(part)
+                .is_ok_and(|data| prepared::is_there(part, &data, context));
+        }
+        StepKind::Pretrain => {
+            artefact::read::<PretrainManifest>(directory).map(|found| found.facts.study)
+        }
+        StepKind::Represent => {
+            artefact::read::<RepresentationManifest>(directory).map(|found| found.facts.study)
+        }
+        StepKind::BuildModel => {
+            artefact::read::<ModelManifest>(directory).map(|found| found.facts.study)
+        }
+        StepKind::Rollout => artefact::read::<RolloutManifest>(directory)
+            .filter(|found| Some(&found.model) == model_content(part).as_ref())
+            .map(|found| found.facts.study),
+        StepKind::Sweep => artefact::read::<SweepManifest>(directory)
+            .filter(|found| Some(&found.model) == model_content(part).as_ref())
+            .filter(|found| found.arithmetic.as_deref() == arithmetic)
+            .map(|found| found.facts.study),
+        // Whether they are is found out when they are taken.
+        StepKind::Simulate | StepKind::Evaluate | StepKind::Control => None,
+    };
+    study.is_some_and(|study| part.study().differences(step, &study).is_empty())
+}
+
+/// What the model of a part is, if it has one.
+fn model_content(part: &Job) -> Option<String> {
+    artefact::read::<ModelManifest>(&part.layout().model())?.content().ok()
 }
 
 #[cfg(test)]
@@ -201,11 +211,11 @@ mod tests {
             expected: None,
         };
         let steps = vec![
-            planned("build-model", "a", State::UpToDate),
-            planned("build-model", "b", State::UpToDate),
-            planned("sweep", "a", State::UpToDate),
-            planned("sweep", "b", State::ToDo),
-            planned("evaluate", "", State::ToDo),
+            planned(StepKind::BuildModel, "a", State::UpToDate),
+            planned(StepKind::BuildModel, "b", State::UpToDate),
+            planned(StepKind::Sweep, "a", State::UpToDate),
+            planned(StepKind::Sweep, "b", State::ToDo),
+            planned(StepKind::Evaluate, "", State::ToDo),
         ];
         let plan = Plan { steps };
         assert_eq!(

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use calib_study::StepKind;
 use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, json_schema};
 
 use crate::{
@@ -55,20 +56,20 @@ impl JsonDocuments {
 pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
     let verdict = || JsonDocuments::of::<Summary>().or::<Summaries>();
     let documents = [
-        ("build-model", JsonDocuments::of::<ModelManifest>().or::<BuildPlan>()),
+        (StepKind::BuildModel.command(), JsonDocuments::of::<ModelManifest>().or::<BuildPlan>()),
         ("check", JsonDocuments::of::<Checked>()),
         ("cluster plan", JsonDocuments::of::<ClusterSummary>()),
         ("cluster status", JsonDocuments::of::<Status>()),
-        ("control", JsonDocuments::of::<ToldToMachines<'_>>()),
-        ("evaluate", verdict()),
+        (StepKind::Control.command(), JsonDocuments::of::<ToldToMachines<'_>>()),
+        (StepKind::Evaluate.command(), verdict()),
         ("init", JsonDocuments::of::<Chosen>()),
-        ("pretrain", JsonDocuments::of::<PretrainManifest>()),
+        (StepKind::Pretrain.command(), JsonDocuments::of::<PretrainManifest>()),
         ("quickstart", verdict()),
-        ("represent", JsonDocuments::of::<RepresentationManifest>()),
-        ("rollout", JsonDocuments::of::<RolloutManifest>()),
-        ("run", verdict().or::<Plan>()),
-        ("simulate", JsonDocuments::of::<Simulated>().or::<SimulatedTask>()),
-        ("sweep", JsonDocuments::of::<SweepManifest>().or::<SweepPlan<'_>>()),
+        (StepKind::Represent.command(), JsonDocuments::of::<RepresentationManifest>()),
+        (StepKind::Rollout.command(), JsonDocuments::of::<RolloutManifest>()),
+        (StepKind::Prepare.command(), verdict().or::<Plan>()),
+        (StepKind::Simulate.command(), JsonDocuments::of::<Simulated>().or::<SimulatedTask>()),
+        (StepKind::Sweep.command(), JsonDocuments::of::<SweepManifest>().or::<SweepPlan>()),
         ("validity", JsonDocuments::of::<validity::Summary<'_>>()),
     ];
     documents.into_iter().map(|(command, documents)| (command, documents.schema(command))).collect()

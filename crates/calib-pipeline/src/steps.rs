@@ -3,23 +3,33 @@
 use std::path::Path;
 
 use calib_plant::PlantOptions;
-use calib_study::{Each, Job, Study};
+use calib_study::{Job, StepKind, Study};
 
 use crate::{
     BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Device, Logs,
     Outcome, Printer, ProposeOptions, Simulated, StepError, ValidityOptions,
-    agents::pretrain as agents,
-    chain, check as checking, cluster,
-    control::{self as controls, LogTold, SimulateTask, SimulatedTask},
-    each::{Which, each},
+    agents::pretrain::{self as agents, PretrainedAgents},
+    base::outcome::{StepResult, Told as _},
+    chain::{self, StudyRun},
+    check as checking, cluster,
+    control::{self as controls, SimulateTask, SimulatedTask},
+    each::{Results, Which, each},
     external,
-    log::{prepared, simulate as simulation},
-    model::build_model as model,
-    propose as proposals, represent as representations,
-    rollouts::rollout as rollouts,
-    sweep::{self as sweeping, plan::Counted},
+    log::{context::RunContext, simulate as simulation},
+    model::{
+        build_model::{self as model, BuiltModel},
+        build_plan::BuildPlan,
+    },
+    propose as proposals,
+    render::show_judgement,
+    represent::{self as representations, Representations},
+    rollouts::rollout::{self as rollouts, Rollouts},
+    sweep::{self as sweeping, SweepResult, plan::Counted},
     validity as validities,
-    verdict::{compare, evaluate as judging},
+    verdict::{
+        evaluate::Judgement,
+        evaluation::{self as judging, Evaluation},
+    },
 };
 
 /// Every step that a study needs, from its log to the verdict, as far as it is missing; representations, networks and the agents of sweeps are trained
@@ -27,9 +37,9 @@ use crate::{
 ///
 /// # Errors
 /// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
-pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    chain::run(job, device, printer)
+pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<StudyRun, StepError> {
+    let context = &RunContext::new(printer);
+    chain::run(job, device, context)
 }
 
 /// Write the log of the plant that the study describes; nothing is said of a study that describes none.
@@ -61,15 +71,15 @@ pub fn represent(
     job: &Job,
     device: Option<Device>,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    each(Each::Model, job, printer, |job, which| {
+) -> Result<Results<StepResult<Representations>>, StepError> {
+    let context = &RunContext::new(printer);
+    each(StepKind::Represent, job, printer, |job, which| {
         // Of several models some search among the states themselves.
         if which == Which::OneOfSeveral && !job.study().has_representation() {
             printer.say("no representation: nothing to train");
-            return Ok(Outcome::Done);
+            return Ok(StepResult::Nothing(Outcome::Done));
         }
-        representations::run(job, device, printer)
+        representations::run(job, device, context)
     })
 }
 
@@ -81,28 +91,30 @@ pub fn build_model(
     job: &Job,
     options: &BuildOptions,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    each(Each::Model, job, printer, |job, _| model::run(job, options, printer))
+) -> Result<Results<StepResult<BuiltModel, Option<BuildPlan>>>, StepError> {
+    let context = &RunContext::new(printer);
+    each(StepKind::BuildModel, job, printer, |job, _| model::run(job, options, context))
 }
 
 /// Roll the models out, and compare with what was recorded.
 ///
 /// # Errors
 /// As [`run`].
-pub fn rollout(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    each(Each::Rollouts, job, printer, |job, _| rollouts::run(job, printer))
+pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollouts>>, StepError> {
+    let context = &RunContext::new(printer);
+    each(StepKind::Rollout, job, printer, |job, _| rollouts::run(job, context))
 }
 
 /// Pre-train one agent a sensor.
 ///
 /// # Errors
 /// As [`run`].
-pub fn pretrain(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
+pub fn pretrain(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAgents>, StepError> {
+    let context = &RunContext::new(printer);
     job.refuse_deployment()?;
-    agents::run(job, printer)
+    let result = agents::run(job, context)?;
+    result.tell(job, printer)?;
+    Ok(result)
 }
 
 /// Train agents for every value of the grid, in the models, Online and on the replayed log; through libtorch on `device`, if one is named, which
@@ -110,23 +122,26 @@ pub fn pretrain(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 ///
 /// # Errors
 /// As [`run`]; also if agents are not networks in single precision and a device is named.
-pub fn sweep(job: &Job, device: Option<Device>, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
+pub fn sweep(
+    job: &Job,
+    device: Option<Device>,
+    printer: &Printer,
+) -> Result<Results<SweepResult>, StepError> {
+    let context = &RunContext::new(printer);
     let counted = Counted::default();
-    let run = |job: &Job, _| sweeping::run(job, &counted, device, printer);
-    each(Each::Deployment, job, printer, run)
+    let run = |job: &Job, _| sweeping::run(job, &counted, device, context);
+    each(StepKind::Sweep, job, printer, run)
 }
 
 /// Choose a value, judge the choice by held-out data, and write the report.
 ///
 /// # Errors
 /// As [`run`].
-pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    match job.parts(Each::Deployment)?.as_slice() {
-        [only] if only.is_same_part(job) => judging::run(job, printer),
-        parts => compare::run(job, parts, &[], printer),
-    }
+pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, StepError> {
+    let context = &RunContext::new(printer);
+    let result = judging::run(job, &job.parts(StepKind::Evaluate.scope())?, &[], context)?;
+    result.tell(job, printer)?;
+    Ok(result)
 }
 
 /// Read a log of decisions, build its model with actions, let every candidate act in it, and say which to deploy.
@@ -134,7 +149,6 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// # Errors
 /// As [`run`]; also if the study has no `[control]` section.
 pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
     controls::run(job, printer)
 }
 
@@ -143,16 +157,7 @@ pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
 /// # Errors
 /// As [`control`].
 pub fn control_model(job: &Job, printer: &Printer) -> Result<(), StepError> {
-    prepared::begin_command();
     controls::build(job, printer)
-}
-
-/// What the log of a study with `[control]` did: its actions, where they were taken, and where it says what they do. Nothing of another study.
-///
-/// # Errors
-/// As [`control`].
-pub fn inspect_actions(job: &Job, printer: &Printer) -> Result<Option<LogTold>, StepError> {
-    controls::inspect(job, printer)
 }
 
 /// Write the log of a policy in a classic task, and a study of it.
@@ -173,8 +178,10 @@ pub fn evaluate_runs(
     study: &Study,
     output: Option<&Path>,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
-    external::runs::run(runs, study, output, printer)
+) -> Result<Judgement, StepError> {
+    let judged = external::runs::run(runs, study, output)?;
+    show_judgement(&judged, printer)?;
+    Ok(judged)
 }
 
 /// Look at a log, try small models of it, and write a study with a reason for every value.
@@ -182,8 +189,8 @@ pub fn evaluate_runs(
 /// # Errors
 /// As [`run`]; also if nothing in the log can be predicted.
 pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    proposals::run(options, printer)
+    let context = &RunContext::new(printer);
+    proposals::run(options, context)
 }
 
 /// Compare a folder of results with what was written.
@@ -199,8 +206,8 @@ pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, S
 /// # Errors
 /// As [`run`].
 pub fn validity(options: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    validities::run(options, printer)
+    let context = &RunContext::new(printer);
+    validities::run(options, context)
 }
 
 /// Divide what is left of a study's sweeps into shards, with everything that they read, in a folder of their own.
@@ -212,8 +219,8 @@ pub fn cluster_plan(
     options: &ClusterPlanOptions,
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
-    prepared::begin_command();
-    cluster::make(job, options, printer)
+    let context = &RunContext::new(printer);
+    cluster::make(job, options, context)
 }
 
 /// Make one shard of a plan. Whoever makes it twice gets the same bytes.
@@ -241,7 +248,7 @@ pub fn cluster_status(
 /// # Errors
 /// If a shard is missing or not what it should be ([`StepError::is_incomplete`]): nothing is written then.
 pub fn cluster_merge(plan: &Path, printer: &Printer) -> Result<Outcome, StepError> {
-    cluster::merge(plan, printer)
+    cluster::merge(plan, &RunContext::new(printer))
 }
 
 /// Hand a plan to a system that runs its shards.

@@ -8,8 +8,8 @@ use std::{
 use calib_core::{Monitor, Timestamp};
 use calib_data::table::write_log;
 use calib_pipeline::{
-    BuildOptions, Calibration, Job, Observer, Outcome, Printer, Remark, Request, Shown,
-    output::Result,
+    BuildOptions, Calibration, Evaluation, Freshness, Job, Observer, Outcome, Printer, Remark,
+    Request, Shown, StepResult, output::Result,
 };
 
 const STUDY: &str = "\
@@ -74,12 +74,45 @@ fn a_study_is_run_stopped_and_gone_on_with() {
     assert!(!folder.path().join("study-results/sweep/manifest.json").exists());
     let going_on = Arc::new(Kept::default());
     let ended = calib_pipeline::run(&job, None, &Printer::new(Arc::<Kept>::clone(&going_on)));
-    assert!(matches!(ended, Ok(Outcome::Done | Outcome::Negative)), "{ended:?}");
+    let ended = ended.expect("it goes on");
+    assert!(matches!(ended.outcome(), Outcome::Done | Outcome::Negative), "{ended:?}");
     let remarks = going_on.remarks.lock().expect("no panic").join("\n");
     assert!(remarks.contains("up to date: "), "the model is there: {remarks}");
     let results = going_on.results.lock().expect("no panic").join("\n");
     // Something is said of the sensor, and where the report is.
     assert!(results.contains("PIT300") && results.contains("report: "), "{results}");
+}
+
+#[test]
+fn what_steps_come_to_are_values() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("study.toml");
+    std::fs::write(&file, STUDY).expect("writable");
+    let job = Job::resolve(Request::new(&file)).expect("a study");
+    let printer = Printer::nobody();
+    let ended = calib_pipeline::run(&job, None, &printer).expect("a run");
+    let evaluation = ended.evaluation.expect("it is judged");
+    let verdict = evaluation.verdicts()[0];
+    assert_eq!(verdict.sensor, "PIT300");
+    let swept = calib_pipeline::sweep(&job, None, &printer).expect("it is there");
+    let swept = swept.only().and_then(StepResult::made).expect("of one model and deployment");
+    // Both of the grid, and the default.
+    assert_eq!((swept.ran(), swept.candidates().len()), (0, 3));
+    // The verdict counts the values of the sweep.
+    assert!(swept.candidates()[verdict.chosen].agent.learning_rate > 0.0);
+    let built = calib_pipeline::build_model(&job, &BuildOptions::default(), &printer);
+    let built = built.expect("it is there").only().and_then(StepResult::made).expect("one model");
+    assert_eq!(built.freshness(), Freshness::Kept);
+    assert!(built.transitions().iter().all(|member| *member < built.rows()));
+    let rollouts = calib_pipeline::rollout(&job, &printer).expect("they are there");
+    let rollouts = rollouts.only().and_then(StepResult::made).expect("of one model");
+    assert_eq!((rollouts.sensors(), rollouts.members()), (&["PIT300".to_owned()][..], 5));
+    // As JSON a value is what was written.
+    let Evaluation::Judged(judged) = &evaluation else { panic!("it has one model") };
+    let place = judged.report().and_then(|page| page.parent()).expect("a report");
+    let text = std::fs::read_to_string(place.join("evaluate/summary.json")).expect("written");
+    let written: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(serde_json::to_value(&evaluation).expect("JSON"), written);
 }
 
 #[test]

@@ -2,53 +2,37 @@
 
 use std::borrow::Cow;
 
-use crate::{Job, Request, Rollouts};
-
-/// Whose results a command makes.
-enum Makes {
-    /// Of the whole study, whatever model or deployment.
-    OfStudy,
-    /// Of a model.
-    OfModel,
-    /// Of a deployment of a model, unless the models' own serve for all.
-    Rollouts,
-    /// Of a deployment of a model.
-    OfDeployment,
-}
-
-impl Makes {
-    fn of(command: &str) -> Self {
-        match command {
-            "rollout" => Self::Rollouts,
-            "sweep" | "evaluate" => Self::OfDeployment,
-            "represent" | "build-model" => Self::OfModel,
-            _ => Self::OfStudy,
-        }
-    }
-}
+use crate::{Job, Request, Rollouts, Scope, StepKind};
 
 impl Job {
-    /// What to type to run `command` on this job: the same study with all that was given beside it, and the same results.
+    /// What to type to take `step` on this job: the same study with all that was given beside it, and the same results.
     /// It can be pasted into a shell.
-    pub fn command(&self, command: &str) -> String {
-        let output = self.written.request.output.as_ref().filter(|_| command != "simulate");
+    pub fn command(&self, step: StepKind) -> String {
+        let output = self.written.request.output.as_ref();
+        // A log lies where the study says.
+        let output = output.filter(|_| step != StepKind::Simulate);
         let output = output.map(|path| ["--output".to_owned(), path.display().to_string()]);
-        shell_words(self.words(command).into_iter().chain(output.into_iter().flatten()))
+        shell_words(self.words(step).into_iter().chain(output.into_iter().flatten()))
+    }
+
+    /// What to type to take every step.
+    pub fn run_command(&self) -> String {
+        self.command(StepKind::Prepare)
     }
 
     /// What makes the same results anywhere: [`Job::command`] without the place that they were to go to.
-    pub fn reproduction(&self, command: &str) -> String {
-        shell_words(self.words(command))
+    pub fn reproduction(&self, step: StepKind) -> String {
+        shell_words(self.words(step))
     }
 
-    fn words(&self, command: &str) -> Vec<String> {
+    fn words(&self, step: StepKind) -> Vec<String> {
         let Request { study, set, profile, .. } = &self.written.request;
-        let makes = Makes::of(command);
-        let model = self.model.as_ref().filter(|_| !matches!(makes, Makes::OfStudy));
-        let deployment = self.deployment.as_ref().filter(|_| match makes {
-            Makes::OfStudy | Makes::OfModel => false,
-            Makes::Rollouts => self.layout.rollouts() == Some(Rollouts::OfDeployment),
-            Makes::OfDeployment => true,
+        let scope = step.scope();
+        let model = self.model.as_ref().filter(|_| scope != Scope::Study);
+        let deployment = self.deployment.as_ref().filter(|_| match scope {
+            Scope::Study | Scope::Model => false,
+            Scope::Rollouts => self.layout.rollouts() == Some(Rollouts::OfDeployment),
+            Scope::Deployment => true,
         });
         let options = [("--profile", profile.as_ref())]
             .into_iter()
@@ -56,7 +40,7 @@ impl Job {
             .chain([("--model", model), ("--deployment", deployment)]);
         let options =
             options.filter_map(|(option, value)| Some([option.to_owned(), value?.clone()]));
-        ["calib".to_owned(), command.to_owned(), study.display().to_string()]
+        ["calib".to_owned(), step.command().to_owned(), study.display().to_string()]
             .into_iter()
             .chain(options.flatten())
             .collect()
@@ -99,16 +83,16 @@ mod tests {
             "'a study.toml' --profile tiny --set 'sweep.sensors=[\"A\"]' --set 'agent.gamma=0.9'";
         let output = "--output \"it's here\"";
         assert_eq!(
-            job.command("sweep"),
+            job.command(StepKind::Sweep),
             format!("calib sweep {given} --model b --deployment april {output}")
         );
         assert_eq!(
-            job.command("build-model"),
+            job.command(StepKind::BuildModel),
             format!("calib build-model {given} --model b {output}")
         );
-        assert_eq!(job.command("pretrain"), format!("calib pretrain {given} {output}"));
-        assert_eq!(job.command("simulate"), format!("calib simulate {given}"));
-        assert_eq!(job.reproduction("run"), format!("calib run {given}"));
+        assert_eq!(job.command(StepKind::Pretrain), format!("calib pretrain {given} {output}"));
+        assert_eq!(job.command(StepKind::Simulate), format!("calib simulate {given}"));
+        assert_eq!(job.reproduction(StepKind::Prepare), format!("calib run {given}"));
     }
 
     #[test]
@@ -118,7 +102,7 @@ mod tests {
                 of.set = vec![format!("rollout.start={start}")];
                 of.deployment = Some("april".to_owned());
             });
-            job.command("rollout").contains("--deployment")
+            job.command(StepKind::Rollout).contains("--deployment")
         };
         assert!(of("recent") && !of("random"));
     }

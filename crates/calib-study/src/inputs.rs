@@ -9,22 +9,7 @@ use calib_represent::RepresentationKind;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::Study;
-
-/// What is made of a study and kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Made {
-    /// A representation of the states.
-    Representation,
-    /// The calibration model.
-    Model,
-    /// Pre-trained agents.
-    Pretrained,
-    /// Rollouts of the model.
-    Rollouts,
-    /// Runs of a sweep.
-    Sweep,
-}
+use crate::{StepKind, Study};
 
 /// The keys of a study that a result follows from, each with its value. What changes no byte of it is not among them: the
 /// folder that the log lies in (the log is known by its fingerprint), the search structure, what another kind of model uses.
@@ -52,22 +37,33 @@ impl fmt::Display for Difference {
 }
 
 impl Study {
-    /// What a result follows from.
-    pub fn inputs(&self, made: Made) -> Inputs {
+    /// What the result of a step follows from.
+    pub fn inputs(&self, step: StepKind) -> Inputs {
         let mut inputs = Inputs::default();
-        match made {
-            Made::Representation => inputs.represented(self),
-            Made::Model => inputs.modelled(self),
-            Made::Pretrained => inputs.pretrained(self),
-            Made::Rollouts => inputs.rolled_out(self),
-            Made::Sweep => inputs.swept(self),
+        match step {
+            StepKind::Simulate => inputs.add("simulate", &self.simulate),
+            StepKind::Prepare => inputs.prepared(self),
+            StepKind::Pretrain => inputs.pretrained(self),
+            StepKind::Represent => inputs.represented(self),
+            StepKind::BuildModel => inputs.modelled(self),
+            StepKind::Rollout => inputs.rolled_out(self),
+            StepKind::Sweep => inputs.swept(self),
+            StepKind::Evaluate => {
+                inputs.swept(self);
+                inputs.add("evaluate", &self.evaluate);
+            }
+            StepKind::Control => {
+                inputs.represented(self);
+                inputs.add("control", &self.control);
+                inputs.add("evaluate.resamples", &self.evaluate.resamples);
+            }
         }
         inputs
     }
 
-    /// The keys in which a result that was made of the study `made` would be another one now.
-    pub fn differences(&self, result: Made, made: &Self) -> Vec<Difference> {
-        self.inputs(result).differences(&made.inputs(result))
+    /// The keys in which a result of `step` that was made of the study `made` would be another one now.
+    pub fn differences(&self, step: StepKind, made: &Self) -> Vec<Difference> {
+        self.inputs(step).differences(&made.inputs(step))
     }
 }
 
@@ -111,14 +107,20 @@ impl Inputs {
         self.0.retain(|key, _| !keys.iter().any(|of| inside(key, of)));
     }
 
+    /// A log as it is cleaned. Where it lies does not matter: its content is known by its fingerprint.
+    fn prepared(&mut self, study: &Study) {
+        self.add("data", &study.data);
+        self.remove(&["data.path"]);
+        self.add("preprocess", &study.preprocess);
+    }
+
     /// The states that everything is learnt from.
     fn training(&mut self, study: &Study) {
-        self.add("data", &study.data);
-        self.remove(&["data.path", "data.held_out"]);
+        self.prepared(study);
+        self.remove(&["data.held_out"]);
         if study.data.train.is_some() {
             self.remove(&["data.train_fraction"]);
         }
-        self.add("preprocess", &study.preprocess);
         self.add("model.period", &study.model.period);
         if study.pretrain.is_on() {
             self.add("pretrain.period", &study.pretrain.period);

@@ -1,5 +1,7 @@
 use std::path::{Path, PathBuf};
 
+use crate::{Scope, StepKind};
+
 /// Where the files of a study lie.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
@@ -38,11 +40,12 @@ impl Layout {
         Self { deployment: Some((name.to_owned(), rollouts)), ..self }
     }
 
-    /// What is called `name` in the results of the study's other models.
-    pub fn of_other_models(&self, name: &str) -> Vec<PathBuf> {
+    /// The directories of what a step makes for the study's other models, each model by itself.
+    pub fn of_other_models(&self, step: StepKind) -> Vec<PathBuf> {
         let roots = folders(&self.of_study().join("models")).into_iter();
+        let roots = roots.filter(|root| *root != self.root);
         let mut all: Vec<PathBuf> =
-            roots.filter(|root| *root != self.root).map(|root| root.join(name)).collect();
+            roots.map(|root| root.join(step.folder().unwrap_or_default())).collect();
         all.sort();
         all
     }
@@ -55,7 +58,7 @@ impl Layout {
         let mut sweeps: Vec<PathBuf> = roots
             .into_iter()
             .flat_map(|root| folders(&root.join("deployments")).into_iter().chain([root]))
-            .map(|root| root.join("sweep"))
+            .map(|root| root.join(StepKind::Sweep.folder().unwrap_or_default()))
             .filter(|sweep| *sweep != self.sweep() && sweep.is_dir())
             .collect();
         sweeps.sort();
@@ -93,42 +96,53 @@ impl Layout {
         &self.root
     }
 
+    /// The directory of what a step makes; of a simulated log, which lies where the study says, that of all results.
+    pub fn directory(&self, step: StepKind) -> PathBuf {
+        let shares_rollouts = matches!(self.deployment, Some((_, Rollouts::OfModel)));
+        let parent = match step.scope() {
+            // What acts has no part in the models that are compared, and a study of one has no others.
+            Scope::Study if step == StepKind::Control => self.root.clone(),
+            Scope::Study => self.of_study().to_owned(),
+            Scope::Rollouts if shares_rollouts => self.root.clone(),
+            Scope::Model => self.root.clone(),
+            Scope::Rollouts | Scope::Deployment => self.of_deployed(),
+        };
+        parent.join(step.folder().unwrap_or_default())
+    }
+
     /// Representations of the states.
     pub fn representation(&self) -> PathBuf {
-        self.root.join("representation")
+        self.directory(StepKind::Represent)
     }
 
     /// The calibration model.
     pub fn model(&self) -> PathBuf {
-        self.root.join("model")
+        self.directory(StepKind::BuildModel)
     }
 
     /// Rollouts of the model.
     pub fn rollout(&self) -> PathBuf {
-        match &self.deployment {
-            Some((_, Rollouts::OfDeployment)) => self.of_deployed().join("rollout"),
-            Some((_, Rollouts::OfModel)) | None => self.root.join("rollout"),
-        }
+        self.directory(StepKind::Rollout)
     }
 
     /// Logs as they were prepared; all models and deployments of the study share them.
     pub fn dataset(&self) -> PathBuf {
-        self.of_study().join("dataset")
+        self.directory(StepKind::Prepare)
     }
 
     /// Pre-trained agents; the models of a study share them.
     pub fn pretrain(&self) -> PathBuf {
-        self.of_study().join("pretrain")
+        self.directory(StepKind::Pretrain)
     }
 
     /// Runs of the sweep.
     pub fn sweep(&self) -> PathBuf {
-        self.of_deployed().join("sweep")
+        self.directory(StepKind::Sweep)
     }
 
     /// The verdict about agents that act.
     pub fn control(&self) -> PathBuf {
-        self.root.join("control")
+        self.directory(StepKind::Control)
     }
 
     /// The model with actions of a log of decisions.
@@ -148,7 +162,7 @@ impl Layout {
 
     /// Verdict and figures.
     pub fn evaluate(&self) -> PathBuf {
-        self.of_deployed().join("evaluate")
+        self.directory(StepKind::Evaluate)
     }
 
     /// The report.

@@ -11,7 +11,7 @@
 //! - [`Protocol`]: the plants and tasks of several studies, drawn from one seed.
 //!
 //! ```
-//! use calib_study::{Job, Request};
+//! use calib_study::{Job, Request, StepKind};
 //!
 //! let text = "[sweep]\nsensors = [\"PIT300\"]\nsteps = 6000\n";
 //! let mut request = Request::new("plant.toml");
@@ -19,7 +19,7 @@
 //! let job = Job::of_text(request, text.to_owned())?;
 //! assert_eq!(job.study().sweep.steps, 6000);
 //! assert_eq!(job.layout().sweep(), std::path::Path::new("plant-results/sweep"));
-//! assert_eq!(job.command("sweep"), "calib sweep plant.toml --set 'agent.gamma=0.9'");
+//! assert_eq!(job.command(StepKind::Sweep), "calib sweep plant.toml --set 'agent.gamma=0.9'");
 //!
 //! let error = Job::of_text(Request::new("plant.toml"), text.replace("steps", "step")).expect_err("no such key");
 //! assert!(error.to_string().starts_with("plant.toml:3:1: unknown key `step`; did you mean `steps`?"));
@@ -49,6 +49,7 @@ mod schema;
 mod share;
 mod simulate;
 mod source;
+mod step;
 mod study;
 mod toml_json;
 mod written;
@@ -56,13 +57,12 @@ mod written;
 pub use data_path::with_variables;
 pub use error::StudyError;
 pub use hint::shell_words;
-pub use inputs::{Difference, Inputs, Made};
+pub use inputs::{Difference, Inputs};
 pub use job::Job;
 pub use layout::{Layout, Rollouts};
 pub use model_section::ModelSection;
 pub use overrides::of_data;
 pub use partition::Partition;
-pub use parts::Each;
 pub use pretrain::{MomentsRule, PretrainConfig};
 pub use protocol::{Drawn, Protocol};
 pub use request::{Existing, Policy, Request, Writes};
@@ -70,4 +70,5 @@ pub use schema::schema;
 pub use share::Share;
 pub use simulate::SimulateConfig;
 pub use source::Place;
+pub use step::{Scope, StepKind};
 pub use study::{EvaluateConfig, Study};

@@ -1,16 +1,14 @@
-use std::{borrow::Cow, cell::RefCell, fmt, ops::Deref};
+use std::{borrow::Cow, ops::Deref};
 
 use calib_data::TimeRange;
-use calib_knn::{IndexKind, ModelConfig};
+use calib_knn::{IndexKind, ModelConfig, PrototypeKind, WeightsKind};
 use calib_model::ModelKind;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
-use serde::{
-    Deserialize, Serialize,
-    de::{self, DeserializeSeed, Deserializer, MapAccess, Visitor, value::MapAccessDeserializer},
-};
+use serde::{Deserialize, Serialize};
 
 /// The `[model]` section: the model, and what it is built from.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Written")]
 pub struct ModelSection {
     /// What kind of model; most other keys are about `"knn"` (default: `"knn"`).
     pub kind: ModelKind,
@@ -40,10 +38,6 @@ impl Deref for ModelSection {
     }
 }
 
-/// The keys that are not about neighbours.
-const PERIOD: &str = "period";
-const KIND: &str = "kind";
-
 impl JsonSchema for ModelSection {
     fn schema_name() -> Cow<'static, str> {
         "ModelSection".into()
@@ -66,112 +60,54 @@ impl JsonSchema for ModelSection {
         );
         let keys = schema.get_mut("properties").and_then(serde_json::Value::as_object_mut);
         if let Some(keys) = keys {
-            keys.insert(KIND.to_owned(), kind.into());
-            keys.insert(PERIOD.to_owned(), period.into());
+            keys.insert("kind".to_owned(), kind.into());
+            keys.insert("period".to_owned(), period.into());
         }
         schema.insert("description".to_owned(), "The `[model]` section.".into());
         schema
     }
 }
 
-// Derived, flattening would lose what is said of unknown keys, and where they are.
-impl<'de> Deserialize<'de> for ModelSection {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Section;
+/// Every key of the section as it is written: flattening would lose what is said of unknown keys, and where they are.
+macro_rules! written_keys {
+    ($($key:ident: $kind:ty),* $(,)?) => {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        struct Written {
+            period: Option<TimeRange>,
+            kind: ModelKind,
+            $($key: $kind,)*
+        }
 
-        impl<'de> Visitor<'de> for Section {
-            type Value = ModelSection;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("the section [model]")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ModelSection, A::Error> {
-                let own = RefCell::new(ModelSection::default());
-                let rest = Rest { map, own: &own };
-                let config = ModelConfig::deserialize(MapAccessDeserializer::new(rest))?;
-                Ok(ModelSection { config, ..own.into_inner() })
+        impl Default for Written {
+            fn default() -> Self {
+                let ModelSection { kind, config, period } = ModelSection::default();
+                Self { period, kind, $($key: config.$key,)* }
             }
         }
 
-        deserializer.deserialize_map(Section)
-    }
-}
-
-/// The entries of the section that are about neighbours; the others are put aside.
-struct Rest<'a, A> {
-    map: A,
-    own: &'a RefCell<ModelSection>,
-}
-
-impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
-    type Error = A::Error;
-
-    fn next_key_seed<K: DeserializeSeed<'de>>(
-        &mut self,
-        mut seed: K,
-    ) -> Result<Option<K::Value>, A::Error> {
-        loop {
-            match self.map.next_key_seed(Key(seed))? {
-                None => return Ok(None),
-                Some(Found::Neighbors(key)) => return Ok(Some(key)),
-                Some(Found::Period(again)) => {
-                    self.own.borrow_mut().period = Some(self.map.next_value()?);
-                    seed = again;
-                }
-                Some(Found::Kind(again)) => {
-                    self.own.borrow_mut().kind = self.map.next_value()?;
-                    seed = again;
-                }
+        impl From<Written> for ModelSection {
+            fn from(written: Written) -> Self {
+                let Written { period, kind, $($key,)* } = written;
+                Self { kind, config: ModelConfig { $($key,)* }, period }
             }
         }
-    }
-
-    fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, A::Error> {
-        self.map.next_value_seed(seed)
-    }
+    };
 }
 
-/// A key, with what reads it or the next one.
-struct Key<K>(K);
-
-enum Found<K, T> {
-    /// The period, with what reads the next key.
-    Period(K),
-    /// The kind, with what reads the next key.
-    Kind(K),
-    /// A key about neighbours, or an unknown one.
-    Neighbors(T),
-}
-
-impl<'de, K: DeserializeSeed<'de>> DeserializeSeed<'de> for Key<K> {
-    type Value = Found<K, K::Value>;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-        deserializer.deserialize_identifier(self)
-    }
-}
-
-impl<'de, K: DeserializeSeed<'de>> Visitor<'de> for Key<K> {
-    type Value = Found<K, K::Value>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a key of [model]")
-    }
-
-    fn visit_str<E: de::Error>(self, key: &str) -> Result<Self::Value, E> {
-        match key {
-            PERIOD => return Ok(Found::Period(self.0)),
-            KIND => return Ok(Found::Kind(self.0)),
-            _ => {}
-        }
-        let key = self.0.deserialize(de::value::StrDeserializer::<E>::new(key));
-        key.map(Found::Neighbors).map_err(|error| {
-            // The keys about neighbours do not know of the others, but whoever mistypes one should.
-            let known = format!("expected one of `{PERIOD}`, `{KIND}`, ");
-            E::custom(error.to_string().replacen("expected one of ", &known, 1))
-        })
-    }
+written_keys! {
+    members: usize,
+    neighbors: usize,
+    exclude_self: bool,
+    theiler: u32,
+    weights: WeightsKind,
+    temperature: f64,
+    prototypes: u32,
+    prototype_kind: PrototypeKind,
+    components: usize,
+    leaf_budget: usize,
+    recurrent: bool,
+    index: IndexKind,
 }
 
 #[cfg(test)]

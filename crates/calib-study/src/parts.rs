@@ -1,17 +1,6 @@
 //! The models and deployments of a study, each as a job of its own.
 
-use crate::{Job, StudyError, error::Problem};
-
-/// What a command does something for, once each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Each {
-    /// Each model.
-    Model,
-    /// Each model, and each deployment where its start states follow from the deployment.
-    Rollouts,
-    /// Each deployment of each model.
-    Deployment,
-}
+use crate::{Job, Scope, StudyError, error::Problem};
 
 impl Job {
     /// Each of the models that the study compares, with the deployment that is chosen; the job itself where a model is
@@ -30,18 +19,22 @@ impl Job {
         names.iter().map(|name| self.choose(Some(name), self.deployment())).collect()
     }
 
-    /// The jobs that a command is to go through: the job itself, if it has no several.
+    /// The jobs that a step of this scope is taken on: the job itself, if the study has no several.
     ///
     /// # Errors
     /// A value that is not valid in one of them, or a deployment where there are none.
-    pub fn parts(&self, each: Each) -> Result<Vec<Self>, StudyError> {
-        match each {
-            Each::Model => {
+    pub fn parts(&self, scope: Scope) -> Result<Vec<Self>, StudyError> {
+        match scope {
+            Scope::Study => {
+                self.refuse_deployment()?;
+                Ok(vec![self.clone()])
+            }
+            Scope::Model => {
                 self.refuse_deployment()?;
                 self.models()
             }
-            Each::Deployment => self.of_deployments(),
-            Each::Rollouts => once_where_shared(self.of_deployments()?),
+            Scope::Deployment => self.of_deployments(),
+            Scope::Rollouts => once_where_shared(self.of_deployments()?),
         }
     }
 
@@ -154,28 +147,28 @@ mod tests {
     #[test]
     fn parts_are_models_and_deployments_in_order() {
         let job = Job::of_text(Request::new("s.toml"), STUDY.to_owned()).expect("valid");
-        assert_eq!(names(job.parts(Each::Model)), ["model a", "model b"]);
+        assert_eq!(names(job.parts(Scope::Model)), ["model a", "model b"]);
         let all = [
             "model a, deployment april",
             "model a, deployment july",
             "model b, deployment april",
             "model b, deployment july",
         ];
-        assert_eq!(names(job.parts(Each::Deployment)), all);
+        assert_eq!(names(job.parts(Scope::Deployment)), all);
         // Rollouts from random starts are the same for every deployment.
-        assert_eq!(names(job.parts(Each::Rollouts)), ["model a", all[2], all[3]]);
+        assert_eq!(names(job.parts(Scope::Rollouts)), ["model a", all[2], all[3]]);
         let one = job.choose(Some("b"), Some("july")).expect("valid");
-        assert_eq!(names(one.parts(Each::Deployment)), ["model b, deployment july"]);
+        assert_eq!(names(one.parts(Scope::Deployment)), ["model b, deployment july"]);
         assert_eq!(
             one.layout().sweep(),
             std::path::Path::new("s-results/models/b/deployments/july/sweep")
         );
-        assert!(one.parts(Each::Model).is_err() && one.models().is_ok());
+        assert!(one.parts(Scope::Model).is_err() && one.models().is_ok());
         assert_eq!(
             one.study().data.held_out.as_ref().map(ToString::to_string).as_deref(),
             Some("2023-07-01 .. 2023-08-01")
         );
-        let missing = job.missing_names(&job.parts(Each::Deployment).expect("valid"));
+        let missing = job.missing_names(&job.parts(Scope::Deployment).expect("valid"));
         assert_eq!(missing, ["--model NAME (a, b)", "--deployment NAME (april, july)"]);
     }
 
@@ -183,7 +176,7 @@ mod tests {
     fn a_study_without_several_is_one_part() {
         let job = Job::of_text(Request::new("s.toml"), "[data]\npath = \"logs\"\n".to_owned());
         let job = job.expect("valid");
-        let parts = job.parts(Each::Rollouts).expect("valid");
+        let parts = job.parts(Scope::Rollouts).expect("valid");
         assert!(parts.len() == 1 && parts[0].is_same_part(&job) && parts[0].name().is_empty());
         let unknown = job.choose(Some("a"), None).expect_err("no models").to_string();
         assert_eq!(

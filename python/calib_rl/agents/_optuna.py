@@ -24,12 +24,32 @@ def optuna_objective(
         sweep: Where agents are run.
         factory: Makes an agent: ``factory(task, **values)``.
         suggest: Draws the values of a trial, such as ``lambda trial: {"learning_rate": trial.suggest_float("learning_rate", 1e-4, 1, log=True)}``.
-        sensor: What is predicted; the study's first without it.
+        sensor: What is predicted. The study's first, unless given.
         environments: Which environments count. Online does not by default: it is what a choice is judged by.
 
     Returns:
         A function of a trial: the geometric mean of the errors over all streams, as calib's rule ``pooled`` compares values. The mean so far
         is reported after each stream, members first in turn, so that pruners see the same streams of every trial.
+
+    Raises:
+        ValueError: No environment counts.
+
+    Examples:
+        With Optuna, ``optuna.create_study().optimize(objective, n_trials=20)``. Here a trial that always suggests 0.1:
+
+        >>> from calib_rl._study import _example_study
+        >>> from calib_rl.agents._sweep import _ExampleAgent
+        >>> class Trial:
+        ...     def suggest_float(self, name, low, high, log=False):
+        ...         return 0.1
+        ...     def report(self, value, step):
+        ...         pass
+        ...     def should_prune(self):
+        ...         return False
+        >>> sweep = Sweep(_example_study(), progress=False)
+        >>> objective = optuna_objective(sweep, _ExampleAgent, lambda trial: {"rate": trial.suggest_float("rate", 1e-4, 1.0, log=True)})
+        >>> 0 < objective(Trial()) < 10
+        True
     """
     name = next(iter(sweep.streams.sensors)) if sensor is None else sensor
     counted = [stream for stream in sweep.streams.all if environments(stream.environment)]

@@ -13,20 +13,59 @@ Values = Mapping[str, Any]
 
 @runtime_checkable
 class Agent(Protocol):
-    """What can be swept. A method ``begin()``, if there is one, is called where an unbroken piece of a stream begins."""
+    """What can be swept: any object with these three methods.
+
+    A method ``begin()``, if there is one, is called where an unbroken piece of a stream begins.
+
+    Examples:
+        >>> class Constant:
+        ...     def __init__(self, task, value=0.0):
+        ...         self.value = value
+        ...     def predict(self, observation):
+        ...         return self.value
+        ...     def update(self, observation, reward, next_observation):
+        ...         pass
+        ...     def state_dict(self):
+        ...         return {"value": self.value}
+        >>> isinstance(Constant(None), Agent)
+        True
+    """
 
     def predict(self, observation: NDArray[np.float32]) -> float:
-        """The return that is expected from a state, ``float32 [d]``, in normalised units."""
+        """Predict the return from a state.
+
+        Args:
+            observation: The state, ``float32 [d]``, normalised.
+
+        Returns:
+            The discounted sum of the sensor's future, in normalised units.
+        """
 
     def update(self, observation: NDArray[np.float32], reward: float, next_observation: NDArray[np.float32]) -> Any:
-        """Learn from a transition: ``reward`` is the predicted sensor in ``next_observation``, normalised."""
+        """Learn from a transition.
+
+        Args:
+            observation: The state before, ``float32 [d]``.
+            reward: The predicted sensor in ``next_observation``, normalised.
+            next_observation: The state after, ``float32 [d]``.
+        """
 
     def state_dict(self) -> Mapping[str, Any]:
-        """What was learnt, by name; kept beside the runs if `Sweep` is asked to."""
+        """Say what was learnt.
+
+        Returns:
+            Arrays or numbers by name. They are kept beside the runs if `Sweep.run` is asked to.
+        """
 
 
 class Task(NamedTuple):
-    """What an agent is to predict."""
+    """What an agent is to predict. A factory is given it.
+
+    Examples:
+        >>> task = Task(sensor="PIT300", column=3, columns=8, gamma=0.9, seed=42)
+        >>> task.columns
+        8
+    """
 
     sensor: str
     """The sensor."""

@@ -12,18 +12,41 @@ from .._verdict import Runs, Verdict
 
 
 class AgentRuns(Runs):
-    """Runs of agents of your own: one row a value, sensor, environment and run; docs/formats.md describes the columns."""
+    """Runs of agents of your own. `Sweep.run` returns it. docs/formats.md describes the columns.
+
+    Args:
+        path: The folder of the runs.
+        study: The study whose streams they are of.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> from calib_rl.agents._sweep import Sweep, _ExampleAgent
+        >>> runs = Sweep(_example_study(), progress=False).run(_ExampleAgent, {"rate": [0.01, 0.1]})
+        >>> list(runs.evaluate().settings)
+        ['PIT300']
+    """
 
     def __init__(self, path: Path, study: Study) -> None:
         super().__init__(path)
         self._study = study
 
     def states(self) -> list[Path]:
-        """Pickles of what agents had learnt, if they were kept."""
+        """What agents had learnt.
+
+        Returns:
+            Pickles, if they were kept (``keep_states=True``).
+        """
         return sorted((self.path / "units").glob("*.state.pickle"))
 
     def evaluate(self, *, progress: bool | Observer = False) -> Verdict:
-        """Choose a value by the study's ``[evaluate]``, and judge the choice by held-out data: as ``calib evaluate STUDY --runs FILE``."""
+        """Choose a setting by the study's ``[evaluate]``, and judge the choice by held-out data, as ``calib evaluate STUDY --runs FILE``.
+
+        Args:
+            progress: Whether to print what is done, or an observer.
+
+        Returns:
+            The verdict.
+        """
         return evaluate(self.path / "runs.parquet", self._study, progress=progress)
 
 
@@ -37,13 +60,25 @@ def evaluate(
     """Judge a table of runs that something else made.
 
     Args:
-        runs: Parquet with the columns ``environment``, ``sensor``, ``run``, ``candidate`` and ``rmse``; see docs/formats.md for the others.
-        study: How to judge; the defaults without it.
-        folder: Where the summary, figures and ``report.html`` go; ``evaluate`` beside the table without it.
+        runs: Parquet with the columns ``environment``, ``sensor``, ``run``, ``candidate`` and ``rmse``. See docs/formats.md for the others.
+        study: How to judge. By the defaults, unless given.
+        folder: Where the summary, figures and ``report.html`` go. ``evaluate`` beside the table, unless given.
         progress: Whether to print what is done, or an observer.
 
+    Returns:
+        The verdict.
+
     Raises:
-        CalibError: A column is missing, or a value is wrong; the text says which.
+        CalibError: A column is missing, or a value is wrong. The text says which.
+
+    Examples:
+        >>> import tempfile, pathlib
+        >>> from calib_rl._study import _example_study
+        >>> study = _example_study()
+        >>> _ = study.run(progress=False)
+        >>> verdict = evaluate(study.results / "sweep" / "runs.parquet", folder=tempfile.mkdtemp())
+        >>> list(verdict.chosen)
+        ['PIT300']
     """
     runs = Path(runs)
     folder = Path(folder) if folder is not None else runs.parent / "evaluate"

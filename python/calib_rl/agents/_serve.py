@@ -20,6 +20,9 @@ def serve(factory: Factory) -> None:
 
     Args:
         factory: Makes an agent: ``factory(task, **parameters)``, with the parameters of ``[agent.parameters]`` and ``[sweep.grid]``.
+
+    Examples:
+        >>> serve(MyAgent)    # doctest: +SKIP
     """
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
@@ -61,7 +64,7 @@ class _Served:
         self._before: NDArray[np.float32] | None = None
 
     def predictions(self, states: NDArray[np.float32], begins: bool, ends: bool) -> list[float | None]:
-        """One a state; the last is null where it is not finite. At the end of a piece none is asked of the agent."""
+        """One a state. The last is null where it is not finite. At the end of a piece none is asked of the agent."""
         if begins:
             self._before = None
             if begin := getattr(self.agent, "begin", None):

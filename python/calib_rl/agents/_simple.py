@@ -31,9 +31,14 @@ class SimplePredictor:
     once for every state, in order, and `begin` where an unbroken piece begins.
 
     Examples:
-        >>> ridge = SimplePredictor(verdict, "PIT300", "ridge")     # doctest: +SKIP
-        >>> ridge.predict(model.normalised(latest_state))           # doctest: +SKIP
-        4.71
+        >>> from calib_rl._study import _example_study
+        >>> verdict = _example_study().run(progress=False)
+        >>> ridge = SimplePredictor(verdict, "PIT300", "ridge")
+        >>> ridge
+        <SimplePredictor: ridge of PIT300>
+        >>> state = _example_study().model().states[-1]
+        >>> isinstance(ridge.predict(state), float)
+        True
     """
 
     predictor: ClassVar[str] = ""
@@ -51,9 +56,9 @@ class SimplePredictor:
         fitted = next(row["fitted"] for row in rows if row["sensor"] == sensor and row["predictor"] == name)
         self.bias: float = float(fitted["bias"])
         self.weights: NDArray[np.float64] | None = None
-        """One for each column of a state; none for an autoregression."""
+        """One for each column of a state. An autoregression has none."""
         self.lags: NDArray[np.float64] | None = None
-        """For the sensor's latest values, the present one first; none but for an autoregression."""
+        """For the sensor's latest values, the present one first. Only an autoregression has them."""
         if fitted["form"] == "affine":
             self.weights = np.array(fitted["weights"], dtype=np.float64)
         else:
@@ -62,12 +67,19 @@ class SimplePredictor:
             self._latest: deque[float] = deque(maxlen=len(self.lags))
 
     def begin(self) -> None:
-        """What was before a gap is forgotten."""
+        """Forget what was before a gap."""
         if self.lags is not None:
             self._latest.clear()
 
     def predict(self, observation: NDArray[np.float32]) -> float:
-        """The return that is expected from a normalised state, in normalised units."""
+        """Predict the return from a state.
+
+        Args:
+            observation: The state, normalised.
+
+        Returns:
+            The return, in normalised units.
+        """
         if self.weights is not None:
             return float(self.bias + self.weights @ np.asarray(observation, dtype=np.float64)[: len(self.weights)])
         assert self.lags is not None
@@ -77,10 +89,20 @@ class SimplePredictor:
         return float(self.bias + self.lags @ np.array(self._latest))
 
     def update(self, observation: NDArray[np.float32], reward: float, next_observation: NDArray[np.float32]) -> None:
-        """Nothing is learnt."""
+        """Learn nothing.
+
+        Args:
+            observation: Not used.
+            reward: Not used.
+            next_observation: Not used.
+        """
 
     def state_dict(self) -> Mapping[str, Any]:
-        """The coefficients."""
+        """The coefficients.
+
+        Returns:
+            ``bias``, ``weights`` and ``lags``. One of the last two is ``None``.
+        """
         return {"bias": self.bias, "weights": self.weights, "lags": self.lags}
 
     def __repr__(self) -> str:
@@ -88,25 +110,49 @@ class SimplePredictor:
 
 
 class Mean(SimplePredictor):
-    """The mean return of the training range."""
+    """The mean return of the training range. See `SimplePredictor`.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> Mean(_example_study().run(progress=False), "PIT300").name
+        'mean'
+    """
 
     predictor = "mean"
 
 
 class Persistence(SimplePredictor):
-    """The sensor stays as it is."""
+    """The sensor stays as it is. See `SimplePredictor`.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> Persistence(_example_study().run(progress=False), "PIT300").name
+        'persistence'
+    """
 
     predictor = "persistence"
 
 
 class Ridge(SimplePredictor):
-    """Ridge regression on all columns of the state."""
+    """Ridge regression on all columns of the state. See `SimplePredictor`.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> Ridge(_example_study().run(progress=False), "PIT300").name
+        'ridge'
+    """
 
     predictor = "ridge"
 
 
 class LeastSquaresTD(SimplePredictor):
-    """Least-squares TD on all columns of the state."""
+    """Least-squares TD on all columns of the state. See `SimplePredictor`.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> LeastSquaresTD(_example_study().run(progress=False), "PIT300").name
+        'least_squares_td'
+    """
 
     predictor = "least_squares_td"
 

@@ -14,13 +14,22 @@ from ._protocol import Agent, Factory, Task, Values, is_number, made
 
 
 class Stream:
-    """A run's stream of states.
+    """A run's stream of states. `Streams.all` has them.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> study = _example_study()
+        >>> _ = study.build_model(progress=False)
+        >>> stream = Streams(study).all[0]
+        >>> states, pieces = stream.states()
+        >>> states.dtype, pieces[0][0]
+        (dtype('float32'), 0)
 
     Attributes:
         environment: ``"member:0"`` …, ``"online"`` or ``"log-replay"``.
         run: Number of the run there.
         seed: For the agents of the run.
-        steps: Steps of the run. The stream has more states, so that the last returns are complete; agents do not see them.
+        steps: Steps of the run. The stream has more states, so that the last returns are complete. Agents do not see them.
     """
 
     def __init__(self, native: _calib.Streams, position: int, told: tuple[str, int, int, int, str, int]) -> None:
@@ -34,7 +43,11 @@ class Stream:
         self.steps: int = told[5]
 
     def states(self) -> tuple[NDArray[np.float32], list[tuple[int, int]]]:
-        """Normalised states, ``float32 [m, d]``, and the unbroken pieces of them, as ranges."""
+        """The states of the stream.
+
+        Returns:
+            Normalised states, ``float32 [m, d]``, and the unbroken pieces of them, as ranges.
+        """
         return self._native.states(self.position)
 
     def __repr__(self) -> str:
@@ -47,6 +60,20 @@ class Streams:
     Args:
         study: The study.
         progress: Whether to print what is done, or an observer.
+
+    Attributes:
+        all: Every `Stream`.
+        sensors: The predicted sensors, each with its column.
+        gamma: The discount factor.
+        part: Which part of a run is scored.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> study = _example_study()
+        >>> _ = study.build_model(progress=False)
+        >>> streams = Streams(study)
+        >>> sorted({stream.environment.split(":")[0] for stream in streams.all})
+        ['log-replay', 'member', 'online']
     """
 
     def __init__(self, study: Study, *, progress: bool | Observer = False) -> None:
@@ -58,7 +85,16 @@ class Streams:
         self.part: str = self._native.part
 
     def task(self, stream: Stream, sensor: str, columns: int) -> Task:
-        """What an agent of this stream is to predict."""
+        """What an agent of this stream is to predict.
+
+        Args:
+            stream: One of `all`.
+            sensor: What to predict.
+            columns: Columns of the states.
+
+        Returns:
+            The task.
+        """
         return Task(sensor, self.sensors[sensor], columns, self.gamma, stream.seed)
 
     def run(
@@ -87,7 +123,7 @@ class Streams:
 def predicted(
     agent: Agent, states: NDArray[np.float32], pieces: list[tuple[int, int]], column: int, steps: int
 ) -> tuple[NDArray[np.float32], int]:
-    """What an agent predicts on ``steps`` states, learning from each; up to the first that is no number. And how often it learnt."""
+    """What an agent predicts on ``steps`` states, learning from each. Up to the first that is no number, and how often it learnt."""
     predictions = np.zeros(steps, np.float32)
     rewards = states[:, column].astype(float).tolist()
     predict, update = agent.predict, agent.update

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._progress import Observer, observer
 from .._study import Study
-from ._protocol import Factory, Values
+from ._protocol import Factory, Task, Values
 from ._runs import AgentRuns
 from ._streams import Streams
 from ._unit import Unit, open_streams, plain, run_there, run_unit
@@ -25,6 +26,12 @@ from ._unit import Unit, open_streams, plain, run_there, run_unit
 def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
     """All combinations of values.
 
+    Args:
+        values: The values of each hyperparameter.
+
+    Returns:
+        One dictionary for each combination.
+
     Examples:
         >>> grid({"a": [1, 2], "b": ["x"]})
         [{'a': 1, 'b': 'x'}, {'a': 2, 'b': 'x'}]
@@ -32,14 +39,45 @@ def grid(values: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
     return [dict(zip(values, combination)) for combination in product(*values.values())]
 
 
+class _ExampleAgent:
+    """Predicts the mean return that it has seen so far, for examples."""
+
+    def __init__(self, task: Task, rate: float = 0.1) -> None:
+        self.gamma, self.rate, self.value = task.gamma, rate, 0.0
+
+    def predict(self, observation: NDArray[np.float32]) -> float:
+        return self.value
+
+    def update(self, observation: NDArray[np.float32], reward: float, next_observation: NDArray[np.float32]) -> None:
+        self.value += self.rate * (reward + self.gamma * self.value - self.value)
+
+    def state_dict(self) -> Mapping[str, Any]:
+        return {"value": self.value}
+
+
 class Sweep:
     """Runs of agents in the environments of a study.
 
     Args:
-        study: The study; its model is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs; ``agent.gamma`` which
+        study: The study. Its model is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs. ``agent.gamma`` which
             return is predicted. Its grid and the rest of ``[agent]`` are those of calib's own agents, and do not matter here.
-        folder: Where results go; ``agents`` in the results of the study without it.
+        folder: Where results go. ``agents`` in the results of the study, unless given.
         progress: Whether to print what is done, or an observer.
+
+    Examples:
+        >>> from calib_rl._study import _example_study
+        >>> class MeanReturn:
+        ...     def __init__(self, task, rate):
+        ...         self.gamma, self.rate, self.value = task.gamma, rate, 0.0
+        ...     def predict(self, observation):
+        ...         return self.value
+        ...     def update(self, observation, reward, next_observation):
+        ...         self.value += self.rate * (reward + self.gamma * self.value - self.value)
+        ...     def state_dict(self):
+        ...         return {"value": self.value}
+        >>> runs = Sweep(_example_study(), progress=False).run(MeanReturn, {"rate": [0.01, 0.1]})
+        >>> list(runs.evaluate().settings)
+        ['PIT300']
     """
 
     def __init__(
@@ -63,13 +101,13 @@ class Sweep:
     ) -> AgentRuns:
         """Run an agent of every value in every environment.
 
-        What was run before is not run again, as long as the streams, the values, the factory's name and ``version`` are the same.
+        Finished runs are kept, as long as the streams, the values, the factory's name and ``version`` are the same.
 
         Args:
             factory: Makes an agent: ``factory(task, **values)``. With several processes it must be a function of a module.
             values: Values of every hyperparameter, all of whose combinations are run, or a list of combinations.
-            default: The combination that nobody has to decide; the first without it. It is added if it is none of ``values``.
-            processes: Processes to run in; their results are the same.
+            default: The combination that you would use without a choice. The first, unless given. It is added if ``values`` lacks it.
+            processes: Processes to run in. Their results are the same.
             version: Change it when the agent's code changes.
             keep_states: Whether what each agent has learnt is pickled beside the runs.
 
@@ -77,7 +115,7 @@ class Sweep:
             The runs.
 
         Raises:
-            Exception: What an agent raised; runs that were finished are kept.
+            Exception: What an agent raised. Runs that were finished are kept.
         """
         candidates = grid(values) if isinstance(values, Mapping) else [dict(of) for of in values]
         if not candidates:

@@ -49,7 +49,7 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(
     parsed.map(Some).map_err(|_| {
         let names: Vec<&str> = SimplePredictor::ALL
             .into_iter()
-            .chain([SimplePredictor::Best])
+            .chain([SimplePredictor::Best, SimplePredictor::Mixture])
             .map(SimplePredictor::name)
             .collect();
         D::Error::custom(format!(

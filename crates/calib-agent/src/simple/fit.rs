@@ -3,7 +3,7 @@ use std::{cell::OnceCell, ops::Range};
 use calib_core::Stream;
 
 use super::{
-    FittedPredictor, SimplePredictor, autoregression,
+    FittedPredictor, Mixture, SimplePredictor, autoregression,
     moments::{Folds, Target, sum},
     solve::Square,
 };
@@ -85,6 +85,7 @@ impl<'a> Fitter<'a> {
         }
         let fitted = match predictor {
             SimplePredictor::Best => return self.best(column, &returns, constant),
+            SimplePredictor::Mixture => return self.mixture(column, &returns, constant),
             predictor => self.judged(predictor, column, &returns),
         };
         fitted.map_or(constant, |fitted| fitted.predictor)
@@ -102,6 +103,36 @@ impl<'a> Fitter<'a> {
         let simplest =
             judged.into_iter().find(|judged| judged.squared_error <= 1.01 * 1.01 * least);
         simplest.map_or(constant, |judged| judged.predictor)
+    }
+
+    /// All that can be judged on later folds.
+    fn mixture(
+        &self,
+        column: usize,
+        returns: &[f64],
+        constant: FittedPredictor,
+    ) -> FittedPredictor {
+        let judged = Folds::splits_ahead().into_iter().flat_map(|split| split.judged);
+        let count = judged.map(|part| self.folds.rows_of(part).len()).sum::<usize>() as f64;
+        let (mut predictors, mut errors) = (Vec::new(), Vec::new());
+        for predictor in SimplePredictor::ALL {
+            let judged = self.judged(predictor, column, returns);
+            if let Some(judged) = judged.filter(|judged| judged.squared_error.is_finite()) {
+                predictors.push(judged.predictor);
+                errors.push(judged.squared_error / count);
+            }
+        }
+        if predictors.is_empty() || count == 0.0 {
+            return constant;
+        }
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        for piece in self.stream.pieces() {
+            for t in piece.clone() {
+                let value = f64::from(self.stream.state(t)[column]);
+                range = [range[0].min(value), range[1].max(value)];
+            }
+        }
+        FittedPredictor::Mixture(Mixture { column, range, gamma: self.gamma, predictors, errors })
     }
 
     /// A predictor, and its error where later folds are predicted by what was fitted on earlier ones; none where the column
@@ -126,7 +157,7 @@ impl<'a> Fitter<'a> {
             SimplePredictor::LeastSquaresTd => {
                 self.linear(column, returns, &Equations::Td(self.ahead()))
             }
-            SimplePredictor::Best => None,
+            SimplePredictor::Best | SimplePredictor::Mixture => None,
         }
     }
 

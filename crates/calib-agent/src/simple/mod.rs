@@ -4,6 +4,7 @@
 
 mod autoregression;
 mod fit;
+mod mixture;
 mod moments;
 mod solve;
 
@@ -12,6 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use fit::Fitter;
+pub use mixture::Mixture;
 
 /// A way to predict the return `G_t = Σ_k γᵏ o_{t+k+1}` of a sensor `o` that learns nothing after the log ends.
 #[derive(
@@ -37,6 +39,8 @@ pub enum SimplePredictor {
     /// The one of these that predicts later folds of the log best when it is fitted on the earlier ones, as it will be when
     /// it is deployed; the simpler one of two that are within a hundredth of each other.
     Best,
+    /// All of them, weighted by how well each has predicted so far.
+    Mixture,
 }
 
 impl SimplePredictor {
@@ -60,6 +64,7 @@ impl SimplePredictor {
             Self::Ridge => "ridge",
             Self::LeastSquaresTd => "least_squares_td",
             Self::Best => "best",
+            Self::Mixture => "mixture",
         }
     }
 
@@ -73,6 +78,7 @@ impl SimplePredictor {
             Self::Ridge => "ridge regression",
             Self::LeastSquaresTd => "least-squares TD",
             Self::Best => "the best simple predictor",
+            Self::Mixture => "a mixture of simple predictors",
         }
     }
 }
@@ -98,6 +104,8 @@ pub enum FittedPredictor {
         /// The constant.
         bias: f64,
     },
+    /// A weighted mean of others.
+    Mixture(Mixture),
 }
 
 impl FittedPredictor {
@@ -106,6 +114,9 @@ impl FittedPredictor {
     /// # Panics
     /// If the states are narrower than those that it was fitted on.
     pub fn predictions(&self, stream: &dyn Stream) -> Vec<f32> {
+        if let Self::Mixture(mixture) = self {
+            return mixture.predictions(stream);
+        }
         let mut predictions = vec![0.0; stream.len()];
         for piece in stream.pieces() {
             for t in piece.clone() {
@@ -124,6 +135,7 @@ impl FittedPredictor {
                             .map(|lag| f64::from(stream.state(earlier(lag))[*column]));
                         bias + lags.iter().zip(values).map(|(w, x)| w * x).sum::<f64>()
                     }
+                    Self::Mixture(_) => unreachable!("predicts by itself"),
                 };
                 predictions[t] = value as f32;
             }

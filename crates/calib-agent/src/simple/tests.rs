@@ -124,6 +124,42 @@ fn the_best_is_what_predicts_what_comes_later() {
 }
 
 #[test]
+fn a_mixture_does_nearly_as_well_as_the_best_of_what_it_mixes() {
+    let train = stream(6000, 21);
+    let fitter = Fitter::new(&train, GAMMA, &[]);
+    let mixture = fitter.fit(SimplePredictor::Mixture, 0);
+    let test = stream(6000, 22);
+    let each = SimplePredictor::ALL.map(|predictor| error(&fitter.fit(predictor, 0), &test));
+    let best = each.into_iter().fold(f64::INFINITY, f64::min);
+    let mixed = error(&mixture, &test);
+    assert!(mixed <= 1.01 * best, "{mixed} {each:?}");
+    // A plant that starts to work otherwise: what was best goes wrong, and is left.
+    let states = (0..6000).flat_map(|t| {
+        let [a, b, c] = Stream::state(&test, t) else { panic!("three columns") };
+        let (up, down) = if t > 500 { (3.0, 40.0) } else { (0.0, 0.0) };
+        [a + up, b - down, *c]
+    });
+    let states = States::new(states.collect(), 6000, 3).expect("valid");
+    let changed = RowStream::replay(states, &Segments::from_lengths([6000]).expect("valid"));
+    let each = SimplePredictor::ALL.map(|predictor| error(&fitter.fit(predictor, 0), &changed));
+    let best = each.into_iter().fold(f64::INFINITY, f64::min);
+    let mixed = error(&mixture, &changed);
+    // Some steps pass before it is seen that they do.
+    assert!(each[4] > 50.0 * best && mixed <= 2.0 * best, "{mixed} {each:?}");
+}
+
+#[test]
+fn a_mixture_knows_nothing_of_what_comes() {
+    let train = stream(3000, 23);
+    let mixture = Fitter::new(&train, GAMMA, &[]).fit(SimplePredictor::Mixture, 0);
+    let all = mixture.predictions(&train);
+    let states = (0..700).flat_map(|t| Stream::state(&train, t).to_vec()).collect();
+    let states = States::new(states, 700, 3).expect("valid");
+    let part = RowStream::replay(states, &Segments::from_lengths([700]).expect("valid"));
+    assert_eq!(mixture.predictions(&part), all[..700]);
+}
+
+#[test]
 fn what_is_excluded_has_no_influence() {
     let train = stream(3000, 4);
     let mut values: Vec<f32> = (0..3000).flat_map(|t| Stream::state(&train, t).to_vec()).collect();
@@ -131,7 +167,8 @@ fn what_is_excluded_has_no_influence() {
     let states = States::new(values, 3000, 3).expect("valid");
     let changed = RowStream::replay(states, &Segments::from_lengths([1000, 2000]).expect("valid"));
     let excluded = std::slice::from_ref(&(1500..2000));
-    for predictor in SimplePredictor::ALL.into_iter().chain([SimplePredictor::Best]) {
+    let both = [SimplePredictor::Best, SimplePredictor::Mixture];
+    for predictor in SimplePredictor::ALL.into_iter().chain(both) {
         let fitted = Fitter::new(&train, GAMMA, excluded).fit(predictor, 0);
         let again = Fitter::new(&changed, GAMMA, excluded).fit(predictor, 0);
         assert_eq!(fitted, again, "{predictor:?}");
@@ -159,7 +196,8 @@ fn logs_without_information_give_their_mean() {
     let short = stream(24, 5);
     let constant = States::new(vec![0.25; 600], 300, 2).expect("valid");
     let constant = RowStream::replay(constant, &Segments::from_lengths([300]).expect("valid"));
-    for predictor in SimplePredictor::ALL.into_iter().chain([SimplePredictor::Best]) {
+    let both = [SimplePredictor::Best, SimplePredictor::Mixture];
+    for predictor in SimplePredictor::ALL.into_iter().chain(both) {
         let predictions = Fitter::new(&short, GAMMA, &[]).fit(predictor, 0).predictions(&short);
         assert!(predictions.iter().all(|value| value.is_finite()), "{predictor:?}");
         let of_constant = Fitter::new(&constant, GAMMA, &[]).fit(predictor, 0);

@@ -145,6 +145,22 @@ fn a_choice_that_may_be_no_better_than_the_default_is_doubted() {
 }
 
 #[test]
+fn terminals_are_rare_where_most_kinds_of_models_have_few() {
+    let log = plain();
+    let of_kinds = |terminals: [usize; 3]| -> Vec<Doubt> {
+        let all = ActionModelKind::ALL.into_iter().zip(terminals).flat_map(|(kind, terminals)| {
+            runs(&GOOD).into_iter().map(move |run| Run { kind, terminals, ..run })
+        });
+        let all: Vec<Run> = all.collect();
+        let question = Question { rule: RankRule::MeanRank, ..question(&log) };
+        judge(&all, &question, Seed::new(1)).expect("judged").doubts
+    };
+    // One in ten steps of the log, one in a hundred steps or none in models.
+    assert_eq!(of_kinds([0, 10, 10]), [], "one kind alone");
+    assert!(matches!(of_kinds([0, 0, 10])[..], [Doubt::RareTerminals { .. }]));
+}
+
+#[test]
 fn a_choice_that_gets_less_than_was_recorded_is_doubted() {
     let worse = GOOD.map(|of| of.map(|of| of - 3.0));
     let doubts = judged(&worse, Support::default()).doubts;

@@ -1,8 +1,12 @@
-use std::collections::BTreeMap;
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use calib_agent::{
-    AgentConfig, Epoch, FittedPredictor, Fitter, Learner, Pretraining, PretrainingDiverged,
-    StateFile, parameter_count, pretrain, pretraining_bytes, with_traces,
+    AgentConfig, FittedPredictor, Fitter, Learner, Pretraining, PretrainingDiverged, StateFile,
+    parameter_count, pretrain, pretraining_bytes, with_traces,
 };
 use calib_core::{RowStream, Seed};
 use calib_files::write_json;
@@ -13,20 +17,24 @@ use crate::{
     Context as _, StepError,
     agents::{
         pretrain_files::{
-            self, PretrainManifest, PretrainedAgent, TrainedAgent, agent_key, write_agent,
+            self, PretrainFacts, PretrainManifest, PretrainedAgent, TrainedAgent, agent_key,
+            write_agent,
         },
         shares::{self, OfShares},
     },
     bail,
     base::{
-        artefact::{self, Below, Claim, Files, MANIFEST, Manifest as _, TOOL},
+        artefact::{self, Below, Claim},
         clock::Stopwatch,
         memory,
-        outcome::Outcome,
+        outcome::{NoPlan, StepResult},
     },
-    log::partition::{self, Parts, span},
+    log::{
+        context::RunContext,
+        partition::{self, Parts, span},
+    },
     model::model_files::sensor_columns,
-    output::{Printer, bytes, count, duration, significant, table},
+    output::{Printer, bytes, count},
 };
 
 /// A sensor to pre-train for, and the key of its agent.
@@ -36,12 +44,42 @@ pub(super) struct Wanted {
     pub(super) key: String,
 }
 
+/// Agents that have learnt from the log.
+#[derive(Debug)]
+pub struct PretrainedAgents {
+    pub(crate) manifest: PretrainManifest,
+    pub(crate) directory: PathBuf,
+    /// How many were trained just now.
+    pub(crate) trained: usize,
+    pub(crate) took: Duration,
+}
+
+impl PretrainedAgents {
+    /// The sensors that have an agent.
+    pub fn sensors(&self) -> Vec<&str> {
+        self.manifest.agents.iter().map(|agent| agent.sensor.as_str()).collect()
+    }
+
+    /// Sensors whose agents diverged, and the epoch in which they did.
+    pub fn diverged(&self) -> &BTreeMap<String, usize> {
+        &self.manifest.diverged
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
 /// Pre-train one agent a sensor.
-pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+pub(crate) fn run(
+    job: &Job,
+    context: &RunContext,
+) -> Result<StepResult<PretrainedAgents>, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     check(study)?;
-    let parts = partition::load(job, printer)?;
+    let parts = partition::load(job, context)?;
     let wanted = wanted(study, &parts)?;
     let directory = paths.pretrain();
     let mut done =
@@ -54,20 +92,21 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     let is_missing =
         |wanted: &Wanted| !done.contains_key(&wanted.sensor) && !of_shares.has(&wanted.sensor);
     let missing: Vec<&Wanted> = wanted.iter().filter(|wanted| is_missing(wanted)).collect();
-    announce(study, &parts, &wanted, missing.len(), printer)?;
+    announce(study, &parts, &wanted, missing.len(), context)?;
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(Outcome::Done);
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(NoPlan));
     }
     if let Some(share) = job.policy().share {
-        return shares::run(share, job, &parts, (&wanted, &missing), printer);
+        let ended = shares::run(share, job, &parts, (&wanted, &missing), context)?;
+        return Ok(StepResult::Nothing(ended));
     }
     if missing.is_empty()
         && of_shares.is_empty()
-        && let Some(kept) = up_to_date(&directory, study, &parts)
+        && let Some(manifest) = up_to_date(&directory, study, &parts)
     {
-        finish(job, &kept, 0, clock, printer)?;
-        return Ok(Outcome::Done);
+        let (trained, took) = (0, clock.elapsed());
+        return Ok(StepResult::Made(PretrainedAgents { manifest, directory, trained, took }));
     }
     let claim = Claim::new(&directory, Below::Ours)?;
     let width = parts.dataset.train.states().columns();
@@ -79,7 +118,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         shares::remove(&directory, &wanted)?;
     }
     let trained = missing.len() + of_shares.len();
-    let pretrained = train(study, &parts, &missing, &file, printer)?;
+    let pretrained = train(study, &parts, &missing, &file, context)?;
     claim.begin()?;
     shares::take(&directory, &of_shares)?;
     let mut diverged = of_shares.diverged;
@@ -98,30 +137,28 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         done.insert(sensor.clone(), agent);
     }
     let agents = wanted.iter().filter_map(|wanted| done.remove(&wanted.sensor)).collect();
-    let manifest = tabled(study, &parts, agents, diverged, &directory)?;
+    let facts = facts(study, &parts, agents, diverged)?;
+    artefact::write_table(pretrain_files::curves(&facts.agents), &directory.join(CURVES))?;
     if !missing.is_empty() {
         let wall_secs = clock.elapsed().as_secs_f64();
         write_json(&directory.join("timings.json"), &Timings { agents: missing.len(), wall_secs })?;
     }
-    claim.complete(&manifest)?;
+    let manifest = claim.finish(facts, [CURVES])?;
     file.remove();
     shares::remove(&directory, &wanted)?;
-    finish(job, &manifest, trained, clock, printer)?;
-    Ok(tell_of_diverged(study, &manifest, printer))
+    let took = clock.elapsed();
+    Ok(StepResult::Made(PretrainedAgents { manifest, directory, trained, took }))
 }
 
-/// The manifest of these agents, whose learning curves it writes.
-fn tabled(
+/// What is told of these agents.
+fn facts(
     study: &Study,
     parts: &Parts,
     agents: Vec<PretrainedAgent>,
     diverged: BTreeMap<String, usize>,
-    directory: &std::path::Path,
-) -> Result<PretrainManifest, StepError> {
+) -> Result<PretrainFacts, StepError> {
     let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
-    let mut manifest = PretrainManifest {
-        format: PretrainManifest::FORMAT,
-        tool: TOOL.to_owned(),
+    Ok(PretrainFacts {
         study: study.clone(),
         data: part.fingerprint.clone(),
         span: span(&part.frames)?,
@@ -129,24 +166,7 @@ fn tabled(
         normaliser: parts.dataset.normaliser.clone(),
         agents,
         diverged,
-        files: Files::new(),
-    };
-    let curves = pretrain_files::curves(&manifest.agents);
-    artefact::write_table(curves, &directory.join(CURVES))?;
-    manifest.files = artefact::fingerprints(directory, [CURVES])?;
-    Ok(manifest)
-}
-
-/// Say which sensors have no agent.
-fn tell_of_diverged(study: &Study, manifest: &PretrainManifest, printer: &Printer) -> Outcome {
-    for (sensor, epoch) in &manifest.diverged {
-        printer.error(&format!(
-            "pre-training for {sensor} diverged in epoch {epoch}, and there is no agent for it; \
-             use a smaller pretrain.learning_rate than {}",
-            study.pretrain.agent(&study.agent).learning_rate
-        ));
-    }
-    if manifest.diverged.is_empty() { Outcome::Done } else { Outcome::Negative }
+    })
 }
 
 #[derive(Serialize)]
@@ -186,22 +206,18 @@ fn wanted(study: &Study, parts: &Parts) -> Result<Vec<Wanted>, StepError> {
 const CURVES: &str = "curves.parquet";
 
 /// The manifest, where nothing of what it tells has changed and nothing is to be written.
-fn up_to_date(
-    directory: &std::path::Path,
-    study: &Study,
-    parts: &Parts,
-) -> Option<PretrainManifest> {
+fn up_to_date(directory: &Path, study: &Study, parts: &Parts) -> Option<PretrainManifest> {
     let part = parts.pretrain.as_ref()?;
     artefact::read::<PretrainManifest>(directory).filter(|kept| {
         kept.study == *study
             && kept.data == part.fingerprint
             && kept.normaliser == parts.dataset.normaliser
-            && artefact::are_whole(directory, &kept.files)
+            && kept.is_whole(directory)
     })
 }
 
 /// The wanted agents that are there already.
-fn finished(directory: &std::path::Path, wanted: &[Wanted]) -> BTreeMap<String, PretrainedAgent> {
+fn finished(directory: &Path, wanted: &[Wanted]) -> BTreeMap<String, PretrainedAgent> {
     let Some(manifest) = artefact::read::<PretrainManifest>(directory) else {
         return BTreeMap::new();
     };
@@ -209,12 +225,12 @@ fn finished(directory: &std::path::Path, wanted: &[Wanted]) -> BTreeMap<String, 
         wanted.iter().any(|wanted| wanted.key == agent.key)
             && artefact::are_whole(directory, &agent.files)
     };
-    let agents = manifest.agents.into_iter().filter(is_wanted);
+    let agents = manifest.facts.agents.into_iter().filter(is_wanted);
     agents.map(|agent| (agent.sensor.clone(), agent)).collect()
 }
 
 /// Where unfinished training is kept.
-fn state_file(directory: &std::path::Path, missing: &[&Wanted]) -> Result<StateFile, StepError> {
+fn state_file(directory: &Path, missing: &[&Wanted]) -> Result<StateFile, StepError> {
     let keys: Vec<&str> = missing.iter().map(|wanted| wanted.key.as_str()).collect();
     Ok(StateFile::new(directory.join(".unfinished.safetensors"), artefact::key(&keys)?))
 }
@@ -309,53 +325,4 @@ pub(super) fn train(
     Ok(trained
         .map(|(pretrained, baseline)| Ok(TrainedAgent { pretrained: pretrained?, baseline }))
         .collect())
-}
-
-fn finish(
-    job: &Job,
-    manifest: &PretrainManifest,
-    trained: usize,
-    clock: Stopwatch,
-    printer: &Printer,
-) -> Result<(), StepError> {
-    let directory = job.layout().pretrain();
-    if printer.is_for_machines() {
-        printer.json(manifest)?;
-    } else {
-        let verb = if trained == 0 { "up to date:" } else { "wrote" };
-        let took = duration(clock.elapsed());
-        printer.result(&format!("{verb} {} in {took}", directory.join(MANIFEST).display()))?;
-        let header = [
-            "sensor",
-            "epoch",
-            "training loss",
-            "validation loss",
-            "validation NRMSE",
-            "of epoch 1",
-        ];
-        let rows: Vec<Vec<String>> = manifest.agents.iter().map(row).collect();
-        printer.lines(&table(&header, &rows))?;
-    }
-    printer.next(&[job.command("build-model"), job.command("sweep")]);
-    Ok(())
-}
-
-/// The epoch that an agent's checkpoint was taken after, beside the first.
-fn row(agent: &PretrainedAgent) -> Vec<String> {
-    let nrmse = |epoch: Option<&Epoch>| {
-        let nrmse = epoch.and_then(|epoch| epoch.validation_nrmse);
-        nrmse.map_or_else(|| "unknown".to_owned(), significant)
-    };
-    let kept = agent.curve.get(agent.epoch.saturating_sub(1));
-    let loss = |value: fn(&Epoch) -> f64| {
-        kept.map_or_else(|| "unknown".to_owned(), |epoch| significant(value(epoch)))
-    };
-    vec![
-        agent.sensor.clone(),
-        format!("{} of {}", agent.epoch, agent.curve.len()),
-        loss(|epoch| epoch.training_loss),
-        loss(|epoch| epoch.validation_loss),
-        nrmse(kept),
-        nrmse(agent.curve.first()),
-    ]
 }

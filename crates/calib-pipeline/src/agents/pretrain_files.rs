@@ -10,7 +10,7 @@ use calib_core::{Normaliser, Period};
 use calib_data::{Dataset, table::Table};
 use calib_files::{Fingerprint, Tensor, Tensors, file_name, read_tensors, write_tensors};
 use calib_nn::{Mlp, Moments, Naming};
-use calib_study::{Job, Made, MomentsRule, Study};
+use calib_study::{Job, MomentsRule, StepKind, Study};
 use calib_sweep::{Candidate, Start};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     Context as _, StepError, bail,
     base::{
-        artefact::{self, Files, Manifest},
+        artefact::{self, Artefact, Facts},
         stale::Kept,
     },
     ensure,
@@ -26,10 +26,11 @@ use crate::{
 };
 
 /// `manifest.json` of a directory of pre-trained agents.
+pub(crate) type PretrainManifest = Artefact<PretrainFacts>;
+
+/// What is told of pre-trained agents.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct PretrainManifest {
-    pub(crate) format: u32,
-    pub(crate) tool: String,
+pub(crate) struct PretrainFacts {
     #[schemars(with = "crate::base::resolved::ResolvedStudy")]
     pub(crate) study: Study,
     /// Fingerprint of the states that agents were pre-trained on.
@@ -44,15 +45,14 @@ pub(crate) struct PretrainManifest {
     /// Sensors whose agents diverged, and the epoch in which they did: they have no agent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(crate) diverged: BTreeMap<String, usize>,
-    /// Fingerprint of the learning curves.
-    pub(crate) files: Files,
 }
 
-impl Manifest for PretrainManifest {
+impl Facts for PretrainFacts {
     const FORMAT: u32 = 2;
+    const STEP: StepKind = StepKind::Pretrain;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &'static str {
+        ""
     }
 }
 
@@ -91,7 +91,7 @@ pub(crate) fn agent_key(
 ) -> Result<String, StepError> {
     let agent = study.pretrain.agent(&study.agent);
     let settings = study.pretrain.settings();
-    artefact::key(&(PretrainManifest::FORMAT, data, sensor, column, agent, settings, study.seed))
+    artefact::key(&(PretrainFacts::FORMAT, data, sensor, column, agent, settings, study.seed))
 }
 
 /// A pre-trained agent, and the predictor that its value function is added to.
@@ -234,7 +234,7 @@ pub(crate) fn starts(
     let (Some(directory), Some(part)) = (directory(job), part) else {
         return Ok((BTreeMap::new(), vec![]));
     };
-    let command = job.command("pretrain");
+    let command = job.command(StepKind::Pretrain);
     let manifest: PretrainManifest = artefact::require(&directory, &command)?;
     check_columns(&directory, &manifest, dataset)?;
     if manifest.data != part.fingerprint {
@@ -264,7 +264,7 @@ pub(crate) fn starts(
         if study.pretrain.checkpoint.is_none() {
             let key = agent_key(study, &part.fingerprint, sensor, *column)?;
             let kept =
-                Kept { result: Made::Pretrained, study: &manifest.study, directory: &directory };
+                Kept { step: StepKind::Pretrain, study: &manifest.study, directory: &directory };
             kept.check(job)?;
             ensure!(
                 agent.key == key,

@@ -11,7 +11,7 @@ use calib_files::{
     FileError, file_name, is_temporary, link_or_copy, read_sealed_json, remove_known,
     write_sealed_json,
 };
-use calib_study::{Job, Share};
+use calib_study::{Job, Share, StepKind};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -139,7 +139,7 @@ pub(super) fn run(
         counted(own.len() - diverged.len(), "agent"),
         wanted.len()
     ))?;
-    printer.next(&[job.command("pretrain")]);
+    printer.next(&[job.command(StepKind::Pretrain)]);
     if diverged.is_empty() {
         return Ok(Outcome::Done);
     }

@@ -3,6 +3,7 @@
 use std::{
     collections::BTreeMap,
     io,
+    ops::{Deref, DerefMut},
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
 };
@@ -13,7 +14,9 @@ use calib_files::{
     FileError, FileStat, Fingerprint, Fingerprinter, FolderRecord, LOCK, Lock, fingerprint_file,
     link_or_copy, lock, read_sealed_json, remove_file, remove_temporaries, write_sealed_json,
 };
-use serde::{Serialize, de::DeserializeOwned};
+use calib_study::{Job, Scope, StepKind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::{Context as _, StepError, bail, output::Printer};
 
@@ -35,6 +38,114 @@ pub(crate) trait Manifest: Serialize + DeserializeOwned {
     fn format(&self) -> u32;
 }
 
+/// What a step made, as the `manifest.json` of its directory tells of it.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct Artefact<T> {
+    format: u32,
+    tool: String,
+    #[serde(flatten)]
+    pub(crate) facts: T,
+    /// Fingerprint of every other file.
+    pub(crate) files: Files,
+}
+
+/// What a manifest tells beside what every manifest does.
+pub(crate) trait Facts: Serialize + DeserializeOwned {
+    /// Version of the directory's format; another version is another artefact.
+    const FORMAT: u32;
+    /// What makes it.
+    const STEP: StepKind;
+
+    /// Fingerprint of all that it follows from; empty where its parts have keys of their own.
+    fn key(&self) -> &str;
+
+    /// Whether a file stays the same as long as the result does.
+    fn lasts(_name: &str) -> bool {
+        true
+    }
+
+    /// Whether what lies below the directory, and has no fingerprint in the manifest, is whole.
+    fn has_all_parts(&self, _directory: &Path) -> bool {
+        true
+    }
+}
+
+impl<T: Facts> Manifest for Artefact<T> {
+    const FORMAT: u32 = T::FORMAT;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+impl<T> Deref for Artefact<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.facts
+    }
+}
+
+impl<T> DerefMut for Artefact<T> {
+    fn deref_mut(&mut self) -> &mut T {
+        &mut self.facts
+    }
+}
+
+impl<T: Facts> Artefact<T> {
+    /// An artefact of which no file was written yet.
+    pub(crate) fn new(facts: T) -> Self {
+        Self { format: T::FORMAT, tool: TOOL.to_owned(), facts, files: Files::new() }
+    }
+
+    /// What `key` names, if it is in `directory` and whole.
+    pub(crate) fn find(directory: &Path, key: &str) -> Option<Self> {
+        read::<Self>(directory).filter(|found| found.key() == key && found.is_whole(directory))
+    }
+
+    /// What `key` names, if a job has it and need not make it again; or if another model of the study has it, whose
+    /// files are then the job's as well: models may differ in nothing that an artefact follows from.
+    pub(crate) fn of_job(
+        job: &Job,
+        key: &str,
+        printer: &Printer,
+    ) -> Result<Option<Self>, StepError> {
+        if job.policy().redoes() {
+            return Ok(None);
+        }
+        let directory = job.layout().directory(T::STEP);
+        if let Some(found) = Self::find(&directory, key) {
+            return Ok(Some(found));
+        }
+        if T::STEP.scope() != Scope::Model {
+            return Ok(None);
+        }
+        for other in job.layout().of_other_models(T::STEP) {
+            let Some(found) = Self::find(&other, key) else { continue };
+            let (result, place) = (T::STEP.result(), other.display());
+            printer.say(&format!("the {result} is that in {place}, and is copied"));
+            let claim = Claim::begun(&directory)?;
+            for name in found.files.keys() {
+                link_or_copy(&other.join(name), &directory.join(name))?;
+            }
+            claim.complete(&found)?;
+            return Ok(Some(found));
+        }
+        Ok(None)
+    }
+
+    /// Whether every file that lasts is what was written.
+    pub(crate) fn is_whole(&self, directory: &Path) -> bool {
+        are_whole(directory, &self.lasting_files()) && self.has_all_parts(directory)
+    }
+
+    /// The files that do not change as long as the result is the same.
+    pub(crate) fn lasting_files(&self) -> Files {
+        let lasting = self.files.iter().filter(|(name, _)| T::lasts(name));
+        lasting.map(|(name, written)| (name.clone(), written.clone())).collect()
+    }
+}
+
 /// The manifest of `directory` if it is complete and of this format.
 pub(crate) fn read<M: Manifest>(directory: &Path) -> Option<M> {
     let manifest: M = read_sealed_json(&directory.join(MANIFEST)).ok()?;
@@ -49,8 +160,11 @@ pub(crate) fn fingerprints<'a>(
     directory: &Path,
     names: impl IntoIterator<Item = &'a str>,
 ) -> Result<Files, StepError> {
-    let of = |name: &str| Ok((name.to_owned(), fingerprint_file(&directory.join(name))?));
-    names.into_iter().map(of).collect()
+    let mut files = Files::new();
+    for name in names {
+        files.insert(name.to_owned(), fingerprint_file(&directory.join(name))?);
+    }
+    Ok(files)
 }
 
 /// The fingerprint of a file, which is read once in the life of this process as long as it is the same.
@@ -184,6 +298,28 @@ impl Claim {
             .with_context(|| format!("cannot write to {}", self.directory.display()))
     }
 
+    /// Claim a directory, which does not count as a result until [`finish`](Self::finish) completes it.
+    ///
+    /// # Errors
+    /// As [`Claim::new`].
+    pub(crate) fn begun(directory: &Path) -> Result<Self, StepError> {
+        let claim = Self::new(directory, Below::Ours)?;
+        claim.begin()?;
+        Ok(claim)
+    }
+
+    /// Complete the directory, of which `names` were written, with the manifest that tells of it.
+    pub(crate) fn finish<'a, T: Facts>(
+        &self,
+        facts: T,
+        names: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Artefact<T>, StepError> {
+        let files = fingerprints(&self.directory, names)?;
+        let artefact = Artefact { files, ..Artefact::new(facts) };
+        self.complete(&artefact)?;
+        Ok(artefact)
+    }
+
     /// Complete the directory with its manifest. It stays claimed as long as the claim is held.
     pub(crate) fn complete<M: Manifest>(&self, manifest: &M) -> Result<(), StepError> {
         Ok(write_sealed_json(&self.directory.join(MANIFEST), manifest)?)
@@ -218,22 +354,6 @@ fn has_manifest(directory: &Path) -> bool {
     let manifest = read_sealed_json::<serde_json::Value>(&directory.join(MANIFEST));
     let tool = manifest.map(|manifest| manifest["tool"].as_str().map(str::to_owned));
     matches!(tool, Ok(Some(tool)) if tool.starts_with("calib "))
-}
-
-/// Take over `files` and manifest of another directory, which were made from the same inputs: the models of a study
-/// may differ in nothing that an artefact follows from.
-pub(crate) fn adopt<'a, M: Manifest>(
-    other: &Path,
-    files: impl IntoIterator<Item = &'a str>,
-    manifest: &M,
-    directory: &Path,
-) -> Result<(), StepError> {
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
-    for name in files {
-        link_or_copy(&other.join(name), &directory.join(name))?;
-    }
-    claim.complete(manifest)
 }
 
 /// Go on where a disk lets nothing be written: what is finished can still be shown. Every other failure stays one.

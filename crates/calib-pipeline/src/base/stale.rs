@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use calib_study::{Difference, Job, Made, Study};
+use calib_study::{Difference, Job, StepKind, Study};
 
 use crate::StepError;
 
 /// Differences that are told one by one.
 const TOLD: usize = 3;
 
-/// A result that is there.
+/// A result of a step that is there.
 #[derive(Clone, Copy)]
 pub(crate) struct Kept<'a> {
-    pub(crate) result: Made,
+    pub(crate) step: StepKind,
     /// What it was made of.
     pub(crate) study: &'a Study,
     /// Where it is.
@@ -22,47 +22,18 @@ pub(crate) struct Kept<'a> {
 impl Kept<'_> {
     /// Refuse it where it follows from other keys than those of the job.
     pub(crate) fn check(self, job: &Job) -> Result<(), StepError> {
-        let differences = job.study().differences(self.result, self.study);
+        let differences = job.study().differences(self.step, self.study);
         if differences.is_empty() {
             return Ok(());
         }
         Err(StepError::Stale(format!(
             "the {} in {} {} made with {}; run `{}` again",
-            self.name(),
+            self.step.result(),
             self.directory.display(),
-            self.verb(),
+            if self.step.is_plural() { "were" } else { "was" },
             told(&differences),
-            job.command(self.command())
+            job.command(self.step)
         )))
-    }
-
-    fn verb(&self) -> &'static str {
-        match self.result {
-            Made::Pretrained | Made::Rollouts => "were",
-            Made::Representation | Made::Model | Made::Sweep => "was",
-        }
-    }
-
-    /// What it is called.
-    fn name(&self) -> &'static str {
-        match self.result {
-            Made::Representation => "representation",
-            Made::Model => "model",
-            Made::Pretrained => "agents",
-            Made::Rollouts => "rollouts",
-            Made::Sweep => "sweep",
-        }
-    }
-
-    /// What makes it.
-    fn command(&self) -> &'static str {
-        match self.result {
-            Made::Representation => "represent",
-            Made::Model => "build-model",
-            Made::Pretrained => "pretrain",
-            Made::Rollouts => "rollout",
-            Made::Sweep => "sweep",
-        }
     }
 }
 
@@ -91,7 +62,8 @@ mod tests {
     fn what_differs_is_told_with_both_values() {
         let made = job("");
         let refused = |text: &str| {
-            let kept = Kept { result: Made::Sweep, study: made.study(), directory: Path::new("x") };
+            let kept =
+                Kept { step: StepKind::Sweep, study: made.study(), directory: Path::new("x") };
             kept.check(&job(text)).expect_err("other keys").to_string()
         };
         assert_eq!(

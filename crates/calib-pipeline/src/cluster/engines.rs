@@ -2,12 +2,15 @@
 
 pub(crate) mod kubernetes;
 pub(crate) mod queue;
-pub(crate) mod ray;
 pub(crate) mod slurm;
 
 use calib_study::shell_words;
 
 use crate::cluster::{config::ClusterConfig, plan_file::PlanFile};
+
+/// The driver for Ray, a Python program with `ray` from the package index; it is also a package of its own, in
+/// `python/calib_ray`.
+pub(crate) const RAY_DRIVER: &str = include_str!("../../../../python/calib_ray/calib_ray.py");
 
 /// What a task of a plan asks of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]

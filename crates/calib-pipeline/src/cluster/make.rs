@@ -9,7 +9,7 @@ use calib_agent::training_bytes;
 use calib_files::{
     FileError, FolderRecord, create_directory, is_temporary, remove_known, write_new_sealed_json,
 };
-use calib_study::{Each, Job};
+use calib_study::{Job, Scope, StepKind};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Unit, UnitResult};
 
 use crate::{
@@ -31,6 +31,7 @@ use crate::{
         status::summary,
     },
     ensure,
+    log::context::RunContext,
     output::Printer,
     sweep::{Found, Source, cost::MeasuredPasses, plan::agents_of, setting::Setting, unit_store},
 };
@@ -42,12 +43,12 @@ const BASE_BYTES: u64 = 150 << 20;
 pub(crate) fn make(
     job: &Job,
     options: &ClusterPlanOptions,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<Outcome, StepError> {
     ensure!(
         !job.study().agent.is_external(),
         "agent.kind = \"external\": a plan does not carry the program to other machines; run `{}` where it is",
-        job.command("sweep")
+        job.command(StepKind::Sweep)
     );
     let directory = &options.directory;
     let path = path_in(directory);
@@ -82,14 +83,14 @@ pub(crate) fn make(
         seen,
     };
     let (mut parts, mut work) = (Vec::new(), Vec::new());
-    for part in job.parts(Each::Deployment)? {
+    for part in job.parts(Scope::Deployment)? {
         let (model, deployment) = (part.model(), part.deployment());
         let mut planned = Part {
             model: model.map(str::to_owned),
             deployment: deployment.map(str::to_owned),
             sweep: None,
         };
-        if let Some((sweep, passes)) = planning.part(parts.len(), &part, printer)? {
+        if let Some((sweep, passes)) = planning.part(parts.len(), &part, context)? {
             planned.sweep = Some(sweep);
             work.extend(passes);
         }
@@ -98,8 +99,8 @@ pub(crate) fn make(
     let shards = planning.shards(&parts, work);
     let plan = PlanFile { format: FORMAT, maker, asked: Asked::of(job)?, parts, shards };
     if job.policy().is_dry() {
-        told(&plan, printer)?;
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        told(&plan, context)?;
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(Outcome::Done);
     }
     create_directory(&directory.join("shards"))?;
@@ -108,8 +109,8 @@ pub(crate) fn make(
         Err(FileError::Occupied { .. }) => bail!(is_planned(directory)),
         written => written?,
     }
-    told(&plan, printer)?;
-    next(directory, &plan, printer);
+    told(&plan, context)?;
+    next(directory, &plan, context);
     Ok(Outcome::Done)
 }
 
@@ -174,14 +175,14 @@ impl Planning<'_> {
         &mut self,
         number: usize,
         job: &Job,
-        printer: &Printer,
+        context: &RunContext,
     ) -> Result<Option<(SweepPart, Vec<Work>)>, StepError> {
         let study = job.study();
-        let setting = match Setting::of(job, printer)? {
+        let setting = match Setting::of(job, context)? {
             Ok(setting) => setting,
             Err(unsettled) => {
                 let name = job.deployment().unwrap_or_default();
-                printer.warn(&format!("deployment {name} is left out: {}", unsettled.reason));
+                context.warn(&format!("deployment {name} is left out: {}", unsettled.reason));
                 return Ok(None);
             }
         };
@@ -197,8 +198,8 @@ impl Planning<'_> {
         if plan.left(&stored)? == 0 {
             return Ok(None);
         }
-        printer.say("timing some steps of a pass");
-        let cost = setting.cost(study, &self.measured, &printer.silent().progress())?;
+        context.say("timing some steps of a pass");
+        let cost = setting.cost(study, &self.measured, &context.silent().progress())?;
         let sensors: Vec<&String> = setting.sensors.iter().map(|(sensor, _)| sensor).collect();
         let secs = cost.of(sensors.len()) * runs.len() as f64;
         let groups = self.division.groups(runs.len(), sensors.len(), secs);

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use crate::{
     StepError,
-    base::outcome::Outcome,
+    base::outcome::{Outcome, Told as _},
     cluster::{missing::ranges, plan_file::Opened, results::Extent},
+    log::context::RunContext,
     output::{Printer, count, counted},
     sweep::{Pool, put_together},
 };
@@ -14,11 +15,11 @@ use crate::{
 const TOLD: usize = 20;
 
 /// Write the results of all shards as the sweep of one process would have written them.
-pub(crate) fn merge(directory: &Path, printer: &Printer) -> Result<Outcome, StepError> {
+pub(crate) fn merge(directory: &Path, context: &RunContext) -> Result<Outcome, StepError> {
     let opened = Opened::of(directory)?;
     opened.plan.maker.check()?;
-    let pool = collect(&opened, printer)?;
-    printer.say(&format!(
+    let pool = collect(&opened, context)?;
+    context.say(&format!(
         "{} of {} are whole",
         counted(pool.len(), "result"),
         counted(opened.plan.shards.len(), "shard")
@@ -29,9 +30,11 @@ pub(crate) fn merge(directory: &Path, printer: &Printer) -> Result<Outcome, Step
         let job = job.choose(part.model.as_deref(), part.deployment.as_deref())?;
         let name = part.name();
         if !name.is_empty() {
-            printer.heading(&name);
+            context.heading(&name);
         }
-        if put_together(&job, &pool, printer)? != Outcome::Done {
+        let result = put_together(&job, &pool, context)?;
+        result.tell(&job, context)?;
+        if result.outcome() != Outcome::Done {
             outcome = Outcome::Negative;
         }
     }

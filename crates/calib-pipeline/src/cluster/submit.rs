@@ -7,7 +7,7 @@ use std::{
 };
 
 use calib_files::{FolderRecord, write_atomically};
-use calib_study::shell_words;
+use calib_study::{StepKind, shell_words};
 
 use crate::{
     Context as _, StepError, bail,
@@ -18,9 +18,9 @@ use crate::{
     cluster::{
         config::ClusterConfig,
         engines::{
-            Demand, kubernetes,
+            Demand, RAY_DRIVER, kubernetes,
             queue::{JOBS, Submitted},
-            ray, slurm,
+            slurm,
         },
         plan_file::Opened,
         status::missing,
@@ -128,13 +128,13 @@ impl Submitting<'_> {
 
     /// What judges the merged sweep.
     fn evaluate(&self) -> Result<String, StepError> {
-        let command = self.opened.plan.asked.job()?.command("evaluate");
+        let command = self.opened.plan.asked.job()?.command(StepKind::Evaluate);
         let rest = command.strip_prefix("calib").unwrap_or(&command).to_owned();
         Ok(format!("{}{rest}", self.config.calib))
     }
 
     fn ray(&self) -> Result<Outcome, StepError> {
-        let text = ray::DRIVER.to_owned();
+        let text = RAY_DRIVER.to_owned();
         let script = Script { name: "ray/calib_ray.py".to_owned(), text };
         let written = self.write(&[script])?;
         let mut words = vec!["python3".to_owned(), written[0].display().to_string(), self.place()];

@@ -8,7 +8,7 @@ use calib_control::{
 };
 use calib_core::{Bounds, Period, States};
 use calib_files::{Fingerprint, map_npy, write_npy};
-use calib_study::{Job, Study};
+use calib_study::{Job, StepKind, Study};
 use serde::{Deserialize, Serialize};
 
 use super::log::{self, ActionLog, Names};
@@ -112,7 +112,7 @@ impl ControlModel {
     /// # Errors
     /// As [`in_directory`](Self::in_directory).
     pub fn of_job(job: &Job) -> Result<Self, StepError> {
-        opened(&job.layout().control_model(), &job.command("control"))
+        opened(&job.layout().control_model(), &job.command(StepKind::Control))
     }
 }
 

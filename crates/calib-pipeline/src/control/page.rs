@@ -8,7 +8,7 @@ use std::{
 use calib_control::{Distance, Importance};
 use calib_files::write_atomically;
 use calib_report::{Cell, Figure, Overview, Table};
-use calib_study::Job;
+use calib_study::{Job, StepKind};
 
 use super::{figures, files::Told, show};
 use crate::{
@@ -42,7 +42,7 @@ pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> Result<Vec<Stri
         figures: figures.into_iter().map(|(_, figure)| figure).collect(),
         tables: [vec![candidates(told), actions(told)], maps(told), represented(job, told)]
             .concat(),
-        command: job.command("control"),
+        command: job.command(StepKind::Control),
     };
     let html = page.html();
     write_atomically(&path(directory), |file| file.write_all(html.as_bytes()))?;

@@ -11,19 +11,15 @@ use calib_sweep::{Candidate, EnvironmentId, Judging, Span, verdict};
 use super::read::{Runs, read};
 use crate::{
     StepError,
-    base::{
-        artefact::{Below, Claim, TOOL},
-        outcome::Outcome,
-    },
+    base::artefact::{Below, Claim, TOOL},
     ensure,
-    output::Printer,
     rollouts::figures,
     sweep::{
-        SweepManifest,
+        SweepFacts,
         simple::{self, SimpleErrors},
     },
     verdict::{
-        evaluate::{self, Summary},
+        evaluate::{self, Judgement, Summary},
         report::{FIGURES, SUMMARY},
         verdict_rows::{self, sensitivity, verdict_row},
     },
@@ -35,8 +31,7 @@ pub(crate) fn run(
     path: &Path,
     study: &Study,
     output: Option<&Path>,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<Judgement, StepError> {
     let part = study.part();
     let Runs { sensors, candidates, results } = read(path, part)?;
     let mut sweep = manifest(study, candidates);
@@ -85,16 +80,7 @@ pub(crate) fn run(
         let report = report(&summary, rows, &sweep, study, path)?;
         write(directory, &summary, &report)?;
     }
-    if printer.is_for_machines() {
-        printer.json(&summary)?;
-    } else {
-        evaluate::print_advice(&summary, printer)?;
-        evaluate::print_notes(&summary.caveats, printer)?;
-        if let Some(directory) = output {
-            printer.result(&format!("report: {}", directory.join(REPORT).display()))?;
-        }
-    }
-    Ok(evaluate::told(&summary))
+    Ok(Judgement { summary, report: output.map(|directory| directory.join(REPORT)) })
 }
 
 /// What simple predictors came to on the windows of these runs, where calib wrote both.
@@ -115,7 +101,7 @@ const REPORT: &str = "report.html";
 fn report(
     summary: &Summary,
     verdicts: Vec<calib_report::Verdict>,
-    sweep: &SweepManifest,
+    sweep: &SweepFacts,
     study: &Study,
     path: &Path,
 ) -> Result<Report, StepError> {
@@ -171,9 +157,9 @@ fn write(directory: &Path, summary: &Summary, report: &Report) -> Result<(), Ste
 }
 
 /// Of a sweep that calib did not make.
-fn manifest(study: &Study, candidates: Vec<Candidate>) -> SweepManifest {
+fn manifest(study: &Study, candidates: Vec<Candidate>) -> SweepFacts {
     let second = Period::from_micros(1_000_000);
     let period = second.unwrap_or_else(|| unreachable!("a second is positive"));
     let span = Span { steps: study.sweep.steps, tail: 1 };
-    SweepManifest::of_no_data(study, period, span, candidates)
+    SweepFacts::of_no_data(study, period, span, candidates)
 }

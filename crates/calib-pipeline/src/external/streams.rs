@@ -15,13 +15,13 @@ use serde_json::Value;
 
 use crate::{
     StepError,
-    base::artefact::{self, TOOL},
+    base::artefact,
     ensure,
-    log::{partition, prepared},
+    log::{context::RunContext, partition},
     model::model_files,
     output::Printer,
     sweep::{
-        SweepManifest,
+        SweepFacts,
         environments::{Environments, Sources, Streaming, open_all},
         simple::{self, SimpleErrors},
         streams::{Streams, error_scales},
@@ -37,7 +37,7 @@ pub struct SweepStreams {
     scales: Vec<ErrorScale>,
     dataset: Dataset,
     windows: Vec<RecordedWindow>,
-    manifest: SweepManifest,
+    manifest: SweepFacts,
     part: Part,
     curve: CurveRule,
 }
@@ -92,14 +92,13 @@ impl SweepStreams {
     /// # Errors
     /// If the model was not built, or the log cannot be read.
     pub fn of_job(job: &Job, printer: &Printer) -> Result<Self, StepError> {
-        prepared::begin_command();
-        Self::new(job, printer)
+        Self::new(job, &RunContext::new(printer))
     }
 
-    fn new(job: &Job, printer: &Printer) -> Result<Self, StepError> {
+    fn new(job: &Job, context: &RunContext) -> Result<Self, StepError> {
         let study = job.study();
         let model = model_files::open(job)?;
-        let dataset: Dataset = partition::load(job, printer)?.dataset;
+        let dataset: Dataset = partition::load(job, context)?.dataset;
         model_files::check_data(job, &model.manifest, &dataset)?;
         let only = [Candidate {
             index: 0,
@@ -107,10 +106,10 @@ impl SweepStreams {
             values: Vec::new(),
             agent: study.agent.clone(),
         }];
-        let streams = Streams::of(study, &dataset, &only, printer)?;
+        let streams = Streams::of(study, &dataset, &only, context)?;
         let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
         let scales = error_scales(&dataset, &sensors, &only);
-        let made = Environments::describe(job, &model, &dataset, &streams, printer)?;
+        let made = Environments::describe(job, &model, &dataset, &streams, context)?;
         let sources = Sources {
             states: Some(&model.frames),
             model: Some(&*model.model),
@@ -140,7 +139,7 @@ impl SweepStreams {
         let windows = recorded_windows(&opened)?;
         let span = streams.demand.span;
         let content = model.manifest.content()?;
-        let mut manifest = SweepManifest::of_nothing(study, &dataset, content, span, Vec::new());
+        let mut manifest = SweepFacts::of_nothing(study, &dataset, content, span, Vec::new());
         manifest.scales.clone_from(&scales);
         let curve = CurveRule { windows: study.sweep.curve_points };
         drop(environments);
@@ -234,8 +233,7 @@ impl SweepStreams {
             values: of.values.clone(),
             agent: self.manifest.study.agent.clone(),
         });
-        let sweep = SweepManifest {
-            tool: TOOL.to_owned(),
+        let sweep = SweepFacts {
             candidates: candidates.collect(),
             scales: self.scales.clone(),
             ..self.manifest.clone()

@@ -10,10 +10,10 @@ use calib_study::{Job, Partition, Study};
 use crate::{
     Context as _, StepError, ensure,
     log::{
+        context::RunContext,
         plant_of_study,
         prepared::{self, Prepared},
     },
-    output::Printer,
 };
 
 /// A log, with the part of its training range that is for pre-training apart.
@@ -34,15 +34,15 @@ pub(crate) struct PretrainPart {
 }
 
 /// As [`load`], with nothing held out: of a deployment that the log does not have.
-pub(crate) fn load_training(job: &Job, printer: &Printer) -> Result<Parts, StepError> {
+pub(crate) fn load_training(job: &Job, context: &RunContext) -> Result<Parts, StepError> {
     let data = DataConfig { held_out: None, ..plant_of_study::data(job)? };
-    parts(job.study(), prepared::open(job, &data, None, printer)?)
+    parts(job.study(), prepared::open(job, &data, None, context)?)
 }
 
 /// Read the log of a study and divide its training range.
-pub(crate) fn load(job: &Job, printer: &Printer) -> Result<Parts, StepError> {
+pub(crate) fn load(job: &Job, context: &RunContext) -> Result<Parts, StepError> {
     let (study, data) = (job.study(), plant_of_study::data(job)?);
-    let prepared = prepared::open(job, &data, None, printer);
+    let prepared = prepared::open(job, &data, None, context);
     // What is held out is the deployment, where the study has several.
     let prepared = match job.deployment() {
         Some(name) => prepared.with_context(|| format!("[deployments.{name}]"))?,

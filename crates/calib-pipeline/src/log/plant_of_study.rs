@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use calib_data::DataConfig;
 use calib_plant::PlantOptions;
-use calib_study::{Job, StudyError};
+use calib_study::{Job, StepKind, StudyError};
 
 use crate::{
     Context as _, StepError, bail,
@@ -40,7 +40,7 @@ impl PlantOfStudy {
 /// The `[data]` section to read with, once the log is there.
 pub(crate) fn data(job: &Job) -> Result<DataConfig, StepError> {
     if let Some(PlantOfStudy { directory, found, .. }) = PlantOfStudy::of(job)? {
-        let (directory, command) = (directory.display(), job.command("simulate"));
+        let (directory, command) = (directory.display(), job.command(StepKind::Simulate));
         match found {
             // Somebody's own logs are read as they are.
             Found::Whole | Found::NotSimulated => {}

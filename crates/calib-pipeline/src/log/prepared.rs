@@ -1,10 +1,9 @@
 //! The log of a study, read and prepared once: every later step, of this command or another, maps what the first one wrote.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeSet,
     fs,
     path::{Path, PathBuf},
-    sync::{Mutex, PoisonError},
 };
 
 use calib_core::{Frames, Normaliser, Period};
@@ -13,24 +12,25 @@ use calib_files::{
     FileStat, Fingerprint, ScratchPlace, read_sealed_json, remove_empty_folder, remove_file,
     write_sealed_json,
 };
-use calib_study::{Each, Job};
+use calib_study::{Job, Scope, StepKind};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     Context as _, StepError, bail,
     base::{
-        artefact::{self, Below, Claim, Files, MANIFEST, Manifest, TOOL},
+        artefact::{self, Artefact, Below, Claim, Facts, MANIFEST, TOOL},
         clock, frames, memory,
     },
-    log::plant_of_study,
+    log::{context::RunContext, plant_of_study},
     output::{Printer, bytes, count, counted},
 };
 
 /// `manifest.json` of a prepared log.
+type LogManifest = Artefact<LogFacts>;
+
+/// What is told of a prepared log.
 #[derive(Serialize, Deserialize)]
-struct DatasetManifest {
-    format: u32,
-    tool: String,
+struct LogFacts {
     /// Fingerprint of what it follows from, beside the content of the log.
     key: String,
     data: DataConfig,
@@ -42,15 +42,14 @@ struct DatasetManifest {
     train: Fingerprint,
     /// The same of the held-out ones.
     held_out: Option<Fingerprint>,
-    /// Fingerprint of every other file.
-    files: Files,
 }
 
-impl Manifest for DatasetManifest {
+impl Facts for LogFacts {
     const FORMAT: u32 = 2;
+    const STEP: StepKind = StepKind::Prepare;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
     }
 }
 
@@ -77,44 +76,35 @@ pub(crate) enum Known {
     Surveyed(Box<Surveyed>, u64),
 }
 
-/// The logs that this process has opened, of the study that it opened last: within a command a log is what it was when
-/// it was first read, and files are compared with what was written once.
-static OPENED: Mutex<Option<(PathBuf, BTreeMap<PathBuf, Prepared>)>> = Mutex::new(None);
-
-/// A command begins: what an earlier one of this process has opened may have changed meanwhile.
-pub(crate) fn begin_command() {
-    *OPENED.lock().unwrap_or_else(PoisonError::into_inner) = None;
-}
-
 /// The states of a log, as they were prepared before, or else from its files. `data` is the section of the study, or
 /// less of it; `memory` is how much there is, in bytes, if somebody says so.
 pub(crate) fn open(
     job: &Job,
     data: &DataConfig,
     memory: Option<u64>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<Prepared, StepError> {
     let place = Place::of(job, data)?;
-    if let Some(known) = place.opened() {
+    if let Some(known) = place.opened(context) {
         return Ok(known);
     }
     let prepared = match place.kept(job) {
         Some(kept) => kept,
-        None => place.prepare(job, data, memory, printer)?,
+        None => place.prepare(job, data, memory, context)?,
     };
-    place.remember(&prepared);
+    place.remember(context, &prepared);
     Ok(prepared)
 }
 
 /// Whether the states of a log are there, and the log is what it was.
-pub(crate) fn is_there(job: &Job, data: &DataConfig) -> bool {
+pub(crate) fn is_there(job: &Job, data: &DataConfig, context: &RunContext) -> bool {
     let Ok(place) = Place::of(job, data) else { return false };
-    if place.opened().is_some() {
+    if place.opened(context).is_some() {
         return true;
     }
     let kept = place.kept(job);
     if let Some(kept) = &kept {
-        place.remember(kept);
+        place.remember(context, kept);
     }
     kept.is_some()
 }
@@ -124,17 +114,17 @@ pub(crate) fn look(
     job: &Job,
     data: &DataConfig,
     memory: Option<u64>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<Known, StepError> {
     let place = Place::of(job, data)?;
-    if let Some(known) = place.opened().or_else(|| place.kept(job)) {
+    if let Some(known) = place.opened(context).or_else(|| place.kept(job)) {
         return Ok(Known::Prepared(Box::new(known)));
     }
     plant_of_study::check_days(job)?;
     memory::check_log(data)?;
     let there = memory.or_else(memory::available);
-    tell(data, printer);
-    let surveyed = calib_data::survey(data, &job.study().preprocess, &printer.progress())?;
+    tell(data, context);
+    let surveyed = calib_data::survey(data, &job.study().preprocess, &context.progress())?;
     let (_, needed) = place.scratch(&surveyed, there, Writable::Yes)?;
     Ok(Known::Surveyed(Box::new(surveyed), needed))
 }
@@ -194,20 +184,12 @@ impl Place {
         Ok(Self { directory, root, key, sources: sources(data)? })
     }
 
-    fn opened(&self) -> Option<Prepared> {
-        let opened = OPENED.lock().unwrap_or_else(PoisonError::into_inner);
-        let (root, logs) = opened.as_ref()?;
-        (*root == self.root).then(|| logs.get(&self.directory).cloned()).flatten()
+    fn opened(&self, context: &RunContext) -> Option<Prepared> {
+        context.opened(&self.root, &self.directory)
     }
 
-    fn remember(&self, prepared: &Prepared) {
-        let mut opened = OPENED.lock().unwrap_or_else(PoisonError::into_inner);
-        if opened.as_ref().is_none_or(|(root, _)| *root != self.root) {
-            *opened = Some((self.root.clone(), BTreeMap::new()));
-        }
-        if let Some((_, logs)) = opened.as_mut() {
-            logs.insert(self.directory.clone(), prepared.clone());
-        }
+    fn remember(&self, context: &RunContext, prepared: &Prepared) {
+        context.remember(&self.root, &self.directory, prepared);
     }
 
     /// What was prepared before, if the log is still what it was and no file is damaged.
@@ -216,31 +198,27 @@ impl Place {
             return None;
         }
         let directory = &self.directory;
-        let manifest: DatasetManifest = artefact::read(directory)?;
+        let manifest = LogManifest::find(directory, &self.key)?;
         let sources: Sources = read_sealed_json(&directory.join(SOURCES)).ok()?;
         let written = FileStat::of(&directory.join(MANIFEST)).ok()??;
-        let is_same = manifest.key == self.key
-            && sources == self.sources
+        let is_same = sources == self.sources
             && sources.files.iter().all(|source| source.was_older_than(&written));
-        if !is_same || !artefact::are_whole(directory, &manifest.files) {
-            return None;
-        }
-        self.map(manifest).ok()
+        if is_same { self.map(manifest.facts).ok() } else { None }
     }
 
-    fn map(&self, manifest: DatasetManifest) -> Result<Prepared, StepError> {
+    fn map(&self, facts: LogFacts) -> Result<Prepared, StepError> {
         let open = |name: &str| -> Result<Frames, StepError> {
             let states = frames::map_states(&self.states(name))?;
             frames::open(&self.rows(name), states)
         };
         let dataset = Dataset {
-            normaliser: manifest.normaliser,
+            normaliser: facts.normaliser,
             train: open(TRAIN)?,
-            held_out: manifest.held_out.as_ref().map(|_| open(HELD_OUT)).transpose()?,
-            period: manifest.period,
-            profile: manifest.profile,
-            fingerprint: manifest.train,
-            held_out_fingerprint: manifest.held_out,
+            held_out: facts.held_out.as_ref().map(|_| open(HELD_OUT)).transpose()?,
+            period: facts.period,
+            profile: facts.profile,
+            fingerprint: facts.train,
+            held_out_fingerprint: facts.held_out,
         };
         Ok(Prepared { dataset, states: Some(self.states(TRAIN)) })
     }
@@ -330,12 +308,8 @@ impl Place {
         let names =
             [TRAIN, HELD_OUT].map(|name| [format!("{name}.npy"), format!("{name}.parquet")]);
         let written = if dataset.held_out.is_some() { &names[..] } else { &names[..1] };
-        let files =
-            artefact::fingerprints(directory, written.iter().flatten().map(String::as_str))?;
         let study = job.study();
-        let manifest = DatasetManifest {
-            format: DatasetManifest::FORMAT,
-            tool: TOOL.to_owned(),
+        let facts = LogFacts {
             key: self.key.clone(),
             data: study.data.clone(),
             preprocess: study.preprocess.clone(),
@@ -344,15 +318,14 @@ impl Place {
             profile: dataset.profile,
             train: dataset.fingerprint,
             held_out: dataset.held_out_fingerprint,
-            files,
         };
         // A log that was written to while it was read is read again next time.
         if self.sources.files.iter().all(Source::is_same) {
             write_sealed_json(&directory.join(SOURCES), &self.sources)?;
         }
-        claim.complete(&manifest)?;
+        let kept = claim.finish(facts, written.iter().flatten().map(String::as_str))?;
         self.remove_others(job)?;
-        self.map(manifest)
+        self.map(kept.facts)
     }
 
     /// Write states, or give those of another log of the study, which may differ in what it holds out, a second name.
@@ -365,10 +338,9 @@ impl Place {
         let path = self.states(name);
         if name == TRAIN {
             for other in folders(&self.root).filter(|other| *other != self.directory) {
-                let same = artefact::read::<DatasetManifest>(&other)
-                    .filter(|manifest| manifest.train == dataset.fingerprint)
-                    .filter(|manifest| artefact::are_whole(&other, &manifest.files));
-                if same.is_some() {
+                let is_same = artefact::read::<LogManifest>(&other)
+                    .is_some_and(|kept| kept.train == dataset.fingerprint && kept.is_whole(&other));
+                if is_same {
                     return Ok(calib_files::link_or_copy(&other.join("train.npy"), &path)?);
                 }
             }
@@ -380,7 +352,7 @@ impl Place {
     fn remove_others(&self, job: &Job) -> Result<(), StepError> {
         let mut read = BTreeSet::from([self.directory.clone()]);
         for model in job.choose(None, None)?.models()? {
-            for part in model.parts(Each::Deployment)?.iter().chain([&model]) {
+            for part in model.parts(Scope::Deployment)?.iter().chain([&model]) {
                 let study = part.study();
                 let training = DataConfig { held_out: None, ..study.data.clone() };
                 for data in [&study.data, &training] {
@@ -414,7 +386,7 @@ impl Source {
 /// Fingerprint of what a prepared log follows from, beside the content of its files.
 fn key(data: &DataConfig, preprocess: &PreprocessConfig) -> Result<String, StepError> {
     let data = DataConfig { path: Paths::default(), ..data.clone() };
-    artefact::key(&(DatasetManifest::FORMAT, TOOL, data, preprocess))
+    artefact::key(&(LogFacts::FORMAT, TOOL, data, preprocess))
 }
 
 /// The folder of a prepared log.
@@ -444,8 +416,9 @@ fn forget(directory: &Path) -> Result<(), StepError> {
 
 /// The files of states and of their rows.
 fn parts() -> impl Iterator<Item = String> {
-    let of = |name| [format!("{name}.npy"), format!("{name}.parquet")];
-    [TRAIN, HELD_OUT].into_iter().flat_map(of)
+    [TRAIN, HELD_OUT]
+        .into_iter()
+        .flat_map(|name| [format!("{name}.npy"), format!("{name}.parquet")])
 }
 
 fn folders(root: &Path) -> impl Iterator<Item = PathBuf> {

@@ -3,7 +3,7 @@
 use calib_core::{Monitor, Seed};
 use calib_files::fingerprint_file;
 use calib_knn::{KnnError, KnnModel, Recall, faults, recall, verify};
-use calib_study::{Job, Study};
+use calib_study::{Job, StepKind, Study};
 
 use crate::{
     StepError, bail,
@@ -61,7 +61,7 @@ pub(crate) fn check_against_brute_force(
             bail!(
                 "{} is not what was written; run `{} --force`",
                 path.display(),
-                job.command("build-model")
+                job.command(StepKind::BuildModel)
             );
         }
     }

@@ -1,39 +1,40 @@
 use std::{
-    collections::BTreeMap,
     path::{Path, PathBuf},
+    time::Duration,
 };
 
 use calib_core::{Seed, Silent, States, Transitions};
 use calib_data::Dataset;
-use calib_files::{Fingerprint, ScratchPlace, fingerprint_file, write_json};
+use calib_files::{ScratchPlace, write_json};
 use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
 use calib_model::{JumpStatistics, ModelFamily, StartSource, rollout, start_states};
-use calib_study::{Job, Layout, Study};
+use calib_study::{Job, Study};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
     StepError, bail,
     base::{
-        artefact::{self, Below, Claim, TOOL},
+        artefact::{Below, Claim},
         clock::Stopwatch,
         options::BuildOptions,
-        outcome::Outcome,
+        outcome::{Freshness, Outcome, StepResult},
     },
     log::{
+        context::RunContext,
         partition::{self, span},
         plant_of_study,
         prepared::{self, Known},
     },
     model::{
-        build_check::{check_against_brute_force, recall_line, recall_of},
+        build_check::{check_against_brute_force, recall_of},
         build_network,
         build_plan::{BuildPlan, Spilled, Training},
         jumps,
-        model_files::{self, MemberSummary, ModelManifest, model_key},
+        model_files::{self, MemberSummary, ModelFacts, ModelManifest, model_key},
         recurrence::{self, MemberRecurrence},
     },
-    output::{Printer, count, duration},
+    output::Printer,
     represent::{self, Representation},
 };
 
@@ -42,16 +43,54 @@ const PARTIAL: &str = "partial";
 /// Steps of the rollout that shows how often each member jumps.
 const PROBE_STEPS: usize = 10_000;
 
+/// The calibration model of a study.
+#[derive(Debug)]
+pub struct BuiltModel {
+    pub(crate) manifest: ModelManifest,
+    pub(crate) directory: PathBuf,
+    pub(crate) freshness: Freshness,
+    pub(crate) took: Duration,
+    /// What came of comparing it with brute force, if that was asked for.
+    pub(crate) verified: Outcome,
+}
+
+impl BuiltModel {
+    /// Rows of the states that it was built from.
+    pub fn rows(&self) -> usize {
+        self.manifest.rows
+    }
+
+    /// Transitions of each of its members.
+    pub fn transitions(&self) -> Vec<usize> {
+        self.manifest.members.iter().map(|member| member.transitions).collect()
+    }
+
+    /// Whether it was there already.
+    pub fn freshness(&self) -> Freshness {
+        self.freshness
+    }
+
+    /// Where it is.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// What whoever uses it should know: how far walks of its members get.
+    pub fn warnings(&self) -> Vec<String> {
+        warnings(&self.manifest)
+    }
+}
+
 /// Build the model of a study.
 pub(crate) fn run(
     job: &Job,
     options: &BuildOptions,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+    context: &RunContext,
+) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     if study.model.kind.family() == ModelFamily::Network {
-        return build_network::run(job, options, printer);
+        return build_network::run(job, options, context);
     }
     if options.device.is_some() {
         bail!("--device is for networks, and model.kind is \"knn\"; leave it out");
@@ -61,9 +100,9 @@ pub(crate) fn run(
     let is_dry = job.policy().is_dry();
     let memory = options.memory;
     let known = if is_dry {
-        prepared::look(job, &data, memory, printer)?
+        prepared::look(job, &data, memory, context)?
     } else {
-        Known::Prepared(Box::new(prepared::open(job, &data, memory, printer)?))
+        Known::Prepared(Box::new(prepared::open(job, &data, memory, context)?))
     };
     let training = Training::of(&known);
     let config = ModelConfig { index: options.index.unwrap_or(study.model.index), ..*study.model };
@@ -71,20 +110,20 @@ pub(crate) fn run(
     let width = represent::width(study, paths, training.columns);
     let plan = BuildPlan::new(&training, model_rows, &config, width, options)?;
     drop(training);
-    printer.say(&plan.sentence());
+    context.say(&plan.sentence());
     let Known::Prepared(prepared) = known else {
-        return planned(&plan, &directory, printer);
+        return Ok(planned(plan, &directory, context));
     };
     if is_dry {
-        return planned(&plan, &directory, printer);
+        return Ok(planned(plan, &directory, context));
     }
     let partition::Parts { dataset, pretrain, states } = partition::parts(study, *prepared)?;
     if study.model.period.is_some() && pretrain.is_none() {
-        printer.say(&format!("the model is built from {} alone", span(&dataset.train)?));
+        context.say(&format!("the model is built from {} alone", span(&dataset.train)?));
     }
     // Taken apart here: states that nobody holds any more can be mapped from files.
     if let Some(part) = pretrain {
-        printer.say(&format!(
+        context.say(&format!(
             "the model is built from {}; {} is for pre-training",
             span(&dataset.train)?,
             span(&part.frames)?
@@ -93,64 +132,35 @@ pub(crate) fn run(
     model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let representation = represent::open(job, &dataset)?;
     let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
-    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
-    let (manifest, built) = if let Some(manifest) = existing
+    let existing = ModelManifest::of_job(job, &key, context)?;
+    let (manifest, freshness) = if let Some(manifest) = existing
         && is_still_there(&directory, &key)?
     {
-        (refresh(manifest, study, &dataset, representation.as_ref(), &directory)?, false)
+        let representation = representation.as_ref();
+        (refresh(manifest, study, &dataset, representation, &directory)?, Freshness::Kept)
     } else {
         let representation = representation.as_ref();
         let how = How { key, config, plan, states, force: job.policy().redoes() };
-        (build(study, dataset, representation, &how, &directory, clock, printer)?, true)
+        let built = build(study, dataset, representation, &how, &directory, clock, context)?;
+        (built, Freshness::Made)
     };
-    let status = if options.verify > 0 {
-        check_against_brute_force(job, options.verify, printer)?
+    let verified = if options.verify > 0 {
+        check_against_brute_force(job, options.verify, context)?
     } else {
         Outcome::Done
     };
-    if printer.is_for_machines() {
-        printer.json(&manifest)?;
-    } else {
-        summarise(&manifest, &directory, built, clock, printer)?;
-    }
-    printer.next(&[job.command("rollout"), job.command("sweep")]);
-    Ok(status)
-}
-
-/// The manifest of a model that follows from what `key` names, if all its files are what was written; the profile can
-/// be written again.
-pub(crate) fn up_to_date(directory: &Path, key: &str) -> Option<ModelManifest> {
-    artefact::read::<ModelManifest>(directory)
-        .filter(|found| found.key == key && artefact::are_whole(directory, &found.lasting_files()))
+    let took = clock.elapsed();
+    Ok(StepResult::Made(BuiltModel { manifest, directory, freshness, took, verified }))
 }
 
 /// Say what would be built.
-fn planned(plan: &BuildPlan, directory: &Path, printer: &Printer) -> Result<Outcome, StepError> {
-    if printer.is_for_machines() {
-        printer.json(plan)?;
-    }
-    printer.say(&format!("dry run: nothing written to {}", directory.display()));
-    Ok(Outcome::Done)
-}
-
-/// The model that follows from what `key` names, if it is there, or if another model of the study is the same.
-pub(crate) fn find(
-    paths: &Layout,
-    key: &str,
+fn planned(
+    plan: BuildPlan,
+    directory: &Path,
     printer: &Printer,
-) -> Result<Option<ModelManifest>, StepError> {
-    let directory = paths.model();
-    if let Some(found) = up_to_date(&directory, key) {
-        return Ok(Some(found));
-    }
-    for other in paths.of_other_models("model") {
-        let Some(found) = up_to_date(&other, key) else { continue };
-        printer.say(&format!("the model is that in {}, and is copied", other.display()));
-        let files = found.files.keys().map(String::as_str);
-        artefact::adopt(&other, files, &found, &directory)?;
-        return Ok(Some(found));
-    }
-    Ok(None)
+) -> StepResult<BuiltModel, Option<BuildPlan>> {
+    printer.say(&format!("dry run: nothing written to {}", directory.display()));
+    StepResult::Planned(Some(plan))
 }
 
 /// Remove the parts that are left of a build that was killed at its very end, and say whether the model is still
@@ -161,7 +171,7 @@ fn is_still_there(directory: &Path, key: &str) -> Result<bool, StepError> {
         return Ok(true);
     }
     let _claim = Claim::new(directory, Below::Ours)?;
-    let is_there = up_to_date(directory, key).is_some();
+    let is_there = ModelManifest::find(directory, key).is_some();
     if is_there {
         Parts::new(parts, key).remove()?;
     }
@@ -204,8 +214,7 @@ fn build(
         // The plan could not always know how many coordinates ψ has. Nothing is given up for what cannot be built.
         KnnModel::check(Some(representation.psi.columns()), &transitions, &how.config)?;
     }
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
+    let claim = Claim::begun(directory)?;
     // Not needed any more, and a part of the memory.
     dataset.held_out = None;
     let read = clock.elapsed();
@@ -226,7 +235,7 @@ fn build(
     printer.detail(&format!("search structure: {}", built.choice));
     let searched = clock.elapsed();
     model_files::write(directory, &dataset, Some(&knn))?;
-    let copied = representation.map(|of| represent::copy_to(directory, of)).transpose()?;
+    let copied = representation.map(|own| represent::copy_to(directory, own)).transpose()?;
     let summarised = |member: usize| {
         let (classes, ends) = (built.recurrence[member].clone(), &built.ends[member]);
         let weights = study.model.weights()?;
@@ -237,9 +246,7 @@ fn build(
     let members: Vec<MemberSummary> =
         (0..knn.members()).into_par_iter().map(summarised).collect::<Result<_, _>>()?;
     let recall = recall_of(study, &knn, &printer.progress())?;
-    let manifest = ModelManifest {
-        format: <ModelManifest as artefact::Manifest>::FORMAT,
-        tool: TOOL.to_owned(),
+    let facts = ModelFacts {
         key: how.key.clone(),
         study: study.clone(),
         data: dataset.fingerprint.clone(),
@@ -253,7 +260,6 @@ fn build(
         recall,
         members,
         training: None,
-        files: fingerprints(directory, knn.members(), &copied.unwrap_or_default())?,
     };
     write_json(
         &directory.join("timings.json"),
@@ -264,7 +270,8 @@ fn build(
                 .as_secs_f64(),
         },
     )?;
-    claim.complete(&manifest)?;
+    let files = file_names(knn.members(), &copied.unwrap_or_default());
+    let manifest = claim.finish(facts, files.iter().map(String::as_str))?;
     // Until now a build that was killed could go on from them; the directory is still claimed.
     parts.remove()?;
     Ok(manifest)
@@ -290,7 +297,8 @@ fn refresh(
     )?;
     let weights = study.model.weights()?;
     let refreshed = |(member, old): (usize, &MemberSummary)| {
-        let mut classes = old.recurrence.as_ref().map(|of| of.classes.clone()).unwrap_or_default();
+        let mut classes =
+            old.recurrence.as_ref().map(|known| known.classes.clone()).unwrap_or_default();
         let (now, ends) = closed_classes(&knn, member, weights, classes.candidates, &Silent)?;
         if !study.model.recurrent {
             classes.before = now.clone();
@@ -315,7 +323,8 @@ fn refresh(
 
 /// What distances are measured in: the states, or their representation.
 fn metric(dataset: &Dataset, representation: Option<&Representation>) -> States {
-    representation.map_or_else(|| dataset.train.states().clone(), |of| of.psi.clone())
+    representation
+        .map_or_else(|| dataset.train.states().clone(), |representation| representation.psi.clone())
 }
 
 /// Wall times: the only file of a model that differs from one build to the next.
@@ -333,62 +342,29 @@ fn summary(
     member: usize,
     recurrence: MemberRecurrence,
 ) -> Result<MemberSummary, StepError> {
-    let of = knn.member(member);
+    let tables = knn.member(member);
     let seed = Seed::new(study.seed).child("jump probe").number(member as u64);
-    let starts = start_states(&of, StartSource::Random, 1, seed)?;
-    let probe = rollout(&of, &starts[0], PROBE_STEPS, study.model.weights()?, seed);
+    let starts = start_states(&tables, StartSource::Random, 1, seed)?;
+    let probe = rollout(&tables, &starts[0], PROBE_STEPS, study.model.weights()?, seed);
     let jumps = Some(JumpStatistics::of([probe.rows()]));
-    Ok(MemberSummary { transitions: of.len(), jumps, recurrence: Some(recurrence) })
+    Ok(MemberSummary { transitions: tables.len(), jumps, recurrence: Some(recurrence) })
 }
 
-/// Fingerprints of a model's files: those of every kind, the tables of its members, and `further` ones.
-pub(crate) fn fingerprints(
-    directory: &Path,
-    members: usize,
-    further: &[&str],
-) -> Result<BTreeMap<String, Fingerprint>, StepError> {
+/// A model's files: those of every kind, the tables of its members, and `further` ones.
+pub(crate) fn file_names(members: usize, further: &[&str]) -> Vec<String> {
     let own = ["states.npy", "rows.parquet", "profile.json"];
     let mut names: Vec<String> = own.iter().chain(further).map(|&name| name.to_owned()).collect();
     for member in 0..members {
-        names.push(format!("members/{member}/neighbors.npy"));
-        names.push(format!("members/{member}/distances.npy"));
-        names.push(format!("members/{member}/left_out.npy"));
-    }
-    let fingerprint = |name: String| Ok((name.clone(), fingerprint_file(&directory.join(&name))?));
-    names.into_iter().map(fingerprint).collect()
-}
-
-fn summarise(
-    manifest: &ModelManifest,
-    directory: &Path,
-    built: bool,
-    clock: Stopwatch,
-    printer: &Printer,
-) -> Result<(), StepError> {
-    let verb = if built { "wrote" } else { "up to date:" };
-    printer.result(&format!("{verb} {} in {}", directory.display(), duration(clock.elapsed())))?;
-    if let Some(recall) = &manifest.recall {
-        printer.result(&format!("  {}", recall_line(recall, manifest.study.model.neighbors)))?;
-    }
-    for (number, member) in manifest.members.iter().enumerate() {
-        let transitions = count(member.transitions);
-        let line = member.jumps.as_ref().map(jumps::line).unwrap_or_default();
-        printer.result(&format!("  member {number}: {transitions} transitions; {line}"))?;
-        for line in
-            member.recurrence.iter().flat_map(|of| recurrence::lines(of, member.transitions))
-        {
-            printer.result(&format!("    {line}"))?;
+        for table in ["neighbors", "distances", "left_out"] {
+            names.push(format!("members/{member}/{table}.npy"));
         }
     }
-    for warning in warnings(manifest) {
-        printer.warn(&warning);
-    }
-    Ok(())
+    names
 }
 
 /// What the reader of anything that follows from a model should know: how far walks of its members get.
-pub(crate) fn warnings(manifest: &ModelManifest) -> Vec<String> {
-    let ModelManifest { members, study, .. } = manifest;
+pub(crate) fn warnings(manifest: &ModelFacts) -> Vec<String> {
+    let ModelFacts { members, study, .. } = manifest;
     let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));
     let walks = recurrence::warnings(members, study.model.recurrent);
     [walks, jumps::warnings(jumps, &study.model)].concat()

@@ -12,29 +12,29 @@ use serde::Serialize;
 use crate::{
     StepError, bail,
     base::{
-        artefact::{self, Below, Claim, TOOL},
+        artefact::{self, Below, Claim},
         clock::Stopwatch,
         options::BuildOptions,
-        outcome::Outcome,
+        outcome::{Freshness, Outcome, StepResult},
     },
-    log::partition,
+    log::{context::RunContext, partition},
     model::{
-        build_model::{find, fingerprints},
-        model_files::{self, MemberSummary, ModelManifest},
+        build_model::{BuiltModel, file_names},
+        build_plan::BuildPlan,
+        model_files::{self, MemberSummary, ModelFacts, ModelManifest},
         train_model,
     },
-    output::{Printer, count, duration},
+    output::Printer,
 };
 
 /// Train the network of a study.
 pub(crate) fn run(
     job: &Job,
     options: &BuildOptions,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+    context: &RunContext,
+) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
     let clock = Stopwatch::start();
-    let (study, paths) = (job.study(), job.layout());
-    let directory = paths.model();
+    let (study, directory) = (job.study(), job.layout().model());
     // What another calib has trained can be used by one that cannot train it.
     let may_be_there = options.device.is_none()
         && !job.policy().redoes()
@@ -47,35 +47,25 @@ pub(crate) fn run(
     if options.verify > 0 {
         bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
     }
-    let partition::Parts { dataset, states, .. } = partition::load(job, printer)?;
+    let partition::Parts { dataset, states, .. } = partition::load(job, context)?;
     model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let key = train_model::key(&dataset.fingerprint, job)?;
-    train_model::announce(study, &dataset, printer);
+    train_model::announce(study, &dataset, context);
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(Outcome::Done);
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(None));
     }
-    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
-    let verb = if existing.is_some() { "up to date:" } else { "wrote" };
+    let existing = ModelManifest::of_job(job, &key, context)?;
+    let freshness = if existing.is_some() { Freshness::Kept } else { Freshness::Made };
     let manifest = if let Some(manifest) = existing {
         refresh(manifest, study, &dataset, &directory)?
     } else if let Some(reason) = cannot_train {
         return Err(reason);
     } else {
-        build(job, options, (&dataset, states.as_deref()), key, (clock, printer))?
+        build(job, options, (&dataset, states.as_deref()), key, (clock, context))?
     };
-    if printer.is_for_machines() {
-        printer.json(&manifest)?;
-    } else {
-        let elapsed = duration(clock.elapsed());
-        printer.result(&format!("{verb} {} in {elapsed}", directory.display()))?;
-        let transitions = count(manifest.transitions);
-        let training = manifest.training.as_ref();
-        let training = training.map_or_else(|| "imported".to_owned(), ToString::to_string);
-        printer.result(&format!("  member 0: {transitions} transitions; {training}"))?;
-    }
-    printer.next(&[job.command("rollout"), job.command("sweep")]);
-    Ok(Outcome::Done)
+    let (took, verified) = (clock.elapsed(), Outcome::Done);
+    Ok(StepResult::Made(BuiltModel { manifest, directory, freshness, took, verified }))
 }
 
 fn build(
@@ -86,8 +76,7 @@ fn build(
     (clock, printer): (Stopwatch, &Printer),
 ) -> Result<ModelManifest, StepError> {
     let (study, directory) = (job.study(), &job.layout().model());
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
+    let claim = Claim::begun(directory)?;
     if job.policy().redoes() {
         train_model::remove_checkpoint(directory)?;
     }
@@ -102,9 +91,7 @@ fn build(
     model_files::write_states(directory, &dataset.train, states)?;
     model_files::write(directory, dataset, None)?;
     let transitions = Transitions::new(dataset.train.segments().clone()).len();
-    let manifest = ModelManifest {
-        format: <ModelManifest as artefact::Manifest>::FORMAT,
-        tool: TOOL.to_owned(),
+    let facts = ModelFacts {
         key,
         study: study.clone(),
         data: dataset.fingerprint.clone(),
@@ -118,7 +105,6 @@ fn build(
         recall: None,
         members: vec![MemberSummary { transitions, jumps: None, recurrence: None }],
         training,
-        files: fingerprints(directory, 0, train_model::files(study.model.kind))?,
     };
     let timings = Timings {
         reading_secs: read.as_secs_f64(),
@@ -126,8 +112,8 @@ fn build(
         writing_secs: clock.elapsed().saturating_sub(trained).as_secs_f64(),
     };
     write_json(&directory.join("timings.json"), &timings)?;
-    claim.complete(&manifest)?;
-    Ok(manifest)
+    let files = file_names(0, train_model::files(study.model.kind));
+    claim.finish(facts, files.iter().map(String::as_str))
 }
 
 /// A model that is up to date, under a study that may differ in what does not change its weights.

@@ -73,7 +73,7 @@ impl Spilled {
 
 /// What is going to be done, and what it needs.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
-pub(crate) struct BuildPlan {
+pub struct BuildPlan {
     rows: usize,
     columns: usize,
     segments: usize,

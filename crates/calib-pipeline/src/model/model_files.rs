@@ -1,6 +1,6 @@
 //! The model directory: what `build-model` writes and the later commands read.
 
-use std::{collections::BTreeMap, path::Path};
+use std::path::Path;
 
 use calib_core::{Frames, Normaliser, Period, States, Timestamp, TransitionIndex};
 use calib_data::{Dataset, Profile, table::Table};
@@ -9,14 +9,14 @@ use calib_knn::{KnnModel, ModelConfig, Recall, SEARCH_VERSION, Shortcuts, Weight
 use calib_model::JumpStatistics;
 use calib_nn::Mlp;
 use calib_represent::encode;
-use calib_study::{Job, Made, Study};
+use calib_study::{Job, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     Context as _, StepError, bail,
     base::{
-        artefact::{self, Files, Manifest},
+        artefact::{self, Artefact, Facts, Files},
         frames,
         stale::Kept,
     },
@@ -36,10 +36,11 @@ const STATES: &str = "states.npy";
 const PROFILE: &str = "profile.json";
 
 /// `manifest.json` of a model directory.
+pub(crate) type ModelManifest = Artefact<ModelFacts>;
+
+/// What is told of a model.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct ModelManifest {
-    pub(crate) format: u32,
-    pub(crate) tool: String,
+pub(crate) struct ModelFacts {
     /// Fingerprint of data and configuration.
     pub(crate) key: String,
     /// The study as it was resolved.
@@ -65,8 +66,6 @@ pub(crate) struct ModelManifest {
     /// How the network was trained, if it is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) training: Option<TrainingSummary>,
-    /// Fingerprint of every other file.
-    pub(crate) files: Files,
 }
 
 /// Times of the first and the last row.
@@ -87,20 +86,12 @@ pub(crate) struct MemberSummary {
     pub(crate) recurrence: Option<MemberRecurrence>,
 }
 
-impl ModelManifest {
+impl Artefact<ModelFacts> {
     /// Fingerprint of all that later results follow from: of the inputs and of what was written, weights and tables
     /// to the last bit.
     pub(crate) fn content(&self) -> Result<String, StepError> {
         // The profile tells of the held-out range too, which nothing that follows from the model does.
-        let files: BTreeMap<_, _> =
-            self.files.iter().filter(|(name, _)| *name != PROFILE).collect();
-        artefact::key(&(&self.key, files))
-    }
-
-    /// The files that do not change as long as the model is the same.
-    pub(crate) fn lasting_files(&self) -> Files {
-        let lasting = self.files.iter().filter(|(name, _)| *name != PROFILE);
-        lasting.map(|(name, written)| (name.clone(), written.clone())).collect()
+        artefact::key(&(&self.key, self.lasting_files()))
     }
 
     /// Whether the profile is what was written.
@@ -112,12 +103,17 @@ impl ModelManifest {
     }
 }
 
-impl Manifest for ModelManifest {
+impl Facts for ModelFacts {
     /// 2: models leave out what walks would be trapped in. 3: manifests carry fingerprints of themselves.
     const FORMAT: u32 = 3;
+    const STEP: StepKind = StepKind::BuildModel;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
+    }
+
+    fn lasts(name: &str) -> bool {
+        name != PROFILE
     }
 }
 
@@ -141,7 +137,7 @@ fn key_of(
     let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
     let softmax = model.weights == WeightsKind::Softmax;
     let drawn = model.recurrent.then(|| (model.weights, softmax.then_some(model.temperature)));
-    let tables = (ModelManifest::FORMAT, data, members, neighbors, exclude_self, theiler, drawn);
+    let tables = (ModelFacts::FORMAT, data, members, neighbors, exclude_self, theiler, drawn);
     let exact = match representation {
         None => artefact::key(&tables)?,
         Some(representation) => artefact::key(&(tables, &representation.key))?,
@@ -241,9 +237,9 @@ fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
 /// Open the model of a job; tables and states are mapped, and checked.
 pub(crate) fn open(job: &Job) -> Result<OpenModel, StepError> {
     let directory = &job.layout().model();
-    let build = job.command("build-model");
+    let build = job.command(StepKind::BuildModel);
     let manifest: ModelManifest = artefact::require(directory, &build)?;
-    Kept { result: Made::Model, study: &manifest.study, directory }.check(job)?;
+    Kept { step: StepKind::BuildModel, study: &manifest.study, directory }.check(job)?;
     opened(directory, manifest, &build)
 }
 
@@ -285,7 +281,7 @@ pub(crate) fn check_data(
             job.layout().model().display(),
             manifest.data.short(),
             dataset.fingerprint.short(),
-            job.command("build-model"),
+            job.command(StepKind::BuildModel),
         );
     }
     Ok(())

@@ -6,15 +6,7 @@ use super::harmless::{Lines, harmless};
 
 /// `1234567` as `1,234,567`.
 pub fn count(number: usize) -> String {
-    let digits = number.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (position, digit) in digits.chars().enumerate() {
-        if position > 0 && (digits.len() - position).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    calib_report::count(number as u64)
 }
 
 /// `1536` as `1.5 KiB`.

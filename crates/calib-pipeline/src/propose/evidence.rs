@@ -21,7 +21,7 @@ impl Evidence {
         horizon: &mut Horizon,
         text: impl Fn(ProposedAgent, Horizon) -> String,
     ) -> Result<Self, StepError> {
-        let say = |words: &str| trials.printer.say(words);
+        let say = |words: &str| trials.context.say(words);
         say("comparing agents with simple predictors on the last third of the training range");
         let mut predicted = trials.compare(horizon, |at| text(ProposedAgent::Linear, at))?;
         let is_given = trials.args.horizon.is_some();
@@ -51,7 +51,7 @@ impl Evidence {
                 "nothing that was tried predicts {} ahead better than the mean does; try a shorter --horizon, or other sensors with --sensor",
                 span(horizon.secs)
             );
-            trials.printer.warn(&warning);
+            trials.context.warn(&warning);
             reason = format!("{reason}; {warning}");
         } else if chosen.ratio > 1.0 {
             reason.push_str("; no agent is better, and the study asks once more");

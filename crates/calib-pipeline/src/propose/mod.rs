@@ -24,6 +24,7 @@ use crate::{
     Context as _, StepError,
     base::{clock::Stopwatch, options::ProposeOptions, outcome::Outcome},
     ensure,
+    log::context::RunContext,
     output::{Printer, count, duration, span},
 };
 
@@ -58,7 +59,7 @@ pub(crate) struct Chosen {
 }
 
 /// Look at a log, and write a study of it.
-pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> Result<Outcome, StepError> {
+pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Outcome, StepError> {
     let file = args.study.display();
     ensure!(
         args.study.extension().is_some_and(|extension| extension == "toml"),
@@ -74,23 +75,23 @@ pub(crate) fn run(args: &ProposeOptions, printer: &Printer) -> Result<Outcome, S
     check_output(&args.study, args.standing)?;
     let clock = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
-    let look = Look::at(args, printer)?;
+    let look = Look::at(args, context)?;
     let contradictions = look.cleaning.contradictions.as_ref();
     if let Some((keep, why)) = contradictions.filter(|_| !gives(args, "data.contradictions")) {
-        printer.warn(&format!(
+        context.warn(&format!(
             "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
         ));
     }
     if let Some(bridged) = bridged(&look) {
-        printer.warn(&bridged);
+        context.warn(&bridged);
     }
-    let chosen = Proposal::of(args, &path, &look, clock, printer)?;
+    let chosen = Proposal::of(args, &path, &look, clock, context)?;
     write_output(&args.study, args.standing, |file| {
         std::io::Write::write_all(file, chosen.text.as_bytes())
     })?;
-    show(args, &look, &chosen, printer)?;
-    printer.say(&format!("looked and tried for {}", duration(clock.elapsed())));
-    printer.next(&[format!(
+    show(args, &look, &chosen, context)?;
+    context.say(&format!("looked and tried for {}", duration(clock.elapsed())));
+    context.next(&[format!(
         "calib run {}",
         calib_study::shell_words([args.study.display().to_string()])
     )]);
@@ -134,12 +135,12 @@ impl Proposal {
         path: &str,
         look: &Look,
         begun: Stopwatch,
-        printer: &Printer,
+        context: &RunContext,
     ) -> Result<Self, StepError> {
         let left = || (args.within - begun.elapsed().as_secs_f64()).max(0.0);
         let Look { sketch, scope, .. } = look;
         let place = TemporaryFolder::new()?;
-        let trials = Trials { args, place: &place, printer };
+        let trials = Trials { args, place: &place, context };
         let candidates = spacings(sketch, scope, look.cut.rows[0]);
         let mut sensors = look.sensors.clone();
         let drafting = Drafting { args, path, look };
@@ -190,7 +191,7 @@ impl Proposal {
         let expected_secs = size.secs(costs);
         let expected_processor_secs = measured.processors.map(|costs| size.secs(costs));
         let reason =
-            drafting.size_reason(expected_secs, expected_secs - costs.fixed_secs, tried, printer);
+            drafting.size_reason(expected_secs, expected_secs - costs.fixed_secs, tried, context);
         let text =
             drafting.text(spacing, &cut, &sensors, horizon, &size, [&why, &agent.reason, &reason]);
         // What was given holds for the study: it is read with it, and must say the same without.

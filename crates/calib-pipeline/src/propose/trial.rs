@@ -7,14 +7,14 @@ use calib_study::{Job, Request};
 use calib_sweep::SensorVerdict;
 
 use crate::{
-    StepError, bail,
+    Context as _, StepError, bail,
     base::{
-        artefact,
         clock::{Stopwatch, Taken},
         options::{BuildOptions, ProposeOptions},
     },
-    model::{build_model, jumps, model_files::ModelManifest},
-    output::{Printer, span},
+    log::context::RunContext,
+    model::{build_model, jumps},
+    output::span,
     rollouts::rollout,
     sweep::{self, plan::Counted},
     verdict::evaluate,
@@ -82,7 +82,7 @@ fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: f64) -> Cos
 pub(super) struct Trials<'a> {
     pub(super) args: &'a ProposeOptions,
     pub(super) place: &'a TemporaryFolder,
-    pub(super) printer: &'a Printer,
+    pub(super) context: &'a RunContext,
 }
 
 impl Trials<'_> {
@@ -121,15 +121,14 @@ impl Trials<'_> {
             let apart = span(period_secs * spacing as f64);
             let job = self.job(text(spacing), &format!("spacing-{spacing}"))?;
             let clock = Stopwatch::start();
-            build_model::run(&job, &BuildOptions::default(), &self.printer.silent())?;
+            let built = build_model::run(&job, &BuildOptions::default(), &self.context.silent())?;
+            let built = built.made().context("a trial is no dry run")?;
             let secs = clock.elapsed().as_secs_f64();
-            let build = job.command("build-model");
-            let model: ModelManifest = artefact::require(&job.layout().model(), &build)?;
-            let warnings = build_model::warnings(&model);
-            let moves = model.members.first().and_then(|member| member.jumps.as_ref());
+            let warnings = built.warnings();
+            let moves = built.manifest.members.first().and_then(|member| member.jumps.as_ref());
             let moves = moves.map(jumps::line).unwrap_or_default();
             let said = warnings.first().map_or(&moves, |first| first);
-            self.printer.say(&format!("states {apart} apart: {said}"));
+            self.context.say(&format!("states {apart} apart: {said}"));
             let why = match &before {
                 None => format!("states {apart} apart; in a trial model {moves}"),
                 Some(before) => {
@@ -163,8 +162,8 @@ impl Trials<'_> {
         horizon: &mut Horizon,
         text: impl Fn(usize, Horizon) -> (String, Size),
     ) -> Result<Measured, StepError> {
-        let silent = &self.printer.silent();
-        self.printer.say("measuring how long a study takes");
+        let silent = &self.context.silent();
+        self.context.say("measuring how long a study takes");
         let steps = |of: usize| of.min(most_steps);
         let short = steps(SHORT.max(2 * horizon.states as usize));
         let (made, before) = Taken::by(|| {
@@ -206,13 +205,13 @@ impl Trials<'_> {
         horizon: &mut Horizon,
         text: impl Fn(Horizon) -> String,
     ) -> Result<Vec<Predicted>, StepError> {
-        let silent = &self.printer.silent();
+        let silent = &self.context.silent();
         let study = |horizon: Horizon| self.job_with(text(horizon), COMPARED, &SMALLEST_MODEL);
         build_model::run(&study(*horizon)?, &BuildOptions::default(), silent)?;
         scorable(horizon, |horizon| {
             sweep::run(&study(horizon)?, &Counted::default(), None, silent)
         })?;
-        let judged = evaluate::judge(&study(*horizon)?, &*silent.progress())?;
+        let judged = evaluate::judge(&study(*horizon)?, silent, &*silent.progress())?;
         Ok(judged.summary.verdicts.iter().map(Predicted::of).collect())
     }
 
@@ -222,7 +221,7 @@ impl Trials<'_> {
         horizon: &mut Horizon,
         text: &impl Fn(usize, Horizon) -> (String, Size),
     ) -> Result<Taken, StepError> {
-        let silent = self.printer.silent();
+        let silent = self.context.silent();
         scorable(horizon, |horizon| {
             let job = self.job(text(steps, horizon).0, COSTS)?;
             let (swept, taken) = Taken::by(|| sweep::run(&job, &Counted::default(), None, &silent));

@@ -1,17 +1,21 @@
 //! The representation of a log of decisions, which `calib control` trains itself.
 
 use calib_core::States;
-use calib_study::Job;
+use calib_study::{Job, StepKind};
 
-use super::{Material, RepresentationManifest, made, read, trained, up_to_date};
-use crate::{StepError, base::artefact, output::Printer};
+use super::{Material, RepresentationFacts, RepresentationManifest, made, read, trained};
+use crate::{
+    StepError,
+    base::artefact::{self, Facts as _},
+    output::Printer,
+};
 
 /// Fingerprint of what the representation of the states of `material` follows from. What kind of representation a model without actions has does not
 /// matter.
 fn key(job: &Job, material: Material<'_>) -> Result<String, StepError> {
     let study = job.study();
     let candidates = study.representation.candidates();
-    let format = <RepresentationManifest as artefact::Manifest>::FORMAT;
+    let format = RepresentationFacts::FORMAT;
     artefact::key(&("decisions", format, material.fingerprint, candidates, study.seed))
 }
 
@@ -23,14 +27,15 @@ pub(crate) fn of(
 ) -> Result<States, StepError> {
     let directory = &job.layout().control_representation();
     let key = key(job, material)?;
-    let kept = if job.policy().redoes() { None } else { up_to_date(directory, &key) };
+    let kept =
+        if job.policy().redoes() { None } else { RepresentationManifest::find(directory, &key) };
     let manifest = match kept {
         Some(manifest) => manifest,
         None => made(job, directory, material, key, |split| {
             trained(job, None, (material, split), directory, printer)
         })?,
     };
-    Ok(read(directory, &manifest, &job.command("control"))?.psi)
+    Ok(read(directory, &manifest, &job.command(StepKind::Control))?.psi)
 }
 
 /// Make what was trained again if it is there and damaged; what is the same is the same to the byte.
@@ -39,7 +44,8 @@ pub(crate) fn of(
 /// If it cannot be trained, or written.
 pub(crate) fn mend(job: &Job, material: Material<'_>, printer: &Printer) -> Result<(), StepError> {
     let directory = &job.layout().control_representation();
-    if directory.exists() && up_to_date(directory, &key(job, material)?).is_none() {
+    if directory.exists() && RepresentationManifest::find(directory, &key(job, material)?).is_none()
+    {
         of(job, material, printer)?;
     }
     Ok(())
@@ -48,11 +54,13 @@ pub(crate) fn mend(job: &Job, material: Material<'_>, printer: &Printer) -> Resu
 /// ψ of every state, if it was trained and one qualified.
 pub(crate) fn kept(job: &Job, material: Material<'_>) -> Result<Option<States>, StepError> {
     let directory = &job.layout().control_representation();
-    let Some(manifest) = up_to_date(directory, &key(job, material)?) else { return Ok(None) };
+    let Some(manifest) = RepresentationManifest::find(directory, &key(job, material)?) else {
+        return Ok(None);
+    };
     if manifest.chosen.is_none() {
         return Ok(None);
     }
-    Ok(Some(read(directory, &manifest, &job.command("control"))?.psi))
+    Ok(Some(read(directory, &manifest, &job.command(StepKind::Control))?.psi))
 }
 
 /// What `calib control` trained, for the report.

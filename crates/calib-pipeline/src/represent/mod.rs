@@ -5,7 +5,12 @@ mod grid;
 mod import;
 mod table;
 
-use std::{collections::BTreeMap, path::Path, sync::Arc};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Duration,
+};
 
 use calib_core::{Seed, Segments, States};
 use calib_data::Dataset;
@@ -15,32 +20,33 @@ use calib_represent::{
     Divergence, LaplacianConfig, Point, RepresentationKind, Scores, Split, encode, read_encoder,
     score, select, write_encoder,
 };
-use calib_study::{Job, Layout, Made, Share, Study};
+use calib_study::{Job, Layout, Share, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     Context as _, StepError, bail,
     base::{
-        artefact::{self, Below, Claim, Files, Manifest, TOOL},
+        artefact::{self, Artefact, Claim, Facts, Files},
         clock::Stopwatch,
         memory,
         options::Device,
-        outcome::Outcome,
+        outcome::{Freshness, NoPlan, Outcome, StepResult},
         stale::Kept,
         torch,
     },
-    log::partition,
-    output::{Printer, bytes, count, counted, duration},
+    log::{context::RunContext, partition},
+    output::{Printer, bytes, count, counted},
 };
 
-pub(crate) use table::report_table;
+pub(crate) use table::{report_table, show};
 
 /// `manifest.json` of a representation directory.
+pub(crate) type RepresentationManifest = Artefact<RepresentationFacts>;
+
+/// What is told of representations and their scores.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct RepresentationManifest {
-    pub(crate) format: u32,
-    pub(crate) tool: String,
+pub(crate) struct RepresentationFacts {
     /// Fingerprint of data and configuration.
     pub(crate) key: String,
     #[schemars(with = "crate::base::resolved::ResolvedStudy")]
@@ -52,8 +58,6 @@ pub(crate) struct RepresentationManifest {
     pub(crate) candidates: Vec<Candidate>,
     /// Position of the chosen one; none if none qualifies.
     pub(crate) chosen: Option<usize>,
-    /// Fingerprint of every other file.
-    pub(crate) files: Files,
 }
 
 /// A representation that could be used.
@@ -70,11 +74,16 @@ pub(crate) struct Candidate {
     pub(crate) points: Vec<Point>,
 }
 
-impl Manifest for RepresentationManifest {
+impl Facts for RepresentationFacts {
     const FORMAT: u32 = 2;
+    const STEP: StepKind = StepKind::Represent;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
+    }
+
+    fn has_all_parts(&self, directory: &Path) -> bool {
+        self.candidates.iter().all(|candidate| grid::is_whole(directory, candidate))
     }
 }
 
@@ -102,14 +111,35 @@ impl<'a> Material<'a> {
 const ENCODER: &str = "encoder.safetensors";
 const PSI: &str = "representation.npy";
 
+/// The representations of a study.
+#[derive(Debug)]
+pub struct Representations {
+    pub(crate) manifest: RepresentationManifest,
+    pub(crate) directory: PathBuf,
+    pub(crate) freshness: Freshness,
+    pub(crate) took: Duration,
+}
+
+impl Representations {
+    /// Position of the chosen one among those that were tried; none if none qualifies.
+    pub fn chosen(&self) -> Option<usize> {
+        self.manifest.chosen
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
 /// Train or import the representations of a study, and choose one.
 pub(crate) fn run(
     job: &Job,
     device: Option<Device>,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+    context: &RunContext,
+) -> Result<StepResult<Representations>, StepError> {
     let clock = Stopwatch::start();
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
     if device.is_some() {
         torch::require("--device")?;
     }
@@ -119,35 +149,24 @@ pub(crate) fn run(
              set it to \"laplacian\" or \"import\""
         );
     }
-    let dataset = partition::load(job, printer)?.dataset;
+    let dataset = partition::load(job, context)?.dataset;
     let key = key(job, &dataset)?;
-    let directory = paths.representation();
-    announce(study, &dataset, printer);
+    let directory = job.layout().representation();
+    announce(study, &dataset, context);
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(Outcome::Done);
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(NoPlan));
     }
     if let Some(share) = job.policy().share {
-        return train_share(job, device, &dataset, share, printer);
+        train_share(job, device, &dataset, share, context)?;
+        return Ok(StepResult::Nothing(Outcome::Done));
     }
-    let existing = if job.policy().redoes() { None } else { find(paths, &key, printer)? };
-    let (manifest, verb) = match existing {
-        Some(manifest) => (manifest, "up to date:"),
-        None => (make(job, device, &dataset, key, printer)?, "wrote"),
+    let (manifest, freshness) = match RepresentationManifest::of_job(job, &key, context)? {
+        Some(manifest) => (manifest, Freshness::Kept),
+        None => (make(job, device, &dataset, key, context)?, Freshness::Made),
     };
-    if printer.is_for_machines() {
-        printer.json(&manifest)?;
-    } else {
-        let (place, time) = (directory.display(), duration(clock.elapsed()));
-        printer.result(&format!("{verb} {place} in {time}"))?;
-        table::show(&manifest, printer)?;
-    }
-    if manifest.chosen.is_some() {
-        printer.next(&[job.command("build-model")]);
-        return Ok(Outcome::Done);
-    }
-    printer.warn(NONE_QUALIFIES);
-    Ok(Outcome::Negative)
+    let took = clock.elapsed();
+    Ok(StepResult::Made(Representations { manifest, directory, freshness, took }))
 }
 
 /// Train the share of the grid that this process has. Every candidate is a directory of its own, so that shares have nothing in
@@ -158,11 +177,11 @@ fn train_share(
     dataset: &Dataset,
     share: Share,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<(), StepError> {
     let (study, directory) = (job.study(), job.layout().representation());
     if study.representation.kind == RepresentationKind::Import {
         printer.say("an imported representation is not trained: there is nothing to share");
-        return Ok(Outcome::Done);
+        return Ok(());
     }
     let material = Material::of(dataset);
     if device.is_none() {
@@ -176,45 +195,16 @@ fn train_share(
         counted(trained, "representation"),
         study.representation.candidates().len()
     ))?;
-    printer.next(&[job.command("represent")]);
-    Ok(Outcome::Done)
+    printer.next(&[job.command(StepKind::Represent)]);
+    Ok(())
 }
 
 /// What to do where memory does not suffice.
 const LESS: &str =
     "lower representation.hidden_units or representation.batch_size, or use fewer --threads";
 
-/// The representation that follows from what `key` names, if it is there, or if another model of the study has it.
-fn find(
-    paths: &Layout,
-    key: &str,
-    printer: &Printer,
-) -> Result<Option<RepresentationManifest>, StepError> {
-    let directory = paths.representation();
-    if let Some(found) = up_to_date(&directory, key) {
-        return Ok(Some(found));
-    }
-    for other in paths.of_other_models("representation") {
-        let Some(found) = up_to_date(&other, key) else { continue };
-        printer.say(&format!("the representation is that in {}, and is copied", other.display()));
-        let files = found.files.keys().map(String::as_str);
-        artefact::adopt(&other, files, &found, &directory)?;
-        return Ok(Some(found));
-    }
-    Ok(None)
-}
-
-/// The representation in `directory`, if it follows from what `key` names and is whole.
-fn up_to_date(directory: &Path, key: &str) -> Option<RepresentationManifest> {
-    artefact::read::<RepresentationManifest>(directory).filter(|found| {
-        found.key == key
-            && artefact::are_whole(directory, &found.files)
-            && found.candidates.iter().all(|of| grid::is_whole(directory, of))
-    })
-}
-
 /// What to do where no candidate may be used.
-const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the distinct states apart; \
+pub(crate) const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the distinct states apart; \
     try a greater `zeta` or `dimension`, more `steps`, or a smaller `learning_rate` in [representation]";
 
 /// Fingerprint of what the representations follow from.
@@ -225,7 +215,7 @@ fn key(job: &Job, dataset: &Dataset) -> Result<String, StepError> {
         _ => None,
     };
     artefact::key(&(
-        RepresentationManifest::FORMAT,
+        RepresentationFacts::FORMAT,
         &dataset.fingerprint,
         &study.representation,
         study.seed,
@@ -241,8 +231,8 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
         return;
     }
     let candidates = study.representation.candidates();
-    let steps: usize = candidates.iter().map(|of| of.steps).sum();
-    let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
+    let steps: usize = candidates.iter().map(|candidate| candidate.steps).sum();
+    let widest = candidates.iter().map(|candidate| candidate.dimension).max().unwrap_or(0);
     let at_once = rayon::current_num_threads().min(candidates.len());
     printer.say(&format!(
         "{} rows x {columns} columns; {} of up to {widest} dimensions, {} steps in all, \
@@ -258,15 +248,16 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
 fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
     let (rows, columns) = material.shape();
     let candidates = study.representation.candidates();
-    let widest = candidates.iter().map(|of| of.dimension).max().unwrap_or(0);
+    let widest = candidates.iter().map(|candidate| candidate.dimension).max().unwrap_or(0);
     let at_once = rayon::current_num_threads().min(candidates.len()) as u64;
-    let of_one = |of: &LaplacianConfig| {
-        let layers = std::iter::repeat_n(of.hidden_units, of.hidden_layers);
-        let sizes: Vec<usize> = [columns].into_iter().chain(layers).chain([of.dimension]).collect();
+    let mut largest = 0;
+    for LaplacianConfig { hidden_units, hidden_layers, dimension, batch_size, .. } in &candidates {
+        let mut sizes = vec![columns];
+        sizes.extend(std::iter::repeat_n(*hidden_units, *hidden_layers));
+        sizes.push(*dimension);
         // A batch has u, v and x.
-        calib_nn::training_bytes(&sizes, of.batch_size.saturating_mul(3))
-    };
-    let largest = candidates.iter().map(of_one).max().unwrap_or(0);
+        largest = largest.max(calib_nn::training_bytes(&sizes, batch_size.saturating_mul(3)));
+    }
     let states = (rows * (2 * columns + widest) * 4) as u64;
     states.saturating_add(largest.saturating_mul(at_once))
 }
@@ -306,8 +297,7 @@ fn made(
     try_all: impl FnOnce(&Split) -> Result<Tried, StepError>,
 ) -> Result<RepresentationManifest, StepError> {
     let split = Split::in_time(material.segments)?;
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
+    let claim = Claim::begun(directory)?;
     if job.policy().redoes() {
         // Everything is made again from here on, so that an interrupted run goes on without `--force`.
         grid::remove(directory)?;
@@ -323,19 +313,15 @@ fn made(
         files.push(PSI);
     }
     table::write(directory, &candidates, chosen)?;
-    let manifest = RepresentationManifest {
-        format: RepresentationManifest::FORMAT,
-        tool: TOOL.to_owned(),
+    let facts = RepresentationFacts {
         key,
         study: job.study().clone(),
         data: material.fingerprint.clone(),
         validation_rows: split.validation.len(),
         candidates,
         chosen,
-        files: artefact::fingerprints(directory, files)?,
     };
-    claim.complete(&manifest)?;
-    Ok(manifest)
+    claim.finish(facts, files)
 }
 
 /// Where a study's representations begin to draw from.
@@ -378,7 +364,7 @@ fn trained(
             Candidate { scores, ..candidate.clone() }
         })
         .collect();
-    let scores: Vec<Option<Scores>> = candidates.iter().map(|of| of.scores).collect();
+    let scores: Vec<Option<Scores>> = candidates.iter().map(|candidate| candidate.scores).collect();
     let chosen = select(&scores);
     let encoder = chosen.and_then(|chosen| trained[chosen].1.clone());
     let psi = encoder.as_ref().map(encoded).transpose()?;
@@ -401,10 +387,9 @@ pub(crate) fn open(job: &Job, dataset: &Dataset) -> Result<Option<Representation
     if study.representation.kind == RepresentationKind::None {
         return Ok(None);
     }
-    let (directory, command) = (paths.representation(), job.command("represent"));
+    let (directory, command) = (paths.representation(), job.command(StepKind::Represent));
     let manifest: RepresentationManifest = artefact::require(&directory, &command)?;
-    Kept { result: Made::Representation, study: &manifest.study, directory: &directory }
-        .check(job)?;
+    Kept { step: StepKind::Represent, study: &manifest.study, directory: &directory }.check(job)?;
     if manifest.key != key(job, dataset)? {
         bail!(
             "the representation in {} was made from other data; run `{command}` again",
@@ -457,7 +442,7 @@ pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
         RepresentationKind::Laplacian => config.candidates(),
         RepresentationKind::Import => Vec::new(),
     };
-    let dimensions = || candidates.iter().map(|of| of.dimension);
+    let dimensions = || candidates.iter().map(|candidate| candidate.dimension);
     let widest = dimensions().max();
     if let Some(only) = widest.filter(|_| dimensions().min() == widest) {
         return Width::Exactly(only);
@@ -472,9 +457,9 @@ pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
 /// Put the representation into a model's directory, which then needs nothing else; names of the files.
 pub(crate) fn copy_to(
     directory: &Path,
-    of: &Representation,
+    representation: &Representation,
 ) -> Result<Vec<&'static str>, StepError> {
-    let Representation { psi, encoder, .. } = of;
+    let Representation { psi, encoder, .. } = representation;
     write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
     let Some(encoder) = encoder else { return Ok(vec![PSI]) };
     write_encoder(&directory.join(ENCODER), encoder, BTreeMap::new())?;

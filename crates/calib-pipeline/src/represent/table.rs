@@ -96,7 +96,7 @@ fn telling(candidates: &[Candidate]) -> Vec<Field> {
 }
 
 /// Print all candidates with both scores, and which is chosen.
-pub(super) fn show(manifest: &RepresentationManifest, printer: &Printer) -> Result<(), StepError> {
+pub(crate) fn show(manifest: &RepresentationManifest, printer: &Printer) -> Result<(), StepError> {
     let fields = telling(&manifest.candidates);
     let mut header = vec!["candidate"];
     header.extend(fields.iter().map(|(name, _)| *name));

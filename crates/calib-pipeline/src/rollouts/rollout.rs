@@ -1,43 +1,47 @@
-use std::path::Path;
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
 use calib_data::table::Table;
 use calib_files::Fingerprint;
 use calib_model::{JumpStatistics, ModelStart, Rolling, RolloutConfig, Search, Trajectory};
-use calib_study::{Job, Made, Study};
+use calib_study::{Job, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     StepError,
     base::{
-        artefact::{self, Below, Claim, Files, Manifest, TOOL},
+        artefact::{self, Artefact, Claim, Facts},
         clock::Stopwatch,
         memory,
-        outcome::Outcome,
+        outcome::{Freshness, NoPlan, Outcome, StepResult},
     },
-    log::partition,
+    log::{context::RunContext, partition},
     model::{
-        jumps,
         kinds::search_place,
         model_files::{self, OpenModel},
         starts::{StartSummary, Starts, summaries},
     },
-    output::{Printer, bytes, count, duration},
+    output::{Printer, bytes, count},
     rollouts::{
         collapse::{self, Collapse},
         comparison::{self, Comparison},
-        figures, one_step,
+        figures,
+        one_step::{self, OneStep},
         trajectory_columns::Columns,
         truth::{self, Record},
     },
 };
 
 /// `manifest.json` of a rollout directory.
+pub(crate) type RolloutManifest = Artefact<RolloutFacts>;
+
+/// What is told of rollouts.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct RolloutManifest {
-    pub(crate) format: u32,
-    pub(crate) tool: String,
+pub(crate) struct RolloutFacts {
     pub(crate) key: String,
     pub(crate) model: String,
     /// What it was made with.
@@ -50,8 +54,6 @@ pub(crate) struct RolloutManifest {
     pub(crate) collapse: Collapse,
     /// Distances from what was recorded after the same starts, unless they are switched off.
     pub(crate) comparison: Option<Comparison>,
-    /// Fingerprint of every table.
-    pub(crate) files: Files,
 }
 
 /// What the rollouts of one member were like.
@@ -66,11 +68,12 @@ pub(crate) struct MemberRollouts {
     pub(crate) starts: StartSummary,
 }
 
-impl Manifest for RolloutManifest {
+impl Facts for RolloutFacts {
     const FORMAT: u32 = 7;
+    const STEP: StepKind = StepKind::Rollout;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
     }
 }
 
@@ -81,26 +84,59 @@ impl Manifest for RolloutManifest {
 pub(crate) fn finished(job: &Job, model: &str) -> Result<Option<RolloutManifest>, StepError> {
     let paths = job.layout();
     let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(|found| {
-        found.model == *model && job.study().differences(Made::Rollouts, &found.study).is_empty()
+        found.model == *model && job.study().differences(StepKind::Rollout, &found.study).is_empty()
     });
     if let Some(found) = &found {
-        artefact::check_files(&paths.rollout(), &found.files, &job.command("rollout"))?;
+        artefact::check_files(&paths.rollout(), &found.files, &job.command(StepKind::Rollout))?;
     }
     Ok(found)
 }
 
+/// Rollouts of the model of a study.
+#[derive(Debug)]
+pub struct Rollouts {
+    pub(crate) manifest: RolloutManifest,
+    /// How well the model predicts the next state, where something is held out and it can.
+    pub(crate) one_step: Option<OneStep>,
+    pub(crate) directory: PathBuf,
+    pub(crate) freshness: Freshness,
+    pub(crate) took: Duration,
+}
+
+impl Rollouts {
+    /// The sensors that trajectories are written of.
+    pub fn sensors(&self) -> &[String] {
+        &self.manifest.sensors
+    }
+
+    /// Members of the model, each of which was rolled out.
+    pub fn members(&self) -> usize {
+        self.manifest.members.len()
+    }
+
+    /// Whether they were there already.
+    pub fn freshness(&self) -> Freshness {
+        self.freshness
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
 /// Roll every member out and set the trajectories beside the recorded ones.
-pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+pub(crate) fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, StepError> {
     let clock = Stopwatch::start();
     let (study, paths) = (job.study(), job.layout());
     let model = model_files::open(job)?;
     let sensors = sensors(study, &model, &paths.model())?;
     let directory = paths.rollout();
-    let deployment = match held_out(job, &model, printer) {
+    let deployment = match held_out(job, &model, context) {
         Err(reason) if job.deployment().is_some() && partition::is_outside(&reason) => {
             let name = job.deployment().unwrap_or_default();
-            printer.error(&format!("deployment {name} is left out: {reason}"));
-            return Ok(Outcome::Negative);
+            context.error(&format!("deployment {name} is left out: {reason}"));
+            return Ok(StepResult::Nothing(Outcome::Negative));
         }
         deployment => deployment?,
     };
@@ -112,7 +148,7 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         .unzip();
     let starts = Starts::new(&study.rollout, &study.data, &model, held_out, seed)?;
     let inputs = (
-        RolloutManifest::FORMAT,
+        RolloutFacts::FORMAT,
         starts.origin(fingerprint)?,
         model.manifest.content()?,
         study.model.of_any_index().config,
@@ -125,45 +161,31 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
         Some(noise) => artefact::key(&(inputs, noise))?,
         None => artefact::key(&inputs)?,
     };
-    let needed = announce(study, &model, sensors.len(), printer);
+    let needed = announce(study, &model, sensors.len(), context);
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(Outcome::Done);
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(NoPlan));
     }
-    let existing = artefact::read::<RolloutManifest>(&directory)
-        .filter(|found| found.key == key && !job.policy().redoes())
-        .filter(|found| artefact::are_whole(&directory, &found.files));
-    let (manifest, verb) = if let Some(manifest) = existing {
-        (manifest, "up to date:")
+    let existing = RolloutManifest::of_job(job, &key, context)?;
+    let (manifest, freshness) = if let Some(manifest) = existing {
+        (manifest, Freshness::Kept)
     } else {
         let remedy = "lower rollout.steps or rollout.rollouts, or name fewer sweep.sensors";
         memory::require(needed, "the rollouts", remedy)?;
         let record = Record { model: &model.frames, deployment: held_out };
         let from = (&starts, record);
-        (roll_out(study, &model, from, &sensors, key, &directory, printer)?, "wrote")
+        let made = roll_out(study, &model, from, &sensors, key, &directory, context)?;
+        (made, Freshness::Made)
     };
     let one_step = match deployment.as_ref().filter(|_| study.rollout.dtw_steps > 0) {
-        Some(held_out) => one_step::ensure(job, &model, held_out, &sensors, printer)?,
+        Some(held_out) => one_step::ensure(job, &model, held_out, &sensors, context)?,
         None => None,
     };
     if one_step.is_none() {
         one_step::remove(paths)?;
     }
-    if printer.is_for_machines() {
-        printer.json(&manifest)?;
-    } else {
-        printer.result(&format!(
-            "{verb} {} in {}",
-            directory.display(),
-            duration(clock.elapsed())
-        ))?;
-        summarise(&manifest, study, printer)?;
-        if let Some(one_step) = &one_step {
-            one_step::show(one_step, printer)?;
-        }
-    }
-    printer.next(&[job.command("sweep")]);
-    Ok(Outcome::Done)
+    let took = clock.elapsed();
+    Ok(StepResult::Made(Rollouts { manifest, one_step, directory, freshness, took }))
 }
 
 /// The sensors of the sweep, or all, with their columns.
@@ -175,7 +197,7 @@ fn sensors(
     let normaliser = &model.manifest.normaliser;
     if study.sweep.sensors.is_empty() {
         let columns = normaliser.columns().iter().enumerate();
-        return Ok(columns.map(|(column, of)| (of.name.clone(), column)).collect());
+        return Ok(columns.map(|(column, known)| (known.name.clone(), column)).collect());
     }
     model_files::sensor_columns(study, normaliser, &model_files::read_profile(directory)?)
 }
@@ -209,8 +231,7 @@ fn roll_out(
     directory: &Path,
     printer: &Printer,
 ) -> Result<RolloutManifest, StepError> {
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
+    let claim = Claim::begun(directory)?;
     let config = &study.rollout;
     let progress = printer.progress();
     let place = search_place(&*model.model, directory);
@@ -250,9 +271,7 @@ fn roll_out(
         .collect();
     let compared = comparison.is_some().then_some(comparison::FILES);
     files.extend(compared.into_iter().flatten().map(str::to_owned));
-    let manifest = RolloutManifest {
-        format: RolloutManifest::FORMAT,
-        tool: TOOL.to_owned(),
+    let facts = RolloutFacts {
         key,
         model: model.manifest.content()?,
         study: study.clone(),
@@ -261,10 +280,8 @@ fn roll_out(
         members,
         collapse,
         comparison,
-        files: artefact::fingerprints(directory, files.iter().map(String::as_str))?,
     };
-    claim.complete(&manifest)?;
-    Ok(manifest)
+    claim.finish(facts, files.iter().map(String::as_str))
 }
 
 fn jumps_of(rollouts: &[Trajectory]) -> Option<JumpStatistics> {
@@ -296,7 +313,7 @@ fn compare(
 fn held_out(
     job: &Job,
     model: &OpenModel,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<Option<(Frames, Fingerprint)>, StepError> {
     let (study, paths) = (job.study(), job.layout());
     // A model that deployments share was built without what is held out of one of them.
@@ -307,7 +324,7 @@ fn held_out(
     if !study.starts_follow_from_deployment() && !is_used && is_in_place {
         return Ok(None);
     }
-    let dataset = partition::load(job, printer)?.dataset;
+    let dataset = partition::load(job, context)?.dataset;
     model_files::check_data(job, &model.manifest, &dataset)?;
     Ok(dataset.held_out.zip(dataset.held_out_fingerprint))
 }
@@ -370,26 +387,4 @@ fn trajectories(
             .with_optional(named.recorded, flat().flat_map(recorded).collect::<Vec<Option<f64>>>());
     }
     table
-}
-
-fn summarise(
-    manifest: &RolloutManifest,
-    study: &Study,
-    printer: &Printer,
-) -> Result<(), StepError> {
-    for (number, member) in manifest.members.iter().enumerate() {
-        let replaced = member.starts.text().map_or_else(String::new, |text| format!("; {text}"));
-        let moves = member.jumps.as_ref().map_or_else(|| "predictions".to_owned(), jumps::line);
-        printer.result(&format!("  member {number}: {moves}{replaced}"))?;
-    }
-    let members = manifest.members.iter();
-    let members = members.map(|member| (member.jumps.as_ref(), member.transitions));
-    for warning in jumps::warnings(members, &study.model) {
-        printer.warn(&warning);
-    }
-    collapse::show(&manifest.collapse, printer)?;
-    match &manifest.comparison {
-        Some(of) => comparison::show(of, printer),
-        None => Ok(()),
-    }
 }

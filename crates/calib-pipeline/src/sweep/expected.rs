@@ -10,9 +10,9 @@ use serde::Serialize;
 
 use crate::{
     StepError,
-    base::outcome::Outcome,
+    log::context::RunContext,
     model::model_files,
-    output::{Printer, bytes, count, duration},
+    output::{bytes, count, duration},
     sweep::{
         cost::{Cost, MEASURED_STEPS, Trained},
         plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
@@ -43,7 +43,7 @@ impl Expected {
     /// Of a sweep that was planned, with `passes` left.
     pub(crate) fn of(
         cost: Cost,
-        plan: &SweepPlan<'_>,
+        plan: &SweepPlan,
         passes: usize,
         sensors: usize,
         study: &Study,
@@ -86,12 +86,12 @@ fn seconds(secs: f64) -> String {
 pub(crate) fn before_model(
     job: &Job,
     counted: &Counted,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+    context: &RunContext,
+) -> Result<(), StepError> {
     let study = job.study();
     let candidates = candidates_of(study)?;
-    let (parts, streams) = scorable(job, &candidates, &printer.silent())?;
-    let Ok(streams) = streams else { return Ok(Outcome::Done) };
+    let (parts, streams) = scorable(job, &candidates, &context.silent())?;
+    let Ok(streams) = streams else { return Ok(()) };
     let dataset = &parts.dataset;
     let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let starts = BTreeMap::new();
@@ -108,11 +108,11 @@ pub(crate) fn before_model(
     let states = streams.demand.span.states().min(frames.rows()).min(MEASURED_STEPS);
     let replayed = RowStream::looped(frames.states().clone(), frames.segments(), 0, states);
     let streamed = RunStream::complete(replayed, RowIndex::new(0));
-    let progress = printer.silent().progress();
+    let progress = context.silent().progress();
     let cost = Cost::over(trained, &streamed, 0.0, counted.measured(), &progress)?;
     let results = (units * candidates.len()) as u64;
     let expected = Expected::new(cost.of(sensors.len()), passes, threads, results, study);
-    printer.say(&expected.line());
+    context.say(&expected.line());
     counted.expect(job, expected);
-    Ok(Outcome::Done)
+    Ok(())
 }

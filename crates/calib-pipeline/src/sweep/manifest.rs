@@ -1,22 +1,23 @@
 use calib_core::{Period, Timestamp};
 use calib_data::Dataset;
 use calib_files::Fingerprint;
-use calib_study::Study;
+use calib_study::{StepKind, Study};
 use calib_sweep::{Candidate, ErrorScale, PlannedUnit, Span};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{simple::SimpleErrors, streams::OnlineWindow};
 use crate::{
-    base::artefact::{Files, Manifest, TOOL},
+    base::artefact::{Artefact, Facts},
     model::model_files,
 };
 
 /// `manifest.json` of a sweep directory.
+pub(crate) type SweepManifest = Artefact<SweepFacts>;
+
+/// What is told of a sweep.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct SweepManifest {
-    pub(crate) format: u32,
-    pub(crate) tool: String,
+pub(crate) struct SweepFacts {
     /// Fingerprint of all units.
     pub(crate) key: String,
     #[schemars(with = "crate::base::resolved::ResolvedStudy")]
@@ -47,8 +48,6 @@ pub(crate) struct SweepManifest {
     pub(crate) units: Vec<PlannedUnit>,
     /// What the reader of the results should know.
     pub(crate) notes: Vec<String>,
-    /// Fingerprint of every table.
-    pub(crate) files: Files,
     /// What simple predictors came to, from a file beside the manifest.
     #[serde(skip)]
     pub(crate) simple: SimpleErrors,
@@ -74,7 +73,7 @@ impl HeldOut {
     }
 }
 
-impl SweepManifest {
+impl SweepFacts {
     /// Of a sweep that has trained nothing yet.
     pub(crate) fn of_nothing(
         study: &Study,
@@ -84,7 +83,6 @@ impl SweepManifest {
         candidates: Vec<Candidate>,
     ) -> Self {
         Self {
-            format: <Self as Manifest>::FORMAT,
             data: dataset.fingerprint.clone(),
             model,
             held_out: HeldOut::of(dataset),
@@ -106,8 +104,6 @@ impl SweepManifest {
         candidates: Vec<Candidate>,
     ) -> Self {
         Self {
-            format: 0,
-            tool: TOOL.to_owned(),
             key: String::new(),
             study: study.clone(),
             data: Fingerprint::of(b""),
@@ -123,16 +119,16 @@ impl SweepManifest {
             candidates,
             units: Vec::new(),
             notes: Vec::new(),
-            files: Files::new(),
             simple: SimpleErrors::default(),
         }
     }
 }
 
-impl Manifest for SweepManifest {
+impl Facts for SweepFacts {
     const FORMAT: u32 = 4;
+    const STEP: StepKind = StepKind::Sweep;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
     }
 }

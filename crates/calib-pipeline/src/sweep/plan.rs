@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::{
     StepError, bail,
     base::memory,
-    output::{Printer, bytes, count, table},
+    output::{Printer, bytes, count},
     sweep::{cost::MeasuredPasses, expected::Expected},
 };
 
@@ -60,9 +60,9 @@ impl Counted {
 
 /// What is to be done: the result of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct SweepPlan<'a> {
+pub struct SweepPlan {
     /// Every value, in the order of the results.
-    pub(crate) candidates: &'a [Candidate],
+    pub(crate) candidates: Vec<Candidate>,
     /// Units (sensor, environment, run) in all.
     pub(crate) units: usize,
     /// Units that have no result yet.
@@ -233,19 +233,9 @@ impl Memory {
     }
 }
 
-impl SweepPlan<'_> {
-    /// Say what will be done, and refuse what would not fit. Of a dry run it is all there is.
-    pub(crate) fn announce(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
-        self.tell(job.study(), printer)?;
-        if job.policy().is_dry() {
-            self.show(printer)?;
-            let place = job.layout().sweep();
-            printer.say(&format!("dry run: nothing written to {}", place.display()));
-        }
-        Ok(())
-    }
-
-    fn tell(&self, study: &Study, printer: &Printer) -> Result<(), StepError> {
+impl SweepPlan {
+    /// Say what will be done, and refuse what would not fit.
+    pub(crate) fn announce(&self, study: &Study, printer: &Printer) -> Result<(), StepError> {
         let shared = match self.shared {
             0 => String::new(),
             shared => format!(", {} of them with an earlier model or deployment", count(shared)),
@@ -269,22 +259,6 @@ impl SweepPlan<'_> {
             printer.say(&expected.line());
         }
         Ok(())
-    }
-
-    /// Every value, as a list or for machines.
-    fn show(&self, printer: &Printer) -> Result<(), StepError> {
-        if printer.is_for_machines() {
-            return printer.json(self);
-        }
-        let rows: Vec<Vec<String>> = self
-            .candidates
-            .iter()
-            .map(|candidate| {
-                let note = if candidate.is_default { "the default" } else { "" };
-                vec![candidate.label(), candidate.index.to_string(), note.to_owned()]
-            })
-            .collect();
-        printer.lines(&table(&["value", "candidate", ""], &rows))
     }
 }
 

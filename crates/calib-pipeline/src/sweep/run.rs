@@ -1,4 +1,8 @@
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use calib_agent::{Accelerator, check_accelerated};
 use calib_data::Dataset;
@@ -12,16 +16,17 @@ use serde::{Deserialize, Serialize};
 use crate::{
     StepError,
     base::{
-        artefact::{self, Below, Claim},
+        artefact::{self, Artefact, Claim},
         clock::Stopwatch,
         options::Device,
-        outcome::Outcome,
+        outcome::{Outcome, StepResult},
         torch,
     },
-    output::{Printer, count, duration},
+    log::context::RunContext,
+    output::Printer,
     sweep::{
         expected::Expected,
-        manifest::SweepManifest,
+        manifest::{SweepFacts, SweepManifest},
         notes::{failed_rollouts, saved},
         plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
         recorded,
@@ -39,6 +44,46 @@ pub(crate) fn unit_store(directory: &Path, arithmetic: Option<&str>) -> UnitStor
     UnitStore::new(directory.join(format!("units{apart}")))
 }
 
+/// What a sweep came to.
+pub type SweepResult = StepResult<Swept, SweepPlan>;
+
+/// A finished sweep.
+#[derive(Debug)]
+pub struct Swept {
+    pub(crate) manifest: SweepManifest,
+    pub(crate) directory: PathBuf,
+    /// How many units were run just now.
+    pub(crate) ran: usize,
+    pub(crate) took: Duration,
+}
+
+impl Swept {
+    /// Every value that agents were trained for, in the order of the results.
+    pub fn candidates(&self) -> &[Candidate] {
+        &self.manifest.candidates
+    }
+
+    /// Units (sensor, environment, run) of it.
+    pub fn units(&self) -> usize {
+        self.manifest.units.len()
+    }
+
+    /// How many of them were run just now; the others were there.
+    pub fn ran(&self) -> usize {
+        self.ran
+    }
+
+    /// What the reader of the results should know.
+    pub fn notes(&self) -> &[String] {
+        &self.manifest.notes
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
 /// Results of units by their keys, as other processes made them.
 pub(crate) type Pool = BTreeMap<String, UnitResult>;
 
@@ -47,10 +92,10 @@ pub(crate) fn run(
     job: &Job,
     counted: &Counted,
     device: Option<Device>,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+    context: &RunContext,
+) -> Result<SweepResult, StepError> {
     let accelerator = on_device(device, job.study())?;
-    sweep(job, counted, Source { pool: None, accelerator: accelerator.as_deref() }, printer)
+    sweep(job, counted, Source { pool: None, accelerator: accelerator.as_deref() }, context)
 }
 
 /// What trains the agents of a study on a device, if one is named, before anything is read or made.
@@ -62,7 +107,9 @@ pub(crate) fn on_device(
     study: &Study,
 ) -> Result<Option<Box<dyn Accelerator>>, StepError> {
     let Some(device) = device else { return Ok(None) };
-    candidates_of(study)?.iter().try_for_each(|of| check_accelerated(&of.agent))?;
+    for candidate in candidates_of(study)? {
+        check_accelerated(&candidate.agent)?;
+    }
     Ok(Some(torch::accelerator(device)?))
 }
 
@@ -73,9 +120,9 @@ pub(crate) fn on_device(
 pub(crate) fn put_together(
     job: &Job,
     pool: &Pool,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
-    sweep(job, &Counted::default(), Source { pool: Some(pool), accelerator: None }, printer)
+    context: &RunContext,
+) -> Result<SweepResult, StepError> {
+    sweep(job, &Counted::default(), Source { pool: Some(pool), accelerator: None }, context)
 }
 
 /// Where results come from, if not from this program's own arithmetic.
@@ -91,13 +138,13 @@ fn sweep(
     job: &Job,
     counted: &Counted,
     Source { pool, accelerator }: Source<'_>,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+    context: &RunContext,
+) -> Result<SweepResult, StepError> {
     let clock = Stopwatch::start();
     let (study, directory) = (job.study(), job.layout().sweep());
-    let setting = match Setting::of(job, printer)? {
+    let setting = match Setting::of(job, context)? {
         Ok(setting) => setting,
-        Err(unsettled) => return leave_out(job, unsettled, printer),
+        Err(unsettled) => return leave_out(job, unsettled, context),
     };
     let span = setting.streams.demand.span;
     let environments = setting.open(study)?;
@@ -120,28 +167,29 @@ fn sweep(
     let is_own = setting.program.is_none() && accelerator.is_none();
     let is_timed = is_own && missing > shared && preview.memory.fits();
     if job.policy().is_dry() && is_timed {
-        let progress = printer.silent().progress();
+        let progress = context.silent().progress();
         let cost = setting.cost(study, counted.measured(), &progress)?;
         let passes = plan.passes(&stored)?;
         let expected = Expected::of(cost, &preview, passes, setting.sensors.len(), study);
         counted.expect(job, expected.clone());
         preview.expected = Some(expected);
     }
-    preview.announce(job, printer)?;
+    preview.announce(study, context)?;
     if job.policy().is_dry() {
-        return Ok(Outcome::Done);
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(preview));
     }
     // Nothing is given up, nor need the disk be writable, before there is something to write.
     let is_done = missing == 0 && stored.keys().all(|unit| own.contains_key(unit));
     let kept = if is_done { finished(&directory, job) } else { None };
-    let claim = kept.is_none().then(|| begin(&directory)).transpose()?;
+    let claim = kept.is_none().then(|| Claim::begun(&directory)).transpose()?;
     if job.policy().redoes() {
         store.clear()?;
     }
     let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
     shared.map(|(_, result)| result).try_for_each(|result| store.put(result))?;
-    let Completed { results, ran } = plan.complete(stored, &store, &printer.progress())?;
-    let mut manifest = manifest_of(study, &setting, &results, printer)?;
+    let Completed { results, ran } = plan.complete(stored, &store, &context.progress())?;
+    let mut manifest = Artefact::new(facts(study, &setting, &results, context)?);
     if let Some(class) = arithmetic {
         manifest.arithmetic = Some(class.to_owned());
         manifest.notes.push(format!(
@@ -154,27 +202,25 @@ fn sweep(
         None => false,
     };
     if !is_the_same {
-        let claim = claim.map_or_else(|| begin(&directory), Ok)?;
+        let claim = claim.map_or_else(|| Claim::begun(&directory), Ok)?;
         sweep_tables::write(&directory, &manifest, &results)?;
         setting.simple_errors(&environments, &baselines)?.write(&directory)?;
         recorded::write(&directory, &setting.dataset, setting.pretrain.as_ref(), &setting.sensors)?;
-        manifest.files = artefact::fingerprints(&directory, tables())?;
         if ran > 0 {
             write_timings(&directory, ran, &clock)?;
         }
-        claim.complete(&manifest)?;
+        manifest = claim.finish(manifest.facts, tables())?;
     }
-    finish(job, &manifest, ran, clock, printer)?;
-    Ok(Outcome::Done)
+    Ok(StepResult::Made(Swept { manifest, directory, ran, took: clock.elapsed() }))
 }
 
-/// The manifest of these results, but for its files.
-fn manifest_of(
+/// What is told of these results.
+fn facts(
     study: &Study,
     setting: &Setting,
     results: &[UnitResult],
     printer: &Printer,
-) -> Result<SweepManifest, StepError> {
+) -> Result<SweepFacts, StepError> {
     let Setting { model, dataset, candidates, streams, sensors, still, .. } = setting;
     let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
     printer.say_all(saved(results, setting.runs()).as_slice());
@@ -187,28 +233,28 @@ fn manifest_of(
         failed,
     ];
     let (content, span) = (model.manifest.content()?, streams.demand.span);
-    Ok(SweepManifest {
+    Ok(SweepFacts {
         key: artefact::key(&units)?,
         windows: windows(dataset, streams),
         standing_still: still.iter().filter_map(Still::everywhere).collect(),
         scales: error_scales(dataset, sensors, candidates),
         units,
         notes: notes.concat(),
-        ..SweepManifest::of_nothing(study, dataset, content, span, candidates.clone())
+        ..SweepFacts::of_nothing(study, dataset, content, span, candidates.clone())
     })
 }
 
 /// What it takes to train all `candidates`: units, those that are left, and those of them that others share.
-fn preview<'a>(
-    candidates: &'a [Candidate],
+fn preview(
+    candidates: &[Candidate],
     sizes: &Sizes,
     [units, left, shared]: [usize; 3],
     span: Span,
-) -> SweepPlan<'a> {
+) -> SweepPlan {
     let threads = rayon::current_num_threads();
     let memory = Memory::of(sizes, &agents_of(candidates), threads);
     SweepPlan {
-        candidates,
+        candidates: candidates.to_vec(),
         units,
         left,
         shared,
@@ -227,14 +273,7 @@ fn tables() -> impl Iterator<Item = &'static str> {
 /// The manifest of a sweep whose tables are what was written.
 fn finished(directory: &Path, job: &Job) -> Option<SweepManifest> {
     let kept = artefact::read::<SweepManifest>(directory)?;
-    (!job.policy().redoes() && artefact::are_whole(directory, &kept.files)).then_some(kept)
-}
-
-/// Claim the directory of a sweep that has something to write.
-fn begin(directory: &Path) -> Result<Claim, StepError> {
-    let claim = Claim::new(directory, Below::Ours)?;
-    claim.begin()?;
-    Ok(claim)
+    (!job.policy().redoes() && kept.is_whole(directory)).then_some(kept)
 }
 
 fn planned(result: &UnitResult) -> PlannedUnit {
@@ -250,23 +289,23 @@ fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
 }
 
 /// Write down why nothing can be scored in a deployment, so that the other ones are judged without it.
-fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<Outcome, StepError> {
+fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<SweepResult, StepError> {
     let Unsettled { dataset, model, candidates, reason } = unsettled;
     let study = job.study();
     let name = job.deployment().unwrap_or_default();
     printer.error(&format!("deployment {name} is left out: {reason}"));
     if job.policy().is_dry() {
-        return Ok(Outcome::Negative);
+        return Ok(StepResult::Nothing(Outcome::Negative));
     }
-    let span = Span::new(study.sweep.steps, candidates.iter().map(|of| of.agent.gamma));
-    let manifest = SweepManifest {
+    let span =
+        Span::new(study.sweep.steps, candidates.iter().map(|candidate| candidate.agent.gamma));
+    let facts = SweepFacts {
         key: artefact::key(&reason)?,
         left_out: Some(reason),
-        ..SweepManifest::of_nothing(study, &dataset, model, span, candidates)
+        ..SweepFacts::of_nothing(study, &dataset, model, span, candidates)
     };
-    let claim = begin(&job.layout().sweep())?;
-    claim.complete(&manifest)?;
-    Ok(Outcome::Negative)
+    Claim::begun(&job.layout().sweep())?.finish(facts, [])?;
+    Ok(StepResult::Nothing(Outcome::Negative))
 }
 
 /// Units that are left to run, and that another part of the same command runs before.
@@ -325,26 +364,4 @@ fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> Result<()
 pub(crate) fn wall_secs(paths: &Layout) -> Option<f64> {
     let timings: Timings = read_json(&paths.sweep().join("timings.json")).ok()?;
     Some(timings.wall_secs)
-}
-
-fn finish(
-    job: &Job,
-    manifest: &SweepManifest,
-    ran: usize,
-    clock: Stopwatch,
-    printer: &Printer,
-) -> Result<(), StepError> {
-    if printer.is_for_machines() {
-        printer.json(manifest)?;
-    } else {
-        let did = if ran == 0 {
-            "up to date".to_owned()
-        } else {
-            format!("{} units run in {}", count(ran), duration(clock.elapsed()))
-        };
-        let runs = job.layout().sweep().join("runs.parquet");
-        printer.result(&format!("{did}; results in {}", runs.display()))?;
-    }
-    printer.next(&[job.command("evaluate")]);
-    Ok(())
 }

@@ -15,9 +15,11 @@ use crate::{
     StepError,
     agents::pretrain_files,
     bail,
-    log::partition::{self, Parts, PretrainPart},
+    log::{
+        context::RunContext,
+        partition::{self, Parts, PretrainPart},
+    },
     model::model_files::{self, OpenModel},
-    output::Printer,
     program::ExternalAgents,
     sweep::{
         cost::{Cost, MEASURED_STEPS, MeasuredPasses, Trained},
@@ -58,11 +60,14 @@ pub(crate) struct Unsettled {
 
 impl Setting {
     /// Read and check everything that the sweep of a job follows from.
-    pub(crate) fn of(job: &Job, printer: &Printer) -> Result<Result<Self, Unsettled>, StepError> {
+    pub(crate) fn of(
+        job: &Job,
+        context: &RunContext,
+    ) -> Result<Result<Self, Unsettled>, StepError> {
         let study = job.study();
         let candidates = candidates_of(study)?;
         let model = model_files::open(job)?;
-        let (Parts { dataset, pretrain, .. }, streams) = scorable(job, &candidates, printer)?;
+        let (Parts { dataset, pretrain, .. }, streams) = scorable(job, &candidates, context)?;
         model_files::check_data(job, &model.manifest, &dataset)?;
         let streams = match streams {
             Ok(streams) => streams,
@@ -71,12 +76,12 @@ impl Setting {
                 return Ok(Err(Unsettled { dataset, model, candidates, reason }));
             }
         };
-        let environments = Environments::describe(job, &model, &dataset, &streams, printer)?;
+        let environments = Environments::describe(job, &model, &dataset, &streams, context)?;
         let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
-        let still = standing_still(&dataset, &streams, &sensors, printer);
+        let still = standing_still(&dataset, &streams, &sensors, context);
         let (starts, notes) =
             pretrain_files::starts(job, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
-        printer.say_all(&notes);
+        context.say_all(&notes);
         Ok(Ok(Self {
             model,
             dataset,
@@ -197,17 +202,17 @@ pub(crate) fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> 
 pub(crate) fn scorable(
     job: &Job,
     candidates: &[Candidate],
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<(Parts, Result<Streams, String>), StepError> {
     let is_one_of_several = job.deployment().is_some();
-    let parts = match partition::load(job, printer) {
+    let parts = match partition::load(job, context) {
         Err(reason) if is_one_of_several && partition::is_outside(&reason) => {
-            let rest = partition::load_training(job, printer)?;
+            let rest = partition::load_training(job, context)?;
             return Ok((rest, Err(format!("{reason}"))));
         }
         parts => parts?,
     };
-    let streams = match Streams::of(job.study(), &parts.dataset, candidates, printer) {
+    let streams = match Streams::of(job.study(), &parts.dataset, candidates, context) {
         Err(reason) if is_one_of_several && matches!(reason.root(), StepError::Unscorable(_)) => {
             Err(reason.to_string())
         }

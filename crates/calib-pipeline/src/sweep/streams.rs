@@ -11,7 +11,10 @@ use serde::{Deserialize, Serialize};
 use crate::{
     StepError,
     base::artefact::MANIFEST,
-    log::partition::{self, Parts},
+    log::{
+        context::RunContext,
+        partition::{self, Parts},
+    },
     output::{Printer, count},
 };
 
@@ -75,13 +78,13 @@ impl Streams {
 ///
 /// # Errors
 /// [`StepError::Unscorable`], or a log that cannot be read.
-pub(crate) fn check(job: &Job, printer: &Printer) -> Result<(), StepError> {
+pub(crate) fn check(job: &Job, context: &RunContext) -> Result<(), StepError> {
     let study = job.study();
     if !study.deployments.is_empty() || job.layout().model().join(MANIFEST).exists() {
         return Ok(());
     }
     // The steps that follow say again what there is to say.
-    let silent = &printer.silent();
+    let silent = &context.silent();
     let Parts { dataset, .. } = partition::load(job, silent)?;
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
     Streams::of(study, &dataset, &candidates, silent).map(|_| ())

@@ -7,7 +7,7 @@ use calib_data::table::Table;
 use calib_sweep::{Candidate, ErrorScale, RunRow, UnitResult};
 use serde_json::Value;
 
-use crate::{StepError, base::artefact::write_table, ensure, sweep::SweepManifest};
+use crate::{StepError, base::artefact::write_table, ensure, sweep::SweepFacts};
 
 /// Where runs and learning curves are written.
 pub(crate) const FILES: [&str; 2] = ["runs.parquet", "curves.parquet"];
@@ -15,7 +15,7 @@ pub(crate) const FILES: [&str; 2] = ["runs.parquet", "curves.parquet"];
 /// `runs.parquet`, one row a run, and `curves.parquet`, one row a point of a learning curve.
 pub(crate) fn write(
     directory: &Path,
-    sweep: &SweepManifest,
+    sweep: &SweepFacts,
     results: &[UnitResult],
 ) -> Result<(), StepError> {
     let candidates = &sweep.candidates;
@@ -24,7 +24,7 @@ pub(crate) fn write(
     write_table(curves_table(candidates, results), &curves)
 }
 
-fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> Table {
+fn runs_table(sweep: &SweepFacts, results: &[UnitResult]) -> Table {
     let rows = rows_of(results);
     let of_rows = rows.iter().map(|(_, row)| row.candidate);
     let table = with_agent_columns(named(&rows), &sweep.candidates, &of_rows);
@@ -36,7 +36,7 @@ fn runs_table(sweep: &SweepManifest, results: &[UnitResult]) -> Table {
 /// # Errors
 /// If a swept field has the name of another column.
 pub(crate) fn external_runs(
-    sweep: &SweepManifest,
+    sweep: &SweepFacts,
     part: Part,
     results: &[UnitResult],
 ) -> Result<Table, StepError> {
@@ -103,7 +103,7 @@ fn named(rows: &[Row<'_>]) -> Table {
 }
 
 /// What each run came to.
-fn with_errors(table: Table, sweep: &SweepManifest, part: Part, rows: &[Row<'_>]) -> Table {
+fn with_errors(table: Table, sweep: &SweepFacts, part: Part, rows: &[Row<'_>]) -> Table {
     let candidates = &sweep.candidates;
     let table = table
         .with("seed", rows.iter().map(|(r, _)| r.seed).collect())

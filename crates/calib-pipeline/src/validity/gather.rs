@@ -9,6 +9,7 @@ use calib_validity::{ModelPair, Pair, RuleChoice};
 use super::{race, studies::Listed, task::Task};
 use crate::{
     StepError, bail,
+    log::context::RunContext,
     rollouts::{
         one_step::{self, OneStep},
         rollout::{self, RolloutManifest},
@@ -49,6 +50,7 @@ pub(super) fn gather(
     study: &Listed,
     models: &[Option<String>],
     least_windows: usize,
+    context: &RunContext,
 ) -> Result<Result<Gathered, Reason>, StepError> {
     let mut gathered: Option<Gathered> = None;
     let mut reasons = Vec::new();
@@ -57,14 +59,16 @@ pub(super) fn gather(
         if deployment.is_some()
             && let Some(first) = models.first()
             && let Some(reason) =
-                evaluate::left_out(&study.job.choose(first.as_deref(), deployment)?)?
+                evaluate::left_out(&study.job.choose(first.as_deref(), deployment)?, context)?
         {
             reasons.push(reason);
             continue;
         }
-        let of = models.iter().map(|model| of_model(study, (model.as_deref(), deployment)));
-        let of = of.collect::<Result<Vec<_>, StepError>>()?;
-        let Some(first) = of.first() else {
+        let mut all = Vec::with_capacity(models.len());
+        for model in models {
+            all.push(of_model(study, (model.as_deref(), deployment), context)?);
+        }
+        let Some(first) = all.first() else {
             return Ok(Err(Reason("no model of it can be made here".to_owned())));
         };
         let windows = first.judged.manifest.windows.len();
@@ -78,11 +82,11 @@ pub(super) fn gather(
             values: first.judged.manifest.candidates.iter().map(Candidate::label).collect(),
             task: Task::of(first.judged.study(), first.judged.manifest.span.steps),
             pairs: Vec::new(),
-            networks: networks(&of),
+            networks: networks(&all),
             without: Vec::new(),
         });
         for sensor in &first.judged.study().sweep.sensors {
-            add(own, sensor, deployment, (study, &of))?;
+            add(own, sensor, deployment, (study, &all))?;
         }
     }
     Ok(gathered.ok_or_else(|| Reason(reasons.join("; "))))
@@ -91,8 +95,9 @@ pub(super) fn gather(
 fn of_model(
     study: &Listed,
     (model, deployment): (Option<&str>, Option<&str>),
+    context: &RunContext,
 ) -> Result<OfModel, StepError> {
-    let judged = evaluate::judge(&study.job.choose(model, deployment)?, &Silent)?;
+    let judged = evaluate::judge(&study.job.choose(model, deployment)?, context, &Silent)?;
     let name = judged.job.model_name().to_owned();
     let key = &judged.manifest.model;
     let rollouts = rollout::finished(&judged.job, key)?;
@@ -157,7 +162,7 @@ fn verdict(model: &OfModel, sensor: &str, part: Part) -> Result<Option<SensorVer
     if part == study.part() {
         return Ok(summary.verdicts.iter().find(|of| of.sensor == sensor).cloned());
     }
-    match evaluate::verdict_of(sensor, part, (study, manifest, results)) {
+    match evaluate::verdict_of(sensor, part, study, manifest, results) {
         Err(SweepError::NothingScored { .. }) => Ok(None),
         verdict => Ok(Some(verdict?)),
     }

@@ -33,7 +33,8 @@ use crate::{
         outcome::Outcome,
     },
     chain::Extent,
-    output::{Printer, counted, duration},
+    log::context::RunContext,
+    output::{counted, duration},
 };
 use gather::{Gathered, Reason, gather};
 use studies::{Listed, Listing};
@@ -100,13 +101,13 @@ struct Judgement {
 }
 
 /// Run what is missing of each study, and judge all of them together.
-pub(crate) fn run(args: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
+pub(crate) fn run(args: &ValidityOptions, context: &RunContext) -> Result<Outcome, StepError> {
     let listing = studies::list(args)?;
     studies::check(&listing.studies)?;
     let directory = output(args, &listing);
     if args.extent == ValidityExtent::Plan {
-        plan::show(&listing, printer)?;
-        printer.say(&format!("dry run: would write {}", directory.display()));
+        plan::show(&listing, context)?;
+        context.say(&format!("dry run: would write {}", directory.display()));
         return Ok(Outcome::Done);
     }
     match listing.protocol {
@@ -115,18 +116,18 @@ pub(crate) fn run(args: &ValidityOptions, printer: &Printer) -> Result<Outcome, 
         None => artefact::check_own(&directory)?,
     }
     if let Some(share) = args.share {
-        return run_share(share, &listing, args, printer);
+        return run_share(share, &listing, args, context);
     }
-    let judgement = judgement(all(&listing, args, printer)?, &listing, args)?;
+    let judgement = judgement(all(&listing, args, context)?, &listing, args)?;
     let _claim = Claim::new(&directory, Below::Ours)?;
     files::write(&directory, &judgement)?;
     figures::write(&directory.join("figures"), &judgement)?;
     page::write(&directory.join("report.html"), &judgement)?;
-    if printer.is_for_machines() {
-        printer.json(&judgement.summary())?;
+    if context.is_for_machines() {
+        context.json(&judgement.summary())?;
     } else {
-        show::show(&judgement, printer)?;
-        printer.result(&format!("report: {}", directory.join("report.html").display()))?;
+        show::show(&judgement, context)?;
+        context.result(&format!("report: {}", directory.join("report.html").display()))?;
     }
     Ok(Outcome::Done)
 }
@@ -136,11 +137,11 @@ fn run_share(
     share: Share,
     listing: &Listing,
     args: &ValidityOptions,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<Outcome, StepError> {
-    let all = all(listing, args, printer)?;
+    let all = all(listing, args, context)?;
     let own = (0..listing.studies.len()).filter(|place| share.has(*place)).count();
-    printer.result(&format!(
+    context.result(&format!(
         "share {share}: {} of {} run; when all shares are, the same command without --share judges them",
         own - all.left_out.len(),
         counted(own, "plant"),
@@ -189,7 +190,7 @@ struct All {
 }
 
 /// Go through all studies.
-fn all(listing: &Listing, args: &ValidityOptions, printer: &Printer) -> Result<All, StepError> {
+fn all(listing: &Listing, args: &ValidityOptions, context: &RunContext) -> Result<All, StepError> {
     let clock = Stopwatch::start();
     let mut all = All::default();
     let is_own = |place: &usize| args.share.is_none_or(|share| share.has(*place));
@@ -199,14 +200,14 @@ fn all(listing: &Listing, args: &ValidityOptions, printer: &Printer) -> Result<A
     let mut ran = 0;
     for (number, study) in own.into_iter().enumerate() {
         let task = Task::of(study.study(), study.study().sweep.steps).text();
-        printer.heading(&format!("plant {} of {count}, {}: {task}", number + 1, study.plant));
+        context.heading(&format!("plant {} of {count}, {}: {task}", number + 1, study.plant));
         let left = args.extent != ValidityExtent::Judge
             && study.out_of_reach()?.is_none()
-            && study.left()? > 0;
-        match take(study, listing, args, &mut all.lacking, printer)? {
+            && study.left(context)? > 0;
+        match take(study, listing, args, &mut all.lacking, context)? {
             Ok(gathered) => all.gathered.push((study.plant.clone(), gathered)),
             Err(Reason(reason)) => {
-                printer.warn(&format!("{} is left out: {reason}", study.plant));
+                context.warn(&format!("{} is left out: {reason}", study.plant));
                 all.left_out.push(LeftOut { plant: study.plant.clone(), reason });
             }
         }
@@ -214,7 +215,7 @@ fn all(listing: &Listing, args: &ValidityOptions, printer: &Printer) -> Result<A
         let remaining = (count - number - 1) as u32;
         if left && remaining > 0 {
             let each = clock.elapsed() / ran;
-            printer.say(&format!(
+            context.say(&format!(
                 "{} of {count} plants done, {} each; at most {} left",
                 number + 1,
                 duration(each),
@@ -231,18 +232,18 @@ fn take(
     listing: &Listing,
     args: &ValidityOptions,
     lacking: &mut BTreeMap<String, usize>,
-    printer: &Printer,
+    context: &RunContext,
 ) -> Result<Result<Gathered, Reason>, StepError> {
     if let Some(reason) = study.out_of_reach()? {
         return Ok(Err(Reason(reason)));
     }
     let protocol = listing.protocol.as_ref();
-    if args.extent == ValidityExtent::Judge && protocol.is_some() && study.left()? > 0 {
+    if args.extent == ValidityExtent::Judge && protocol.is_some() && study.left(context)? > 0 {
         return Ok(Err(Reason("it has not been run".to_owned())));
     }
     if args.extent != ValidityExtent::Judge {
         let extent = protocol.map_or(Extent::Report, protocol::Named::extent);
-        if let Some(reason) = study.complete(extent, printer)? {
+        if let Some(reason) = study.complete(extent, context)? {
             return Ok(Err(Reason(reason)));
         }
     }
@@ -255,7 +256,7 @@ fn take(
             models.push(model.clone());
         }
     }
-    gather(study, &models, protocol.map_or(1, protocol::Named::least_windows))
+    gather(study, &models, protocol.map_or(1, protocol::Named::least_windows), context)
 }
 
 /// Judge what was gathered, by each score.

@@ -5,15 +5,16 @@ use std::time::Duration;
 use super::{studies::Listing, task::Task};
 use crate::{
     StepError,
-    output::{Printer, duration, table},
+    log::context::RunContext,
+    output::{duration, table},
 };
 
 /// Every plant with its task, and what is left to run.
-pub(super) fn show(listing: &Listing, printer: &Printer) -> Result<(), StepError> {
+pub(super) fn show(listing: &Listing, context: &RunContext) -> Result<(), StepError> {
     let mut rows = Vec::with_capacity(listing.studies.len());
     let (mut unfinished, mut finished, mut secs) = (0, 0, 0.0);
     for study in &listing.studies {
-        let state = match (study.out_of_reach()?, study.left()?) {
+        let state = match (study.out_of_reach()?, study.left(context)?) {
             (Some(reason), _) => format!("left out: {reason}"),
             (None, 0) => {
                 finished += 1;
@@ -32,7 +33,7 @@ pub(super) fn show(listing: &Listing, printer: &Printer) -> Result<(), StepError
         rows.push(names.into_iter().chain(numbers).chain([state]).collect());
     }
     let header = ["plant", "optimiser", "agent", "gamma", "steps", "batch", "models"];
-    printer.lines(&table(&header, &rows))?;
+    context.lines(&table(&header, &rows))?;
     let estimate = if finished > 0 && unfinished > 0 {
         let left = Duration::from_secs_f64(secs / f64::from(finished)) * unfinished;
         format!("; about {} if their sweeps take as long as those that are done", duration(left))
@@ -40,5 +41,5 @@ pub(super) fn show(listing: &Listing, printer: &Printer) -> Result<(), StepError
         String::new()
     };
     let all = listing.studies.len();
-    printer.result(&format!("{unfinished} of {all} plants are to be run{estimate}"))
+    context.result(&format!("{unfinished} of {all} plants are to be run{estimate}"))
 }

@@ -15,10 +15,10 @@ use crate::{
     chain::{self, Extent},
     ensure,
     log::{
+        context::RunContext,
         plant_of_study::{self, PlantOfStudy},
         simulate::Found,
     },
-    output::Printer,
     sweep,
     verdict::evaluate,
 };
@@ -112,13 +112,13 @@ impl Listed {
     }
 
     /// How many of its models, in how many deployments each, are still to be swept by this calib.
-    pub(super) fn left(&self) -> Result<usize, StepError> {
+    pub(super) fn left(&self, context: &RunContext) -> Result<usize, StepError> {
         let is_written = self.is_written()?;
         let mut left = 0;
         for part in self.parts() {
             let part = part?;
             if !self.lacks(part.model()) {
-                left += usize::from(!is_written || !evaluate::is_swept(&part));
+                left += usize::from(!is_written || !evaluate::is_swept(&part, context));
             }
         }
         Ok(left)
@@ -157,10 +157,10 @@ impl Listed {
     pub(super) fn complete(
         &self,
         extent: Extent,
-        printer: &Printer,
+        context: &RunContext,
     ) -> Result<Option<String>, StepError> {
         self.write()?;
-        let talk = printer.talking();
+        let talk = context.talking();
         // The log of a plant that was drawn otherwise before is nobody's but the protocol's.
         if self.drawn.is_some()
             && let Some(plant) = PlantOfStudy::of(&self.job)?

@@ -1,11 +1,15 @@
 //! One report on several models and deployments of the same study.
 
-use std::{collections::BTreeMap, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use calib_core::Monitor;
 use calib_files::write_json;
 use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
 use calib_study::{Job, Layout, Study};
+use calib_sweep::SensorVerdict;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -13,10 +17,10 @@ use crate::{
     StepError,
     base::{
         artefact::{self, TOOL},
-        outcome::Outcome,
+        outcome::{NoPlan, Outcome, StepResult},
     },
     ensure,
-    output::Printer,
+    log::context::RunContext,
     rollouts::{
         comparison::{self, Comparison, Pair},
         figures::{self, Starts},
@@ -28,14 +32,65 @@ use crate::{
         compare_pairs::{self, Comparisons},
         compare_tables,
         deployed::{self, Deployed},
-        evaluate::{self, Judged, Summary, judge, print_advice, print_notes, told},
+        evaluate::{self, Judged, Summary, judge, told},
         kept_report, learning, recorded_together, report, report_data,
     },
 };
 
+/// The verdicts on several models and deployments, beside each other.
+#[derive(Debug)]
+pub struct Compared {
+    pub(crate) summaries: Summaries,
+    /// In the order in which they were judged.
+    pub(crate) places: Vec<Place>,
+    /// What models chose, as a table for a terminal.
+    pub(crate) choices: String,
+    pub(crate) notes: Vec<String>,
+    pub(crate) report: PathBuf,
+    pub(crate) outcome: Outcome,
+}
+
+/// Where the summary of a model in a deployment is, and what the two are called together.
+#[derive(Debug)]
+pub(crate) struct Place {
+    pub(crate) name: String,
+    model: String,
+    deployment: Option<String>,
+}
+
+impl Compared {
+    /// What is said of each sensor for one model in one deployment, of several.
+    pub fn verdicts(&self, model: &str, deployment: Option<&str>) -> &[SensorVerdict] {
+        self.summary(model, deployment).map_or(&[], |summary| &summary.verdicts)
+    }
+
+    /// The verdicts as `summary.json` has them, which is what `--json` prints.
+    pub fn summaries(&self) -> &Summaries {
+        &self.summaries
+    }
+
+    /// The report on all of them.
+    pub fn report(&self) -> &Path {
+        &self.report
+    }
+
+    /// The summary of a place.
+    pub(crate) fn at(&self, place: &Place) -> Option<&Summary> {
+        self.summary(&place.model, place.deployment.as_deref())
+    }
+
+    fn summary(&self, model: &str, deployment: Option<&str>) -> Option<&Summary> {
+        let Summaries { models, deployments, .. } = &self.summaries;
+        match deployment {
+            None => models.get(model),
+            Some(name) => deployments.iter().find(|own| own.deployment == name)?.models.get(model),
+        }
+    }
+}
+
 /// `summary.json` of several models and deployments.
-#[derive(Serialize, JsonSchema)]
-pub(crate) struct Summaries {
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Summaries {
     format: u32,
     tool: &'static str,
     title: String,
@@ -47,13 +102,13 @@ pub(crate) struct Summaries {
     deployments: Vec<DeploymentSummary>,
     /// What to deploy, sensor by sensor, where there are several deployments.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    what_to_deploy: Vec<Deployed>,
+    pub(crate) what_to_deploy: Vec<Deployed>,
     /// Every two models.
-    comparisons: Comparisons,
+    pub(crate) comparisons: Comparisons,
 }
 
 /// One deployment of a study.
-#[derive(Serialize, JsonSchema)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct DeploymentSummary {
     deployment: String,
     /// Its window, as the study has it.
@@ -76,8 +131,8 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    fn new(job: &Job, monitor: &dyn Monitor) -> Result<Self, StepError> {
-        let judged = judge(job, monitor)?;
+    fn new(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<Self, StepError> {
+        let judged = judge(job, context, monitor)?;
         let (paths, manifest) = (job.layout(), &judged.manifest);
         let report = report::assemble(&judged)?;
         let rollouts = rollout::finished(job, &manifest.model)?;
@@ -87,11 +142,11 @@ impl Part {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
             None => Vec::new(),
         };
-        for of in &mut starts {
-            let known = report.recorded.iter().find(|figure| figure.sensor == of.sensor);
-            of.unit = known.and_then(|figure| figure.unit.clone());
+        for own in &mut starts {
+            let known = report.recorded.iter().find(|figure| figure.sensor == own.sensor);
+            own.unit = known.and_then(|figure| figure.unit.clone());
         }
-        let compared = rollouts.as_ref().and_then(|of| of.comparison.as_ref());
+        let compared = rollouts.as_ref().and_then(|made| made.comparison.as_ref());
         let pairs = match compared {
             Some(_) => comparison::read(job)?,
             None => Vec::new(),
@@ -132,76 +187,72 @@ pub(crate) fn run(
     job: &Job,
     parts: &[Job],
     left_out: &[String],
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+    context: &RunContext,
+) -> Result<StepResult<Compared>, StepError> {
     // The study without any model says where the common results lie.
     let paths = job.layout();
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: would write {}", paths.report().display()));
-        return Ok(Outcome::Done);
+        context.say(&format!("dry run: would write {}", paths.report().display()));
+        return Ok(StepResult::Planned(NoPlan));
     }
     let mut left_out = left_out.to_vec();
     let mut judged = Vec::with_capacity(parts.len());
     for part in parts {
-        match evaluate::left_out(part)? {
+        match evaluate::left_out(part, context)? {
             Some(reason) if !left_out.contains(&reason) => left_out.push(reason),
             Some(_) => {}
             None => judged.push(part.clone()),
         }
     }
-    let mut ended = if left_out.is_empty() { Outcome::Done } else { Outcome::Negative };
+    let mut outcome = if left_out.is_empty() { Outcome::Done } else { Outcome::Negative };
     let parts = judged;
     ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
     let names: Vec<String> = parts.iter().map(Job::name).collect();
-    let monitor = printer.progress();
-    let part = |job: &Job| Part::new(job, &*monitor);
-    let parts = parts.iter().map(part).collect::<Result<Vec<Part>, StepError>>()?;
+    let monitor = context.progress();
+    let mut judged = Vec::with_capacity(parts.len());
+    for job in &parts {
+        judged.push(Part::new(job, context, &*monitor)?);
+    }
+    let parts = judged;
     same_arithmetic(&names, &parts)?;
-    for (name, Part { judged, report, .. }) in names.iter().zip(&parts) {
+    let mut places = Vec::with_capacity(parts.len());
+    for (name, part) in names.into_iter().zip(&parts) {
+        let Part { judged, report, .. } = part;
         let written = report::write(&judged.job, report, &judged.summary, &*monitor);
-        artefact::or_read_only(written, &judged.paths().report(), printer)?;
-        if !printer.is_for_machines() {
-            printer.heading(name);
-            print_advice(&judged.summary, printer)?;
-        }
+        artefact::or_read_only(written, &judged.paths().report(), context)?;
         match told(&judged.summary) {
             Outcome::Done => {}
-            other => ended = other,
+            other => outcome = other,
         }
+        let (model, deployment) = (part.model_name().to_owned(), part.deployment.clone());
+        places.push(Place { name, model, deployment });
     }
     let what_to_deploy = deployed::all(&parts)?;
     let mut whole = whole(job, &parts, &what_to_deploy)?;
     whole.warnings.extend_from_slice(&left_out);
-    let table = choices(&parts);
+    let choices = choices(&parts);
     let comparisons = compare_pairs::comparisons(&by_deployment(&parts))?;
     let title = whole.title.clone();
     let summaries = summaries(title, parts, what_to_deploy, comparisons);
-    artefact::or_read_only(write(job, &whole, &summaries), &paths.report(), printer)?;
-    if printer.is_for_machines() {
-        printer.json(&summaries)?;
-    } else {
-        printer.lines(&table)?;
-        comparison::show_pairs(&summaries.comparisons.of_all_rollouts(), printer)?;
-        deployed::show(&summaries.what_to_deploy, printer)?;
-        print_notes(&[caveats(&whole.verdicts), whole.warnings].concat(), printer)?;
-        printer.result(&format!("report: {}", paths.report().display()))?;
-    }
-    Ok(ended)
+    artefact::or_read_only(write(job, &whole, &summaries), &paths.report(), context)?;
+    let notes = [caveats(&whole.verdicts), whole.warnings].concat();
+    let report = paths.report();
+    Ok(StepResult::Made(Compared { summaries, places, choices, notes, report, outcome }))
 }
 
 /// Refuse sweeps of which one was made on a device and another one was not: they round otherwise.
 fn same_arithmetic(names: &[String], parts: &[Part]) -> Result<(), StepError> {
-    let of = |part: &Part| {
+    let trained_by = |part: &Part| {
         let class = part.judged.manifest.arithmetic.clone();
         class.unwrap_or_else(|| "calib itself".to_owned())
     };
-    let first = of(&parts[0]);
+    let first = trained_by(&parts[0]);
     for (name, part) in names.iter().zip(parts) {
         ensure!(
-            of(part) == first,
+            trained_by(part) == first,
             "{} was swept by {first}, {name} by {}; sweep all of them with the same --device, or all without",
             names[0],
-            of(part)
+            trained_by(part)
         );
     }
     Ok(())
@@ -223,7 +274,7 @@ fn write(job: &Job, whole: &Report, summaries: &Summaries) -> Result<(), StepErr
 fn write_figures(paths: &Layout, whole: &Report) -> Result<Vec<String>, StepError> {
     let directory = paths.evaluate().join(report::FIGURES);
     let mut written = Vec::new();
-    let names = figures::placed(whole.sensitivities.iter().map(|of| of.sensor.as_str()));
+    let names = figures::placed(whole.sensitivities.iter().map(|figure| figure.sensor.as_str()));
     for (sensitivity, name) in whole.sensitivities.iter().zip(names) {
         let name = format!("sensitivity-{name}");
         written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
@@ -246,7 +297,7 @@ fn summaries(
             continue;
         };
         let window = part.judged.study().data.held_out.as_ref().map(ToString::to_string);
-        let place = deployments.iter().position(|of| of.deployment == deployment);
+        let place = deployments.iter().position(|known| known.deployment == deployment);
         let place = place.unwrap_or_else(|| {
             let (window, models) = (window.unwrap_or_default(), BTreeMap::new());
             deployments.push(DeploymentSummary { deployment, window, models });
@@ -274,19 +325,14 @@ fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> Result<Repor
     let study = job.study();
     let deployments = by_deployment(parts);
     let first = &parts[0].report;
-    let of_all = |of: &dyn Fn(&str, &[&Part]) -> Vec<Verdict>| -> Vec<Verdict> {
-        let sensors = study.sweep.sensors.iter();
-        sensors.flat_map(|sensor| deployments.iter().flat_map(|group| of(sensor, group))).collect()
-    };
-    let verdicts = of_all(&|sensor, group| {
-        let own = group.iter().flat_map(|part| {
-            let verdicts = part.report.verdicts.iter().filter(|verdict| verdict.sensor == sensor);
-            let placed =
-                |of: &Verdict| Verdict { sensor: part.in_deployment(sensor), ..of.clone() };
-            verdicts.map(placed).collect::<Vec<_>>()
-        });
-        own.collect()
-    });
+    let mut verdicts = Vec::new();
+    for sensor in &study.sweep.sensors {
+        for part in deployments.iter().flatten() {
+            for verdict in part.report.verdicts.iter().filter(|own| own.sensor == *sensor) {
+                verdicts.push(Verdict { sensor: part.in_deployment(sensor), ..verdict.clone() });
+            }
+        }
+    }
     let sensitivities = study
         .sweep
         .sensors
@@ -344,7 +390,7 @@ fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> Result<Repor
     }
     let studies: Vec<&Study> = parts.iter().map(|part| part.judged.study()).collect();
     whole.reproduction.command =
-        report::command_lines(job, &report::commands(&studies), &parts[0].judged.manifest);
+        report::command_lines(job, &report::steps(&studies), &parts[0].judged.manifest);
     Ok(whole)
 }
 
@@ -378,17 +424,18 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> 
 
 /// The panel of one sensor in one deployment: Online, and the worst ranks of all models.
 fn sensitivity(sensor: &str, group: &[&Part]) -> Option<Sensitivity> {
-    let own =
-        |part: &&Part| part.report.sensitivities.iter().find(|of| of.sensor == sensor).cloned();
+    let own = |part: &&Part| {
+        part.report.sensitivities.iter().find(|figure| figure.sensor == sensor).cloned()
+    };
     let all: Vec<Sensitivity> = group.iter().filter_map(own).collect();
     let mut whole = all.first()?.clone();
     whole.sensor = group[0].in_deployment(sensor);
-    whole.worst_ranks = all.iter().flat_map(|of| of.worst_ranks.clone()).collect();
+    whole.worst_ranks = all.iter().flat_map(|figure| figure.worst_ranks.clone()).collect();
     // Online and the log are the same for all; what models chose by is not.
-    let is_evidence = |of: &&ErrorCurve| of.source == ErrorSource::Evidence;
-    whole.errors.retain(|of| !is_evidence(&of));
-    whole.errors.extend(all.iter().flat_map(|of| &of.errors).filter(is_evidence).cloned());
+    let is_evidence = |curve: &&ErrorCurve| curve.source == ErrorSource::Evidence;
+    whole.errors.retain(|curve| !is_evidence(&curve));
+    whole.errors.extend(all.iter().flat_map(|figure| &figure.errors).filter(is_evidence).cloned());
     // No model's choice is marked before others'.
-    whole.chosen = whole.chosen.filter(|_| all.iter().all(|of| of.chosen == whole.chosen));
+    whole.chosen = whole.chosen.filter(|_| all.iter().all(|figure| figure.chosen == whole.chosen));
     Some(whole)
 }

@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// In `summary.json` of several.
-#[derive(Default, Serialize, JsonSchema)]
+#[derive(Debug, Default, Serialize, JsonSchema)]
 pub(crate) struct Comparisons {
     /// Distances of rollouts, paired by start state.
     rollouts: Vec<In<PairedModels>>,
@@ -33,7 +33,7 @@ impl Comparisons {
 }
 
 /// Where two models are compared.
-#[derive(Serialize, JsonSchema)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct In<T> {
     /// Deployments that share it; none in a study without deployments.
     #[serde(skip_serializing_if = "Vec::is_empty")]

@@ -1,8 +1,10 @@
+use std::path::{Path, PathBuf};
+
 use calib_agent::Part;
 use calib_core::{Monitor, Seed};
 use calib_model::StartKind;
 use calib_report::{RecordedFigure, caveats};
-use calib_study::{Job, Layout, Made, Study};
+use calib_study::{Job, Layout, StepKind, Study};
 use calib_sweep::{
     Candidate, Grade, Judging, Recommendation, SensorVerdict, SimpleComparison, SweepError,
     UnitResult, told_apart, verdict,
@@ -15,15 +17,14 @@ use crate::{
     Context as _, StepError, bail,
     base::{
         artefact::{self, MANIFEST, TOOL},
-        outcome::Outcome,
+        outcome::{NoPlan, Outcome, StepResult},
         stale::Kept,
     },
     ensure,
-    log::partition,
+    log::{context::RunContext, partition},
     model::model_files::{self, ModelManifest},
-    output::Printer,
     rollouts::{one_step, rollout},
-    sweep::{SweepManifest, recorded, simple::SimpleErrors, unit_store},
+    sweep::{SweepFacts, SweepManifest, recorded, simple::SimpleErrors, unit_store},
     verdict::{
         report,
         verdict_rows::{self, verdict_row},
@@ -32,7 +33,7 @@ use crate::{
 
 /// `summary.json`: the verdict for machines.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct Summary {
+pub struct Summary {
     pub(crate) format: u32,
     pub(crate) tool: &'static str,
     pub(crate) title: String,
@@ -53,7 +54,7 @@ pub(crate) struct Summary {
 
 /// What is chosen for a sensor.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct SensorChoice {
+pub struct SensorChoice {
     sensor: String,
     /// The swept keys of the agent, and their values.
     values: Map<String, Value>,
@@ -70,7 +71,7 @@ pub(crate) struct SensorChoice {
 
 /// The choices of these verdicts, whose numbers count `candidates`.
 pub(crate) fn choices(verdicts: &[SensorVerdict], candidates: &[Candidate]) -> Vec<SensorChoice> {
-    let of = |verdict: &SensorVerdict| {
+    let choice = |verdict: &SensorVerdict| {
         let candidate = &candidates[verdict.chosen];
         SensorChoice {
             sensor: verdict.sensor.clone(),
@@ -81,7 +82,7 @@ pub(crate) fn choices(verdicts: &[SensorVerdict], candidates: &[Candidate]) -> V
             simple_predictor: verdict.simpler().cloned(),
         }
     };
-    verdicts.iter().map(of).collect()
+    verdicts.iter().map(choice).collect()
 }
 
 /// A finished sweep, and what follows from it.
@@ -108,27 +109,44 @@ impl Judged {
     }
 }
 
-/// Judge a finished sweep and write the report.
-pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
-    let monitor = printer.progress();
-    let judged = judge(job, &*monitor)?;
-    let (paths, summary) = (judged.paths(), &judged.summary);
+/// The verdicts on one model in one deployment.
+#[derive(Debug)]
+pub struct Judgement {
+    pub(crate) summary: Summary,
+    /// The report, if one was to be written.
+    pub(crate) report: Option<PathBuf>,
+}
+
+impl Judgement {
+    /// What is said of each sensor.
+    pub fn verdicts(&self) -> &[SensorVerdict] {
+        &self.summary.verdicts
+    }
+
+    /// The verdicts as `summary.json` has them, which is what `--json` prints.
+    pub fn summary(&self) -> &Summary {
+        &self.summary
+    }
+
+    /// The report, if one was to be written.
+    pub fn report(&self) -> Option<&Path> {
+        self.report.as_deref()
+    }
+}
+
+/// Judge a finished sweep and write the report; nothing is written in a dry run.
+pub(crate) fn run(job: &Job, context: &RunContext) -> Result<StepResult<Judgement>, StepError> {
+    let monitor = context.progress();
+    let judged = judge(job, context, &*monitor)?;
+    let page = job.layout().report();
     if job.policy().is_dry() {
-        printer.say(&format!("dry run: would write {}", paths.report().display()));
-        return Ok(Outcome::Done);
+        context.say(&format!("dry run: would write {}", page.display()));
+        return Ok(StepResult::Planned(NoPlan));
     }
     let report = report::assemble(&judged)?;
-    let written = report::write(job, &report, summary, &*monitor);
-    artefact::or_read_only(written, &paths.report(), printer)?;
-    if printer.is_for_machines() {
-        printer.json(summary)?;
-    } else {
-        print(summary, paths, printer)?;
-        if !printer.is_explaining() {
-            printer.say(&format!("reasons: {} --why", job.command("evaluate")));
-        }
-    }
-    Ok(told(summary))
+    let written = report::write(job, &report, &judged.summary, &*monitor);
+    artefact::or_read_only(written, &page, context)?;
+    Ok(StepResult::Made(Judgement { summary: judged.summary, report: Some(page) }))
 }
 
 /// Whether every sensor's members prefer some value to another.
@@ -141,22 +159,29 @@ pub(crate) fn told(summary: &Summary) -> Outcome {
 }
 
 /// Why a deployment is not judged, if it is not.
-pub(crate) fn left_out(job: &Job) -> Result<Option<String>, StepError> {
+pub(crate) fn left_out(job: &Job, context: &RunContext) -> Result<Option<String>, StepError> {
     let name = job.deployment().unwrap_or_default();
-    let reason = finished_sweep(job)?.left_out;
+    let reason = finished_sweep(job, context)?.facts.left_out;
     Ok(reason.map(|reason| format!("deployment {name} is left out: {reason}")))
 }
 
 /// Judge a finished sweep; nothing is written.
-pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepError> {
+pub(crate) fn judge(
+    job: &Job,
+    context: &RunContext,
+    monitor: &dyn Monitor,
+) -> Result<Judged, StepError> {
     let (study, paths) = (job.study(), job.layout());
-    let manifest = finished_sweep(job)?;
+    let manifest = finished_sweep(job, context)?;
     if let Some(reason) = &manifest.left_out {
         bail!("there is nothing to judge: {reason}");
     }
     let store = unit_store(&paths.sweep(), manifest.arithmetic.as_deref());
     let results = store.collect(&manifest.units).with_context(|| {
-        format!("the sweep is not complete; run `{}` again", manifest.again(&job.command("sweep")))
+        format!(
+            "the sweep is not complete; run `{}` again",
+            manifest.again(&job.command(StepKind::Sweep))
+        )
     })?;
     let sensors = study.sweep.sensors.iter();
     let profile = model_files::read_profile(&paths.model())?;
@@ -164,10 +189,10 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepErro
     let verdicts = sensors
         .map(|sensor| {
             monitor.check()?;
-            let mut verdict = verdict_of(sensor, study.part(), (study, &manifest, &results))?;
+            let mut verdict = verdict_of(sensor, study.part(), study, &manifest, &results)?;
             let of_it = doubts.iter().filter(|(name, _)| name == sensor);
             verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
-            if profile.sentinels.iter().any(|of| of.channels.contains(sensor)) {
+            if profile.sentinels.iter().any(|sentinel| sentinel.channels.contains(sensor)) {
                 verdict.warnings.extend(profile.sentinel_doubt());
             }
             Ok(verdict)
@@ -177,7 +202,7 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepErro
             format!(
                 "{} cannot be judged; if they were edited, `{} --force` makes them again",
                 paths.sweep().display(),
-                manifest.again(&job.command("sweep"))
+                manifest.again(&job.command(StepKind::Sweep))
             )
         })?;
     let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
@@ -208,7 +233,9 @@ pub(crate) fn judge(job: &Job, monitor: &dyn Monitor) -> Result<Judged, StepErro
 pub(crate) fn verdict_of(
     sensor: &str,
     part: Part,
-    (study, manifest, results): (&Study, &SweepManifest, &[UnitResult]),
+    study: &Study,
+    manifest: &SweepFacts,
+    results: &[UnitResult],
 ) -> Result<SensorVerdict, SweepError> {
     let judging = Judging {
         part,
@@ -233,8 +260,8 @@ const LOOKED_AHEAD: &str = "the sweep's rollouts start at the recorded states th
      known beforehand";
 
 /// Whether a sweep was finished with the study as it is now.
-pub(crate) fn is_swept(job: &Job) -> bool {
-    finished_sweep(job).is_ok()
+pub(crate) fn is_swept(job: &Job, context: &RunContext) -> bool {
+    finished_sweep(job, context).is_ok()
 }
 
 /// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
@@ -251,19 +278,23 @@ fn stale_rollouts(job: &Job, model: &str) -> Result<Vec<String>, StepError> {
     Ok(vec![format!(
         "the {stale} in {} were made with other settings, or are damaged, and are not shown; run `{}` again",
         directory.display(),
-        job.command("rollout")
+        job.command(StepKind::Rollout)
     )])
 }
 
 /// The manifest of a sweep that was made with this study and the model as it is now.
-fn finished_sweep(job: &Job) -> Result<SweepManifest, StepError> {
-    let (paths, again) = (job.layout(), job.command("sweep"));
+fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, StepError> {
+    let (paths, again) = (job.layout(), job.command(StepKind::Sweep));
     let mut manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
     let directory = &paths.sweep();
-    Kept { result: Made::Sweep, study: &manifest.study, directory }.check(job)?;
-    check_log(job, &manifest)?;
+    Kept { step: StepKind::Sweep, study: &manifest.study, directory }.check(job)?;
+    check_log(job, &manifest, context)?;
     let model = artefact::read::<ModelManifest>(&paths.model());
-    if model.map(|model| model.content()).transpose()?.is_some_and(|of| of != manifest.model) {
+    if model
+        .map(|model| model.content())
+        .transpose()?
+        .is_some_and(|content| content != manifest.model)
+    {
         bail!("the model was built again after the sweep; run `{again}` again");
     }
     artefact::check_files(&paths.sweep(), &manifest.files, &again)?;
@@ -274,43 +305,18 @@ fn finished_sweep(job: &Job) -> Result<SweepManifest, StepError> {
 }
 
 /// Whether a log that may be another than the one that was swept holds the same states.
-fn check_log(job: &Job, swept: &SweepManifest) -> Result<(), StepError> {
+fn check_log(job: &Job, swept: &SweepFacts, context: &RunContext) -> Result<(), StepError> {
     if job.reads_the_log_of(&swept.study) {
         return Ok(());
     }
-    let dataset = partition::load(job, &Printer::nobody())?.dataset;
-    let held_out = swept.held_out.as_ref().and_then(|of| of.data.as_ref());
+    let dataset = partition::load(job, &context.silent())?.dataset;
+    let held_out = swept.held_out.as_ref().and_then(|states| states.data.as_ref());
     ensure!(
         dataset.fingerprint == swept.data && dataset.held_out_fingerprint.as_ref() == held_out,
         "the sweep in {} is of other data than those in {}; run `{}` again",
         job.layout().sweep().display(),
         job.study().data.path.0.join(", "),
-        job.command("sweep")
+        job.command(StepKind::Sweep)
     );
     Ok(())
-}
-
-/// The verdicts, what stands in their way, and where the report is.
-fn print(summary: &Summary, paths: &Layout, printer: &Printer) -> Result<(), StepError> {
-    print_advice(summary, printer)?;
-    print_notes(&[&summary.caveats[..], &summary.notes].concat(), printer)?;
-    printer.result(&format!("report: {}", paths.report().display()))
-}
-
-/// The verdict on each sensor: what to deploy, and what that means, or all reasons.
-pub(crate) fn print_advice(summary: &Summary, printer: &Printer) -> Result<(), StepError> {
-    for (lines, plain) in summary.advice.iter().zip(&summary.plain) {
-        let Some((headline, reasons)) = lines.split_first() else { continue };
-        printer.result(headline)?;
-        printer.result(&format!("    {plain}"))?;
-        if printer.is_explaining() {
-            reasons.iter().try_for_each(|line| printer.result(&format!("    {line}")))?;
-        }
-    }
-    Ok(())
-}
-
-/// What the reader must know before relying on verdicts.
-pub(crate) fn print_notes(notes: &[String], printer: &Printer) -> Result<(), StepError> {
-    notes.iter().try_for_each(|note| printer.result(&format!("note: {note}")))
 }

@@ -1,30 +1,30 @@
 //! A report is written when what it shows has changed, and not otherwise: drawing takes longer than judging.
 
 use calib_report::Report;
-use calib_study::Job;
+use calib_study::{Job, StepKind};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     Context as _, StepError,
-    base::artefact::{self, Below, Claim, Files, Manifest, TOOL},
+    base::artefact::{self, Artefact, Below, Claim, Facts, TOOL},
 };
 
 /// `manifest.json` of the verdicts and figures of a study.
+type ReportManifest = Artefact<ReportFacts>;
+
+/// What is told of a report. The page beside the directory is one of its files.
 #[derive(Serialize, Deserialize)]
-struct ReportManifest {
-    format: u32,
-    tool: String,
+struct ReportFacts {
     /// Fingerprint of all that the report shows.
     key: String,
-    /// Fingerprint of every other file, the page beside the directory among them.
-    files: Files,
 }
 
-impl Manifest for ReportManifest {
+impl Facts for ReportFacts {
     const FORMAT: u32 = 1;
+    const STEP: StepKind = StepKind::Evaluate;
 
-    fn format(&self) -> u32 {
-        self.format
+    fn key(&self) -> &str {
+        &self.key
     }
 }
 
@@ -38,13 +38,11 @@ pub(crate) fn keep(
 ) -> Result<(), StepError> {
     let directory = job.layout().evaluate();
     // Rows of a report are shown to the last digit, and so are they here.
-    let key = artefact::key(&(ReportManifest::FORMAT, TOOL, format!("{report:?}"), summary))?;
+    let key = artefact::key(&(ReportFacts::FORMAT, TOOL, format!("{report:?}"), summary))?;
     let page = job.layout().report();
     let page_name = page.file_name().map(|name| format!("../{}", name.to_string_lossy()));
     let kept = artefact::read::<ReportManifest>(&directory);
-    let is_kept = kept
-        .as_ref()
-        .is_some_and(|kept| kept.key == key && artefact::are_whole(&directory, &kept.files));
+    let is_kept = kept.as_ref().is_some_and(|kept| kept.key == key && kept.is_whole(&directory));
     if is_kept && !job.policy().redoes() {
         return Ok(());
     }
@@ -61,9 +59,6 @@ pub(crate) fn keep(
             page.display()
         )
     })?;
-    let names = written.into_iter().chain(page_name);
-    let names: Vec<String> = names.collect();
-    let files = artefact::fingerprints(&directory, names.iter().map(String::as_str))?;
-    let format = ReportManifest::FORMAT;
-    claim.complete(&ReportManifest { format, tool: TOOL.to_owned(), key, files })
+    let names: Vec<String> = written.into_iter().chain(page_name).collect();
+    claim.finish(ReportFacts { key }, names.iter().map(String::as_str)).map(drop)
 }

@@ -7,6 +7,7 @@ pub(crate) mod compare_tables;
 pub(crate) mod deployed;
 pub(crate) mod described;
 pub(crate) mod evaluate;
+pub(crate) mod evaluation;
 pub(crate) mod kept_report;
 pub(crate) mod learning;
 pub(crate) mod recorded_together;

@@ -9,7 +9,7 @@ use calib_report::{
     Cell, JumpStatistics, Report, Reproduction, RolloutFigure, Score, Sensitivity, Table,
 };
 use calib_represent::RepresentationKind;
-use calib_study::{Job, Layout, Study};
+use calib_study::{Job, Layout, StepKind, Study};
 
 use crate::{
     Context as _, StepError,
@@ -29,7 +29,7 @@ use crate::{
         rollout::{self, RolloutManifest},
         trajectory_columns::Columns,
     },
-    sweep::SweepManifest,
+    sweep::SweepFacts,
     verdict::{
         described::Descriptions,
         evaluate::{Judged, Summary},
@@ -136,7 +136,7 @@ pub(crate) fn assemble(judged: &Judged) -> Result<Report, StepError> {
 
 fn assembled(judged: &Judged) -> Result<Report, StepError> {
     let Judged { job, manifest: sweep, summary, results, .. } = judged;
-    let (study, paths, build) = (job.study(), job.layout(), job.command("build-model"));
+    let (study, paths, build) = (job.study(), job.layout(), job.command(StepKind::BuildModel));
     let name = job.model_name();
     let model: ModelManifest = artefact::require(&paths.model(), &build)?;
     ensure!(
@@ -151,10 +151,10 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
     };
-    for of in &mut starts {
-        of.unit = descriptions.words(&of.sensor);
+    for own in &mut starts {
+        own.unit = descriptions.words(&own.sensor);
     }
-    let grids = starts.iter().flat_map(|of| figures::grids(&[(name, of)]));
+    let grids = starts.iter().flat_map(|own| figures::grids(&[(name, own)]));
     let mut report = Report {
         title: summary.title.clone(),
         subtitle: Some(subtitle(&profile, &model, judged)),
@@ -174,7 +174,7 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
         jumps: jumps(name, &model),
         tables: tables(job, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
-        reproduction: reproduction(job, &commands(&[study]), sweep)?,
+        reproduction: reproduction(job, &steps(&[study]), sweep)?,
     };
     descriptions.put_into(&mut report);
     Ok(report)
@@ -196,7 +196,7 @@ fn tables(
         let members = rollouts.members.len();
         // Beside no other model the means are all there is to show.
         let compared = rollouts.comparison.as_ref();
-        let compared = compared.map(|of| ComparedModel::new(name, members, of, &[]));
+        let compared = compared.map(|own| ComparedModel::new(name, members, own, &[]));
         tables.extend(comparison::report_tables(compared.as_slice())?);
         tables.extend(starts_table(name, rollouts));
     }
@@ -278,29 +278,23 @@ fn jumps(name: &str, model: &ModelManifest) -> Vec<JumpStatistics> {
         .collect()
 }
 
-/// The commands that make the report of studies that differ in their models only.
-pub(crate) fn commands(models: &[&Study]) -> Vec<&'static str> {
-    let pretrained =
-        |study: &&Study| study.pretrain.epochs > 0 && study.pretrain.checkpoint.is_none();
-    let needed = [
-        ("pretrain", models.iter().any(pretrained)),
-        ("represent", models.iter().any(|study| study.has_representation())),
-    ];
-    let needed = needed.into_iter().filter(|(_, needed)| *needed).map(|(command, _)| command);
-    needed.chain(["build-model", "rollout", "sweep", "evaluate"]).collect()
+/// The steps that make the report of studies that differ in their models only, but for the log.
+pub(crate) fn steps(models: &[&Study]) -> Vec<StepKind> {
+    let made_of_log = StepKind::ALL.into_iter().filter(|step| *step > StepKind::Prepare);
+    made_of_log.filter(|step| models.iter().any(|study| study.needs(*step))).collect()
 }
 
 fn reproduction(
     job: &Job,
-    commands: &[&str],
-    sweep: &SweepManifest,
+    steps: &[StepKind],
+    sweep: &SweepFacts,
 ) -> Result<Reproduction, StepError> {
     let written = job.whole()?;
     let laid_over = job.profile().map_or_else(String::new, |name| {
         format!("# with [profiles.{name}] laid over the rest: as a file of its own it is run without --profile\n")
     });
     Ok(Reproduction {
-        command: command_lines(job, commands, sweep),
+        command: command_lines(job, steps, sweep),
         study_toml: laid_over + &toml::to_string(&written)?,
         versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
         seeds: vec![("study".to_owned(), written.seed)],
@@ -309,10 +303,10 @@ fn reproduction(
 }
 
 /// What to type, one command a line.
-pub(crate) fn command_lines(job: &Job, commands: &[&str], sweep: &SweepManifest) -> String {
-    let line = |command: &&str| match *command {
-        "sweep" => sweep.again(&job.reproduction("sweep")),
-        other => job.reproduction(other),
-    };
-    commands.iter().map(line).collect::<Vec<_>>().join("\n")
+pub(crate) fn command_lines(job: &Job, steps: &[StepKind], sweep: &SweepFacts) -> String {
+    let lines = steps.iter().map(|step| match step {
+        StepKind::Sweep => sweep.again(&job.reproduction(*step)),
+        step => job.reproduction(*step),
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }

@@ -3,7 +3,7 @@
 use calib_data::{ChannelProfile, Profile, format_time};
 use calib_report::{Channel, ChannelStatus, DataProfile};
 
-use crate::{model::model_files::ModelManifest, sweep::SweepManifest, verdict::evaluate::Judged};
+use crate::{model::model_files::ModelManifest, sweep::SweepFacts, verdict::evaluate::Judged};
 
 /// What was learned from, and what it was judged by.
 pub(crate) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged) -> String {
@@ -24,7 +24,7 @@ pub(crate) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged
 }
 
 /// What of the held-out rows was replayed: windows may be fewer than fit, and the rest of the range has judged nothing.
-fn windows(manifest: &SweepManifest, held_out_rows: u64) -> String {
+fn windows(manifest: &SweepFacts, held_out_rows: u64) -> String {
     let (count, steps) = (manifest.windows.len(), manifest.span.steps);
     let share = (count * steps) as f64 / held_out_rows as f64;
     let of = if count == 1 { "window" } else { "windows" };

@@ -12,7 +12,7 @@ use calib_sweep::{
 };
 use serde_json::Value;
 
-use crate::sweep::{SweepManifest, streams::part_name};
+use crate::sweep::{SweepFacts, streams::part_name};
 
 /// The swept field, or all of them where there are several.
 pub(crate) fn field(candidates: &[Candidate]) -> String {
@@ -37,7 +37,7 @@ pub(crate) fn advice(verdict: &Verdict) -> Vec<String> {
 pub(crate) fn verdict_row(
     verdict: &SensorVerdict,
     outside_training: Option<f64>,
-    sweep: &SweepManifest,
+    sweep: &SweepFacts,
     study: &Study,
     model: &str,
 ) -> Verdict {
@@ -118,7 +118,7 @@ const fn run_part(part: Part) -> &'static str {
 }
 
 /// The simple predictor that the agent is not known to match.
-fn simpler(verdict: &SensorVerdict, sweep: &SweepManifest) -> Option<Simpler> {
+fn simpler(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<Simpler> {
     let simple = verdict.simpler()?;
     let unit = sweep.simple.units.get(&verdict.sensor);
     let scale = ErrorScale::find(&sweep.scales, &verdict.sensor, &sweep.candidates[verdict.chosen]);
@@ -140,7 +140,7 @@ fn frozen(candidate: &Candidate) -> Option<SimplePredictor> {
 }
 
 /// That the best value is the last of a grid of numbers, on which side better ones may lie. A step size of 0 has nothing below it.
-fn at_the_end(verdict: &SensorVerdict, sweep: &SweepManifest) -> Option<String> {
+fn at_the_end(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<String> {
     let candidates = &sweep.candidates;
     let numbers: Vec<f64> =
         candidates.iter().map(|of| setting(of).as_number()).collect::<Option<_>>()?;
@@ -174,7 +174,7 @@ fn at_the_end(verdict: &SensorVerdict, sweep: &SweepManifest) -> Option<String> 
 fn agreement(
     verdict: &SensorVerdict,
     truth: &Truth,
-    sweep: &SweepManifest,
+    sweep: &SweepFacts,
     study: &Study,
 ) -> Agreement {
     let candidates = &sweep.candidates;

@@ -7,14 +7,20 @@ fn study(text: &str) -> Study {
 }
 
 /// The keys in which a result of the default study is another one of `text`.
-fn changed(result: Made, text: &str) -> Vec<String> {
+fn changed(result: StepKind, text: &str) -> Vec<String> {
     let all = study(text).differences(result, &study(""));
     all.into_iter().map(|of| of.key).collect()
 }
 
 #[test]
 fn what_changes_no_byte_is_no_input() {
-    let all = [Made::Representation, Made::Model, Made::Pretrained, Made::Rollouts, Made::Sweep];
+    let all = [
+        StepKind::Represent,
+        StepKind::BuildModel,
+        StepKind::Pretrain,
+        StepKind::Rollout,
+        StepKind::Sweep,
+    ];
     for text in [
         "[model]\nindex = \"scan\"\n",
         "[data]\npath = \"elsewhere\"\n",
@@ -27,7 +33,7 @@ fn what_changes_no_byte_is_no_input() {
         for result in all {
             let own = changed(result, text);
             // A representation is made of its section, whatever its kind.
-            let of_itself = result == Made::Representation && text.starts_with("[representation]");
+            let of_itself = result == StepKind::Represent && text.starts_with("[representation]");
             assert!(own.is_empty() || of_itself, "{result:?}: {own:?}");
         }
     }
@@ -37,24 +43,24 @@ fn what_changes_no_byte_is_no_input() {
 fn a_result_follows_from_its_own_keys_alone() {
     let of = |result, text| changed(result, text).join(" ");
     let gamma = "[agent]\ngamma = 0.5\n";
-    assert_eq!(of(Made::Model, gamma), "");
-    assert_eq!(of(Made::Rollouts, gamma), "");
-    assert_eq!(of(Made::Sweep, gamma), "agent.gamma");
-    assert_eq!(of(Made::Pretrained, gamma), "agent.gamma");
+    assert_eq!(of(StepKind::BuildModel, gamma), "");
+    assert_eq!(of(StepKind::Rollout, gamma), "");
+    assert_eq!(of(StepKind::Sweep, gamma), "agent.gamma");
+    assert_eq!(of(StepKind::Pretrain, gamma), "agent.gamma");
     let seed = "seed = 7\n";
-    assert_eq!(of(Made::Model, seed), "");
-    assert_eq!(of(Made::Sweep, seed), "seed");
+    assert_eq!(of(StepKind::BuildModel, seed), "");
+    assert_eq!(of(StepKind::Sweep, seed), "seed");
     let rollouts = "[rollout]\nsteps = 7\nstart = \"recent\"\n";
-    assert_eq!(of(Made::Rollouts, rollouts), "rollout.start rollout.steps");
-    assert_eq!(of(Made::Sweep, rollouts), "rollout.start");
-    assert_eq!(of(Made::Sweep, "[sweep]\nstart = \"recent\"\n"), "rollout.start");
+    assert_eq!(of(StepKind::Rollout, rollouts), "rollout.start rollout.steps");
+    assert_eq!(of(StepKind::Sweep, rollouts), "rollout.start");
+    assert_eq!(of(StepKind::Sweep, "[sweep]\nstart = \"recent\"\n"), "rollout.start");
     let held_out = "[data]\ntrain = { end = 2022-01-01 }\nheld_out = { start = 2022-01-01 }\n";
     let train = "data.train.end data.train_fraction";
-    assert_eq!(of(Made::Model, held_out), train);
-    assert_eq!(of(Made::Rollouts, held_out), train);
-    assert_eq!(of(Made::Sweep, held_out), format!("data.held_out.start {train}"));
+    assert_eq!(of(StepKind::BuildModel, held_out), train);
+    assert_eq!(of(StepKind::Rollout, held_out), train);
+    assert_eq!(of(StepKind::Sweep, held_out), format!("data.held_out.start {train}"));
     assert_eq!(
-        of(Made::Sweep, "[sweep.grid]\ngamma = [0.5, 0.6]\n"),
+        of(StepKind::Sweep, "[sweep.grid]\ngamma = [0.5, 0.6]\n"),
         "sweep.grid.gamma sweep.grid.learning_rate"
     );
 }
@@ -62,7 +68,7 @@ fn a_result_follows_from_its_own_keys_alone() {
 #[test]
 fn a_network_follows_from_what_its_kind_uses() {
     let differ = |one: &str, other: &str| {
-        let all = study(other).differences(Made::Model, &study(one));
+        let all = study(other).differences(StepKind::BuildModel, &study(one));
         all.into_iter().map(|of| of.key).collect::<Vec<_>>().join(" ")
     };
     let nn = "[model]\nkind = \"nn\"\n";
@@ -79,7 +85,7 @@ fn a_network_follows_from_what_its_kind_uses() {
 #[test]
 fn a_difference_says_both_values() {
     let told = |text: &str| {
-        let all = study(text).differences(Made::Sweep, &study(""));
+        let all = study(text).differences(StepKind::Sweep, &study(""));
         all.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
     assert_eq!(told("[agent]\ngamma = 0.5\n"), ["agent.gamma = 0.99, now 0.5"]);

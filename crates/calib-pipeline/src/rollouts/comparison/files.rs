@@ -3,7 +3,7 @@ use std::path::Path;
 use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet};
 use calib_files::remove_file;
-use calib_study::Job;
+use calib_study::{Job, StepKind};
 
 use super::{MEASURES, pair::Pair};
 use crate::{Context as _, STEP_PATTERNS, StepError, base::artefact::write_table, ensure};
@@ -30,7 +30,7 @@ pub(crate) fn remove(directory: &Path) -> Result<(), StepError> {
 
 /// The pairs that were written beside the rollouts of a job.
 pub(crate) fn read(job: &Job) -> Result<Vec<Pair>, StepError> {
-    let again = || format!("run `{} --force`", job.command("rollout"));
+    let again = || format!("run `{} --force`", job.command(StepKind::Rollout));
     of_directory(&job.layout().rollout()).with_context(again)
 }
 

@@ -4,7 +4,6 @@ mod files;
 mod measures;
 mod pair;
 mod paired;
-mod pooled;
 mod show;
 mod summary;
 mod tables;
@@ -28,8 +27,8 @@ pub(crate) use files::{FILES, read, remove, write};
 use measures::MEASURES;
 pub(crate) use pair::Pair;
 pub(crate) use paired::{ComparedModel, PairedModels, all_pairs};
-pub(crate) use pooled::pool;
 pub(crate) use show::{show, show_pairs};
+pub(crate) use summary::pool;
 use summary::{Counts, summary};
 pub(crate) use tables::report_tables;
 

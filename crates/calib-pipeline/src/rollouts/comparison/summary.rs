@@ -114,6 +114,27 @@ fn of_distance(pairs: &[&Pair], distance: Distance) -> Result<Option<ClusterSumm
     Ok(Some(summarise_clusters(&starts, &values)?))
 }
 
+/// As if all rollouts had been compared at once; nothing where there are none.
+pub(crate) fn pool(
+    all: &[(&Comparison, &[Pair])],
+) -> Result<Option<(Comparison, Vec<Pair>)>, StepError> {
+    let Some((first, _)) = all.iter().find(|(own, _)| !own.sensors.is_empty()) else {
+        return Ok(None);
+    };
+    let sum =
+        |part: fn(&Comparison) -> usize| all.iter().map(|(comparison, _)| part(comparison)).sum();
+    let counts = Counts {
+        rollouts: sum(|own| own.rollouts),
+        left_out: sum(|own| own.left_out),
+        ended_early: sum(|own| own.ended_early),
+    };
+    let pairs: Vec<Pair> = all.iter().flat_map(|(_, pairs)| pairs.iter().cloned()).collect();
+    let whole = summary(&pairs, counts, first.against)?;
+    // Rows of each deployment are counted from its own begin.
+    let overlapping = sum(|own| own.overlapping);
+    Ok(Some((Comparison { overlapping, ..whole }, pairs)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,7 @@
 
 use calib_report::{Best, Cell, Table};
 use calib_stats::{ErrorRatio, Interval};
-use calib_study::Job;
+use calib_study::{Job, StepKind};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -136,7 +136,7 @@ impl Predicting {
     pub(crate) fn read(name: &str, job: &Job, model: &str) -> Result<Option<Self>, StepError> {
         let Some(one_step) = read(job, model) else { return Ok(None) };
         let steps = Steps::read(&job.layout().rollout())
-            .with_context(|| format!("run `{} --force`", job.command("rollout")))?;
+            .with_context(|| format!("run `{} --force`", job.command(StepKind::Rollout)))?;
         Ok(Some(Self { name: name.to_owned(), one_step, steps }))
     }
 

@@ -1,0 +1,82 @@
+//! All simple predictors at once, weighted by how well each has done so far.
+
+use calib_core::Stream;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::FittedPredictor;
+
+/// Steps after which a prediction is judged, in units of 1 / (1 − γ): what follows later is a twentieth of the return.
+const JUDGED_AFTER: f64 = 3.0;
+
+/// The errors in the log count as much as those over so many stretches that are judged independently.
+const PRIOR_STRETCHES: f64 = 3.0;
+
+/// A mean of simple predictors whose weights follow how well each predicts.
+///
+/// A prediction is judged n = 3 / (1 − γ) steps later, by the return that was then seen, with the latest
+/// value for what follows. Each predictor i has a mean squared error `e_i`, which begins at that on later folds of the log.
+/// Its weight is proportional to `e_i^(−m/2)`: its likelihood if errors are normal with an unknown variance
+/// and m of them independent, one in n steps (Bayesian model averaging; the tail and the count of errors are
+/// our choice). So a weight falls fast where a predictor goes wrong by far, and slowly where predictors are
+/// nearly alike.
+///
+/// A return is a weighted mean of values to come. So predictions are cut to the range of the log and of the
+/// present value, which keeps a linear predictor from leaving for where nothing was ever recorded.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Mixture {
+    /// The predicted column.
+    pub column: usize,
+    /// Its least and largest value in the log.
+    pub range: [f64; 2],
+    /// The discount.
+    pub gamma: f64,
+    /// What is mixed.
+    pub predictors: Vec<FittedPredictor>,
+    /// Mean squared error of each on later folds of the log.
+    pub errors: Vec<f64>,
+}
+
+impl Mixture {
+    /// The prediction at every state of `stream`. What was learned about the predictors is kept over gaps.
+    pub(super) fn predictions(&self, stream: &dyn Stream) -> Vec<f32> {
+        let mut each: Vec<Vec<f32>> =
+            self.predictors.iter().map(|predictor| predictor.predictions(stream)).collect();
+        let mut mixed = vec![0.0; stream.len()];
+        let delay = (JUDGED_AFTER / (1.0 - self.gamma)).ceil().max(1.0) as usize;
+        let powers: Vec<f64> = (0..=delay).map(|k| self.gamma.powi(k as i32)).collect();
+        let prior = PRIOR_STRETCHES * delay as f64;
+        let mut sums: Vec<f64> = self.errors.iter().map(|error| prior * error).collect();
+        let mut count = prior;
+        for piece in stream.pieces() {
+            let value_at = |t: usize| f64::from(stream.state(t)[self.column]);
+            for t in piece.clone() {
+                let value = value_at(t);
+                if t >= piece.start + delay {
+                    let seen = (t - delay + 1..=t).zip(&powers);
+                    let seen: f64 = seen.map(|(row, power)| power * value_at(row)).sum();
+                    let result = seen + powers[delay] * value / (1.0 - self.gamma);
+                    for (sum, predictions) in sums.iter_mut().zip(&each) {
+                        *sum += (f64::from(predictions[t - delay]) - result).powi(2);
+                    }
+                    count += 1.0;
+                }
+                let [low, high] = self.range;
+                let [low, high] =
+                    [low.min(value), high.max(value)].map(|of| of / (1.0 - self.gamma));
+                let power = count / delay as f64 / 2.0;
+                let least = sums.iter().copied().fold(f64::INFINITY, f64::min);
+                let (mut total, mut weighted) = (0.0, 0.0);
+                for (sum, predictions) in sums.iter().zip(&mut each) {
+                    let weight = if *sum <= least { 1.0 } else { (least / sum).powf(power) };
+                    let cut = f64::from(predictions[t]).clamp(low, high);
+                    predictions[t] = cut as f32;
+                    total += weight;
+                    weighted += weight * cut;
+                }
+                mixed[t] = (weighted / total) as f32;
+            }
+        }
+        mixed
+    }
+}

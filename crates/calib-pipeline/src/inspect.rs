@@ -1,0 +1,84 @@
+//! What is in a log, and what preprocessing would keep of it.
+
+use calib_data::{Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile};
+use calib_study::Job;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::{
+    Context as _, StepError,
+    base::{left_alone::text_left_alone, memory},
+    control::{self, LogTold},
+    output::Printer,
+};
+
+/// What was found in a log.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Inspection {
+    /// Its rows, channels, gaps and oddities, and the states that it gives.
+    #[serde(flatten)]
+    pub profile: Profile,
+    /// What a log of decisions did; of a study with `[control]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<LogTold>,
+    /// What becomes of rows that contradict each other.
+    #[serde(skip)]
+    contradictions: Contradictions,
+}
+
+impl Inspection {
+    /// Look at the log of `data`; at what it did, if it is that of a study with `[control]`. Nothing is written.
+    ///
+    /// # Errors
+    /// If the log cannot be read, or does not fit into memory.
+    pub fn of(
+        data: &DataConfig,
+        preprocess: &PreprocessConfig,
+        job: Option<&Job>,
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
+        printer.say(&format!("inspect: reading {}", data.path.0.join(", ")));
+        text_left_alone(data, printer)?;
+        memory::check_log(data)?;
+        let profile = calib_data::inspect(data, preprocess, &printer.progress())?;
+        let control = match job {
+            Some(job) => control::inspect(job, printer)?,
+            None => None,
+        };
+        Ok(Self { profile, control, contradictions: data.contradictions })
+    }
+
+    /// Why a study of the log would be refused, if it would.
+    pub fn refusal(&self) -> Option<DataError> {
+        let found = &self.profile.contradictions;
+        let is_refused = found.count > 0 && self.contradictions == Contradictions::Refuse;
+        is_refused.then(|| DataError::Contradictions {
+            count: found.count,
+            examples: found.examples.clone(),
+            cause: found.cause.clone(),
+        })
+    }
+
+    /// Whether any channel and any transition is left to build from.
+    pub fn has_states(&self) -> bool {
+        self.profile.train.transitions > 0 && self.profile.kept().next().is_some()
+    }
+}
+
+/// What each of the named `deployments` holds out of a log; those that hold nothing out are left out.
+///
+/// # Errors
+/// If the log does not have what one of them holds out.
+pub fn inspect_deployments(
+    deployments: Vec<(String, DataConfig)>,
+    preprocess: &PreprocessConfig,
+    printer: &Printer,
+) -> Result<Vec<(String, PartProfile)>, StepError> {
+    let mut found = Vec::new();
+    for (name, data) in deployments {
+        let profile = calib_data::inspect(&data, preprocess, &printer.progress())
+            .with_context(|| format!("[deployments.{name}]"))?;
+        found.extend(profile.held_out.map(|held_out| (name, held_out)));
+    }
+    Ok(found)
+}

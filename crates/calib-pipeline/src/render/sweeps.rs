@@ -1,0 +1,39 @@
+use calib_study::{Job, StepKind};
+
+use crate::{
+    StepError,
+    base::outcome::Told,
+    output::{Printer, count, duration, table},
+    sweep::{Swept, plan::SweepPlan},
+};
+
+impl Told for SweepPlan {
+    fn tell(&self, _job: &Job, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_for_machines() {
+            return printer.json(self);
+        }
+        let mut rows = Vec::new();
+        for candidate in &self.candidates {
+            let note = if candidate.is_default { "the default" } else { "" };
+            rows.push(vec![candidate.label(), candidate.index.to_string(), note.to_owned()]);
+        }
+        printer.lines(&table(&["value", "candidate", ""], &rows))
+    }
+}
+
+impl Told for Swept {
+    fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_for_machines() {
+            printer.json(&self.manifest)?;
+        } else {
+            let did = match self.ran {
+                0 => "up to date".to_owned(),
+                ran => format!("{} units run in {}", count(ran), duration(self.took)),
+            };
+            let runs = self.directory.join("runs.parquet");
+            printer.result(&format!("{did}; results in {}", runs.display()))?;
+        }
+        printer.next(&job.next_commands(StepKind::Sweep));
+        Ok(())
+    }
+}

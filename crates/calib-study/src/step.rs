@@ -1,0 +1,218 @@
+//! The steps from a log to a verdict: the one list of them.
+
+use serde::{Serialize, Serializer};
+
+use crate::{Job, Study};
+
+/// A step from a log to a verdict, in the order in which a study needs them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum StepKind {
+    /// Writes the log of the plant that the study describes.
+    Simulate,
+    /// Reads and cleans the log.
+    Prepare,
+    /// Trains one agent a sensor on a part of the log.
+    Pretrain,
+    /// Trains or imports representations of the states.
+    Represent,
+    /// Builds the calibration model.
+    BuildModel,
+    /// Rolls the model out.
+    Rollout,
+    /// Trains agents for every value of the grid.
+    Sweep,
+    /// Judges the sweep, and writes the report.
+    Evaluate,
+    /// Everything that agents that act need, from their log to their verdict.
+    Control,
+}
+
+/// What a step makes something for, once each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scope {
+    /// The study, whatever its models and deployments.
+    Study,
+    /// Each model.
+    Model,
+    /// Each model, and each deployment where its start states follow from the deployment.
+    Rollouts,
+    /// Each deployment of each model.
+    Deployment,
+}
+
+impl StepKind {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Simulate,
+        Self::Prepare,
+        Self::Pretrain,
+        Self::Represent,
+        Self::BuildModel,
+        Self::Rollout,
+        Self::Sweep,
+        Self::Evaluate,
+        Self::Control,
+    ];
+
+    /// The steps that each model of a study takes by itself.
+    pub const OF_MODELS: [Self; 4] =
+        [Self::Represent, Self::BuildModel, Self::Rollout, Self::Sweep];
+
+    /// The command that takes it. No command prepares a log and nothing else: `run` begins with that.
+    pub const fn command(self) -> &'static str {
+        match self {
+            Self::Simulate => "simulate",
+            Self::Prepare => "run",
+            Self::Pretrain => "pretrain",
+            Self::Represent => "represent",
+            Self::BuildModel => "build-model",
+            Self::Rollout => "rollout",
+            Self::Sweep => "sweep",
+            Self::Evaluate => "evaluate",
+            Self::Control => "control",
+        }
+    }
+
+    /// The step that a command takes, written with hyphens or underscores.
+    pub fn of_command(command: &str) -> Option<Self> {
+        let command = command.replace('_', "-");
+        Self::ALL.into_iter().find(|step| step.command() == command)
+    }
+
+    /// The step whose results are in a folder of this name.
+    pub fn of_folder(folder: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|step| step.folder() == Some(folder))
+    }
+
+    /// What it is called where steps are listed.
+    pub const fn label(self) -> &'static str {
+        match self {
+            Self::Prepare => "reading the log",
+            step => step.command(),
+        }
+    }
+
+    /// What it makes, as a sentence calls it.
+    pub const fn result(self) -> &'static str {
+        match self {
+            Self::Simulate => "log",
+            Self::Prepare => "states",
+            Self::Pretrain => "agents",
+            Self::Represent => "representation",
+            Self::BuildModel => "model",
+            Self::Rollout => "rollouts",
+            Self::Sweep => "sweep",
+            Self::Evaluate | Self::Control => "verdict",
+        }
+    }
+
+    /// Whether it makes several of what [`result`](Self::result) names.
+    pub const fn is_plural(self) -> bool {
+        matches!(self, Self::Prepare | Self::Pretrain | Self::Rollout)
+    }
+
+    /// What it makes something for.
+    pub const fn scope(self) -> Scope {
+        match self {
+            Self::Simulate | Self::Prepare | Self::Pretrain | Self::Control => Scope::Study,
+            Self::Represent | Self::BuildModel => Scope::Model,
+            Self::Rollout => Scope::Rollouts,
+            Self::Sweep | Self::Evaluate => Scope::Deployment,
+        }
+    }
+
+    /// The folder of its results, below that of what it makes them for; none of a log, which lies where the study says.
+    pub const fn folder(self) -> Option<&'static str> {
+        match self {
+            Self::Simulate => None,
+            Self::Prepare => Some("dataset"),
+            Self::Pretrain => Some("pretrain"),
+            Self::Represent => Some("representation"),
+            Self::BuildModel => Some("model"),
+            Self::Rollout => Some("rollout"),
+            Self::Sweep => Some("sweep"),
+            Self::Evaluate => Some("evaluate"),
+            Self::Control => Some("control"),
+        }
+    }
+
+    /// The steps whose results it reads, where a study needs them.
+    pub const fn prerequisites(self) -> &'static [Self] {
+        match self {
+            Self::Simulate => &[],
+            Self::Prepare | Self::Control => &[Self::Simulate],
+            Self::Pretrain | Self::Represent => &[Self::Prepare],
+            Self::BuildModel => &[Self::Prepare, Self::Represent],
+            Self::Rollout => &[Self::BuildModel],
+            Self::Sweep => &[Self::BuildModel, Self::Pretrain],
+            Self::Evaluate => &[Self::Rollout, Self::Sweep],
+        }
+    }
+
+    /// What to go on with after it: the first of these, or another one.
+    pub const fn next(self) -> &'static [Self] {
+        match self {
+            Self::Simulate => &[Self::Prepare],
+            Self::Prepare | Self::Represent => &[Self::BuildModel],
+            Self::Pretrain => &[Self::BuildModel, Self::Sweep],
+            Self::BuildModel => &[Self::Rollout, Self::Sweep],
+            Self::Rollout => &[Self::Sweep],
+            Self::Sweep => &[Self::Evaluate],
+            Self::Evaluate | Self::Control => &[],
+        }
+    }
+}
+
+/// As its label.
+impl Serialize for StepKind {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.label())
+    }
+}
+
+impl Study {
+    /// Whether the verdict of this study needs the step.
+    pub fn needs(&self, step: StepKind) -> bool {
+        match step {
+            StepKind::Simulate => self.simulate.is_some(),
+            StepKind::Pretrain => self.pretrain.epochs > 0 && self.pretrain.checkpoint.is_none(),
+            StepKind::Represent => self.has_representation(),
+            StepKind::Prepare
+            | StepKind::BuildModel
+            | StepKind::Rollout
+            | StepKind::Sweep
+            | StepKind::Evaluate => true,
+            StepKind::Control => false,
+        }
+    }
+}
+
+impl Job {
+    /// What to type after a step of this job.
+    pub fn next_commands(&self, step: StepKind) -> Vec<String> {
+        step.next().iter().map(|next| self.command(*next)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prerequisites_come_first_and_what_follows_comes_later() {
+        for step in StepKind::ALL {
+            assert!(step.prerequisites().iter().all(|before| *before < step), "{step:?}");
+            assert!(step.next().iter().all(|after| *after > step), "{step:?}");
+        }
+        assert!(StepKind::ALL.is_sorted());
+    }
+
+    #[test]
+    fn every_folder_is_of_one_step() {
+        let mut folders: Vec<_> = StepKind::ALL.iter().filter_map(|step| step.folder()).collect();
+        let all = folders.len();
+        folders.sort_unstable();
+        folders.dedup();
+        assert_eq!(folders.len(), all);
+    }
+}
