@@ -8,8 +8,8 @@
 Needs Chromium (`apt-get install chromium`); pinned Playwright goes into a virtual environment of its
 own. Checks that the page loads without a console error or a request; that in both themes every chart
 answers to the pointer, its legend, a drag, the wheel and the keyboard; that a zoomed rollout shows
-every step; that pictures and numbers can be saved; that text has a contrast of at least 4.5; that a
-narrow screen never scrolls sideways; and that what is printed has its tables and no controls.
+every step; that pictures and numbers can be saved; that text has a contrast of at least 4.5; that no
+screen scrolls sideways, cuts text, or hides the line of the choice; and that what is printed has its tables and no controls.
 Writes screenshots of wide, narrow, dark and printed pages to SCREENSHOTS, if given.
 
 `--pictures` writes the pictures of the guides instead: the top of the report with the words in it, and the
@@ -43,7 +43,11 @@ def in_own_environment() -> None:
 
 # The smallest contrast of the texts of the page against what is behind them, and the text itself (WCAG 2.1).
 CONTRAST = """() => {
-  const rgba = (text) => (text.match(/[\\d.]+/g) || [0, 0, 0, 0]).map(Number);
+  const rgba = (text) => {
+    const numbers = (text.match(/[\\d.]+/g) || [0, 0, 0, 0]).map(Number);
+    // Mixed colours are written as shares.
+    return text.startsWith("color(srgb") ? numbers.map((number, place) => (place < 3 ? 255 * number : number)) : numbers;
+  };
   const light = ([r, g, b]) => [r, g, b].map((c) => c / 255)
     .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
     .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
@@ -68,6 +72,33 @@ CONTRAST = """() => {
 }"""
 
 
+# Text of the page that is cut: of pictures what leaves them, of other elements what their box hides; and lines of the choice that are
+# outside of what is seen of their chart. What scrolls sideways, such as tables, hides nothing for good.
+CUT = """() => {
+  const wrong = [];
+  const leaves = (inner, outer) => inner.left < outer.left - 1 || inner.right > outer.right + 1 || inner.top < outer.top - 1 || inner.bottom > outer.bottom + 1;
+  for (const svg of document.querySelectorAll(".plot svg")) {
+    const picture = svg.getBoundingClientRect();
+    if (!picture.width) continue;
+    const plot = svg.closest(".plot").getBoundingClientRect();
+    const seen = { left: Math.max(plot.left, 0), right: Math.min(plot.right, innerWidth), top: -Infinity, bottom: Infinity };
+    for (const text of svg.querySelectorAll("text"))
+      if (leaves(text.getBoundingClientRect(), picture)) wrong.push(`'${text.textContent}' leaves ${svg.closest("figure").id}`);
+    for (const mark of svg.querySelectorAll(".rules > *"))
+      if (leaves(mark.getBoundingClientRect(), seen)) wrong.push(`a marked line of ${svg.closest("figure").id} is not in view`);
+    if (picture.right > seen.right + 1) wrong.push(`${svg.closest("figure").id} is cut at the right`);
+  }
+  for (const element of document.querySelectorAll("h1, h2, h3, h4, p, li, dt, dd, summary, button, figcaption, .badge")) {
+    if (!element.getClientRects().length || element.matches(".hidden, .skip") || element.closest(".scroll, pre")) continue;
+    const box = element.getBoundingClientRect();
+    if (box.left < -1 || box.right > innerWidth + 1) wrong.push(`'${element.textContent.slice(0, 40)}' leaves the screen`);
+    if (element.scrollWidth > element.clientWidth + 1 && getComputedStyle(element).display !== "inline")
+      wrong.push(`'${element.textContent.slice(0, 40)}' is wider than its box`);
+  }
+  return wrong;
+}"""
+
+
 def check(truth: bool, what: str) -> None:
     if not truth:
         raise SystemExit(f"report.py: {what}")
@@ -79,9 +110,14 @@ def use_chart(page, figure) -> None:
     figure.scroll_into_view_if_needed()
     plot = figure.locator(".plot")
     plot.scroll_into_view_if_needed()
-    box = plot.bounding_box()
-    at = lambda x, y: (box["x"] + x * box["width"], box["y"] + y * box["height"])
-    tip, axis, reset = figure.locator(".tip"), figure.locator("svg .axis.x"), figure.locator("button.reset")
+
+    def at(x: float, y: float) -> tuple[float, float]:
+        """A place in the plot, which may have moved: what was clicked last can be far above it."""
+        plot.scroll_into_view_if_needed()
+        box = plot.bounding_box()
+        return box["x"] + x * box["width"], box["y"] + y * box["height"]
+
+    tip, axis, reset = figure.locator(".tip"), figure.locator(".wide svg .axis.x"), figure.locator("button.reset")
 
     shown = False
     for x in [0.25, 0.4, 0.5, 0.6, 0.75]:
@@ -92,7 +128,7 @@ def use_chart(page, figure) -> None:
     keys = figure.locator("button.key")
     for i in range(min(keys.count(), 3)):
         key = keys.nth(i)
-        curve = figure.locator(f"svg .series[data-series='{key.get_attribute('data-series')}']")
+        curve = figure.locator(f".wide svg .series[data-series='{key.get_attribute('data-series')}']")
         # A level line has no height, which Playwright takes for invisible.
         is_shown = lambda: curve.evaluate("e => getComputedStyle(e).display !== 'none' && getComputedStyle(e).visibility !== 'hidden'")
         before = is_shown()
@@ -143,11 +179,22 @@ def check_detail(page, figure) -> None:
     figure.locator(".plot").focus()
     for _ in range(5):
         page.keyboard.press("+")
-    drawn = figure.locator("svg .series:not(.off) .scaled path").first.get_attribute("d").count("L")
+    drawn = figure.locator(".wide svg .series:not(.off) .scaled path").first.get_attribute("d").count("L")
     numbers = figure.evaluate("f => JSON.parse(f.querySelector('script').textContent)")
     steps = (numbers["x"]["max"] - numbers["x"]["min"]) / 32 / numbers["series"][0]["step"]
     check(min(steps, 20) <= drawn <= steps + 4, f"{name}: {drawn} points drawn of {steps:.0f} steps in view")
     page.keyboard.press("0")
+
+
+def check_narrow(page) -> None:
+    """A chart of a narrow screen answers to its buttons as the wide one does."""
+    figure = page.locator("figure.chart").first
+    axis = figure.locator(".narrow svg .axis.x")
+    whole = axis.inner_html()
+    figure.locator("button.zoom[data-zoom=in]").click()
+    check(axis.inner_html() != whole, "a chart does not zoom on a narrow screen")
+    figure.locator("button.reset").click()
+    check(axis.inner_html() == whole, "the zoom cannot be undone on a narrow screen")
 
 
 def save_chart(page, figure, folder: Path) -> None:
@@ -311,10 +358,16 @@ def main() -> None:
         page.emulate_media(color_scheme="light")
         page.reload()
 
-        for width in [360, 390, 768]:
+        for width in [360, 390, 768, 1300]:
             page.set_viewport_size({"width": width, "height": 844})
+            page.evaluate("for (const more of document.querySelectorAll('details')) more.open = true")
             overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
             check(overflow <= 0, f"on a screen {width} pixels wide the page is {overflow} pixels too wide")
+            cut = page.evaluate(CUT)
+            check(not cut, f"on a screen {width} pixels wide {len(cut)} things are cut, such as: {'; '.join(cut[:5])}")
+            if width == 390:
+                check_narrow(page)
+            page.evaluate("for (const more of document.querySelectorAll('details')) more.open = false")
             picture(f"narrow-{width}")
         page.set_viewport_size({"width": 1280, "height": 900})
         check_print(page, pictures)

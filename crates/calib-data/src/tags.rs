@@ -7,7 +7,7 @@ use calib_files::read_regular;
 use crate::{
     DataError, Description,
     log::{TAGS, plain},
-    text::{Marks, RecordReader, decode},
+    text::{Marks, RecordReader, decode, unbracketed},
 };
 
 const UNITS: [&str; 7] = ["unit", "units", "uom", "engunits", "engunit", "engineeringunits", "eu"];
@@ -47,7 +47,9 @@ pub fn read_tags(path: &Path) -> Result<BTreeMap<String, Description>, DataError
             (!text.is_empty()).then_some(text)
         };
         if let Some(name) = cell(Some(tag)) {
-            tags.insert(name, Description { unit: cell(unit), label: cell(label) });
+            let unit = cell(unit).map(|unit| unbracketed(&unit).to_owned());
+            let unit = unit.filter(|unit| !unit.is_empty());
+            tags.insert(name, Description { unit, label: cell(label) });
         }
     }
     Ok(tags)

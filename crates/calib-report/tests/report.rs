@@ -233,3 +233,35 @@ fn several_models_stand_beside_each_other() {
     let html = flowing(&report);
     assert!(html.contains("PIT300: all models choose learning_rate = 1e-4 ("), "told once");
 }
+
+#[test]
+fn no_element_has_two_classes_attributes_and_no_backtick_is_left_in_text() {
+    let mut report = report();
+    report.warnings.push("make it longer with `sweep.steps`".to_owned());
+    let html = report.html().unwrap();
+    for_each_tag(&html, |tag| {
+        assert!(tag.matches(" class=").count() <= 1, "{tag}");
+    });
+    assert!(html.contains("longer with <code>sweep.steps</code>"));
+    for paragraph in html.split("<p").filter(|rest| rest.starts_with(['>', ' '])) {
+        let text = paragraph.split("</p>").next().unwrap();
+        assert!(!text.contains('`'), "{text}");
+    }
+}
+
+#[test]
+fn captions_that_are_the_same_are_said_once() {
+    let html = report().html().unwrap();
+    for caption in ["Of each short stretch of time", "The first of each start"] {
+        assert!(html.matches(caption).count() <= 1, "{caption}");
+    }
+}
+
+#[test]
+fn every_chart_has_a_picture_for_wide_and_one_for_narrow_screens() {
+    let html = report().html().unwrap();
+    let plots = html.matches("<div class=\"plot\"").count();
+    assert!(plots > 0);
+    assert_eq!(html.matches("viewBox=\"0 0 960 ").count(), plots);
+    assert_eq!(html.matches("viewBox=\"0 0 340 ").count(), plots);
+}

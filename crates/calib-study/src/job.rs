@@ -1,4 +1,8 @@
-use std::sync::Arc;
+use std::{
+    borrow::Cow,
+    path::{Component, Path},
+    sync::Arc,
+};
 
 use crate::{
     Layout, Policy, Request, Rollouts, Study, StudyError, profiles::Results, written::Written,
@@ -122,11 +126,53 @@ impl Job {
         self.deployment.as_deref()
     }
 
-    /// What the study is called in reports: its title, or the name of its file.
+    /// What the study is called in reports: its title, or the name of its file, or where that says nothing the name of its log,
+    /// or else its sensors.
     pub fn title(&self) -> String {
-        let title = self.study.evaluate.title.clone();
-        title.unwrap_or_else(|| file_stem(&self.written.request).unwrap_or_default())
+        self.own_title().unwrap_or_else(|| self.sensors())
     }
+
+    /// The same, where the study, its file or its log has a name.
+    pub fn own_title(&self) -> Option<String> {
+        let stem = || file_stem(&self.written.request).filter(|stem| says_something(stem));
+        let title = self.study.evaluate.title.clone();
+        title.or_else(stem).or_else(|| self.log_name())
+    }
+
+    /// The last part of the path of the log that is a name rather than a pattern or a word for any log.
+    fn log_name(&self) -> Option<String> {
+        let [path] = &self.study.data.path.0[..] else { return None };
+        let parts = Path::new(path).components().rev();
+        let stems = parts.filter_map(|part| match part {
+            Component::Normal(name) => Some(Path::new(name).file_stem()?.to_string_lossy()),
+            _ => None,
+        });
+        stems.into_iter().map(Cow::into_owned).find(|stem| says_something(stem))
+    }
+
+    /// "PIT300, TIT101 and 3 more sensors".
+    fn sensors(&self) -> String {
+        const NAMED: usize = 3;
+        let sensors = &self.study.sweep.sensors;
+        match sensors.split_at_checked(NAMED) {
+            Some((first, more @ [_, _, ..])) => {
+                format!("{} and {} more sensors", first.join(", "), more.len())
+            }
+            _ if sensors.is_empty() => "A study".to_owned(),
+            _ => match sensors.split_last() {
+                Some((last, others @ [_, ..])) => format!("{} and {last}", others.join(", ")),
+                _ => sensors.concat(),
+            },
+        }
+    }
+}
+
+/// Whether a file's name tells its content from that of any other study or log.
+fn says_something(stem: &str) -> bool {
+    const ANY: [&str; 10] =
+        ["study", "log", "logs", "data", "results", "raw", "input", "history", "export", "test"];
+    let is_pattern = stem.contains(['*', '?', '{', '$']);
+    !stem.is_empty() && !is_pattern && !ANY.contains(&stem.to_lowercase().as_str())
 }
 
 fn file_stem(request: &Request) -> Option<String> {
@@ -141,7 +187,7 @@ fn layout(
     deployment: Option<&str>,
 ) -> Layout {
     let Written { request, results, .. } = written;
-    let folder = request.study.parent().unwrap_or(std::path::Path::new(""));
+    let folder = request.study.parent().unwrap_or(Path::new(""));
     let stem = || file_stem(request).unwrap_or_else(|| "study".to_owned());
     let own = study.output.clone().unwrap_or_else(|| format!("{}-results", stem()).into());
     let root = match (&request.output, &request.profile, results) {

@@ -320,14 +320,20 @@ fn describe(columns: &mut [TextColumn], above: &[Vec<String>]) {
     let Some(units) = above.iter().min_by_key(length) else { return };
     let labels = above.iter().filter(|row| *row != units).max_by_key(length);
     let cell = |row: &Vec<String>, column: usize| {
-        let text =
-            row.get(column)?.trim().trim_start_matches(['[', '(']).trim_end_matches([']', ')']);
+        let text = unbracketed(row.get(column)?);
         (!text.is_empty() && text != "-").then(|| text.to_owned())
     };
     for (position, column) in columns.iter_mut().enumerate() {
         column.unit = cell(units, position);
         column.label = labels.and_then(|labels| cell(labels, position));
     }
+}
+
+/// A unit or a description without brackets around it, and without the stroke that stands between a quantity and its unit:
+/// `[ / °C]`. That of `/min` stays.
+pub(crate) fn unbracketed(text: &str) -> &str {
+    let text = text.trim().trim_start_matches(['[', '(']).trim_end_matches([']', ')']).trim();
+    text.strip_prefix("/ ").unwrap_or(text).trim()
 }
 
 #[cfg(test)]
@@ -375,6 +381,8 @@ mod tests {
         assert_eq!((&text[bytes as usize..][..10], lines), ("01.02.2024", 6));
         let cells: Vec<&str> = (0..3).flat_map(|column| found.cells(column)).collect();
         assert_eq!(cells, ["01.02.2024 00:00", "1", "2"]);
+        let units = ["[°C]", "[ / °C]", "/ °C", " °C "].map(unbracketed);
+        assert_eq!((units, unbracketed("[/min]")), (["°C"; 4], "/min"));
         let latin = Dialect::of(b"time,T [\xB0C]\n2024-01-01,1\n", None).expect("a table");
         assert_eq!(names(&latin), ["time", "T [°C]"]);
     }

@@ -20,7 +20,7 @@ pub(crate) use self::{
     annotated::{Annotated, Key, Sample, is_annotated, names as annotated_names},
     blocks::Marks,
     cell::{Cell, Words},
-    dialect::{TextColumn, decode},
+    dialect::{TextColumn, decode, unbracketed},
     file::{Records, TextFile, is_value},
     input::size,
     number::{Decimal, Signs, cell as cell_of, either_way, parse as parse_number},

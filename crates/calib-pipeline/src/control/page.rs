@@ -32,7 +32,10 @@ pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> Result<Vec<Stri
         names.extend(drawn::write(directory, name, &Figure::new(figure.chart.clone()))?);
     }
     let page = Overview {
-        title: "An agent that acts".to_owned(),
+        title: job.own_title().map_or_else(
+            || "Agents that act".to_owned(),
+            |name| format!("{name}: agents that act"),
+        ),
         subtitle: Some(show::line(&told.log)),
         findings: show::sentences(told),
         warnings: told.verdict.doubts.iter().map(|doubt| show::reason(doubt, told)).collect(),

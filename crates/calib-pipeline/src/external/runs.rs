@@ -60,7 +60,7 @@ pub(crate) fn run(
     }
     let rows: Vec<calib_report::Verdict> = verdicts
         .iter()
-        .map(|verdict| verdict_row(verdict, &sweep, study, study.model_name()))
+        .map(|verdict| verdict_row(verdict, None, &sweep, study, study.model_name()))
         .collect();
     let title = study.evaluate.title.clone();
     let stem = || path.file_stem().map_or_else(String::new, |of| of.to_string_lossy().into_owned());
@@ -140,15 +140,16 @@ fn reproduction(path: &Path, study: &Study) -> Result<Reproduction, StepError> {
 }
 
 fn write(directory: &Path, summary: &Summary, report: &Report) -> Result<(), StepError> {
-    let named = |sensor: &str| format!("sensitivity-{sensor}");
-    let drawn = report.sensitivities.iter().flat_map(|of| figures::names(&named(&of.sensor)));
+    let sensors = report.sensitivities.iter().map(|of| of.sensor.as_str());
+    let named: Vec<String> =
+        figures::placed(sensors).into_iter().map(|of| format!("sensitivity-{of}")).collect();
+    let drawn = named.iter().flat_map(|name| figures::names(name));
     let drawn = drawn.map(|name| format!("{FIGURES}/{name}"));
     // The folder may be the user's.
     let mut claim = Claim::new(directory, Below::Unknown)?;
     claim.record().note([SUMMARY, REPORT].map(str::to_owned).into_iter().chain(drawn))?;
-    for sensitivity in &report.sensitivities {
-        let name = named(&sensitivity.sensor);
-        figures::write(&directory.join(FIGURES), &name, &sensitivity.figure()?)?;
+    for (sensitivity, name) in report.sensitivities.iter().zip(&named) {
+        figures::write(&directory.join(FIGURES), name, &sensitivity.figure()?)?;
     }
     write_json(&directory.join(SUMMARY), summary)?;
     let html = report.html()?;

@@ -27,6 +27,42 @@ pub(crate) fn names(name: &str) -> [String; 2] {
     ["svg", "png"].map(|kind| format!("{}.{kind}", file_name(name)))
 }
 
+/// Sensors as parts of the names of files: "T inlet (°C)" is `T-inlet-C`. Those that would then be called alike keep the names that
+/// they have, in which [`file_name`] writes such characters as numbers.
+pub(crate) fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let sensors: Vec<&str> = sensors.collect();
+    let alike = |sensor: &str, name: &str| {
+        sensors.iter().any(|other| *other != sensor && (readable(other) == name || *other == name))
+    };
+    let name = |&sensor: &&str| {
+        let name = readable(sensor);
+        if name.is_empty() || alike(sensor, &name) { sensor.to_owned() } else { name }
+    };
+    sensors.iter().map(name).collect()
+}
+
+/// `name` with a hyphen for what is neither a letter nor a digit.
+fn readable(name: &str) -> String {
+    let mut readable = String::new();
+    for letter in name.chars() {
+        match letter {
+            'ä' => readable.push_str("ae"),
+            'ö' => readable.push_str("oe"),
+            'ü' => readable.push_str("ue"),
+            'Ä' => readable.push_str("Ae"),
+            'Ö' => readable.push_str("Oe"),
+            'Ü' => readable.push_str("Ue"),
+            'ß' => readable.push_str("ss"),
+            letter if letter.is_alphanumeric() || matches!(letter, '_' | '.') => {
+                readable.push(letter);
+            }
+            _ if readable.ends_with('-') => {}
+            _ => readable.push('-'),
+        }
+    }
+    readable.trim_matches(['-', '.']).to_owned()
+}
+
 /// One figure a sensor: rollouts over the recorded trajectory from the same start, in physical units.
 ///
 /// Rollouts that start elsewhere cannot be laid over the same truth. Shown is the start that most members share (they
@@ -245,5 +281,20 @@ mod tests {
         assert!(super::grids(&[]).is_empty());
         let none = starts(&[]);
         assert!(super::grids(&[("year", &none), ("week", &none)]).is_empty());
+    }
+
+    #[test]
+    fn figures_of_sensors_have_readable_names_of_their_own() {
+        let named = |sensors: &[&str]| placed(sensors.iter().copied());
+        assert_eq!(
+            named(&["PIT300 (april)", "PIT300 (july)", "PIT300 (july, week)"]),
+            ["PIT300-april", "PIT300-july", "PIT300-july-week"]
+        );
+        assert_eq!(named(&["T (degC)", "Zulauf Öl [ / °C]"]), ["T-degC", "Zulauf-Oel-C"]);
+        assert_eq!(names(&named(&["T (degC)"])[0])[0], "T-degC.svg");
+        let names = named(&["X (1)", "X-1", "X, 1", "X 1", "X (1"]);
+        for (place, name) in names.iter().enumerate() {
+            assert!(!names[..place].contains(name), "{names:?}");
+        }
     }
 }

@@ -250,8 +250,10 @@ fn roll_out(
     let names: Vec<String> = sensors.iter().map(|(name, _)| name.clone()).collect();
     let period_secs = model.manifest.period.as_secs();
     let mut files = vec!["trajectories.parquet".to_owned()];
-    for figure in figures::rollouts(&trajectories, &names, period_secs)? {
-        let drawn = figures::write(&directory.join("figures"), &figure.sensor, &figure.figure()?)?;
+    let rollouts = figures::rollouts(&trajectories, &names, period_secs)?;
+    let placed = figures::placed(rollouts.iter().map(|of| of.sensor.as_str()));
+    for (figure, name) in rollouts.iter().zip(placed) {
+        let drawn = figures::write(&directory.join("figures"), &name, &figure.figure()?)?;
         files.extend(drawn.map(|name| format!("figures/{name}")));
     }
     let collapse = collapse::of(model, record, &all, sensors)?;

@@ -95,6 +95,6 @@ mod tests {
         };
         assert_eq!(saved(&[result(0, 4), result(1, 4)], 8), None);
         let told = saved(&[result(0, 4), result(1, 2)], 8).expect("two runs were not made");
-        assert!(told.contains("spared 25 % of the runs"), "{told}");
+        assert!(told.contains("saved 25 % of the runs"), "{told}");
     }
 }

@@ -48,7 +48,7 @@ pub(crate) fn write(
 /// Values of a column in physical units, and nothing where the line breaks, at the time of the value before.
 fn thinned(dataset: &Dataset, frames: &Frames, column: usize) -> Vec<(Timestamp, Option<f64>)> {
     let times = frames.timestamps();
-    let secs: Vec<f64> = times.iter().map(|&time| seconds(time)).collect();
+    let secs = without_long_gaps(times.iter().map(|&time| seconds(time)), dataset.period.as_secs());
     let physical = |row: usize| {
         dataset.normaliser.physical(column, Normalised(frames.states().row(row)[column])).0
     };
@@ -62,6 +62,22 @@ fn thinned(dataset: &Dataset, frames: &Frames, column: usize) -> Vec<(Timestamp,
         points.push(point);
     }
     points
+}
+
+/// `times` with long gaps made short, so that stretches are not spent on what was not recorded. Gaps stay longer than a stretch.
+fn without_long_gaps(times: impl Iterator<Item = f64>, period: f64) -> Vec<f64> {
+    let times: Vec<f64> = times.collect();
+    let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
+    let recorded: f64 = steps().filter(|step| *step <= 2.0 * period).sum();
+    // Our choice: the figure cuts gaps that are longer than a tenth, and what is left of one is a hundredth.
+    let (long, short) = (recorded / 10.0, recorded / 100.0);
+    let mut at = times.first().copied().unwrap_or_default();
+    let mut shortened: Vec<f64> = times.first().copied().into_iter().collect();
+    for step in steps() {
+        at += if step > long.max(2.0 * period) { short.max(3.0 * period) } else { step };
+        shortened.push(at);
+    }
+    shortened
 }
 
 /// Seconds since 1970.

@@ -157,7 +157,7 @@ fn add(
 
 /// What a model's sweep says of a sensor by the errors over `part`; none if they have no step there.
 fn verdict(model: &OfModel, sensor: &str, part: Part) -> Result<Option<SensorVerdict>, StepError> {
-    let Judged { job, manifest, results, summary } = &model.judged;
+    let Judged { job, manifest, results, summary, .. } = &model.judged;
     let study = job.study();
     if part == study.part() {
         return Ok(summary.verdicts.iter().find(|of| of.sensor == sensor).cloned());

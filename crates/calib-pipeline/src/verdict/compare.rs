@@ -274,7 +274,7 @@ fn write(job: &Job, whole: &Report, summaries: &Summaries) -> Result<(), StepErr
 fn write_figures(paths: &Layout, whole: &Report) -> Result<Vec<String>, StepError> {
     let directory = paths.evaluate().join(report::FIGURES);
     let mut written = Vec::new();
-    let names = report::placed(whole.sensitivities.iter().map(|figure| figure.sensor.as_str()));
+    let names = figures::placed(whole.sensitivities.iter().map(|figure| figure.sensor.as_str()));
     for (sensitivity, name) in whole.sensitivities.iter().zip(names) {
         let name = format!("sensitivity-{name}");
         written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);

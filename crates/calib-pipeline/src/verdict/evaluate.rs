@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use calib_agent::Part;
 use calib_core::{Monitor, Seed};
 use calib_model::StartKind;
-use calib_report::caveats;
+use calib_report::{RecordedFigure, caveats};
 use calib_study::{Job, Layout, StepKind, Study};
 use calib_sweep::{
     Candidate, Grade, Judging, Recommendation, SensorVerdict, SimpleComparison, SweepError,
@@ -24,7 +24,7 @@ use crate::{
     log::{context::RunContext, partition},
     model::model_files::{self, ModelManifest},
     rollouts::{one_step, rollout},
-    sweep::{SweepFacts, SweepManifest, simple::SimpleErrors, unit_store},
+    sweep::{SweepFacts, SweepManifest, recorded, simple::SimpleErrors, unit_store},
     verdict::{
         report,
         verdict_rows::{self, verdict_row},
@@ -91,6 +91,10 @@ pub(crate) struct Judged {
     pub(crate) manifest: SweepManifest,
     pub(crate) results: Vec<UnitResult>,
     pub(crate) summary: Summary,
+    /// What was recorded of each sensor.
+    pub(crate) recorded: Vec<RecordedFigure>,
+    /// The verdicts in words.
+    pub(crate) rows: Vec<calib_report::Verdict>,
 }
 
 impl Judged {
@@ -201,9 +205,14 @@ pub(crate) fn judge(
                 manifest.again(&job.command(StepKind::Sweep))
             )
         })?;
+    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
     let rows: Vec<calib_report::Verdict> = verdicts
         .iter()
-        .map(|verdict| verdict_row(verdict, &manifest, study, job.model_name()))
+        .zip(&kept)
+        .map(|(verdict, kept)| {
+            let outside = kept.outside_training();
+            verdict_row(verdict, outside, &manifest, study, job.model_name())
+        })
         .collect();
     let summary = Summary {
         format: 2,
@@ -217,7 +226,7 @@ pub(crate) fn judge(
         verdicts,
         notes: [manifest.notes.clone(), stale_rollouts(job, &manifest.model)?].concat(),
     };
-    Ok(Judged { job: job.clone(), manifest, results, summary })
+    Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
 }
 
 /// What a finished sweep says about a sensor by the errors over `part` of each run.

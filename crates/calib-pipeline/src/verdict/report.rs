@@ -29,13 +29,13 @@ use crate::{
         rollout::{self, RolloutManifest},
         trajectory_columns::Columns,
     },
-    sweep::{SweepFacts, recorded},
+    sweep::SweepFacts,
     verdict::{
         described::Descriptions,
         evaluate::{Judged, Summary},
         kept_report, learning,
         report_data::{data_profile, subtitle},
-        verdict_rows::{self, verdict_row},
+        verdict_rows,
     },
 };
 
@@ -58,19 +58,22 @@ fn write_all(
     write_json(&paths.evaluate().join(SUMMARY), summary)?;
     let directory = paths.evaluate().join(FIGURES);
     let mut written = write_comparisons(&directory, report)?;
-    for sensitivity in &report.sensitivities {
+    let names_of = figures::placed(report.sensitivities.iter().map(|of| of.sensor.as_str()));
+    for (sensitivity, name) in report.sensitivities.iter().zip(names_of) {
         monitor.check()?;
-        let name = format!("sensitivity-{}", sensitivity.sensor);
+        let name = format!("sensitivity-{name}");
         written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
     }
-    for curves in &report.learning {
+    let names_of = figures::placed(report.learning.iter().map(|of| of.sensor.as_str()));
+    for (curves, name) in report.learning.iter().zip(names_of) {
         monitor.check()?;
-        let name = format!("learning-{}-{}", curves.sensor, curves.environment.file_name());
+        let name = format!("learning-{name}-{}", curves.environment.file_name());
         written.extend(figures::write(&directory, &name, &curves.figure()?)?);
     }
-    for rollout in &report.rollouts {
+    let names_of = figures::placed(report.rollouts.iter().map(|of| of.sensor.as_str()));
+    for (rollout, name) in report.rollouts.iter().zip(names_of) {
         monitor.check()?;
-        let name = format!("rollout-{}", rollout.sensor);
+        let name = format!("rollout-{name}");
         written.extend(figures::write(&directory, &name, &rollout.figure()?)?);
     }
     write_page(paths, report)?;
@@ -107,28 +110,16 @@ pub(crate) fn write_comparisons(
         let panels = Sensitivity::panels(&report.sensitivities)?;
         written.extend(figures::write(directory, "sensitivity", &panels)?);
     }
-    for recorded in &report.recorded {
-        let name = format!("recorded-{}", recorded.sensor);
+    let names = figures::placed(report.recorded.iter().map(|of| of.sensor.as_str()));
+    for (recorded, name) in report.recorded.iter().zip(names) {
+        let name = format!("recorded-{name}");
         written.extend(figures::write(directory, &name, &recorded.figure()?)?);
     }
-    let names = placed(report.rollout_grids.iter().map(|grid| grid.sensor.as_str()));
+    let names = figures::placed(report.rollout_grids.iter().map(|grid| grid.sensor.as_str()));
     for (grid, name) in report.rollout_grids.iter().zip(names) {
         written.extend(figures::write(directory, &format!("rollouts-{name}"), &grid.figure()?)?);
     }
     Ok(written)
-}
-
-/// Sensors in a deployment or of a model, as parts of file names: "PIT300 (april)" is `PIT300-april`. Those that would
-/// then be called alike keep the names that they have.
-pub(crate) fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> {
-    let sensors: Vec<&str> = sensors.collect();
-    let short = |sensor: &str| sensor.replace(" (", "-").replace(", ", "-").replace(')', "");
-    let alike = |sensor: &str| {
-        let name = short(sensor);
-        sensors.iter().filter(|other| short(other) == name || **other == name).count() > 1
-    };
-    let name = |&sensor: &&str| if alike(sensor) { sensor.to_owned() } else { short(sensor) };
-    sensors.iter().map(name).collect()
 }
 
 /// Everything that is known of a finished sweep and its model.
@@ -144,7 +135,7 @@ pub(crate) fn assemble(judged: &Judged) -> Result<Report, StepError> {
 }
 
 fn assembled(judged: &Judged) -> Result<Report, StepError> {
-    let Judged { job, manifest: sweep, summary, results } = judged;
+    let Judged { job, manifest: sweep, summary, results, .. } = judged;
     let (study, paths, build) = (job.study(), job.layout(), job.command(StepKind::BuildModel));
     let name = job.model_name();
     let model: ModelManifest = artefact::require(&paths.model(), &build)?;
@@ -163,18 +154,13 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
     for own in &mut starts {
         own.unit = descriptions.words(&own.sensor);
     }
-    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
     let grids = starts.iter().flat_map(|own| figures::grids(&[(name, own)]));
     let mut report = Report {
         title: summary.title.clone(),
         subtitle: Some(subtitle(&profile, &model, judged)),
         score: Score::nrmse(),
         decision: None,
-        verdicts: summary
-            .verdicts
-            .iter()
-            .map(|verdict| verdict_row(verdict, sweep, study, name))
-            .collect(),
+        verdicts: judged.rows.clone(),
         warnings: [summary.notes.clone(), build_model::warnings(&model)].concat(),
         sensitivities: summary
             .verdicts
@@ -182,7 +168,7 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
             .map(|verdict| verdict_rows::sensitivity(verdict, &sweep.candidates, name))
             .collect(),
         learning: learning::curves(job, &sweep.candidates, results)?,
-        recorded: kept,
+        recorded: judged.recorded.clone(),
         rollouts: shown,
         rollout_grids: grids.collect(),
         jumps: jumps(name, &model),
@@ -323,23 +309,4 @@ pub(crate) fn command_lines(job: &Job, steps: &[StepKind], sweep: &SweepFacts) -
         step => job.reproduction(*step),
     });
     lines.collect::<Vec<_>>().join("\n")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn figures_of_sensors_have_names_of_their_own() {
-        let deployed = ["PIT300 (april)", "PIT300 (july)", "PIT300 (july, week)"];
-        assert_eq!(
-            placed(deployed.into_iter()),
-            ["PIT300-april", "PIT300-july", "PIT300-july-week"]
-        );
-        let alike = ["X (1)", "X-1", "X, 1", "X 1", "X (1"];
-        let names = placed(alike.into_iter());
-        for (place, name) in names.iter().enumerate() {
-            assert!(!names[..place].contains(name), "{names:?}");
-        }
-    }
 }

@@ -33,9 +33,10 @@ pub(crate) fn advice(verdict: &Verdict) -> Vec<String> {
     [verdict.headline()].into_iter().chain(verdict.reasons(&Score::nrmse())).collect()
 }
 
-/// What the report says of a sensor.
+/// What the report says of a sensor, of which this share of held-out values is `outside_training`.
 pub(crate) fn verdict_row(
     verdict: &SensorVerdict,
+    outside_training: Option<f64>,
     sweep: &SweepFacts,
     study: &Study,
     model: &str,
@@ -74,6 +75,7 @@ pub(crate) fn verdict_row(
             .map(|of| (setting(&candidates[of.candidate]), of.share))
             .collect(),
         stability_nearby: verdict.stability_nearby,
+        outside_training,
         online: verdict.truth.as_ref().map(|truth| agreement(verdict, truth, sweep, study)),
         alternatives: verdict
             .truth

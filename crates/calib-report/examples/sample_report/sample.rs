@@ -149,6 +149,7 @@ impl Sensor {
                     grade: Grade::Fair,
                     reason: Reason::WorstRank,
                     evidence: Told::Apart,
+                    outside_training: None,
                     tie_set: selection.tie_set.iter().map(|&index| RATES[index].into()).collect(),
                     worst_rank: selection.worst_ranks[chosen],
                     values: RATES.len(),

@@ -10,13 +10,15 @@ use super::{Axis, Chart, ScaleKind, Side};
 const VALUE_DIGITS: usize = 5;
 const POSITION_DIGITS: usize = 8;
 
-/// Plot rectangle, scales and points of `chart` as laid out in `scene`, as JSON that is safe inside a script element.
+/// Plot rectangles of the wide and the narrow scene of `chart`, its scales and points, as JSON that is safe inside a script element.
 ///
 /// Points are `null` where a value is missing and `"diverged"` where it is infinite. Series i that has a `details[i]`
 /// comes with all its values, [packed](Detail::fields), instead of the points that are drawn.
-pub(crate) fn chart_data(chart: &Chart, scene: &Scene, details: &[Detail<'_>]) -> String {
-    let plot = scene.plot;
-    let rect = [plot.x, plot.y, plot.width, plot.height].map(|side| (side * 10.0).round() / 10.0);
+pub(crate) fn chart_data(chart: &Chart, scenes: [&Scene; 2], details: &[Detail<'_>]) -> String {
+    let plots = scenes.map(|scene| {
+        let plot = scene.plot;
+        [plot.x, plot.y, plot.width, plot.height].map(|side| (side * 10.0).round() / 10.0)
+    });
     let series: Vec<Value> = chart
         .series
         .iter()
@@ -52,7 +54,7 @@ pub(crate) fn chart_data(chart: &Chart, scene: &Scene, details: &[Detail<'_>]) -
         })
         .collect();
     let data = json!({
-        "plot": rect,
+        "plots": plots,
         "x": axis(&chart.x),
         "left": axis(&chart.left),
         "right": chart.right.as_ref().map(axis),
@@ -65,7 +67,7 @@ pub(crate) fn chart_data(chart: &Chart, scene: &Scene, details: &[Detail<'_>]) -
 fn axis(axis: &Axis) -> Value {
     let scale = &axis.scale;
     let (kind, names) = match &scale.kind {
-        ScaleKind::Linear | ScaleKind::Time => ("linear", None),
+        ScaleKind::Linear | ScaleKind::Time | ScaleKind::CutTime(_) => ("linear", None),
         ScaleKind::Whole => ("whole", None),
         ScaleKind::Log => ("log", None),
         ScaleKind::Names(names) => ("names", Some(names)),

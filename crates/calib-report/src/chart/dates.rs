@@ -60,7 +60,11 @@ impl Every {
 /// About `wanted` ticks between two instants, in seconds since 1970: whole minutes, hours, days, months or years. None where
 /// no calendar has such times.
 pub(super) fn dates(low: f64, high: f64, wanted: usize) -> Vec<Tick> {
-    let rough = (high - low) / wanted.max(1) as f64;
+    dates_apart(low, high, (high - low) / wanted.max(1) as f64)
+}
+
+/// The same, at least `rough` seconds apart.
+pub(super) fn dates_apart(low: f64, high: f64, rough: f64) -> Vec<Tick> {
     let every = STEPS.into_iter().find(|step| step.secs() >= rough).unwrap_or(Every::Months(1200));
     match every {
         Every::Secs(step) => {

@@ -1,6 +1,7 @@
 //! Axes, grid and labels around the plot.
 
-use super::scene::{Anchor, Mark, Rect, Text, Turn, text_width};
+use super::layout::WIDE;
+use super::scene::{Anchor, Mark, Rect, Text, Turn, fitted, text_width};
 use super::ticks::{Tick, ticks};
 use super::{Axis, Colour, Dash, ScaleKind};
 
@@ -30,19 +31,19 @@ pub(crate) fn vertical_axis_width(axis: &Axis) -> f64 {
     widest + if axis.label.is_empty() { 18.0 } else { 46.0 }
 }
 
-/// The horizontal axis below `plot`, and its grid lines.
-pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect) -> Vec<Mark> {
+/// The horizontal axis below `plot`, and its grid lines, in a `picture` of this width.
+pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect, picture: f64) -> Vec<Mark> {
     let mut marks =
         vec![rule((plot.x, plot.bottom()), (plot.right(), plot.bottom()), Colour::Muted)];
     let rows = name_rows(axis, plot.width);
     let mut free_from = [f64::MIN; 2];
     let mut labelled = 0;
-    for Tick { value, label } in ticks(&axis.scale, X_TICKS) {
+    for Tick { value, label } in horizontal_ticks(axis, plot, picture) {
         let x = plot.x + axis.scale.fraction(value) * plot.width;
         let length = if label.is_some() { 6.0 } else { 3.0 };
         marks.push(rule((x, plot.bottom()), (x, plot.bottom() + length), Colour::Muted));
         if let Some(label) = label {
-            if matches!(axis.scale.kind, ScaleKind::Linear | ScaleKind::Log | ScaleKind::Time) {
+            if !matches!(axis.scale.kind, ScaleKind::Whole | ScaleKind::Names(_)) {
                 marks.extend(grid_line(
                     (x, plot.y),
                     (x, plot.bottom()),
@@ -54,6 +55,8 @@ pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect) -> Vec<Mark> {
             let half = text_width(&label, TICK_SIZE) / 2.0;
             let row = labelled % rows;
             labelled += 1;
+            // The last label ends where the picture does.
+            let x = x.min(picture - 1.0 - half);
             if x - half >= free_from[row] {
                 let y = plot.bottom() + 21.0 + NAME_ROW * row as f64;
                 marks.push(tick_text(x, y, label, Anchor::Middle));
@@ -62,12 +65,43 @@ pub(crate) fn horizontal_axis(axis: &Axis, plot: Rect) -> Vec<Mark> {
         }
     }
     if !axis.label.is_empty() {
+        let room = if picture < WIDE { picture - 8.0 } else { picture };
+        let text = fitted(&axis.label, LABEL_SIZE, room);
+        let half = text_width(&text, LABEL_SIZE) / 2.0;
         let centre = plot.x + plot.width / 2.0;
-        let label =
-            Text::new(centre, plot.bottom() + 45.0, &*axis.label, LABEL_SIZE, Anchor::Middle);
-        marks.push(Mark::Text(label));
+        let end = (picture - half).max(picture / 2.0);
+        let centre = if picture < WIDE { centre.min(end) } else { centre };
+        marks.push(Mark::Text(Text::new(
+            centre,
+            plot.bottom() + 45.0,
+            text,
+            LABEL_SIZE,
+            Anchor::Middle,
+        )));
     }
     marks
+}
+
+/// As many ticks as have room for their labels. Names are all marked.
+fn horizontal_ticks(axis: &Axis, plot: Rect, picture: f64) -> Vec<Tick> {
+    if matches!(axis.scale.kind, ScaleKind::Names(_)) {
+        return ticks(&axis.scale, X_TICKS);
+    }
+    let fit = |ticks: &Vec<Tick>| {
+        let labels = ticks.iter().filter_map(|tick| Some((tick.value, tick.label.as_deref()?)));
+        let mut ends: Vec<(f64, f64)> = labels
+            .map(|(value, label)| {
+                let half = text_width(label, TICK_SIZE) / 2.0;
+                let x = plot.x + axis.scale.fraction(value) * plot.width;
+                let x = x.min(picture - 1.0 - half);
+                (x - half, x + half)
+            })
+            .collect();
+        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ends.windows(2).all(|pair| pair[0].1 + 6.0 <= pair[1].0)
+    };
+    let all = (2..=X_TICKS).rev().map(|wanted| ticks(&axis.scale, wanted));
+    all.into_iter().find(fit).unwrap_or_else(|| ticks(&axis.scale, 2))
 }
 
 /// Rows that the names along a horizontal axis of `width` stand in: two in turn where they have no room beside each other, and nothing else
@@ -103,7 +137,9 @@ pub(crate) fn vertical_axis(axis: &Axis, plot: Rect, edge: Edge) -> Vec<Mark> {
     }
     let beside = x + outwards * (vertical_axis_width(axis) - 14.0);
     let centre = plot.y + plot.height / 2.0;
-    let mut label = Text::new(beside, centre, &*axis.label, LABEL_SIZE, Anchor::Middle);
+    // Above and below a plot there is some room for more.
+    let text = fitted(&axis.label, LABEL_SIZE, plot.height + 40.0);
+    let mut label = Text::new(beside, centre, text, LABEL_SIZE, Anchor::Middle);
     label.turn = turn;
     marks.push(Mark::Text(label));
     marks

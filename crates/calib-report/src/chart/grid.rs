@@ -2,11 +2,14 @@
 
 use super::Chart;
 use super::frame::vertical_axis_width;
-use super::layout::{LegendPlace, MARGIN, Sides, WIDTH, heading, panel, rule_height};
-use super::scene::{Anchor, Group, GroupKind, Mark, Rect, Scene, Text, Weight};
+use super::layout::{LegendPlace, MARGIN, NARROW, Sides, WIDE, heading, panel, rule_height};
+use super::scene::{Anchor, Group, GroupKind, Mark, Rect, Scene, Text, Weight, lines};
 
 const HEADING: f64 = 22.0;
 const HEADING_SIZE: u32 = 14;
+const HEADING_ROW: f64 = 18.0;
+/// How much wider bold text is.
+const BOLD: f64 = 1.13;
 /// Between a column and the axis of the next one.
 const GAP: f64 = 12.0;
 
@@ -26,6 +29,52 @@ pub(crate) fn draw_grid(
     height: f64,
     legend_place: LegendPlace,
 ) -> Scene {
+    draw_rows(legend_of, rows, height, legend_place, WIDE)
+}
+
+/// The same plots below each other, for a narrow screen. Without title and keys, which the page has.
+pub(crate) fn draw_stacked(legend_of: &Chart, rows: &[Vec<GridCell>], height: f64) -> Scene {
+    draw_rows(legend_of, &stacked(rows), height, LegendPlace::Outside, NARROW)
+}
+
+/// A row for each plot. It says itself what is said once where plots stand beside each other: what its column is, and what its
+/// vertical axes show.
+fn stacked(rows: &[Vec<GridCell>]) -> Vec<Vec<GridCell>> {
+    let first = rows.first().map_or(&[][..], Vec::as_slice);
+    let has_columns = first.len() > 1 && first.iter().all(|cell| cell.heading.is_some());
+    let mut all = Vec::new();
+    for row in rows {
+        let charts = || row.iter().filter_map(|cell| cell.chart.as_ref());
+        let left = charts().map(|chart| &chart.left.label).find(|label| !label.is_empty());
+        let right = charts().filter_map(|chart| chart.right.as_ref());
+        let right = right.map(|axis| &axis.label).find(|label| !label.is_empty());
+        for (column, cell) in row.iter().enumerate() {
+            let Some(mut chart) = cell.chart.clone() else { continue };
+            let heading = if has_columns {
+                // The left label of such a row is its name.
+                chart.left.label.clear();
+                let names = [left, first.get(column).and_then(|cell| cell.heading.as_ref())];
+                Some(names.into_iter().flatten().cloned().collect::<Vec<_>>().join(": "))
+            } else {
+                chart.left.label = left.cloned().unwrap_or_default();
+                cell.heading.clone()
+            };
+            if let (Some(axis), Some(label)) = (&mut chart.right, right) {
+                axis.label.clone_from(label);
+            }
+            all.push(vec![GridCell { heading, chart: Some(chart) }]);
+        }
+    }
+    all
+}
+
+fn draw_rows(
+    legend_of: &Chart,
+    rows: &[Vec<GridCell>],
+    height: f64,
+    legend_place: LegendPlace,
+    picture: f64,
+) -> Scene {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0).max(1);
     let beside: Vec<(f64, f64)> = (0..columns)
         .map(|column| {
@@ -37,7 +86,7 @@ pub(crate) fn draw_grid(
         })
         .collect();
     let taken: f64 = beside.iter().map(|(left, right)| left + right).sum();
-    let width = (WIDTH - 2.0 * MARGIN - GAP * (columns - 1) as f64 - taken) / columns as f64;
+    let width = (picture - 2.0 * MARGIN - GAP * (columns - 1) as f64 - taken) / columns as f64;
     let mut from = MARGIN;
     let sides: Vec<Sides> = beside
         .iter()
@@ -47,26 +96,39 @@ pub(crate) fn draw_grid(
             sides
         })
         .collect();
-    let mut scene = Scene { width: WIDTH, height: 0.0, plot: Rect::default(), groups: Vec::new() };
-    let above = Sides { left: MARGIN + 4.0, width: WIDTH - 2.0 * MARGIN };
+    let mut scene =
+        Scene { width: picture, height: 0.0, plot: Rect::default(), groups: Vec::new() };
+    let above = Sides { left: MARGIN + 4.0, width: picture - 2.0 * MARGIN };
     if legend_place == LegendPlace::Inside {
         scene.height = heading(&mut scene.groups, legend_of, &legend_of.title, above);
     }
     for row in rows {
-        let has_headings = row.iter().any(|cell| cell.heading.is_some());
-        let top = scene.height + if has_headings { HEADING } else { 0.0 };
+        let headings: Vec<Vec<String>> = row
+            .iter()
+            .enumerate()
+            .map(|(column, cell)| {
+                let end = sides.get(column + 1).map_or(picture - MARGIN, |next| next.left);
+                let heading = cell.heading.as_deref();
+                heading.map_or_else(Vec::new, |text| {
+                    lines(text, HEADING_SIZE, (end - heading_left(sides[column], picture)) / BOLD)
+                })
+            })
+            .collect();
+        let most = headings.iter().map(Vec::len).max().unwrap_or(0);
+        let above = if most == 0 { 0.0 } else { HEADING + HEADING_ROW * (most - 1) as f64 };
+        let top = scene.height + above;
         // Plots of a row begin at the same height, however many lines of text are above each.
         let rules = |(cell, &sides): (&GridCell, &Sides)| {
-            cell.chart.as_ref().map_or(0.0, |chart| rule_height(chart, sides))
+            cell.chart.as_ref().map_or(0.0, |chart| rule_height(chart, sides, picture))
         };
         let room = row.iter().zip(&sides).map(rules).fold(0.0, f64::max);
         let mut bottom = top;
-        for (cell, &sides) in row.iter().zip(&sides) {
-            if let Some(text) = &cell.heading {
-                scene.groups.push(column_heading(text, top - 4.0, sides));
+        for ((cell, &sides), heading) in row.iter().zip(&sides).zip(headings) {
+            if !heading.is_empty() {
+                scene.groups.push(column_heading(heading, top - 4.0, heading_left(sides, picture)));
             }
             if let Some(chart) = &cell.chart {
-                scene.height = top + room - rule_height(chart, sides);
+                scene.height = top + room - rule_height(chart, sides, picture);
                 panel(&mut scene, chart, sides, height);
                 bottom = bottom.max(scene.height);
             }
@@ -76,9 +138,20 @@ pub(crate) fn draw_grid(
     scene
 }
 
-fn column_heading(text: &str, y: f64, sides: Sides) -> Group {
-    let mut text = Text::new(sides.left, y, text, HEADING_SIZE, Anchor::Start);
-    text.weight = Weight::Bold;
-    let marks = vec![Mark::Text(text)];
+/// Where a heading begins: above its plot, or in a narrow picture at the edge, where more of it fits.
+fn heading_left(sides: Sides, picture: f64) -> f64 {
+    if picture < WIDE { 4.0 } else { sides.left }
+}
+
+/// Lines of text of which the last stands at `y`.
+fn column_heading(lines: Vec<String>, y: f64, left: f64) -> Group {
+    let last = lines.len().saturating_sub(1);
+    let line = |(place, line): (usize, String)| {
+        let up = HEADING_ROW * (last - place) as f64;
+        let mut text = Text::new(left, y - up, line, HEADING_SIZE, Anchor::Start);
+        text.weight = Weight::Bold;
+        Mark::Text(text)
+    };
+    let marks = lines.into_iter().enumerate().map(line).collect();
     Group { kind: GroupKind::Heading, plot: Rect::default(), marks }
 }

@@ -7,8 +7,12 @@ use super::legend;
 use super::scene::{Anchor, Group, GroupKind, Mark, Rect, Scene, Text, Weight, text_width};
 use super::{Chart, Colour, Dash, Marker, Point, Scale, Series, Side};
 
-pub(super) const WIDTH: f64 = 960.0;
+/// Width of pictures for files, paper and wide screens.
+pub(crate) const WIDE: f64 = 960.0;
+/// Width of pictures for phones, whose pages leave that much of 390 pixels.
+pub(crate) const NARROW: f64 = 340.0;
 const PLOT_HEIGHT: f64 = 360.0;
+const NARROW_PLOT_HEIGHT: f64 = 260.0;
 pub(super) const MARGIN: f64 = 14.0;
 const PANEL_HEIGHT: f64 = 210.0;
 /// Room for tick labels, and for the label of the horizontal axis as well.
@@ -28,22 +32,22 @@ pub(crate) enum LegendPlace {
     Outside,
 }
 
-/// Lays `chart` out.
-pub(crate) fn draw(chart: &Chart, legend_place: LegendPlace) -> Scene {
-    let side = Sides::of(std::slice::from_ref(chart));
-    let mut scene =
-        Scene { width: WIDTH, height: MARGIN, plot: Rect::default(), groups: Vec::new() };
+/// Lays `chart` out in a picture that is `width` pixels wide.
+pub(crate) fn draw(chart: &Chart, legend_place: LegendPlace, width: f64) -> Scene {
+    let side = Sides::of(std::slice::from_ref(chart), width);
+    let mut scene = Scene { width, height: MARGIN, plot: Rect::default(), groups: Vec::new() };
     if legend_place == LegendPlace::Inside {
         scene.height = heading(&mut scene.groups, chart, &chart.title, side);
     }
-    panel(&mut scene, chart, side, PLOT_HEIGHT);
+    let height = if width < WIDE { NARROW_PLOT_HEIGHT } else { PLOT_HEIGHT };
+    panel(&mut scene, chart, side, height);
     scene
 }
 
 /// Lays `panels` out below each other, with one heading (title, and the keys of `legend_of`) and one horizontal scale.
 pub(crate) fn draw_panels(legend_of: &Chart, panels: &[Chart]) -> Scene {
-    let sides = Sides::of(panels);
-    let mut scene = Scene { width: WIDTH, height: 0.0, plot: Rect::default(), groups: Vec::new() };
+    let sides = Sides::of(panels, WIDE);
+    let mut scene = Scene { width: WIDE, height: 0.0, plot: Rect::default(), groups: Vec::new() };
     scene.height = heading(&mut scene.groups, legend_of, &legend_of.title, sides);
     for chart in panels {
         panel(&mut scene, chart, sides, PANEL_HEIGHT);
@@ -59,15 +63,15 @@ pub(super) struct Sides {
 }
 
 impl Sides {
-    /// Room for the widest axis labels of `charts`.
-    fn of(charts: &[Chart]) -> Self {
+    /// Room for the widest axis labels of `charts` in a picture of this `width`.
+    fn of(charts: &[Chart], width: f64) -> Self {
         let widest = |widths: &mut dyn Iterator<Item = f64>| widths.fold(0.0, f64::max);
         let left =
             MARGIN + widest(&mut charts.iter().map(|chart| vertical_axis_width(&chart.left)));
         let right = widest(
             &mut charts.iter().filter_map(|chart| chart.right.as_ref()).map(vertical_axis_width),
         );
-        Self { left, width: WIDTH - left - MARGIN - right.max(8.0) }
+        Self { left, width: width - left - MARGIN - right.max(8.0) }
     }
 }
 
@@ -85,11 +89,12 @@ pub(super) fn heading(groups: &mut Vec<Group>, chart: &Chart, title: &str, sides
 
 /// Adds one plot with its axes below what `scene` already has.
 pub(super) fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sides, height: f64) {
-    let rule_labels = rule_rows(chart, left, width);
+    let rule_labels = rule_rows(chart, Sides { left, width }, scene.width);
     let top = scene.height + height_of(&rule_labels) + 6.0;
     let plot = Rect { x: left, y: top, width, height };
+    let picture = scene.width;
     let mut add = |kind, marks| scene.groups.push(Group { kind, plot, marks });
-    add(GroupKind::Axis("x"), horizontal_axis(&chart.x, plot));
+    add(GroupKind::Axis("x"), horizontal_axis(&chart.x, plot, picture));
     add(GroupKind::Axis("left"), vertical_axis(&chart.left, plot, Edge::Left));
     if let Some(axis) = &chart.right {
         add(GroupKind::Axis("right"), vertical_axis(axis, plot, Edge::Right));
@@ -122,23 +127,25 @@ struct RuleLabel {
     row: usize,
 }
 
-/// Room for the text above the vertical lines of `chart`.
-pub(super) fn rule_height(chart: &Chart, Sides { left, width }: Sides) -> f64 {
-    height_of(&rule_rows(chart, left, width))
+/// Room for the text above the vertical lines of `chart` in a `picture` of this width.
+pub(super) fn rule_height(chart: &Chart, sides: Sides, picture: f64) -> f64 {
+    height_of(&rule_rows(chart, sides, picture))
 }
 
 fn height_of(labels: &[RuleLabel]) -> f64 {
     labels.iter().map(|label| label.row + 1).max().unwrap_or(0) as f64 * RULE_ROW
 }
 
-fn rule_rows(chart: &Chart, left: f64, width: f64) -> Vec<RuleLabel> {
+fn rule_rows(chart: &Chart, Sides { left, width }: Sides, picture: f64) -> Vec<RuleLabel> {
     let mut placed: Vec<(f64, f64, usize)> = Vec::new();
     let mut labels = Vec::with_capacity(chart.rules.len());
     for rule in &chart.rules {
         let half = text_width(&rule.label, RULE_SIZE) / 2.0;
         let line = left + chart.x.scale.fraction(rule.x) * width;
-        let x =
-            line.clamp((left + half).min(WIDTH / 2.0), (WIDTH - MARGIN - half).max(WIDTH / 2.0));
+        // In a narrow picture the text may begin left of the plot, over the axis.
+        let from = if picture < WIDE { 2.0 } else { left };
+        let middle = picture / 2.0;
+        let x = line.clamp((from + half).min(middle), (picture - MARGIN - half).max(middle));
         let free = |row: usize| {
             !placed.iter().any(|&(from, to, taken)| {
                 taken == row && x - half < to + 8.0 && from - 8.0 < x + half

@@ -19,9 +19,11 @@ mod scene;
 mod svg;
 mod ticks;
 
+use crate::downsample::min_max_indices;
+
 pub(crate) use data::chart_data;
-pub(crate) use grid::{GridCell, draw_grid};
-pub(crate) use layout::{LegendPlace, draw, draw_panels};
+pub(crate) use grid::{GridCell, draw_grid, draw_stacked};
+pub(crate) use layout::{LegendPlace, NARROW, WIDE, draw, draw_panels};
 pub(crate) use legend::{Key, keys};
 pub(crate) use packed::Detail;
 pub(crate) use png::png;
@@ -47,6 +49,30 @@ pub struct Chart {
     pub series: Vec<Series>,
     /// Vertical lines that mark values of the horizontal axis.
     pub rules: Vec<Rule>,
+}
+
+/// Points of a dense curve in a narrow picture, about two for each pixel; many curves share those of a few.
+const NARROW_POINTS: usize = 450;
+const NARROW_CURVES: usize = 4;
+const FEWEST_NARROW_POINTS: usize = 120;
+
+impl Chart {
+    /// The chart with fewer points in its dense curves, which a narrow picture could not show; peaks stay.
+    pub(crate) fn thinned(&self) -> Self {
+        let shared = NARROW_CURVES * NARROW_POINTS / self.series.len().max(1);
+        let most = shared.clamp(FEWEST_NARROW_POINTS, NARROW_POINTS);
+        let thin = |series: &Series| {
+            let has_more = |point: &Point| point.interval.is_some() || !point.y.is_finite();
+            if series.marker.is_some() || series.points.iter().any(has_more) {
+                return series.clone();
+            }
+            let values: Vec<f64> = series.points.iter().map(|point| point.y).collect();
+            let kept = min_max_indices(&values, most).into_iter();
+            let points = kept.map(|place| series.points[place]).collect();
+            Series { points, ..series.clone() }
+        };
+        Self { series: self.series.iter().map(thin).collect(), ..self.clone() }
+    }
 }
 
 /// One axis.

@@ -1,7 +1,7 @@
 //! From values to positions along an axis.
 
 /// How values are spaced.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum ScaleKind {
     /// Evenly.
     Linear,
@@ -11,6 +11,8 @@ pub enum ScaleKind {
     Log,
     /// Evenly; values are instants in seconds since 1970, with ticks at dates.
     Time,
+    /// Instants as in [`Self::Time`] in these stretches, first and last instant; what lies between them takes little room.
+    CutTime(Vec<(f64, f64)>),
     /// Value i stands for name i.
     Names(Vec<String>),
 }
@@ -40,6 +42,13 @@ impl Scale {
     pub fn time(first: f64, last: f64) -> Self {
         let max = if first < last { last } else { first + 1.0 };
         Self { kind: ScaleKind::Time, min: first, max }
+    }
+
+    /// A scale of instants in ascending `stretches`, which are not empty.
+    pub(crate) fn cut_time(stretches: Vec<(f64, f64)>) -> Self {
+        let min = stretches.first().map_or(0.0, |stretch| stretch.0);
+        let max = stretches.last().map_or(1.0, |stretch| stretch.1);
+        Self { kind: ScaleKind::CutTime(stretches), min, max }
     }
 
     /// A logarithmic scale that holds `values` with a margin; linear if any of them is not positive.
@@ -105,7 +114,8 @@ impl Scale {
 
     /// Where `value` lies: 0 at `min`, 1 at `max`, outside beyond them.
     pub fn fraction(&self, value: f64) -> f64 {
-        match self.kind {
+        match &self.kind {
+            ScaleKind::CutTime(stretches) => cut_fraction(stretches, value),
             ScaleKind::Log => {
                 let (min, max) = (self.min.ln(), self.max.ln());
                 // What cannot be shown on a logarithmic scale lies far below it.
@@ -114,6 +124,28 @@ impl Scale {
             _ => (value - self.min) / (self.max - self.min),
         }
     }
+}
+
+/// Share of the axis that is left of each gap that is cut out.
+const CUT: f64 = 0.02;
+
+fn cut_fraction(stretches: &[(f64, f64)], value: f64) -> f64 {
+    let recorded: f64 = stretches.iter().map(|(first, last)| last - first).sum();
+    let share = 1.0 - CUT * (stretches.len() - 1) as f64;
+    let mut at = 0.0;
+    let mut before: Option<f64> = None;
+    for (place, &(first, last)) in stretches.iter().enumerate() {
+        if let Some(gap) = before.filter(|_| value < first) {
+            return at - CUT * (first - value) / (first - gap);
+        }
+        let width = share * (last - first) / recorded;
+        if value <= last || place + 1 == stretches.len() {
+            return at + width * (value - first) / (last - first);
+        }
+        at += width + CUT;
+        before = Some(last);
+    }
+    at
 }
 
 /// Smallest and largest finite value.

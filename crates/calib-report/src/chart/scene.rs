@@ -174,3 +174,33 @@ pub(crate) fn text_width(text: &str, size: u32) -> f64 {
             .sum();
     units * f64::from(size)
 }
+
+/// `text` in lines that have `room` at `size` pixels; a longer word stands alone.
+pub(crate) fn lines(text: &str, size: u32, room: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if text_width(&format!("{line} {word}"), size) <= room => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+/// As much of `text` as has `room` at `size` pixels, with an ellipsis where some of it is left out.
+pub(crate) fn fitted(text: &str, size: u32, room: f64) -> String {
+    if text_width(text, size) <= room {
+        return text.to_owned();
+    }
+    let mut short = text.to_owned();
+    while short.pop().is_some() {
+        let cut = format!("{}…", short.trim_end());
+        if text_width(&cut, size) <= room {
+            return cut;
+        }
+    }
+    text.to_owned()
+}

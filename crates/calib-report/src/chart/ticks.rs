@@ -1,6 +1,9 @@
 //! Where an axis is marked, and with what.
 
-use super::{Scale, ScaleKind, dates::dates};
+use super::{
+    Scale, ScaleKind,
+    dates::{dates, dates_apart},
+};
 use crate::number::{count, number, setting};
 
 /// One mark on an axis; minor ones have no label.
@@ -18,6 +21,12 @@ pub(crate) fn ticks(scale: &Scale, wanted: usize) -> Vec<Tick> {
         ScaleKind::Whole => linear(scale, wanted.max(10), 1.0),
         ScaleKind::Log => log(scale, wanted),
         ScaleKind::Time => dates(scale.min, scale.max, wanted),
+        ScaleKind::CutTime(stretches) => {
+            let recorded: f64 = stretches.iter().map(|(first, last)| last - first).sum();
+            let of =
+                |&(first, last): &(f64, f64)| dates_apart(first, last, recorded / wanted as f64);
+            stretches.iter().flat_map(of).collect()
+        }
         ScaleKind::Names(names) => names
             .iter()
             .enumerate()

@@ -1,7 +1,10 @@
 //! A drawn figure.
 
 use crate::ReportError;
-use crate::chart::{Chart, GridCell, LegendPlace, Scene, draw, draw_grid, draw_panels, png, svg};
+use crate::chart::{
+    Chart, GridCell, LegendPlace, NARROW, Scene, WIDE, draw, draw_grid, draw_panels, draw_stacked,
+    png, svg,
+};
 
 /// A figure ready to be written in either format.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,10 +50,15 @@ impl Figure {
         svg(&self.scene(LegendPlace::Inside), "figure", &self.chart.title, &self.chart.description)
     }
 
-    /// The figure without its title as an SVG element of a page, in which `id` is unique.
-    pub(crate) fn element(&self, id: &str) -> String {
-        let scene = self.scene(LegendPlace::Outside);
-        svg(&scene, id, &self.chart.title, &self.chart.description)
+    /// The figure without its title as two SVG elements of a page, for a wide screen and a narrow one. `id` is unique in the page.
+    pub(crate) fn elements(&self, id: &str) -> [String; 2] {
+        let narrow = match &self.layout {
+            Layout::Grid(rows, height) => draw_stacked(&self.chart, rows, *height),
+            _ => draw(&self.chart.thinned(), LegendPlace::Outside, NARROW),
+        };
+        let element =
+            |scene: &Scene, id: &str| svg(scene, id, &self.chart.title, &self.chart.description);
+        [element(&self.scene(LegendPlace::Outside), id), element(&narrow, &format!("{id}-narrow"))]
     }
 
     /// The figure as the bytes of a PNG file, 1920 pixels wide, on white.
@@ -66,7 +74,7 @@ impl Figure {
         match &self.layout {
             Layout::Stack(panels) if panels.len() > 1 => draw_panels(&self.chart, panels),
             Layout::Grid(rows, height) => draw_grid(&self.chart, rows, *height, legend_place),
-            _ => draw(&self.chart, legend_place),
+            _ => draw(&self.chart, legend_place, WIDE),
         }
     }
 }

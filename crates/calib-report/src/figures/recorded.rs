@@ -1,11 +1,15 @@
 //! What a sensor showed in each period: while it was learned from, and in each deployment.
 
 use super::rollout::axis_label;
-use crate::chart::{Axis, Chart, Colour, Dash, GridCell, Point, Scale, Series, Side, extent};
-use crate::number::number;
+use crate::chart::{Axis, Chart, Colour, Dash, GridCell, Point, Rule, Scale, Series, Side, extent};
+use crate::number::{duration, number};
 use crate::{Figure, ReportError};
 
 const HEIGHT: f64 = 110.0;
+/// Gaps are cut out that are longer than this share of what was recorded: our choice.
+const LONG_GAP: f64 = 0.1;
+/// Lengths of more gaps than these hide each other.
+const NAMED_GAPS: usize = 3;
 
 /// One sensor in several periods, in plots below each other with the same vertical axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,6 +45,20 @@ pub enum PeriodUse {
 }
 
 impl RecordedFigure {
+    /// Share of the values of deployments that lie outside of the range of all values that were learned from; none where either has
+    /// no values.
+    pub fn outside_training(&self) -> Option<f64> {
+        let values = |used_for: PeriodUse| {
+            let own = self.periods.iter().filter(move |period| period.used_for == used_for);
+            own.flat_map(|period| &period.points).map(|point| point.1).filter(|of| of.is_finite())
+        };
+        let (low, high) = extent(&values(PeriodUse::Learning).collect::<Vec<_>>())?;
+        let held_out = values(PeriodUse::Deployment);
+        let outside = held_out.clone().filter(|value| !(low..=high).contains(value)).count();
+        let all = held_out.count();
+        (all > 0).then(|| outside as f64 / all as f64)
+    }
+
     /// Draws the figure: a plot for each period that has values, over its dates.
     ///
     /// # Errors
@@ -119,7 +137,6 @@ impl RecordedPeriod {
             // What Online replays has its colour.
             PeriodUse::Deployment => Colour::Curve(0),
         };
-        let point = |&(x, y): &(f64, f64)| Point { x, y, interval: None };
         let series = Series {
             label: self.name.clone(),
             side: Side::Left,
@@ -127,17 +144,127 @@ impl RecordedPeriod {
             dash: Dash::Solid,
             width: 1.0,
             marker: None,
-            points: self.points.iter().map(point).collect(),
+            points: self.broken_points(),
         };
-        let (first, last) = extent.secs;
         Chart {
             title: String::new(),
             description: String::new(),
-            x: Axis { label: String::new(), scale: Scale::time(first, last) },
+            x: Axis { label: String::new(), scale: self.dates(extent) },
             left: Axis { label: String::new(), scale: scale.clone() },
             right: None,
             series: vec![series],
-            rules: Vec::new(),
+            rules: self.cuts(),
         }
+    }
+
+    /// All points, and a break where a gap is cut out.
+    fn broken_points(&self) -> Vec<Point> {
+        let ends: Vec<f64> = self.stretches().iter().skip(1).map(|stretch| stretch.0).collect();
+        let point = |x: f64, y: f64| Point { x, y, interval: None };
+        let mut points = Vec::with_capacity(self.points.len() + ends.len());
+        for &(x, y) in &self.points {
+            if y.is_finite() && ends.contains(&x) {
+                points.push(point(x, f64::NAN));
+            }
+            points.push(point(x, y));
+        }
+        points
+    }
+
+    /// The scale of its dates, without what lies in long gaps.
+    fn dates(&self, extent: &Extent) -> Scale {
+        match self.stretches().as_slice() {
+            [] | [_] => Scale::time(extent.secs.0, extent.secs.1),
+            stretches => Scale::cut_time(stretches.to_vec()),
+        }
+    }
+
+    /// What was recorded between long gaps: first and last instant of each stretch.
+    fn stretches(&self) -> Vec<(f64, f64)> {
+        let known = self.points.iter().filter(|(_, value)| value.is_finite());
+        let times: Vec<f64> = known.map(|&(secs, _)| secs).collect();
+        let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let whole: f64 = steps.iter().sum();
+        // The longest first: a gap is long beside all that is not in longer gaps.
+        steps.sort_by(|a, b| b.total_cmp(a));
+        let (mut left, mut shortest) = (whole, f64::INFINITY);
+        for &step in &steps {
+            if step <= LONG_GAP * (left - step) {
+                break;
+            }
+            left -= step;
+            shortest = step;
+        }
+        let mut stretches: Vec<(f64, f64)> = Vec::new();
+        for &at in &times {
+            match stretches.last_mut() {
+                Some((_, last)) if at - *last < shortest => *last = at,
+                _ => stretches.push((at, at)),
+            }
+        }
+        // Instants that stand alone are no stretches to show dates of.
+        let has_length = stretches.iter().all(|(first, last)| first < last);
+        if has_length { stretches } else { Vec::new() }
+    }
+
+    /// Lines where gaps are cut out, with their lengths where there is room.
+    fn cuts(&self) -> Vec<Rule> {
+        let stretches = self.stretches();
+        let rule = |pair: &[(f64, f64)]| {
+            let (from, to) = (pair[0].1, pair[1].0);
+            let label = format!("gap of {}", duration(to - from));
+            Rule { x: f64::midpoint(from, to), label, dash: Dash::Dotted }
+        };
+        let mut cuts: Vec<Rule> = stretches.windows(2).map(rule).collect();
+        if cuts.len() > NAMED_GAPS {
+            for cut in &mut cuts {
+                cut.label.clear();
+            }
+        }
+        cuts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn period(times: impl Iterator<Item = f64>) -> RecordedPeriod {
+        RecordedPeriod {
+            name: "training".to_owned(),
+            used_for: PeriodUse::Learning,
+            times: ["a", "b"].map(str::to_owned),
+            points: times.map(|secs| (secs, 1.0)).collect(),
+        }
+    }
+
+    #[test]
+    fn long_gaps_are_cut_out() {
+        const DAY: f64 = 86_400.0;
+        let days = |from: u32, to: u32| (from..to).map(|day| f64::from(day) * DAY);
+        let gapped = period(days(0, 10).chain(days(310, 320)));
+        assert_eq!(gapped.stretches(), [(0.0, 9.0 * DAY), (310.0 * DAY, 319.0 * DAY)]);
+        let cuts = gapped.cuts();
+        assert_eq!((cuts.len(), cuts[0].label.as_str()), (1, "gap of 301 d"));
+        let extent = gapped.extent().expect("values");
+        let scale = gapped.dates(&extent);
+        let places = [0.0, 9.0 * DAY, 310.0 * DAY, 319.0 * DAY].map(|at| scale.fraction(at));
+        assert_eq!((places[0], places[3]), (0.0, 1.0));
+        assert!(places[1] > 0.45 && places[2] < 0.55 && places[1] < places[2], "{places:?}");
+        let whole = period(days(0, 100).chain(days(105, 200)));
+        assert!(whole.cuts().is_empty());
+    }
+
+    #[test]
+    fn what_a_sensor_showed_beyond_training_is_counted() {
+        let mut figure = RecordedFigure {
+            sensor: "A".to_owned(),
+            unit: None,
+            periods: vec![period([0.0, 1.0].into_iter()), period([2.0, 3.0].into_iter())],
+        };
+        assert_eq!(figure.outside_training(), None);
+        figure.periods[1].used_for = PeriodUse::Deployment;
+        figure.periods[1].points[1].1 = 5.0;
+        assert_eq!(figure.outside_training(), Some(0.5));
     }
 }

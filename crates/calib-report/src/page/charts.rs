@@ -5,7 +5,8 @@ use std::fmt::Write;
 use maud::{Markup, html};
 
 use super::figure::{Drawn, Numbers, still};
-use super::{Part, Section, several};
+use super::{Part, Section, several, text::prose};
+use crate::chart::Detail;
 use crate::number::count;
 use crate::{
     Cell, Chart, ErrorCurve, ErrorSource, Report, ReportError, RolloutFigure, Samples, Sensitivity,
@@ -16,7 +17,7 @@ use crate::{
 const ROLLOUT_ROWS: usize = 40;
 
 /// How to read small plots of rollouts.
-const GRID_CAPTION: &str = "All plots have the same axes. The left column is what the plant did; each other one a model's walk from there.";
+const GRID_CAPTION: &str = "Plots of a sensor have the same axes. The first of each start is what the plant did; the others are rollouts of models from there.";
 
 /// More dense curves than this hide each other.
 const MANY_CURVES: usize = 3;
@@ -28,13 +29,15 @@ pub(super) const WHOLE_VALUES: usize = 600_000;
 /// The section of sensitivity curves.
 pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
     let (mut figures, mut parts) = (Vec::new(), Vec::new());
-    for (index, sensitivity) in report.sensitivities.iter().enumerate() {
+    let captions: Vec<String> = report.sensitivities.iter().map(Sensitivity::caption).collect();
+    let (common, own) = apart(&captions);
+    for (index, (sensitivity, caption)) in report.sensitivities.iter().zip(own).enumerate() {
         let id = format!("sensitivity-{index}");
         if sensitivity.is_of_several() {
             figures.push(several::markup(
                 sensitivity,
                 &id,
-                &sensitivity.caption(),
+                caption,
                 &sensitivity_table(sensitivity),
             )?);
             parts.push(Part { id, title: sensitivity.sensor.clone() });
@@ -44,7 +47,7 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
         let drawn = Drawn {
             chart: figure.chart(),
             id: &id,
-            caption: &sensitivity.caption(),
+            caption,
             table: &sensitivity_table(sensitivity),
             numbers: Numbers::All,
             shown: shown(figure.chart()),
@@ -62,10 +65,26 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
                  not by absolute values."
             }
         }
+        (common_caption(common))
         (help())
         @for figure in figures { (figure) }
     };
     Ok(Section { id: "sensitivity", title: "Sensitivity curves", parts, body })
+}
+
+/// What the captions of several figures have in common, if they are all the same, and what each then says itself.
+pub(super) fn apart(captions: &[String]) -> (&str, Vec<&str>) {
+    match captions {
+        [first, others @ ..] if !others.is_empty() && others.iter().all(|of| of == first) => {
+            (first, vec![""; captions.len()])
+        }
+        _ => ("", captions.iter().map(String::as_str).collect()),
+    }
+}
+
+/// What holds of all figures of a section, said once above them.
+pub(super) fn common_caption(caption: &str) -> Markup {
+    html! { @if !caption.is_empty() { p.lead.common { (prose(caption)) } } }
 }
 
 /// What can be done with a chart.
@@ -94,23 +113,35 @@ fn help() -> Markup {
 pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
     let (mut figures, mut parts) = (Vec::new(), Vec::new());
     let mut left = WHOLE_VALUES;
-    for (index, rollout) in report.rollouts.iter().enumerate() {
+    let details: Vec<Vec<Detail<'_>>> = report
+        .rollouts
+        .iter()
+        .map(|rollout| {
+            let details = rollout.details();
+            match left.checked_sub(details.iter().map(|detail| detail.values.len()).sum()) {
+                Some(rest) => {
+                    left = rest;
+                    details
+                }
+                None => Vec::new(),
+            }
+        })
+        .collect();
+    let all = || report.rollouts.iter().zip(&details);
+    let captions: Vec<String> =
+        all().map(|(rollout, details)| rollout.caption(!details.is_empty())).collect();
+    let (common, own) = apart(&captions);
+    for (index, ((rollout, details), caption)) in all().zip(own).enumerate() {
         let figure = rollout.figure()?;
         let id = format!("rollout-{index}");
-        let mut details = rollout.details();
-        let values = details.iter().map(|detail| detail.values.len()).sum();
-        match left.checked_sub(values) {
-            Some(rest) => left = rest,
-            None => details.clear(),
-        }
         let drawn = Drawn {
             chart: figure.chart(),
             id: &id,
-            caption: &rollout.caption(!details.is_empty()),
+            caption,
             table: &rollout_table(rollout),
             numbers: Numbers::Sampled,
             shown: shown(figure.chart()),
-            details: &details,
+            details,
         };
         figures.push(drawn.markup());
         parts.push(Part { id, title: rollout.sensor.clone() });
@@ -118,7 +149,7 @@ pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
     let mut stills = Vec::new();
     for (index, grid) in report.rollout_grids.iter().enumerate() {
         let id = format!("grid-{index}");
-        stills.push(still(&grid.figure()?, &id, GRID_CAPTION));
+        stills.push(still(&grid.figure()?, &id, ""));
         parts.push(Part { id, title: format!("{}, start by start", grid.sensor) });
     }
     let body = html! {
@@ -126,7 +157,9 @@ pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
             "What the models believe the plant could do, over what it did. A rollout need not follow the true \
              trajectory in time; it should move in the same range, with the same shapes and rhythm."
         }
+        (common_caption(common))
         @for figure in figures { (figure) }
+        @if !stills.is_empty() { (common_caption(GRID_CAPTION)) }
         @for still in stills { (still) }
     };
     Ok(Section { id: "rollouts", title: "Rollouts", parts, body })

@@ -3,7 +3,10 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::tables::rows;
-use crate::chart::{Detail, Key, LegendPlace, chart_data, draw, keys, sample_svg, svg};
+use super::text::prose;
+use crate::chart::{
+    Detail, Key, LegendPlace, NARROW, WIDE, chart_data, draw, keys, sample_svg, svg,
+};
 use crate::{Chart, Figure, Table};
 
 /// What belongs to a chart of the page.
@@ -34,11 +37,13 @@ pub(super) enum Numbers {
 impl Drawn<'_> {
     pub(super) fn markup(&self) -> Markup {
         let Self { chart, id, caption, .. } = *self;
-        let scene = draw(chart, LegendPlace::Outside);
+        let scene = draw(chart, LegendPlace::Outside, WIDE);
+        let narrow = draw(&chart.thinned(), LegendPlace::Outside, NARROW);
+        let picture = |scene, id: &str| svg(scene, id, &chart.title, &chart.description);
         html! {
             figure.chart id=(id) data-shown=(self.shown) {
                 div.figure-head {
-                    figcaption { h3 { (chart.title) } p { (caption) } }
+                    figcaption { h3 { (chart.title) } (caption_line(caption)) }
                     (tools(chart))
                 }
                 div.legend role="group" aria-label={ "Curves of " (chart.title) } {
@@ -47,11 +52,11 @@ impl Drawn<'_> {
                 div.plot tabindex="0" role="group" aria-label={
                     (chart.title) ". Arrow keys read the values, plus and minus zoom, 0 shows all."
                 } {
-                    (PreEscaped(svg(&scene, id, &chart.title, &chart.description)))
+                    (wide_and_narrow(&picture(&scene, id), &picture(&narrow, &format!("{id}-narrow"))))
                     div.tip hidden {}
                 }
                 p.hidden aria-live="polite" {}
-                script type="application/json" { (PreEscaped(chart_data(chart, &scene, self.details))) }
+                script type="application/json" { (PreEscaped(chart_data(chart, [&scene, &narrow], self.details))) }
                 (self.numbers())
             }
         }
@@ -79,7 +84,7 @@ pub(super) fn still(figure: &Figure, id: &str, caption: &str) -> Markup {
             div.figure-head {
                 figcaption {
                     h3 { (title) }
-                    p { (caption) }
+                    (caption_line(caption))
                 }
                 (still_tools(title))
             }
@@ -99,9 +104,23 @@ pub(super) fn still_tools(title: &str) -> Markup {
 
 /// The picture of a figure that is only looked at.
 pub(super) fn still_plot(figure: &Figure, id: &str) -> Markup {
+    let [wide, narrow] = figure.elements(id);
     html! {
-        div.plot tabindex="0" role="group" aria-label=(figure.chart().title) { (PreEscaped(figure.element(id))) }
+        div.plot tabindex="0" role="group" aria-label=(figure.chart().title) { (wide_and_narrow(&wide, &narrow)) }
     }
+}
+
+/// Both layouts of a picture; the style sheet shows the one that the screen has room for.
+fn wide_and_narrow(wide: &str, narrow: &str) -> Markup {
+    html! {
+        div.wide { (PreEscaped(wide)) }
+        div.narrow { (PreEscaped(narrow)) }
+    }
+}
+
+/// How to read a figure, unless that stands above all of its kind.
+fn caption_line(caption: &str) -> Markup {
+    html! { @if !caption.is_empty() { p { (prose(caption)) } } }
 }
 
 /// The signs of a chart's curves, where they cannot be switched.

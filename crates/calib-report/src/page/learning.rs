@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use super::charts::common_caption;
 use super::figure::{Drawn, Numbers};
 use super::{Part, Section};
 use crate::{Cell, LearningCurves, Report, ReportError, Table};
@@ -16,13 +17,15 @@ const ROWS: usize = 50;
 pub(super) fn curves(report: &Report) -> Result<Section, ReportError> {
     let mut sensors: Vec<(&str, Vec<Markup>)> = Vec::new();
     let mut parts = Vec::new();
-    for (index, curves) in report.learning.iter().enumerate() {
+    let captions: Vec<String> = report.learning.iter().map(LearningCurves::caption).collect();
+    let common = usual(&captions);
+    for (index, (curves, caption)) in report.learning.iter().zip(&captions).enumerate() {
         let figure = curves.figure()?;
         let id = format!("learning-{index}");
         let drawn = Drawn {
             chart: figure.chart(),
             id: &id,
-            caption: &curves.caption(),
+            caption: if caption == common { "" } else { caption },
             table: &curves.table(),
             numbers: Numbers::Sampled,
             shown: curves.curves.len().min(MANY_CURVES),
@@ -42,6 +45,7 @@ pub(super) fn curves(report: &Report) -> Result<Section, ReportError> {
             "How the error falls along the run, for each value. A value that is still falling at the end would gain from \
              a longer run; one that falls early and rises again has lost track."
         }
+        (common_caption(common))
         @for (sensor, figures) in &sensors {
             @if let Some((first, others)) = figures.split_first() {
                 (first)
@@ -55,6 +59,14 @@ pub(super) fn curves(report: &Report) -> Result<Section, ReportError> {
         }
     };
     Ok(Section { id: "learning", title: "Learning curves", parts, body })
+}
+
+/// The caption that most figures have, if more than one has it: the others say what is different.
+fn usual(captions: &[String]) -> &str {
+    let times = |caption: &String| captions.iter().filter(|of| *of == caption).count();
+    // Of equals the first.
+    let most = captions.iter().rev().max_by_key(|caption| times(caption));
+    most.filter(|caption| times(caption) > 1).map_or("", String::as_str)
 }
 
 impl LearningCurves {

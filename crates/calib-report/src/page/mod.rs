@@ -7,6 +7,7 @@ mod overview;
 mod recorded;
 mod several;
 mod tables;
+mod text;
 mod verdicts;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -57,7 +58,7 @@ fn document(title: &str, subtitle: Option<&str>, skip: &str, sections: &[Section
                     div {
                         p.kind { "Calibration report" }
                         h1 { (title) }
-                        @if let Some(subtitle) = subtitle { p.subtitle { (subtitle) } }
+                        @if let Some(subtitle) = subtitle { p.subtitle { (text::prose(subtitle)) } }
                     }
                     button.theme type="button" aria-label="Switch between light and dark" { "◐ Theme" }
                 }

@@ -6,8 +6,16 @@ use super::{
     Part, Section, document,
     figure::{Drawn, Numbers},
     tables::table,
+    text::prose,
 };
-use crate::Overview;
+use crate::{Overview, OverviewFigure};
+
+/// The caption of a figure, unless the figure before it has the same.
+fn own_caption(figures: &[OverviewFigure], number: usize) -> &str {
+    let caption = &figures[number].caption;
+    let before = number.checked_sub(1).map(|before| &figures[before].caption);
+    if before == Some(caption) { "" } else { caption }
+}
 
 /// Renders `overview`.
 pub(crate) fn overview(overview: &Overview) -> String {
@@ -17,11 +25,11 @@ pub(crate) fn overview(overview: &Overview) -> String {
         title: "What was found",
         parts: Vec::new(),
         body: html! {
-            @for finding in findings { p { (finding) } }
+            @for finding in findings { p { (prose(finding)) } }
             @if !warnings.is_empty() {
                 div.warnings role="note" {
                     h3 { "Before you rely on this" }
-                    ul { @for warning in warnings { li { (warning) } } }
+                    ul { @for warning in warnings { li { (prose(warning)) } } }
                 }
             }
         },
@@ -36,7 +44,7 @@ pub(crate) fn overview(overview: &Overview) -> String {
                 (Drawn {
                     chart: &figure.chart,
                     id: &id(number),
-                    caption: &figure.caption,
+                    caption: own_caption(figures, number),
                     table: &figure.table,
                     numbers: Numbers::All,
                     shown: figure.chart.series.len(),

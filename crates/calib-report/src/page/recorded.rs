@@ -2,12 +2,13 @@
 
 use maud::html;
 
+use super::charts::common_caption;
 use super::figure::still;
 use super::{Part, Section};
 use crate::{Report, ReportError};
 
 /// How to read the plots of a sensor.
-const CAPTION: &str = "In the unit of the log. Of each short stretch of time the smallest and the largest value are shown, so that every peak is.";
+const CAPTION: &str = "In the unit of the log. Of each short stretch of time the smallest and the largest value are shown, so that every peak is. Long gaps are cut out, at the dotted lines.";
 
 /// One figure a sensor.
 pub(super) fn recorded(report: &Report) -> Result<Section, ReportError> {
@@ -15,7 +16,7 @@ pub(super) fn recorded(report: &Report) -> Result<Section, ReportError> {
     for (index, recorded) in report.recorded.iter().enumerate() {
         let figure = recorded.figure()?;
         let id = format!("recorded-{index}");
-        stills.push(still(&figure, &id, CAPTION));
+        stills.push(still(&figure, &id, ""));
         parts.push(Part { id, title: recorded.sensor.clone() });
     }
     let body = html! {
@@ -23,6 +24,7 @@ pub(super) fn recorded(report: &Report) -> Result<Section, ReportError> {
             "What the plant showed while it was learned from, and in each deployment. All plots of a sensor have the same \
              vertical axis. What a deployment shows beyond what was learned from is new to the models."
         }
+        (common_caption(CAPTION))
         @for still in stills { (still) }
     };
     Ok(Section { id: "recorded", title: "Recorded", parts, body })

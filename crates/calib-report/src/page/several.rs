@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::figure::{legend, still_plot, still_tools};
 use super::tables::rows;
+use super::text::prose;
 use crate::figures::{Heat, HeatCell};
 use crate::number::number;
 use crate::{Cell, ReportError, Sensitivity, Table};
@@ -27,7 +28,7 @@ pub(super) fn markup(
                 figcaption {
                     h3 { (chart.title) }
                     p {
-                        "Each plot varies one hyperparameter and keeps the others of the choice; all have the same vertical axes. " (caption)
+                        "Each plot varies one hyperparameter and keeps the others of the choice; all have the same vertical axes. " (prose(caption))
                     }
                 }
                 (still_tools(&chart.title))
@@ -43,7 +44,7 @@ pub(super) fn markup(
             @if let Some(first) = heats.first() {
                 h4 { (first.row_field) " against " (first.column_field) }
                 p.caption {
-                    "The best over all other hyperparameters. Darker is better; the choice is framed."
+                    "The best over all other hyperparameters. The stronger the colour, the better; the choice is framed."
                 }
                 div.heats { @for heat in &heats { (heat_table(heat)) } }
             }
@@ -94,12 +95,15 @@ fn heat_table(heat: &Heat) -> Markup {
 
 fn heat_cell(cell: Option<&HeatCell>) -> Markup {
     let Some(cell) = cell else { return html! { td.none { "–" } } };
-    let shade = cell.place.map_or_else(
+    let mut class = cell.place.map_or_else(
         || "diverged".to_owned(),
         |place| format!("h{}", (place * SHADES).min(SHADES - 1.0).floor()),
     );
+    if cell.is_chosen {
+        class.push_str(" chosen");
+    }
     html! {
-        td class=(shade) .chosen[cell.is_chosen] {
+        td class=(class) {
             (number(cell.value)) @if cell.is_chosen { span.hidden { " (choice)" } }
         }
     }

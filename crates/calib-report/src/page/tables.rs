@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use super::text::prose;
 use super::{Part, Section};
 use crate::number::{count, duration, number, percent};
 use crate::{
@@ -10,6 +11,8 @@ use crate::{
 
 /// Text up to this length stays on one line.
 const SHORT: usize = 24;
+/// The same for headings, on a narrow screen.
+const SHORT_HEAD: usize = 32;
 
 /// A table with a title, a caption and a copy button.
 pub(super) fn table(table: &Table, id: &str) -> Markup {
@@ -19,7 +22,7 @@ pub(super) fn table(table: &Table, id: &str) -> Markup {
                 h3 { (table.title) }
                 button.copy type="button" { "Copy table" }
             }
-            @if !table.caption.is_empty() { p.caption { (table.caption) } }
+            @if !table.caption.is_empty() { p.caption { (prose(&table.caption)) } }
             (rows(table))
         }
     }
@@ -31,7 +34,9 @@ pub(super) fn rows(table: &Table) -> Markup {
         div.scroll tabindex="0" role="region" aria-label=(table.title) {
             table {
                 caption.hidden { (table.title) }
-                thead { tr { @for column in &table.columns { th scope="col" { (column) } } } }
+                thead { tr { @for column in &table.columns {
+                    th.short[column.len() <= SHORT_HEAD] scope="col" { (column) }
+                } } }
                 tbody {
                     @for (row, cells) in table.rows.iter().enumerate() {
                         tr { @for column in 0..table.columns.len() { (cell(table, cells, row, column)) } }
@@ -59,11 +64,11 @@ fn cell(table: &Table, cells: &[Cell], row: usize, column: usize) -> Markup {
     };
     html! {
         @if column == 0 {
-            th scope="row" class=(class) { (text) }
+            th scope="row" class=(class) { (prose(&text)) }
         } @else if table.is_best(row, column) {
-            td class=(class) { strong { (text) } }
+            td class=(class) { strong { (prose(&text)) } }
         } @else {
-            td class=(class) { (text) }
+            td class=(class) { (prose(&text)) }
         }
     }
 }

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::Section;
 use super::tables::table;
+use super::text::prose;
 use crate::number::{number, percent};
 use crate::report::{are_of_several_models, caveats, summary};
 use calib_stats::Bounded;
@@ -28,8 +29,8 @@ pub(super) fn verdicts(report: &Report) -> Section {
             [] => {}
             // The table says it shorter.
             many if many.len() > MANY_LINES && report.decision.is_some() => {}
-            [one] => { p.summary { (unbroken(one)) } }
-            several => { ul.summary { @for line in several { li { (unbroken(line)) } } } }
+            [one] => { p.summary { (prose(one)) } }
+            several => { ul.summary { @for line in several { li { (prose(line)) } } } }
         }
         @if let Some(decision) = &report.decision { (table(decision, "decision")) }
         @if report.verdicts.len() > MANY_CARDS {
@@ -48,7 +49,7 @@ pub(super) fn verdicts(report: &Report) -> Section {
         @if !warnings.is_empty() {
             div.warnings role="note" {
                 h3 { "Before you rely on this" }
-                ul { @for warning in &warnings { li { (unbroken(warning)) } } }
+                ul { @for warning in &warnings { li { (prose(warning)) } } }
             }
         }
         @if (1..=MANY_CARDS).contains(&report.verdicts.len()) { (all_verdicts(report)) }
@@ -69,23 +70,6 @@ fn all_verdicts(report: &Report) -> Markup {
     }
 }
 
-/// `text` with percentages that stay on one line, and numbers such as 1e-4, which browsers break at their sign.
-fn unbroken(text: &str) -> Markup {
-    let text = text.replace(" %", "\u{a0}%");
-    let is_breakable = |word: &str| {
-        word.split_once("e-").is_some_and(|(mantissa, exponent)| {
-            mantissa.ends_with(|c: char| c.is_ascii_digit())
-                && exponent.starts_with(|c: char| c.is_ascii_digit())
-        })
-    };
-    html! {
-        @for (place, word) in text.split(' ').enumerate() {
-            @if place > 0 { " " }
-            @if is_breakable(word) { span.nowrap { (word) } } @else { (word) }
-        }
-    }
-}
-
 /// The advice and what it would have cost; how it came about is behind a line.
 fn card(verdict: &Verdict, report: &Report) -> Markup {
     html! {
@@ -93,13 +77,13 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
             p.badge { (verdict.badge()) }
             h3 {
                 @if are_of_several_models(&report.verdicts) { (verdict.model) ": " }
-                (unbroken(&verdict.headline()))
+                (prose(&verdict.headline()))
             }
-            p.plain { (unbroken(&verdict.plain())) }
+            p.plain { (prose(&verdict.plain())) }
             @if verdict.has_costs() { (costs(verdict)) }
             details.why open[report.verdicts.len() == 1] {
                 summary { "Why" }
-                ul { @for reason in verdict.reasons(&report.score) { li { (unbroken(&reason)) } } }
+                ul { @for reason in verdict.reasons(&report.score) { li { (prose(&reason)) } } }
             }
         }
     }
@@ -189,8 +173,9 @@ fn comparison(report: &Report) -> Table {
     Table {
         title: "All verdicts".to_owned(),
         caption: format!(
-            "Online is the mean {} of the choice on held-out data, and skill how much less that is than the error of predicting \
-             the mean return. Regret is how much worse the choice is than the best value of each window, with its upper bound over \
+            "Online is the mean {} of the choice on held-out data. NRMSE divides by the spread of returns in the training range: 1 is \
+             the error of their mean. Skill is beside another mean, that of each held-out window, which nobody knows beforehand: 0 \
+             is as good as that. Regret is how much worse the choice is than the best value of each window, with its upper bound over \
              windows. Stability is the share of resamples of \
              members, runs and windows of this log that would choose the same, or a value next to it on the grid; another log of the \
              same plant agrees less often.",

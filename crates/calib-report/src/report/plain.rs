@@ -1,7 +1,7 @@
 //! What a verdict means for the plant, in one or two sentences without statistics.
 
 use super::{Grade, Told, Verdict, Way};
-use crate::number::percent;
+use crate::number::{number, percent};
 
 impl Verdict {
     /// What the choice would have cost on data that nobody had seen, what changing nothing would have cost, and what to do where
@@ -19,23 +19,12 @@ impl Verdict {
         if let (Grade::Simpler, Some(simpler)) = (self.grade, &self.simpler) {
             return simpler.plain();
         }
-        if self.grade == Grade::NotLearnt && !self.simple.is_empty() {
-            return "On held-out data neither the chosen agent nor a simple predictor is shown to beat the mean return of the training \
-                    range. Predict less far ahead (a smaller agent.gamma), give the agent more of the past (agent.traces), or \
-                    predict another sensor."
-                .to_owned();
-        }
-        if self.grade == Grade::NotLearnt && self.hardly_varies() {
-            return format!(
-                "Errors are small ({} of the spread in training), but so is what happens in the windows: they do not tell whether anything \
-                 was learnt. Make them longer (`sweep.steps`), or hold out livelier data.",
-                percent(online.best_error)
-            );
-        }
         if self.grade == Grade::NotLearnt {
-            return "On held-out data even the best value predicts no better than the mean return. Let agents learn for longer, widen \
-                    the grid, or try another value function."
-                .to_owned();
+            return [self.best_numbers(), Some(self.not_learned())]
+                .into_iter()
+                .flatten()
+                .collect::<Vec<_>>()
+                .join(" ");
         }
         let of_choice = match online.regret {
             None => return "On held-out data no value worked: every one diverged. Add smaller learning rates to the grid.".to_owned(),
@@ -56,6 +45,35 @@ impl Verdict {
             ),
         };
         [of_choice].into_iter().chain(self.of_default()).collect::<Vec<_>>().join(" ")
+    }
+
+    /// Why no setting is worth deploying, and what to do about it.
+    fn not_learned(&self) -> String {
+        if let Some(share) = self.left_training() {
+            return format!(
+                "{} of the held-out values lie outside of the training range. Train on a log that has such values, or hold out \
+                 data that is like the training range.",
+                percent(share)
+            );
+        }
+        if !self.simple.is_empty() {
+            let simple = self.simple.iter().map(|row| row.error).filter(|error| error.is_finite());
+            let simple = simple.reduce(f64::min).map_or_else(String::new, |error| {
+                format!(" The best simple predictor has an NRMSE of {}.", number(error))
+            });
+            return format!(
+                "Neither it nor a simple predictor is shown to beat the mean return of the training range.{simple} Predict less far \
+                 ahead (a smaller agent.gamma), give the agent more of the past (agent.traces), or predict another sensor."
+            );
+        }
+        if self.hardly_varies() {
+            return "Errors are small beside the spread in training, but so is what happens in the windows: they do not tell \
+                    whether anything was learned. Make them longer (`sweep.steps`), or hold out livelier data."
+                .to_owned();
+        }
+        "On held-out data even this one predicts no better than the mean return. Let agents learn for longer, widen the grid, or try \
+         another value function."
+            .to_owned()
     }
 
     /// That the choice has no skill, and which value has some.

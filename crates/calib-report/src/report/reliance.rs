@@ -28,7 +28,10 @@ impl Verdict {
             (_, Grade::Fair) => "Fair: not shown to be worse than the default",
             (_, Grade::Simpler) => "Simpler is better: no agent needed",
             (_, Grade::Poor) => "Poor: do not rely on it",
-            (_, Grade::NotLearnt) => "Not learnt: nothing beats a mean",
+            (_, Grade::NotLearnt) if self.left_training().is_some() => {
+                "Not learned: values that were never trained on"
+            }
+            (_, Grade::NotLearnt) => "Not learned: nothing beats a mean",
             (None, Grade::Unchecked) => "Not checked on held-out data",
         }
     }

@@ -47,6 +47,9 @@ impl Verdict {
                 }
                 None => format!("Do not deploy {choice} for {sensor} on this evidence."),
             },
+            Grade::NotLearnt if self.left_training().is_some() => {
+                format!("Do not deploy an agent for {sensor}: it was never trained on such values.")
+            }
             Grade::NotLearnt if !self.simple.is_empty() => format!(
                 "Do not deploy an agent for {sensor}: none is shown to beat the training mean."
             ),
@@ -71,7 +74,30 @@ impl Verdict {
     /// Whether errors are small beside the spread of returns in training (less than half of it) although nothing beats the mean of
     /// each window: the windows are too short, or too quiet, to tell whether anything was learnt.
     pub(super) fn hardly_varies(&self) -> bool {
-        self.online.as_ref().is_some_and(|online| online.best_error < 0.5)
+        self.left_training().is_none()
+            && self.online.as_ref().is_some_and(|online| online.best_error < 0.5)
+    }
+
+    /// The share of held-out values outside of the range that was learned from, where that is most of them: such a sensor is not quiet,
+    /// it is elsewhere.
+    pub(super) fn left_training(&self) -> Option<f64> {
+        self.outside_training.filter(|share| *share > 0.5)
+    }
+
+    /// "The best setting has NRMSE 0.97 and skill -0.02", where held-out data says so.
+    pub(super) fn best_numbers(&self) -> Option<String> {
+        let online = self.online.as_ref()?;
+        if !online.best_error.is_finite() {
+            return None;
+        }
+        let error = number(online.best_error);
+        let skill = online.best_skill.map_or_else(String::new, |skill| {
+            format!(" and a skill of {} against the mean of each window", signed(skill))
+        });
+        let best = &online.best;
+        Some(format!(
+            "The best setting, {best}, has an NRMSE of {error} against the mean of the training range{skill}."
+        ))
     }
 
     /// The choice as one would type it.
@@ -382,15 +408,27 @@ fn windows(online: &Agreement) -> String {
 fn skill_sentence(online: &Agreement) -> Option<String> {
     let skill = online.chosen_skill?;
     let best = online.best_skill.filter(|best| best - skill > 0.005);
-    let best = best.map_or_else(String::new, |best| format!(" The best value's is {best:.2}."));
+    let best =
+        best.map_or_else(String::new, |best| format!(" The best value's is {}.", signed(best)));
     Some(if skill > 0.0 {
         format!(
-            "Its skill is {skill:.2}: {} less error than predicting the mean return.{best}",
+            "Its skill is {}: {} less error than the mean return of each window, which nobody knows beforehand.{best} \
+             NRMSE divides by the spread of returns in the training range.",
+            signed(skill),
             percent(skill)
         )
     } else {
-        format!("Its skill is {skill:.2}: it predicts no better than the mean return.{best}")
+        format!(
+            "Its skill is {}: it predicts no better than the mean return of each window, which nobody knows beforehand.{best} \
+             NRMSE divides by the spread of returns in the training range.",
+            signed(skill)
+        )
     })
+}
+
+/// A skill with two decimals, and no sign of its own where they are 0.
+fn signed(skill: f64) -> String {
+    format!("{skill:.2}").replace("-0.00", "0.00")
 }
 
 fn agreement_sentence(online: &Agreement) -> String {

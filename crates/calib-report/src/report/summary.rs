@@ -2,7 +2,7 @@
 
 use super::sentence::{assigned, listed};
 use super::{Grade, Report, Verdict, Way};
-use crate::number::percent;
+use crate::number::{number, percent};
 
 /// Whether there are verdicts of several models on the same sensor.
 pub(crate) fn are_of_several_models(verdicts: &[Verdict]) -> bool {
@@ -44,7 +44,9 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
         sentences.push(format!("Do not deploy {}: held-out data contradicts it.", choices(&poor)));
     }
     if !not_learnt.is_empty() {
-        sentences.push(format!("No setting learns {}.", sensors(&not_learnt)));
+        let each: Vec<String> =
+            not_learnt.iter().map(|verdict| verdict.sensor_and_error()).collect();
+        sentences.push(format!("No setting learns {}.", listed(&each)));
     }
     let online = || verdicts.iter().copied().filter(|verdict| verdict.online.is_some());
     let compared: Vec<&Verdict> = online().filter(|verdict| verdict.has_costs()).collect();
@@ -83,6 +85,15 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
 /// What all models choose, if it is the same, or that no value is worth choosing.
 fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
     let not_learnt = own.iter().all(|verdict| verdict.grade == Grade::NotLearnt);
+    if let (true, Some(share)) =
+        (not_learnt, own.iter().find_map(|verdict| verdict.left_training()))
+    {
+        return Some(format!(
+            "{sensor}: no model was ever trained on such values ({} of the held-out ones lie outside of the training range): do not \
+             deploy on this evidence.",
+            percent(share)
+        ));
+    }
     if not_learnt && own.iter().all(|verdict| verdict.hardly_varies()) {
         return Some(format!(
             "{sensor} hardly varies in the held-out windows, and no value predicts it better than their own means would, whichever \
@@ -90,8 +101,10 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
         ));
     }
     if not_learnt {
+        let error = own.iter().find_map(|verdict| verdict.best_error());
+        let error = error.map_or_else(String::new, |error| format!(" (best {error})"));
         return Some(format!(
-            "{sensor}: no setting learns it, whichever model chooses: do not deploy on this evidence."
+            "{sensor}: no setting learns it{error}, whichever model chooses: do not deploy on this evidence."
         ));
     }
     let (first, others) = own.split_first()?;
@@ -140,6 +153,22 @@ fn differing(sensor: &str, own: &[&Verdict]) -> String {
     } else {
         let best = listed(&best);
         format!("{sensor}: {all}. The smallest regret on held-out data is that of {best}.")
+    }
+}
+
+impl Verdict {
+    /// "NRMSE 1.02", of the best setting on held-out data.
+    fn best_error(&self) -> Option<String> {
+        let error = self.online.as_ref()?.best_error;
+        error.is_finite().then(|| format!("NRMSE {}", number(error)))
+    }
+
+    /// "PIT300 (best NRMSE 1.02)"
+    fn sensor_and_error(&self) -> String {
+        match self.best_error() {
+            Some(error) => format!("{} (best {error})", self.sensor),
+            None => self.sensor.clone(),
+        }
     }
 }
 
@@ -223,9 +252,25 @@ mod tests {
         assert_eq!(
             choices_of_models(&own),
             [
-                "PIT300: no setting learns it, whichever model chooses: do not deploy on this evidence."
+                "PIT300: no setting learns it (best NRMSE 0.9), whichever model chooses: do not deploy on this evidence."
             ]
         );
+    }
+
+    #[test]
+    fn a_sensor_that_left_its_training_range_does_not_hardly_vary() {
+        let elsewhere = |verdict: &mut Verdict, online: &mut Agreement| {
+            verdict.grade = Grade::NotLearnt;
+            verdict.outside_training = Some(0.93);
+            online.best_error = 0.2;
+        };
+        let verdict = of_model("a", elsewhere);
+        assert!(verdict.headline().contains("never trained on such values"), "{verdict:?}");
+        assert!(
+            verdict.plain().contains("NRMSE of 0.2") && verdict.plain().contains("93 % of the")
+        );
+        let told = choices_of_models(&[verdict, of_model("b", elsewhere)]);
+        assert!(told[0].contains("ever trained on such values (93 %"), "{told:?}");
     }
 
     #[test]

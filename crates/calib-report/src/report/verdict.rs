@@ -35,6 +35,8 @@ pub struct Verdict {
     pub stability: Vec<(Setting, f64)>,
     /// How many of these draws choose the same value or one next to it on the grid; none where that says nothing.
     pub stability_nearby: Option<f64>,
+    /// Share of the held-out values outside of the range that was learned from; none where it is not known.
+    pub outside_training: Option<f64>,
     /// How the choice did Online; `None` if no data was held out.
     pub online: Option<Agreement>,
     /// Other ways to choose, and what they would have cost.

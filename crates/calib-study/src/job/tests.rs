@@ -25,6 +25,22 @@ fn overrides_win_and_may_be_any_toml_or_text() {
 }
 
 #[test]
+fn a_report_is_called_by_what_tells_it_from_others() {
+    let title = |file: &str, text: &str| {
+        let request = Request::new(file);
+        Job::of_text(request, text.to_owned()).expect("valid").title()
+    };
+    let logs =
+        |path: &str| format!("[data]\npath = \"{path}\"\n[sweep]\nsensors = [\"A\", \"B\"]\n");
+    assert_eq!(title("membranes.toml", &logs("log.parquet")), "membranes");
+    assert_eq!(title("study.toml", &logs("plant-7.parquet")), "plant-7");
+    assert_eq!(title("study.toml", &logs("../plant 7/logs/*.csv")), "plant 7");
+    assert_eq!(title("study.toml", &logs("log.parquet")), "A and B");
+    let titled = format!("{}[evaluate]\ntitle = \"Mine\"\n", logs("log.parquet"));
+    assert_eq!(title("membranes.toml", &titled), "Mine");
+}
+
+#[test]
 fn a_job_is_what_the_file_was() {
     let place = tempfile::tempdir().expect("a directory");
     let path = place.path().join("study.toml");

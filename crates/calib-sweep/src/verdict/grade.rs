@@ -38,9 +38,9 @@ impl Grade {
     /// 2. *unchecked* without held-out data, and where the sensor does not move in it;
     /// 3. *poor* if the choice diverged in some held-out window;
     /// 4. *unchecked* where the spread of the returns is 0, or not known;
-    /// 5. where simple predictors are known and the choice is not known to match them, *not learnt* if the training mean is the
+    /// 5. where simple predictors are known and the choice is not known to match them, *not learned* if the training mean is the
     ///    best of them, and *simpler* otherwise;
-    /// 6. where they are not known, *not learnt* if the best value over windows has no skill (1 − RMSE / σ ≤ 0), and *poor* if the
+    /// 6. where they are not known, *not learned* if the best value over windows has no skill (1 − RMSE / σ ≤ 0), and *poor* if the
     ///    choice has none;
     /// 7. *unchecked* if all values have the same error;
     /// 8. *poor* if the choice has more error than the default, with an interval over windows that excludes equality;
@@ -99,7 +99,7 @@ impl Grade {
             Self::Fair => "fair",
             Self::Simpler => "simpler is better",
             Self::Poor => "poor",
-            Self::NotLearnt => "not learnt",
+            Self::NotLearnt => "not learned",
             Self::Unchecked => "not checked",
         }
     }

@@ -158,7 +158,7 @@ fn row(of: &Deployed) -> Vec<String> {
         .collect()
 }
 
-/// "1e-4 (at most 25 %; not learnt in july)".
+/// "1e-4 (at most 25 %; not learned in july)".
 fn for_all_text(of: &Deployed) -> String {
     if of.is_not_learnt() {
         return Grade::NotLearnt.word().to_owned();
@@ -177,7 +177,7 @@ fn for_all_text(of: &Deployed) -> String {
         .filter(|choice| choice.is_not_learnt())
         .map(|choice| choice.deployment.as_str())
         .collect();
-    let without = (!without.is_empty()).then(|| format!("not learnt in {}", without.join(", ")));
+    let without = (!without.is_empty()).then(|| format!("not learned in {}", without.join(", ")));
     let told: Vec<String> = cost.into_iter().chain(without).collect();
     if told.is_empty() {
         of.for_all.clone()
@@ -266,12 +266,12 @@ mod tests {
     fn what_is_not_learnt_is_not_recommended() {
         let not_learnt = |name| choice(name, "1e-4", Some(0.0), Grade::NotLearnt);
         let of = deployed(vec![not_learnt("april"), not_learnt("july")], vec![Some(0.0); 2]);
-        assert_eq!(row(&of)[2..], ["not learnt", "not learnt", "not learnt"]);
+        assert_eq!(row(&of)[2..], ["not learned", "not learned", "not learned"]);
         let fair = choice("april", "1e-4", Some(0.1), Grade::Fair);
         let of = deployed(vec![fair, not_learnt("july")], vec![Some(0.1), Some(0.0)]);
         assert_eq!(
             row(&of)[2..],
-            ["1e-4 (10 %, fair)", "not learnt", "1e-4 (at most 10 %; not learnt in july)"]
+            ["1e-4 (10 %, fair)", "not learned", "1e-4 (at most 10 %; not learned in july)"]
         );
     }
 }

@@ -60,7 +60,14 @@ impl Sensitivity {
             values: curve.worst_ranks.iter().map(|&rank| rank as f64).collect(),
             direction: Direction::LowerIsBetter,
         });
-        if self.errors.is_empty() { ranks.collect() } else { errors.collect() }
+        let all: Vec<Surface> =
+            if self.errors.is_empty() { ranks.collect() } else { errors.collect() };
+        // What no hyperparameter changes, such as a simple predictor, has nothing to show.
+        if all.iter().any(Surface::varies) {
+            all.into_iter().filter(Surface::varies).collect()
+        } else {
+            all
+        }
     }
 
     /// For each hyperparameter and curve, the share of the differences that its value alone explains
@@ -92,6 +99,14 @@ impl Sensitivity {
 }
 
 impl Surface {
+    /// Whether the values differ by more than rounding.
+    fn varies(&self) -> bool {
+        let known = || self.values.iter().copied().filter(|value| !value.is_nan());
+        let (low, high) =
+            (known().fold(f64::INFINITY, f64::min), known().fold(-f64::INFINITY, f64::max));
+        high - low > 1e-9 * high.abs()
+    }
+
     fn explained(&self, groups: &[usize]) -> Option<f64> {
         let known = self.values.iter().zip(groups).filter(|(value, _)| !value.is_nan());
         let (values, groups): (Vec<f64>, Vec<usize>) =

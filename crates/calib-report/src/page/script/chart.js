@@ -1,24 +1,43 @@
+// Screens narrower than this see the narrow pictures, as in the style sheet; paper does not.
+const narrowScreen = matchMedia("screen and (max-width: 48rem)");
+
 // One chart: its curves, its legend, and the way between pixels and fractions of the full axes.
 class Chart {
   constructor(figure) {
     this.figure = figure;
     this.box = figure.querySelector(".plot");
-    this.svg = this.box.querySelector("svg");
+    this.pictures = [...this.box.querySelectorAll("svg")];
     this.tip = figure.querySelector(".tip");
     this.live = figure.querySelector("[aria-live]");
     this.data = JSON.parse(figure.querySelector("script").textContent);
     this.data.series = this.data.series.map(unpacked);
     this.axes = { x: scaled(this.data.x), left: scaled(this.data.left), right: this.data.right && scaled(this.data.right) };
-    this.groups = [...this.svg.querySelectorAll(".series")];
-    this.original = new Map([...this.svg.querySelectorAll(".axis")].map((axis) => [axis, axis.innerHTML]));
     this.reset = figure.querySelector(".reset");
-    this.overlay = make("g", { class: "overlay" }, this.svg);
+    this.overlays = this.pictures.map((svg) => make("g", { class: "overlay" }, svg));
+    this.originals = this.pictures.map((svg) => new Map([...svg.querySelectorAll(".axis")].map((axis) => [axis, axis.innerHTML])));
     this.view = { ...WHOLE };
     this.curve = 0;
+    this.choose();
     this.listen();
   }
 
+  // Goes on with the picture that the screen has room for.
+  choose() {
+    const place = narrowScreen.matches ? 1 : 0;
+    this.svg = this.pictures[place];
+    this.data.plot = this.data.plots[place];
+    this.groups = [...this.svg.querySelectorAll(".series")];
+    this.original = this.originals[place];
+    this.overlay = this.overlays[place];
+  }
+
   listen() {
+    narrowScreen.addEventListener("change", () => {
+      const view = this.view;
+      this.zoom(WHOLE);
+      this.choose();
+      this.zoom(view);
+    });
     for (const key of this.figure.querySelectorAll("button.key")) {
       key.addEventListener("click", () => this.toggle(key, key.getAttribute("aria-pressed") !== "true"));
       this.toggle(key, Number(key.dataset.series) < Number(this.figure.dataset.shown));
@@ -31,26 +50,28 @@ class Chart {
       button.addEventListener("click", () => this.closer(button.dataset.zoom === "in" ? 0.5 : 2));
     for (const button of this.figure.querySelectorAll("button.save"))
       button.addEventListener("click", () => this.save(button.dataset.format));
-    this.svg.addEventListener("pointerdown", (event) => {
-      if (event.button !== 0 || event.pointerType === "touch" || !this.inside(event)) return;
-      event.preventDefault();
-      this.box.focus({ preventScroll: true });
-      this.from = this.point(event);
-      this.svg.setPointerCapture(event.pointerId);
-    });
-    this.svg.addEventListener("pointermove", (event) => (this.from ? this.brush(event) : this.hover(event)));
-    this.svg.addEventListener("pointerup", () => this.release());
-    this.svg.addEventListener("pointercancel", () => this.clear());
-    this.svg.addEventListener("pointerleave", () => !this.from && this.clear());
-    this.svg.addEventListener("dblclick", () => this.zoom(WHOLE));
-    this.svg.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+    for (const svg of this.pictures) {
+      svg.addEventListener("pointerdown", (event) => {
+        if (event.button !== 0 || event.pointerType === "touch" || !this.inside(event)) return;
+        event.preventDefault();
+        this.box.focus({ preventScroll: true });
+        this.from = this.point(event);
+        svg.setPointerCapture(event.pointerId);
+      });
+      svg.addEventListener("pointermove", (event) => (this.from ? this.brush(event) : this.hover(event)));
+      svg.addEventListener("pointerup", () => this.release());
+      svg.addEventListener("pointercancel", () => this.clear());
+      svg.addEventListener("pointerleave", () => !this.from && this.clear());
+      svg.addEventListener("dblclick", () => this.zoom(WHOLE));
+      svg.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+    }
     this.box.addEventListener("keydown", (event) => this.key(event));
     this.box.addEventListener("blur", () => this.clear());
   }
 
   toggle(key, on) {
     key.setAttribute("aria-pressed", on);
-    this.groups.find((group) => group.dataset.series === key.dataset.series)?.classList.toggle("off", !on);
+    for (const group of this.box.querySelectorAll(`.series[data-series="${key.dataset.series}"]`)) group.classList.toggle("off", !on);
   }
 
   visible() {

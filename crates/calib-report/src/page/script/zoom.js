@@ -75,7 +75,8 @@ const zooming = {
       symbol.setAttribute("transform", `translate(${moveX(px)} ${symbol.classList.contains("cross") ? py : moveY(py)})`);
     }
     for (const mark of this.svg.querySelectorAll(".rules > *")) {
-      mark.home ??= mark.getBBox().x + mark.getBBox().width / 2;
+      // Not by its box: a picture that is not shown has none.
+      mark.home ??= Number(mark.getAttribute("x") ?? mark.getAttribute("d").match(/-?[\d.]+/)[0]);
       const to = moveX(mark.home);
       mark.setAttribute("transform", `translate(${to - mark.home} 0)`);
       mark.classList.toggle("off", to < x || to > x + w);

@@ -28,6 +28,7 @@ pub(in crate::report) fn verdict() -> Verdict {
         members: 5,
         stability: vec![(Setting::from(1e-4), 0.7), (Setting::from(3e-4), 0.3)],
         stability_nearby: None,
+        outside_training: None,
         online: Some(Agreement {
             part: "whole runs".to_owned(),
             windows: 4,
@@ -76,7 +77,7 @@ kNN ranks it never below 2nd of 9 values in its 5 members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
 70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
 On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: at most 5 %); the best value over all windows is 3e-4 (NRMSE 0.42 against 0.423).
-Its skill is 0.55: 55 % less error than predicting the mean return. The best value's is 0.57.
+Its skill is 0.55: 55 % less error than the mean return of each window, which nobody knows beforehand. The best value's is 0.57. NRMSE divides by the spread of returns in the training range.
 It has 20 % less error than the default, 1e-3 (quotient 0.80, 95 %: 0.70 to 0.90).
 Log replay's choice (3e-4) would have had a regret of 1 %.
 The choice of the log's latest window is the same value.
@@ -116,6 +117,7 @@ fn a_verdict_without_online() {
     let verdict = Verdict {
         online: None,
         grade: Grade::Unchecked,
+        outside_training: None,
         tie_set: vec![Setting::from(1e-4)],
         worst_rank: 1,
         stability: vec![(Setting::from(1e-4), 1.0)],
@@ -192,7 +194,7 @@ fn nothing_learnt_is_said() {
     );
     let reasons = verdict.reasons(&Score::nrmse()).join("\n");
     assert!(
-        reasons.contains("it predicts no better than the mean return. The best value's is -0.02."),
+        reasons.contains("no better than the mean return of each window, which nobody knows beforehand. The best value's is -0.02."),
         "{reasons}"
     );
 }
@@ -241,7 +243,7 @@ fn a_choice_that_did_not_learn_is_named_and_not_explained() {
 No value of learning_rate learns PIT300: do not deploy on this evidence.
 The choice of kNN is learning_rate = 1e-4.
 On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: at most 5 %); the best value over all windows is 3e-4 (NRMSE 0.9 against 0.95).
-Its skill is -0.10: it predicts no better than the mean return. The best value's is -0.02.
+Its skill is -0.10: it predicts no better than the mean return of each window, which nobody knows beforehand. The best value's is -0.02. NRMSE divides by the spread of returns in the training range.
 ");
 }
 
@@ -269,7 +271,7 @@ kNN ranks it never below 2nd of 9 values in its 5 members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
 70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
 On held-out data (whole runs of 4 windows, 8 runs) all 9 values have the same error (NRMSE 0.423): nothing there tells them apart.
-Its skill is 0.55: 55 % less error than predicting the mean return. The best value's is 0.57.
+Its skill is 0.55: 55 % less error than the mean return of each window, which nobody knows beforehand. The best value's is 0.57. NRMSE divides by the spread of returns in the training range.
 ");
     assert_eq!(verdict.badge(), "Not checked: held-out data does not tell the values apart");
     verdict.evidence = Told::Alike;
@@ -277,7 +279,7 @@ Its skill is 0.55: 55 % less error than predicting the mean return. The best val
 No value of learning_rate stands out for PIT300: all did alike.
 Nothing was chosen: all 9 values did alike in every run that counts, so that 1e-4 stands for any of them.
 On held-out data (whole runs of 4 windows, 8 runs) all 9 values have the same error (NRMSE 0.423): nothing there tells them apart.
-Its skill is 0.55: 55 % less error than predicting the mean return. The best value's is 0.57.
+Its skill is 0.55: 55 % less error than the mean return of each window, which nobody knows beforehand. The best value's is 0.57. NRMSE divides by the spread of returns in the training range.
 ");
     assert_eq!(verdict.badge(), "Not told apart: all values did alike");
 }
@@ -317,7 +319,7 @@ fn values_next_to_the_choice_count_as_the_same_in_a_second_share() {
 fn a_share_below_all_is_not_called_all() {
     let stability = vec![(Setting::from(1e-4), 0.9995), (Setting::from(1e-2), 0.0005)];
     let told = Verdict { stability, ..verdict() }.stability_sentence().unwrap();
-    assert!(told.starts_with("Nearly all other draws"), "{told}");
+    assert!(told.starts_with("Nearly all resamples"), "{told}");
 }
 
 #[test]

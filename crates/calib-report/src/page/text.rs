@@ -1,0 +1,51 @@
+//! Sentences as they are set on the page.
+
+use maud::{Markup, html};
+
+/// `text` with what stands between backticks as code, percentages that stay on one line, and numbers such as 1e-4, which
+/// browsers break at their sign.
+pub(super) fn prose(text: &str) -> Markup {
+    let parts: Vec<&str> = text.split('`').collect();
+    // An odd backtick at the end opens nothing.
+    let closed = parts.len() - usize::from(parts.len() % 2 == 0);
+    let (parts, rest) = parts.split_at(closed);
+    html! {
+        @for (place, part) in parts.iter().enumerate() {
+            @if place % 2 == 1 { code { (part) } } @else { (unbroken(part)) }
+        }
+        @for part in rest { (unbroken(part)) }
+    }
+}
+
+fn unbroken(text: &str) -> Markup {
+    let text = text.replace(" %", "\u{a0}%");
+    let is_breakable = |word: &str| {
+        word.split_once("e-").is_some_and(|(mantissa, exponent)| {
+            mantissa.ends_with(|c: char| c.is_ascii_digit())
+                && exponent.starts_with(|c: char| c.is_ascii_digit())
+        })
+    };
+    html! {
+        @for (place, word) in text.split(' ').enumerate() {
+            @if place > 0 { " " }
+            @if is_breakable(word) { span.nowrap { (word) } } @else { (word) }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::prose;
+
+    #[test]
+    fn backticks_become_code() {
+        let shown = |text| prose(text).into_string();
+        assert_eq!(
+            shown("use `sweep.steps`, 5 % of 1e-4"),
+            "use <code>sweep.steps</code>, 5\u{a0}% of <span class=\"nowrap\">1e-4</span>"
+        );
+        assert_eq!(shown("`a` and `b`"), "<code>a</code> and <code>b</code>");
+        assert_eq!(shown("one ` alone"), "one  alone");
+        assert_eq!(shown("`<b>`"), "<code>&lt;b&gt;</code>");
+    }
+}
