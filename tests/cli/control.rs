@@ -27,10 +27,9 @@ fn a_log_of_decisions_becomes_a_verdict() {
     for part in ["action=0", "action=1", "it would be: step_size=0.3", "over the default"] {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
-    // No random episode shows what the model promises, nor how one ends there.
-    for part in ["no recorded episode got more than", "steps in the model end an episode"] {
-        assert!(ran.stderr().contains(part), "{part} is missing in {}", ran.stderr());
-    }
+    // No random episode shows what the models promise.
+    let part = "no recorded episode got more than";
+    assert!(ran.stderr().contains(part), "{part} is missing in {}", ran.stderr());
     let results = "pole/study-results/control";
     let first = place.content(results);
     let again = place.calib(&["control", study]);
