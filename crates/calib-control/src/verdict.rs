@@ -216,10 +216,7 @@ pub fn judge(
     shares.counts.truncate(candidates);
     // Of the first kind: neighbours, where there are any, which alone know what a step rests on and how far it jumps.
     let first = || runs.iter().filter(|run| run.kind == kinds[0]);
-    let mut coverage = vec![Coverage::default(); candidates];
-    for run in first() {
-        coverage[run.candidate] = coverage[run.candidate].and(run.coverage);
-    }
+    let coverage = coverage_of(first(), candidates);
     let over_default = match default {
         Some(default) => beyond(&of_candidate(chosen), &of_candidate(default))?,
         None => None,
@@ -234,14 +231,7 @@ pub fn judge(
         coverage: coverage[chosen],
         terminals: median_rate(&own, &kinds),
         drift: &drift,
-        is_ahead: match (default, over_default) {
-            (Some(default), Some(over)) if default != chosen => {
-                // Ranks tell more where candidates are many, returns where they are few.
-                let ranks = ranks_ahead(&selection.ranks, [chosen, default], members.len())?;
-                Some(is_more(over) || ranks.is_some_and(is_more))
-            }
-            _ => None,
-        },
+        is_ahead: is_ahead(&selection, default, over_default, members.len())?,
         behaviour,
     };
     let doubts = evidence.doubts(log, support);
@@ -265,6 +255,15 @@ pub fn judge(
         selection,
         members,
     })
+}
+
+/// What the steps of each candidate rested on, over these runs.
+fn coverage_of<'a>(runs: impl Iterator<Item = &'a Run>, candidates: usize) -> Vec<Coverage> {
+    let mut coverage = vec![Coverage::default(); candidates];
+    for run in runs {
+        coverage[run.candidate] = coverage[run.candidate].and(run.coverage);
+    }
+    coverage
 }
 
 /// Mean returns `[block][run][kind × candidates + candidate]`.
@@ -315,6 +314,23 @@ fn beyond(own: &[f64], other: &[f64]) -> Result<Option<Difference>, StatsError> 
     };
     let each: Vec<f64> = own.iter().zip(other).map(|(own, other)| own - other).collect();
     Ok(Some(Difference { interval: jackknife(difference.mean, &each), ..difference }))
+}
+
+/// Whether the choice is surely ahead of the default, by ranks or by returns; none where it is the default, or there is none to compare.
+fn is_ahead(
+    selection: &Selection,
+    default: Option<usize>,
+    over_default: Option<Difference>,
+    blocks: usize,
+) -> Result<Option<bool>, StatsError> {
+    match (default, over_default) {
+        (Some(default), Some(over)) if default != selection.chosen => {
+            // Ranks tell more where candidates are many, returns where they are few.
+            let ranks = ranks_ahead(&selection.ranks, [selection.chosen, default], blocks)?;
+            Ok(Some(is_more(over) || ranks.is_some_and(is_more)))
+        }
+        _ => Ok(None),
+    }
 }
 
 /// By how many ranks the first of two candidates is ahead of the second, over kinds of models, with the jackknife's interval over blocks.

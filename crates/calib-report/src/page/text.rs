@@ -7,7 +7,7 @@ use maud::{Markup, html};
 pub(super) fn prose(text: &str) -> Markup {
     let parts: Vec<&str> = text.split('`').collect();
     // An odd backtick at the end opens nothing.
-    let closed = parts.len() - usize::from(parts.len() % 2 == 0);
+    let closed = parts.len() - usize::from(parts.len().is_multiple_of(2));
     let (parts, rest) = parts.split_at(closed);
     html! {
         @for (place, part) in parts.iter().enumerate() {
