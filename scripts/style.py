@@ -37,10 +37,10 @@ TIGHT = Limits(mean=17, longest=35, semicolons=3)
 LOOSE = Limits(mean=20, longest=45, semicolons=8)
 
 # Pages that are not wrapped.
-UNWRAPPED = ("docs/validity.md", "docs/control.md")
+UNWRAPPED: tuple[str, ...] = ()
 
 # Pages that are measured and not yet held to the rules.
-LATER = ("docs/commands.md", "docs/guides/python.md", "docs/guides/reading-the-report.md")
+LATER: tuple[str, ...] = ()
 
 # In the order of the table. A page belongs to the first group with a pattern that fits.
 GROUPS = [
