@@ -1,5 +1,7 @@
 //! What a sweep of agents that act says.
 
+mod evidence;
+
 use calib_core::Seed;
 use calib_stats::{
     Difference, Direction, Drawn, Nested, RankRule, Selection, StatsError, hierarchical, jackknife,
@@ -9,6 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{ActionModelKind, ControlError, Coverage, Decisions, Drift, RecordedReturn, Run};
+use evidence::{Evidence, median_rate};
 
 const HIGHER: Direction = Direction::HigherIsBetter;
 
@@ -202,12 +205,12 @@ pub fn judge(
         Ok(KindReturns { kind, chosen, members })
     });
     let each = each.collect::<Result<Vec<_>, StatsError>>()?;
-    let members: Vec<Vec<f64>> = blocks.iter().map(|of| over_kinds(of, candidates)).collect();
+    let members: Vec<Vec<f64>> = blocks.iter().map(|block| over_kinds(block, candidates)).collect();
     let of_candidate = |candidate: usize| -> Vec<f64> {
         members.iter().map(|returns| returns[candidate]).collect()
     };
     let random: Vec<f64> =
-        members.iter().map(|of| of.iter().sum::<f64>() / candidates as f64).collect();
+        members.iter().map(|returns| returns.iter().sum::<f64>() / candidates as f64).collect();
     let choose = |drawn: &[Drawn<'_>]| {
         Ok(Some(select_by(rule, &of_all_kinds(&drawn[0].means(), candidates), HIGHER)?.chosen))
     };
@@ -215,16 +218,17 @@ pub fn judge(
     let mut shares = hierarchical(&[&nested], resamples, |n| rng.below(n), choose)?;
     shares.counts.truncate(candidates);
     // Of the first kind: neighbours, where there are any, which alone know what a step rests on and how far it jumps.
-    let first = || runs.iter().filter(|run| run.kind == kinds[0]);
-    let coverage = coverage_of(first(), candidates);
+    let first = runs.iter().filter(|run| run.kind == kinds[0]);
+    let coverage = coverage_of(first, candidates);
     let over_default = match default {
         Some(default) => beyond(&of_candidate(chosen), &of_candidate(default))?,
         None => None,
     };
     let behaviour = log.recorded_return(timeout)?;
     let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
-    let drift = first()
-        .filter(|run| run.candidate == chosen)
+    let drift = own
+        .iter()
+        .filter(|run| run.kind == kinds[0])
         .fold(Drift::default(), |all, run| all.and(&run.drift));
     let evidence = Evidence {
         selection: &selection,
@@ -297,8 +301,9 @@ fn of_all_kinds(blocks: &[Vec<f64>], candidates: usize) -> Vec<Vec<f64>> {
 /// The mean over kinds of the returns of each candidate in one block.
 fn over_kinds(block: &[f64], candidates: usize) -> Vec<f64> {
     let kinds = (block.len() / candidates) as f64;
-    let of = |candidate| block.iter().skip(candidate).step_by(candidates).sum::<f64>() / kinds;
-    (0..candidates).map(of).collect()
+    (0..candidates)
+        .map(|candidate| block.iter().skip(candidate).step_by(candidates).sum::<f64>() / kinds)
+        .collect()
 }
 
 /// What `own` is more than `other`, `[members]` each; none where both diverged, so that there is no difference.
@@ -349,106 +354,6 @@ fn ranks_ahead(
     };
     beyond(&of_block(second), &of_block(first))
 }
-
-/// The middle one of the kinds of models by their terminals a step, of these runs; the lower one of two.
-fn median_rate(runs: &[&Run], kinds: &[ActionModelKind]) -> f64 {
-    let rate = |kind: &ActionModelKind| {
-        let own = || runs.iter().filter(|run| run.kind == *kind);
-        let steps: u64 = own().map(|run| run.coverage.steps).sum();
-        own().map(|run| run.terminals).sum::<usize>() as f64 / steps.max(1) as f64
-    };
-    let mut rates: Vec<f64> = kinds.iter().map(rate).collect();
-    rates.sort_by(f64::total_cmp);
-    rates.get(rates.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)
-}
-
-/// What a choice rests on.
-struct Evidence<'a> {
-    selection: &'a Selection,
-    /// Of the chosen candidate.
-    coverage: Coverage,
-    /// Terminals a step of the chosen candidate, in the middle one of the kinds of models.
-    terminals: f64,
-    /// Of the chosen candidate.
-    drift: &'a Drift,
-    /// Whether the chosen candidate is surely ahead of the default, by ranks or by returns; none where that is chosen, not in the grid, or
-    /// diverged as well.
-    is_ahead: Option<bool>,
-    behaviour: RecordedReturn,
-}
-
-/// Standard errors by which a displacement must differ from none: a walk in a noisy column is moved far in an episode, but not always to the same side.
-const DISPLACEMENT_ERRORS: f64 = 4.0;
-
-/// Displacement that a walk may have in an episode, in recorded ranges of a column: through all that was recorded and back. Our
-/// choice, set on eleven logs of Acrobot and Cart-pole, where choices are moved by up to 1.2, and on a made-up log in which an
-/// actuator of increments is held against the edge, where they are moved by 3.5 and more.
-const FARTHEST_DISPLACEMENT: f64 = 2.0;
-
-/// The column that is moved furthest, if that is too far.
-fn displaced(drift: &Drift) -> Option<Doubt> {
-    let means = drift.means();
-    let each = means.iter().enumerate().map(|(column, &[mean, error])| (column, mean, error));
-    let (column, mean, error) = each.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-    let is_far = mean.abs() > FARTHEST_DISPLACEMENT && mean.abs() > DISPLACEMENT_ERRORS * error;
-    is_far.then_some(Doubt::Displaced { column, mean, error })
-}
-
-impl Evidence<'_> {
-    fn doubts(&self, log: &Decisions, support: Support) -> Vec<Doubt> {
-        let Self { selection, coverage, .. } = self;
-        let mut doubts = Vec::new();
-        // Near settings stand for a level that was never set: there coverage tells.
-        let has_levels = log.settings().is_none();
-        let never = log.counts().into_iter().enumerate().filter(|of| of.1 == 0 && has_levels);
-        doubts.extend(never.map(|(action, _)| Doubt::ActionNeverTaken { action }));
-        let share = coverage.uncovered();
-        if share > support.most_uncovered {
-            doubts.push(Doubt::Uncovered { share });
-        }
-        let terminals = log.terminals();
-        if terminals < support.fewest_terminals {
-            doubts.push(Doubt::FewTerminals { terminals });
-        }
-        let alike = selection.tie_set.len() == selection.worst_ranks.len();
-        let several = selection.worst_ranks.len() > 1;
-        if several && alike && selection.mean_ranks.windows(2).all(|pair| pair[0] == pair[1]) {
-            doubts.push(Doubt::NotToldApart);
-        }
-        let promised = selection.mean_errors[selection.chosen];
-        if !promised.is_finite() {
-            doubts.push(Doubt::Diverged);
-            return doubts;
-        }
-        if self.is_ahead == Some(false) {
-            doubts.push(Doubt::NotBetterThanDefault);
-        }
-        doubts.extend(self.beside_the_log(promised, log));
-        doubts.extend(displaced(self.drift));
-        doubts
-    }
-
-    /// Whether what happens in the model is unlike what was recorded.
-    fn beside_the_log(&self, promised: f64, log: &Decisions) -> Vec<Doubt> {
-        let mut doubts = Vec::new();
-        let recorded = self.behaviour.mean;
-        if promised < recorded {
-            doubts.push(Doubt::BelowRecorded { promised, recorded });
-        }
-        if let Some(best) = self.behaviour.best.filter(|&best| promised > best) {
-            doubts.push(Doubt::AboveRecorded { promised, best });
-        }
-        let in_model = self.terminals;
-        let in_log = log.terminals() as f64 / log.len() as f64;
-        if in_model < in_log / RARER {
-            doubts.push(Doubt::RareTerminals { in_model, in_log });
-        }
-        doubts
-    }
-}
-
-/// Terminals that are so many times rarer than in the log are worth a doubt: an order of magnitude.
-const RARER: f64 = 10.0;
 
 /// Whether a difference is surely above 0: by its interval, or because the other diverged.
 fn is_more(of: Difference) -> bool {

@@ -1,4 +1,4 @@
-use super::*;
+use super::{evidence::displaced, *};
 use crate::{Ending, recorded::tests::log};
 
 fn run(member: usize, candidate: usize, mean_return: f64) -> Run {
