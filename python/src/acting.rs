@@ -6,8 +6,8 @@ use std::{
 };
 
 use calib_control::{
-    ActionModel, Increments, Moves, NetworkConfig, NetworkModel, Pessimism, Question, Rules, Run,
-    Support, Walkers, judge,
+    ActionModel, Increments, Moves, NetworkModel, Pessimism, Question, Rules, Run, Support,
+    Walkers, judge,
 };
 use calib_core::{Bounds, Seed, Silent};
 use calib_pipeline::ControlModel;
@@ -19,7 +19,7 @@ use crate::{
     array::{owned, view},
     errors,
     lost::Since,
-    model::{extremes, require_member},
+    model::require_member,
     study::PyJob,
     work::{Needs, watched},
 };
@@ -68,11 +68,9 @@ impl PyActionModel {
         if let Some(networks) = self.kept.networks.get() {
             return Ok(Arc::clone(networks));
         }
-        let (model, members) = (self.model(), self.model().blocks().members());
-        let seed = Seed::new(self.kept.opened.names.seed).child("control").child("networks");
-        let config = NetworkConfig { members, ..NetworkConfig::default() };
+        let seed = Seed::new(self.kept.opened.names.seed).child("control");
         let trained = watched(py, Needs::Threads, None, |_| {
-            NetworkModel::train(model.log(), model.starts().clone(), &config, seed, &Silent)
+            NetworkModel::beside(self.model(), seed, &Silent)
         })?;
         let trained = Arc::new(trained.map_err(|error| errors::of_any(py, &error))?);
         Ok(Arc::clone(self.kept.networks.get_or_init(|| trained)))
@@ -254,7 +252,7 @@ impl PyActionModel {
         let states = self.model().log().states();
         let columns = states.columns();
         // Episodes begin in rows of them.
-        let [low, high] = py.detach(|| extremes(states));
+        let [low, high] = py.detach(|| states.extremes());
         self.kept.since.check(py)?;
         Ok((owned(py, low, &[columns])?, owned(py, high, &[columns])?))
     }

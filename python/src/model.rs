@@ -100,19 +100,6 @@ pub(crate) fn require_member(member: usize, members: usize) -> PyResult<()> {
     Err(PyIndexError::new_err(format!("member {member}: the model has {members}, from 0 on")))
 }
 
-/// The smallest and the largest value of each column.
-pub(crate) fn extremes(states: &States) -> [Vec<f32>; 2] {
-    let columns = states.columns();
-    let (mut low, mut high) = (vec![f32::INFINITY; columns], vec![f32::NEG_INFINITY; columns]);
-    for row in states.as_slice().chunks_exact(columns.max(1)) {
-        for (at, value) in row.iter().enumerate() {
-            low[at] = low[at].min(*value);
-            high[at] = high[at].max(*value);
-        }
-    }
-    [low, high]
-}
-
 #[pymethods]
 impl Model {
     /// The model in a folder.
@@ -383,7 +370,7 @@ impl Model {
     fn extremes<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let states = self.kept.states();
         let columns = states.columns();
-        let [low, high] = py.detach(|| extremes(states));
+        let [low, high] = py.detach(|| states.extremes());
         self.kept.check(py)?;
         Ok((owned(py, low, &[columns])?, owned(py, high, &[columns])?))
     }

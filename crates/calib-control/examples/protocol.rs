@@ -293,8 +293,7 @@ impl Study<'_> {
         let begin = Starts { observed: starts.clone(), metric: starts.clone() };
         let model = self.neighbors(kind, log, log.states(), begin)?;
         let increments = Increments::new(&model, ActionModelConfig::DEFAULT.coverage, &Silent)?;
-        let (config, of_networks) = (NetworkConfig::default(), seed.child("networks"));
-        let networks = NetworkModel::train(log, starts.clone(), &config, of_networks, &Silent)?;
+        let networks = NetworkModel::beside(&model, seed, &Silent)?;
         let seed = seed.child("sweep");
         let by_increments = IncrementModel::new(&model, &increments);
         let recorded = log.recorded_return(kind.timeout())?;

@@ -216,8 +216,8 @@ impl Walkers {
             Moves::Recorded => model.step(walker.member, walker.at, target, rules, &mut walker.rng),
             Moves::Increments(increments) => {
                 let state = &mut self.states[of_walk.clone()];
-                let of = (model, walker.member);
-                increments.step(of, target, rules, &mut Vec::new(), &mut walker.rng, state)
+                let member = (model, walker.member);
+                increments.step(member, target, rules, &mut Vec::new(), &mut walker.rng, state)
             }
             Moves::Network(networks, place) => {
                 let Target::Level(action) = target else { panic!("a network knows levels alone") };

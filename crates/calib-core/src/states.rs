@@ -44,6 +44,20 @@ impl States {
         Self::from_shared(Arc::new(values), rows, columns)
     }
 
+    /// The smallest and the largest value of each column; infinite without rows.
+    pub fn extremes(&self) -> [Vec<f32>; 2] {
+        let columns = self.columns;
+        let mut lowest = vec![f32::INFINITY; columns];
+        let mut highest = vec![f32::NEG_INFINITY; columns];
+        for row in 0..self.rows {
+            for (column, &value) in self.row(row).iter().enumerate() {
+                lowest[column] = lowest[column].min(value);
+                highest[column] = highest[column].max(value);
+            }
+        }
+        [lowest, highest]
+    }
+
     /// States over shared storage, such as a mapped file.
     ///
     /// # Errors
@@ -115,6 +129,12 @@ impl fmt::Debug for States {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn extremes_are_of_each_column_of_the_rows_alone() {
+        let states = States::new(vec![9.0, -9.0, 1.0, 5.0, 3.0, 4.0], 3, 2).unwrap();
+        assert_eq!(states.slice(1..3).extremes(), [vec![1.0, 4.0], vec![3.0, 5.0]]);
+    }
 
     #[test]
     fn rows_are_slices_of_the_values() {

@@ -41,6 +41,6 @@ pub use overview::{Overview, OverviewFigure};
 pub use report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, Grade, JumpStatistics,
     PartRow, Reason, Report, Reproduction, SimpleRow, Simpler, Sources, Table, Told, TopK, Verdict,
-    Way, caveats,
+    Way, caveats, listed,
 };
 pub use setting::Setting;

@@ -44,7 +44,7 @@ impl ActionModelKind {
     }
 }
 
-/// Models of one log that agents act in, one of which each member is: a sweep cannot tell their kinds apart.
+/// Models of one log that agents act in, one for each member. A sweep treats all kinds alike.
 pub trait Ensemble: Sync {
     /// A walk in one of them.
     type Walk<'a>: Walked

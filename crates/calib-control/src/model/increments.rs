@@ -31,7 +31,7 @@ pub struct Increments {
     /// Whether each column keeps its offset from the neighbour.
     keeps: Vec<bool>,
     /// Least and largest recorded value of each column.
-    ranges: Vec<[f32; 2]>,
+    extremes: [Vec<f32>; 2],
     /// One an action, or one of all where actions are numbers.
     groups: Vec<Group>,
     /// As that of the model, in the scaled states.
@@ -51,15 +51,15 @@ struct Group {
 impl Group {
     fn new(points: &States, transitions: Vec<u32>, log: &Decisions) -> Self {
         let sources = log.transitions().sources();
-        let rows = transitions.iter().map(|&of| points.row(sources[of as usize] as usize));
+        let rows = transitions.iter().map(|&number| points.row(sources[number as usize] as usize));
         Self { points: rows.flatten().copied().collect(), columns: points.columns(), transitions }
     }
 
     /// The transitions nearest to `here` that `member` has.
     fn search(&self, here: &[f32], blocks: &Blocks, member: usize, found: &mut Nearest) {
         let dropped = blocks.dropped(member);
-        let from = self.transitions.partition_point(|&of| of < dropped.start);
-        let to = self.transitions.partition_point(|&of| of < dropped.end);
+        let from = self.transitions.partition_point(|&number| number < dropped.start);
+        let to = self.transitions.partition_point(|&number| number < dropped.end);
         for range in [0..from, to..self.transitions.len()] {
             let points = self.points[range.start * self.columns..range.end * self.columns]
                 .chunks_exact(self.columns);
@@ -94,7 +94,7 @@ impl Increments {
                     (0..log.levels()).map(|action| log.with_action(action)).collect();
                 let radius =
                     radius::radius(&sources, of_action.iter().cloned(), coverage, monitor)?;
-                let groups = of_action.into_iter().map(|of| Group::new(states, of, log));
+                let groups = of_action.into_iter().map(|own| Group::new(states, own, log));
                 (groups.collect(), radius)
             }
             Some(settings) => {
@@ -106,8 +106,12 @@ impl Increments {
                 (vec![Group::new(&taken, all, log)], radius)
             }
         };
-        let mut increments =
-            Self { keeps: vec![false; states.columns()], ranges: ranges(states), groups, radius };
+        let mut increments = Self {
+            keeps: vec![false; states.columns()],
+            extremes: states.extremes(),
+            groups,
+            radius,
+        };
         increments.keeps = increments.compared(model);
         Ok(increments)
     }
@@ -187,25 +191,14 @@ impl Increments {
         let step = model.drawn(&draw, rng);
         if let Some(drawn) = step.drawn {
             let [source, next] = model.log().ends(drawn);
+            let [lowest, highest] = &self.extremes;
             for (column, value) in state.iter_mut().enumerate() {
-                let [lowest, highest] = self.ranges[column];
                 let offset = if self.keeps[column] { *value - source[column] } else { 0.0 };
-                *value = (next[column] + offset).clamp(lowest, highest);
+                *value = (next[column] + offset).clamp(lowest[column], highest[column]);
             }
         }
         step
     }
-}
-
-/// Least and largest value of each column.
-fn ranges(states: &States) -> Vec<[f32; 2]> {
-    let mut ranges = vec![[f32::INFINITY, f32::NEG_INFINITY]; states.columns()];
-    for row in 0..states.rows() {
-        for ([lowest, highest], &value) in ranges.iter_mut().zip(states.row(row)) {
-            (*lowest, *highest) = (lowest.min(value), highest.max(value));
-        }
-    }
-    ranges
 }
 
 /// The members of a model, whose walks add recorded changes.
@@ -279,9 +272,9 @@ impl Environment for IncrementWalk<'_> {
     }
 
     fn step(&mut self, action: usize, rng: &mut Rng, state: &mut [f32]) -> Outcome {
-        let (of, rules) = ((self.model, self.member), self.model.rules());
+        let (member, rules) = ((self.model, self.member), self.model.rules());
         let target = Target::Level(action);
-        let step = self.increments.step(of, target, rules, &mut self.query, rng, state);
+        let step = self.increments.step(member, target, rules, &mut self.query, rng, state);
         self.coverage.count(step.covered);
         Outcome { reward: step.reward, ending: step.ending }
     }

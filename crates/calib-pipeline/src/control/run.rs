@@ -1,8 +1,9 @@
 use calib_control::{
     ActionModel, ActionModelKind, AgentConfig, Algorithm, ControlConfig, ControlError, Distance,
-    Extent, IncrementModel, Increments, NetworkConfig, NetworkModel, Question, Run, Span, Support,
+    Extent, IncrementModel, Increments, NetworkModel, Question, Run, Span, Support,
     fitted_q_evaluation, importance_sampling, judge, sweep_keeping,
 };
+use calib_report::listed;
 use calib_study::Job;
 
 use super::{
@@ -83,22 +84,14 @@ fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer:
         counted(log.names.columns.len(), "column"),
     ));
     let members = config.model.members;
+    let kinds: Vec<String> = config.models.iter().map(|kind| kind.name().to_owned()).collect();
     printer.say(&format!(
         "{} x {members} members of {} x {} of {}",
         counted(candidates, "candidate"),
-        kinds(config),
+        listed(&kinds),
         counted(config.runs, "run"),
         counted(config.steps, "step"),
     ));
-}
-
-/// "neighbors, increments and network".
-fn kinds(config: &ControlConfig) -> String {
-    let names: Vec<&str> = config.models.iter().map(|kind| kind.name()).collect();
-    match &names[..] {
-        [rest @ .., last] if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
-        _ => names.join(""),
-    }
 }
 
 /// Whether agents that learn side by side fit into memory, and a word where most of their time would go into pairs of columns.
@@ -206,11 +199,7 @@ fn swept(
                 sweep_keeping(&model, candidates, extent, seed, units, &progress)?
             }
             ActionModelKind::Network => {
-                let network =
-                    NetworkConfig { members: config.model.members, ..NetworkConfig::default() };
-                let starts = model.starts().clone();
-                let seed_of = seed.child("networks");
-                match NetworkModel::train(model.log(), starts, &network, seed_of, &progress) {
+                match NetworkModel::beside(model, seed, &progress) {
                     Ok(model) => {
                         sweep_keeping(&model, candidates, extent, seed, units, &progress)?
                     }

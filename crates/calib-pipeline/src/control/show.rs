@@ -1,4 +1,5 @@
-use calib_control::{Doubt, Importance, KindReturns, Spread};
+use calib_control::{Doubt, Importance, Spread};
+use calib_report::listed;
 use calib_stats::{Difference, Interval, RankRule};
 
 use super::{
@@ -204,15 +205,16 @@ pub(super) fn sentences(told: &Told) -> Vec<String> {
         "a random candidate may diverge in the model".to_owned()
     });
     if let [_, _, ..] = &verdict.kinds[..] {
-        let agree = verdict.kinds.iter().filter(|of| of.chosen == verdict.chosen);
-        let others = verdict.kinds.iter().filter(|of| of.chosen != verdict.chosen);
-        let names: Vec<&str> = agree.map(|of| of.kind.name()).collect();
+        let (agree, others): (Vec<_>, Vec<_>) =
+            verdict.kinds.iter().partition(|own| own.chosen == verdict.chosen);
+        let names: Vec<String> = agree.iter().map(|own| own.kind.name().to_owned()).collect();
         let mut parts = vec![match &names[..] {
             [] => "no kind of model alone would choose it".to_owned(),
-            names => format!("alone, {} would choose the same", names.join(" and ")),
+            names => format!("alone, {} would choose the same", listed(names)),
         }];
-        let other = |of: &KindReturns| format!("{} {}", of.kind.name(), name(told, of.chosen));
-        parts.extend(others.map(other));
+        for other in others {
+            parts.push(format!("{} {}", other.kind.name(), name(told, other.chosen)));
+        }
         lines.push(parts.join("; "));
     }
     let recorded = verdict.behaviour;

@@ -13,6 +13,7 @@ mod verdict;
 pub use calib_sweep::Grade;
 pub use caveats::caveats;
 pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
+pub use sentence::listed;
 pub use simple::{SimpleRow, Simpler};
 pub(crate) use summary::{are_of_several_models, summary};
 pub use table::{Best, Cell, Table};

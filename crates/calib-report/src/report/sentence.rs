@@ -8,7 +8,8 @@ use crate::{Score, Setting};
 
 mod words;
 
-pub(super) use words::{assigned, listed};
+pub(super) use words::assigned;
+pub use words::listed;
 use words::{fields, ordinal};
 
 /// Choices that differ more often than this from draw to draw are told as uncertain.

@@ -7,7 +7,7 @@ use calib_knn::Blocks;
 use calib_nn::{Mlp, Workspace};
 use rayon::prelude::*;
 
-use super::{ActionModelKind, Coverage, Ensemble, Walked};
+use super::{ActionModel, ActionModelKind, Coverage, Ensemble, Walked};
 use crate::{ControlError, Decisions, Ending, Environment, Outcome};
 use train::{Scales, train};
 
@@ -141,6 +141,22 @@ impl NetworkModel {
         let reward = &scales.reward;
         let got = (reward.mean + rest[0] * reward.std).clamp(reward.lowest, reward.highest);
         Outcome { reward: f64::from(got), ending: Ending::terminal_if(rest[1] > 0.0) }
+    }
+}
+
+impl NetworkModel {
+    /// The networks that belong to a model of neighbours: of the same log, with as many members and the same starts. `seed` is that
+    /// of all that is drawn for agents in the model.
+    ///
+    /// # Errors
+    /// As [`train`](Self::train).
+    pub fn beside(
+        model: &ActionModel,
+        seed: Seed,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, ControlError> {
+        let config = NetworkConfig { members: model.members(), ..NetworkConfig::default() };
+        Self::train(model.log(), model.starts().clone(), &config, seed.child("networks"), monitor)
     }
 }
 

@@ -31,7 +31,7 @@ pub(super) fn ordinal(rank: usize) -> String {
 }
 
 /// "a", "a and b", "a, b and c".
-pub(in crate::report) fn listed(items: &[String]) -> String {
+pub fn listed(items: &[String]) -> String {
     match items {
         [] => String::new(),
         [one] => one.clone(),
