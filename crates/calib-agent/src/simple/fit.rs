@@ -93,11 +93,7 @@ impl<'a> Fitter<'a> {
 
     /// The simplest of those that are within a hundredth of the least error on what came later.
     fn best(&self, column: usize, returns: &[f64], constant: FittedPredictor) -> FittedPredictor {
-        let judged: Vec<Judged> = SimplePredictor::ALL
-            .into_iter()
-            .filter_map(|predictor| self.judged(predictor, column, returns))
-            .filter(|judged| judged.squared_error.is_finite())
-            .collect();
+        let judged = self.all_judged(column, returns);
         let least = judged.iter().map(|judged| judged.squared_error).fold(f64::INFINITY, f64::min);
         // A hundredth of the root mean squared error.
         let simplest =
@@ -105,26 +101,31 @@ impl<'a> Fitter<'a> {
         simplest.map_or(constant, |judged| judged.predictor)
     }
 
-    /// All that can be judged on later folds.
+    /// All that can be judged on later folds, the simplest first.
+    fn all_judged(&self, column: usize, returns: &[f64]) -> Vec<Judged> {
+        SimplePredictor::ALL
+            .into_iter()
+            .filter_map(|predictor| self.judged(predictor, column, returns))
+            .filter(|judged| judged.squared_error.is_finite())
+            .collect()
+    }
+
+    /// A mixture of all of them.
     fn mixture(
         &self,
         column: usize,
         returns: &[f64],
         constant: FittedPredictor,
     ) -> FittedPredictor {
-        let judged = Folds::splits_ahead().into_iter().flat_map(|split| split.judged);
-        let count = judged.map(|part| self.folds.rows_of(part).len()).sum::<usize>() as f64;
-        let (mut predictors, mut errors) = (Vec::new(), Vec::new());
-        for predictor in SimplePredictor::ALL {
-            let judged = self.judged(predictor, column, returns);
-            if let Some(judged) = judged.filter(|judged| judged.squared_error.is_finite()) {
-                predictors.push(judged.predictor);
-                errors.push(judged.squared_error / count);
-            }
-        }
-        if predictors.is_empty() || count == 0.0 {
+        let count = self.folds.rows_ahead().count() as f64;
+        let judged = self.all_judged(column, returns);
+        if judged.is_empty() || count == 0.0 {
             return constant;
         }
+        let (predictors, errors) = judged
+            .into_iter()
+            .map(|judged| (judged.predictor, judged.squared_error / count))
+            .unzip();
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
         for piece in self.stream.pieces() {
             for t in piece.clone() {
@@ -144,9 +145,7 @@ impl<'a> Fitter<'a> {
                 let error = |t: usize| {
                     returns[t] - f64::from(self.stream.state(t)[column]) / (1.0 - self.gamma)
                 };
-                let judged = Folds::splits_ahead().into_iter().flat_map(|split| split.judged);
-                let rows = judged.flat_map(|part| self.folds.rows_of(part).iter());
-                let squared_error = rows.map(|&t| error(t).powi(2)).sum();
+                let squared_error = self.folds.rows_ahead().map(|t| error(t).powi(2)).sum();
                 Some(Judged { predictor: self.persistence(column), squared_error })
             }
             SimplePredictor::Line => self.line(Some(column), returns),

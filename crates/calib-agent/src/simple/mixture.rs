@@ -63,7 +63,7 @@ impl Mixture {
                 }
                 let [low, high] = self.range;
                 let [low, high] =
-                    [low.min(value), high.max(value)].map(|of| of / (1.0 - self.gamma));
+                    [low.min(value), high.max(value)].map(|value| value / (1.0 - self.gamma));
                 let power = count / delay as f64 / 2.0;
                 let least = sums.iter().copied().fold(f64::INFINITY, f64::min);
                 let (mut total, mut weighted) = (0.0, 0.0);

@@ -136,6 +136,12 @@ impl Folds {
         (FOLDS / 2..FOLDS).map(split).collect()
     }
 
+    /// The steps of the later folds.
+    pub(super) fn rows_ahead(&self) -> impl Iterator<Item = usize> {
+        let parts = Self::splits_ahead().into_iter().flat_map(|split| split.judged);
+        parts.flat_map(|part| self.rows_of(part).iter().copied())
+    }
+
     /// The squared error over the later folds of what `solve` gives for the parts before them; infinite if it gives nothing.
     pub(super) fn error_ahead(
         second: &[Square],
