@@ -36,12 +36,6 @@ class Limits:
 TIGHT = Limits(mean=17, longest=35, semicolons=3)
 LOOSE = Limits(mean=20, longest=45, semicolons=8)
 
-# Pages that are not wrapped.
-UNWRAPPED: tuple[str, ...] = ()
-
-# Pages that are measured and not yet held to the rules.
-LATER: tuple[str, ...] = ()
-
 # In the order of the table. A page belongs to the first group with a pattern that fits.
 GROUPS = [
     ("README", TIGHT, ["README.md", "python/README.md"]),
@@ -496,10 +490,9 @@ def main() -> int:
         for name in pages:
             if asked.pages and name not in asked.pages:
                 continue
-            page = measured((ROOT / name).read_text(), replace(limits, wrapped=name not in UNWRAPPED))
+            page = measured((ROOT / name).read_text(), limits)
             total.add(page.measure)
-            if name not in LATER or asked.pages:
-                breaches += [replace(breach, file=name) for breach in page.breaches]
+            breaches += [replace(breach, file=name) for breach in page.breaches]
             print(page.measure.row(name))
             for sentence in page.sentences[: asked.longest]:
                 print(f"    {name}:{sentence.line}: {sentence.words} words: {sentence.text}")
