@@ -13,7 +13,10 @@ use super::{
 };
 use crate::{
     DataConfig, DataError,
-    text::{Cell, Notation, Records, Signs, TextFile, Words, cell_of, either_way, shown},
+    text::{
+        Cell, Decimal, Notation, Records, Signs, TextFile, Words, cell_of, decode, either_way,
+        plain_decimal, shown,
+    },
     time::Stamp,
 };
 
@@ -254,7 +257,14 @@ pub(crate) fn cell(
     fractions: &Fractions,
     seen: &mut Seen,
 ) -> Result<Cell, DataError> {
-    let text = records.text(column);
+    let bytes = records.bytes(column);
+    // Where nothing has told the sign of fractions yet, each cell may.
+    if (fractions.told_by.is_none() || fractions.decimal != Decimal::Unknown)
+        && let Some(value) = plain_decimal(bytes, fractions.decimal)
+    {
+        return Ok(Cell::Number(value));
+    }
+    let text = decode(bytes);
     let cell = cell_of(&text, fractions.decimal, &mut seen.words)
         .ok_or_else(|| records.refused(either_way(text.trim())))?;
     if fractions.told_by.is_some() && Signs::may_tell(&text, fractions.decimal) {

@@ -23,7 +23,7 @@ pub(crate) use self::{
     dialect::{TextColumn, decode, unbracketed},
     file::{Records, TextFile, is_value},
     input::size,
-    number::{Decimal, Signs, cell as cell_of, either_way, parse as parse_number},
+    number::{Decimal, Signs, cell as cell_of, either_way, parse as parse_number, plain_decimal},
     quality::Quality,
     record::RecordReader,
     stamps::{Candidates, Notation, Unreadable, compact_pattern, is_time_of_day},

@@ -105,6 +105,46 @@ impl Signs {
     }
 }
 
+/// Digits of a whole number that an f64 holds exactly, and the powers of ten that it may be divided by.
+const EXACT_DIGITS: usize = 15;
+const POWERS_OF_TEN: [f64; EXACT_DIGITS + 1] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+
+/// The number that `cell` is if it is written plainly: an optional minus, digits, and perhaps one sign of the fraction
+/// between digits. `None` says nothing about the cell.
+///
+/// Most cells of most logs are such, and this is several times faster than [`cell`]. It gives the same bits: whole number
+/// and power of ten are exact, and one division rounds correctly (Clinger 1990).
+pub(crate) fn plain_decimal(cell: &[u8], decimal: Decimal) -> Option<f64> {
+    let fraction_sign = if decimal == Decimal::Comma { b',' } else { b'.' };
+    let (is_negative, digits) = match cell {
+        [b'-', digits @ ..] => (true, digits),
+        digits => (false, digits),
+    };
+    if digits.is_empty() || digits.len() > EXACT_DIGITS + 1 {
+        return None;
+    }
+    let (mut whole, mut sign_at) = (0_u64, None);
+    for (position, &byte) in digits.iter().enumerate() {
+        let digit = byte.wrapping_sub(b'0');
+        if digit < 10 {
+            whole = 10 * whole + u64::from(digit);
+        } else if byte == fraction_sign && sign_at.is_none() {
+            sign_at = Some(position);
+        } else {
+            return None;
+        }
+    }
+    let decimals = match sign_at {
+        None if digits.len() > EXACT_DIGITS => return None,
+        None => 0,
+        Some(at) if at == 0 || at + 1 == digits.len() => return None,
+        Some(at) => digits.len() - at - 1,
+    };
+    let value = whole as f64 / POWERS_OF_TEN[decimals];
+    Some(if is_negative { -value } else { value })
+}
+
 /// What to say of a number that can be read in two ways.
 pub(crate) fn either_way(cell: &str) -> String {
     format!(
@@ -257,6 +297,21 @@ mod tests {
     }
 
     #[test]
+    fn most_numbers_are_plain_decimals() {
+        let point = |text: &str| plain_decimal(text.as_bytes(), Decimal::Point);
+        assert_eq!(point("1532.125"), Some(1532.125));
+        assert_eq!(point("-0").map(f64::to_bits), Some((-0.0_f64).to_bits()));
+        assert_eq!(point("0.1"), Some(0.1));
+        assert_eq!(point("999999999999999"), Some(999_999_999_999_999.0));
+        assert_eq!(plain_decimal(b"7,25", Decimal::Comma), Some(7.25));
+        for other in ["", "-", ".5", "5.", "1,5", "1.2.3", "1e3", " 1", "+1", "1234567890123456"] {
+            assert_eq!(point(other), None, "{other}");
+        }
+        assert_eq!(plain_decimal(b"1.234", Decimal::Comma), None);
+        assert_eq!(plain_decimal(b"1,234", Decimal::Unknown), None);
+    }
+
+    #[test]
     fn cells_tell_the_decimal_sign() {
         let cells =
             ["1.5", "1,5", "1,234", "0,234", "1.234,5", "1,234.5", "1.234.567", "12", "Bad, off"];
@@ -315,6 +370,15 @@ mod tests {
             let text = value.to_string();
             prop_assert_eq!(parse(&text, Decimal::Point), Some(value));
             prop_assert_eq!(parse(&text.replace('.', ","), Decimal::Comma), Some(value));
+        }
+
+        #[test]
+        fn a_plain_decimal_has_the_bits_that_any_number_has(text in "-?[0-9]{0,9}[.,]?[0-9]{0,9}") {
+            for decimal in [Decimal::Point, Decimal::Comma, Decimal::Unknown] {
+                if let Some(value) = plain_decimal(text.as_bytes(), decimal) {
+                    prop_assert_eq!(parse(&text, decimal).map(f64::to_bits), Some(value.to_bits()));
+                }
+            }
         }
     }
 }
