@@ -54,7 +54,13 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
         Command::Inspect(args) => inspect::run(&args, printer)?,
         Command::Import(args) => import::run(&args, printer)?,
         Command::Run(DeviceArgs { study, device }) => {
-            calib_pipeline::run(&study.job()?, device.map(Into::into), printer)?.outcome()
+            let job = study.job()?;
+            // What such a study asks is answered by one step.
+            if job.study().is_of_acting_agents() {
+                calib_pipeline::control(&job, printer)?
+            } else {
+                calib_pipeline::run(&job, device.map(Into::into), printer)?.outcome()
+            }
         }
         Command::Represent(RepresentArgs { study, share, device }) => {
             let job = share::shared(study.job()?, share.as_deref())?;

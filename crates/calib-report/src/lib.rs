@@ -37,7 +37,7 @@ pub use figures::{
     Samples, Score, Sensitivity, Trajectory,
 };
 pub use number::{count, duration, number, percent, setting};
-pub use overview::{Overview, OverviewFigure};
+pub use overview::{Decision, Overview, OverviewFigure, Support};
 pub use report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, Grade, JumpStatistics,
     PartRow, Reason, Report, Reproduction, SimpleRow, Simpler, Sources, Table, Told, TopK, Verdict,

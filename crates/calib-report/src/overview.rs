@@ -9,6 +9,8 @@ pub struct Overview {
     pub title: String,
     /// One line below the title.
     pub subtitle: Option<String>,
+    /// What to do, where the page says that.
+    pub decision: Option<Decision>,
     /// What was found, one paragraph each.
     pub findings: Vec<String>,
     /// What the reader should know before relying on it.
@@ -19,6 +21,41 @@ pub struct Overview {
     pub tables: Vec<Table>,
     /// What to type to make the page again.
     pub command: String,
+}
+
+/// What to do, as a card.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Decision {
+    /// How far it can be relied on.
+    pub support: Support,
+    /// That in a few words.
+    pub badge: String,
+    /// What to do, in a sentence.
+    pub headline: String,
+    /// Why.
+    pub plain: String,
+}
+
+/// How far a decision can be relied on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Support {
+    /// It is supported.
+    Supported,
+    /// Nothing speaks for a change.
+    KeepDefault,
+    /// It is not supported.
+    Unsupported,
+}
+
+impl Support {
+    /// The colour of its card, by the name in the style sheet.
+    pub(crate) const fn class(self) -> &'static str {
+        match self {
+            Self::Supported => "good",
+            Self::KeepDefault => "simpler",
+            Self::Unsupported => "poor",
+        }
+    }
 }
 
 /// A chart with its caption and its numbers.

@@ -76,6 +76,11 @@ impl Study {
         }
     }
 
+    /// Whether it asks for an agent that acts, and for no prediction.
+    pub fn is_of_acting_agents(&self) -> bool {
+        self.control.is_some() && self.sweep.sensors.is_empty()
+    }
+
     /// Members of the model: blocks of an ensemble of neighbours, or one network.
     pub fn members(&self) -> usize {
         match self.model.kind.family() {

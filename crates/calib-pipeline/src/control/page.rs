@@ -37,6 +37,7 @@ pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> Result<Vec<Stri
             |name| format!("{name}: agents that act"),
         ),
         subtitle: Some(show::line(&told.log)),
+        decision: Some(show::decision(told)),
         findings: show::sentences(told),
         warnings: told.verdict.doubts.iter().map(|doubt| show::reason(doubt, told)).collect(),
         figures: figures.into_iter().map(|(_, figure)| figure).collect(),

@@ -1,5 +1,5 @@
 use calib_control::{Doubt, Importance, Spread};
-use calib_report::listed;
+use calib_report::{Decision, Support, listed};
 use calib_stats::{Difference, Interval, RankRule};
 
 use super::{
@@ -230,18 +230,101 @@ pub(super) fn sentences(told: &Told) -> Vec<String> {
     lines
 }
 
-/// What to do.
-fn advice(told: &Told) -> String {
+/// What to do, as the card of the report.
+pub(super) fn decision(told: &Told) -> Decision {
     let verdict = &told.verdict;
     let chosen = name(told, verdict.chosen);
+    let (support, badge, headline, plain) = match action(told) {
+        Action::Nothing => (
+            Support::Unsupported,
+            "Nothing to choose",
+            "There is one candidate, so nothing was chosen.".to_owned(),
+            ADD_CANDIDATES.to_owned(),
+        ),
+        Action::Deploy if verdict.default == Some(verdict.chosen) => (
+            Support::Supported,
+            "Supported by the log",
+            format!("Keep the default: {chosen}."),
+            format!("It has the best {}, and {DEFAULT}.", rank_name(told)),
+        ),
+        Action::Deploy => (
+            Support::Supported,
+            "Supported by the log",
+            format!("Deploy {chosen}."),
+            format!(
+                "It has the best {}.{}",
+                rank_name(told),
+                verdict.over_default.as_ref().map_or_else(String::new, |over| format!(
+                    " Its return beside that of the default: {}. Here {DEFAULT}.",
+                    difference(over)
+                ))
+            ),
+        ),
+        Action::KeepDefault(default) => (
+            Support::KeepDefault,
+            "No clear difference",
+            format!("Keep the default: {}.", name(told, default)),
+            format!(
+                "{chosen} is first by {}, but may be no better. Here {DEFAULT}.",
+                rank_name(told)
+            ),
+        ),
+        Action::Refuse => (
+            Support::Unsupported,
+            "Not supported by the log",
+            "Deploy nothing on this evidence.".to_owned(),
+            format!(
+                "First by {} is {chosen}; what stands against it is listed below.",
+                rank_name(told)
+            ),
+        ),
+    };
+    Decision { support, badge: badge.to_owned(), headline, plain }
+}
+
+/// What the default is.
+const DEFAULT: &str = "the default is the agent of [control.agent], not what runs on the plant";
+/// What to do where there is one candidate.
+const ADD_CANDIDATES: &str =
+    "Add values to [control.grid], such as step_size = [0.003, 0.03, 0.3].";
+
+/// What a verdict tells to do.
+enum Action {
+    /// There is nothing to choose among.
+    Nothing,
+    /// Deploy the choice.
+    Deploy,
+    /// Deploy the default: the choice may be no better.
+    KeepDefault(usize),
+    /// Deploy nothing.
+    Refuse,
+}
+
+fn action(told: &Told) -> Action {
+    let verdict = &told.verdict;
     let is_about_the_default =
         |doubt: &Doubt| matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart);
+    let about_the_default = verdict.doubts.iter().all(is_about_the_default);
     match verdict.default.filter(|&default| default != verdict.chosen) {
-        _ if verdict.is_supported() => format!("deploy: {chosen}"),
-        Some(default) if verdict.doubts.iter().all(is_about_the_default) => {
+        _ if told.candidates.len() < 2 => Action::Nothing,
+        _ if verdict.is_supported() => Action::Deploy,
+        Some(default) if about_the_default => Action::KeepDefault(default),
+        _ => Action::Refuse,
+    }
+}
+
+/// What to do.
+fn advice(told: &Told) -> String {
+    let chosen = name(told, told.verdict.chosen);
+    match action(told) {
+        Action::Nothing => {
+            format!("there is one candidate, so nothing was chosen. {ADD_CANDIDATES}")
+        }
+        Action::Deploy => format!("deploy: {chosen}"),
+        Action::KeepDefault(default) => {
             format!("keep the default: {}; {chosen} may be no better", name(told, default))
         }
-        _ => format!("the log does not support a choice; it would be: {chosen}"),
+        Action::Refuse => format!("the log does not support a choice; it would be: {chosen}"),
     }
 }
 

@@ -13,6 +13,7 @@ pub(super) fn write(path: &Path, judgement: &Judgement) -> Result<(), StepError>
     let page = Overview {
         title: "Does calib choose well?".to_owned(),
         subtitle: Some(show::subtitle(judgement)),
+        decision: None,
         findings: findings(judgement.first()),
         warnings: show::notes(judgement),
         figures: figures::all(judgement).into_iter().map(|(_, figure)| figure).collect(),

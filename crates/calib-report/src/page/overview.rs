@@ -19,12 +19,22 @@ fn own_caption(figures: &[OverviewFigure], number: usize) -> &str {
 
 /// Renders `overview`.
 pub(crate) fn overview(overview: &Overview) -> String {
-    let Overview { title, subtitle, findings, warnings, figures, tables, command } = overview;
+    let Overview { title, subtitle, decision, findings, warnings, figures, tables, command } =
+        overview;
     let mut sections = vec![Section {
         id: "findings",
         title: "What was found",
         parts: Vec::new(),
         body: html! {
+            @if let Some(decision) = decision {
+                div.cards {
+                    article class={ "card " (decision.support.class()) } {
+                        p.badge { (decision.badge) }
+                        h3 { (prose(&decision.headline)) }
+                        p.plain { (prose(&decision.plain)) }
+                    }
+                }
+            }
             @for finding in findings { p { (prose(finding)) } }
             @if !warnings.is_empty() {
                 div.warnings role="note" {
