@@ -140,6 +140,28 @@ impl<'a> Baselines<'a> {
         named.collect()
     }
 
+    /// The simple predictor that [`SimplePredictor::Best`] is for each of these sensors.
+    pub fn best(
+        &self,
+        sensors: &[(String, usize)],
+        gamma: f64,
+        rows: &FittingRows,
+    ) -> BTreeMap<String, SimplePredictor> {
+        let agent = AgentConfig { gamma, ..AgentConfig::default() };
+        let mut best = BTreeMap::new();
+        for (sensor, column) in sensors {
+            let chosen = self.fitted(&[(SimplePredictor::Best, *column)], &agent, rows);
+            let wanted: Vec<Wanted> =
+                SimplePredictor::ALL.into_iter().map(|predictor| (predictor, *column)).collect();
+            let all = self.fitted(&wanted, &agent, rows);
+            let alike = wanted.iter().zip(&all).find(|(_, fitted)| **fitted == chosen[0]);
+            if let Some(((predictor, _), _)) = alike {
+                best.insert(sensor.clone(), *predictor);
+            }
+        }
+        best
+    }
+
     /// What agents start from at each state of a run's stream, for each of these agents and the column that it predicts; none
     /// for one that starts from nothing. The rows are those that the run's predictors may be fitted on.
     pub(crate) fn predictions(

@@ -70,6 +70,7 @@ pub(crate) fn run(
         title: title.unwrap_or_else(stem),
         choices: evaluate::choices(&verdicts, &sweep.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
+        predicts: None,
         plain: rows.iter().map(calib_report::Verdict::plain).collect(),
         caveats: caveats(&rows),
         candidates: sweep.candidates.iter().map(Candidate::label).collect(),
@@ -109,6 +110,7 @@ fn report(
     Ok(Report {
         title: summary.title.clone(),
         subtitle: Some(format!("Runs of {}, which calib did not make.", path.display())),
+        predicts: None,
         score: Score::nrmse(),
         decision: None,
         verdicts,

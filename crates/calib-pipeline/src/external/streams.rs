@@ -2,7 +2,7 @@
 
 use std::{fmt, path::Path};
 
-use calib_agent::{CurveRule, Part, RunOutcome, score_predictions};
+use calib_agent::{AgentConfig, CurveRule, Part, RunOutcome, score_predictions};
 use calib_core::{Seed, Stream};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, FolderRecord, fingerprint_file};
@@ -258,7 +258,9 @@ impl SweepStreams {
         let baselines = Baselines::new(&self.dataset.train);
         let predicted = (&self.sensors[..], &self.dataset.normaliser);
         let span = self.manifest.span;
-        SimpleErrors::measure(&baselines, &self.windows, predicted, self.gamma(), span)
+        // What the program starts from is not known.
+        let agent = AgentConfig { gamma: self.gamma(), ..AgentConfig::default() };
+        SimpleErrors::measure(&baselines, &self.windows, predicted, &agent, span)
     }
 
     fn unit(&self, result: &ExternalResult) -> UnitResult {

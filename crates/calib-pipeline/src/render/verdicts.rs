@@ -49,6 +49,7 @@ pub(crate) fn show_judgement(judged: &Judgement, printer: &Printer) -> Result<()
     if printer.is_for_machines() {
         return printer.json(summary);
     }
+    show_predicted(summary, printer)?;
     show_advice(summary, printer)?;
     show_notes(&[&summary.caveats[..], &summary.notes].concat(), printer)?;
     match &judged.report {
@@ -67,6 +68,9 @@ impl Told for Compared {
         if printer.is_for_machines() {
             return printer.json(summaries);
         }
+        if let Some(first) = places.first().and_then(|place| self.at(place)) {
+            show_predicted(first, printer)?;
+        }
         for place in places {
             printer.heading(&place.name);
             if let Some(summary) = self.at(place) {
@@ -79,6 +83,11 @@ impl Told for Compared {
         show_notes(notes, printer)?;
         printer.result(&format!("report: {}", report.display()))
     }
+}
+
+/// What agents predict.
+fn show_predicted(summary: &Summary, printer: &Printer) -> Result<(), StepError> {
+    summary.predicts.as_ref().map_or(Ok(()), |predicts| printer.result(predicts))
 }
 
 /// The verdict on each sensor: what to deploy, and what that means, or all reasons.

@@ -143,8 +143,8 @@ impl Setting {
             environments.iter().map(|environment| &**environment).collect();
         let windows = recorded_windows(&environments)?;
         let predicted = (&self.sensors[..], &self.dataset.normaliser);
-        let gamma = self.candidates[0].agent.gamma;
-        SimpleErrors::measure(baselines, &windows, predicted, gamma, self.streams.demand.span)
+        let (agent, span) = (&self.candidates[0].agent, self.streams.demand.span);
+        SimpleErrors::measure(baselines, &windows, predicted, agent, span)
     }
 
     /// Runs in all: of every value, for every sensor, in every environment.

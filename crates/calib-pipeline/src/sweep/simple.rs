@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
+use calib_agent::{AgentConfig, SimplePredictor};
 use calib_core::Normaliser;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_sweep::{
@@ -24,6 +25,9 @@ pub(crate) struct SimpleErrors {
     pub(crate) units: BTreeMap<String, f64>,
     /// Fitted on all of the training range.
     pub(crate) fitted: Vec<FittedSimple>,
+    /// What `agent.baseline = "best"` is for each sensor, where an agent starts from it.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(crate) best: BTreeMap<String, SimplePredictor>,
     pub(crate) scores: Vec<SimpleScore>,
 }
 
@@ -33,15 +37,20 @@ impl SimpleErrors {
         baselines: &Baselines<'_>,
         windows: &[RecordedWindow],
         (sensors, normaliser): (&[(String, usize)], &Normaliser),
-        gamma: f64,
+        agent: &AgentConfig,
         span: Span,
     ) -> Result<Self, StepError> {
+        let gamma = agent.gamma;
         let scores = simple_scores(baselines, windows, sensors, gamma, span)?;
         let unit = |(sensor, column): &(String, usize)| {
             (sensor.clone(), normaliser.columns()[*column].bounds.scale * (1.0 - gamma))
         };
         let fitted = baselines.simple(sensors, gamma, &FittingRows::All);
-        Ok(Self { runs: None, units: sensors.iter().map(unit).collect(), fitted, scores })
+        let best = match agent.baseline {
+            Some(SimplePredictor::Best) => baselines.best(sensors, gamma, &FittingRows::All),
+            _ => BTreeMap::new(),
+        };
+        Ok(Self { runs: None, units: sensors.iter().map(unit).collect(), fitted, best, scores })
     }
 
     pub(crate) fn write(&self, directory: &Path) -> Result<(), StepError> {

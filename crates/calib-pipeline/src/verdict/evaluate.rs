@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use calib_agent::Part;
-use calib_core::{Monitor, Seed};
+use calib_core::{Monitor, Period, Seed};
 use calib_model::StartKind;
 use calib_report::{RecordedFigure, caveats};
 use calib_study::{Job, Layout, StepKind, Study};
@@ -23,6 +23,7 @@ use crate::{
     ensure,
     log::{context::RunContext, partition},
     model::model_files::{self, ModelManifest},
+    output::span,
     rollouts::{one_step, rollout},
     sweep::{SweepFacts, SweepManifest, recorded, simple::SimpleErrors, unit_store},
     verdict::{
@@ -37,6 +38,9 @@ pub struct Summary {
     pub(crate) format: u32,
     pub(crate) tool: &'static str,
     pub(crate) title: String,
+    /// What agents predict, and how far ahead; none of runs that calib did not make.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) predicts: Option<String>,
     /// What is chosen for each sensor.
     pub(crate) choices: Vec<SensorChoice>,
     /// The advice in words, one list of lines a sensor.
@@ -185,6 +189,8 @@ pub(crate) fn judge(
     })?;
     let sensors = study.sweep.sensors.iter();
     let profile = model_files::read_profile(&paths.model())?;
+    let model: ModelManifest =
+        artefact::require(&paths.model(), &job.command(StepKind::BuildModel))?;
     let doubts = profile.value_doubts();
     let verdicts = sensors
         .map(|sensor| {
@@ -220,6 +226,7 @@ pub(crate) fn judge(
         title: job.title(),
         choices: choices(&verdicts, &manifest.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
+        predicts: Some(predicts(study.agent.gamma, model.period)),
         plain: rows.iter().map(calib_report::Verdict::plain).collect(),
         caveats: caveats(&rows),
         candidates: manifest.candidates.iter().map(Candidate::label).collect(),
@@ -227,6 +234,18 @@ pub(crate) fn judge(
         notes: [manifest.notes.clone(), stale_rollouts(job, &manifest.model)?].concat(),
     };
     Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
+}
+
+/// What an agent with this discount predicts of states that are `period` apart.
+fn predicts(gamma: f64, period: Period) -> String {
+    let state = span(period.as_secs());
+    if gamma == 0.0 {
+        return format!("Agents predict the next value of their sensor, {state} ahead.");
+    }
+    let horizon = span(period.as_secs() / (1.0 - gamma));
+    format!(
+        "Agents predict the mean of their sensor over about the next {horizon} (gamma = {gamma}, one state every {state})."
+    )
 }
 
 /// What a finished sweep says about a sensor by the errors over `part` of each run.

@@ -10,6 +10,7 @@ use calib_report::{
 };
 use calib_represent::RepresentationKind;
 use calib_study::{Job, Layout, StepKind, Study};
+use calib_sweep::Rule;
 
 use crate::{
     Context as _, StepError,
@@ -158,10 +159,11 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
     let mut report = Report {
         title: summary.title.clone(),
         subtitle: Some(subtitle(&profile, &model, judged)),
+        predicts: summary.predicts.clone(),
         score: Score::nrmse(),
         decision: None,
         verdicts: judged.rows.clone(),
-        warnings: [summary.notes.clone(), build_model::warnings(&model)].concat(),
+        warnings: [summary.notes.clone(), warnings_of_model(study, &model)].concat(),
         sensitivities: summary
             .verdicts
             .iter()
@@ -178,6 +180,11 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
     };
     descriptions.put_into(&mut report);
     Ok(report)
+}
+
+/// What the reader must know of the model, where the choice follows from it.
+fn warnings_of_model(study: &Study, model: &ModelManifest) -> Vec<String> {
+    if study.evaluate.rule == Rule::LogReplay { Vec::new() } else { build_model::warnings(model) }
 }
 
 /// What the rollouts were like, and the representations that could be used.

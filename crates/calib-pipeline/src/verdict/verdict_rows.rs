@@ -8,7 +8,8 @@ use calib_report::{
 use calib_stats::Summary;
 use calib_study::Study;
 use calib_sweep::{
-    Baseline, Candidate, EnvironmentScores, ErrorScale, Rule, Sampling, SensorVerdict, Truth,
+    Baseline, Candidate, EnvironmentScores, ErrorScale, Rule, Sampling, SensorVerdict,
+    SimpleComparison, Truth,
 };
 use serde_json::Value;
 
@@ -81,6 +82,10 @@ pub(crate) fn verdict_row(
             .truth
             .iter()
             .flat_map(|truth| &truth.baselines)
+            // By another mean of the same errors it would be a second choice by log replay, which nobody could tell apart.
+            .filter(|other| {
+                other.baseline != Baseline::LogReplay || verdict.rule != Rule::LogReplay
+            })
             .map(|other| Alternative {
                 way: way(other.baseline),
                 value: other.chosen.map(of),
@@ -102,8 +107,12 @@ pub(crate) fn verdict_row(
             })
             .collect(),
         start_up_share: verdict.start_up_share,
-        simpler: simpler(verdict, sweep),
-        frozen: frozen(&candidates[verdict.chosen]),
+        simpler: verdict.simpler().map(|simple| beside(simple, verdict, sweep)),
+        matched: verdict
+            .preferred_simple()
+            .filter(|_| verdict.simpler().is_none())
+            .map(|simple| beside(simple, verdict, sweep)),
+        frozen: verdict.learning_off.and_then(|off| start_of(&candidates[off], verdict, sweep)),
         notes: verdict.warnings.iter().cloned().chain(at_the_end(verdict, sweep)).collect(),
     }
 }
@@ -117,13 +126,12 @@ const fn run_part(part: Part) -> &'static str {
     }
 }
 
-/// The simple predictor that the agent is not known to match.
-fn simpler(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<Simpler> {
-    let simple = verdict.simpler()?;
+/// A simple predictor beside the chosen agent.
+fn beside(simple: &SimpleComparison, verdict: &SensorVerdict, sweep: &SweepFacts) -> Simpler {
     let unit = sweep.simple.units.get(&verdict.sensor);
     let scale = ErrorScale::find(&sweep.scales, &verdict.sensor, &sweep.candidates[verdict.chosen]);
     let agent = verdict.truth.as_ref().map(|truth| truth.choice.online_error * scale);
-    Some(Simpler {
+    Simpler {
         predictor: simple.predictor,
         ratio: simple.ratio,
         is_better: simple.is_better(),
@@ -131,12 +139,19 @@ fn simpler(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<Simpler> {
             .zip(agent)
             .map(|(unit, agent)| [simple.online_rmse, agent].map(|of| of * unit)),
         has_baseline: sweep.candidates[verdict.chosen].agent.baseline.is_some(),
-    })
+    }
 }
 
-/// The simple predictor that an agent is which starts from one and learns nothing.
-fn frozen(candidate: &Candidate) -> Option<SimplePredictor> {
-    candidate.agent.baseline.filter(|_| candidate.agent.learning_rate == 0.0)
+/// The simple predictor that an agent starts from; of `baseline = "best"` the one that it is for this sensor.
+fn start_of(
+    candidate: &Candidate,
+    verdict: &SensorVerdict,
+    sweep: &SweepFacts,
+) -> Option<SimplePredictor> {
+    candidate.agent.baseline.map(|baseline| match baseline {
+        SimplePredictor::Best => *sweep.simple.best.get(&verdict.sensor).unwrap_or(&baseline),
+        named => named,
+    })
 }
 
 /// That the best value is the last of a grid of numbers, on which side better ones may lie. A step size of 0 has nothing below it.
@@ -250,12 +265,9 @@ pub(crate) fn sensitivity(
     }
 }
 
-/// The error of the best simple predictor on held-out data, which is the same for all values.
+/// The error of the simple predictor that the log prefers, which is the same for all values.
 fn simple_line(verdict: &SensorVerdict, values: usize) -> Option<ErrorCurve> {
-    let best = verdict
-        .simple
-        .iter()
-        .reduce(|best, other| if other.online_rmse < best.online_rmse { other } else { best })?;
+    let best = verdict.preferred_simple()?;
     let windows = verdict.truth.as_ref()?.windows.len();
     let summary =
         Summary { mean: best.online_error, std: None, interval: None, runs: windows, diverged: 0 };

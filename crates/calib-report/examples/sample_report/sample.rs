@@ -187,6 +187,7 @@ impl Sensor {
                     ],
                     simple: vec![],
                     simpler: None,
+                    matched: None,
                     frozen: None,
                     parts: vec![],
                     start_up_share: None,
@@ -324,6 +325,7 @@ pub(crate) fn report() -> Report {
     Report {
         title: "Learning rates for the filtration pilot".to_owned(),
         subtitle: Some("Made-up sample data · one week, 1 Hz · TD(0) nexting of three sensors".to_owned()),
+        predicts: None,
         score: Score::nrmse(),
         verdicts: sensors().iter().flat_map(Sensor::verdicts).collect(),
         warnings: vec![

@@ -25,6 +25,7 @@ pub(super) fn verdicts(report: &Report) -> Section {
         @if report.verdicts.is_empty() {
             p.empty { "There is no verdict: nothing was swept." }
         }
+        @if let Some(predicts) = &report.predicts { p.predicts { (prose(predicts)) } }
         @match summary(report).as_slice() {
             [] => {}
             // The table says it shorter.
@@ -80,7 +81,11 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
                 (prose(&verdict.headline()))
             }
             p.plain { (prose(&verdict.plain())) }
-            @if verdict.has_costs() { (costs(verdict)) }
+            @if verdict.is_simpler_better() {
+                (errors(verdict))
+            } @else if verdict.has_costs() {
+                (costs(verdict))
+            }
             details.why open[report.verdicts.len() == 1] {
                 summary { "Why" }
                 ul { @for reason in verdict.reasons(&report.score) { li { (prose(&reason)) } } }
@@ -101,6 +106,30 @@ fn costs(verdict: &Verdict) -> Markup {
                 @if let Some(other) = verdict.alternative(way) {
                     (cost(name(way), other.value.as_ref(), other.regret, unknown))
                 }
+            }
+        }
+    }
+}
+
+/// The errors of the chosen agent and of simple predictors, where one of these is to be used.
+fn errors(verdict: &Verdict) -> Markup {
+    let agent = verdict.online.as_ref().map(|online| online.chosen_error);
+    html! {
+        dl.costs {
+            @if let Some(agent) = agent { (error("Chosen agent", agent)) }
+            @for row in &verdict.simple { (error(row.predictor.label(), row.error)) }
+        }
+    }
+}
+
+/// An NRMSE as a number, and as a bar that is full at 1, the error of the mean.
+fn error(name: &str, error: f64) -> Markup {
+    html! {
+        div {
+            dt { (name) }
+            dd { @if error.is_finite() { "NRMSE " (number(error)) } @else { "diverged" } }
+            span.bar aria-hidden="true" {
+                span style={ "width:" (format!("{:.0}", error.clamp(0.0, 1.0) * 100.0)) "%" } {}
             }
         }
     }

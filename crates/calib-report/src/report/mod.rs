@@ -31,6 +31,8 @@ pub struct Report {
     pub title: String,
     /// One line below it: the plant, the period, who ran it.
     pub subtitle: Option<String>,
+    /// What agents predict, and how far ahead.
+    pub predicts: Option<String>,
     /// What runs are judged by.
     pub score: Score,
     /// What to deploy where there are several deployments: a choice for each, and one for all.

@@ -1,6 +1,7 @@
 //! What a verdict means for the plant, in one or two sentences without statistics.
 
-use super::{Grade, Told, Verdict, Way};
+use super::sentence::{assigned, ratio_interval};
+use super::{Grade, Simpler, Told, Verdict, Way};
 use crate::number::{number, percent};
 
 impl Verdict {
@@ -26,6 +27,9 @@ impl Verdict {
                 .collect::<Vec<_>>()
                 .join(" ");
         }
+        if let Some(sentence) = self.learning_off() {
+            return sentence;
+        }
         let of_choice = match online.regret {
             None => return "On held-out data no value worked: every one diverged. Add smaller learning rates to the grid.".to_owned(),
             Some(regret) if regret.value.is_infinite() => {
@@ -44,7 +48,29 @@ impl Verdict {
                 if online.windows > 1 { " of each window" } else { "" },
             ),
         };
-        [of_choice].into_iter().chain(self.of_default()).collect::<Vec<_>>().join(" ")
+        let matched = self.matched.as_ref().and_then(Simpler::matched_sentence);
+        let sentences = matched.into_iter().chain([of_choice]).chain(self.of_default());
+        sentences.collect::<Vec<_>>().join(" ")
+    }
+
+    /// Why the default, which learns nothing after the log, is kept although another setting was chosen.
+    fn learning_off(&self) -> Option<String> {
+        let default = self.alternative(Way::Default)?.value.as_ref()?;
+        if self.frozen.is_none()
+            || *default == self.chosen
+            || !matches!(self.grade, Grade::Good | Grade::Fair)
+        {
+            return None;
+        }
+        let against = self.online.as_ref()?.against_default;
+        let interval = against.and_then(ratio_interval);
+        let interval = interval
+            .map_or_else(String::new, |text| format!(" (its error / that of {default}: {text})"));
+        Some(format!(
+            "An agent that goes on learning, with {}, is not shown to do better on held-out data{interval}. So keep the default, {}.",
+            self.assigned(),
+            assigned(&self.field, default)
+        ))
     }
 
     /// Why no setting is worth deploying, and what to do about it.

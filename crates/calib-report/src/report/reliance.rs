@@ -2,6 +2,8 @@
 
 use super::{Agreement, Grade, Told, Verdict};
 
+const SIMPLER_IS_BETTER: &str = "Simpler is better: no agent needed";
+
 impl Verdict {
     /// Whether a choice that could be used is as good as any other, as far as it was chosen from anything.
     pub(super) fn is_arbitrary(&self) -> bool {
@@ -17,7 +19,8 @@ impl Verdict {
     /// How far the choice can be relied on, in a few words.
     pub(crate) fn badge(&self) -> &'static str {
         match (&self.online, self.grade) {
-            _ if self.is_arbitrary() => "Not told apart: all values did alike",
+            _ if self.is_arbitrary() => "No clear difference: all settings did alike",
+            _ if self.is_simpler_better() => SIMPLER_IS_BETTER,
             (Some(online), _) if online.stands_still => {
                 "Not checked: the sensor does not move in the held-out data"
             }
@@ -26,7 +29,7 @@ impl Verdict {
             }
             (_, Grade::Good) => "Good: at most 5 % from the best setting",
             (_, Grade::Fair) => "Fair: not shown to be worse than the default",
-            (_, Grade::Simpler) => "Simpler is better: no agent needed",
+            (_, Grade::Simpler) => SIMPLER_IS_BETTER,
             (_, Grade::Poor) => "Poor: do not rely on it",
             (_, Grade::NotLearnt) if self.left_training().is_some() => {
                 "Not learned: values that were never trained on"
@@ -36,9 +39,16 @@ impl Verdict {
         }
     }
 
+    /// Whether a simple predictor is to be used instead of an agent.
+    pub(crate) fn is_simpler_better(&self) -> bool {
+        self.grade == Grade::Simpler
+            || (self.frozen.is_some() && matches!(self.grade, Grade::Good | Grade::Fair))
+    }
+
     /// Its name in the style sheet.
-    pub(crate) const fn class(&self) -> &'static str {
+    pub(crate) fn class(&self) -> &'static str {
         match self.grade {
+            _ if self.is_simpler_better() => "simpler",
             Grade::Good => "good",
             Grade::Fair => "fair",
             Grade::Simpler => "simpler",

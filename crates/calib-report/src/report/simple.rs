@@ -16,7 +16,7 @@ pub struct SimpleRow {
     pub error: f64,
 }
 
-/// A simple predictor that the agent is not known to match.
+/// A simple predictor beside the chosen agent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simpler {
     /// What predicts.
@@ -43,6 +43,39 @@ impl Simpler {
         Some(format!("{} {word} error", percent(share)))
     }
 
+    /// Typical errors of both.
+    fn typical(&self) -> String {
+        self.typical_errors.map_or_else(String::new, |[predictor, agent]| {
+            format!(
+                " Typical error of the predicted mean, in the sensor's unit: {} {}, the agent {}.",
+                self.predictor.label(),
+                number(predictor),
+                number(agent)
+            )
+        })
+    }
+
+    /// That the agent matches it.
+    pub(super) fn matched_sentence(&self) -> Option<String> {
+        let ratio = self.ratio?;
+        if !ratio.value.is_finite() || ratio.value == 0.0 {
+            return None;
+        }
+        let (share, word) = if ratio.value <= 1.0 {
+            (1.0 - ratio.value, "less")
+        } else {
+            (ratio.value - 1.0, "more")
+        };
+        let name = self.predictor.label();
+        let interval = ratio_interval(ratio)
+            .map_or_else(String::new, |text| format!(" (agent / {name}: {text})"));
+        Some(format!(
+            "It has {} {word} error than {name}, the simple predictor that the log prefers{interval}.{}",
+            percent(share),
+            self.typical()
+        ))
+    }
+
     /// What that means, and what to try.
     pub(super) fn plain(&self) -> String {
         let name = self.predictor.label();
@@ -50,13 +83,7 @@ impl Simpler {
         let interval =
             interval.map_or_else(String::new, |text| format!(" (agent / {name}: {text})"));
         let difference = self.difference().unwrap_or_else(|| "less error".to_owned());
-        let typical = self.typical_errors.map_or_else(String::new, |[predictor, agent]| {
-            format!(
-                " Typical error: {} against {}, in the sensor's unit.",
-                number(predictor),
-                number(agent)
-            )
-        });
+        let typical = self.typical();
         let chance = if self.is_better { "" } else { ", which could be chance" };
         let hint = if self.has_baseline {
             String::new()
@@ -87,8 +114,8 @@ impl Verdict {
 
     /// "persistence for PIT300".
     pub(super) fn instead(&self) -> String {
-        let name =
-            self.simpler.as_ref().map_or("a simple predictor", |simpler| simpler.predictor.label());
+        let simpler = self.simpler.as_ref().map(|simpler| simpler.predictor);
+        let name = simpler.or(self.frozen).map_or("a simple predictor", SimplePredictor::label);
         format!("{name} for {}", self.sensor)
     }
 

@@ -28,6 +28,7 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
     let (poor, not_learnt) = (graded(&[Grade::Poor]), graded(&[Grade::NotLearnt]));
     let mut usable = graded(&[Grade::Good, Grade::Fair, Grade::Unchecked]);
     let arbitrary: Vec<&Verdict> = usable.extract_if(.., |graded| graded.is_arbitrary()).collect();
+    let frozen: Vec<&Verdict> = usable.extract_if(.., |graded| graded.frozen.is_some()).collect();
     let mut sentences = Vec::new();
     if !usable.is_empty() {
         sentences.push(format!("Use {}.", choices(&usable)));
@@ -36,8 +37,9 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
         sentences.push(format!("No value stands out for {}: all did alike.", sensors(&arbitrary)));
     }
     let simpler = graded(&[Grade::Simpler]);
-    if !simpler.is_empty() {
-        let each: Vec<String> = simpler.iter().map(|graded| graded.instead()).collect();
+    if simpler.len() + frozen.len() > 0 {
+        let each: Vec<String> =
+            simpler.iter().chain(&frozen).map(|graded| graded.instead()).collect();
         sentences.push(format!("No agent is needed: use {}.", listed(&each)));
     }
     if !poor.is_empty() {
@@ -48,9 +50,13 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
             not_learnt.iter().map(|verdict| verdict.sensor_and_error()).collect();
         sentences.push(format!("No setting learns {}.", listed(&each)));
     }
-    let online = || verdicts.iter().copied().filter(|verdict| verdict.online.is_some());
-    let compared: Vec<&Verdict> = online().filter(|verdict| verdict.has_costs()).collect();
-    if online().next().is_none() {
+    // What a choice costs that nobody is advised to use is of no interest.
+    let compared: Vec<&Verdict> = usable
+        .iter()
+        .copied()
+        .filter(|verdict| verdict.online.is_some() && verdict.has_costs())
+        .collect();
+    if verdicts.iter().all(|verdict| verdict.online.is_none()) {
         sentences
             .push("No data was held out, so nothing here is checked against Online.".to_owned());
     } else if let Some(costs) = costs(&compared) {

@@ -45,7 +45,10 @@ pub struct Verdict {
     pub simple: Vec<SimpleRow>,
     /// The simple predictor to use instead of the agent, if the agent is not known to match it.
     pub simpler: Option<Simpler>,
-    /// The simple predictor that the choice is, where it is one that goes on without learning.
+    /// The simple predictor that the log prefers, where the agent is known to match it.
+    pub matched: Option<Simpler>,
+    /// The simple predictor to use because learning on adds nothing: the choice is that and learns nothing, or it is not shown
+    /// to improve on a default that is.
     pub frozen: Option<SimplePredictor>,
     /// What would be chosen by each part of the runs.
     pub parts: Vec<PartRow>,

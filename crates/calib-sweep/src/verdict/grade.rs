@@ -17,7 +17,8 @@ pub enum Grade {
     Good,
     /// More than that, or only one window was held out; but not shown to be worse than the default.
     Fair,
-    /// A simple predictor does as well or better: the agent is not known to have at most two per cent more error.
+    /// A simple predictor does as well or better: the agent is not known to have at most two per cent more error than the one
+    /// that the log prefers, or another is better by more than chance.
     Simpler,
     /// The default is better, or the choice diverged or has no skill.
     Poor,
@@ -38,8 +39,8 @@ impl Grade {
     /// 2. *unchecked* without held-out data, and where the sensor does not move in it;
     /// 3. *poor* if the choice diverged in some held-out window;
     /// 4. *unchecked* where the spread of the returns is 0, or not known;
-    /// 5. where simple predictors are known and the choice is not known to match them, *not learned* if the training mean is the
-    ///    best of them, and *simpler* otherwise;
+    /// 5. where simple predictors are known and the choice is not known to match the one that the log prefers, or another is
+    ///    better by more than chance, *not learned* if the training mean does as well as that one, and *simpler* otherwise;
     /// 6. where they are not known, *not learned* if the best value over windows has no skill (1 − RMSE / σ ≤ 0), and *poor* if the
     ///    choice has none;
     /// 7. *unchecked* if all values have the same error;

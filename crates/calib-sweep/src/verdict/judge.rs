@@ -64,6 +64,7 @@ pub fn verdict(
         }
         None => Vec::new(),
     };
+    let learning_off = learning_off(candidates, chosen, truth.as_ref());
     let parts = parts::choices(&own, candidates, judging, &chooser, chosen)?;
     let start_up_share = parts::start_up_share(&own, chosen);
     let mut warnings = warnings::all(
@@ -85,6 +86,7 @@ pub fn verdict(
         stability_nearby: share_nearby(&stability, candidates, chosen),
         stability,
         rules: Rule::ALL.into_iter().map(rule).collect::<Result<_, _>>()?,
+        learning_off,
         parts,
         start_up_share,
         warnings,
@@ -95,6 +97,20 @@ pub fn verdict(
         truth,
         simple,
     })
+}
+
+/// See [`SensorVerdict::learning_off`].
+fn learning_off(candidates: &[Candidate], chosen: usize, truth: Option<&Truth>) -> Option<usize> {
+    let default = candidates.iter().find(|candidate| candidate.is_default);
+    let is_improved = truth?.improves_on_the_default();
+    let unimproved = default.filter(|_| !is_improved);
+    [Some(&candidates[chosen]), unimproved]
+        .into_iter()
+        .flatten()
+        .find(|candidate| {
+            candidate.agent.baseline.is_some() && candidate.agent.learning_rate == 0.0
+        })
+        .map(|candidate| candidate.index)
 }
 
 /// What was measured, environment by environment.

@@ -114,6 +114,10 @@ pub struct SensorVerdict {
     /// Simple predictors on the same held-out windows; empty where they are not known.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub simple: Vec<SimpleComparison>,
+    /// The candidate that starts from a simple predictor and learns nothing after the log, where it is the choice, or the
+    /// default that the choice is not shown to improve on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub learning_off: Option<usize>,
     /// What would be chosen by other parts of each run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<PartChoice>,
@@ -125,7 +129,13 @@ pub struct SensorVerdict {
 }
 
 impl SensorVerdict {
-    /// The simple predictor to use instead of the chosen agent; none where the agent is known to match them all.
+    /// The simple predictor that the log prefers, beside the chosen agent.
+    pub fn preferred_simple(&self) -> Option<&SimpleComparison> {
+        simple::preferred(&self.simple)
+    }
+
+    /// The simple predictor to use instead of the chosen agent; none where the agent is known to match the one that the log
+    /// prefers, and no other is better.
     pub fn simpler(&self) -> Option<&SimpleComparison> {
         simple::decisive(&self.simple)
     }
@@ -138,6 +148,11 @@ impl SensorVerdict {
             Grade::Poor if default_is_better => Recommendation::KeepDefault,
             Grade::NotLearnt | Grade::Poor => Recommendation::DoNotDeploy,
             _ if !self.prefers_a_value() => Recommendation::KeepDefault,
+            Grade::Good | Grade::Fair
+                if self.learning_off.is_some_and(|default| default != self.chosen) =>
+            {
+                Recommendation::KeepDefault
+            }
             Grade::Good | Grade::Fair => Recommendation::Deploy,
             Grade::Unchecked => Recommendation::NotChecked,
         }

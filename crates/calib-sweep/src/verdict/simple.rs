@@ -6,8 +6,11 @@ use serde::{Deserialize, Serialize};
 use super::errors::{Errors, Stream};
 use crate::{Candidate, EnvironmentId, ErrorScale, SimpleScore, SweepError};
 
-/// An agent is recommended only if it has at most this many times the error of every simple predictor.
+/// An agent is recommended only if it has at most this many times the error of the simple predictor that the log prefers.
 pub const NO_WORSE: f64 = 1.02;
+
+/// Of predictors whose errors on the log are within this factor, the simplest is preferred.
+const ALIKE: f64 = 1.01;
 
 /// A simple predictor beside the chosen agent, on the same held-out windows and steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -102,13 +105,29 @@ fn ratio(logarithms: &[f64]) -> Result<Estimate, SweepError> {
     Ok(Estimate { value: summary.mean.exp(), interval })
 }
 
-/// The simple predictor to use instead of the agent: the best of all, if the agent is not known to match it or one of the
-/// others is better.
+/// The simple predictor that one would deploy: the best on windows of the log, as the agent is chosen. The best on held-out
+/// windows is known only afterwards; it is taken where nothing of the log was replayed.
+pub(super) fn preferred(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
+    match compared.iter().filter_map(|own| own.log_error).reduce(f64::min) {
+        Some(least) => {
+            compared.iter().find(|own| own.log_error.is_some_and(|error| error <= ALIKE * least))
+        }
+        None => compared
+            .iter()
+            .reduce(|best, other| if other.online_rmse < best.online_rmse { other } else { best }),
+    }
+}
+
+/// The simple predictor to use instead of the agent, if there is one: the [`preferred`] one, if the agent is not known to match
+/// it, or another that is better than the agent by more than chance. Where the training mean does as well as that, the mean.
 pub(super) fn decisive(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
     let ratio = |comparison: &SimpleComparison| comparison.ratio.map_or(1.0, |ratio| ratio.value);
-    // The simpler of those that are alike.
-    let best =
-        compared.iter().reduce(|best, other| if ratio(other) > ratio(best) { other } else { best });
-    let is_beaten = compared.iter().any(SimpleComparison::is_better);
-    best.filter(|best| is_beaten || !best.is_matched())
+    let unmatched = preferred(compared).filter(|own| own.is_better() || !own.is_matched());
+    let better = || {
+        let better = compared.iter().filter(|own| own.is_better());
+        better.reduce(|best, other| if ratio(other) > ratio(best) { other } else { best })
+    };
+    let instead = unmatched.or_else(better)?;
+    let mean = compared.iter().find(|own| own.predictor == SimplePredictor::Mean);
+    mean.filter(|mean| mean.online_rmse <= instead.online_rmse).or(Some(instead))
 }

@@ -1,8 +1,12 @@
 use calib_agent::{AgentConfig, Part, PartScore, Scores, SimplePredictor};
 use calib_core::Seed;
+use calib_stats::{Estimate, Interval};
 use proptest::prelude::*;
 
-use super::*;
+use super::{
+    simple::{decisive, preferred},
+    *,
+};
 use crate::{Candidate, CurvePoint, EnvironmentId, RunRow, SimpleScore, Unit, UnitResult};
 
 const INF: f64 = f64::INFINITY;
@@ -353,6 +357,69 @@ fn no_agent_is_deployed_that_a_simple_predictor_beats() {
     let verdict = judged_beside([0.3, 0.2, 0.14], 1.0);
     assert_eq!(verdict.grade, Grade::Simpler);
     assert!(!verdict.simpler().expect("persistence").is_better());
+}
+
+/// A simple predictor with these errors on the log and on held-out data, and the agent's error by its own with its interval.
+fn simple(predictor: SimplePredictor, log: f64, online: f64, ratio: [f64; 3]) -> SimpleComparison {
+    let [low, value, high] = ratio;
+    SimpleComparison {
+        predictor,
+        online_error: online,
+        online_rmse: online,
+        log_error: Some(log),
+        ratio: Some(Estimate { value, interval: Some(Interval { low, high }) }),
+    }
+}
+
+#[test]
+fn the_simple_predictor_to_use_is_chosen_on_the_log() {
+    let mean = simple(SimplePredictor::Mean, 1.0, 1.0, [0.2, 0.3, 0.4]);
+    let ridge = simple(SimplePredictor::Ridge, 0.30, 0.35, [0.8, 1.0, 1.2]);
+    // Better on held-out data, which nobody knew when one had to be chosen.
+    let line = simple(SimplePredictor::Line, 0.40, 0.33, [0.9, 1.1, 1.3]);
+    let all = [mean.clone(), line.clone(), ridge.clone()];
+    let preferred = |all: &[SimpleComparison]| preferred(all).map(|own| own.predictor);
+    let instead = |all: &[SimpleComparison]| decisive(all).map(|own| own.predictor);
+    assert_eq!(preferred(&all), Some(SimplePredictor::Ridge));
+    assert_eq!(instead(&all), Some(SimplePredictor::Ridge));
+    // The simplest of those within a hundredth.
+    let near = SimpleComparison { log_error: Some(0.302), ..line.clone() };
+    assert_eq!(preferred(&[mean.clone(), near, ridge.clone()]), Some(SimplePredictor::Line));
+    // The agent matches it, and what is better in hindsight could be chance.
+    let matched = simple(SimplePredictor::Ridge, 0.30, 0.35, [0.95, 0.98, 1.01]);
+    assert_eq!(instead(&[mean.clone(), line, matched.clone()]), None);
+    // That is no chance.
+    let better = simple(SimplePredictor::Line, 0.40, 0.2, [1.4, 1.6, 1.8]);
+    assert_eq!(instead(&[mean, better, matched.clone()]), Some(SimplePredictor::Line));
+    // The mean does as well as what the log prefers.
+    let mean = simple(SimplePredictor::Mean, 1.0, 0.34, [0.9, 1.02, 1.2]);
+    assert_eq!(instead(&[mean, ridge]), Some(SimplePredictor::Mean));
+}
+
+#[test]
+fn a_default_that_learns_nothing_is_kept_unless_the_choice_improves_on_it() {
+    // Value 0 is the default, and frozen; value 1 is chosen.
+    let judged = |of_default: [f64; 3]| {
+        let windows = [100, 500, 900];
+        let online = windows
+            .iter()
+            .zip(of_default)
+            .map(|(&row, error)| run(EnvironmentId::Online, 0, row, [error, 0.2, 0.4]));
+        let mut candidates = candidates();
+        for candidate in &mut candidates {
+            candidate.is_default = candidate.index == 0;
+            candidate.agent.baseline = Some(SimplePredictor::Ridge);
+        }
+        candidates[0].agent.learning_rate = 0.0;
+        verdict("A", &candidates, &with(online), &judging(Rule::WorstRank)).expect("judged")
+    };
+    let alike = judged([0.19, 0.2, 0.22]);
+    assert_eq!((alike.chosen, alike.grade), (1, Grade::Good));
+    assert_eq!(alike.learning_off, Some(0));
+    assert_eq!(alike.recommendation(), Recommendation::KeepDefault);
+    let improved = judged([0.3, 0.32, 0.31]);
+    assert_eq!(improved.learning_off, None);
+    assert_eq!(improved.recommendation(), Recommendation::Deploy);
 }
 
 #[test]

@@ -99,6 +99,12 @@ impl Truth {
         interval.is_some_and(|interval| interval.low > 1.0)
     }
 
+    /// Whether the choice has less error than the default, with an interval that excludes equality.
+    pub fn improves_on_the_default(&self) -> bool {
+        let interval = self.choice.against_default.and_then(|ratio| ratio.interval);
+        interval.is_some_and(|interval| interval.high < 1.0)
+    }
+
     /// Whether the errors of different values differ. A single one has none to differ from.
     pub fn tells_apart(&self) -> bool {
         // Of every window the best value has no regret: where all have none, all have the same error.

@@ -56,6 +56,7 @@ pub(in crate::report) fn verdict() -> Verdict {
         ],
         simple: vec![],
         simpler: None,
+        matched: None,
         frozen: None,
         parts: vec![],
         start_up_share: None,
@@ -281,7 +282,7 @@ Nothing was chosen: all 9 values did alike in every run that counts, so that 1e-
 On held-out data (whole runs of 4 windows, 8 runs) all 9 values have the same error (NRMSE 0.423): nothing there tells them apart.
 Its skill is 0.55: 55 % less error than the mean return of each window, which nobody knows beforehand. The best value's is 0.57. NRMSE divides by the spread of returns in the training range.
 ");
-    assert_eq!(verdict.badge(), "Not told apart: all values did alike");
+    assert_eq!(verdict.badge(), "No clear difference: all settings did alike");
 }
 
 #[test]
@@ -368,7 +369,7 @@ fn beaten(is_better: bool) -> Verdict {
 fn a_simple_predictor_that_is_better_is_recommended_instead() {
     let verdict = beaten(true);
     insta::assert_snapshot!(verdict.headline(), @"Use persistence for PIT300, not an agent: it has 50 % less error.");
-    insta::assert_snapshot!(verdict.plain(), @r#"On held-out data persistence has 50 % less error than the chosen agent (agent / persistence: 2.00, 95 %: 1.80 to 2.20). Typical error: 1.3 against 2.6, in the sensor's unit. To improve on it, let the agent start from it: agent.baseline = "persistence"."#);
+    insta::assert_snapshot!(verdict.plain(), @r#"On held-out data persistence has 50 % less error than the chosen agent (agent / persistence: 2.00, 95 %: 1.80 to 2.20). Typical error of the predicted mean, in the sensor's unit: persistence 1.3, the agent 2.6. To improve on it, let the agent start from it: agent.baseline = "persistence"."#);
     insta::assert_snapshot!(verdict.simple_sentence().unwrap(), @"NRMSE of simple predictors on the same windows: the training mean 1.02, persistence 0.21 and ridge regression 0.3. The agent: 0.423.");
     assert_eq!(verdict.badge(), "Simpler is better: no agent needed");
 }
@@ -377,7 +378,30 @@ fn a_simple_predictor_that_is_better_is_recommended_instead() {
 fn an_agent_that_is_not_shown_to_be_better_is_not_recommended() {
     let verdict = beaten(false);
     insta::assert_snapshot!(verdict.headline(), @"Use persistence for PIT300: no agent is shown to do better.");
-    insta::assert_snapshot!(verdict.plain(), @r#"On held-out data persistence has 1 % more error than the chosen agent, which could be chance (agent / persistence: 0.99, 95 %: 0.90 to 1.10). Typical error: 1.3 against 2.6, in the sensor's unit. To improve on it, let the agent start from it: agent.baseline = "persistence"."#);
+    insta::assert_snapshot!(verdict.plain(), @r#"On held-out data persistence has 1 % more error than the chosen agent, which could be chance (agent / persistence: 0.99, 95 %: 0.90 to 1.10). Typical error of the predicted mean, in the sensor's unit: persistence 1.3, the agent 2.6. To improve on it, let the agent start from it: agent.baseline = "persistence"."#);
+}
+
+#[test]
+fn an_agent_that_is_deployed_stands_beside_the_simple_predictor_that_the_log_prefers() {
+    let matched = Some(crate::Simpler {
+        predictor: SimplePredictor::Ridge,
+        ratio: Some(estimate(0.9, 0.85, 0.96)),
+        is_better: false,
+        typical_errors: None,
+        has_baseline: true,
+    });
+    let told = Verdict { matched, ..verdict() }.plain();
+    insta::assert_snapshot!(told, @"It has 10 % less error than ridge regression, the simple predictor that the log prefers (agent / ridge regression: 0.90, 95 %: 0.85 to 0.96). On held-out data its predictions are 2.5 % worse than those of the best value of each window. Keeping the default, 1e-3, would have cost 28 %.");
+}
+
+#[test]
+fn a_default_that_learns_nothing_is_kept_where_learning_on_is_not_shown_to_help() {
+    let mut verdict = Verdict { frozen: Some(SimplePredictor::Line), ..verdict() };
+    let online = verdict.online.as_mut().unwrap();
+    online.against_default = Some(estimate(0.999, 0.99, 1.01));
+    insta::assert_snapshot!(verdict.headline(), @"Use a line on the sensor for PIT300: learning on adds nothing.");
+    insta::assert_snapshot!(verdict.plain(), @"An agent that goes on learning, with learning_rate = 1e-4, is not shown to do better on held-out data (its error / that of 1e-3: 1.00, 95 %: 0.99 to 1.01). So keep the default, learning_rate = 1e-3.");
+    assert_eq!(verdict.badge(), "Simpler is better: no agent needed");
 }
 
 #[test]
