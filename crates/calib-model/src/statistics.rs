@@ -5,9 +5,11 @@ use serde::{Deserialize, Serialize};
 /// Rows from the continuation of the record within which a jump does not depart from it (our choice).
 const VICINITY: u32 = 10;
 
-/// Below this departure rate a rollout counts as a near-verbatim replay of the log (our choice): at one row
-/// a second the model then leaves the record less than once in a hundred seconds.
-const NEAR_VERBATIM: f64 = 0.01;
+/// A run with fewer departures counts as a near-verbatim replay of the log (our choice): it shows an agent few moments.
+///
+/// The rate per step says little by itself. Nearest neighbours in a smooth representation depart once in so many hours,
+/// whatever the spacing of the states (docs/jump-rates.md).
+const FEWEST_DEPARTURES: f64 = 3.0;
 
 /// Rollouts that visit less than this share of the rows that they could are circling (our choice).
 const CIRCLING: f64 = 0.1;
@@ -74,10 +76,10 @@ impl JumpStatistics {
         }
     }
 
-    /// Whether the rollouts mostly replay the log: a departure rate below 1 %. Worth a warning, with the
-    /// advice to set a `theiler` window, or `exclude_self` where rows are far apart in time.
-    pub fn near_verbatim(&self) -> bool {
-        self.steps > 0 && self.departure_rate < NEAR_VERBATIM
+    /// Whether runs of so many steps mostly replay the log: fewer than three departures are expected in one. Worth a
+    /// warning, with the advice to make runs longer, or to take states that are further apart.
+    pub fn near_verbatim(&self, run: usize) -> bool {
+        self.steps > 0 && self.departure_rate * (run as f64) < FEWEST_DEPARTURES
     }
 
     /// Whether the rollouts circle within few rows: they visit less than a tenth of the rows that they could,
@@ -106,7 +108,7 @@ mod tests {
         assert_eq!(statistics.mean_run_length, 9.0 / 5.0);
         assert_eq!((statistics.longest_run, statistics.distinct_rows), (3, 7));
         assert_eq!((statistics.departures, statistics.departure_rate), (1, 1.0 / 7.0));
-        assert!(!statistics.near_verbatim());
+        assert!(!statistics.near_verbatim(500));
     }
 
     #[test]
@@ -114,13 +116,17 @@ mod tests {
         let replay: Vec<RowIndex> = (0..500).map(RowIndex).collect();
         let statistics = JumpStatistics::of([&replay[..]]);
         assert_eq!((statistics.jumps, statistics.longest_run), (0, 500));
-        assert!(statistics.near_verbatim());
+        assert!(statistics.near_verbatim(1_000_000));
         // Shuffling along the record is no better, though every second step jumps.
         let shuffle: Vec<RowIndex> = (0..500).map(|t| RowIndex(t + t % 4 / 2 * 3)).collect();
         let statistics = JumpStatistics::of([&shuffle[..]]);
-        assert!(statistics.jump_rate > 0.4 && statistics.near_verbatim());
+        assert!(statistics.jump_rate > 0.4 && statistics.near_verbatim(500));
         let away: Vec<RowIndex> = (0..500).map(|t| RowIndex(t % 50 * 11)).collect();
-        assert!(!JumpStatistics::of([&away[..]]).near_verbatim());
+        assert!(!JumpStatistics::of([&away[..]]).near_verbatim(500));
+        // One departure in 250 steps: a short run sees two moments of the log, and a long one many.
+        let seldom: Vec<RowIndex> = (0..500).map(|t| RowIndex(t + t / 250 * 10_000)).collect();
+        let seldom = JumpStatistics::of([&seldom[..]]);
+        assert!(seldom.near_verbatim(500) && !seldom.near_verbatim(5_000));
     }
 
     #[test]
@@ -140,7 +146,7 @@ mod tests {
             (statistics.steps, statistics.jump_rate, statistics.mean_run_length),
             (0, 0.0, 0.0)
         );
-        assert!(!statistics.near_verbatim());
+        assert!(!statistics.near_verbatim(500));
         let single = JumpStatistics::of([&rows(&[3])[..]]);
         assert_eq!((single.jumps, single.mean_run_length), (0, 1.0));
     }

@@ -367,5 +367,5 @@ pub(crate) fn warnings(manifest: &ModelFacts) -> Vec<String> {
     let ModelFacts { members, study, .. } = manifest;
     let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));
     let walks = recurrence::warnings(members, study.model.recurrent);
-    [walks, jumps::warnings(jumps, &study.model)].concat()
+    [walks, jumps::warnings(jumps, &study.model, study.sweep.steps)].concat()
 }

@@ -19,27 +19,28 @@ pub(crate) fn line(jumps: &JumpStatistics) -> String {
     )
 }
 
-/// What is wrong with a member's rollouts, if anything is.
-pub(crate) fn note(jumps: &JumpStatistics, transitions: usize) -> Option<&'static str> {
+/// What is wrong with a member's rollouts for runs of so many steps, if anything is.
+pub(crate) fn note(jumps: &JumpStatistics, transitions: usize, run: usize) -> Option<&'static str> {
     // A rollout that circles departs from nowhere, so it would pass for a replay as well.
     if jumps.circling(transitions) {
         Some("circles within few rows")
-    } else if jumps.near_verbatim() {
+    } else if jumps.near_verbatim(run) {
         Some("replays the log nearly verbatim")
     } else {
         None
     }
 }
 
-/// What to know of members whose rollouts are no good, with what to try.
+/// What to know of members whose rollouts are no good for runs of so many steps, with what to try.
 pub(crate) fn warnings<'a>(
     members: impl Iterator<Item = (Option<&'a JumpStatistics>, usize)>,
     model: &ModelConfig,
+    run: usize,
 ) -> Vec<String> {
     let (mut circling, mut verbatim) = (Vec::new(), Vec::new());
     for (member, (jumps, transitions)) in members.enumerate() {
         let Some(jumps) = jumps else { continue };
-        match note(jumps, transitions) {
+        match note(jumps, transitions, run) {
             Some(_) if jumps.circling(transitions) => circling.push(member),
             Some(_) => verbatim.push(member),
             None => {}
@@ -57,7 +58,8 @@ pub(crate) fn warnings<'a>(
     });
     let verbatim = named(verbatim.into_iter()).map(|members| {
         format!(
-            "rollouts of {members} replay the log nearly verbatim; consider a larger preprocess.subsample, or more neighbors"
+            "rollouts of {members} replay the log nearly verbatim: a run of {} steps goes to another time of the log fewer than three times; try longer runs (sweep.steps), a larger preprocess.subsample, or more neighbors",
+            count(run)
         )
     });
     circling.into_iter().chain(verbatim).collect()

@@ -37,7 +37,8 @@ fn show(manifest: &RolloutManifest, job: &Job, printer: &Printer) -> Result<(), 
     }
     let members = manifest.members.iter();
     let members = members.map(|member| (member.jumps.as_ref(), member.transitions));
-    for warning in jumps::warnings(members, &job.study().model) {
+    let study = job.study();
+    for warning in jumps::warnings(members, &study.model, study.sweep.steps) {
         printer.warn(&warning);
     }
     collapse::show(&manifest.collapse, printer)?;

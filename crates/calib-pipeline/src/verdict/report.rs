@@ -173,7 +173,7 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
         recorded: judged.recorded.clone(),
         rollouts: shown,
         rollout_grids: grids.collect(),
-        jumps: jumps(name, &model),
+        jumps: jumps(name, &model, study.sweep.steps),
         tables: tables(job, &model, rollouts.as_ref())?,
         data: Some(data_profile(&profile, &model, judged)),
         reproduction: reproduction(job, &steps(&[study]), sweep)?,
@@ -267,7 +267,7 @@ pub(crate) fn rollout_figures(
     Ok((shown, figures::starts(&trajectories, sensors, period_secs)?))
 }
 
-fn jumps(name: &str, model: &ModelManifest) -> Vec<JumpStatistics> {
+fn jumps(name: &str, model: &ModelManifest, run: usize) -> Vec<JumpStatistics> {
     let members = model.members.iter().enumerate();
     members
         .filter_map(|(member, summary)| {
@@ -279,7 +279,7 @@ fn jumps(name: &str, model: &ModelManifest) -> Vec<JumpStatistics> {
                 jump_rate: jumps.jump_rate,
                 departure_rate: jumps.departure_rate,
                 mean_run_length: jumps.mean_run_length,
-                note: jump_text::note(jumps, summary.transitions).map(str::to_owned),
+                note: jump_text::note(jumps, summary.transitions, run).map(str::to_owned),
             })
         })
         .collect()

@@ -48,7 +48,9 @@ impl Verdict {
                 if online.windows > 1 { " of each window" } else { "" },
             ),
         };
-        let matched = self.matched.as_ref().and_then(Simpler::matched_sentence);
+        // What is a simple predictor has no error beside it.
+        let matched = self.matched.as_ref().filter(|_| self.frozen.is_none());
+        let matched = matched.and_then(Simpler::matched_sentence);
         let sentences = matched.into_iter().chain([of_choice]).chain(self.of_default());
         sentences.collect::<Vec<_>>().join(" ")
     }
