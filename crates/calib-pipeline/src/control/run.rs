@@ -86,8 +86,8 @@ fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer:
     let members = config.model.members;
     let kinds: Vec<String> = config.models.iter().map(|kind| kind.name().to_owned()).collect();
     printer.say(&format!(
-        "{} x {members} members of {} x {} of {}",
-        counted(candidates, "candidate"),
+        "{} x {members} ensemble members of {} x {} of {}",
+        counted(candidates, "setting"),
         listed(&kinds),
         counted(config.runs, "run"),
         counted(config.steps, "step"),
