@@ -149,7 +149,7 @@ pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepErr
             let recorded = match of.recorded {
                 0 => String::new(),
                 recorded => {
-                    format!(" (of the recorded stretches: {} of {recorded})", of.recorded_collapsed)
+                    format!(", and in {} of {recorded} recorded stretches", of.recorded_collapsed)
                 }
             };
             printer.result(&format!(

@@ -39,7 +39,7 @@ struct SensorRatio {
 pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepError> {
     printer.result("")?;
     printer.result(&format!(
-        "one-step error on held-out data, RMSE of {} transitions, normalised (a model that recombines the log may be above 1 beside no change, and still choose well)",
+        "one-step error on held-out data, RMSE of {} transitions, normalised; a quotient above 1 is normal for a model that recombines the log",
         count(one_step.transitions)
     ))?;
     let rows: Vec<Vec<String>> = named(one_step)
