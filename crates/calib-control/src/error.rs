@@ -92,7 +92,9 @@ pub enum ControlError {
         members: usize,
     },
     /// A network diverged in training.
-    #[error("the network of ensemble member {member} diverged; set a smaller learning rate")]
+    #[error(
+        "the network of ensemble member {member} diverged; leave \"network\" out of control.models"
+    )]
     NetworkDiverged {
         /// Which member.
         member: usize,

@@ -198,20 +198,14 @@ fn swept(
                 let model = IncrementModel::new(model, &increments);
                 sweep_keeping(&model, candidates, extent, seed, units, &progress)?
             }
-            ActionModelKind::Network => {
-                match NetworkModel::beside(model, seed, &progress) {
-                    Ok(model) => {
-                        sweep_keeping(&model, candidates, extent, seed, units, &progress)?
-                    }
-                    Err(error @ ControlError::NetworkDiverged { .. }) if config.models.len() > 1 => {
-                        printer.warn(&format!(
-                            "{error}; the other kinds of models decide. To leave networks out, list the others in control.models"
-                        ));
-                        continue;
-                    }
-                    Err(error) => return Err(error.into()),
+            ActionModelKind::Network => match NetworkModel::beside(model, seed, &progress) {
+                Ok(model) => sweep_keeping(&model, candidates, extent, seed, units, &progress)?,
+                Err(error @ ControlError::NetworkDiverged { .. }) if config.models.len() > 1 => {
+                    printer.warn(&format!("{error}; now the other kinds of models decide"));
+                    continue;
                 }
-            }
+                Err(error) => return Err(error.into()),
+            },
         });
     }
     Ok(runs)
