@@ -58,7 +58,7 @@ impl fmt::Display for Method {
             Self::OtherPlants => "other plants' best default",
             Self::OtherPlantsWithOptimiser => "others' best, same optimiser",
             Self::Random => "random choice",
-            Self::Hindsight => "best fixed setting, afterwards",
+            Self::Hindsight => "best fixed setting",
             Self::AnotherWindow => "another window",
         })
     }

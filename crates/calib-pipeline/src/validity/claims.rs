@@ -83,7 +83,7 @@ pub(super) const fn finding(finding: Finding) -> &'static str {
         Finding::Better => "better",
         Finding::Worse => "worse",
         Finding::NoWorse => "no worse",
-        Finding::Untold => "no clear difference",
+        Finding::Untold => "unclear",
     }
 }
 
