@@ -8,7 +8,7 @@
     python3 scripts/style.py --self-test     tests the splitting of pages, sentences and strings
 
 Only prose is measured: paragraphs and list items of four words or more. Code, tables and headings are not, except that
-banned phrasings are looked for in tables and headings too. Inline code counts as one word. Messages of the program are
+banned phrasings are looked for in tables and headings too, and that sentences in cells have a limit. Inline code counts as one word. Messages of the program are
 looked at for banned phrasings alone: string literals of more than two words, the help of its commands, and what the
 schema of a study says of its keys.
 """
@@ -36,6 +36,9 @@ class Limits:
 TIGHT = Limits(mean=17, longest=35, semicolons=3)
 LOOSE = Limits(mean=20, longest=45, semicolons=8)
 
+# Lists of names need some; more than this are facts in a row.
+CELL_SEMICOLONS = 3
+
 # In the order of the table. A page belongs to the first group with a pattern that fits.
 GROUPS = [
     ("README", TIGHT, ["README.md", "python/README.md"]),
@@ -51,7 +54,7 @@ GROUPS = [
     ),
     ("questions", TIGHT, ["docs/*.md", "docs/*/*.md"]),
     ("design", LOOSE, ["DESIGN.md", "ARCHITECTURE.md"]),
-    ("project", LOOSE, ["STYLE.md", "CONTRIBUTING.md", "SECURITY.md", "crates/*/README.md"]),
+    ("project", LOOSE, ["STYLE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md", "crates/*/README.md"]),
 ]
 
 # What is not written, and what is written in its place. STYLE.md lists the same.
@@ -117,6 +120,12 @@ class Block:
         return " ".join(lines)
 
 
+def is_numbered_later(line: str) -> bool:
+    """Whether a line looks like an item of a list that does not begin with 1: it cannot interrupt a paragraph."""
+    number = re.match(r"\s*(\d+)[.)]\s", line)
+    return number is not None and int(number.group(1)) != 1
+
+
 def blocks(page: str) -> list[Block]:
     """A page cut into what its lines are."""
     found: list[Block] = []
@@ -150,7 +159,7 @@ def blocks(page: str) -> list[Block]:
             in_list = False
         elif bare.startswith(("<", "![", "[^")) or re.match(r"^(-{3,}|={3,}|\[[^\]]+\]: )", bare):
             found.append(Block("raw", number, [line]))
-        elif ITEM.match(line):
+        elif ITEM.match(line) and not (continues and last.kind == "paragraph" and is_numbered_later(line)):
             found.append(Block("item", number, [line]))
             in_list = True
         elif continues and last.is_prose:
@@ -274,6 +283,18 @@ def is_list_of_phrasings(block: Block) -> bool:
     return block.kind == "table" and block.lines[0] == "| not | but |"
 
 
+def long_cell(cell: str, limits: Limits) -> list[str]:
+    """What is too long in a cell of a table: its sentences have the limit of the page, its semicolons that of a sentence."""
+    found = [
+        f"{words(sentence)} words in a sentence of a cell, at most {limits.longest}: {sentence[:60]}…"
+        for sentence in sentences(cell)
+        if words(sentence) > limits.longest
+    ]
+    if cell.count(";") > CELL_SEMICOLONS:
+        found.append(f"{cell.count(';')} semicolons in a cell, at most {CELL_SEMICOLONS}: {cell[:60]}…")
+    return found
+
+
 def is_long(line: str) -> bool:
     """Whether a line of prose could end sooner."""
     return len(line) > COLUMNS and len(tokens(line.strip())) > 1 + bool(ITEM.match(line))
@@ -284,12 +305,20 @@ def measured(text: str, limits: Limits) -> Page:
     measure = Measure()
     found: list[Sentence] = []
     breaches: list[Breach] = []
+    before = Block("blank", 0)
     for block in blocks(text):
         if block.kind in ("table", "heading", "raw") and not is_list_of_phrasings(block):
             for place, line in enumerate(block.lines):
                 shown = plain(line)
                 for cell in shown.strip("|").split(" | ") if block.kind == "table" else [shown]:
                     breaches += [Breach(block.first + place, what) for what in banned_in(cell.strip())]
+                    if block.kind == "table":
+                        breaches += [Breach(block.first + place, what) for what in long_cell(cell.strip(), limits)]
+        if block.kind == "item" and before.kind in ("paragraph", "heading") and is_numbered_later(block.lines[0]):
+            if before.kind == "heading" or not before.lines[0].startswith(" "):
+                breaches.append(Breach(block.first, "a list that does not begin with 1, or a sentence that was cut"))
+        if block.kind != "blank":
+            before = block
         if block.kind == "code" and block.lines[0].strip() in ("```text", "```console"):
             measure.outputs += 1
         if not block.is_prose:
@@ -454,6 +483,11 @@ def self_test() -> None:
     measure = measured(page, TIGHT).measure
     assert measure.semicolons == 1 and measure.lengths[0] == 5, measure
     assert [breach.line for breach in measured("x y z w " * 20, TIGHT).breaches] == [1, 1, 1]
+    cut = "What it costs (rate\n0) is known.\n"
+    assert [block.kind for block in blocks(cut)] == ["paragraph"] and wrap(cut) == "What it costs (rate 0) is known.\n"
+    assert [breach.line for breach in measured("What it costs (rate\n\n0) is known.\n", TIGHT).breaches] == [3]
+    assert not measured("Some words: a list\n\n1. one\n2. two\n", TIGHT).breaches
+    assert len(measured("| a |\n|---|\n| " + "word " * 36 + "|\n| a; b; c; d; e |\n", TIGHT).breaches) == 2
     long = "- " + "word " * 30 + "`code that is kept whole` [a link](to/a/page.md) - 1. end"
     wrapped = wrap(long)
     assert all(len(line) <= COLUMNS for line in wrapped.splitlines()) and "`code that is kept whole`" in wrapped

@@ -51,19 +51,19 @@ pub struct Cli {
 
 #[derive(Clone, Debug, Args)]
 pub(crate) struct GlobalArgs {
-    /// Print results and errors only
+    /// Print only results and errors
     #[arg(short, long, global = true, help_heading = OUTPUT)]
     pub(crate) quiet: bool,
-    /// Say more: what each step came to, all reasons of a verdict, and how long the command has been running
+    /// Print more: the result of each step, all reasons of a verdict, and the elapsed time
     #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = OUTPUT)]
     pub(crate) verbose: bool,
-    /// Append all that is said, and results, to a file, with times: what `--quiet` hides as well
+    /// Append all messages and results to a file, with times, also those that `--quiet` hides
     #[arg(long, global = true, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) log: Option<PathBuf>,
-    /// When to use colour; `NO_COLOR` is obeyed
+    /// When to use colour; calib obeys `NO_COLOR`
     #[arg(long, global = true, value_enum, default_value_t = ColorChoice::Auto, help_heading = OUTPUT)]
     pub(crate) color: ColorChoice,
-    /// Threads to work with (default: one per core); results do not depend on it
+    /// Number of threads (default: one per core); results do not depend on it
     #[arg(long, global = true, value_name = "N")]
     pub(crate) threads: Option<usize>,
 }
@@ -81,43 +81,43 @@ pub(crate) enum Command {
     Quickstart(QuickstartArgs),
     /// Write Parquet logs of a simulated membrane-filtration pilot plant
     Simulate(Box<SimulateArgs>),
-    /// Look at a log, and write a study of it with a reason for every value
+    /// Look at a log, and write a study of it with a reason for every key
     Init(InitArgs),
     /// Show what is in a log and what preprocessing would keep
     Inspect(InspectArgs),
-    /// Write logs of any form (CSV, long tables, one file per tag) once as one wide Parquet file
+    /// Convert logs of any form (CSV, long tables, one file per tag) into one wide Parquet file
     Import(ImportArgs),
-    /// Run a study from its log to the verdict: every step that it needs, as far as it is not done
+    /// Run a study from its log to the verdict, and skip steps that are done
     Run(DeviceArgs),
     /// Train or import representations of the states, score them, and choose one
     Represent(RepresentArgs),
     /// Build the ensemble of nearest-neighbour calibration models
     BuildModel(BuildModelArgs),
-    /// Roll the model out and compare with the recorded trajectory
+    /// Roll the model out, and compare rollouts with the recorded log
     Rollout(StudyArgs),
-    /// Pre-train one agent a sensor on a part of the log, for `sweep` to start from
+    /// Pre-train one agent per sensor on a part of the log, for `sweep` to start from
     Pretrain(PretrainArgs),
-    /// Train agents for every value of the grid in the model, Online and on the replayed log
+    /// Train agents with every setting of the grid: in the model, on the replayed log and on the held-out period
     Sweep(DeviceArgs),
-    /// Choose a value, say how well the choice agrees with Online, and write the report
+    /// Choose a setting, check it on the held-out period, and write the report
     #[command(mut_arg("study", |arg| {
         arg.required(false).required_unless_present("runs").default_value_if("runs", ArgPredicate::IsPresent, NO_STUDY)
     }))]
     Evaluate(EvaluateArgs),
-    /// For agents that act: read a log of decisions, let every candidate act in its model, and say which to deploy
+    /// For agents that act: read a log with actions, train every setting in models of it, and recommend one
     Control(StudyArgs),
-    /// Read results, and name what is not what was written
+    /// Verify that a results folder is as calib wrote it
     Check(CheckArgs),
     /// Divide a study's sweeps between processes, on one machine or many
     Cluster {
         #[command(subcommand)]
         command: ClusterCommand,
     },
-    /// Judge how well calib chooses, over several studies with held-out data
+    /// Measure how well calib chooses, over several studies with held-out data
     Validity(ValidityArgs),
     /// Dynamic time warping distance between two series
     Dtw(DtwArgs),
-    /// Say what a key of a study means, such as agent.gamma; without one, which sections there are
+    /// Explain a key of a study, such as agent.gamma; without one, list the sections
     Explain {
         /// A key or a section: agent.gamma, sweep
         key: Option<String>,

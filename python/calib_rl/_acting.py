@@ -104,6 +104,11 @@ class ActionModel:
 
         Raises:
             CalibError: There is none, or it was damaged.
+
+        Examples:
+            >>> model = _example_model()
+            >>> ActionModel.open(model.path).members
+            5
         """
         return ActionModel(_calib.ActionModel.open(os.fspath(folder)))
 
@@ -119,6 +124,12 @@ class ActionModel:
 
         Raises:
             CalibError: It was not built.
+
+        Examples:
+            >>> import calib_rl
+            >>> study = calib_rl.Study(_example_model().path.parents[1] / "study.toml")
+            >>> ActionModel.of(study).members
+            5
         """
         return ActionModel(_calib.ActionModel.of_job(study._job))
 
@@ -179,7 +190,13 @@ class ActionModel:
 
     @property
     def states(self) -> NDArray[np.float32]:
-        """Normalised states, ``float32 [n, d]``, a read-only view."""
+        """Normalised states, ``float32 [n, d]``, a read-only view.
+
+        Examples:
+            >>> model = _example_model()
+            >>> model.states.shape[1] == len(model.columns)
+            True
+        """
         return self._native.states()
 
     @property
@@ -208,6 +225,11 @@ class ActionModel:
 
         Raises:
             IndexError: There is no such member.
+
+        Examples:
+            >>> model = _example_model()
+            >>> model.neighbors(0).shape
+            (599, 3, 3)
         """
         return self._native.neighbors(position(member, "member"))
 
@@ -222,6 +244,11 @@ class ActionModel:
 
         Raises:
             IndexError: There is no such member.
+
+        Examples:
+            >>> model = _example_model()
+            >>> model.distances(0).shape
+            (599, 3, 3)
         """
         return self._native.distances(position(member, "member"))
 
@@ -233,6 +260,12 @@ class ActionModel:
 
         Returns:
             Mean, best and worst return.
+
+        Examples:
+            >>> model = _example_model()
+            >>> recorded = model.recorded(timeout=50)
+            >>> recorded.worst <= recorded.best
+            True
         """
         return Recorded(*self._native.recorded(self.timeout if timeout is None else whole(timeout, "timeout", 1)))
 
@@ -244,6 +277,11 @@ class ActionModel:
 
         Returns:
             ``float64 [..., d]``.
+
+        Examples:
+            >>> model = _example_model()
+            >>> model.physical(model.states[:2]).shape
+            (2, 1)
         """
         return physical_values(self._native.columns, states)
 

@@ -74,6 +74,13 @@ class Model:
 
         Raises:
             CalibError: There is none, it was damaged, or it is a network.
+
+        Examples:
+            >>> import calib_rl
+            >>> from calib_rl._study import _example_study
+            >>> folder = _example_study().build_model(progress=False).path
+            >>> calib_rl.Model.open(folder).members
+            5
         """
         return Model(_calib.Model.open(os.fspath(folder)))
 
@@ -89,54 +96,128 @@ class Model:
 
         Raises:
             CalibError: It was not built, or of another study.
+
+        Examples:
+            >>> import calib_rl
+            >>> from calib_rl._study import _example_study
+            >>> study = _example_study()
+            >>> _ = study.build_model(progress=False)
+            >>> calib_rl.Model.of(study).members
+            5
         """
         return Model(_calib.Model.of_job(study._job))
 
     @property
     def path(self) -> Path | None:
-        """The folder that the model lies in. ``None`` where it was built of arrays."""
+        """The folder that the model lies in. ``None`` where it was built of arrays.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.arange(60.0).reshape(30, 2) % 7, members=5)
+            >>> model.path is None
+            True
+        """
         directory = self._native.directory
         return None if directory is None else Path(directory).absolute()
 
     @property
     def members(self) -> int:
-        """Members of the ensemble. Each lacks one block of the data."""
+        """Members of the ensemble. Each lacks one block of the data.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.arange(60.0).reshape(30, 2) % 7, members=5)
+            >>> model.members
+            5
+        """
         return self._native.members
 
     @property
     def k(self) -> int:
-        """Neighbours of each transition."""
+        """Neighbours of each transition.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.arange(60.0).reshape(30, 2) % 7, members=5)
+            >>> model.k
+            3
+        """
         return self._native.k
 
     @property
     def period(self) -> float | None:
-        """Seconds from one row to the next. ``None`` where the model was built of arrays."""
+        """Seconds from one row to the next. ``None`` where the model was built of arrays.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> _example_study().build_model(progress=False).period
+            60.0
+        """
         return self._native.period
 
     @property
     def columns(self) -> list[str]:
-        """Names of the ``d`` columns of the states."""
+        """Names of the ``d`` columns of the states.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> "PIT300" in _example_study().build_model(progress=False).columns
+            True
+        """
         return [name for name, _, _ in self._native.columns]
 
     @property
     def states(self) -> NDArray[np.float32]:
-        """Normalised states, ``float32 [n, d]``: usually in [0, 1] over the training range."""
+        """Normalised states, ``float32 [n, d]``: usually in [0, 1] over the training range.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.arange(60.0).reshape(30, 2) % 7, members=5)
+            >>> model.states.shape, model.states.dtype
+            ((30, 2), dtype('float32'))
+        """
         return self._native.states()
 
     @property
     def times(self) -> NDArray[np.datetime64] | None:
-        """Time of every row, ``datetime64[us] [n]``, UTC where the log knows it. ``None`` where there are none."""
+        """Time of every row, ``datetime64[us] [n]``, UTC where the log knows it. ``None`` where there are none.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> _example_study().build_model(progress=False).times.dtype
+            dtype('<M8[us]')
+        """
         times = self._native.times()
         return None if times is None else times.view("datetime64[us]")
 
     @property
     def segments(self) -> list[int]:
-        """Rows of each unbroken segment. No transition crosses from one into the next."""
+        """Rows of each unbroken segment. No transition crosses from one into the next.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.arange(60.0).reshape(30, 2) % 7, members=5)
+            >>> model.segments
+            [30]
+        """
         return self._native.segments()
 
     @property
     def sources(self) -> NDArray[np.uint32]:
-        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``. It leads to the row after it."""
+        """Row that each of the ``t`` transitions starts from, ``uint32 [t]``. It leads to the row after it.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.arange(60.0).reshape(30, 2) % 7, members=5)
+            >>> model.sources[:3]
+            array([0, 1, 2], dtype=uint32)
+        """
         return self._native.sources()
 
     def transitions(self, member: int = 0) -> NDArray[np.uint32]:
@@ -150,6 +231,13 @@ class Model:
 
         Raises:
             IndexError: There is no such member.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.arange(60.0).reshape(30, 2) % 7, members=5)
+            >>> len(model.transitions(0)) < len(model.sources)
+            True
         """
         return self._native.transitions(position(member, "member"))
 
@@ -164,6 +252,13 @@ class Model:
 
         Raises:
             IndexError: There is no such member.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.arange(60.0).reshape(30, 2) % 7, members=5)
+            >>> model.neighbors(0).shape
+            (29, 3)
         """
         return self._native.neighbors(position(member, "member"))
 
@@ -179,6 +274,13 @@ class Model:
 
         Raises:
             IndexError: There is no such member.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.arange(60.0).reshape(30, 2) % 7, members=5)
+            >>> model.distances(0).shape
+            (29, 3)
         """
         return self._native.distances(position(member, "member"))
 
@@ -190,6 +292,12 @@ class Model:
 
         Returns:
             ``float64 [..., d]``.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> model = _example_study().build_model(progress=False)
+            >>> model.physical(model.states[:2]).shape == model.states[:2].shape
+            True
         """
         return physical_values(self._native.columns, states)
 
@@ -201,6 +309,14 @@ class Model:
 
         Returns:
             ``float32 [..., d]``.
+
+        Examples:
+            >>> import numpy as np
+            >>> from calib_rl._study import _example_study
+            >>> model = _example_study().build_model(progress=False)
+            >>> values = model.physical(model.states[:2])
+            >>> bool(np.allclose(model.normalised(values), model.states[:2], atol=1e-5))
+            True
         """
         _, offset, scale = zip(*self._native.columns)
         states: NDArray[np.float32] = ((np.asarray(values, np.float64) - np.array(offset)) / np.array(scale)).astype(np.float32)

@@ -98,17 +98,35 @@ class Study:
 
     @property
     def path(self) -> Path:
-        """The study file."""
+        """The study file.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> _example_study().path.name
+            'study.toml'
+        """
         return Path(self._job.path("study"))
 
     @property
     def results(self) -> Path:
-        """The folder of all results."""
+        """The folder of all results.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> _example_study().results.name
+            'study-results'
+        """
         return Path(self._job.path("root"))
 
     @property
     def config(self) -> dict[str, Any]:
-        """The study as it was resolved: every key, with its default where it was not given."""
+        """The study as it was resolved: every key, with its default where it was not given.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> _example_study().config["agent"]["gamma"]
+            0.8
+        """
         resolved: dict[str, Any] = json.loads(self._job.json())
         return resolved
 
@@ -133,6 +151,13 @@ class Study:
 
         Args:
             progress: Whether to print what is done, or an observer.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> study = _example_study()
+            >>> study.simulate(progress=False)
+            >>> (study.path.parent / "plant").is_dir()
+            True
         """
         self._step("simulate", progress)
 
@@ -141,6 +166,15 @@ class Study:
 
         Args:
             progress: Whether to print what is done, or an observer.
+
+        Examples:
+            >>> import calib_rl, tempfile
+            >>> from calib_rl._study import _example_study
+            >>> trained = {"representation.kind": "laplacian", "representation.dimension": 4, "representation.steps": 50}
+            >>> study = calib_rl.Study(_example_study().path, set=trained, output=tempfile.mkdtemp())
+            >>> study.represent(progress=False)
+            >>> (study.results / "representation" / "candidates.parquet").is_file()
+            True
         """
         self._step("represent", progress)
 
@@ -149,6 +183,14 @@ class Study:
 
         Args:
             progress: Whether to print what is done, or an observer.
+
+        Examples:
+            >>> import calib_rl, tempfile
+            >>> from calib_rl._study import _example_study
+            >>> study = calib_rl.Study(_example_study().path, set={"pretrain.epochs": 2}, output=tempfile.mkdtemp())
+            >>> study.pretrain(progress=False)
+            >>> (study.results / "pretrain" / "PIT300.safetensors").is_file()
+            True
         """
         self._step("pretrain", progress)
 
@@ -181,6 +223,13 @@ class Study:
 
         Raises:
             CalibError: It was not, or of another study.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> study = _example_study()
+            >>> built = study.build_model(progress=False)
+            >>> study.model().path == built.path
+            True
         """
         return Model.of(self)
 
@@ -195,6 +244,15 @@ class Study:
 
         Raises:
             CalibError: The data is wrong, the study has no ``[control]``, or the machine refuses.
+
+        Examples:
+            >>> import calib_rl, pathlib, tempfile
+            >>> from calib_rl._acting import _example_log
+            >>> folder = pathlib.Path(tempfile.mkdtemp())
+            >>> _ = calib_rl.build_model(_example_log(), folder, actions=["valve"], reward="reward")
+            >>> study = calib_rl.Study(folder / "study.toml")
+            >>> len(study.build_control_model(progress=False).actions)
+            3
         """
         self._step("control_model", progress)
         return ActionModel.of(self)
@@ -210,6 +268,13 @@ class Study:
 
         Raises:
             CalibError: The model was not built.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> study = _example_study()
+            >>> _ = study.build_model(progress=False)
+            >>> study.rollout(progress=False).tables()
+            ['dtw', 'measures', 'one_step', 'trajectories']
         """
         self._step("rollout", progress)
         return Rollouts(Path(self._job.path("rollout")))
@@ -226,6 +291,13 @@ class Study:
         Raises:
             CalibError: The model was not built.
             KeyboardInterrupt: Ctrl-C. The same call goes on from there.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> study = _example_study()
+            >>> _ = study.build_model(progress=False)
+            >>> sorted(set(study.sweep(progress=False).frame()["learning_rate"]))
+            [0.001, 0.01]
         """
         self._step("sweep", progress)
         return Runs(Path(self._job.path("sweep")))
@@ -241,6 +313,13 @@ class Study:
 
         Raises:
             CalibError: The sweep is not complete.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> study = _example_study()
+            >>> _ = study.run(progress=False)
+            >>> study.evaluate(progress=False).report.name
+            'report.html'
         """
         outcome = self._step("evaluate", progress)
         return self._verdict(outcome)

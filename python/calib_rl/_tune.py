@@ -169,7 +169,7 @@ def tune(
     fewest_terminals: int | None = None,
     progress: bool = False,
 ) -> Tuned:
-    """Let an agent of one's own learn with every setting in every member of a model, and say which setting to deploy.
+    """Let an agent of one's own learn with every setting in every member of a model, and recommend a setting.
 
     A unit is one setting in one run of one member: a new agent, which learns for ``total_timesteps`` steps. What counts is its mean return an episode, learning
     included. All settings meet the same chance: the same seeds of the environment, of NumPy, of Python, and of PyTorch where it is imported.
@@ -378,7 +378,7 @@ def _difference(of: dict[str, Any]) -> str:
     interval = of["interval"]
     tail = "" if interval is None else f" (95 %: {_short(float(interval['low']))} to {_short(float(interval['high']))})"
     mean = float(of["mean"])
-    return f"{'+' if mean >= 0 else ''}{_short(mean)} in the model, over members{tail}"
+    return f"{'+' if mean >= 0 else ''}{_short(mean)} in the model, over blocks of the log{tail}"
 
 
 @dataclass

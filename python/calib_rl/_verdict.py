@@ -46,6 +46,11 @@ class Rollouts:
 
         Returns:
             Names for `frame`, such as ``["dtw", "trajectories"]``.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> "measures" in _example_study().rollout(progress=False).tables()
+            True
         """
         return sorted(str(table.relative_to(self.path).with_suffix("")) for table in self.path.rglob("*.parquet"))
 
@@ -57,6 +62,12 @@ class Rollouts:
 
         Returns:
             A frame of polars, or of pandas where polars is not installed.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> rollouts = _example_study().rollout(progress=False)
+            >>> rollouts.frame("trajectories").columns[:3]
+            ['member', 'rollout', 'step']
         """
         return frame(self.path / f"{name}.parquet")
 
@@ -85,6 +96,12 @@ class Runs:
 
         Returns:
             ``runs.parquet`` as a frame of polars or pandas. docs/formats.md describes its columns.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> runs = _example_study().sweep(progress=False)
+            >>> sorted(set(runs.frame()["environment"]))[:2]
+            ['log-replay', 'member:0']
         """
         return frame(self.path / "runs.parquet")
 
@@ -93,6 +110,12 @@ class Runs:
 
         Returns:
             ``curves.parquet`` as a frame of polars or pandas: one row for each point of a curve.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> runs = _example_study().sweep(progress=False)
+            >>> "rmse" in runs.curves().columns
+            True
         """
         return frame(self.path / "curves.parquet")
 
@@ -137,13 +160,27 @@ class Verdict:
 
     @property
     def advice(self) -> list[list[str]]:
-        """The verdict in words: one list of lines for each sensor, the first of which says what to deploy."""
+        """The verdict in words: one list of lines for each sensor, the first of which says what to deploy.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> verdict = _example_study().run(progress=False)
+            >>> "PIT300" in verdict.advice[0][0]
+            True
+        """
         lines: list[list[str]] = self.summary.get("advice", [])
         return lines
 
     @property
     def chosen(self) -> dict[str, str]:
-        """The chosen setting of each sensor, as text: ``{"PIT300": "learning_rate = 0.001"}``. See `settings` for numbers."""
+        """The chosen setting of each sensor, as text: ``{"PIT300": "learning_rate = 0.001"}``. See `settings` for numbers.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> verdict = _example_study().run(progress=False)
+            >>> verdict.chosen["PIT300"].split(" = ")[0]
+            'learning_rate'
+        """
         labels = self.summary.get("candidates", [])
         return {of["sensor"]: labels[of["chosen"]] for of in self.summary.get("verdicts", [])}
 
@@ -152,17 +189,37 @@ class Verdict:
         """The chosen setting of each sensor, by hyperparameter: ``{"PIT300": {"learning_rate": 0.001}}``.
 
         Look at `recommendations` too: a setting is chosen also where it should not be deployed.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> verdict = _example_study().run(progress=False)
+            >>> verdict.settings["PIT300"]["learning_rate"] in (0.001, 0.01)
+            True
         """
         return {of["sensor"]: dict(of["values"]) for of in self.summary.get("choices", [])}
 
     @property
     def recommendations(self) -> dict[str, str]:
-        """What to do for each sensor: ``"deploy"``, ``"keep_default"``, ``"use_simple_predictor"``, ``"do_not_deploy"`` or ``"not_checked"``."""
+        """What to do for each sensor: ``"deploy"``, ``"keep_default"``, ``"use_simple_predictor"``, ``"do_not_deploy"`` or ``"not_checked"``.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> verdict = _example_study().run(progress=False)
+            >>> list(verdict.recommendations)
+            ['PIT300']
+        """
         return {of["sensor"]: of["recommendation"] for of in self.summary.get("choices", [])}
 
     @property
     def caveats(self) -> list[str]:
-        """What to know before relying on the verdict, and notes of the sweep."""
+        """What to know before relying on the verdict, and notes of the sweep.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> verdict = _example_study().run(progress=False)
+            >>> all(isinstance(text, str) for text in verdict.caveats)
+            True
+        """
         return [*self.summary.get("caveats", []), *self.summary.get("notes", [])]
 
     def runs(self) -> Any:
@@ -170,6 +227,12 @@ class Verdict:
 
         Returns:
             A frame, as `Runs.frame`.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> verdict = _example_study().run(progress=False)
+            >>> "nrmse" in verdict.runs().columns
+            True
         """
         return Runs(self._sweep).frame()
 
@@ -178,6 +241,12 @@ class Verdict:
 
         Returns:
             A frame, as `Runs.curves`.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> verdict = _example_study().run(progress=False)
+            >>> "step" in verdict.curves().columns
+            True
         """
         return Runs(self._sweep).curves()
 
@@ -186,6 +255,12 @@ class Verdict:
 
         Returns:
             A frame with the columns `sensor`, `environment`, `candidate`, `label`, `mean` and `chosen`.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> verdict = _example_study().run(progress=False)
+            >>> verdict.scores().columns
+            ['sensor', 'environment', 'candidate', 'label', 'mean', 'chosen']
         """
         rows: dict[str, list[Any]] = {name: [] for name in ("sensor", "environment", "candidate", "label", "mean", "chosen")}
         labels = self.summary.get("candidates", [])

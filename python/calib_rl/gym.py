@@ -116,6 +116,14 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
 
         Returns:
             The first observation, and ``info``.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.random.default_rng(0).random((500, 3)))
+            >>> seen, info = CalibrationEnv(model).reset(seed=1)
+            >>> sorted(info)
+            ['distance', 'row', 'time']
         """
         super().reset(seed=seed)
         walkers = self._settings.walkers
@@ -132,6 +140,16 @@ class CalibrationEnv(gymnasium.Env[NDArray[np.float32], Any]):
 
         Returns:
             Observation, reward, ``False``, whether the episode is over, and ``info``.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.random.default_rng(0).random((500, 3)))
+            >>> env = CalibrationEnv(model, reward=2, max_steps=1)
+            >>> _ = env.reset(seed=1)
+            >>> seen, reward, terminated, truncated, info = env.step(env.action_space.sample())
+            >>> terminated, truncated
+            (False, True)
         """
         seen, reward, over, row, time, distance = self._settings.walkers.step_one()
         return seen, reward, False, over, {"row": row, "time": time, "distance": distance}
@@ -185,6 +203,13 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
 
         Returns:
             The observations, and ``info``.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.random.default_rng(0).random((500, 3)))
+            >>> CalibrationVectorEnv(model, 8, members=range(5)).reset(seed=1)[0].shape
+            (8, 3)
         """
         super().reset(seed=one_seed(seed))
         walkers = self._settings.walkers
@@ -203,6 +228,15 @@ class CalibrationVectorEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
 
         Returns:
             Observations, rewards, terminated, truncated, and ``info``.
+
+        Examples:
+            >>> import numpy as np
+            >>> import calib_rl
+            >>> model = calib_rl.build_model(np.random.default_rng(0).random((500, 3)))
+            >>> env = CalibrationVectorEnv(model, 8)
+            >>> _ = env.reset(seed=1)
+            >>> env.step(env.action_space.sample())[1].shape
+            (8,)
         """
         seen, rewards, over, rows, times, distances = self._settings.walkers.step()
         return seen, rewards, self._never.copy(), over, self._info(rows, times, distances)
@@ -307,7 +341,7 @@ def make(
         kind: With actions: what a step does. ``"neighbors"`` goes to the recorded next state of a neighbour. ``"increments"`` adds the neighbour's recorded
             change to the state, in every column where that predicts better, and so leaves recorded rows, though never the recorded range. Each step searches
             all transitions with the action. ``row`` in ``info`` is then the row that the neighbour led to, and ``displacement`` is 0.
-            ``"network"`` goes where a network says that learnt the log, as ``calib control`` trains it. It is trained at its first use in a process, in a second or
+            ``"network"`` goes where a network says that learned the log, as ``calib control`` trains it. It is trained at its first use in a process, in a second or
             two. ``row`` is then that of the start of the episode, and every step counts as covered.
 
     Returns:

@@ -71,7 +71,7 @@ pub(crate) struct BuildOptions {
     /// Memory to stay within, such as 16GiB (default: what the machine, or its container, has free)
     #[arg(long, value_name = "SIZE")]
     pub(crate) memory: Option<MemorySize>,
-    /// Whether states, images and tables are mapped from files while the model is built
+    /// Where states, images and tables are kept while the model is built
     #[arg(long, value_enum, default_value_t = Spill::Auto)]
     pub(crate) spill: Spill,
 }

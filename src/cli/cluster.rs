@@ -16,42 +16,42 @@ pub(crate) enum ClusterCommand {
         /// Which step
         #[arg(long, value_enum, default_value_t = ClusterStep::Sweep)]
         of: ClusterStep,
-        /// Minutes that a shard is to take on one thread
+        /// Minutes that a shard should take on one thread
         #[arg(long, value_name = "MINUTES", default_value_t = 30.0)]
         task_minutes: f64,
-        /// Shards that there may be
+        /// The largest number of shards
         #[arg(long, value_name = "N", default_value = "1000")]
         max_tasks: NonZeroUsize,
-        /// Shards that there are to be, whatever they take
+        /// The number of shards, whatever time they take
         #[arg(long, value_name = "N")]
         shards: Option<NonZeroUsize>,
-        /// The folder of the plan, which must hold none
+        /// The folder of the plan, which must not hold one yet
         #[arg(short = 'o', long = "plan", value_name = "PLAN")]
         plan: PathBuf,
     },
-    /// Make one shard of a plan; twice is no harm
+    /// Run one shard of a plan; running it twice does no harm
     Run {
         /// The folder of the plan
         plan: PathBuf,
-        /// Its number; or auto: what Slurm, Kubernetes, PBS or GNU parallel says in the environment
+        /// Its number, or auto: the number that Slurm, Kubernetes, PBS or GNU parallel sets in the environment
         #[arg(long, value_name = "N|auto")]
         shard: String,
     },
-    /// Say what is done of a plan, what is not, and why
+    /// Show which shards of a plan are done, which are not, and why
     Status {
         /// The folder of the plan
         plan: PathBuf,
-        /// Only the numbers of shards that are not done
+        /// Print only the numbers of shards that are not done
         #[arg(long, value_name = "FORM", value_enum)]
         missing: Option<MissingAs>,
-        /// Remove states of shards that are done, and what killed processes left half-written
+        /// Remove states of shards that are done, and half-written files of killed processes
         #[arg(long)]
         clean: bool,
         /// Print it as JSON
         #[arg(long, help_heading = OUTPUT)]
         json: bool,
     },
-    /// Bring the results of all shards together, or say what is missing and write nothing
+    /// Put the results of all shards together, or name what is missing and write nothing
     Merge {
         /// The folder of the plan
         plan: PathBuf,
@@ -63,7 +63,7 @@ pub(crate) enum ClusterCommand {
         /// What runs them
         #[arg(long, value_enum)]
         engine: ClusterEngine,
-        /// What the plan cannot know of the cluster: limits, options, modules (TOML)
+        /// Limits, options and modules of the cluster (TOML)
         #[arg(long, value_name = "FILE")]
         config: Option<PathBuf>,
         /// Only shards that are not done
@@ -87,7 +87,7 @@ pub(crate) enum ClusterStep {
 pub(crate) enum MissingAs {
     /// As an array of Slurm: 0,3-7
     Slurm,
-    /// A line each
+    /// One per line
     Lines,
 }
 
@@ -98,6 +98,6 @@ pub(crate) enum ClusterEngine {
     Slurm,
     /// Ray, by a Python program
     Ray,
-    /// Kubernetes; the manifests are written, and nothing is applied
+    /// Kubernetes; calib writes the manifests and applies nothing
     Kubernetes,
 }

@@ -31,7 +31,7 @@ pub(crate) struct DtwArgs {
     /// Distance of two samples: absolute, squared or euclidean
     #[arg(long, value_name = "DISTANCE", default_value = "absolute")]
     pub(crate) local_distance: LocalDistance,
-    /// Write the warping path as CSV; wants exactly one step pattern
+    /// Write the warping path as CSV; needs exactly one step pattern
     #[arg(long, value_name = "FILE")]
     pub(crate) path: Option<PathBuf>,
     /// Replace the file of the warping path if it is there

@@ -14,7 +14,7 @@ pub(crate) struct InspectArgs {
     /// Override a key of the study, such as `preprocess.max_missing=0.2`
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
-    /// The study as this one of its [profiles] has it
+    /// Use this profile from the study's [profiles]
     #[arg(long, value_name = "NAME")]
     pub(crate) profile: Option<String>,
     /// Show all channels, not only the first of a long list
@@ -35,7 +35,7 @@ pub(crate) struct InitArgs {
     /// How long this command and `calib run` on the study may take together on this machine, such as 90s, 10m or 2h
     #[arg(long, value_name = "TIME", default_value = "10m", value_parser = seconds)]
     pub(crate) within: f64,
-    /// A sensor to predict; may be given several times (default: three that move and are unlike each other)
+    /// A sensor to predict; may be given several times (default: three that vary and differ from each other)
     #[arg(long = "sensor", value_name = "NAME")]
     pub(crate) sensors: Vec<String>,
     /// How far ahead to predict, such as 100s or 10m (default: by the autocorrelation of the sensors)

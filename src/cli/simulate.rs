@@ -12,7 +12,7 @@ pub(crate) struct QuickstartArgs {
     /// Where the data, the study file and the report go
     #[arg(default_value = "calib-quickstart")]
     pub(crate) directory: PathBuf,
-    /// Root of all randomness
+    /// Seed of all random numbers
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
     /// Print the verdict as JSON
@@ -22,7 +22,7 @@ pub(crate) struct QuickstartArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct SimulateArgs {
-    /// Where the day files go; or a study file, whose [simulate] says what to write to its data.path
+    /// The folder for the day files; or a study file, whose [simulate] describes what to write to its data.path
     #[arg(value_name = "DIRECTORY or STUDY")]
     pub(crate) target: PathBuf,
     #[command(flatten)]
@@ -32,7 +32,7 @@ pub(crate) struct SimulateArgs {
     /// Override a key of the study, such as `simulate.days=2`; may be given several times
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
-    /// The study as this one of its [profiles] has it
+    /// Use this profile from the study's [profiles]
     #[arg(long, value_name = "NAME")]
     pub(crate) profile: Option<String>,
     /// Write all days again, also those that exist
@@ -76,7 +76,7 @@ pub(crate) enum Task {
 /// Whose actions are recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Policies {
-    /// An agent that has learnt the task
+    /// An agent that has learned the task
     NearOptimal,
     /// The same, but three actions of ten are random
     Medium,
@@ -104,7 +104,7 @@ pub(crate) struct PlantArgs {
     /// First day [default: 2022-11-01]
     #[arg(long, value_name = "DATE")]
     pub(crate) start: Option<String>,
-    /// Root of all randomness [default: 0]
+    /// Seed of all random numbers [default: 0]
     #[arg(long)]
     pub(crate) seed: Option<u64>,
     /// Factor on the slow drift of the instruments [default: 1]

@@ -20,7 +20,7 @@ pub(crate) struct StudyArgs {
     /// Override a key of the study; may be given several times
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE", help_heading = STUDY)]
     pub(crate) set: Vec<String>,
-    /// The study as this one of its [profiles] has it
+    /// Use this profile from the study's [profiles]
     #[arg(long, value_name = "NAME", help_heading = STUDY)]
     pub(crate) profile: Option<String>,
     /// Only this one of the study's [models] (default: one after the other)
@@ -32,10 +32,10 @@ pub(crate) struct StudyArgs {
     /// Where results go (default: beside the study file)
     #[arg(long, value_name = "DIR", help_heading = RESULTS)]
     pub(crate) output: Option<PathBuf>,
-    /// Redo everything, also what is up to date
+    /// Redo everything, also steps that are up to date
     #[arg(long, help_heading = RESULTS)]
     pub(crate) force: bool,
-    /// Say what would be done, and stop
+    /// Print what calib would do, and stop
     #[arg(long, help_heading = RESULTS)]
     pub(crate) dry_run: bool,
     /// Print the result as JSON
@@ -64,10 +64,10 @@ pub(super) const NO_STUDY: &str = "-";
 pub(crate) struct EvaluateArgs {
     #[command(flatten)]
     pub(crate) study: StudyArgs,
-    /// Judge the runs of this table (Parquet), which something else made, instead of a sweep; a study is only looked at for how to judge
+    /// Judge the runs of this table (Parquet) instead of a sweep; a study then only says how to judge
     #[arg(long, value_name = "FILE")]
     pub(crate) runs: Option<PathBuf>,
-    /// Give all reasons of a verdict, which the report has too
+    /// Print all reasons of a verdict, as in the report
     #[arg(long)]
     pub(crate) why: bool,
 }
@@ -97,16 +97,16 @@ pub(crate) struct ValidityArgs {
     /// Draw plants and tasks from this seed instead of the protocol's, in a folder of their own
     #[arg(long, value_name = "N")]
     pub(crate) draw: Option<u64>,
-    /// Where the judgement goes, and what a protocol draws (default: validity-results beside the protocol or the first study)
+    /// The folder for the judgement, and for what a protocol draws (default: validity-results beside the protocol or the first study)
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
-    /// Judge the sweeps that there are; run nothing
+    /// Judge the sweeps that exist, and run nothing
     #[arg(long)]
     pub(crate) judge_only: bool,
     /// Run only this share of the plants, where others run the rest, such as 0/8 or auto/8; then run it without
     #[arg(long, value_name = "I/N", conflicts_with_all = ["judge_only", "dry_run", "json"])]
     pub(crate) share: Option<String>,
-    /// Say which plants there are and what is left to run, and stop
+    /// List the plants and what is left to run, and stop
     #[arg(long)]
     pub(crate) dry_run: bool,
     /// Print the judgement as JSON
@@ -131,7 +131,7 @@ impl From<ValidityArgs> for ValidityOptions {
 pub(crate) struct CheckArgs {
     /// A folder of results, such as study-results
     pub(crate) directory: PathBuf,
-    /// Read also the logs that the results were made from
+    /// Also read the logs that the results were made from
     #[arg(long)]
     pub(crate) read_data: bool,
     /// Print the result as JSON

@@ -143,7 +143,9 @@ fn describe(schema: &Value, of: &Value, path: &str) -> String {
         Value::Null => String::new(),
         default => format!("default: {default}\n"),
     };
-    format!("{text}{allowed}{default}for once: --set {path}=VALUE; docs/study.md says more\n")
+    format!(
+        "{text}{allowed}{default}for one run: --set {path}=VALUE\nmore: https://github.com/calib-rs/calib/blob/main/docs/study.md\n"
+    )
 }
 
 /// Which values a key may have, in words.

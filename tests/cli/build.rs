@@ -238,8 +238,8 @@ fn what_cannot_be_built_leaves_the_model_that_is_there() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     let before = place.content("study-results");
     for (set, told) in [
-        ("model.neighbors=2900", "admissible candidates"),
-        ("model.neighbors=9000000000000000000", "admissible candidates"),
+        ("model.neighbors=2900", "possible neighbours"),
+        ("model.neighbors=9000000000000000000", "possible neighbours"),
         ("model.components=500", "fewer than the"),
         ("model.members=4000", "transitions cannot be split"),
     ] {

@@ -63,7 +63,7 @@ fn what_is_up_to_date_is_not_made_again() {
     assert!(run("build-model").contains("up to date"));
     assert!(run("rollout").contains("wrote"));
     assert!(run("rollout").contains("up to date"));
-    assert!(run("sweep").contains("units run"));
+    assert!(run("sweep").contains("training runs made"));
     assert!(run("sweep").contains("up to date"));
     let before = place.content("study-results");
     for command in ["build-model", "rollout", "sweep"] {
@@ -73,15 +73,15 @@ fn what_is_up_to_date_is_not_made_again() {
 
     // Other steps are another sweep, and so are other start states and weights; the model stays.
     let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]).stderr();
-    assert!(dry("sweep.steps=700").contains("all units are left"), "{}", dry("sweep.steps=700"));
-    assert!(dry("sweep.scored=final_quarter").contains("0 units are left"));
-    assert!(dry("rollout.start=recent").contains("12 units are left"));
-    assert!(dry("evaluate.top_k=1").contains("0 units are left"));
+    assert!(dry("sweep.steps=700").contains("all runs are left"), "{}", dry("sweep.steps=700"));
+    assert!(dry("sweep.scored=final_quarter").contains("0 runs are left"));
+    assert!(dry("rollout.start=recent").contains("12 runs are left"));
+    assert!(dry("evaluate.top_k=1").contains("0 runs are left"));
 
     // One more value: only a changed grid is run, the model stays.
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-4, 1e-3, 1e-2]");
     assert!(run("build-model").contains("up to date"));
-    assert!(run("sweep").contains("units run"));
+    assert!(run("sweep").contains("training runs made"));
     run("evaluate");
 }
 
@@ -139,7 +139,7 @@ fn any_agent_field_can_be_swept() {
     }
     let verdict = place.calib(&["evaluate", "study.toml", "--why"]);
     let told = verdict.stdout();
-    assert!(told.contains("of 4 values"), "{told}");
+    assert!(told.contains("of 4 settings"), "{told}");
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn without_a_held_out_range_there_is_a_choice_but_no_regret() {
         place.calib(&[command, "study.toml"]).succeeds();
     }
     let verdict = place.calib(&["evaluate", "study.toml", "--why"]).stdout();
-    assert!(verdict.contains("No held-out data was given"), "{verdict}");
+    assert!(verdict.contains("No data was held out"), "{verdict}");
 }
 
 #[test]

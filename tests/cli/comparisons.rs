@@ -116,7 +116,7 @@ fn models_are_compared_start_by_start() {
     for text in [
         "Models two by two",
         "One-step error, models two by two",
-        "cannot be told apart from it",
+        "without a clear difference from it",
         "from 3 start states",
     ] {
         assert!(report.contains(text), "{text} is missing");

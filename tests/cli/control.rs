@@ -180,7 +180,11 @@ fn what_is_not_told_apart_from_the_default_is_not_deployed() {
         told.contains("keep the default: step_size=0.03; step_size=0.3 may be no better"),
         "{told}"
     );
-    assert!(ran.stderr().contains("not told apart from the default"), "{}", ran.stderr());
+    assert!(
+        ran.stderr().contains("no clear difference between the chosen setting and the default"),
+        "{}",
+        ran.stderr()
+    );
     let page = fs::read_to_string(place.path().join("study-results/control/report.html"));
     assert!(page.expect("a page").contains("keep the default: step_size=0.03"));
 }

@@ -41,19 +41,22 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     run(&["build-model", "study.toml"]);
     let rolled = run(&["rollout", "study.toml"]);
     assert!(rolled.contains("against the deployment"), "{rolled}");
-    assert!(rolled.contains("start states lie in the block left out"), "{rolled}");
+    assert!(rolled.contains("start states lie in the block that it leaves out"), "{rolled}");
     let seen = run(&["inspect", "study.toml"]);
     assert!(seen.contains("deployment near: 2022-11-03 00:00:00 to"), "{seen}");
     assert!(seen.contains("deployment far: 2022-11-03 12:00:00 to"), "{seen}");
     let dry = place.calib(&["sweep", "study.toml", "--dry-run"]);
     let told = dry.stderr();
-    assert!(told.contains("all units are left to run on"), "{told}");
+    assert!(told.contains("all runs are left to make on"), "{told}");
     assert!(told.contains("4 of them with an earlier model or deployment"), "{told}");
     assert!(told.contains("deployment near") && told.contains("deployment far"), "{told}");
     assert!(!place.path().join("study-results/deployments/near/sweep").exists());
     let swept = run(&["sweep", "study.toml"]);
     // Two sensors in three members with two runs, three Online and two of log replay; the second has the last already.
-    assert!(swept.contains("22 units run") && swept.contains("18 units run"), "{swept}");
+    assert!(
+        swept.contains("22 training runs made") && swept.contains("18 training runs made"),
+        "{swept}"
+    );
     let verdict = run(&["evaluate", "study.toml"]);
     assert!(verdict.contains("what to deploy") && verdict.contains("for all"), "{verdict}");
     let again = run(&["sweep", "study.toml"]);
@@ -136,10 +139,13 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
     assert_eq!(run(&["rollout", "study.toml"]).matches("wrote").count(), 2);
     assert!(!place.path().join("study-results/models/year/deployments").exists());
     let first = run(&["sweep", "study.toml", "--deployment", "near"]);
-    assert!(first.contains("22 units run") && first.contains("12 units run"), "{first}");
+    assert!(
+        first.contains("22 training runs made") && first.contains("12 training runs made"),
+        "{first}"
+    );
     // Members and log replay are the same, Online is the same for both models.
     let second = run(&["sweep", "study.toml"]);
-    assert!(second.contains("6 units run"), "{second}");
+    assert!(second.contains("6 training runs made"), "{second}");
     assert_eq!(second.matches("up to date").count(), 3, "{second}");
     let verdict = run(&["evaluate", "study.toml", "-q"]);
     // All models choose the same everywhere; but so short a run learns nothing that a line does not know.
@@ -195,10 +201,13 @@ fn recent_states_and_months_are_of_each_deployment() {
     let place = place("recent", "");
     place.calib(&["build-model", "study.toml"]).succeeds();
     let recent = place.calib(&["rollout", "study.toml"]).succeeds();
-    assert!(recent.contains("3 of 3 start states lie in the block left out"), "{recent}");
+    assert!(recent.contains("3 of 3 start states lie in the block that it leaves out"), "{recent}");
     // All training data is before both, so the streams of members are the same.
     let swept = place.calib(&["sweep", "study.toml"]).succeeds();
-    assert!(swept.contains("22 units run") && swept.contains("6 units run"), "{swept}");
+    assert!(
+        swept.contains("22 training runs made") && swept.contains("6 training runs made"),
+        "{swept}"
+    );
     let month = ["rollout", "study.toml", "--set", "rollout.start=calendar_month"];
     assert_snapshot!("no_earlier_year", place.calib(&month).fails(2));
     let later = [
@@ -254,7 +263,7 @@ fn a_window_that_is_too_short_to_score_is_known_before_anything_is_trained() {
     let dry = place.calib(&["sweep", "study.toml", "--deployment", "far", "--dry-run"]);
     let told = dry.stderr();
     assert_eq!(dry.code(), 1, "{told}");
-    assert!(told.contains("deployment far is left out: no step of the held-out range"), "{told}");
+    assert!(told.contains("deployment far is left out: the held-out period"), "{told}");
     assert!(told.contains("(2022-11-03T12:00:00 .. 2022-11-03T12:20:00)"), "{told}");
     // The other one is judged without it.
     let swept = place.calib(&["sweep", "study.toml"]);

@@ -29,7 +29,7 @@ fn models_are_compared_in_one_report() {
     place.calib(&["sweep", "study.toml", "--model", "euclidean"]).succeeds();
     let sweep = place.calib(&["sweep", "study.toml", "--model", "laplacian"]);
     // Two sensors in three members with two runs each; Online and log replay are shared.
-    assert!(sweep.succeeds().contains("12 units run"), "{}", sweep.stdout());
+    assert!(sweep.succeeds().contains("12 training runs made"), "{}", sweep.stdout());
     let compared = place.calib(&["evaluate", "study.toml", "--why"]);
     let table = compared.stdout();
     assert!(table.contains("Spearman") && table.contains("DTW"), "{table}");
@@ -48,7 +48,9 @@ fn models_are_compared_in_one_report() {
             || report.contains("all models choose")
             || report.contains("whichever model chooses")
     );
-    assert!(report.contains("member 0 of laplacian") && report.contains("PIT300, euclidean"));
+    assert!(
+        report.contains("ensemble member 0 of laplacian") && report.contains("PIT300, euclidean")
+    );
     // The commands and the study that made it, with all its models.
     assert!(
         report.contains("calib represent study.toml\ncalib build-model study.toml\ncalib rollout")

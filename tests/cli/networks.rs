@@ -253,7 +253,7 @@ fn agents_that_libtorch_trains_are_results_of_their_own() {
     };
     calib("build-model", &[]).succeeds();
     let device = ["--device", "cpu"];
-    assert!(calib("sweep", &device).succeeds().contains("units run in"));
+    assert!(calib("sweep", &device).succeeds().contains("training runs made in"));
     let manifest = || {
         let path = place.path().join("study-results/sweep/manifest.json");
         let text = fs::read(path).expect("written");
@@ -269,7 +269,7 @@ fn agents_that_libtorch_trains_are_results_of_their_own() {
     let page = fs::read_to_string(place.path().join("study-results/report.html")).expect("a page");
     assert!(page.contains("--device cpu"), "the report says how it was made");
     // Natively they are others, and those of the device stay.
-    assert!(calib("sweep", &[]).succeeds().contains("units run in"));
+    assert!(calib("sweep", &[]).succeeds().contains("training runs made in"));
     assert_eq!(manifest().get("arithmetic"), None);
     assert!(calib("sweep", &device).succeeds().contains("up to date"));
     // A run knows which of them it would make.

@@ -29,7 +29,7 @@ fn a_sweep_starts_from_what_was_pre_trained() {
     assert!(run(&["sweep"]).contains("up to date"));
     let verdict = run(&["evaluate"]);
     assert!(
-        verdict.contains("note: agents start from what they learnt of 2022-11-01"),
+        verdict.contains("note: agents start from what they learned from 2022-11-01"),
         "{verdict}"
     );
     for file in ["PIT300.safetensors", "TIT101.moments.safetensors", "curves.parquet"] {
@@ -55,7 +55,7 @@ fn a_sweep_starts_from_what_was_pre_trained() {
     // Kept moments, other periods and other agents are other inputs.
     run(&["sweep"]);
     let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]);
-    assert!(dry("pretrain.moments=keep").stderr().contains("all units are left"));
+    assert!(dry("pretrain.moments=keep").stderr().contains("all runs are left"));
     let other = dry("pretrain.fraction=0.3").fails(2);
     assert!(other.contains("pretrain.fraction = 0.4, now 0.3"), "{other}");
     assert!(dry("pretrain.epochs=7").fails(2).contains(", now 7; run `calib pretrain"));

@@ -31,19 +31,21 @@ fn sum(manifest: &Value, value: impl Fn(&Value) -> &Value) -> u64 {
 #[test]
 fn traps_are_left_out_unless_the_study_says_otherwise() {
     let place = place();
-    let as_found = ["build-model", "study.toml", "--set", "model.recurrent=false"];
+    let as_found = ["build-model", "study.toml", "-v", "--set", "model.recurrent=false"];
     let built = place.calib(&as_found);
-    let told = built.succeeds();
+    built.succeeds();
+    let told = built.stderr();
     assert!(told.contains("trap") && told.contains("are trapped after about"), "{told}");
     assert!(built.stderr().contains("set model.recurrent = true"), "{}", built.stderr());
     let found = manifest(&place);
     assert!(sum(&found, |of| &of["after"]["traps"]) > 0);
     assert_eq!(sum(&found, |of| &of["left_out"]), 0);
 
-    let built = place.calib(&["build-model", "study.toml", "--verify", "50"]);
-    let told = built.succeeds();
-    assert!(told.contains("candidates left out ("), "{told}");
-    assert!(!built.stderr().contains("traps of few rows"), "{}", built.stderr());
+    let built = place.calib(&["build-model", "study.toml", "-v", "--verify", "50"]);
+    built.succeeds();
+    let told = built.stderr();
+    assert!(told.contains("neighbours left out ("), "{told}");
+    assert!(!told.contains("a few rows that they never leave"), "{}", built.stderr());
     let cured = manifest(&place);
     assert_eq!(sum(&cured, |of| &of["before"]["traps"]), sum(&found, |of| &of["after"]["traps"]));
     assert_eq!(sum(&cured, |of| &of["after"]["traps"]), 0);

@@ -176,12 +176,12 @@ fn a_race_drops_what_is_surely_worse_says_so_and_resumes() {
     assert_eq!((made("member:0", 3), made("online", 3)), (2, 6));
     assert!(made("member:0", 2) > 2, "the best goes on");
     let verdict = place.calib(&["evaluate", "study.toml"]).stdout();
-    assert!(verdict.contains("the race dropped") && verdict.contains("of 4 values"), "{verdict}");
+    assert!(verdict.contains("the race dropped") && verdict.contains("of 4 settings"), "{verdict}");
     assert!(place.calib(&["sweep", "study.toml"]).succeeds().contains("up to date"));
     let content = place.content("study-results");
     let units = place.path().join("study-results/sweep/units/PIT300");
     std::fs::remove_file(units.join("member-0/run-0000.json")).expect("was there");
-    assert!(place.calib(&["sweep", "study.toml"]).succeeds().contains("1 units run"));
+    assert!(place.calib(&["sweep", "study.toml"]).succeeds().contains("1 training run made"));
     place.calib(&["evaluate", "study.toml"]);
     assert!(place.content("study-results") == content, "the same bytes");
     let refused = ["sweep", "study.toml", "--set", "sweep.race_error_rate=0.7"];

@@ -137,7 +137,7 @@ fn a_folder_of_studies_is_run_and_judged() {
     // Again, nothing is run, and on one thread it is the same.
     let again = place.calib(&["validity", "plants", "--threads", "1"]);
     let shown = again.succeeds();
-    assert!(!again.stderr().contains("units run in"), "{}", again.stderr());
+    assert!(!again.stderr().contains("training runs made in"), "{}", again.stderr());
     assert!(place.content("plants/validity-results") == results);
     let in_tables: Vec<&str> = shown.lines().filter(|line| line.starts_with(' ')).collect();
     assert!(in_tables.len() > 40, "{shown}");
@@ -165,7 +165,7 @@ fn what_cannot_be_judged_is_refused() {
     let other = STUDY.replace("[1e-4, 1e-2, 1]", "[1e-5, 1e-2]").replace("SEED", "1");
     place.write("plants/north.toml", &other);
     let other = place.calib(&["validity", "plants"]).fails(2);
-    assert!(other.contains("the studies sweep different values: north has"), "{other}");
+    assert!(other.contains("the studies sweep different settings: north has"), "{other}");
     assert!(!place.path().join("plants/north-results").exists(), "nothing is run for nothing");
 }
 
@@ -228,7 +228,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
         (&"short".into(), &"elsewhere".into())
     );
     let reason = left_out[0]["reason"].as_str().expect("text");
-    assert!(reason.contains("no step of the held-out range can be scored"), "{reason}");
+    assert!(reason.contains("is too short for gamma"), "{reason}");
     // 270 steps or more, three quarters of them, and gamma of at most 0.3 are 140 horizons: too few for the second score.
     assert_eq!(json["scores"].as_array().map(Vec::len), Some(1));
     let rules = json["scores"][0]["rules"].as_array().expect("a list").len();
@@ -247,7 +247,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
     let results = place.content("validity-results/draw-5");
     let again = place.calib(&VALIDITY[..2]);
     again.succeeds();
-    assert!(!again.stderr().contains("units run in"), "{}", again.stderr());
+    assert!(!again.stderr().contains("training runs made in"), "{}", again.stderr());
     let sweep = "validity-results/draw-5/studies/plant-02-results/models/near/sweep";
     for lost in ["manifest.json", "runs.parquet", "units/PIT300/online/run-0001.json"] {
         std::fs::remove_file(place.path().join(sweep).join(lost)).expect("it was there");
@@ -256,7 +256,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
         .expect("it was there");
     let resumed = place.calib(&[&VALIDITY[..2], &["-v"]].concat());
     resumed.succeeds();
-    assert!(resumed.stderr().contains("units run in"), "{}", resumed.stderr());
+    assert!(resumed.stderr().contains("training runs made in"), "{}", resumed.stderr());
     assert!(place.content("validity-results/draw-5") == results);
 }
 

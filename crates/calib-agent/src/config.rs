@@ -50,7 +50,7 @@ pub enum OptimiserKind {
     Adam,
     /// Gradient descent.
     Sgd,
-    /// True online TD(λ) of a linear agent along the stream.
+    /// True online TD(λ) of a linear agent, step by step.
     TrueOnlineTd,
     /// The same with a step size for each weight that adapts itself, and a bound on the rate of learning (`SwiftTD`).
     SwiftTd,
@@ -113,10 +113,9 @@ pub struct AgentConfig {
     #[schemars(extend("default" = 60.0))]
     pub timeout_secs: f64,
     /// Decay rates β in [0, 1), at most 16, each once (default: none). The agent sees, after each state `s_t`, a
-    /// trace `e_t = β e_{t−1} + (1 − β) s_t` of all its columns for each β, which begins at `e = s` with each
-    /// unbroken piece of the stream.
+    /// trace `e_t = β e_{t−1} + (1 − β) s_t` of all its columns for each β, which begins at `e = s` after each gap.
     pub traces: Vec<f64>,
-    /// What the agent predicts before it has learnt anything: `"none"` (default: what its random initial weights give), or a
+    /// What the agent predicts before it learns anything: `"none"` (default: what its random initial weights give), or a
     /// simple predictor that is fitted on the log: `"mean"`, `"persistence"`, `"line"`, `"autoregression"`, `"ridge"` or
     /// `"least_squares_td"`. What the agent learns is added to it, from 0 on. Left out where it is the default.
     #[serde(with = "baseline", skip_serializing_if = "Option::is_none")]

@@ -29,7 +29,7 @@ pub enum AgentError {
         value: f32,
     },
     /// A run is longer than its stream.
-    #[error("a run of {steps} steps wants more states than that, and its stream has {states}")]
+    #[error("a run of {steps} steps needs more states than that, and its data has {states}")]
     ShortStream {
         /// Steps asked for.
         steps: usize,
@@ -38,9 +38,7 @@ pub enum AgentError {
     },
     /// Nothing is left to score.
     #[error(
-        "no step can be scored: with gamma = {gamma} the last {horizon} steps of each unbroken piece have \
-         truncated returns, the longest of {pieces} pieces has {longest} steps, and scoring begins at \
-         step {first} of {steps}; use longer streams, a smaller gamma, or score the whole run"
+        "no step can be scored: with gamma = {gamma}, scoring a prediction needs the {horizon} states after it, the longest of {pieces} stretches without a gap has {longest} steps, and scoring begins at step {first} of {steps}; use longer runs, a smaller gamma, or score the whole run"
     )]
     NothingToScore {
         /// Discount factor.

@@ -5,7 +5,7 @@ use calib_stats::RankRule;
 
 use crate::{ActionModelConfig, ActionModelKind, AgentConfig, ControlError, Grid, Reward, Support};
 
-/// `[control]`: an agent that acts, learnt from a log of decisions.
+/// `[control]`: an agent that acts, tuned on a log with actions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlConfig {
@@ -17,37 +17,36 @@ pub struct ControlConfig {
     /// The column that is not 0 where an episode ended and nothing follows. Default: none does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub terminal: Option<String>,
-    /// The column of the probability, above 0 and up to 1, that the action was taken which was: candidates are then also evaluated by importance
-    /// sampling. Default: it was not logged.
+    /// The column with the probability, above 0 and up to 1, of the action that was taken: settings are then also evaluated by importance sampling. Default: it was not logged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub probability: Option<String>,
     /// Steps after which an episode is cut.
     pub timeout: usize,
-    /// Steps for which each candidate learns, in each member.
+    /// Steps for which the agent learns with each setting, in each ensemble member.
     pub steps: usize,
-    /// Runs of each candidate in each member.
+    /// Runs of each setting in each ensemble member.
     pub runs: usize,
     /// For continuous actions: how many levels of each action column an agent chooses among, an even grid over its recorded range (its own values
     /// where it has no more). The model then takes what was set for a number: neighbours are near in the state and in the action. Default: every
     /// combination of values that occurs is an action of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub levels: Option<usize>,
-    /// Most actions; a log with more is refused, because each wants neighbours of its own.
+    /// The most actions; calib refuses a log with more, because each needs neighbours of its own.
     pub most_actions: usize,
     /// The return that an episode ends with where the log does not cover a step. Default: that of the worst recorded episode.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub worst_return: Option<f64>,
     /// Where episodes begin in the model.
     pub start: StartRows,
-    /// Most share of the chosen candidate's steps that the log may leave uncovered, before the choice is refused.
+    /// The largest share of the chosen setting's steps that the log may leave uncovered; above it, calib refuses the choice.
     pub most_uncovered: f64,
-    /// Fewest terminals of a log whose study names a terminal, before a choice is refused.
+    /// The fewest terminals of a log whose study names a terminal; below it, calib refuses a choice.
     pub fewest_terminals: usize,
-    /// The kinds of models that agents act in; each has `model.members` members, each of which lacks one block of the log.
+    /// The kinds of models that agents act in; each has `model.members` ensemble members, each of which lacks one block of the log.
     pub models: Vec<ActionModelKind>,
-    /// How a candidate is chosen from its ranks in all members.
+    /// How a setting is chosen from its ranks in all ensemble members.
     pub rule: RankRule,
-    /// The neighbours, of which increments are made as well, and the members of every kind.
+    /// The neighbours, which increments use too, and the number of ensemble members of every kind.
     pub model: ActionModelConfig,
     /// The agent, and so the default that a choice is compared with.
     pub agent: AgentConfig,

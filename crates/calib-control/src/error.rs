@@ -86,13 +86,15 @@ pub enum ControlError {
         weights: u128,
     },
     /// A log of which a member would have nothing to learn from, or nothing to check that by.
-    #[error("the log has too few transitions for networks of {members} members")]
+    #[error("the log has too few transitions for networks of {members} ensemble members")]
     FewTransitions {
         /// How many members.
         members: usize,
     },
     /// A network diverged in training.
-    #[error("the network of member {member} diverged; set a smaller learning rate")]
+    #[error(
+        "the network of ensemble member {member} diverged; leave \"network\" out of control.models"
+    )]
     NetworkDiverged {
         /// Which member.
         member: usize,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{AgentConfig, Algorithm, ControlError};
 
-/// The values to sweep of each field of the agent. A field that is left out keeps the agent's. The candidates are all combinations.
+/// The values to sweep of each field of the agent. A field that is left out keeps the agent's. The settings are all combinations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Grid {

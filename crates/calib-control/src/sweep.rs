@@ -87,7 +87,7 @@ impl RunKeeper for NotKept {
 /// How much is run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
-    /// Runs of each candidate in each member.
+    /// Runs of each setting in each ensemble member.
     pub runs: usize,
     /// Each of them.
     pub span: Span,

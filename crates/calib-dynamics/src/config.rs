@@ -18,7 +18,7 @@ use crate::{DynamicsError, Noise};
 /// | `epochs` | 100 | passes over the training part |
 /// | `sequence_length` | 20 | transitions of a sequence, for the GRU |
 /// | `sequence_stride` | 1 | transitions from one sequence's start to the next one's (our choice: every window) |
-/// | `validation_fraction` | 0.1 | last part of the training range that is not learnt from (our choice) |
+/// | `validation_fraction` | 0.1 | last part of the training range that networks do not learn from (our choice) |
 /// | `keep` | `"best"` | weights of the epoch with the lowest validation loss, or of the last (our choice) |
 /// | `noise` | `"none"` | what rollouts add to predictions: nothing (the paper), or recorded residuals |
 /// | `path` | none | a `TorchScript` file, for `"torchscript"` |
@@ -39,7 +39,7 @@ pub struct DynamicsConfig {
     pub sequence_length: usize,
     /// Transitions from one sequence's start to the next one's.
     pub sequence_stride: usize,
-    /// Last part of the training range that is not learnt from.
+    /// Last part of the training range that networks do not learn from.
     pub validation_fraction: f64,
     /// Which epoch's weights are kept.
     pub keep: Keep,

@@ -22,7 +22,7 @@ use crate::{Exclusion, KnnError, PrototypeKind, SelfMatch, Shortcuts, Weights};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelConfig {
-    /// Blocks and members of the ensemble.
+    /// Blocks of the log, and so ensemble members: each lacks one block.
     pub members: usize,
     /// Neighbours of each transition.
     pub neighbors: usize,

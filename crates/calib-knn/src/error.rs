@@ -6,7 +6,7 @@ use calib_files::FileError;
 pub enum KnnError {
     /// An ensemble needs something to leave out and something to keep.
     #[error(
-        "{members} members: an ensemble that leaves one block out needs at least 2; set `members` to 2 or more"
+        "{members} ensemble members: an ensemble that leaves one block out needs at least 2; set `members` to 2 or more"
     )]
     TooFewMembers {
         /// Members asked for.
@@ -27,7 +27,9 @@ pub enum KnnError {
     #[error("`neighbors` is 0: a step needs at least 1 neighbour to draw from")]
     NoNeighbors,
     /// A member without transitions is searched.
-    #[error("member {member} has no transitions to search; use more data, or lower `members`")]
+    #[error(
+        "ensemble member {member} has no transitions to search; use more data, or lower `members`"
+    )]
     EmptyMember {
         /// The member.
         member: usize,
@@ -57,8 +59,7 @@ pub enum KnnError {
     },
     /// A query has fewer admissible candidates than `k`.
     #[error(
-        "member {member} has only {candidates} admissible candidates for some query, fewer than `neighbors` = {k}; \
-         use more data, or lower `neighbors`, `members`, `theiler` or `prototypes`"
+        "ensemble member {member} has states with only {candidates} possible neighbours, fewer than `neighbors` = {k}; use more data, or lower `neighbors`, `members`, `theiler` or `prototypes`"
     )]
     TooFewCandidates {
         /// The member.
@@ -105,7 +106,7 @@ pub enum KnnError {
         got: f64,
     },
     /// A stored table does not fit the model.
-    #[error("the table of member {member} is damaged: {reason}")]
+    #[error("the table of ensemble member {member} is damaged: {reason}")]
     Table {
         /// The member.
         member: usize,

@@ -94,7 +94,7 @@ fn prototypes_are_the_only_neighbours() {
     let too_few = ModelConfig { prototypes: 2000, ..ModelConfig::default() };
     let (states, transitions) = data();
     let error = KnnModel::build(states, transitions, &too_few, &Silent).expect_err("two of them");
-    assert!(error.to_string().contains("admissible candidates"), "{error}");
+    assert!(error.to_string().contains("possible neighbours"), "{error}");
 }
 
 /// Everything but the k-d tree's limit of columns.

@@ -7,20 +7,20 @@ use serde::{Deserialize, Serialize};
 /// | key | default | meaning |
 /// |---|---|---|
 /// | `steps` | 30000 | steps of each rollout (the paper's, on one week of data) |
-/// | `rollouts` | 3 | rollouts of each member |
+/// | `rollouts` | 3 | rollouts of each ensemble member |
 /// | `start` | `"random"` | start states: `"random"`, `"rows"`, `"recent"`, `"calendar_month"`, `"nearest"` |
 /// | `rows` | `[]` | for `"rows"`: rows of the data; rollout `r` takes entry `r` modulo their number |
 /// | `timestamps` | `[]` | for `"rows"`: the same by time, written as in the log |
-/// | `absent` | `"external"` | for `"rows"`: what happens to a row that a member lacks: `"external"`, `"replace"` |
-/// | `recent_window` | none | for `"recent"`: latest states that starts are spread over; without it the last tenth of those before the deployment |
-/// | `month` | none | for `"calendar_month"`: 1 to 12; without it the month in which the held-out data begins |
+/// | `absent` | `"external"` | for `"rows"`: what happens to a row that an ensemble member lacks: `"external"`, `"replace"` |
+/// | `recent_window` | none | for `"recent"`: latest states that starts are spread over (default: the last tenth of those before the deployment) |
+/// | `month` | none | for `"calendar_month"`: 1 to 12 (default: the month in which the held-out period begins) |
 /// | `dtw_steps` | 3000 | steps of each rollout that are compared with the recorded trajectory (the paper's, on twelve months of data); 0 compares nothing |
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RolloutConfig {
     /// Steps of each rollout.
     pub steps: usize,
-    /// Rollouts of each member.
+    /// Rollouts of each ensemble member.
     pub rollouts: usize,
     /// Where rollouts start.
     pub start: StartKind,
@@ -29,9 +29,9 @@ pub struct RolloutConfig {
     pub rows: Vec<RowIndex>,
     /// Start rows by time, written as in the log.
     pub timestamps: Vec<String>,
-    /// What happens to a start row that a member lacks.
+    /// What happens to a start row that an ensemble member lacks.
     pub absent: Absent,
-    /// Latest states that recent start states are spread over; without it the last tenth.
+    /// Latest states that recent start states are spread over (default: the last tenth).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recent_window: Option<usize>,
     /// Month of the start states, 1 to 12.
@@ -70,7 +70,7 @@ impl RolloutConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StartKind {
-    /// Uniform over the member's transitions.
+    /// Uniform over the transitions of the ensemble member.
     #[default]
     Random,
     /// Rows that are listed.
@@ -83,14 +83,14 @@ pub enum StartKind {
     Nearest,
 }
 
-/// What happens to a start row that no transition of the member ends in.
+/// What happens to a start row that no transition of the ensemble member ends in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Absent {
-    /// The rollout starts there all the same: its first step is drawn from the nearest sources in the member.
+    /// The rollout starts there all the same: its first step is drawn from the nearest sources in the ensemble member.
     #[default]
     External,
-    /// The row is replaced by its nearest recorded state in the member.
+    /// The row is replaced by its nearest recorded state in the ensemble member.
     Replace,
 }
 

@@ -58,7 +58,7 @@ pub enum RolloutError {
     NoStates,
     /// Every source in the member is forbidden to a start row.
     #[error(
-        "row {} has no admissible neighbour in member {member}; lower `theiler`, or start elsewhere",
+        "row {} has no possible neighbour in ensemble member {member}; lower `theiler`, or start elsewhere",
         row.0
     )]
     NoNeighbor {

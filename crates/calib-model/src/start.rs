@@ -39,7 +39,7 @@ pub struct StartState {
 /// Where start states come from.
 #[derive(Clone, Copy, Debug)]
 pub enum StartSource<'a> {
-    /// Uniform over the member's transitions.
+    /// Uniform over the transitions of the ensemble member.
     Random,
     /// Listed rows; start `r` takes row `r` modulo their number.
     Rows {

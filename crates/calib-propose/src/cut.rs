@@ -67,7 +67,7 @@ impl Cut {
         if start > 0 && end - start < self.rows[0] {
             let share = 100.0 * (end - start) as f64 / self.rows[0] as f64;
             shortened.reason = format!(
-                "{}; of the {} rows before, the last {share:.0} % are learnt from: more would not be done in the time asked for",
+                "{}; of the {} rows before, calib learns from the last {share:.0} %, because more would take longer than you allow",
                 self.reason, self.rows[0]
             );
         }
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(inside.rows, [334, 166]);
         assert_eq!(inside.train, [log.timestamps[1_400], log.timestamps[1_734]]);
         assert_eq!(inside.held_out, [log.timestamps[1_734], log.timestamps[1_900]]);
-        let said = "of the 1900 rows before, the last 26 % are learnt from";
+        let said = "of the 1900 rows before, calib learns from the last 26 %";
         assert!(latest.reason.contains(said), "{}", latest.reason);
     }
 

@@ -192,7 +192,7 @@ impl Draft<'_> {
             ProposedAgent::Linear => {
                 text.key("value_function", "\"linear\"", "");
                 text.key("optimiser", "\"swift_td\"", "it finds the step size of each weight");
-                text.key("replay", "\"none\"", "every step is learnt from once");
+                text.key("replay", "\"none\"", "every step is learned from once");
             }
             ProposedAgent::Network => {
                 text.key("value_function", "\"mlp\"", "");
@@ -204,7 +204,7 @@ impl Draft<'_> {
         text.key(
             "baseline",
             "\"best\"",
-            "what is learnt is added to the simple predictor that suits the sensor best; \"none\" starts from nothing",
+            "the agent starts from the best simple predictor and adds what it learns; \"none\" starts from nothing",
         );
         text.key(
             "gamma",
@@ -212,13 +212,13 @@ impl Draft<'_> {
             &format!("a horizon of {states:.0} states, {}: {}", span(secs), if self.asked.horizon {
                 "as asked for with --horizon"
             } else {
-                "until half of what a sensor was is forgotten, but no more than a hundredth of a run"
+                "the median time after which half of a sensor's autocorrelation is left, but no more than a hundredth of a run"
             }),
         );
         text.key(
             "learning_rate",
             "0",
-            "the default that the verdict compares with: nothing is learnt after the log",
+            "the default that the verdict compares with: the agent stays as it is",
         );
     }
 
@@ -262,7 +262,7 @@ impl Draft<'_> {
         text.comment(self.size_reason);
         text.key("steps", &size.steps.to_string(), &fit);
         text.key("online_runs", &size.online_runs.to_string(), "");
-        text.key("member_runs", &size.member_runs.to_string(), "in each member");
+        text.key("member_runs", &size.member_runs.to_string(), "in each of the models");
         text.key("log_replay_runs", &size.log_replay_runs.to_string(), "");
         text.section("sweep.grid");
         text.key("learning_rate", &format!("[{}]", size.learning_rates().join(", ")), "");

@@ -26,17 +26,25 @@ impl Environment {
 
     /// Its part of the names of files.
     pub fn file_name(&self) -> String {
-        self.to_string().to_lowercase().replace(' ', "-")
+        let name = match self {
+            Self::Online => "online".to_owned(),
+            Self::LogReplay => "log-replay".to_owned(),
+            Self::Member { number, model: None } => format!("member-{number}"),
+            Self::Member { number, model: Some(model) } => format!("member-{number}-of-{model}"),
+        };
+        name.to_lowercase().replace(' ', "-")
     }
 }
 
 impl fmt::Display for Environment {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Online => f.write_str("Online"),
+            Self::Online => f.write_str("the held-out period"),
             Self::LogReplay => f.write_str("log replay"),
-            Self::Member { number, model: None } => write!(f, "member {number}"),
-            Self::Member { number, model: Some(model) } => write!(f, "member {number} of {model}"),
+            Self::Member { number, model: None } => write!(f, "ensemble member {number}"),
+            Self::Member { number, model: Some(model) } => {
+                write!(f, "ensemble member {number} of {model}")
+            }
         }
     }
 }

@@ -13,7 +13,7 @@ pub enum ReportError {
     },
     /// A curve has another number of points than the grid has values.
     #[error(
-        "curve \"{curve}\" of figure \"{figure}\" has {got} points; expected {expected}, one for each value"
+        "curve \"{curve}\" of figure \"{figure}\" has {got} points; expected {expected}, one for each setting"
     )]
     Points {
         /// Title of the figure.
@@ -26,7 +26,7 @@ pub enum ReportError {
         got: usize,
     },
     /// An index into the grid points past its end.
-    #[error("{what} of figure \"{figure}\" is value {index}; expected less than {len}")]
+    #[error("{what} of figure \"{figure}\" is number {index}; expected less than {len}")]
     OutOfGrid {
         /// Title of the figure.
         figure: String,

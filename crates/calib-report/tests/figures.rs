@@ -222,7 +222,7 @@ fn a_learning_curve_ends_in_a_cross_where_a_run_diverged() {
     }
     let error = curves.figure().unwrap_err().to_string();
     assert!(
-        error.contains("PIT300: learning curves, member 0") && error.contains("points"),
+        error.contains("PIT300: learning curves, ensemble member 0") && error.contains("points"),
         "{error}"
     );
 }
@@ -287,12 +287,12 @@ fn what_cannot_be_drawn_is_an_error_that_says_what_is_wrong() {
     let mut figure = sensitivity("PIT300");
     figure.errors[0].summaries.pop();
     insta::assert_snapshot!(message(figure.figure()), @r#"
-curve "Online" of figure "PIT300: sensitivity to learning_rate" has 3 points; expected 4, one for each value
+curve "Online" of figure "PIT300: sensitivity to learning_rate" has 3 points; expected 4, one for each setting
 "#);
     let mut figure = sensitivity("PIT300");
     figure.chosen = Some(4);
     insta::assert_snapshot!(message(figure.figure()), @r#"
-the chosen value of figure "PIT300: sensitivity to learning_rate" is value 4; expected less than 4
+the chosen setting of figure "PIT300: sensitivity to learning_rate" is number 4; expected less than 4
 "#);
     let mut figure = sensitivity("PIT300");
     figure.values.clear();

@@ -168,7 +168,7 @@ fn a_report_without_held_out_data_says_so_and_shows_ranks() {
     }
     let html = report.html().unwrap();
     assert!(html.contains("Not checked on held-out data"));
-    assert!(html.contains("No held-out data was given"));
+    assert!(html.contains("No data was held out"));
     assert!(html.contains("worst rank (1 = best)"));
     assert!(!html.contains("right axis"));
     assert_balanced(&html);

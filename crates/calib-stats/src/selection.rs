@@ -27,11 +27,11 @@ pub struct Selection {
     pub ranks: Vec<Vec<usize>>,
 }
 
-/// By which rank over the members a value is chosen.
+/// By which rank over the ensemble members a setting is chosen.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RankRule {
-    /// The smallest mean rank: one member that cannot tell values apart has no last word.
+    /// The smallest mean rank: one ensemble member that shows no difference between settings does not decide.
     #[default]
     MeanRank,
     /// The smallest worst rank (the paper's rule).

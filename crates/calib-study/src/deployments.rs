@@ -68,8 +68,7 @@ impl Study {
             for (key, other) in learnt {
                 require!(
                     !other.is_some_and(|other| overlap(range, other)),
-                    "deployments.{name} ({range}) overlaps {key} ({}): what is deployed must not have been learnt \
-                     from; move one of them",
+                    "deployments.{name} ({range}) overlaps {key} ({}): an agent would be judged on rows that it learned from; move one of them",
                     other.map(ToString::to_string).unwrap_or_default()
                 );
             }

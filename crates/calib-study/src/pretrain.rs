@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Problem, require};
 
-/// The `[pretrain]` section: agents that have learnt from the log before they are deployed.
+/// The `[pretrain]` section: agents that learned from the log before they are deployed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PretrainConfig {

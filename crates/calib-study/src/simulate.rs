@@ -21,7 +21,7 @@ pub struct SimulateConfig {
     pub period_secs: f64,
     /// First day (default 2022-11-01).
     pub start: Moment,
-    /// Root of all randomness of the plant (default 0).
+    /// Seed of all random numbers of the plant (default 0).
     pub seed: u64,
     /// Factor on the slow drift of the instruments (default 1).
     pub drift: f64,

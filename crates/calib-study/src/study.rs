@@ -16,7 +16,7 @@ use crate::{ModelSection, PretrainConfig, SimulateConfig, schema};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Study {
-    /// Root of all randomness (default 0).
+    /// Seed of all random numbers (default 0).
     pub seed: u64,
     /// Where results go, relative to the study file (default: the file's name without `.toml`,
     /// followed by `-results`).
@@ -37,7 +37,7 @@ pub struct Study {
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(schema_with = "schema::models")]
     pub models: BTreeMap<String, toml::Table>,
-    /// Named test windows; empty where one was chosen, which is then `data.held_out`.
+    /// Named times of deployment, each with a held-out period; empty where one was chosen, which is then `data.held_out`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub deployments: BTreeMap<String, TimeRange>,
     /// What people call sensors, and what they are measured in, by name. Default: what the header of the log says.
@@ -55,9 +55,9 @@ pub struct Study {
     pub rollout: RolloutConfig,
     /// The agent, and so the default that a sweep compares with.
     pub agent: AgentConfig,
-    /// Agents that have learnt from the log before they are deployed.
+    /// Agents that learned from the log before they are deployed.
     pub pretrain: PretrainConfig,
-    /// An agent that acts, learnt from a log of decisions; `calib control` reads it.
+    /// An agent that acts, tuned on a log with actions; `calib control` reads it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<ControlConfig>,
     /// What to sweep.
@@ -140,11 +140,11 @@ impl Study {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EvaluateConfig {
-    /// How a value is chosen from the evidence (default: `pooled`).
+    /// How a setting is chosen from the evidence (default: `pooled`).
     pub rule: Rule,
     /// Resamples of intervals (default 2000; 0 gives none).
     pub resamples: usize,
-    /// The choice counts as a hit if it is among the best `top_k` Online (default 3).
+    /// The choice counts as a hit if it is among the best `top_k` settings on held-out data (default 3).
     pub top_k: usize,
     /// Title of the report (default: the study file's name).
     pub title: Option<String>,

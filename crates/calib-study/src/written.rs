@@ -167,7 +167,10 @@ pub(crate) fn text_of(path: &Path) -> Result<String, StudyError> {
         Err(FileError::Io { source, .. }) => Err(source),
         Err(other) => Err(io::Error::other(other)),
     };
-    text.map_err(|source| StudyError::Unreadable { path: path.to_owned(), source })
+    text.map_err(|source| match path.to_owned() {
+        path if path.is_dir() => StudyError::Folder { path },
+        path => StudyError::Unreadable { path, source },
+    })
 }
 
 /// The study file `path` as a table, with all its models and without its profiles.

@@ -16,19 +16,18 @@ use crate::{Axis, RaceRule, Sampling};
 pub struct SweepConfig {
     /// Sensors to predict; each gets a sweep and a verdict of its own.
     pub sensors: Vec<String>,
-    /// Steps of every stream (default 30000, as in the paper). Shortened to the held-out range
-    /// if that is shorter, so that errors in all environments cover equally many steps.
+    /// Steps of every training run (default 30000, as in the paper). Shortened to the held-out period if that is shorter, so that errors in all environments cover equally many steps.
     pub steps: usize,
-    /// Runs of every value on held-out data (default 30, as in the paper), dealt to its windows in turn.
+    /// Runs of every setting on held-out data (default 30, as in the paper), dealt to its windows in turn.
     pub online_runs: usize,
-    /// The most windows of the held-out range that are replayed (default 8): as many as fit beside each other.
+    /// The most windows of the held-out period that are replayed (default 8): as many as fit beside each other.
     pub online_windows: usize,
-    /// Runs of every value in each member (default 10, as in the paper).
+    /// Runs of every setting in each ensemble member (default 10, as in the paper).
     pub member_runs: usize,
-    /// Runs of every value in a model that is a network, which has one member (default: `member_runs`).
+    /// Runs of every setting in a model that is a network, which has one ensemble member (default: `member_runs`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub network_runs: Option<usize>,
-    /// Runs of every value on replayed windows of the training range (default 10; 0 leaves it out).
+    /// Runs of every setting on replayed windows of the training range (default 10; 0 leaves it out).
     pub log_replay_runs: usize,
     /// Where the rollouts start that agents are trained in (default: as those of `[rollout]`).
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -38,27 +37,27 @@ pub struct SweepConfig {
     pub scored: Option<Part>,
     /// Points of the learning curve that each run stores (default 50; 0 stores none).
     pub curve_points: usize,
-    /// Which combinations of the values are tried: `grid` (default), `random` or `sobol`.
+    /// Which settings are tried: `grid` (all combinations, the default), `random` or `sobol`.
     pub sampling: Sampling,
-    /// Combinations that `random` and `sobol` draw (default 20).
+    /// Settings that `random` and `sobol` draw (default 20).
     pub samples: usize,
-    /// Whether values that are behind make no more runs (default: all values make all runs).
+    /// Whether settings that are behind make no more runs (default: all settings make all runs).
     #[serde(deserialize_with = "older_race")]
     pub race: RaceKind,
-    /// Of the race `sure`: the probability with which the best value may be dropped, at most (default 0.05).
+    /// For the race `sure`: the largest probability with which the best setting may be dropped (default 0.05).
     pub race_error_rate: f64,
-    /// Agent field → values. A grid of several fields is their Cartesian product, the first varying slowest.
+    /// Agent field → values. The settings are all combinations of the values, the first field varying slowest.
     pub grid: BTreeMap<String, Axis>,
 }
 
-/// Whether values that are behind make no more runs, and when.
+/// Whether settings that are behind make no more runs, and when.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RaceKind {
-    /// All values make all runs.
+    /// All settings make all runs.
     #[default]
     None,
-    /// A value that is surely worse than the leader makes no more.
+    /// A setting that is surely worse than the leader makes no more.
     Sure,
     /// The worse half makes no more, again and again.
     Halving,

@@ -79,7 +79,7 @@ pub enum SweepError {
     },
     /// More combinations than can be swept.
     #[error(
-        "sweep.grid has {got} combinations of values, more than {most}; sweep fewer, or set sweep.sampling to \"sobol\" and sweep.samples to how many to try"
+        "sweep.grid has {got} settings, more than {most}; sweep fewer, or set sweep.sampling to \"sobol\" and sweep.samples to how many to try"
     )]
     TooManyCandidates {
         /// Combinations of the grid.
@@ -107,7 +107,7 @@ pub enum SweepError {
     },
     /// Samples cannot all be different.
     #[error(
-        "sweep.samples asks for {got} different combinations of values, and only {there} were found; ask for fewer, or widen sweep.grid"
+        "sweep.samples asks for {got} different settings, and only {there} were found; ask for fewer, or widen sweep.grid"
     )]
     TooFewPoints {
         /// Samples asked for.
@@ -130,9 +130,7 @@ pub enum SweepError {
         reason: String,
     },
     /// No step is left to train on.
-    #[error(
-        "a stream of {steps} steps is too short to train on; raise sweep.steps or give more data"
-    )]
+    #[error("a run of {steps} steps is too short to train on; raise sweep.steps or give more data")]
     TooShort {
         /// Steps of the stream.
         steps: usize,
@@ -167,7 +165,7 @@ pub enum SweepError {
     Stats(#[from] StatsError),
     /// Units that a verdict needs have not been run.
     #[error(
-        "{missing} of {planned} units have no result, such as {example}; run the sweep again to complete it"
+        "{missing} of {planned} training runs have no result, such as {example}; run the sweep again to complete it"
     )]
     Incomplete {
         /// Units without a result.
@@ -179,7 +177,7 @@ pub enum SweepError {
     },
     /// A run whose scored part has no step with a complete return.
     #[error(
-        "{unit} has no step to score: gaps or gamma leave none; use longer streams, or score the whole run"
+        "{unit} has no step to score: gaps or gamma leave none; use longer runs (sweep.steps), or score the whole run"
     )]
     NothingScored {
         /// Which run.

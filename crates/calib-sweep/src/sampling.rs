@@ -12,7 +12,7 @@ use crate::{
     sobol::{DIMENSIONS, Sobol},
 };
 
-/// Which combinations of the swept values are tried.
+/// Which settings are tried: combinations of the swept values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sampling {

@@ -402,7 +402,7 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
     assert!(judged_race.warnings.iter().any(|text| text.contains("the race dropped")));
     assert!(of_whole.dropped.is_empty());
     let scores = |of: &SensorVerdict| of.truth.as_ref().map(|truth| truth.scores.clone());
-    assert_eq!(scores(&judged_race), scores(&of_whole), "held-out data has judged all values");
+    assert_eq!(scores(&judged_race), scores(&of_whole), "held-out data has judged all settings");
 
     // A unit of the first round lost: it is run again, and nothing else.
     let one = UnitStore::new(directory.path().join("one"));

@@ -5,12 +5,13 @@ use calib_stats::StatsError;
 pub enum ValidityError {
     /// There is nothing to judge.
     #[error(
-        "there is no plant and sensor to judge; expected at least one study with held-out data in which some value did \
-         not diverge Online"
+        "there is no plant and sensor to judge; expected at least one study with held-out data in which some setting did not diverge"
     )]
     NoPairs,
     /// A pair has another number of values than the others.
-    #[error("{sensor} of {plant} has Online errors of {got} values, expected {expected}")]
+    #[error(
+        "{sensor} of {plant} has errors of {got} settings on held-out data, expected {expected}"
+    )]
     Values {
         /// The plant.
         plant: String,
@@ -23,7 +24,7 @@ pub enum ValidityError {
     },
     /// A regret that is none.
     #[error(
-        "{sensor} of {plant} has a regret of {got}; expected a number of at least 0, or infinity for a diverged value"
+        "{sensor} of {plant} has a regret of {got}; expected a number of at least 0, or infinity for a setting that diverged"
     )]
     Regret {
         /// The plant.
@@ -34,7 +35,7 @@ pub enum ValidityError {
         got: f64,
     },
     /// A choice that is not one of the values.
-    #[error("{sensor} of {plant}: the choice of {whose} is value {got}, but there are {values}")]
+    #[error("{sensor} of {plant}: the choice of {whose} is setting {got}, but there are {values}")]
     Choice {
         /// The plant.
         plant: String,

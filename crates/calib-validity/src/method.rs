@@ -58,7 +58,7 @@ impl fmt::Display for Method {
             Self::OtherPlants => "other plants' best default",
             Self::OtherPlantsWithOptimiser => "others' best, same optimiser",
             Self::Random => "random choice",
-            Self::Hindsight => "floor: best constant",
+            Self::Hindsight => "best fixed setting",
             Self::AnotherWindow => "another window",
         })
     }
@@ -76,7 +76,7 @@ impl JsonSchema for Method {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let description = "A way to choose a value: model:NAME, model:NAME:RULE, rule:RULE, or words such as log_replay";
+        let description = "A way to choose a setting: model:NAME, model:NAME:RULE, rule:RULE, or words such as log_replay";
         json_schema!({ "type": "string", "description": description })
     }
 }

@@ -1,7 +1,7 @@
 """Agents of your own in the environments of a study.
 
 An agent learns to predict the discounted sum of a sensor's future, ``G_t = Σ_k γᵏ o_{t+k+1}``, from the states that it sees. It is any
-object with the three methods of `Agent`. `Sweep` runs it in every member of the calibration model, on the held-out log (Online) and on the
+object with the three methods of `Agent`. `Sweep` runs it in every member of the calibration model, on the held-out period and on the
 replayed log, over the very streams that calib's own agents learn from, with the same seed for all values of a run, and writes a table that
 ``calib evaluate --runs`` judges. `serve` makes a program of an agent, for studies with ``agent.kind = "external"``: the command line then
 runs it as its own.

@@ -25,7 +25,7 @@ def optuna_objective(
         factory: Makes an agent: ``factory(task, **values)``.
         suggest: Draws the values of a trial, such as ``lambda trial: {"learning_rate": trial.suggest_float("learning_rate", 1e-4, 1, log=True)}``.
         sensor: What is predicted. The study's first, unless given.
-        environments: Which environments count. Online does not by default: it is what a choice is judged by.
+        environments: Which environments count. The held-out period (``"online"``) does not by default: the choice is judged by it.
 
     Returns:
         A function of a trial: the geometric mean of the errors over all streams, as calib's rule ``pooled`` compares values. The mean so far

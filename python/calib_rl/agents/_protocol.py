@@ -51,7 +51,7 @@ class Agent(Protocol):
         """
 
     def state_dict(self) -> Mapping[str, Any]:
-        """Say what was learnt.
+        """Say what was learned.
 
         Returns:
             Arrays or numbers by name. They are kept beside the runs if `Sweep.run` is asked to.

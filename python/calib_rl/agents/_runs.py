@@ -31,10 +31,18 @@ class AgentRuns(Runs):
         self._study = study
 
     def states(self) -> list[Path]:
-        """What agents had learnt.
+        """What agents had learned.
 
         Returns:
             Pickles, if they were kept (``keep_states=True``).
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> from calib_rl.agents._sweep import Sweep, _ExampleAgent
+            >>> sweep = Sweep(_example_study(), progress=False)
+            >>> runs = sweep.run(_ExampleAgent, {"rate": [0.1]}, keep_states=True, version="kept")
+            >>> len(runs.states()) > 0
+            True
         """
         return sorted((self.path / "units").glob("*.state.pickle"))
 
@@ -46,6 +54,13 @@ class AgentRuns(Runs):
 
         Returns:
             The verdict.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> from calib_rl.agents._sweep import Sweep, _ExampleAgent
+            >>> runs = Sweep(_example_study(), progress=False).run(_ExampleAgent, {"rate": [0.01, 0.1]})
+            >>> list(runs.evaluate().settings)
+            ['PIT300']
         """
         return evaluate(self.path / "runs.parquet", self._study, progress=progress)
 

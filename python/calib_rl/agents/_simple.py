@@ -67,7 +67,13 @@ class SimplePredictor:
             self._latest: deque[float] = deque(maxlen=len(self.lags))
 
     def begin(self) -> None:
-        """Forget what was before a gap."""
+        """Forget what was before a gap.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> latest = SimplePredictor(_example_study().run(progress=False), "PIT300", "autoregression")
+            >>> latest.begin()    # after a gap
+        """
         if self.lags is not None:
             self._latest.clear()
 
@@ -79,6 +85,12 @@ class SimplePredictor:
 
         Returns:
             The return, in normalised units.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> ridge = SimplePredictor(_example_study().run(progress=False), "PIT300", "ridge")
+            >>> isinstance(ridge.predict(_example_study().model().states[-1]), float)
+            True
         """
         if self.weights is not None:
             return float(self.bias + self.weights @ np.asarray(observation, dtype=np.float64)[: len(self.weights)])
@@ -102,6 +114,12 @@ class SimplePredictor:
 
         Returns:
             ``bias``, ``weights`` and ``lags``. One of the last two is ``None``.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> ridge = SimplePredictor(_example_study().run(progress=False), "PIT300", "ridge")
+            >>> sorted(ridge.state_dict())
+            ['bias', 'lags', 'weights']
         """
         return {"bias": self.bias, "weights": self.weights, "lags": self.lags}
 

@@ -47,6 +47,14 @@ class Stream:
 
         Returns:
             Normalised states, ``float32 [m, d]``, and the unbroken pieces of them, as ranges.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> study = _example_study()
+            >>> _ = study.build_model(progress=False)
+            >>> streams = Streams(study)
+            >>> streams.all[0].states()[0].shape[0] >= streams.all[0].steps
+            True
         """
         return self._native.states(self.position)
 
@@ -94,6 +102,14 @@ class Streams:
 
         Returns:
             The task.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> study = _example_study()
+            >>> _ = study.build_model(progress=False)
+            >>> streams = Streams(study)
+            >>> streams.task(streams.all[0], "PIT300", columns=6).gamma
+            0.8
         """
         return Task(sensor, self.sensors[sensor], columns, self.gamma, stream.seed)
 
@@ -111,6 +127,16 @@ class Streams:
 
         Returns:
             Its score, whose ``nrmse`` is +∞ where a prediction was not finite, and the agent as it was at the end.
+
+        Examples:
+            >>> from calib_rl.agents._sweep import _ExampleAgent
+            >>> from calib_rl._study import _example_study
+            >>> study = _example_study()
+            >>> _ = study.build_model(progress=False)
+            >>> streams = Streams(study)
+            >>> score, agent = streams.run(_ExampleAgent, streams.all[0], "PIT300", {"rate": 0.1})
+            >>> score.nrmse > 0
+            True
         """
         states, pieces = stream.states()
         task = self.task(stream, sensor, states.shape[1])
@@ -123,7 +149,7 @@ class Streams:
 def predicted(
     agent: Agent, states: NDArray[np.float32], pieces: list[tuple[int, int]], column: int, steps: int
 ) -> tuple[NDArray[np.float32], int]:
-    """What an agent predicts on ``steps`` states, learning from each. Up to the first that is no number, and how often it learnt."""
+    """What an agent predicts on ``steps`` states, learning from each. Up to the first that is no number, and how often it learned."""
     predictions = np.zeros(steps, np.float32)
     rewards = states[:, column].astype(float).tolist()
     predict, update = agent.predict, agent.update

@@ -1,4 +1,4 @@
-"""Agents of every value in every environment."""
+"""Agents of every setting in every environment."""
 
 from __future__ import annotations
 
@@ -99,23 +99,30 @@ class Sweep:
         version: str = "",
         keep_states: bool = False,
     ) -> AgentRuns:
-        """Run an agent of every value in every environment.
+        """Run an agent with every setting in every environment.
 
-        Finished runs are kept, as long as the streams, the values, the factory's name and ``version`` are the same.
+        Finished runs are kept, as long as the streams, the settings, the factory's name and ``version`` are the same.
 
         Args:
             factory: Makes an agent: ``factory(task, **values)``. With several processes it must be a function of a module.
-            values: Values of every hyperparameter, all of whose combinations are run, or a list of combinations.
-            default: The combination that you would use without a choice. The first, unless given. It is added if ``values`` lacks it.
+            values: Values of every hyperparameter, all of whose combinations are run, or a list of settings.
+            default: The setting that you would use without calib. The first, unless given. It is added if ``values`` lacks it.
             processes: Processes to run in. Their results are the same.
             version: Change it when the agent's code changes.
-            keep_states: Whether what each agent has learnt is pickled beside the runs.
+            keep_states: Whether what each agent has learned is pickled beside the runs.
 
         Returns:
             The runs.
 
         Raises:
             Exception: What an agent raised. Runs that were finished are kept.
+
+        Examples:
+            >>> from calib_rl._study import _example_study
+            >>> sweep = Sweep(_example_study(), progress=False)
+            >>> runs = sweep.run(_ExampleAgent, [{"rate": 0.01}, {"rate": 0.1}], default={"rate": 0.1})
+            >>> list(runs.evaluate().settings["PIT300"])
+            ['rate']
         """
         candidates = grid(values) if isinstance(values, Mapping) else [dict(of) for of in values]
         if not candidates:

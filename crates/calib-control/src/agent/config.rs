@@ -36,7 +36,7 @@ pub struct AgentConfig {
     pub hidden_width: usize,
     /// Hidden layers.
     pub hidden_layers: usize,
-    /// Transitions of a batch, one of which is learnt from each step.
+    /// Transitions of a batch; the agent learns from one batch per step.
     pub batch: usize,
     /// Latest transitions that batches are drawn from.
     pub replay: usize,

@@ -34,7 +34,7 @@ pub struct ActionModelConfig {
     pub distance: Distance,
     /// Neighbours k of a state, for each action.
     pub neighbors: usize,
-    /// Members of the leave-one-block-out ensemble.
+    /// Ensemble members: each lacks one block of the log.
     pub members: usize,
     /// A state is covered for an action up to the distance within which this share of the recorded states has a recorded state with the same
     /// action in the other blocks; 1 for the largest such distance.

@@ -23,36 +23,34 @@ pub struct DataConfig {
     pub partitions: BTreeMap<String, String>,
     /// The column of timestamps. Default: `timestamp`.
     pub timestamp: String,
-    /// What timestamps that are plain numbers count. Default: told by their magnitude; where that fits two notations, this
-    /// key must say.
+    /// What timestamps that are plain numbers count. Default: recognised by their magnitude; if that fits two notations, this key must decide.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timestamp_unit: Option<TimestampUnit>,
-    /// How times that are text are written, as `strptime` has it: `%d.%m.%Y %H:%M:%S`. Default: told by all of them;
-    /// where day and month can change places, this key must say.
+    /// How times that are text are written, as `strptime` has it: `%d.%m.%Y %H:%M:%S`. Default: recognised from all of them; if day and month could change places, this key must decide.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timestamp_format: Option<String>,
-    /// Where the clock stands whose times have no offset: `Europe/Paris`. Default: times are kept as they stand.
+    /// The time zone of times that have no offset: `Europe/Paris`. Default: times are kept as they stand.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_zone: Option<String>,
-    /// What a row is. Default: told by the names and the first rows of the files.
+    /// What a row is. Default: recognised by the names and the first rows of the files.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shape: Option<Shape>,
-    /// The column that names the tag, in a long table. Default: told by its name.
+    /// The column that names the tag, in a long table. Default: recognised by its name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tag: Option<String>,
-    /// The column of values, in a long table or in files of one tag each. Default: told by its name.
+    /// The column of values, in a long table or in files of one tag each. Default: recognised by its name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<String>,
-    /// The column of quality codes, in a long table or in files of one tag each. Default: told by its name.
+    /// The column of quality codes, in a long table or in files of one tag each. Default: recognised by its name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quality: Option<String>,
     /// Quality codes of values that count; all others are missing. Default: those of OPC, and words that say good.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub good_quality: Vec<String>,
-    /// What separates the cells of text files: one character. Default: told by the first rows.
+    /// What separates the cells of text files: one character. Default: recognised by the first rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub separator: Option<char>,
-    /// What separates a number from its fraction in text files: `.` or `,`. Default: told by the first rows.
+    /// What separates a number from its fraction in text files: `.` or `,`. Default: recognised by the first rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decimal: Option<char>,
     /// What happens to lines of text files that cannot be read. Default: the log is refused.

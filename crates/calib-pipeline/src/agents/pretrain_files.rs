@@ -295,7 +295,7 @@ pub(crate) fn starts(
         starts.insert(sensor.clone(), start);
     }
     let note = format!(
-        "agents start from what they learnt of {}; the calibration model is built from {}",
+        "agents start from what they learned from {}; the calibration model is built from {}",
         span(&part.frames)?,
         span(&dataset.train)?
     );
@@ -339,7 +339,7 @@ fn check_columns(
     }
     ensure!(
         manifest.period == dataset.period,
-        "the agents in {} learnt at {} s a step, and the study has {} s; pre-train again",
+        "the agents in {} learned at {} s a step, and the study has {} s; pre-train again",
         directory.display(),
         manifest.period.as_secs(),
         dataset.period.as_secs()

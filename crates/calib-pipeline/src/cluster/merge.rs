@@ -54,7 +54,7 @@ fn collect(opened: &Opened, printer: &Printer) -> Result<Pool, StepError> {
                 continue;
             }
             Ok(Some(results)) => format!(
-                "it has {} of {} units",
+                "it has {} of {} training runs",
                 count(results.units.len()),
                 count(opened.plan.shards[number].units(&opened.plan))
             ),

@@ -23,7 +23,7 @@ use crate::{
         results::{self, Extent, Header, Units},
         sink::ShardSink,
     },
-    output::{Printer, bytes, count, counted, duration},
+    output::{Printer, bytes, counted, duration},
 };
 
 /// Make what a shard lacks of its results.
@@ -109,8 +109,8 @@ impl Running<'_> {
         }
         sink.complete().map_err(unfinished)?;
         let _ = remove_states(&states);
-        let (made, took) = (count(sink.len() - had), duration(clock.elapsed()));
-        self.printer.result(&format!("shard {number} is done: {made} units made in {took}"))?;
+        let (made, took) = (counted(sink.len() - had, "training run"), duration(clock.elapsed()));
+        self.printer.result(&format!("shard {number} is done: {made} made in {took}"))?;
         Ok(Outcome::Done)
     }
 

@@ -65,7 +65,11 @@ impl Summary {
             stages => format!(" in {stages} stages, one after the other"),
         };
         vec![
-            format!("{}{stages}, {}", counted(self.shards, "shard"), counted(self.units, "unit")),
+            format!(
+                "{}{stages}, {}",
+                counted(self.shards, "shard"),
+                counted(self.units, "training run")
+            ),
             format!(
                 "predicted: {} of one thread in all, {} the longest shard, {} where every shard has a core; up to {} of \
                  memory a shard",
@@ -228,7 +232,7 @@ fn tell(
 ) -> Result<(), StepError> {
     let of = |wanted| shards.iter().filter(move |shard| shard.state == wanted).count();
     printer.result(&format!(
-        "{done} of {} done, {} begun, {} missing, {} faulty; {} of {} units",
+        "{done} of {} done, {} begun, {} missing, {} faulty; {} of {} training runs",
         counted(shards.len(), "shard"),
         of(State::Begun),
         of(State::Missing),
@@ -252,7 +256,7 @@ fn tell(
         })
         .collect();
     if !rows.is_empty() {
-        printer.lines(&table(&["shard", "units", ""], &rows))?;
+        printer.lines(&table(&["shard", "training runs", ""], &rows))?;
     }
     let place = calib_study::shell_words([opened.directory.display().to_string()]);
     if done == shards.len() {

@@ -95,7 +95,7 @@ fn sensitivity(told: &Told, field: usize) -> OverviewFigure {
         let mean = calib_stats::mean(&returns).ok()?;
         Some(Estimate { value: mean, interval: jackknife(mean, &returns) })
     };
-    let ways = [("mean of the candidates", mean as Pooled), ("best of the candidates", highest)];
+    let ways = [("mean of the settings", mean as Pooled), ("best of the settings", highest)];
     let point = |(place, own): (usize, &&str), pooled: Pooled| {
         let estimate = estimate(own, pooled);
         let interval = estimate.and_then(|of| of.interval).map(|of| (of.low, of.high));
@@ -129,8 +129,7 @@ fn sensitivity(told: &Told, field: usize) -> OverviewFigure {
         std::iter::once(Cell::Text((*own).to_owned())).chain(shown).collect()
     };
     OverviewFigure {
-        caption: "Mean return an episode in the model, learning included, over all candidates with the value, and of the best of them in each \
-                  member; 95 % intervals over members. It ranks values and does not say what the plant will give."
+        caption: "Mean return per episode in the model, learning included, over all settings with the value, and of the best of them in each ensemble member, with 95 % intervals over blocks of the log. It ranks settings and does not say what the plant will give."
             .to_owned(),
         table: Table {
             title: title.clone(),
@@ -141,13 +140,13 @@ fn sensitivity(told: &Told, field: usize) -> OverviewFigure {
             ..Table::default()
         },
         chart: Chart {
-            description: format!("Mean return an episode in the model for each {name}."),
+            description: format!("Mean return per episode in the model for each {name}."),
             title,
             x: Axis {
                 label: name.clone(),
                 scale: Scale::names(values.iter().map(|&of| of.to_owned()).collect()),
             },
-            left: Axis { label: "return an episode, in the model".to_owned(), scale },
+            left: Axis { label: "return per episode, in the model".to_owned(), scale },
             right: None,
             series: drawn,
             rules,
@@ -175,14 +174,13 @@ fn learning(told: &Told) -> Option<OverviewFigure> {
     };
     let drawn = with.iter().zip(&curves).enumerate();
     let drawn = drawn.map(|(number, (&of, curve))| series(number, &label(of), points(1.0, curve)));
-    let title = "How candidates learn in the model".to_owned();
+    let title = "How agents learn in the model".to_owned();
     let row = |tenth: usize| {
         let shown = curves.iter().map(|curve| Cell::Number(curve[tenth]));
         std::iter::once(Cell::Count(tenth as u64 + 1)).chain(shown).collect()
     };
     Some(OverviewFigure {
-        caption: "Mean return of the episodes in each tenth of a run, over members and runs: the best candidates by rank, and the \
-                  default. A curve that still rises would gain from more steps."
+        caption: "Mean return of the episodes in each tenth of a run, over models and runs: the best settings by rank, and the default. A curve that still rises would gain from more steps."
             .to_owned(),
         table: Table {
             title: title.clone(),
@@ -193,14 +191,14 @@ fn learning(told: &Told) -> Option<OverviewFigure> {
             ..Table::default()
         },
         chart: Chart {
-            description: "Return an episode against the part of the run.".to_owned(),
+            description: "Return per episode against the part of the run.".to_owned(),
             title,
             x: Axis {
                 label: "tenth of the episodes".to_owned(),
                 scale: Scale::linear(1.0, curves[0].len() as f64),
             },
             left: Axis {
-                label: "return an episode, in the model".to_owned(),
+                label: "return per episode, in the model".to_owned(),
                 scale: Scale::linear_around(&finite),
             },
             right: None,

@@ -240,7 +240,7 @@ pub(super) fn require_model(log: &Decisions, config: &ControlConfig) -> Result<(
     Ok(memory::require(
         ActionModel::bytes(log, starts, &config.model),
         &format!(
-            "a model of {} members with {} neighbours for each of {} actions",
+            "a model of {} ensemble members with {} neighbours for each of {} actions",
             config.model.members,
             count(config.model.neighbors),
             log.levels()

@@ -89,15 +89,13 @@ fn candidates(told: &Told) -> Table {
         row
     };
     let mut columns =
-        texts(["candidate", "", show::rank_name(told), "model return", "not covered", "fitted Q"]);
+        texts(["setting", "", show::rank_name(told), "model return", "not covered", "fitted Q"]);
     if told.importance_sampling.is_some() {
         columns.extend(texts(["importance", "of episodes"]));
     }
     Table {
-        title: "Candidates".to_owned(),
-        caption: "By rank over the members of all models. The return in the model ranks candidates; it is not what the plant will give. Not covered: \
-                  steps for which the log has no such action near. Fitted Q, and importance sampling where probabilities were logged, need no model; \
-                  the latter rests on so many episodes."
+        title: "Settings".to_owned(),
+        caption: "By rank over the ensemble members of all models. The return in the model ranks settings, and is not what the plant will give. Not covered: steps for which the log has no such action near. Fitted Q, and importance sampling where probabilities were logged, need no model. Importance sampling rests on so many episodes."
             .to_owned(),
         columns,
         rows: show::best(told, told.candidates.len()).into_iter().map(row).collect(),

@@ -86,8 +86,8 @@ fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer:
     let members = config.model.members;
     let kinds: Vec<String> = config.models.iter().map(|kind| kind.name().to_owned()).collect();
     printer.say(&format!(
-        "{} x {members} members of {} x {} of {}",
-        counted(candidates, "candidate"),
+        "{} x {members} ensemble members of {} x {} of {}",
+        counted(candidates, "setting"),
         listed(&kinds),
         counted(config.runs, "run"),
         counted(config.steps, "step"),
@@ -198,20 +198,14 @@ fn swept(
                 let model = IncrementModel::new(model, &increments);
                 sweep_keeping(&model, candidates, extent, seed, units, &progress)?
             }
-            ActionModelKind::Network => {
-                match NetworkModel::beside(model, seed, &progress) {
-                    Ok(model) => {
-                        sweep_keeping(&model, candidates, extent, seed, units, &progress)?
-                    }
-                    Err(error @ ControlError::NetworkDiverged { .. }) if config.models.len() > 1 => {
-                        printer.warn(&format!(
-                            "{error}; the other kinds of models decide. To leave networks out, list the others in control.models"
-                        ));
-                        continue;
-                    }
-                    Err(error) => return Err(error.into()),
+            ActionModelKind::Network => match NetworkModel::beside(model, seed, &progress) {
+                Ok(model) => sweep_keeping(&model, candidates, extent, seed, units, &progress)?,
+                Err(error @ ControlError::NetworkDiverged { .. }) if config.models.len() > 1 => {
+                    printer.warn(&format!("{error}; now the other kinds of models decide"));
+                    continue;
                 }
-            }
+                Err(error) => return Err(error.into()),
+            },
         });
     }
     Ok(runs)

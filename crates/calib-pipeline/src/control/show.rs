@@ -138,7 +138,7 @@ fn candidates(told: &Told) -> String {
     };
     let rows: Vec<_> = order.iter().map(row).collect();
     let mut header = vec![
-        "candidate",
+        "setting",
         "",
         rank_name(told),
         "model return",
@@ -200,9 +200,9 @@ pub(super) fn sentences(told: &Told) -> Vec<String> {
     }
     let over_random = &verdict.over_random;
     lines.push(if over_random.mean.is_finite() {
-        format!("over a random candidate: {}", difference(over_random))
+        format!("over a random setting: {}", difference(over_random))
     } else {
-        "a random candidate may diverge in the model".to_owned()
+        "a random setting may diverge in the model".to_owned()
     });
     if let [_, _, ..] = &verdict.kinds[..] {
         let (agree, others): (Vec<_>, Vec<_>) =
@@ -225,7 +225,7 @@ pub(super) fn sentences(told: &Told) -> Vec<String> {
         recorded.best.map_or_else(String::new, |best| format!(", at most {}", significant(best)))
     ));
     lines.push(
-        "returns in the model rank candidates; they do not say what the plant will give".to_owned(),
+        "returns in the model rank settings; they do not say what the plant will give".to_owned(),
     );
     lines
 }
@@ -331,7 +331,7 @@ fn advice(told: &Told) -> String {
 fn difference(of: &Difference) -> String {
     let sign = if of.mean >= 0.0 { "+" } else { "" };
     let interval = of.interval.map_or_else(String::new, interval);
-    format!("{sign}{} in the model, over members{interval}", significant(of.mean))
+    format!("{sign}{} in the model, over blocks of the log{interval}", significant(of.mean))
 }
 
 fn interval(of: Interval) -> String {
@@ -352,8 +352,7 @@ pub fn doubt_text(doubt: &Doubt, actions: &[String], columns: &[String]) -> Stri
             format!("{name} was never taken: no model knows what it does; record some steps with it")
         }
         Doubt::Uncovered { share } => format!(
-            "{} of the chosen candidate's steps lie where the log has no such action; record more varied actions, \
-             or allow more with control.most_uncovered",
+            "{} of the chosen setting's steps lie where the log has no such action; record more varied actions, or allow more with control.most_uncovered",
             percent(*share)
         ),
         Doubt::FewTerminals { terminals } => format!(
@@ -363,40 +362,37 @@ pub fn doubt_text(doubt: &Doubt, actions: &[String], columns: &[String]) -> Stri
             if *terminals == 1 { "ends" } else { "end" }
         ),
         Doubt::NotToldApart => {
-            "the members together rank no candidate before another; sweep values that differ more, or longer (control.steps)"
+            "the models together show no clear difference between the settings; sweep settings that differ more, or longer (control.steps)"
                 .to_owned()
         }
         Doubt::NotBetterThanDefault => {
-            "the chosen candidate is not told apart from the default over the members: keep the default, or sweep with more runs (control.runs) \
-             or longer (control.steps)"
+            "over blocks of the log there is no clear difference between the chosen setting and the default: keep the default, or sweep with more runs (control.runs) or longer (control.steps)"
                 .to_owned()
         }
         Doubt::BelowRecorded { promised, recorded } => format!(
-            "the chosen candidate gets {} an episode in the model, learning included, and the recorded behaviour got {}: keep that, or let \
+            "the chosen setting gets {} per episode in the model, learning included, and the recorded behaviour got {}: keep that, or let \
              agents learn for longer (control.steps)",
             significant(*promised),
             significant(*recorded)
         ),
         Doubt::AboveRecorded { promised, best } => format!(
-            "the model promises {} an episode, and no recorded episode got more than {}: nothing that was recorded shows that it can be had; \
-             record better episodes, or try the choice where it can do no harm",
+            "the model promises {} per episode, and no recorded episode got more than {}: nothing in the record shows that so much is possible; record better episodes, or try the choice where it can do no harm",
             significant(*promised),
             significant(*best)
         ),
         Doubt::RareTerminals { in_model, in_log } => format!(
-            "{} of the chosen candidate's steps in the model end an episode in a terminal, and {} of the recorded ones: the log hardly shows \
-             what ends an episode where it goes; record steps there",
+            "{} of the chosen setting's steps in the model end an episode in a terminal, and {} of the recorded ones: its agents go where the log hardly shows what ends an episode; record steps there",
             percent(*in_model),
             percent(*in_log)
         ),
         Doubt::Displaced { column, mean, error } => format!(
-            "jumps between recorded rows move {} by {} times its recorded range in an episode of the chosen candidate in the model (standard error {}), always to the \
-             same side: together they undo what its actions do, as where an actuator was never recorded beyond some level; record steps there, or take the change of \
+            "jumps between recorded rows move {} by {} times its recorded range in an episode of the chosen setting in the model (standard error {}), always to the \
+             same side: together they undo what its actions do, for example if an actuator was never recorded beyond some level; record steps there, or take the change of \
              the column for the action",
             columns.get(*column).map_or("?", String::as_str),
             significant(*mean),
             significant(*error)
         ),
-        Doubt::Diverged => "the chosen candidate diverged in a member; sweep smaller step sizes".to_owned(),
+        Doubt::Diverged => "the chosen setting diverged in a model; sweep smaller step sizes".to_owned(),
     }
 }

@@ -54,7 +54,7 @@ impl SimulatedTask {
     /// What there is now, in words.
     pub fn line(&self) -> String {
         format!(
-            "{}, in {}; the policy gets {:.1} an episode",
+            "{}, in {}; the policy gets {:.1} per episode",
             held(self.transitions, self.episodes, self.terminals),
             self.log.display(),
             self.behaviour

@@ -73,8 +73,7 @@ pub(crate) fn check_against_brute_force(
         if let Some((member, transition, fault)) = found.first() {
             drop(progress);
             printer.error(&format!(
-                "{} of the checked rows cannot be what a search found, the first of them row {} of member {member}: \
-                 {fault}; this is a bug in calib, please report it",
+                "{} of the checked rows cannot be what a search found, the first of them row {} of ensemble member {member}: {fault}; this is a bug in calib, please report it",
                 found.len(),
                 transition.0
             ));

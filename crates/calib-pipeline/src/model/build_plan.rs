@@ -182,7 +182,7 @@ impl BuildPlan {
             count(self.rows),
             self.columns,
             counted(self.segments, "segment"),
-            counted(self.members, "member"),
+            counted(self.members, "ensemble member"),
             self.neighbors,
             bytes(self.memory_bytes),
             bytes(self.disk_bytes),

@@ -49,7 +49,7 @@ pub(crate) fn warnings<'a>(
     let advice = if model.exclude_self || model.theiler > 0 {
         "try model.exclude_self = false and model.theiler = 0"
     } else {
-        "try a larger preprocess.subsample, and look for stuck sensors with `calib inspect`"
+        "try a larger preprocess.subsample, and look for frozen sensors with `calib inspect`"
     };
     let circling = named(circling.into_iter()).map(|members| {
         format!(

@@ -118,15 +118,15 @@ pub(crate) fn lines(of: &MemberRecurrence, transitions: usize) -> [String; 2] {
         None => "an unknown share of the rows".to_owned(),
         // How many of the walks end in which class is chance: twice as many, or half of them, are as likely.
         Some(share) if classes.after.count > 1 => {
-            format!("a share of the rows of the order of {}", percent(rounded(share, 1)))
+            format!("roughly {} of the rows", percent(rounded(share, 1)))
         }
         Some(share) => format!("{} of the rows", percent(share)),
     };
     let mix = match walks.mixing_steps {
         // Walks of a trap are soon anywhere in it.
         _ if classes.after.traps > 0 => String::new(),
-        Some(steps) => format!(", mix in about {} steps", count(steps)),
-        None => ", do not mix in a million steps".to_owned(),
+        Some(steps) => format!(", and forget their start after about {} steps", count(steps)),
+        None => ", and do not forget their start in a million steps".to_owned(),
     };
     let end = match walks.steps_to_end {
         Some(steps) if classes.after.traps > 0 => {
@@ -135,21 +135,21 @@ pub(crate) fn lines(of: &MemberRecurrence, transitions: usize) -> [String; 2] {
         // Nearly every start lies there.
         Some(steps) if steps < 1.0 => String::new(),
         Some(steps) => {
-            format!(", come to a closed class after about {} steps", about(steps))
+            format!(", and settle there after about {} steps", about(steps))
         }
-        None => ", came to no closed class in 30,000 steps".to_owned(),
+        None => ", and settle nowhere in 30,000 steps".to_owned(),
     };
     [
         format!("{}{}", closed(&classes.after), done(of)),
-        format!("walks are spread over {spread}{mix}{end}"),
+        format!("rollouts are spread over {spread}{mix}{end}"),
     ]
 }
 
 fn closed(classes: &ClosedClasses) -> String {
     let sizes: Vec<String> = classes.largest.iter().take(3).map(|&size| count(size)).collect();
     let more = if classes.count > 3 { ", …" } else { "" };
-    let noun = if classes.count == 1 { "closed class" } else { "closed classes" };
-    format!("{} {noun} ({}{more} transitions)", classes.count, sizes.join(", "))
+    let noun = if classes.count == 1 { "part of the log" } else { "separate parts of the log" };
+    format!("rollouts end in {} {noun} ({}{more} transitions)", classes.count, sizes.join(", "))
 }
 
 fn done(of: &MemberRecurrence) -> String {
@@ -169,12 +169,12 @@ fn done(of: &MemberRecurrence) -> String {
     });
     let exits = match exits {
         0 => String::new(),
-        1 => "; 1 row leads out of one".to_owned(),
-        many => format!("; {} rows lead out of one", count(*many)),
+        1 => "; 1 exit added".to_owned(),
+        many => format!("; {} exits added", count(*many)),
     };
     let (traps_before, left_out) = (before.traps, count(*left_out));
     format!(
-        "; {traps_before} {traps} before: {left_out} candidates left out ({}){times}{exits}",
+        "; {traps_before} {traps} removed: {left_out} neighbours left out ({}){times}{exits}",
         percent(share)
     )
 }
@@ -195,10 +195,9 @@ pub(crate) fn warnings(members: &[MemberSummary], recurrent: bool) -> Vec<String
         (
             &|of, _| of.classes.after.traps > 0,
             format!(
-                "walks of MEMBERS end in traps of few rows{}",
+                "rollouts of MEMBERS end in a few rows that they never leave{}",
                 if recurrent {
-                    ", whatever is left out: the log hardly returns to where it was; try a larger preprocess.subsample or more model.neighbors, and \
-                     leave totals and counters out with data.exclude"
+                    ", because the log hardly returns to where it was; try a larger preprocess.subsample or more model.neighbors, and leave totals and counters out with data.exclude"
                 } else {
                     "; set model.recurrent = true"
                 }
@@ -206,28 +205,24 @@ pub(crate) fn warnings(members: &[MemberSummary], recurrent: bool) -> Vec<String
         ),
         (
             &|of, all| of.classes.after.traps == 0 && of.walks.trapped > 0 && all >= MANY,
-            "some walks of MEMBERS stay among fewer than 100 rows for 10,000 steps before they leave them, as where a dead end draws \
-             them back; see `trapped` in the manifest; try a larger preprocess.subsample"
+            "some rollouts of MEMBERS stay among fewer than 100 rows for 10,000 steps before they leave them; try a larger preprocess.subsample (`trapped` in the model's manifest.json counts them)"
                 .to_owned(),
         ),
         (
             &|of, _| of.classes.lost as f64 > MUCH * of.classes.candidates as f64,
             format!(
-                "more than {} of the candidates of MEMBERS are left out, so that no walk is trapped among them: the log does not \
-                 return to where it was there; try a larger preprocess.subsample, and leave totals and counters out with data.exclude",
+                "calib left more than {} of the possible neighbours out of MEMBERS, so that no rollout is trapped among them: there the log does not return to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude",
                 percent(MUCH)
             ),
         ),
         (
             &|of, _| of.classes.exits > 0,
-            "walks of MEMBERS leave dead ends by jumps to states that are not near: too much of the log never \
-             returns to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude"
+            "rollouts of MEMBERS leave traps by jumps to distant states, because too much of the log never returns to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude"
                 .to_owned(),
         ),
         (
             &|of, _| of.classes.after.count > 1 && of.classes.after.traps == 0,
-            "walks of MEMBERS stay in one of several parts of the log that do not meet, each a tenth of it or more; random \
-             start states reach all of them"
+            "rollouts of MEMBERS never move between separate parts of the log, each a tenth of it or more; let rollouts start in all of them (rollout.start = \"random\"), or try a larger preprocess.subsample"
                 .to_owned(),
         ),
         (
@@ -236,7 +231,7 @@ pub(crate) fn warnings(members: &[MemberSummary], recurrent: bool) -> Vec<String
                     && (of.classes.after.transitions as f64) < MOST * all as f64
             },
             format!(
-                "walks of MEMBERS end in less than {} of the rows, and do not return to the others",
+                "rollouts of MEMBERS end up in less than {} of the rows and stay there, so agents hardly see the others; try a larger preprocess.subsample, and leave totals and counters out with data.exclude",
                 percent(MOST)
             ),
         ),
@@ -244,17 +239,17 @@ pub(crate) fn warnings(members: &[MemberSummary], recurrent: bool) -> Vec<String
             &|of, all| {
                 of.classes.after.traps == 0 && of.covered(all).is_some_and(|share| share < LITTLE)
             },
-            format!("walks of MEMBERS are spread over less than {} of the rows", percent(LITTLE)),
+            format!("rollouts of MEMBERS are spread over less than {} of the rows; try a larger preprocess.subsample, or fewer channels (data.exclude)", percent(LITTLE)),
         ),
     ];
     let told = |(which, text): (&Concerns, String)| Some(text.replace("MEMBERS", &those(which)?));
     warnings.into_iter().filter_map(told).collect()
 }
 
-/// "member 2", "members 0, 3"; none of none.
+/// "ensemble member 2", "ensemble members 0, 3"; none of none.
 pub(crate) fn named(members: impl Iterator<Item = usize>) -> Option<String> {
     let numbers: Vec<String> = members.map(|number| number.to_string()).collect();
-    let noun = if numbers.len() == 1 { "member" } else { "members" };
+    let noun = if numbers.len() == 1 { "ensemble member" } else { "ensemble members" };
     (!numbers.is_empty()).then(|| format!("{noun} {}", numbers.join(", ")))
 }
 
@@ -271,7 +266,7 @@ pub(crate) fn report_table(model: &ModelManifest) -> Option<Table> {
             Cell::Text(format!("{} ({}{more})", classes.count, sizes.join("; ")))
         };
         Some(vec![
-            Cell::Text(format!("member {number}")),
+            Cell::Text(format!("ensemble member {number}")),
             text(before),
             text(after),
             Cell::Number(100.0 * *left_out as f64 / (*candidates).max(1) as f64),
@@ -290,23 +285,20 @@ pub(crate) fn report_table(model: &ModelManifest) -> Option<Table> {
         return None;
     }
     let columns = [
-        "member",
-        "closed classes as found (transitions in each)",
-        "closed classes (transitions in each)",
+        "",
+        "parts as found (transitions in each)",
+        "parts (transitions in each)",
         "left out (%)",
         "exits",
-        "rows that walks are spread over (%)",
+        "rows that rollouts are spread over (%)",
         "mixing (steps)",
         "steps to the end",
         "trapped, of 32",
     ];
     Some(Table {
-        title: "Where walks end".to_owned(),
+        title: "Where rollouts end".to_owned(),
         caption: format!(
-            "{}: a closed class is a set of transitions that a walk never leaves: how many there are and, in brackets, how large the \
-             largest five are. One of less than a tenth of the candidates is a trap, \
-             and is left out, or given an exit. The rest is judged by 32 walks of 30,000 steps from random states; with several closed classes \
-             the rows that they are spread over are told to one digit, and may be half as many, or twice.",
+            "{}: a part (a closed class) is a set of transitions that a rollout never leaves. The table has how many there are and, in brackets, how large the largest five are. A part with less than a tenth of the transitions is a trap: calib leaves it out, or gives it an exit. The other columns are from 32 rollouts of 30,000 steps from random states. With several parts, the rows that rollouts are spread over have one digit, and may be half as many, or twice.",
             model.study.model_name()
         ),
         columns: columns.map(str::to_owned).to_vec(),
@@ -321,8 +313,8 @@ mod tests {
 
     #[test]
     fn one_member_is_no_plural() {
-        assert_eq!(named([2].into_iter()).as_deref(), Some("member 2"));
-        assert_eq!(named([0, 3].into_iter()).as_deref(), Some("members 0, 3"));
+        assert_eq!(named([2].into_iter()).as_deref(), Some("ensemble member 2"));
+        assert_eq!(named([0, 3].into_iter()).as_deref(), Some("ensemble members 0, 3"));
         assert_eq!(named([].into_iter()), None);
     }
 
@@ -345,10 +337,10 @@ mod tests {
             lines(&of, 10_000)[1].clone()
         };
         let one = told(1);
-        assert!(one.starts_with("walks are spread over 25 % of the rows"), "{one}");
-        assert!(one.ends_with("come to a closed class after about 13,000 steps"), "{one}");
+        assert!(one.starts_with("rollouts are spread over 25 % of the rows"), "{one}");
+        assert!(one.ends_with("settle there after about 13,000 steps"), "{one}");
         let two = told(2);
-        assert!(two.contains("over a share of the rows of the order of 30 %"), "{two}");
+        assert!(two.contains("over roughly 30 % of the rows"), "{two}");
     }
 
     #[test]

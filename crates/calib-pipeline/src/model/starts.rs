@@ -90,7 +90,7 @@ impl<'a> Starts<'a> {
         self.config
             .month
             .or_else(|| self.deployed.map(month_of))
-            .context("rollout.start = \"calendar_month\" wants rollout.month, or a held-out range")
+            .context("rollout.start = \"calendar_month\" needs rollout.month, or a held-out period")
     }
 
     fn source(&self) -> Result<StartSource<'_>, StepError> {
@@ -106,7 +106,7 @@ impl<'a> Starts<'a> {
             }
             StartKind::Nearest => StartSource::Nearest {
                 states: self.metric.as_ref().context(
-                    "rollout.start = \"nearest\" wants a held-out range; set data.held_out, or [deployments]",
+                    "rollout.start = \"nearest\" needs a held-out period; set data.held_out, or [deployments]",
                 )?,
             },
             StartKind::CalendarMonth => {
@@ -173,7 +173,7 @@ impl StartSummary {
                 "all {starts} start states are the model's nearest to those asked for ({away})"
             ),
             replaced => format!(
-                "{replaced} of {starts} start states lie in the block left out: their nearest stand for them ({away})"
+                "{replaced} of {starts} start states lie in the block that it leaves out, and the nearest states replace them ({away})"
             ),
         })
     }

@@ -48,7 +48,7 @@ impl Evidence {
         );
         if !predicted.iter().chain(&network).any(Predicted::is_predicted) {
             let warning = format!(
-                "nothing that was tried predicts {} ahead better than the mean does; try a shorter --horizon, or other sensors with --sensor",
+                "nothing that calib tried predicts {} ahead better than the mean; try a shorter --horizon, or other sensors with --sensor",
                 span(horizon.secs)
             );
             trials.context.warn(&warning);

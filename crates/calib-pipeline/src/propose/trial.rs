@@ -133,7 +133,7 @@ impl Trials<'_> {
                 None => format!("states {apart} apart; in a trial model {moves}"),
                 Some(before) => {
                     format!(
-                        "states {apart} apart; {before} apart trial models go wrong, here {moves}"
+                        "states {apart} apart; with {before}, trial models circle or replay the log; here {moves}"
                     )
                 }
             };

@@ -63,11 +63,11 @@ fn show_member(
         (ModelFamily::Network, None) => "imported".to_owned(),
     };
     let transitions = count(member.transitions);
-    printer.result(&format!("  member {number}: {transitions} transitions; {how}"))?;
+    printer.result(&format!("  ensemble member {number}: {transitions} transitions; {how}"))?;
     for line in
         member.recurrence.iter().flat_map(|walks| recurrence::lines(walks, member.transitions))
     {
-        printer.result(&format!("    {line}"))?;
+        printer.detail(&format!("    {line}"));
     }
     Ok(())
 }

@@ -33,7 +33,7 @@ fn show(manifest: &RolloutManifest, job: &Job, printer: &Printer) -> Result<(), 
     for (number, member) in manifest.members.iter().enumerate() {
         let replaced = member.starts.text().map_or_else(String::new, |text| format!("; {text}"));
         let moves = member.jumps.as_ref().map_or_else(|| "predictions".to_owned(), jumps::line);
-        printer.result(&format!("  member {number}: {moves}{replaced}"))?;
+        printer.result(&format!("  ensemble member {number}: {moves}{replaced}"))?;
     }
     let members = manifest.members.iter();
     let members = members.map(|member| (member.jumps.as_ref(), member.transitions));

@@ -3,7 +3,7 @@ use calib_study::{Job, StepKind};
 use crate::{
     StepError,
     base::outcome::Told,
-    output::{Printer, count, duration, table},
+    output::{Printer, counted, duration, table},
     sweep::{Swept, plan::SweepPlan},
 };
 
@@ -17,7 +17,7 @@ impl Told for SweepPlan {
             let note = if candidate.is_default { "the default" } else { "" };
             rows.push(vec![candidate.label(), candidate.index.to_string(), note.to_owned()]);
         }
-        printer.lines(&table(&["value", "candidate", ""], &rows))
+        printer.lines(&table(&["setting", "number", ""], &rows))
     }
 }
 
@@ -28,7 +28,7 @@ impl Told for Swept {
         } else {
             let did = match self.ran {
                 0 => "up to date".to_owned(),
-                ran => format!("{} units run in {}", count(ran), duration(self.took)),
+                ran => format!("{} made in {}", counted(ran, "training run"), duration(self.took)),
             };
             let runs = self.directory.join("runs.parquet");
             printer.result(&format!("{did}; results in {}", runs.display()))?;

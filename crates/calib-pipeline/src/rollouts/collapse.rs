@@ -137,7 +137,7 @@ pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepErr
     let all = collapse.rollouts;
     for ended in &collapse.ended {
         printer.warn(&format!(
-            "rollout {} of member {} ends before step {}: {} would not be finite there",
+            "rollout {} of ensemble member {} ends before step {}: {} would not be finite there; train the network for longer or with a smaller dynamics.learning_rate, or use model.kind = \"knn\"",
             ended.rollout,
             ended.member,
             count(ended.step),
@@ -149,11 +149,11 @@ pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepErr
             let recorded = match of.recorded {
                 0 => String::new(),
                 recorded => {
-                    format!("; of what was recorded, {} of {recorded}", of.recorded_collapsed)
+                    format!(", and in {} of {recorded} recorded stretches", of.recorded_collapsed)
                 }
             };
             printer.result(&format!(
-                "  {} collapses in {} of {all} rollouts, from step {} on (median){recorded}",
+                "  {} freezes in {} of {all} rollouts, from step {} on (median){recorded}",
                 of.sensor,
                 of.collapsed,
                 count(step as usize),
@@ -188,14 +188,11 @@ pub(crate) fn report_table(model: &str, collapse: &Collapse) -> Option<Table> {
             Cell::Count(of.escaped as u64),
         ]
     });
-    let columns = ["sensor", "collapsed", "from step (median)", "recorded ones", "far outside"];
+    let columns = ["sensor", "frozen", "from step (median)", "recorded ones", "far outside"];
     Some(Table {
-        title: "Collapse".to_owned(),
+        title: "Rollouts that freeze".to_owned(),
         caption: format!(
-            "{model}, {} rollouts. A sensor has collapsed if over the last quarter of a rollout it has less than a \
-             tenth of the data's spread, and it does so from the step after which it stays within a fifth of that \
-             spread; what was recorded after the same starts is judged alike. Far outside: beyond \
-             the data's range by more than its width, at the end.{ended}",
+            "{model}, {} rollouts. A sensor freezes if over the last quarter of a rollout it has less than a tenth of the data's spread. It does so from the step after which it stays within a fifth of that spread. The log after the same start states is judged alike. Far outside: beyond the data's range by more than its width, at the end.{ended}",
             collapse.rollouts
         ),
         columns: columns.map(str::to_owned).to_vec(),

@@ -215,7 +215,7 @@ fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer)
     let per_state = model.model.state_bytes();
     let needed = rows.saturating_mul(per_state + ROW_BYTES + SENSOR_BYTES * sensors as u64);
     printer.say(&format!(
-        "rollout: {members} members x {rollouts} rollouts of {} steps; about {} of memory",
+        "rollout: {members} ensemble members x {rollouts} rollouts of {} steps; about {} of memory",
         count(steps),
         bytes(needed),
     ));

@@ -190,6 +190,8 @@ pub(crate) fn open_all<'a>(
 fn notes(summaries: &[StartSummary]) -> Vec<String> {
     let lacking = summaries.iter().enumerate().filter(|(_, summary)| summary.replaced > 0);
     lacking
-        .filter_map(|(member, summary)| Some(format!("member {member}: {}", summary.text()?)))
+        .filter_map(|(member, summary)| {
+            Some(format!("ensemble member {member}: {}", summary.text()?))
+        })
         .collect()
 }

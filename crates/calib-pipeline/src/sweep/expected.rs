@@ -65,7 +65,7 @@ impl Expected {
 
     pub(crate) fn line(&self) -> String {
         format!(
-            "expecting about {} on {} threads ({} passes over streams, {} of processor time); up to {} on disk",
+            "expecting about {} on {} threads ({} passes over the data, {} of processor time); up to {} on disk",
             seconds(self.secs),
             self.threads,
             count(self.passes),

@@ -49,7 +49,7 @@ pub(crate) fn failed_rollouts(
             format!("run {run} at step {step} in {}", normaliser.columns()[*column].name)
         };
         format!(
-            "the model's rollout left the finite numbers in {environment}: {}; every value has an infinite error there",
+            "the model's rollout left the finite numbers in {environment}: {}; every setting has an infinite error there",
             runs.iter().map(told).collect::<Vec<_>>().join(", ")
         )
     };
@@ -60,12 +60,12 @@ pub(crate) fn failed_rollouts(
     notes
 }
 
-/// What a race saved of `all` runs of a value, in words; nothing where it dropped none.
+/// What a race saved of `all` runs of a setting, in words; nothing where it dropped none.
 pub(crate) fn saved(results: &[UnitResult], all: usize) -> Option<String> {
     let made: usize = results.iter().map(|result| result.rows.len()).sum();
     (made < all).then(|| {
         let share = percent((all - made) as f64 / all as f64);
-        format!("the race dropped values early, and so saved {share} of the runs; see the verdict for which, and when")
+        format!("the race dropped settings early, which saved {share} of the runs; the verdict names them")
     })
 }
 

@@ -200,9 +200,9 @@ impl Memory {
         let shared = self.data + self.predictions + self.results;
         let fit = available.saturating_sub(shared) / self.thread.max(1);
         let advice = if fit > 0 {
-            format!("use --threads {fit}, or fewer or smaller values")
+            format!("use --threads {fit}, or fewer or smaller settings")
         } else if self.thread > shared {
-            "sweep fewer or smaller values (hidden_units, batch_size), or set a smaller sweep.steps"
+            "sweep fewer or smaller settings (hidden_units, batch_size), or set a smaller sweep.steps"
                 .to_owned()
         } else {
             "use a shorter data.train or a larger preprocess.subsample, or set a smaller sweep.curve_points"
@@ -241,12 +241,12 @@ impl SweepPlan {
             shared => format!(", {} of them with an earlier model or deployment", count(shared)),
         };
         printer.say(&format!(
-            "{} values x {} units (sensor, environment, run) of {} steps, for {}; {} left to run on {} threads{shared}",
+            "{} settings x {} training runs (sensor, environment, run) of {} steps, for {}; {} left to make on {} threads{shared}",
             self.candidates.len(),
             count(self.units),
             count(self.steps),
             study.sweep.sensors.join(", "),
-            if self.left == self.units { "all units are".to_owned() } else { format!("{} units are", count(self.left)) },
+            if self.left == self.units { "all runs are".to_owned() } else { format!("{} runs are", count(self.left)) },
             self.threads,
         ));
         if self.left == 0 {

@@ -193,7 +193,7 @@ fn sweep(
     if let Some(class) = arithmetic {
         manifest.arithmetic = Some(class.to_owned());
         manifest.notes.push(format!(
-            "agents were trained by {class}, which rounds otherwise than calib does"
+            "agents were trained by {class}, which rounds differently from calib, so compare only runs that were trained alike"
         ));
     }
     manifest.files = kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default();

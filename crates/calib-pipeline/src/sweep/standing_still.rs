@@ -42,8 +42,7 @@ impl Still {
             _ => format!("{windows} of {of} windows"),
         };
         format!(
-            "{sensor} is constant in {place} of the held-out range, though not in the training range: there is nothing to predict, and \
-             errors there say nothing about a choice; hold out a range in which it moves"
+            "{sensor} is constant in {place} of the held-out period, though not in the training range: there is nothing to predict, and errors there say nothing about a choice; hold out a period in which it changes"
         )
     }
 }

@@ -44,14 +44,14 @@ impl Streams {
             Some(held_out) if held_out.rows() <= steps => {
                 steps = held_out.rows().saturating_sub(1);
                 notes.push(format!(
-                    "streams have {} steps, not {}: the held-out range has no more",
+                    "training runs have {} steps, not {}, because the held-out period has no more; hold out more, or lower sweep.steps",
                     count(steps),
                     count(sweep.steps)
                 ));
             }
             Some(_) => {}
             None => notes
-                .push("no held-out range: the choice cannot be compared with Online".to_owned()),
+                .push("no held-out period, so the choice cannot be checked; set data.held_out or data.train_fraction".to_owned()),
         }
         let gammas = candidates.iter().map(|candidate| candidate.agent.gamma);
         let gamma = gammas.clone().fold(0.0, f64::max);
@@ -63,7 +63,7 @@ impl Streams {
         let log = Windows::log(dataset.train.segments(), demand, sweep.log_replay_runs);
         if log.left_out > 0 {
             notes.push(format!(
-                "{} of {} windows of the log are not replayed: gaps leave hardly a step to score in them",
+                "{} of {} windows of the log are not replayed, because gaps leave hardly a step to score in them",
                 log.left_out, sweep.log_replay_runs
             ));
         }
@@ -106,9 +106,7 @@ fn held_out_windows(
             _ => "a smaller gamma, or sweep.scored = \"whole_run\"",
         };
         return Err(StepError::Unscorable(format!(
-            "no step of the held-out range{range} can be scored: with gamma = {} the last {} steps of each unbroken piece have \
-             truncated returns, its longest piece has {} states, and {} of runs of {} steps are scored; use a longer range, \
-             {other}",
+            "the held-out period{range} is too short for gamma = {}: scoring a prediction needs the {} states after it, the longest stretch without a gap has {} states, and {} of runs of {} steps are scored; hold out a longer period, {other}",
             demand.gamma,
             demand.span.tail,
             count(longest),
@@ -118,7 +116,7 @@ fn held_out_windows(
     }
     if windows.left_out > 0 {
         notes.push(format!(
-            "{} windows of the held-out range are left out: gaps leave hardly a step to score in them",
+            "{} windows of the held-out period are left out, because gaps leave hardly a step to score in them",
             windows.left_out
         ));
     }

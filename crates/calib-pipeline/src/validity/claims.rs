@@ -83,7 +83,7 @@ pub(super) const fn finding(finding: Finding) -> &'static str {
         Finding::Better => "better",
         Finding::Worse => "worse",
         Finding::NoWorse => "no worse",
-        Finding::Untold => "not told",
+        Finding::Untold => "unclear",
     }
 }
 
@@ -100,9 +100,9 @@ fn sentence(of: &MethodSummary, validity: &Validity) -> String {
     let floors: Vec<String> = floors
         .map(|of| match of.method {
             Method::AnotherWindow => {
-                format!("a chooser that sees another held-out window {}", percent(of.mean))
+                format!("choosing by another held-out window {}", percent(of.mean))
             }
-            _ => format!("the best constant value {}", percent(of.mean)),
+            _ => format!("the best fixed setting {}", percent(of.mean)),
         })
         .collect();
     let floors = if floors.is_empty() { String::new() } else { format!("; {}", floors.join(", ")) };

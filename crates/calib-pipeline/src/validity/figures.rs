@@ -78,9 +78,7 @@ fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
         .map(|(number, (label, models))| of_points(label, number, broken(points(models))));
     let title = format!("Typical regret of each way to choose{by}");
     OverviewFigure {
-        caption: "Geometric mean over plant–sensor pairs of the Online error of the choice over that of the best value, minus \
-                  one; 95 % intervals over plants. Lower is better. Other plants: the best default of all other plants; same optimiser: \
-                  of those with the same optimiser. Best constant and other window are floors, which hindsight alone reaches."
+        caption: "Geometric mean over plant–sensor pairs of the error of the choice on held-out data over that of the best setting, minus one, with 95 % intervals over plants. Lower is better. Other plants: the best default of all other plants. Same optimiser: of those with the same optimiser. The best fixed setting and another window are only known afterwards."
             .to_owned(),
         table: Table {
             title: title.clone(),

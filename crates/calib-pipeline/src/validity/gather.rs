@@ -129,7 +129,7 @@ fn add(
         };
         let Some(truth) = verdicts.first().and_then(|first| first.truth.as_ref()) else {
             bail!(
-                "{} has no held-out data, so nobody can say how well calib chooses there; set data.held_out, or leave it out",
+                "{} has no held-out data, so calib cannot judge how well it chooses there; set data.held_out, or leave the study out",
                 study.path().display()
             );
         };

@@ -308,7 +308,7 @@ fn missing(gathered: &[(String, Gathered)], lacking: &BTreeMap<String, usize>) -
     });
     let without = gathered.iter().flat_map(|(plant, of)| {
         of.without.iter().map(move |which| {
-            format!("{which} of {plant}: every value diverged in the model, which has no choice")
+            format!("{which} of {plant}: every setting diverged in the model, so it has no choice")
         })
     });
     lacking.chain(without).collect()

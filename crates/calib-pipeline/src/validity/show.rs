@@ -62,7 +62,7 @@ pub(super) fn subtitle(judgement: &Judgement) -> String {
         "{drawn}{} of {}, {} of the grid; intervals over plants",
         counted(validity.pairs, "plant–sensor pair"),
         counted(validity.plants.len(), "plant"),
-        counted(validity.values.len(), "value"),
+        counted(validity.values.len(), "setting"),
     )
 }
 
@@ -104,17 +104,17 @@ pub(super) fn notes(judgement: &Judgement) -> Vec<String> {
         validity
             .left_out
             .iter()
-            .map(|pair| format!("{pair} is left out: every value diverged Online")),
+            .map(|pair| format!("{pair} is left out: every setting diverged on held-out data; add smaller learning rates to its sweep.grid")),
     );
     if validity.not_learnt > 0 {
         notes.push(format!(
-            "in {} of {} pairs even the best value predicts no better than the mean return: what is chosen there matters little",
+            "in {} of {} pairs even the best setting predicts no better than the mean return, so the choice matters little there",
             validity.not_learnt, validity.pairs
         ));
     }
     notes.extend(capped(validity));
     if validity.plants.len() < FEWEST_PLANTS {
-        notes.push(format!("intervals over plants want at least {FEWEST_PLANTS} of them"));
+        notes.push(format!("intervals over plants need at least {FEWEST_PLANTS} of them"));
     }
     notes
 }

@@ -214,7 +214,7 @@ pub(super) fn check(studies: &[Listed]) -> Result<(), StepError> {
         };
         ensure!(
             *theirs == values,
-            "the studies sweep different values: {} has {}, {plant} has {}; give all the same [sweep.grid] and default, or \
+            "the studies sweep different settings: {} has {}, {plant} has {}; give all the same [sweep.grid] and default, or \
              judge them apart",
             other.plant,
             theirs.join(", "),

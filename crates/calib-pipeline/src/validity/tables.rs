@@ -42,9 +42,7 @@ fn methods(title: &str, methods: &[MethodSummary]) -> Table {
     table(
         title,
         &format!(
-            "Regret is how much larger the Online error of the choice is than that of the best value, geometrically over held-out \
-             windows; of the mean there is an upper bound alone. Typical: the geometric mean of the errors over the best ones, minus one, \
-             which no single pair can dominate. In both, regrets above {} count as that, those of choices that diverged among them.",
+            "Regret is how much larger the error of the choice on held-out data is than that of the best setting, as a geometric mean over held-out windows. The mean has an upper bound only. Typical: the geometric mean of the errors over the best ones, minus one, which no single pair can dominate. In both, regrets above {} count as that, also those of choices that diverged.",
             percent(CAP)
         ),
         &["choice of", "pairs", "mean", "95 %", "typical", "95 %", "≤ 5 %", "diverged"],
@@ -65,8 +63,7 @@ fn comparisons(title: &str, comparisons: &[Comparison]) -> Table {
     });
     table(
         title,
-        "Wins, ties and losses by regret, pair by pair. The quotient is the geometric mean of the Online errors' quotients: below 1 \
-         the first is better. Better and worse: the interval excludes 1; no worse: it ends below 1.01.",
+        "Wins, ties and losses by regret, pair by pair. The quotient is the geometric mean of the quotients of errors on held-out data: below 1 the first is better. Better and worse: the interval excludes 1. No worse: it ends below 1.01.",
         &["choice of", "against", "wins / ties / losses", "quotient", "95 %", "found"],
         rows.collect(),
     )
@@ -88,7 +85,7 @@ fn groups(groups: &[GroupSummary]) -> Table {
     table(
         "Does choosing well depend on the task?",
         "Typical regret over the pairs whose tasks have something in common, and the quotient of errors against the study's default \
-         there. Intervals want eight plants.",
+         there. Intervals need eight plants.",
         &["task", "choice of", "plants", "pairs", "typical", "95 %", "/ default", "95 %"],
         rows.collect(),
     )
@@ -110,10 +107,8 @@ fn agreement(agreement: &[RankAgreement]) -> Table {
         ]
     });
     table(
-        "Agreement of rankings with Online, and how firm choices are",
-        "Spearman's correlation of the model's ranking of the values with their regrets Online, mean over pairs. Same choice: the share \
-         of resamples of members, runs and windows of the log from which the same value is chosen. A race saves: the share of the \
-         updates in members and on the log that sweep.race = \"sure\" would not have made; what it would have chosen is the rule \"raced\". \
+        "Agreement of rankings with held-out data, and how firm choices are",
+        "Spearman's correlation of the model's ranking of the settings with their regrets on held-out data, mean over pairs. Same choice: the share of resamples (of models, runs and windows of the log) from which the same setting is chosen. A race saves: the share of the updates in models and on the log that sweep.race = \"sure\" would not have made; what it would have chosen is the rule \"raced\". \
          Halving: the same for sweep.race = \"halving\", and the rule \"halved\".",
         &[
             "model",

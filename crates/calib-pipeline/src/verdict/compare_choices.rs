@@ -42,7 +42,7 @@ pub(crate) fn choices(parts: &[Part]) -> String {
     let header: Vec<&str> = ["sensor"]
         .into_iter()
         .chain(deployment)
-        .chain(["model", "choice", "grade", "regret", "Spearman", "DTW", "collapse"])
+        .chain(["model", "choice", "grade", "regret", "Spearman", "DTW", "freezes"])
         .collect();
     table(&header, &rows)
 }

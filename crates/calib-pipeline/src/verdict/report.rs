@@ -221,20 +221,18 @@ pub(crate) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Ta
     let cell = |distance: Option<f64>| distance.map_or(Cell::Missing, Cell::Number);
     let rows = all.enumerate().map(|(member, starts)| {
         vec![
-            Cell::Text(format!("member {member}")),
+            Cell::Text(format!("ensemble member {member}")),
             Cell::Count(starts.starts as u64),
             Cell::Count(starts.replaced as u64),
             cell(starts.mean_distance),
             cell(starts.largest_distance),
         ]
     });
-    let columns = ["member", "start states", "in the block left out", "mean distance", "largest"];
+    let columns = ["", "start states", "in the block left out", "mean distance", "largest"];
     Some(Table {
         title: "Start states".to_owned(),
         caption: format!(
-            "{model}: a start state that lies in the block that a member leaves out, or in no block because it is of \
-             the deployment, is replaced by the nearest that the member has. Distances are from what was asked for \
-             to what stands for it, in the metric of the model."
+            "{model}: each ensemble member lacks one block of the log. A start state in that block, or one of the held-out period, is replaced by the nearest state that the ensemble member has. Distances are from the state that was asked for to the one that replaces it, in the metric of the model."
         ),
         columns: columns.map(str::to_owned).to_vec(),
         rows: rows.collect(),

@@ -180,7 +180,7 @@ fn at_the_end(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<String> {
     } else {
         return None;
     };
-    let whose = if online.is_some() { "the best value on held-out data" } else { "the choice" };
+    let whose = if online.is_some() { "the best setting on held-out data" } else { "the choice" };
     Some(format!(
         "{whose} is the {end} of the grid: better ones may lie beyond it; add some to sweep.grid"
     ))
@@ -242,7 +242,7 @@ pub(crate) fn sensitivity(
     };
     let mut errors = Vec::new();
     if let Some(truth) = &verdict.truth {
-        errors.push(curve(&truth.scores, "Online (held-out)", ErrorSource::Online));
+        errors.push(curve(&truth.scores, "held-out period", ErrorSource::Online));
         errors.extend(simple_line(verdict, candidates.len()));
     }
     if let Some(replay) = &verdict.log_replay {
@@ -319,8 +319,13 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
             diverged,
         })
     };
+    let whose = match (verdict.rule, &verdict.log_replay) {
+        (Rule::LogReplay, Some(_)) => "log replay".to_owned(),
+        (Rule::MeanLogError, _) | (_, None) => model.to_owned(),
+        (_, Some(_)) => format!("{model} and log replay"),
+    };
     Some(ErrorCurve {
-        label: format!("{model}, by which it chose"),
+        label: format!("{whose} (decides)"),
         source: ErrorSource::Evidence,
         over: Samples::Streams,
         summaries: verdict.scores.iter().enumerate().map(point).collect(),

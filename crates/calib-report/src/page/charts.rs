@@ -59,10 +59,9 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
     let two_axes = report.sensitivities.iter().any(Sensitivity::has_two_axes);
     let body = html! {
         p.lead {
-            "How much the choice matters, and whether the models see it as held-out data does. "
+            "How much the choice matters, and whether the models rank settings as held-out data does. "
             @if two_axes {
-                "The two vertical axes measure different things: curves should be compared by shape and ordering, \
-                 not by absolute values."
+                "The two vertical axes measure different things: compare curves by shape and order, not by height."
             }
         }
         (common_caption(common))
@@ -174,11 +173,10 @@ fn shown(chart: &Chart) -> usize {
 impl Sensitivity {
     fn caption(&self) -> String {
         let Self { score, field, .. } = self;
-        let field = if self.is_of_several() { "value" } else { field.as_str() };
+        let field = if self.is_of_several() { "setting" } else { field.as_str() };
         if self.errors.is_empty() {
             return format!(
-                "Worst rank of each {field} of the grid over the members of each calibration model. \
-                 There was no held-out data to compare it with."
+                "Worst rank of each {field} of the grid over the ensemble members of each calibration model. No data was held out to compare it with."
             );
         }
         let mut caption = format!(
@@ -193,11 +191,13 @@ impl Sensitivity {
             },
         );
         if self.errors.iter().any(|curve| curve.source == ErrorSource::Evidence) {
-            caption.push_str(" Of a model: the geometric mean over the streams that it chose by.");
+            caption.push_str(
+                " Of a model: the geometric mean over the training runs that it chose by.",
+            );
         }
         if !self.worst_ranks.is_empty() {
             caption.push_str(
-                " Dashed and dotted, on the right axis: the worst rank over the members of each calibration model.",
+                " Dashed and dotted, on the right axis: the worst rank over the ensemble members of each calibration model.",
             );
         }
         caption

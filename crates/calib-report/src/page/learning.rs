@@ -42,8 +42,7 @@ pub(super) fn curves(report: &Report) -> Result<Section, ReportError> {
     }
     let body = html! {
         p.lead {
-            "How the error falls along the run, for each value. A value that is still falling at the end would gain from \
-             a longer run; one that falls early and rises again has lost track."
+            "How the error falls along the run, for each setting. A setting whose error still falls at the end would gain from a longer run. One whose error falls early and rises again has lost track."
         }
         (common_caption(common))
         @for (sensor, figures) in &sensors {

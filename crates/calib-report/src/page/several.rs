@@ -28,7 +28,7 @@ pub(super) fn markup(
                 figcaption {
                     h3 { (chart.title) }
                     p {
-                        "Each plot varies one hyperparameter and keeps the others of the choice; all have the same vertical axes. " (prose(caption))
+                        "Each plot varies one hyperparameter and keeps the others at the choice. All have the same vertical axes. " (prose(caption))
                     }
                 }
                 (still_tools(&chart.title))
@@ -37,8 +37,7 @@ pub(super) fn markup(
             (still_plot(&figure, id))
             h4 { "What matters" }
             p.caption {
-                "Share of the differences between all combinations that a hyperparameter's value alone explains, by the logarithm of the \
-                 error. The rest to 100 % depends on two or more together."
+                "Share of the differences between all settings that one hyperparameter alone explains, by the logarithm of the error. The rest to 100 % depends on two or more together."
             }
             (rows(&importance_table(sensitivity)))
             @if let Some(first) = heats.first() {

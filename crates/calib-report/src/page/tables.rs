@@ -153,7 +153,7 @@ fn channels(channels: &[Channel]) -> Table {
     };
     Table {
         title: "Channels".to_owned(),
-        caption: "Ranges are in physical units, over all rows from the begin of the training range to the end of the held-out one; missing is a \
+        caption: "Ranges are in physical units, over all rows from the start of the training range to the end of the held-out period. Missing is a \
                   share of the training rows.".to_owned(),
         columns: columns.map(ToOwned::to_owned).to_vec(),
         rows: channels.iter().map(row).collect(),

@@ -42,9 +42,7 @@ pub(super) fn verdicts(report: &Report) -> Section {
         }
         @if judged {
             p.caption {
-                "Regret: how much larger the prediction error on held-out data is than with the best value of each window. \
-                 A bar is full at 50 %; the line in it goes to the 95 % upper bound over windows. Another held-out window: what a chooser would \
-                 cost that sees one window of the deployment itself, at another time."
+                "Regret: how much larger the prediction error on held-out data is than with the best setting of each window. A bar is full at 50 %, and the line in it ends at the 95 % upper bound over windows. Another held-out window: the cost of choosing by one other window of the held-out period."
             }
         }
         @if !warnings.is_empty() {
@@ -141,8 +139,8 @@ const fn name(way: Way) -> &'static str {
         Way::Default => "Default",
         Way::LogReplay => "Log replay",
         Way::LatestWindow => "Latest window of the log",
-        Way::Random => "Any value, on average",
-        Way::Hindsight => "Best in hindsight",
+        Way::Random => "Any setting, on average",
+        Way::Hindsight => "Best fixed setting, in hindsight",
         Way::AnotherWindow => "Another held-out window",
     }
 }
@@ -191,8 +189,8 @@ fn comparison(report: &Report) -> Table {
         "Grade",
         "Tied with",
         "Worst rank",
-        "Online",
-        "Best Online",
+        "Held-out error",
+        "Best held-out error",
         "Skill",
         "Regret",
         "95 %",
@@ -202,12 +200,8 @@ fn comparison(report: &Report) -> Table {
     Table {
         title: "All verdicts".to_owned(),
         caption: format!(
-            "Online is the mean {} of the choice on held-out data. NRMSE divides by the spread of returns in the training range: 1 is \
-             the error of their mean. Skill is beside another mean, that of each held-out window, which nobody knows beforehand: 0 \
-             is as good as that. Regret is how much worse the choice is than the best value of each window, with its upper bound over \
-             windows. Stability is the share of resamples of \
-             members, runs and windows of this log that would choose the same, or a value next to it on the grid; another log of the \
-             same plant agrees less often.",
+            "Held-out error is the mean {} of the choice over the held-out windows. NRMSE divides by the spread of returns in the training range: 1 is \
+             the error of their mean. Skill compares with another mean, that of each held-out window, which is only known afterwards: 0 is as good as that. Regret is how much worse the choice is than the best setting of each window, with its upper bound over windows. Stability is the share of resamples (of models, runs and windows of this log) that would choose the same setting, or one next to it on the grid. Another log of the same plant agrees less often.",
             report.score.name
         ),
         columns: columns.map(ToOwned::to_owned).to_vec(),
@@ -240,9 +234,7 @@ fn parts(report: &Report) -> Option<Table> {
     let own = report.verdicts.iter().filter(|verdict| verdict.parts.len() == names.len());
     Some(Table {
         title: "By part of the run".to_owned(),
-        caption: "What would be chosen if errors counted over another part of each run, and the error of this choice over that \
-                  part of the held-out runs. Error in the first tenth: how much of its squared error the choice makes while it \
-                  starts up; a tenth is even."
+        caption: "What calib would choose if errors counted over another part of each run, and the error of this choice over that part of the held-out runs. Error in the first tenth: the share of its squared error that the choice makes while it starts up. An even share is a tenth."
             .to_owned(),
         columns: columns.into_iter().chain(heads).collect(),
         rows: own.map(row).collect(),
@@ -256,8 +248,8 @@ fn alternatives(report: &Report) -> Table {
         ("Default", Way::Default),
         ("Log replay", Way::LogReplay),
         ("Latest window", Way::LatestWindow),
-        ("Any value, on average", Way::Random),
-        ("Best in hindsight", Way::Hindsight),
+        ("Any setting, on average", Way::Random),
+        ("Best fixed setting, in hindsight", Way::Hindsight),
         ("Another window", Way::AnotherWindow),
     ];
     let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
@@ -269,8 +261,7 @@ fn alternatives(report: &Report) -> Table {
     };
     Table {
         title: "Other ways to choose, and agreement".to_owned(),
-        caption: "The regret on held-out data of the choice, and of what other ways would have chosen; and how far the model's ranking of \
-                  all values agrees with that of held-out data."
+        caption: "The regret on held-out data of the choice, and of what other ways would have chosen. Then how far the model's ranking of all settings agrees with that of held-out data."
             .to_owned(),
         columns: ["Sensor", "Model", "This choice"]
             .into_iter()

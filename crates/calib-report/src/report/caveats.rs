@@ -49,8 +49,7 @@ impl Verdict {
             self.online.as_ref().filter(|online| online.values == Told::Alike && self.values > 1);
         let alike = alike.filter(|online| !online.stands_still && online.regret.is_some());
         let alike = alike.map(|_| {
-            "on held-out data all values have the same error, so nothing there says which is better, as when the steps that are scored \
-             end before the first update: use a larger sweep.steps, or a smaller agent.batch_size"
+            "on held-out data all settings have the same error, so nothing there shows which is better. This happens if the scored steps end before the first update: use a larger sweep.steps, or a smaller agent.batch_size"
                 .to_owned()
         });
         alike.into_iter().chain(self.notes.iter().cloned()).collect()

@@ -9,12 +9,11 @@ impl Verdict {
     /// neither will do.
     pub fn plain(&self) -> String {
         let Some(online) = &self.online else {
-            return "No data was held out, so what it would have cost in the plant is unknown."
+            return "No data was held out, so what it would have cost at the plant is unknown."
                 .to_owned();
         };
         if online.stands_still {
-            return "It does not move in the held-out data, so there was nothing to predict, and the choice is not checked. Judge by \
-                    a held-out range in which it moves."
+            return "It is constant in the held-out period, so there was nothing to predict, and the choice is not checked. Hold out a period in which it changes."
                 .to_owned();
         }
         if let (Grade::Simpler, Some(simpler)) = (self.grade, &self.simpler) {
@@ -31,19 +30,19 @@ impl Verdict {
             return sentence;
         }
         let of_choice = match online.regret {
-            None => return "On held-out data no value worked: every one diverged. Add smaller learning rates to the grid.".to_owned(),
+            None => return "On held-out data no setting worked: every one diverged. Add smaller learning rates to sweep.grid.".to_owned(),
             Some(regret) if regret.value.is_infinite() => {
                 format!("On held-out data it made the agent diverge; {} did best.", online.best)
             }
             Some(_) if online.values == Told::Alike => {
-                return "On held-out data all values have the same error, so it cannot say which is better.".to_owned();
+                return "On held-out data all settings have the same error, so it cannot show which is better.".to_owned();
             }
             Some(_) if self.simple.is_empty() && online.is_unskilled() => self.without_skill(),
             Some(regret) if regret.value == 0.0 => {
-                "On held-out data no other value of the grid predicts better.".to_owned()
+                "On held-out data no other setting of the grid predicts better.".to_owned()
             }
             Some(regret) => format!(
-                "On held-out data its predictions are {} worse than those of the best value{}.",
+                "On held-out data its predictions are {} worse than those of the best setting{}.",
                 percent(regret.value),
                 if online.windows > 1 { " of each window" } else { "" },
             ),
@@ -95,12 +94,10 @@ impl Verdict {
             );
         }
         if self.hardly_varies() {
-            return "Errors are small beside the spread in training, but so is what happens in the windows: they do not tell \
-                    whether anything was learned. Make them longer (`sweep.steps`), or hold out livelier data."
+            return "Errors are small beside the spread in training, but so is what happens in the windows, so nothing shows whether anything was learned. Make windows longer (`sweep.steps`), or hold out livelier data."
                 .to_owned();
         }
-        "On held-out data even this one predicts no better than the mean return. Let agents learn for longer, widen the grid, or try \
-         another value function."
+        "On held-out data even this one predicts no better than the mean return. Let agents learn for longer (`sweep.steps`), widen the grid (`sweep.grid`), or try another value function (`agent.value_function`)."
             .to_owned()
     }
 
@@ -110,7 +107,7 @@ impl Verdict {
         let best = best
             .filter(|(value, skill)| **value != self.chosen && *skill > 0.0)
             .map_or_else(String::new, |(value, skill)| {
-                format!("; the best value, {value}, has {} less error than that", percent(skill))
+                format!("; the best setting, {value}, has {} less error than that", percent(skill))
             });
         format!("On held-out data it predicts no better than the mean return{best}.")
     }
@@ -119,7 +116,7 @@ impl Verdict {
         let default = self.alternative(Way::Default)?;
         let value = default.value.as_ref()?;
         if *value == self.chosen {
-            return Some("The default is the same value.".to_owned());
+            return Some("The default is the same setting.".to_owned());
         }
         Some(match default.regret?.value {
             0.0 => format!("Keeping the default, {value}, would have cost nothing."),

@@ -11,7 +11,7 @@ impl Verdict {
             && matches!(self.grade, Grade::Good | Grade::Fair | Grade::Unchecked)
     }
 
-    /// Whether every value diverged on held-out data.
+    /// Whether every setting diverged on held-out data.
     pub(crate) fn has_all_diverged(&self) -> bool {
         self.online.as_ref().is_some_and(|online| online.regret.is_none())
     }
@@ -22,17 +22,15 @@ impl Verdict {
             _ if self.is_arbitrary() => "No clear difference: all settings did alike",
             _ if self.is_simpler_better() => SIMPLER_IS_BETTER,
             (Some(online), _) if online.stands_still => {
-                "Not checked: the sensor does not move in the held-out data"
+                "Not checked: the sensor is constant in the held-out period"
             }
-            (Some(_), Grade::Unchecked) => {
-                "Not checked: held-out data does not tell the values apart"
-            }
+            (Some(_), Grade::Unchecked) => "Not checked: no clear difference on held-out data",
             (_, Grade::Good) => "Good: at most 5 % from the best setting",
             (_, Grade::Fair) => "Fair: not shown to be worse than the default",
             (_, Grade::Simpler) => SIMPLER_IS_BETTER,
             (_, Grade::Poor) => "Poor: do not rely on it",
             (_, Grade::NotLearnt) if self.left_training().is_some() => {
-                "Not learned: values that were never trained on"
+                "Not learned: the sensor left its training range"
             }
             (_, Grade::NotLearnt) => "Not learned: nothing beats a mean",
             (None, Grade::Unchecked) => "Not checked on held-out data",

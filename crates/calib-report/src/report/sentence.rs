@@ -1,6 +1,6 @@
 //! A verdict in sentences that need no statistics to be understood.
 
-use calib_stats::{Bounded, Estimate};
+use calib_stats::{Bounded, Estimate, Interval};
 
 use super::{Agreement, Alternative, Grade, Reason, Told, Verdict, Way};
 use crate::number::{number, percent};
@@ -18,6 +18,9 @@ const STABLE: f64 = 0.8;
 /// Shares that would be written as 100 %.
 const ALL: f64 = 0.995;
 
+/// What is drawn again to see how sure a choice is.
+const EVIDENCE: &str = "its evidence (models, runs and windows of the log)";
+
 impl Verdict {
     /// The verdict in one sentence.
     pub fn headline(&self) -> String {
@@ -26,7 +29,7 @@ impl Verdict {
         let field = fields(&self.field);
         match self.grade {
             _ if self.is_arbitrary() => {
-                format!("No value of {field} stands out for {sensor}: all did alike.")
+                format!("No clear difference for {sensor}: all settings of {field} did alike.")
             }
             Grade::Simpler => match &self.simpler {
                 Some(simpler) => self.simpler_headline(simpler),
@@ -39,7 +42,7 @@ impl Verdict {
                 None => format!("Use {choice} for {sensor}."),
             },
             Grade::Poor if self.has_all_diverged() => {
-                format!("No value of {field} can be deployed for {sensor}: every one diverged.")
+                format!("No setting of {field} can be deployed for {sensor}: every one diverged.")
             }
             Grade::Poor => match self.better_default() {
                 Some(default) => {
@@ -55,11 +58,10 @@ impl Verdict {
                 "Do not deploy an agent for {sensor}: none is shown to beat the training mean."
             ),
             Grade::NotLearnt if self.hardly_varies() => format!(
-                "{sensor} hardly varies in the held-out windows, and no value of {field} predicts it better than their own \
-                 means would: nothing to deploy on this evidence."
+                "{sensor} hardly varies in the held-out windows, and no setting of {field} predicts it better than their own means would: nothing to deploy on this evidence."
             ),
             Grade::NotLearnt => {
-                format!("No value of {field} learns {sensor}: do not deploy on this evidence.")
+                format!("No setting of {field} learns {sensor}: do not deploy on this evidence.")
             }
             Grade::Unchecked if self.online.as_ref().is_some_and(|online| online.stands_still) => {
                 format!(
@@ -123,7 +125,7 @@ impl Verdict {
         };
         match &self.online {
             None => reasons.push(
-                "No held-out data was given: regret and agreement with Online are unknown."
+                "No data was held out, so regret and agreement with the held-out period are unknown."
                     .to_owned(),
             ),
             Some(online) => reasons.extend(self.reasons_of_online(online, score)),
@@ -134,7 +136,7 @@ impl Verdict {
     /// How it was chosen.
     fn reasons_of_choice(&self, score: &Score) -> Vec<String> {
         if self.values == 1 {
-            return vec!["There is no other value to choose from.".to_owned()];
+            return vec!["There is no other setting to choose from.".to_owned()];
         }
         if self.evidence == Told::Alike {
             return vec![self.alike_sentence()];
@@ -172,7 +174,7 @@ impl Verdict {
 
     fn alike_sentence(&self) -> String {
         format!(
-            "Nothing was chosen: all {} values did alike in every run that counts, so that {} stands for any of them.",
+            "Nothing was chosen: all {} settings did alike in every run that counts, and {} stands for any of them.",
             self.values, self.chosen
         )
     }
@@ -181,30 +183,31 @@ impl Verdict {
         let model = &self.model;
         match self.reason {
             Reason::WorstRank => self.worst_rank_sentence(),
-            Reason::MeanRank => format!("{model} ranks it best on average over its members."),
-            Reason::MeanError => format!("{model} has the smallest mean error with it."),
+            Reason::MeanRank => {
+                format!("{model} ranks it best on average over its ensemble members.")
+            }
+            Reason::MeanError => format!("Chosen for the smallest mean error in {model}."),
             Reason::MeanLogError { streams } => format!(
-                "{model} has the smallest mean logarithm of the error with it, over {streams} streams."
+                "Chosen for the smallest error, as a geometric mean over {streams} training runs in {model}."
             ),
             Reason::Pooled { streams, sources } => format!(
-                "Over {streams} streams of {}, its mean logarithm of the error is the smallest.",
-                sources.of(model)
+                "Chosen for the smallest error, as a geometric mean over {streams} training runs {}.",
+                sources.within(model)
             ),
             Reason::LogReplay { streams } => format!(
-                "Over {streams} windows of the replayed log its mean logarithm of the error is the smallest; {model} did not count."
+                "Chosen for the smallest error, as a geometric mean over {streams} windows of the replayed log. {model} did not count."
             ),
             Reason::OneStandardError { streams, sources } => {
-                let source = sources.of(model);
+                let source = sources.within(model);
                 let default =
                     self.alternative(Way::Default).and_then(|default| default.value.as_ref());
                 if default == Some(&self.chosen) {
                     format!(
-                        "It is the default, and no other value is better by more than one standard error over {streams} streams \
-                         of {source}."
+                        "It is the default, and no other setting is better by more than one standard error over {streams} training runs {source}."
                     )
                 } else {
                     format!(
-                        "It is better than the default by more than one standard error, over {streams} streams of {source}."
+                        "It is better than the default by more than one standard error, over {streams} training runs {source}."
                     )
                 }
             }
@@ -214,16 +217,17 @@ impl Verdict {
     fn worst_rank_sentence(&self) -> String {
         let Self { model, worst_rank, values, members, .. } = self;
         if *members == 1 {
-            return format!("{model} ranks it {} of {values} values.", ordinal(*worst_rank));
+            return format!("{model} ranks it {} of {values} settings.", ordinal(*worst_rank));
         }
-        let place = match worst_rank {
-            1 => format!("best of {values} values in all {members} members"),
+        match worst_rank {
+            1 => format!(
+                "{model} ranks it best of {values} settings in all {members} ensemble members."
+            ),
             rank => format!(
-                "never below {} of {values} values in its {members} members",
+                "{model} never ranks it below {} of {values} settings in its {members} ensemble members.",
                 ordinal(*rank)
             ),
-        };
-        format!("{model} ranks it {place}.")
+        }
     }
 
     fn tie_sentence(&self, score: &Score) -> Option<String> {
@@ -244,44 +248,38 @@ impl Verdict {
     }
 
     fn stability_sentence(&self) -> Option<String> {
-        let own = self.stability.iter().find(|(value, _)| *value == self.chosen);
-        let share = own.map_or(0.0, |&(_, share)| share);
-        let others: Vec<String> = self
-            .stability
-            .iter()
-            .filter(|(value, _)| *value != self.chosen)
-            .take(2)
-            .map(|(value, share)| format!("{value} in {}", percent(*share)))
-            .collect();
         if self.stability.is_empty() {
             return None;
         }
-        Some(match others.as_slice() {
-            [] => {
-                "Every other draw of members, runs and windows of the log would choose it as well."
-                    .to_owned()
-            }
-            _ => format!(
-                "{} resamples of members, runs and windows of the log would choose it as well{}: {}{}.",
-                if share >= ALL {
-                    "Nearly all".to_owned()
-                } else {
-                    format!("{} of", percent(share))
-                },
-                if share < STABLE { ", so the choice is not certain" } else { "" },
-                listed(&others),
-                self.stability_nearby.filter(|_| share < ALL).map_or_else(String::new, |share| {
-                    format!("; it or a value next to it in {}", percent(share))
-                })
-            ),
-        })
+        let Self { chosen, .. } = self;
+        let own = self.stability.iter().find(|(value, _)| value == chosen);
+        let share = own.map_or(0.0, |&(_, share)| share);
+        let others = self.stability.iter().filter(|(value, _)| value != chosen).take(2);
+        let others: Vec<String> =
+            others.map(|(value, share)| format!("{value} in {}", percent(*share))).collect();
+        if others.is_empty() {
+            return Some(format!("When calib resamples {EVIDENCE}, {chosen} always wins."));
+        }
+        let when = if share < STABLE { "Not certain: when" } else { "When" };
+        let wins = if share >= ALL {
+            "nearly always".to_owned()
+        } else {
+            format!("in {}", percent(share))
+        };
+        let each: Vec<String> =
+            [format!("{chosen} wins {wins}")].into_iter().chain(others).collect();
+        let nearby =
+            self.stability_nearby.filter(|_| share < ALL).map_or_else(String::new, |share| {
+                format!(" It or a setting next to it wins in {}.", percent(share))
+            });
+        Some(format!("{when} calib resamples {EVIDENCE}, {}.{nearby}", listed(&each)))
     }
 
     fn default_sentence(&self, online: &Agreement) -> Option<String> {
         let default = self.alternative(Way::Default)?;
         let value = default.value.as_ref()?;
         if *value == self.chosen {
-            return Some("The default is the same value.".to_owned());
+            return Some("The default is the same setting.".to_owned());
         }
         let Some(against) = online.against_default else {
             return self.alternative_sentence(Way::Default);
@@ -292,22 +290,12 @@ impl Verdict {
         if against.value == 0.0 {
             return Some(format!("The default ({value}) would have diverged."));
         }
-        let (less, word) = match against.value {
-            ratio if ratio <= 1.0 => (1.0 - ratio, "less"),
-            ratio => (ratio - 1.0, "more"),
-        };
         let sure = against.interval.map_or_else(String::new, |interval| {
-            let told = if interval.low <= 1.0 && interval.high >= 1.0 {
-                "; the interval holds equality"
-            } else {
-                ""
-            };
-            format!(
-                " (quotient {:.2}, 95 %: {:.2} to {:.2}{told})",
-                against.value, interval.low, interval.high
-            )
+            let chance = interval.low <= 1.0 && interval.high >= 1.0;
+            let chance = if chance { ", which could be chance" } else { "" };
+            format!("{chance} (95 %: {})", between(interval))
         });
-        Some(format!("It has {} {word} error than the default, {value}{sure}.", percent(less)))
+        Some(format!("It has {} error than the default, {value}{sure}.", changed(against.value)))
     }
 
     fn alternative_sentence(&self, way: Way) -> Option<String> {
@@ -319,7 +307,7 @@ impl Verdict {
             _ => "The choice of the log's latest window",
         };
         if *value == self.chosen {
-            return Some(format!("{name} is the same value."));
+            return Some(format!("{name} is the same setting."));
         }
         let regret = (*regret)?;
         if regret.value.is_infinite() {
@@ -335,14 +323,32 @@ impl Verdict {
                 0 | 1 => "only one window was held out",
                 _ => "too few windows can be compared",
             };
-            return format!("How much of that is the luck of a window cannot be told: {reason}.");
+            return format!("How much of that is luck cannot be judged: {reason}.");
         };
-        let hindsight = cost(Way::Hindsight)
-            .map_or_else(String::new, |cost| format!(", and the best constant value {cost}"));
-        let random = cost(Way::Random).map_or_else(String::new, |cost| {
-            format!("; a value drawn at random costs {cost} on average")
-        });
-        format!("Choosing by another held-out window would have cost {another}{hindsight}{random}.")
+        let mut each = vec![format!(
+            "choosing by one other window of the held-out period would have cost {another}"
+        )];
+        each.extend(cost(Way::Hindsight).map(|cost| format!("the best fixed setting {cost}")));
+        each.extend(cost(Way::Random).map(|cost| format!("a random setting {cost} on average")));
+        format!("For scale: {}.", listed(&each))
+    }
+}
+
+/// "20 % less", of a quotient of errors.
+fn changed(ratio: f64) -> String {
+    match ratio {
+        ratio if ratio.is_infinite() => "divergence".to_owned(),
+        ratio if ratio <= 1.0 => format!("{} less", percent(1.0 - ratio)),
+        ratio => format!("{} more", percent(ratio - 1.0)),
+    }
+}
+
+/// "10 % to 30 % less", "9 % less to 2 % more", of an interval of such quotients.
+fn between(Interval { low, high }: Interval) -> String {
+    match (low, high) {
+        (low, high) if high <= 1.0 => format!("{} to {}", percent(1.0 - high), changed(low)),
+        (low, high) if low >= 1.0 => format!("{} to {}", percent(low - 1.0), changed(high)),
+        _ => format!("{} to {}", changed(low), changed(high)),
     }
 }
 
@@ -367,31 +373,30 @@ fn online_sentence(verdict: &Verdict, online: &Agreement, score: &Score) -> Stri
     match online.regret {
         _ if online.stands_still => {
             format!(
-                "On held-out data ({on}) {sensor} is constant: there is nothing to predict, so no error says anything."
+                "On held-out data ({on}) {sensor} is constant: there is nothing to predict, and errors say nothing."
             )
         }
         Some(_) if *values == 1 => format!("On held-out data ({on}) its {name} is {error}."),
         Some(_) if online.values == Told::Alike => format!(
-            "On held-out data ({on}) all {values} values have the same error ({name} {error}): nothing there tells them apart."
+            "On held-out data ({on}) all {values} settings have the same error ({name} {error}), so it shows no difference between them."
         ),
-        None => format!("On held-out data ({on}) every value diverged, so there is no best one."),
+        None => format!("On held-out data ({on}) every setting diverged, so there is no best one."),
         Some(regret) if regret.value.is_infinite() => format!(
-            "On held-out data ({on}) it diverged; the best value was {} ({name} {}).",
+            "On held-out data ({on}) it diverged. The best setting was {} ({name} {}).",
             online.best,
             number(online.best_error)
         ),
         Some(regret) if regret.value == 0.0 => {
             format!(
-                "On held-out data ({on}) it is the best value in every window ({name} {error})."
+                "On held-out data ({on}) it is the best setting in every window ({name} {error})."
             )
         }
         Some(regret) if online.best == *chosen => format!(
-            "On held-out data ({on}) it is the best value over all windows ({name} {error}); its regret against the best of \
-             each is {}.",
+            "On held-out data ({on}) it is the best setting over all windows ({name} {error}). Its regret against the best of each is {}.",
             with_interval(regret)
         ),
         Some(regret) => format!(
-            "On held-out data ({on}) its regret is {}; the best value over all windows is {} ({name} {} against {error}).",
+            "On held-out data ({on}) its regret is {}. The best setting over all windows is {} ({name} {} against {error}).",
             with_interval(regret),
             online.best,
             number(online.best_error)
@@ -410,17 +415,17 @@ fn skill_sentence(online: &Agreement) -> Option<String> {
     let skill = online.chosen_skill?;
     let best = online.best_skill.filter(|best| best - skill > 0.005);
     let best =
-        best.map_or_else(String::new, |best| format!(" The best value's is {}.", signed(best)));
+        best.map_or_else(String::new, |best| format!(" The best setting's is {}.", signed(best)));
     Some(if skill > 0.0 {
         format!(
-            "Its skill is {}: {} less error than the mean return of each window, which nobody knows beforehand.{best} \
+            "Its skill is {}: {} less error than the mean return of each window, which is only known afterwards.{best} \
              NRMSE divides by the spread of returns in the training range.",
             signed(skill),
             percent(skill)
         )
     } else {
         format!(
-            "Its skill is {}: it predicts no better than the mean return of each window, which nobody knows beforehand.{best} \
+            "Its skill is {}: it predicts no better than the mean return of each window, which is only known afterwards.{best} \
              NRMSE divides by the spread of returns in the training range.",
             signed(skill)
         )
@@ -435,11 +440,11 @@ fn signed(skill: f64) -> String {
 fn agreement_sentence(online: &Agreement) -> String {
     let top = online.top_k.map_or(String::new(), |top| {
         let not = if top.hit { "" } else { "not " };
-        format!(" The choice is {not}among the {} best Online.", top.k)
+        format!(" The choice is {not}among the {} best there.", top.k)
     });
     let Some(spearman) = online.spearman else {
         return format!(
-            "Agreement with Online's ranking is undefined, because one of the two ranks all values alike.{top}"
+            "Agreement with the ranking on held-out data is undefined, because one of the two ranks all settings alike.{top}"
         );
     };
     let strength = match spearman {
@@ -450,7 +455,9 @@ fn agreement_sentence(online: &Agreement) -> String {
         _ => "contradicts",
     };
     let kendall = online.kendall.map_or(String::new(), |tau| format!(", Kendall {tau:.2}"));
-    format!("The ranking of all values {strength} Online's (Spearman {spearman:.2}{kendall}).{top}")
+    format!(
+        "The ranking of all settings {strength} the one on held-out data (Spearman {spearman:.2}{kendall}).{top}"
+    )
 }
 
 #[cfg(test)]

@@ -34,7 +34,10 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
         sentences.push(format!("Use {}.", choices(&usable)));
     }
     if !arbitrary.is_empty() {
-        sentences.push(format!("No value stands out for {}: all did alike.", sensors(&arbitrary)));
+        sentences.push(format!(
+            "No clear difference for {}: all settings did alike.",
+            sensors(&arbitrary)
+        ));
     }
     let simpler = graded(&[Grade::Simpler]);
     if simpler.len() + frozen.len() > 0 {
@@ -57,8 +60,7 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
         .filter(|verdict| verdict.online.is_some() && verdict.has_costs())
         .collect();
     if verdicts.iter().all(|verdict| verdict.online.is_none()) {
-        sentences
-            .push("No data was held out, so nothing here is checked against Online.".to_owned());
+        sentences.push("No data was held out, so nothing here is checked.".to_owned());
     } else if let Some(costs) = costs(&compared) {
         sentences.push(costs);
     }
@@ -82,7 +84,7 @@ fn choices_of_models(verdicts: &[Verdict]) -> Vec<String> {
     }
     if verdicts.iter().all(|verdict| verdict.online.is_none()) {
         lines.push(
-            "No data was held out, so nothing here says which of the models to trust.".to_owned(),
+            "No data was held out, so nothing here shows which of the models to trust.".to_owned(),
         );
     }
     lines
@@ -102,7 +104,7 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
     }
     if not_learnt && own.iter().all(|verdict| verdict.hardly_varies()) {
         return Some(format!(
-            "{sensor} hardly varies in the held-out windows, and no value predicts it better than their own means would, whichever \
+            "{sensor} hardly varies in the held-out windows, and no setting predicts it better than their own means would, whichever \
              model chooses: nothing to deploy on this evidence."
         ));
     }
@@ -204,10 +206,10 @@ fn costs(verdicts: &[&Verdict]) -> Option<String> {
     };
     let chosen = largest(Verdict::regret)?;
     let mut text = match chosen {
-        0.0 => "On held-out data these are the best values of the grid".to_owned(),
+        0.0 => "On held-out data these are the best settings of the grid".to_owned(),
         regret if regret.is_finite() => {
             format!(
-                "On held-out data the choices are at most {} worse than the best values",
+                "On held-out data the choices are at most {} worse than the best settings",
                 percent(regret)
             )
         }

@@ -92,9 +92,9 @@ pub enum Sources {
 pub enum Reason {
     /// The smallest worst rank over members.
     WorstRank,
-    /// The smallest mean rank over members.
+    /// The smallest mean rank over ensemble members.
     MeanRank,
-    /// The smallest mean error over members.
+    /// The smallest mean error over ensemble members.
     MeanError,
     /// The smallest mean logarithm of the error over so many streams of the members.
     MeanLogError {
@@ -190,8 +190,8 @@ impl Way {
             Self::Default => "the default",
             Self::LogReplay => "log replay",
             Self::LatestWindow => "the latest window of the log",
-            Self::Random => "any value",
-            Self::Hindsight => "the best value, in hindsight",
+            Self::Random => "any setting",
+            Self::Hindsight => "the best fixed setting, in hindsight",
             Self::AnotherWindow => "another held-out window",
         }
     }

@@ -6,26 +6,25 @@ use serde::{Deserialize, Serialize};
 
 use super::{Dropped, dropped::select_among};
 
-/// How a value is chosen from the evidence: the members' runs, and those on the replayed log.
+/// How a setting is chosen from the evidence: the runs in the models, and those on the replayed log.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
-    /// The smallest worst rank over members (the paper). Cautious: one member in which a value is bad is enough to lose.
+    /// The smallest worst rank over ensemble members (the paper). Cautious: a setting loses if it is bad in one of them.
     WorstRank,
-    /// The smallest mean rank over members.
+    /// The smallest mean rank over ensemble members.
     MeanRank,
-    /// The smallest mean error over members.
+    /// The smallest mean error over ensemble members.
     MeanError,
-    /// The smallest mean logarithm of the error over all runs of all members.
+    /// The smallest mean logarithm of the error over all runs in all ensemble members.
     MeanLogError,
-    /// The same over the runs on the replayed log as well: every stream of the log counts the same.
+    /// The same over the runs in the models and on the replayed log: every run counts the same.
     Pooled,
-    /// The same over the runs on the replayed log alone; where nothing was replayed, over those of the members.
+    /// The same over the runs on the replayed log alone; where nothing was replayed, over those in the models.
     LogReplay,
-    /// The default, unless another is better over the same streams by at least one standard error of the mean paired difference of
-    /// logarithms: then the best of these by mean logarithm.
+    /// The default, unless another setting is better over the same runs by at least one standard error of the mean paired difference of logarithms: then the best of these by mean logarithm.
     OneStandardError,
 }
 

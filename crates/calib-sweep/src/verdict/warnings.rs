@@ -22,8 +22,7 @@ pub(super) fn of_parts(
         && part == Part::WholeRun
     {
         warnings.push(format!(
-            "{:.0} % of the chosen agent's squared error is made in the first tenth of its runs, so the choice is mostly about \
-             how fast it starts up; let it start from a simple predictor (agent.baseline), or score without the start-up \
+            "the chosen agent makes {:.0} % of its squared error in the first tenth of its runs, so the choice is mostly about how fast it starts up; let it start from a simple predictor (agent.baseline), or score without the start-up \
              (sweep.scored = \"after_first_quarter\")",
             100.0 * share
         ));
@@ -62,7 +61,7 @@ pub(super) fn all(
     let rows: Vec<_> = results.iter().flat_map(|result| &result.rows).collect();
     if rows.iter().any(|row| row.updates == 0 && row.diverged_at.is_none()) {
         warnings.push(
-            "some runs made no update: the stream is shorter than batch_size, so nothing was learnt".to_owned(),
+            "some runs made no update, because they are shorter than agent.batch_size, so nothing was learned; lower agent.batch_size, or raise sweep.steps".to_owned(),
         );
     }
     let not_finite = results.iter().filter(|result| result.not_finite.is_some());
@@ -70,8 +69,7 @@ pub(super) fn all(
         not_finite.fold((0, 0), |(runs, rows), result| (runs + 1, rows + result.rows.len()));
     if failed > 0 {
         warnings.push(format!(
-            "the model's rollout diverged to infinity or NaN in {failed} of {} runs: every value has an infinite error \
-             there, so the member cannot tell values apart",
+            "the model's rollout diverged to infinity or NaN in {failed} of {} runs: every setting has an infinite error there, so these runs show no difference between settings",
             results.len()
         ));
     }
@@ -80,18 +78,17 @@ pub(super) fn all(
         warnings.push(format!("{diverged} of {} runs diverged; they rank last", rows.len()));
     }
     if !told_apart(selection) {
-        warnings.push("all values tie: the members do not tell them apart".to_owned());
+        warnings.push("all settings tie: the evidence shows no clear difference between them; use longer runs (sweep.steps), or settings that differ more".to_owned());
     } else if judging.rule == Rule::WorstRank
         && candidates.len() > 1
         && selection.tie_set.len() == candidates.len()
     {
-        warnings.push("all values tie in worst rank; the mean rank decides".to_owned());
+        warnings.push("all settings tie in worst rank; the mean rank decides".to_owned());
     }
     if standing == Standing::Diverged {
         let label = candidates[chosen].label();
         warnings.push(format!(
-            "every value diverged in some stream that the choice is made from: none can be recommended; {label} is the first \
-             by the rule among those that are left"
+            "every setting diverged in at least one training run, so calib recommends none of them ({label} is the first by the rule); add smaller learning rates to sweep.grid"
         ));
     }
     warnings.extend(truth.and_then(lost_windows));
@@ -108,9 +105,8 @@ fn few_horizons(truth: &Truth, part: Part) -> Option<String> {
     (truth.horizons < FEW_HORIZONS - 1e-6).then(|| {
         let runs: usize = truth.windows.iter().map(|window| window.runs).sum();
         format!(
-            "only {:.1} horizons of 1 / (1 − gamma) steps are scored in a held-out window ({} of them, {runs} runs): \
-             regrets say as much about these stretches as about the values; use a larger sweep.steps, and a held-out \
-             range that is long enough for it{whole}",
+            "only {:.1} effective horizons of 1 / (1 − gamma) steps are scored in a held-out window ({} of them, {runs} runs): \
+             regrets say as much about these windows as about the settings; use a larger sweep.steps, and a held-out period that is long enough for it{whole}",
             truth.horizons,
             truth.windows.len(),
         )
@@ -122,7 +118,7 @@ fn lost_windows(truth: &Truth) -> Option<String> {
     let lost = truth.windows.iter().filter(|window| window.best.is_none()).count();
     (lost > 0).then(|| {
         format!(
-            "every value diverged in {lost} of {} held-out windows: regrets are of the others",
+            "every setting diverged in {lost} of {} held-out windows: regrets are of the others",
             truth.windows.len()
         )
     })
@@ -136,8 +132,7 @@ fn told_dropped(dropped: &[Dropped], candidates: &[Candidate]) -> Option<String>
         .map(|dropped| format!("{} after {}", candidates[dropped.candidate].label(), dropped.runs))
         .collect();
     Some(format!(
-        "the race dropped {} of {} values before they had made all of the {of_runs} runs, in members and on the log, that the others made ({}): they rank \
-         behind all others, which are ranked among themselves; held-out data, where there is any, has judged all values",
+        "the race dropped {} of {} settings before they had made all of the {of_runs} runs that the others made, in the models and on the log ({}): they rank behind all others; held-out data, where there is any, has judged all settings",
         dropped.len(),
         candidates.len(),
         each.join("; ")

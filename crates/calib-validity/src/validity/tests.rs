@@ -294,10 +294,12 @@ fn what_cannot_be_judged_is_left_out_or_refused() {
     assert!(refused(Vec::new()).contains("there is no plant and sensor to judge"));
     let mut odd = all.clone();
     odd[0].log_replay = Some(3);
-    assert_eq!(refused(odd), "p of north: the choice of log replay is value 3, but there are 3");
+    assert_eq!(refused(odd), "p of north: the choice of log replay is setting 3, but there are 3");
     let mut odd = all.clone();
     odd[0].another_window = Some(f64::NAN);
     assert!(refused(odd).contains("p of north has a regret of NaN"));
     all[0].online.pop();
-    assert!(refused(all).contains("p of north has Online errors of 2 values, expected 3"));
+    assert!(
+        refused(all).contains("p of north has errors of 2 settings on held-out data, expected 3")
+    );
 }

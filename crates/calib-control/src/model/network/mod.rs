@@ -14,7 +14,7 @@ use train::{Scales, train};
 /// How networks learn what follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NetworkConfig {
-    /// Members of the leave-one-block-out ensemble.
+    /// Ensemble members: each lacks one block of the log.
     pub members: usize,
     /// Units of each hidden layer.
     pub hidden_units: usize,

@@ -70,7 +70,7 @@ pub(crate) fn merge(
     if let Some(evaluate) = evaluate {
         let _ = writeln!(
             body,
-            "# 1 is an answer: the ensemble cannot tell the values apart.\n{evaluate} || [ $? = 1 ]"
+            "# 1 is an answer: there is no clear difference between the settings.\n{evaluate} || [ $? = 1 ]"
         );
     }
     script(&options, &[], config, &format!("set -e\n{body}"))

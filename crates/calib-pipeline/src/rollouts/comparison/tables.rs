@@ -143,7 +143,7 @@ fn caption(models: &[ComparedModel<'_>], how: &str) -> String {
     let sentences = [
         (
             several && are_alike(models),
-            " Bold: the smallest mean of a row, and every other that cannot be told apart from it, because the 95 % interval \
+            " Bold: the smallest mean of a row, and every other without a clear difference from it, because the 95 % interval \
              of their difference contains 0 or there is none.",
         ),
         (!are_alike(models), " Models are held to different records: none is best."),
@@ -157,8 +157,7 @@ fn caption(models: &[ComparedModel<'_>], how: &str) -> String {
     let more: String = sentences.map(str::to_owned).chain(missing).collect();
     format!(
         "Rollouts against what was recorded after the same start (or the state of the deployment that it stands for), on \
-         the normalised sensor: {basis}. Members that start from the same state are one observation: a mean over start \
-         states of the means over members. {how}{more}"
+         the normalised sensor: {basis}. Ensemble members that start from the same state are one observation: a mean over start states of the means over ensemble members. {how}{more}"
     )
 }
 
@@ -213,8 +212,7 @@ fn two_by_two(
     });
     Ok(Some(Table {
         title: "Models two by two".to_owned(),
-        caption: "Distance of the first model minus that of the second, from the same start state and, where both have as \
-                  many members, in the same member: mean over start states ± 95 % interval. Below 0 the first is nearer to what was \
+        caption: "Distance of the first model minus that of the second, from the same start state and, where both have as many, in the same ensemble member: mean over start states ± 95 % interval. Below 0 the first is nearer to what was \
                   recorded. Bold: the interval does not contain 0. Then from how many start states the first is nearer and from \
                   how many the second; nothing where two models share too few start states, whose difference is that of \
                   independent samples."

@@ -39,7 +39,7 @@ struct SensorRatio {
 pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepError> {
     printer.result("")?;
     printer.result(&format!(
-        "one-step error on held-out data, RMSE of {} transitions, normalised",
+        "one-step error on held-out data, RMSE of {} transitions, normalised; a quotient above 1 is normal for a model that recombines the log",
         count(one_step.transitions)
     ))?;
     let rows: Vec<Vec<String>> = named(one_step)
@@ -113,13 +113,13 @@ pub(crate) fn report_tables(models: &[&Predicting]) -> Result<Vec<Table>, StepEr
     }
     columns.push("no change".to_owned());
     let marked = if several {
-        " Bold: the smallest error of a row, and every other that cannot be told apart from it, because the 95 % interval of \
+        " Bold: the smallest error of a row, and every other without a clear difference from it, because the 95 % interval of \
          their quotient contains 1 or there is none."
     } else {
         ""
     };
     let caption = format!(
-        "RMSE of predictions of the next state, normalised units, over {} of {} held-out transitions in each member. \
+        "RMSE of predictions of the next state, normalised units, over {} of {} held-out transitions in each ensemble member. \
          Neighbours predict the mean of what a step would draw. No change predicts that the plant stays as it is; \
          a model above 1 beside it predicts worse than that, and may recombine the log well all the same. \
          Intervals are over stretches of time.{marked}",
@@ -198,7 +198,7 @@ fn quotients(models: &[&Predicting]) -> Result<Option<Table>, StepError> {
         title: "One-step error, models two by two".to_owned(),
         caption: "RMSE of the first model / RMSE of the second over the same transitions, with its 95 % interval over stretches of time; \
                   below 1 the first is more accurate. Bold: the interval does not contain 1. Then at how many transitions the first \
-                  is nearer and at how many the second, each by the mean square over its members."
+                  is nearer and at how many the second, each by the mean square over its ensemble members."
             .to_owned(),
         columns: ["sensor".to_owned()].into_iter().chain(headings).collect(),
         rows,

@@ -197,9 +197,9 @@ pub(crate) fn show(rows: &[Deployed], printer: &Printer) -> Result<(), StepError
             "what to deploy: nothing, as no setting learns any sensor in any deployment"
         }
         false => {
-            "what to deploy (regret Online, grade): every choice is the same for all deployments"
+            "what to deploy (regret on held-out data, grade): every choice is the same for all deployments"
         }
-        true => "what to deploy (regret Online, grade): choices differ between deployments",
+        true => "what to deploy (regret on held-out data, grade): choices differ between deployments",
     })?;
     let header = header(rows);
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
@@ -212,8 +212,7 @@ pub(crate) fn report_table(rows: &[Deployed]) -> Option<Table> {
     let cells = |of: &Deployed| row(of).into_iter().map(Cell::Text).collect();
     Some(Table {
         title: "What to deploy".to_owned(),
-        caption: "The choice for each deployment; in brackets its regret Online, and how far it can be relied on. One value for all is what \
-            the study's rule chooses from the members of all deployments and the replayed log; beside it is the largest of its regrets."
+        caption: "The choice for each deployment, in brackets its regret on held-out data and its grade. The setting for all is what the study's rule chooses from the models of all deployments and the replayed log, with the largest of its regrets."
             .to_owned(),
         columns: header(rows),
         rows: rows.iter().map(cells).collect(),

@@ -222,7 +222,7 @@ mod tests {
         let errors = [[4.0, 2.0, 4.0], [f64::INFINITY, 1.0, 2.0]];
         let places = || (0..2).flat_map(|rate| (0..3).map(move |batch| (rate, batch)));
         let curve = ErrorCurve {
-            label: "Online".to_owned(),
+            label: "held-out period".to_owned(),
             source: ErrorSource::Online,
             over: Samples::Runs,
             summaries: places()
@@ -299,7 +299,7 @@ mod tests {
         );
         assert!(cell(1, 0).is_chosen && !cell(1, 1).is_chosen);
         let Importances { labels, shares } = grid().importances();
-        assert_eq!(labels, ["Online, mean NRMSE"]);
+        assert_eq!(labels, ["held-out period, mean NRMSE"]);
         let share = |place: usize| shares[place].1[0].expect("differs");
         assert!(share(1) > share(0), "{shares:?}");
         assert!(share(0) + share(1) <= 1.0);

@@ -219,9 +219,7 @@ impl Sensitivity {
                 return Err(ReportError::Points { figure, curve, expected, got });
             }
         }
-        for (what, index) in
-            [("the chosen value", self.chosen), ("the default value", self.default)]
-        {
+        for (what, index) in [("the chosen setting", self.chosen), ("the default", self.default)] {
             if let Some(index) = index.filter(|&index| index >= expected) {
                 let figure = title.to_owned();
                 return Err(ReportError::OutOfGrid { figure, what, index, len: expected });

@@ -74,16 +74,16 @@ fn text(verdict: &Verdict) -> String {
 fn a_good_verdict() {
     insta::assert_snapshot!(text(&verdict()), @r"
 Use learning_rate = 1e-4 for PIT300.
-kNN ranks it never below 2nd of 9 values in its 5 members.
+kNN never ranks it below 2nd of 9 settings in its 5 ensemble members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
-On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: at most 5 %); the best value over all windows is 3e-4 (NRMSE 0.42 against 0.423).
-Its skill is 0.55: 55 % less error than the mean return of each window, which nobody knows beforehand. The best value's is 0.57. NRMSE divides by the spread of returns in the training range.
-It has 20 % less error than the default, 1e-3 (quotient 0.80, 95 %: 0.70 to 0.90).
+Not certain: when calib resamples its evidence (models, runs and windows of the log), 1e-4 wins in 70 % and 3e-4 in 30 %.
+On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: at most 5 %). The best setting over all windows is 3e-4 (NRMSE 0.42 against 0.423).
+Its skill is 0.55: 55 % less error than the mean return of each window, which is only known afterwards. The best setting's is 0.57. NRMSE divides by the spread of returns in the training range.
+It has 20 % less error than the default, 1e-3 (95 %: 10 % to 30 % less).
 Log replay's choice (3e-4) would have had a regret of 1 %.
-The choice of the log's latest window is the same value.
-Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; a value drawn at random costs 120 % on average.
-The ranking of all values agrees closely with Online's (Spearman 0.93, Kendall 0.83). The choice is among the 3 best Online.
+The choice of the log's latest window is the same setting.
+For scale: choosing by one other window of the held-out period would have cost 3 %, the best fixed setting 1 % and a random setting 120 % on average.
+The ranking of all settings agrees closely with the one on held-out data (Spearman 0.93, Kendall 0.83). The choice is among the 3 best there.
 ");
 }
 
@@ -93,8 +93,8 @@ fn a_pooled_choice() {
     let verdict = Verdict { reason, stability: vec![], ..verdict() };
     insta::assert_snapshot!(text(&verdict).lines().take(3).collect::<Vec<_>>().join("\n"), @r"
 Use learning_rate = 1e-4 for PIT300.
-Over 25 streams of kNN and of the replayed log, its mean logarithm of the error is the smallest.
-kNN ranks it never below 2nd of 9 values in its 5 members.
+Chosen for the smallest error, as a geometric mean over 25 training runs in kNN and on the replayed log.
+kNN never ranks it below 2nd of 9 settings in its 5 ensemble members.
 ");
 }
 
@@ -108,9 +108,9 @@ fn a_default_that_stays() {
     verdict.online.as_mut().unwrap().against_default = None;
     insta::assert_snapshot!(text(&verdict).lines().take(2).collect::<Vec<_>>().join("\n"), @r"
 Use learning_rate = 1e-3 for PIT300.
-It is the default, and no other value is better by more than one standard error over 25 streams of kNN and of the replayed log.
+It is the default, and no other setting is better by more than one standard error over 25 training runs in kNN and on the replayed log.
 ");
-    assert!(text(&verdict).contains("The default is the same value."));
+    assert!(text(&verdict).contains("The default is the same setting."));
 }
 
 #[test]
@@ -126,9 +126,9 @@ fn a_verdict_without_online() {
     };
     insta::assert_snapshot!(text(&verdict), @r"
 Use learning_rate = 1e-4 for PIT300, on the evidence of the log.
-kNN ranks it best of 9 values in all 5 members.
-Every other draw of members, runs and windows of the log would choose it as well.
-No held-out data was given: regret and agreement with Online are unknown.
+kNN ranks it best of 9 settings in all 5 ensemble members.
+When calib resamples its evidence (models, runs and windows of the log), 1e-4 always wins.
+No data was held out, so regret and agreement with the held-out period are unknown.
 ");
 }
 
@@ -146,15 +146,15 @@ fn a_choice_that_diverged() {
     verdict.alternatives[0].regret = Some(infinite);
     insta::assert_snapshot!(text(&verdict), @r"
 Do not deploy learning_rate = 1e-4 for PIT300 on this evidence.
-kNN ranks it never below 2nd of 9 values in its 5 members.
+kNN never ranks it below 2nd of 9 settings in its 5 ensemble members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
-On held-out data (whole runs of 4 windows, 8 runs) it diverged; the best value was 3e-4 (NRMSE 0.42).
+Not certain: when calib resamples its evidence (models, runs and windows of the log), 1e-4 wins in 70 % and 3e-4 in 30 %.
+On held-out data (whole runs of 4 windows, 8 runs) it diverged. The best setting was 3e-4 (NRMSE 0.42).
 The default (1e-3) would have diverged.
 Log replay's choice (3e-4) would have had a regret of 1 %.
-The choice of the log's latest window is the same value.
-Choosing by another held-out window would have cost 3 %, and the best constant value 1 %; a value drawn at random costs 120 % on average.
-The ranking of all values contradicts Online's (Spearman -0.40, Kendall 0.83). The choice is not among the 3 best Online.
+The choice of the log's latest window is the same setting.
+For scale: choosing by one other window of the held-out period would have cost 3 %, the best fixed setting 1 % and a random setting 120 % on average.
+The ranking of all settings contradicts the one on held-out data (Spearman -0.40, Kendall 0.83). The choice is not among the 3 best there.
 ");
 }
 
@@ -169,9 +169,7 @@ fn a_default_that_is_better_is_kept() {
     );
     let reasons = verdict.reasons(&Score::nrmse()).join("\n");
     assert!(
-        reasons.contains(
-            "10 % more error than the default, 1e-3 (quotient 1.10, 95 %: 1.05 to 1.20)."
-        ),
+        reasons.contains("10 % more error than the default, 1e-3 (95 %: 5 % to 20 % more)."),
         "{reasons}"
     );
 }
@@ -183,7 +181,7 @@ fn nothing_learnt_is_said() {
     (online.chosen_skill, online.best_skill) = (Some(-0.1), Some(-0.02));
     assert_eq!(
         verdict.headline(),
-        "PIT300 hardly varies in the held-out windows, and no value of learning_rate predicts it better than their own means \
+        "PIT300 hardly varies in the held-out windows, and no setting of learning_rate predicts it better than their own means \
          would: nothing to deploy on this evidence."
     );
     assert!(verdict.plain().contains("livelier data"), "{}", verdict.plain());
@@ -191,11 +189,11 @@ fn nothing_learnt_is_said() {
     worse.online.as_mut().unwrap().best_error = 1.1;
     assert_eq!(
         worse.headline(),
-        "No value of learning_rate learns PIT300: do not deploy on this evidence."
+        "No setting of learning_rate learns PIT300: do not deploy on this evidence."
     );
     let reasons = verdict.reasons(&Score::nrmse()).join("\n");
     assert!(
-        reasons.contains("no better than the mean return of each window, which nobody knows beforehand. The best value's is -0.02."),
+        reasons.contains("no better than the mean return of each window, which is only known afterwards. The best setting's is -0.02."),
         "{reasons}"
     );
 }
@@ -209,11 +207,11 @@ fn everything_diverged() {
     verdict.alternatives =
         vec![Alternative { way: Way::LogReplay, value: Some(Setting::from(1e-4)), regret: None }];
     insta::assert_snapshot!(text(&verdict), @r"
-No value of learning_rate can be deployed for PIT300: every one diverged.
-kNN ranks it never below 2nd of 9 values in its 5 members.
+No setting of learning_rate can be deployed for PIT300: every one diverged.
+kNN never ranks it below 2nd of 9 settings in its 5 ensemble members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
-On held-out data (whole runs of 4 windows, 8 runs) every value diverged, so there is no best one.
+Not certain: when calib resamples its evidence (models, runs and windows of the log), 1e-4 wins in 70 % and 3e-4 in 30 %.
+On held-out data (whole runs of 4 windows, 8 runs) every setting diverged, so there is no best one.
 ");
 }
 
@@ -223,7 +221,7 @@ fn one_window_cannot_be_compared() {
     verdict.online.as_mut().unwrap().windows = 1;
     verdict.alternatives.retain(|alternative| alternative.way != Way::AnotherWindow);
     let reasons = verdict.reasons(&Score::nrmse()).join("\n");
-    assert!(reasons.contains("cannot be told: only one window was held out."), "{reasons}");
+    assert!(reasons.contains("cannot be judged: only one window was held out."), "{reasons}");
 }
 
 #[test]
@@ -241,10 +239,10 @@ fn a_choice_that_did_not_learn_is_named_and_not_explained() {
     (online.chosen_error, online.best_error) = (0.95, 0.9);
     (online.chosen_skill, online.best_skill) = (Some(-0.1), Some(-0.02));
     insta::assert_snapshot!(text(&verdict), @r"
-No value of learning_rate learns PIT300: do not deploy on this evidence.
+No setting of learning_rate learns PIT300: do not deploy on this evidence.
 The choice of kNN is learning_rate = 1e-4.
-On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: at most 5 %); the best value over all windows is 3e-4 (NRMSE 0.9 against 0.95).
-Its skill is -0.10: it predicts no better than the mean return of each window, which nobody knows beforehand. The best value's is -0.02. NRMSE divides by the spread of returns in the training range.
+On held-out data (whole runs of 4 windows, 8 runs) its regret is 2.5 % (95 %: at most 5 %). The best setting over all windows is 3e-4 (NRMSE 0.9 against 0.95).
+Its skill is -0.10: it predicts no better than the mean return of each window, which is only known afterwards. The best setting's is -0.02. NRMSE divides by the spread of returns in the training range.
 ");
 }
 
@@ -257,7 +255,7 @@ fn a_choice_without_skill_is_not_recommended() {
         verdict.headline(),
         "Do not deploy learning_rate = 1e-4 for PIT300 on this evidence."
     );
-    insta::assert_snapshot!(verdict.plain(), @"On held-out data it predicts no better than the mean return; the best value, 3e-4, has 2 % less error than that. Keeping the default, 1e-3, would have cost 28 %.");
+    insta::assert_snapshot!(verdict.plain(), @"On held-out data it predicts no better than the mean return; the best setting, 3e-4, has 2 % less error than that. Keeping the default, 1e-3, would have cost 28 %.");
 }
 
 #[test]
@@ -268,19 +266,19 @@ fn errors_that_are_all_alike_praise_no_value() {
     online.regret = Some(Bounded { value: 0.0, upper: None });
     insta::assert_snapshot!(text(&verdict), @r"
 Use learning_rate = 1e-4 for PIT300, on the evidence of the log.
-kNN ranks it never below 2nd of 9 values in its 5 members.
+kNN never ranks it below 2nd of 9 settings in its 5 ensemble members.
 It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
-On held-out data (whole runs of 4 windows, 8 runs) all 9 values have the same error (NRMSE 0.423): nothing there tells them apart.
-Its skill is 0.55: 55 % less error than the mean return of each window, which nobody knows beforehand. The best value's is 0.57. NRMSE divides by the spread of returns in the training range.
+Not certain: when calib resamples its evidence (models, runs and windows of the log), 1e-4 wins in 70 % and 3e-4 in 30 %.
+On held-out data (whole runs of 4 windows, 8 runs) all 9 settings have the same error (NRMSE 0.423), so it shows no difference between them.
+Its skill is 0.55: 55 % less error than the mean return of each window, which is only known afterwards. The best setting's is 0.57. NRMSE divides by the spread of returns in the training range.
 ");
-    assert_eq!(verdict.badge(), "Not checked: held-out data does not tell the values apart");
+    assert_eq!(verdict.badge(), "Not checked: no clear difference on held-out data");
     verdict.evidence = Told::Alike;
     insta::assert_snapshot!(text(&verdict), @r"
-No value of learning_rate stands out for PIT300: all did alike.
-Nothing was chosen: all 9 values did alike in every run that counts, so that 1e-4 stands for any of them.
-On held-out data (whole runs of 4 windows, 8 runs) all 9 values have the same error (NRMSE 0.423): nothing there tells them apart.
-Its skill is 0.55: 55 % less error than the mean return of each window, which nobody knows beforehand. The best value's is 0.57. NRMSE divides by the spread of returns in the training range.
+No clear difference for PIT300: all settings of learning_rate did alike.
+Nothing was chosen: all 9 settings did alike in every run that counts, and 1e-4 stands for any of them.
+On held-out data (whole runs of 4 windows, 8 runs) all 9 settings have the same error (NRMSE 0.423), so it shows no difference between them.
+Its skill is 0.55: 55 % less error than the mean return of each window, which is only known afterwards. The best setting's is 0.57. NRMSE divides by the spread of returns in the training range.
 ");
     assert_eq!(verdict.badge(), "No clear difference: all settings did alike");
 }
@@ -291,11 +289,11 @@ fn a_sensor_that_stands_still_checks_nothing() {
     verdict.online.as_mut().unwrap().stands_still = true;
     insta::assert_snapshot!(text(&verdict).lines().chain([verdict.plain().as_str()]).collect::<Vec<_>>().join("\n"), @"
     PIT300 never changes in the held-out data, so the choice could not be checked. The log suggests learning_rate = 1e-4.
-    kNN ranks it never below 2nd of 9 values in its 5 members.
+    kNN never ranks it below 2nd of 9 settings in its 5 ensemble members.
     It ties with 3e-5 and 3e-4 on worst rank; mean rank, then mean NRMSE, then the order of the grid decided.
-    70 % of resamples of members, runs and windows of the log would choose it as well, so the choice is not certain: 3e-4 in 30 %.
-    On held-out data (whole runs of 4 windows, 8 runs) PIT300 is constant: there is nothing to predict, so no error says anything.
-    It does not move in the held-out data, so there was nothing to predict, and the choice is not checked. Judge by a held-out range in which it moves.
+    Not certain: when calib resamples its evidence (models, runs and windows of the log), 1e-4 wins in 70 % and 3e-4 in 30 %.
+    On held-out data (whole runs of 4 windows, 8 runs) PIT300 is constant: there is nothing to predict, and errors say nothing.
+    It is constant in the held-out period, so there was nothing to predict, and the choice is not checked. Hold out a period in which it changes.
     ");
 }
 
@@ -304,7 +302,7 @@ fn one_value_is_no_choice() {
     let verdict = Verdict { values: 1, worst_rank: 1, ..verdict() };
     let reasons = verdict.reasons(&Score::nrmse()).join("\n");
     assert!(
-        reasons.starts_with("There is no other value to choose from.\nOn held-out"),
+        reasons.starts_with("There is no other setting to choose from.\nOn held-out"),
         "{reasons}"
     );
     assert!(!reasons.contains("best of"), "{reasons}");
@@ -313,14 +311,14 @@ fn one_value_is_no_choice() {
 #[test]
 fn values_next_to_the_choice_count_as_the_same_in_a_second_share() {
     let told = Verdict { stability_nearby: Some(0.95), ..verdict() }.stability_sentence().unwrap();
-    assert!(told.ends_with("3e-4 in 30 %; it or a value next to it in 95 %."), "{told}");
+    assert!(told.ends_with("3e-4 in 30 %. It or a setting next to it wins in 95 %."), "{told}");
 }
 
 #[test]
 fn a_share_below_all_is_not_called_all() {
     let stability = vec![(Setting::from(1e-4), 0.9995), (Setting::from(1e-2), 0.0005)];
     let told = Verdict { stability, ..verdict() }.stability_sentence().unwrap();
-    assert!(told.starts_with("Nearly all resamples"), "{told}");
+    assert!(told.contains("1e-4 wins nearly always and 0.01 in <0.1 %."), "{told}");
 }
 
 #[test]
@@ -333,14 +331,19 @@ fn several_fields_are_named_once() {
     assert_eq!(verdict.headline(), "Use gamma = 0.8, learning_rate = 0.1 for PIT300.");
     let mut not_learnt = Verdict { grade: Grade::NotLearnt, ..verdict };
     not_learnt.online.as_mut().unwrap().best_error = 0.9;
-    assert!(not_learnt.headline().starts_with("No value of gamma and learning_rate learns PIT300"));
+    assert!(
+        not_learnt.headline().starts_with("No setting of gamma and learning_rate learns PIT300")
+    );
 }
 
 #[test]
 fn streams_of_a_log_that_was_not_replayed_are_not_told() {
     let reason = Reason::Pooled { streams: 10, sources: Sources::Members };
     let told = Verdict { reason, ..verdict() }.reason_sentence();
-    assert_eq!(told, "Over 10 streams of kNN, its mean logarithm of the error is the smallest.");
+    assert_eq!(
+        told,
+        "Chosen for the smallest error, as a geometric mean over 10 training runs in kNN."
+    );
 }
 
 /// Persistence has half of the agent's error.
@@ -391,7 +394,7 @@ fn an_agent_that_is_deployed_stands_beside_the_simple_predictor_that_the_log_pre
         has_baseline: true,
     });
     let told = Verdict { matched, ..verdict() }.plain();
-    insta::assert_snapshot!(told, @"It has 10 % less error than ridge regression, the simple predictor that the log prefers (agent / ridge regression: 0.90, 95 %: 0.85 to 0.96). On held-out data its predictions are 2.5 % worse than those of the best value of each window. Keeping the default, 1e-3, would have cost 28 %.");
+    insta::assert_snapshot!(told, @"It has 10 % less error than ridge regression, the simple predictor that the log prefers (agent / ridge regression: 0.90, 95 %: 0.85 to 0.96). On held-out data its predictions are 2.5 % worse than those of the best setting of each window. Keeping the default, 1e-3, would have cost 28 %.");
 }
 
 #[test]

@@ -40,11 +40,11 @@ pub fn listed(items: &[String]) -> String {
 }
 
 impl Sources {
-    /// Whose streams they are.
-    pub(super) fn of(self, model: &str) -> String {
+    /// Where they were made: "in kNN and on the replayed log".
+    pub(super) fn within(self, model: &str) -> String {
         match self {
-            Self::Members => model.to_owned(),
-            Self::MembersAndLog => format!("{model} and of the replayed log"),
+            Self::Members => format!("in {model}"),
+            Self::MembersAndLog => format!("in {model} and on the replayed log"),
         }
     }
 }
