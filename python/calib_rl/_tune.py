@@ -42,7 +42,7 @@ class Failure:
     Examples:
         >>> failure = Failure({"gamma": 2.0}, 0, 0, "make_agent", "ValueError: gamma", "")
         >>> print(failure)
-        gamma=2 failed in member 0, run 0, in make_agent: ValueError: gamma; see that make_agent(env, **setting) can be called with it
+        gamma=2 failed in ensemble member 0, run 0, in make_agent: ValueError: gamma; see that make_agent(env, **setting) can be called with it
     """
 
     setting: Setting
@@ -64,7 +64,7 @@ class Failure:
             "learn": "see to the agent, or leave the setting out",
             "process": "give it less memory or fewer processes=, or leave the setting out",
         }[self.place]
-        return f"{label(self.setting)} failed in member {self.member}, run {self.run}, in {self.place}: {self.error}; {remedy}"
+        return f"{label(self.setting)} failed in ensemble member {self.member}, run {self.run}, in {self.place}: {self.error}; {remedy}"
 
 
 @dataclass(frozen=True)
@@ -411,7 +411,7 @@ class _Work:
         known = {place: unit for place, unit in enumerate(map(self.kept, units)) if unit is not None}
         missing = [place for place in range(len(units)) if place not in known]
         if self.progress:
-            print(f"{len(places)} settings x {len(self.members)} members of {', '.join(self.kinds)} x {self.runs} runs of {steps:,} steps, {len(known)} units are there", file=sys.stderr)
+            print(f"{len(places)} settings x {len(self.members)} ensemble members of {', '.join(self.kinds)} x {self.runs} runs of {steps:,} steps, {len(known)} training runs are there already", file=sys.stderr)
         self._live(units, missing, known)
         lived: dict[int, list[dict[str, Any]]] = {place: [] for place in places}
         for place, unit in enumerate(units):

@@ -186,7 +186,7 @@ def test_a_program_is_swept_as_calibs_own_agents(
     with open(tmp_path / "agent.py", "a") as program:
         program.write("\n# another version\n")
     again = command_line("sweep", path, "--dry-run")
-    assert "all units are left to run" in again.stdout + again.stderr
+    assert "all runs are left to make" in again.stdout + again.stderr
 
 
 def test_a_program_that_fails_is_told(study: calib_rl.Study, tmp_path: Path) -> None:

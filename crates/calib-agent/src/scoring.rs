@@ -206,9 +206,9 @@ mod tests {
     fn nothing_to_score_says_what_to_do() {
         assert_eq!(
             nothing_to_score(&[0..5, 5..10], 0.9, 8, 10).to_string(),
-            "no step can be scored: with gamma = 0.9 the last 44 steps of each unbroken piece have \
-             truncated returns, the longest of 2 pieces has 5 steps, and scoring begins at step 8 of 10; \
-             use longer streams, a smaller gamma, or score the whole run"
+            "no step can be scored: with gamma = 0.9, scoring a prediction needs the 44 states after it, \
+             the longest of 2 stretches without a gap has 5 steps, and scoring begins at step 8 of 10; \
+             use longer runs, a smaller gamma, or score the whole run"
         );
     }
 

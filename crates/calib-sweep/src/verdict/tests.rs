@@ -269,7 +269,7 @@ fn values_that_all_diverge_in_the_evidence_are_not_recommended() {
     let verdict = judge(Rule::Pooled, &results);
     assert_eq!(verdict.chosen, 0, "of those that diverged once the best elsewhere");
     assert_eq!(verdict.grade, Grade::Poor);
-    assert!(verdict.warnings.iter().any(|of| of.contains("none can be recommended")));
+    assert!(verdict.warnings.iter().any(|of| of.contains("recommends none of them")));
     assert_eq!(judge(Rule::WorstRank, &results).grade, Grade::Fair, "members did not diverge");
 }
 
