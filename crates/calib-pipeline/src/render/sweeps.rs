@@ -28,6 +28,12 @@ impl Told for Swept {
         } else {
             let did = match self.ran {
                 0 => "up to date".to_owned(),
+                ran if self.ran_runs < ran * self.candidates().len() => format!(
+                    "{} units run in {} ({} runs, of the settings that had none)",
+                    count(ran),
+                    duration(self.took),
+                    count(self.ran_runs)
+                ),
                 ran => format!("{} units run in {}", count(ran), duration(self.took)),
             };
             let runs = self.directory.join("runs.parquet");
