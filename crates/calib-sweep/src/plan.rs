@@ -142,6 +142,15 @@ impl Survivors {
     }
 }
 
+/// The values that are left before a unit.
+enum Before<'s> {
+    All,
+    Some(&'s BTreeSet<usize>),
+    /// The unit is not run.
+    One,
+    NotKnown,
+}
+
 /// A unit with what is needed to run it.
 #[derive(Clone)]
 pub(crate) struct Job<'a> {
@@ -274,6 +283,12 @@ impl<'a> Plan<'a> {
     /// environment, run by run.
     pub fn units(&self) -> Vec<PlannedUnit> {
         self.jobs(&Survivors::default()).iter().map(Job::planned).collect()
+    }
+
+    /// All units there can be, as they are where nothing is dropped before them.
+    pub fn every_unit(&self) -> Vec<PlannedUnit> {
+        let jobs = self.jobs_after(None, &|_| true);
+        jobs.iter().map(Job::planned).collect()
     }
 
     /// The runs of a result, each under the key of its setting.
@@ -499,6 +514,15 @@ impl<'a> Plan<'a> {
         self.race.as_ref()?.round(unit.environment, unit.run)?.checked_sub(1)
     }
 
+    /// The values that are left before the round of a unit.
+    fn left_before<'s>(&self, unit: &Unit, survivors: &'s Survivors) -> Before<'s> {
+        let Some(round) = self.round_before(unit) else { return Before::All };
+        if self.is_spared(unit, survivors) {
+            return Before::One;
+        }
+        survivors.rounds(&unit.sensor).get(round).map_or(Before::NotKnown, Before::Some)
+    }
+
     /// Whether one value is left before the round of a unit.
     fn is_spared(&self, unit: &Unit, survivors: &Survivors) -> bool {
         let rounds = survivors.rounds(&unit.sensor);
@@ -513,20 +537,31 @@ impl<'a> Plan<'a> {
 
     /// Those of them that are `wanted`.
     fn jobs_of(&self, survivors: &Survivors, wanted: &dyn Fn(&Unit) -> bool) -> Vec<Job<'_>> {
+        self.jobs_after(Some(survivors), wanted)
+    }
+
+    /// The same, or all as if nothing were ever dropped.
+    fn jobs_after(
+        &self,
+        survivors: Option<&Survivors>,
+        wanted: &dyn Fn(&Unit) -> bool,
+    ) -> Vec<Job<'_>> {
         let mut jobs = Vec::new();
         for (sensor, column) in &self.sensors {
             for &environment in &self.environments {
                 for run in 0..environment.runs() {
                     let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
-                    let before = self.round_before(&unit);
-                    let rounds = survivors.rounds(sensor);
-                    if !wanted(&unit)
-                        || self.is_spared(&unit, survivors)
-                        || before.is_some_and(|round| round >= rounds.len())
-                    {
+                    if !wanted(&unit) {
                         continue;
                     }
-                    let left = before.map(|round| &rounds[round]);
+                    let left = match survivors {
+                        Some(survivors) => match self.left_before(&unit, survivors) {
+                            Before::All => None,
+                            Before::Some(left) => Some(left),
+                            Before::One | Before::NotKnown => continue,
+                        },
+                        None => None,
+                    };
                     let is_left = |index: &usize| {
                         left.is_none_or(|left: &BTreeSet<usize>| left.contains(index))
                     };

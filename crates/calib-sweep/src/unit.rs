@@ -91,6 +91,11 @@ impl UnitRuns {
         }
     }
 
+    /// The rows that are there of the candidates of a planned unit, where `settings` are the keys of all candidates.
+    pub fn of<S: AsRef<str>>(&self, planned: &PlannedUnit, settings: &[S]) -> Vec<RunRow> {
+        self.rows(planned.trained(settings)).flatten().collect()
+    }
+
     /// Whether these are runs of `unit`, made from the inputs that `key` stands for.
     pub(crate) fn is_of(&self, unit: &Unit, key: &str) -> bool {
         self.key == key && self.unit == *unit
@@ -101,17 +106,23 @@ impl UnitRuns {
         &self,
         candidates: impl Iterator<Item = (usize, &'s str)>,
     ) -> Option<UnitResult> {
-        let row = |(candidate, setting): (usize, &str)| {
-            self.runs.get(setting).map(|run| run.row(candidate))
-        };
+        let rows = self.rows(candidates).collect::<Option<_>>()?;
         Some(UnitResult {
             key: self.key.clone(),
             unit: self.unit.clone(),
             seed: self.seed,
             start_row: self.start_row,
             not_finite: self.not_finite,
-            rows: candidates.map(row).collect::<Option<_>>()?,
+            rows,
         })
+    }
+
+    /// The row of each of these candidates whose run is there.
+    pub(crate) fn rows<'s>(
+        &self,
+        candidates: impl Iterator<Item = (usize, &'s str)>,
+    ) -> impl Iterator<Item = Option<RunRow>> {
+        candidates.map(|(candidate, setting)| self.runs.get(setting).map(|run| run.row(candidate)))
     }
 }
 

@@ -83,6 +83,11 @@ pub(crate) fn write(
     Ok(files)
 }
 
+/// The runs that were there when the work was planned, if there were any.
+pub(crate) fn stored(directory: &Path) -> Option<Units> {
+    Results::read(&directory.join(STORED)).ok().map(|results| results.units)
+}
+
 /// Bytes of these files that a shard of one environment maps: of several members each has a table of its own.
 pub(crate) fn mapped_bytes(directory: &Path, files: &Files, environments: &[Described]) -> u64 {
     let members = environments.iter().filter(|of| matches!(of, Described::Member { .. })).count();

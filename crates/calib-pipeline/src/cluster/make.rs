@@ -33,7 +33,10 @@ use crate::{
     ensure,
     log::context::RunContext,
     output::Printer,
-    sweep::{Found, Source, cost::MeasuredPasses, plan::agents_of, setting::Setting, unit_store},
+    sweep::{
+        Found, Source, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep,
+        setting::Setting, unit_store,
+    },
 };
 
 /// Memory of a process that has nothing to do.
@@ -224,6 +227,7 @@ impl Planning<'_> {
         let part = SweepPart {
             study: study.clone(),
             candidates: setting.candidates.clone(),
+            planned: PlannedSweep::of(study, &setting.candidates, &plan, None),
             sensors: setting.sensors.clone(),
             groups,
             span: setting.streams.demand.span,

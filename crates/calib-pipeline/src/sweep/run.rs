@@ -29,6 +29,7 @@ use crate::{
         manifest::{SweepFacts, SweepManifest},
         notes::{failed_rollouts, saved},
         plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
+        planned::PlannedSweep,
         recorded,
         setting::{Setting, Unsettled, candidates_of},
         simple,
@@ -190,7 +191,8 @@ fn sweep(
     // Nothing is given up, nor need the disk be writable, before there is something to write.
     let is_done = missing == 0 && stored.whole().keys().all(|unit| own.whole().contains_key(unit));
     let kept = if is_done { finished(&directory, job) } else { None };
-    let claim = kept.is_none().then(|| Claim::begun(&directory)).transpose()?;
+    let planned = PlannedSweep::of(study, &setting.candidates, &plan, arithmetic);
+    let claim = kept.is_none().then(|| begun(&directory, &planned)).transpose()?;
     if job.policy().redoes() {
         store.clear()?;
     }
@@ -210,7 +212,10 @@ fn sweep(
         None => false,
     };
     if !is_the_same {
-        let claim = claim.map_or_else(|| Claim::begun(&directory), Ok)?;
+        let claim = match claim {
+            Some(claim) => claim,
+            None => begun(&directory, &planned)?,
+        };
         sweep_tables::write(&directory, &manifest, &results)?;
         setting.simple_errors(&environments, &baselines)?.write(&directory)?;
         recorded::write(&directory, &setting.dataset, setting.pretrain.as_ref(), &setting.sensors)?;
@@ -289,6 +294,13 @@ fn preview(
 /// What a sweep writes beside its units.
 fn tables() -> impl Iterator<Item = &'static str> {
     sweep_tables::FILES.into_iter().chain([recorded::RECORDED, simple::FILE])
+}
+
+/// Claim the directory of a sweep, and say what its runs are known by.
+fn begun(directory: &Path, planned: &PlannedSweep) -> Result<Claim, StepError> {
+    let claim = Claim::begun(directory)?;
+    planned.write(directory)?;
+    Ok(claim)
 }
 
 /// The manifest of a sweep whose tables are what was written.
