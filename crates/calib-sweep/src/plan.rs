@@ -168,7 +168,7 @@ pub(crate) struct Job<'a> {
     pub(crate) key: String,
 }
 
-impl<'a> Job<'a> {
+impl Job<'_> {
     /// Position and key of each candidate.
     fn trained(&self) -> impl Iterator<Item = (usize, &str)> {
         let settings = self.settings.iter().map(AsRef::as_ref);
