@@ -59,7 +59,7 @@ const BAR_EVERY: Duration = Duration::from_millis(500);
 /// Time between two such lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 /// Time between two lines in a journal.
-const KEPT_EVERY: Duration = Duration::from_secs(60);
+const KEPT_EVERY: Duration = Duration::from_mins(1);
 
 impl ProgressMonitor {
     pub(crate) fn new(shown: Shown, stage: Option<Stage>, keep: Option<KeepLine>) -> Self {
@@ -170,5 +170,33 @@ impl Monitor for ProgressMonitor {
 impl Drop for ProgressMonitor {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    #[test]
+    fn a_journal_keeps_lines_of_what_nobody_is_shown() {
+        let lines: Arc<Mutex<Vec<String>>> = Arc::default();
+        let kept = Arc::clone(&lines);
+        let keep: KeepLine =
+            Box::new(move |line| kept.lock().expect("whole").push(line.to_owned()));
+        let stage = Stage { number: 4, of: 5, later: None };
+        let mut monitor = ProgressMonitor::new(Shown::No, Some(stage), Some(keep));
+        monitor.begin("training", 4);
+        monitor.advance(1);
+        assert!(lines.lock().expect("whole").is_empty(), "a minute has not passed");
+        if let Some((lines, _)) = &mut monitor.kept {
+            lines.get_mut().expect("whole").every = Duration::ZERO;
+        }
+        monitor.advance(1);
+        let lines = lines.lock().expect("whole");
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert!(lines[0].starts_with("training: 50 %, "), "{lines:?}");
+        assert!(lines[0].ends_with(" left; step 4 of 5"), "{lines:?}");
     }
 }

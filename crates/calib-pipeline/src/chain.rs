@@ -195,7 +195,7 @@ fn say_done(took: Duration, printer: &Printer) {
 }
 
 /// A run of which everybody wants to know whether it took what was announced.
-const LONG: Duration = Duration::from_secs(60);
+const LONG: Duration = Duration::from_mins(1);
 
 /// Whether agents are pre-trained, which is done once for all models.
 fn is_pretrained(models: &[Model]) -> bool {

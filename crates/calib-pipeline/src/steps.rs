@@ -73,14 +73,16 @@ pub fn represent(
     device: Option<Device>,
     printer: &Printer,
 ) -> Result<Results<StepResult<Representations>>, StepError> {
-    let context = &RunContext::new(printer);
-    each(StepKind::Represent, job, printer, |job, which| {
-        // Of several models some search among the states themselves.
-        if which == Which::OneOfSeveral && !job.study().has_representation() {
-            printer.say("no representation: nothing to train");
-            return Ok(StepResult::Nothing(Outcome::Done));
-        }
-        representations::run(job, device, context)
+    recorded(StepKind::Represent.command(), job, printer, |printer| {
+        let context = &RunContext::new(printer);
+        each(StepKind::Represent, job, printer, |job, which| {
+            // Of several models some search among the states themselves.
+            if which == Which::OneOfSeveral && !job.study().has_representation() {
+                printer.say("no representation: nothing to train");
+                return Ok(StepResult::Nothing(Outcome::Done));
+            }
+            representations::run(job, device, context)
+        })
     })
 }
 
@@ -115,11 +117,12 @@ pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollou
 /// # Errors
 /// As [`run`].
 pub fn pretrain(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAgents>, StepError> {
-    let context = &RunContext::new(printer);
-    job.refuse_deployment()?;
-    let result = agents::run(job, context)?;
-    result.tell(job, printer)?;
-    Ok(result)
+    recorded(StepKind::Pretrain.command(), job, printer, |printer| {
+        job.refuse_deployment()?;
+        let result = agents::run(job, &RunContext::new(printer))?;
+        result.tell(job, printer)?;
+        Ok(result)
+    })
 }
 
 /// Train agents for every value of the grid, in the models, Online and on the replayed log; through libtorch on `device`, if one is named, which

@@ -47,7 +47,7 @@ pub struct StudyStanding {
     /// Seconds until all that runs is done, as far as that can be told.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) secs_left: Option<f64>,
-    pub(crate) steps: Vec<Step>,
+    pub(crate) steps: Vec<StepStanding>,
     pub(crate) rankings: Vec<Ranking>,
     /// The report, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -86,7 +86,7 @@ pub(crate) struct Command {
 
 /// A step of one model and deployment.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct Step {
+pub(crate) struct StepStanding {
     pub(crate) step: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) model: Option<String>,
@@ -179,7 +179,7 @@ fn report(job: &Job) -> PathBuf {
 }
 
 /// The steps of a study, and which of them are done or at work.
-fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<Step>, StepError> {
+fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<StepStanding>, StepError> {
     if job.study().control.is_some() {
         let is_done = job.layout().control().join(CONTROL_VERDICT).is_file();
         let is_running = at_work.iter().any(|note| note.command == StepKind::Control.command());
@@ -189,7 +189,7 @@ fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<Step>, S
             (false, false) => StepState::ToDo,
         };
         let step = StepKind::Control.label();
-        return Ok(vec![Step { step, model: None, deployment: None, state }]);
+        return Ok(vec![StepStanding { step, model: None, deployment: None, state }]);
     }
     let context = RunContext::new(&printer.silent());
     let models = job.models()?;
@@ -204,13 +204,15 @@ fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<Step>, S
     let is_judged = is_swept && is_judged_since(job, &folders);
     let state = |of: &PlannedStep| {
         let is_done = of.state == State::UpToDate || (of.step == StepKind::Evaluate && is_judged);
-        match is_done {
-            true => StepState::Done,
-            false if at_work.iter().any(|note| is_at(note, of)) => StepState::Running,
-            false => StepState::ToDo,
+        if is_done {
+            StepState::Done
+        } else if at_work.iter().any(|note| is_at(note, of)) {
+            StepState::Running
+        } else {
+            StepState::ToDo
         }
     };
-    let step = |of: &PlannedStep| Step {
+    let step = |of: &PlannedStep| StepStanding {
         step: of.step.label(),
         model: of.model.clone(),
         deployment: of.deployment.clone(),

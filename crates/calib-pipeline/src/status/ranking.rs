@@ -60,9 +60,12 @@ pub(super) fn rankings(
         let own: Vec<&StoredRun<'_>> = stored.iter().filter(|run| run.sensor() == sensor).collect();
         let mut logs: Vec<Logs> = vec![Logs::new(); planned.labels.len()];
         let by_rule = own.iter().any(|run| planned.counts(run.environment()));
-        let counts = |run: &StoredRun<'_>| match by_rule {
-            true => planned.counts(run.environment()),
-            false => matches!(run.environment(), EnvironmentId::Member(_)),
+        let counts = |run: &StoredRun<'_>| {
+            if by_rule {
+                planned.counts(run.environment())
+            } else {
+                matches!(run.environment(), EnvironmentId::Member(_))
+            }
         };
         for run in own.iter().filter(|run| counts(run)) {
             if let Some(logs) = logs.get_mut(run.candidate) {

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::{
-    ClusterStanding, Command, Overall, Ranking, StandingOf, Step, StepState, StudyStanding,
+    ClusterStanding, Command, Overall, Ranking, StandingOf, StepStanding, StepState, StudyStanding,
 };
 use crate::{
     StepError,
@@ -76,7 +76,7 @@ fn command_line(Command { standing, note }: &Command) -> String {
     format!("{place} runs since {since}: {}", said.join("; "))
 }
 
-fn step_row(step: &Step) -> Vec<String> {
+fn step_row(step: &StepStanding) -> Vec<String> {
     let names = [step.model.as_deref(), step.deployment.as_deref()];
     let of: Vec<&str> = names.into_iter().flatten().collect();
     let state = match step.state {

@@ -261,6 +261,7 @@ fn facts(
 }
 
 /// What of a sweep is left to be trained.
+#[derive(Clone, Copy)]
 struct Left {
     units: usize,
     runs: usize,
