@@ -177,11 +177,7 @@ fn sweep(
     let is_own = setting.program.is_none() && accelerator.is_none();
     let is_timed = is_own && missing > shared && preview.memory.fits();
     if job.policy().is_dry() && is_timed {
-        let progress = context.silent().progress();
-        let cost = setting.cost(study, counted.measured(), &progress)?;
-        let expected = Expected::of(cost, &preview, passes, setting.sensors.len(), study);
-        counted.expect(job, expected.clone());
-        preview.expected = Some(expected);
+        preview.expected = Some(expected(job, &setting, &preview, passes, counted, context)?);
     }
     preview.announce(study, context)?;
     if job.policy().is_dry() {
@@ -225,6 +221,21 @@ fn sweep(
         manifest = claim.finish(manifest.facts, tables())?;
     }
     Ok(StepResult::Made(Swept { manifest, directory, ran, ran_runs, took: clock.elapsed() }))
+}
+
+/// How long what was planned takes, with `passes` left, by some steps of one.
+fn expected(
+    job: &Job,
+    setting: &Setting,
+    plan: &SweepPlan,
+    passes: usize,
+    counted: &Counted,
+    context: &RunContext,
+) -> Result<Expected, StepError> {
+    let cost = setting.cost(job.study(), counted.measured(), &context.silent().progress())?;
+    let expected = Expected::of(cost, plan, passes, setting.sensors.len(), job.study());
+    counted.expect(job, expected.clone());
+    Ok(expected)
 }
 
 /// What is told of these results.
