@@ -5,6 +5,7 @@ mod cluster;
 mod dtw;
 mod logs;
 mod simulate;
+mod status;
 mod study;
 
 use std::{path::PathBuf, sync::LazyLock};
@@ -14,11 +15,12 @@ use clap::{Args, Parser, Subcommand, ValueEnum, builder::ArgPredicate};
 use clap_complete::Shell;
 use study::NO_STUDY;
 pub(crate) use {
-    build::{BuildModelArgs, DeviceArgs, PretrainArgs, RepresentArgs},
+    build::{BuildModelArgs, DeviceArgs, PretrainArgs, RepresentArgs, RunArgs},
     cluster::{ClusterCommand, ClusterEngine, MissingAs},
     dtw::DtwArgs,
     logs::{ImportArgs, InitArgs, InspectArgs},
     simulate::{PlantArgs, QuickstartArgs, SimulateArgs, Task},
+    status::{Address, StatusArgs},
     study::{CheckArgs, EvaluateArgs, StudyArgs, ValidityArgs},
 };
 
@@ -88,7 +90,7 @@ pub(crate) enum Command {
     /// Convert logs of any form (CSV, long tables, one file per tag) into one wide Parquet file
     Import(ImportArgs),
     /// Run a study from its log to the verdict, and skip steps that are done
-    Run(DeviceArgs),
+    Run(RunArgs),
     /// Train or import representations of the states, score them, and choose one
     Represent(RepresentArgs),
     /// Build the ensemble of nearest-neighbour calibration models
@@ -106,6 +108,8 @@ pub(crate) enum Command {
     Evaluate(EvaluateArgs),
     /// For agents that act: read a log with actions, train every setting in models of it, and recommend one
     Control(StudyArgs),
+    /// Show how a study stands, also while it runs: what is done, how long it takes, and how the settings stand so far
+    Status(StatusArgs),
     /// Verify that a results folder is as calib wrote it
     Check(CheckArgs),
     /// Divide a study's sweeps between processes, on one machine or many
@@ -141,7 +145,7 @@ impl Command {
     /// Whom the result is for.
     pub(crate) fn answer(&self) -> Answer {
         let json = match self {
-            Self::Run(DeviceArgs { study: args, .. })
+            Self::Run(RunArgs { of: DeviceArgs { study: args, .. }, .. })
             | Self::Rollout(args)
             | Self::Sweep(DeviceArgs { study: args, .. })
             | Self::Control(args)
@@ -154,6 +158,7 @@ impl Command {
             Self::Init(args) => args.json,
             Self::Inspect(args) => args.json,
             Self::Import(args) => args.json,
+            Self::Status(args) => args.json,
             Self::Check(args) => args.json,
             Self::Validity(args) => args.json,
             Self::Dtw(args) => args.json,

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from typing import Protocol, TextIO
+from typing import Any, Protocol, TextIO
 
 _EVERY = 0.2
 
@@ -47,7 +47,8 @@ class Observer(Protocol):
 
 
 class Printed:
-    """Prints what it hears to stderr, and how far a task is in one line that is written over.
+    """Prints what it hears to stderr, and how far a task is in one line that is written over. In a notebook the line is one
+    output that is updated.
 
     Args:
         stream: Where to. ``None`` is ``sys.stderr`` at that time, which notebooks show below the cell.
@@ -65,6 +66,7 @@ class Printed:
         self._stream = stream
         self._width = 0
         self._last = 0.0
+        self._shown: Any = None
 
     def _out(self) -> TextIO:
         return self._stream if self._stream is not None else sys.stderr
@@ -101,13 +103,28 @@ class Printed:
         if now - self._last < _EVERY and not ended:
             return
         self._last = now
+        line = f"{task}: {100 * done // total} % of {total:,}" if total and not ended else ""
+        if self._stream is None and "ipykernel" in sys.modules:
+            self._show(line)
+            return
         out = self._out()
         self._clear()
-        if not ended and total and (out.isatty() or "ipykernel" in sys.modules):
-            line = f"{task}: {100 * done // total} % of {total:,}"
+        if line and out.isatty():
             out.write(line)
             self._width = len(line)
         out.flush()
+
+    def _show(self, line: str) -> None:
+        """Show a line in a notebook, in the place of the one before: a single output, also in the file that is kept."""
+        if self._shown is None and not line:
+            return
+        from IPython.display import display
+
+        text = {"text/plain": line}
+        if self._shown is None:
+            self._shown = display(text, raw=True, display_id=True)
+        else:
+            self._shown.update(text, raw=True)
 
 
 class _Silent:

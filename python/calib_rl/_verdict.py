@@ -254,15 +254,18 @@ class Verdict:
         """Mean error of every setting in every environment.
 
         Returns:
-            A frame with the columns `sensor`, `environment`, `candidate`, `label`, `mean` and `chosen`.
+            A frame with the columns `sensor`, `environment`, `candidate`, `label`, `mean`, `skill` and `chosen`. `skill` is the
+            error reduction against predicting the mean, and missing for a setting that diverged.
+
 
         Examples:
             >>> from calib_rl._study import _example_study
             >>> verdict = _example_study().run(progress=False)
             >>> verdict.scores().columns
-            ['sensor', 'environment', 'candidate', 'label', 'mean', 'chosen']
+            ['sensor', 'environment', 'candidate', 'label', 'mean', 'skill', 'chosen']
         """
-        rows: dict[str, list[Any]] = {name: [] for name in ("sensor", "environment", "candidate", "label", "mean", "chosen")}
+        names = ("sensor", "environment", "candidate", "label", "mean", "skill", "chosen")
+        rows: dict[str, list[Any]] = {name: [] for name in names}
         labels = self.summary.get("candidates", [])
         for verdict in self.summary.get("verdicts", []):
             scores = [(f"member:{number}", member) for number, member in enumerate(verdict["members"])]
@@ -278,6 +281,7 @@ class Verdict:
                     rows["candidate"].append(candidate)
                     rows["label"].append(labels[candidate])
                     rows["mean"].append(float("inf") if mean is None else mean)
+                    rows["skill"].append(score["skill"][candidate])
                     rows["chosen"].append(candidate == verdict["chosen"])
         try:
             import polars

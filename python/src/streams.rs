@@ -1,8 +1,8 @@
 //! Streams of a sweep, for agents in Python.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
-use calib_agent::Part;
+use calib_agent::{Part, PartScore};
 use calib_pipeline::{
     ExternalCandidate, ExternalResult, Outcome, Printer, SweepStreams, Told as _,
 };
@@ -40,6 +40,61 @@ pub(crate) struct Score {
     /// The error that counts, in units of the sensor's return.
     #[pyo3(get)]
     nrmse: f64,
+    /// The part of the run that counts.
+    part: Part,
+}
+
+#[pymethods]
+impl Score {
+    /// The error that counts, in normalised units of the sensor.
+    #[getter]
+    fn rmse(&self) -> f64 {
+        self.of(self.part).map_or(f64::NAN, |of| of.rmse)
+    }
+
+    /// The error reduction against predicting the mean return of the steps that count.
+    #[getter]
+    fn skill(&self) -> f64 {
+        self.of(self.part).map_or(f64::NAN, skill)
+    }
+
+    /// For each part of the run that has steps to score, what its errors and returns are.
+    #[getter]
+    fn parts(&self) -> BTreeMap<&'static str, BTreeMap<&'static str, f64>> {
+        let told = |part: Part| {
+            let of = self.of(part)?;
+            let numbers = [
+                ("rmse", of.rmse),
+                ("skill", skill(of)),
+                ("scored_steps", of.scored_steps as f64),
+                ("mean_return", of.mean_return),
+                ("return_std", of.return_std),
+            ];
+            Some((part_name(part), numbers.into()))
+        };
+        Part::ALL.into_iter().filter_map(told).collect()
+    }
+}
+
+impl Score {
+    /// What was scored of a part: infinite errors where a prediction was not finite.
+    fn of(&self, part: Part) -> Option<PartScore> {
+        self.result.outcome.scores.of(part)
+    }
+}
+
+/// As the verdict has it: 0 for the mean of the returns, 1 for no error at all.
+fn skill(of: PartScore) -> f64 {
+    if of.return_std > 0.0 { 1.0 - of.rmse / of.return_std } else { f64::NAN }
+}
+
+/// What a part of a run is called in studies and results.
+fn part_name(part: Part) -> &'static str {
+    match part {
+        Part::WholeRun => "whole_run",
+        Part::AfterFirstQuarter => "after_first_quarter",
+        Part::FinalQuarter => "final_quarter",
+    }
 }
 
 #[pymethods]
@@ -87,11 +142,7 @@ impl Streams {
     /// What is scored.
     #[getter]
     fn part(&self) -> &'static str {
-        match self.streams.part() {
-            Part::WholeRun => "whole_run",
-            Part::AfterFirstQuarter => "after_first_quarter",
-            Part::FinalQuarter => "final_quarter",
-        }
+        part_name(self.streams.part())
     }
 
     /// States of a stream, `float32 [m, d]`, and its unbroken pieces.
@@ -129,10 +180,11 @@ impl Streams {
             .score(stream, *column, &predictions, updates)
             .map_err(|error| errors::of_step(py, &error))?;
         self.since.check(py)?;
-        let rmse = outcome.scores.of(self.streams.part()).map_or(f64::NAN, |of| of.rmse);
+        let part = self.streams.part();
+        let rmse = outcome.scores.of(part).map_or(f64::NAN, |of| of.rmse);
         let nrmse = rmse / self.streams.scale(sensor);
         let sensor = sensor.to_owned();
-        Ok(Score { result: ExternalResult { stream, sensor, candidate, outcome }, nrmse })
+        Ok(Score { result: ExternalResult { stream, sensor, candidate, outcome }, nrmse, part })
     }
 
     /// Write what agents came to as a table of runs.

@@ -97,6 +97,12 @@ def test_scores_are_those_of_the_definition(sweep: agents.Sweep, runs: agents.Ag
         agent.update(states[t], float(states[t + 1, column]), states[t + 1])
     part = {"whole_run": 0.0, "after_first_quarter": 0.25, "final_quarter": 0.75}[streams.part]
     rmse = np.sqrt(np.mean(np.square(errors[round(part * stream.steps) :])))
+    score, _ = streams.run(Td, stream, "PIT300", {"learning_rate": 1e-2})
+    assert score.rmse == pytest.approx(rmse, rel=1e-4)
+    assert score.parts[streams.part]["rmse"] == score.rmse
+    assert set(score.parts) == {"whole_run", "after_first_quarter", "final_quarter"}
+    counted = returns[round(part * stream.steps) : stream.steps]
+    assert score.skill == pytest.approx(1 - rmse / np.std(counted), rel=1e-2)
     row = runs.frame().filter((pl.col("environment") == "member:1") & (pl.col("learning_rate") == 1e-2))
     assert row["rmse"][0] == pytest.approx(rmse, rel=1e-4)
 

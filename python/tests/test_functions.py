@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import doctest
 import importlib
+import io
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+import types
 from pathlib import Path
 
 import numpy as np
@@ -168,3 +170,32 @@ def test_other_threads_run_meanwhile() -> None:
         time.sleep(0.001)
     thread.join()
     assert ticks > 3
+
+
+def test_a_notebook_shows_progress_as_one_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[list[str]] = []
+
+    class Handle:
+        def update(self, text: dict[str, str], raw: bool) -> None:
+            shown[-1].append(text["text/plain"])
+
+    def display(text: dict[str, str], raw: bool, display_id: bool) -> Handle:
+        shown.append([text["text/plain"]])
+        return Handle()
+
+    notebook = types.ModuleType("IPython.display")
+    monkeypatch.setattr(notebook, "display", display, raising=False)
+    monkeypatch.setitem(sys.modules, "ipykernel", types.ModuleType("ipykernel"))
+    monkeypatch.setitem(sys.modules, "IPython", types.ModuleType("IPython"))
+    monkeypatch.setitem(sys.modules, "IPython.display", notebook)
+    monkeypatch.setattr("calib_rl._progress._EVERY", 0.0)
+    said = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", said)
+    printed = calib_rl.Printed()
+    for task in ("rolling out", "training"):
+        for done in (0, 5, 10):
+            printed.progress(task, done, 10)
+    printed.told("warning", "few horizons")
+    assert said.getvalue() == "warning: few horizons\n", "nothing of the line is in the stream"
+    lines = ["rolling out: 0 % of 10", "rolling out: 50 % of 10", "", "training: 0 % of 10", "training: 50 % of 10", ""]
+    assert shown == [lines], "one output"

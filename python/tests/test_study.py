@@ -28,6 +28,7 @@ def test_a_study_ends_with_a_verdict(verdict: calib_rl.Verdict) -> None:
     assert len(runs) == 3 * (5 + 2 + 2)
     scores = verdict.scores()
     assert set(scores["environment"]) == {*(f"member:{m}" for m in range(5)), "online", "log-replay"}
+    assert all(skill is None or skill < 1 for skill in scores["skill"])
 
 
 def test_the_command_line_gives_the_same_bytes(study: calib_rl.Study, tmp_path: Path) -> None:

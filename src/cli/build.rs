@@ -4,7 +4,7 @@ use calib_knn::IndexKind;
 use calib_pipeline::MemorySize;
 use clap::{Args, ValueEnum};
 
-use super::study::StudyArgs;
+use super::{OUTPUT, status::Address, study::StudyArgs};
 
 /// Where networks are trained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -36,6 +36,15 @@ pub(crate) struct DeviceArgs {
     /// Train through libtorch on this device, agents of many runs side by side (default: natively); such results are kept apart
     #[arg(long, value_name = "DEVICE", value_enum)]
     pub(crate) device: Option<Device>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    #[command(flatten)]
+    pub(crate) of: DeviceArgs,
+    /// Show a page with progress, time left and the ranking so far, at this address of this machine, such as 127.0.0.1:8080 or 8080, as long as the command runs
+    #[arg(long, value_name = "ADDRESS", help_heading = OUTPUT)]
+    pub(crate) serve: Option<Address>,
 }
 
 #[derive(Debug, Args)]

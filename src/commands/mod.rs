@@ -10,8 +10,10 @@ mod inspect_channels;
 mod quickstart;
 mod schemas;
 mod series;
+mod serve;
 mod share;
 mod simulate;
+mod status;
 
 use calib_pipeline::{
     Context as _, Logs, Outcome, Printer, StepError, Told as _, ValidityOptions, ensure,
@@ -19,7 +21,10 @@ use calib_pipeline::{
 pub use schemas::json_schemas;
 
 use crate::{
-    cli::{BuildModelArgs, Cli, Command, DeviceArgs, EvaluateArgs, PretrainArgs, RepresentArgs},
+    cli::{
+        BuildModelArgs, Cli, Command, DeviceArgs, EvaluateArgs, PretrainArgs, RepresentArgs,
+        RunArgs,
+    },
     output::watch_for_interrupts,
 };
 
@@ -53,14 +58,18 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
         Command::Init(args) => calib_pipeline::propose(&args.into(), printer)?,
         Command::Inspect(args) => inspect::run(&args, printer)?,
         Command::Import(args) => import::run(&args, printer)?,
-        Command::Run(DeviceArgs { study, device }) => {
+        Command::Run(RunArgs { of: DeviceArgs { study, device }, serve }) => {
+            let page =
+                serve.map(|address| status::page_of(&study, address, printer)).transpose()?;
             let job = study.job()?;
-            // What such a study asks is answered by one step.
-            if job.study().is_of_acting_agents() {
-                calib_pipeline::control(&job, printer)?
+            // What a study of acting agents asks is answered by one step.
+            let done = if job.study().is_of_acting_agents() {
+                calib_pipeline::control(&job, printer)
             } else {
-                calib_pipeline::run(&job, device.map(Into::into), printer)?.outcome()
-            }
+                calib_pipeline::run(&job, device.map(Into::into), printer).map(|run| run.outcome())
+            };
+            drop(page);
+            done?
         }
         Command::Represent(RepresentArgs { study, share, device }) => {
             let job = share::shared(study.job()?, share.as_deref())?;
@@ -86,6 +95,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
             calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), printer)?.outcome()
         }
         Command::Control(args) => calib_pipeline::control(&args.job()?, printer)?,
+        Command::Status(args) => status::run(args, printer)?,
         Command::Check(args) => {
             let logs = if args.read_data { Logs::Read } else { Logs::Leave };
             calib_pipeline::check(&args.directory, logs, printer)?

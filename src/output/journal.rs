@@ -4,7 +4,7 @@ use std::{
     fs::File,
     io::{self, Read as _, Write as _},
     path::Path,
-    sync::{Mutex, PoisonError},
+    sync::{Arc, Mutex, PoisonError},
 };
 
 use calib_core::Monitor;
@@ -14,7 +14,10 @@ use calib_pipeline::{
 };
 use jiff::Timestamp;
 
-use super::{Terminal, progress::ProgressMonitor};
+use super::{
+    Terminal,
+    progress::{KeepLine, ProgressMonitor},
+};
 use crate::cli::GlobalArgs;
 
 /// How much a terminal shows.
@@ -44,7 +47,7 @@ pub(crate) struct Journal {
     voice: Voice,
     started: Stopwatch,
     stage: Mutex<Option<Stage>>,
-    file: Option<Mutex<File>>,
+    file: Option<Arc<Mutex<File>>>,
 }
 
 impl Journal {
@@ -57,23 +60,29 @@ impl Journal {
     ) -> std::result::Result<Self, StepError> {
         let file = path.map(open).transpose()?;
         let started = Stopwatch::start();
-        let (stage, file) = (Mutex::new(None), file.map(Mutex::new));
+        let (stage, file) = (Mutex::new(None), file.map(|file| Arc::new(Mutex::new(file))));
         Ok(Self { terminal, voice, started, stage, file })
     }
 
     /// Keep `text`, each of its lines with the time and what it is.
     fn keep(&self, kind: &str, text: &str) {
-        let Some(file) = &self.file else { return };
-        let now = Timestamp::now();
-        let lines = text.lines().map(|line| {
-            // Whoever reads the file does so on a terminal.
-            format!("{now:.3} {kind:<7} {}\n", harmless(line, Lines::One))
-        });
-        let lines: String = lines.collect();
-        let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
-        // A full disk is no reason to stop working.
-        let _ = file.write_all(lines.as_bytes());
+        if let Some(file) = &self.file {
+            keep_in(file, kind, text);
+        }
     }
+}
+
+/// Keep `text` in a file, each of its lines with the time and what it is.
+fn keep_in(file: &Mutex<File>, kind: &str, text: &str) {
+    let now = Timestamp::now();
+    let lines = text.lines().map(|line| {
+        // Whoever reads the file does so on a terminal.
+        format!("{now:.3} {kind:<7} {}\n", harmless(line, Lines::One))
+    });
+    let lines: String = lines.collect();
+    let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+    // A full disk is no reason to stop working.
+    let _ = file.write_all(lines.as_bytes());
 }
 
 /// Open a journal, or begin one. Whatever else has content is somebody's, and nothing is appended to it.
@@ -141,6 +150,9 @@ impl Observer for Journal {
     fn progress(&self, shown: Shown) -> Box<dyn Monitor> {
         let shown = if self.voice == Voice::Quiet { Shown::No } else { shown };
         let stage = *self.stage.lock().unwrap_or_else(PoisonError::into_inner);
-        Box::new(ProgressMonitor::new(shown, stage))
+        let file = self.file.clone();
+        let keep =
+            file.map(|file| -> KeepLine { Box::new(move |line| keep_in(&file, "info", line)) });
+        Box::new(ProgressMonitor::new(shown, stage, keep))
     }
 }

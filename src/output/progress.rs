@@ -1,4 +1,8 @@
-use std::{io::IsTerminal as _, sync::Mutex, time::Duration};
+use std::{
+    io::IsTerminal as _,
+    sync::{Mutex, PoisonError},
+    time::Duration,
+};
 
 use calib_core::Monitor;
 use calib_pipeline::{
@@ -9,25 +13,43 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::interrupts::is_asked_to_stop;
 
+/// What keeps a line in a file.
+pub(crate) type KeepLine = Box<dyn Fn(&str) + Send + Sync>;
+
 /// Shows progress with an ETA and passes interrupts on.
-#[derive(Debug)]
 pub(crate) struct ProgressMonitor {
     bar: ProgressBar,
     /// Off a terminal: when the last line was printed. `None` where a bar is drawn or in silence.
-    plain: Option<Mutex<PlainLines>>,
+    plain: Option<Mutex<Lines>>,
+    /// Where there is a journal: when the last line was kept, and what keeps it.
+    kept: Option<(Mutex<Lines>, KeepLine)>,
     /// Which stage of a whole run it is of.
     stage: Option<Stage>,
     /// When the bar last said how far the whole is.
     since_told: Mutex<Stopwatch>,
 }
 
-#[derive(Debug)]
-struct PlainLines {
+/// Lines that say now and then how far a task is.
+struct Lines {
     task: String,
+    every: Duration,
     since_line: Stopwatch,
     /// Whether the task has a line yet.
     told: bool,
     since_start: Stopwatch,
+}
+
+impl Lines {
+    fn new(every: Duration) -> Self {
+        let now = Stopwatch::start();
+        Self { task: String::new(), every, since_line: now, told: false, since_start: now }
+    }
+
+    fn begin(&mut self, task: &str) {
+        task.clone_into(&mut self.task);
+        self.since_start = Stopwatch::start();
+        self.told = false;
+    }
 }
 
 /// Time to the first line of a long task where no bar can be drawn.
@@ -36,9 +58,11 @@ const FIRST_LINE: Duration = Duration::from_secs(2);
 const BAR_EVERY: Duration = Duration::from_millis(500);
 /// Time between two such lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
+/// Time between two lines in a journal.
+const KEPT_EVERY: Duration = Duration::from_mins(1);
 
 impl ProgressMonitor {
-    pub(crate) fn new(shown: Shown, stage: Option<Stage>) -> Self {
+    pub(crate) fn new(shown: Shown, stage: Option<Stage>, keep: Option<KeepLine>) -> Self {
         let quiet = shown == Shown::No;
         let terminal = std::io::stderr().is_terminal();
         let target = if quiet || !terminal {
@@ -46,21 +70,14 @@ impl ProgressMonitor {
         } else {
             ProgressDrawTarget::stderr_with_hz(10)
         };
-        let plain = (!quiet && !terminal).then(|| {
-            let now = Stopwatch::start();
-            Mutex::new(PlainLines {
-                task: String::new(),
-                since_line: now,
-                told: false,
-                since_start: now,
-            })
-        });
+        let plain = (!quiet && !terminal).then(|| Mutex::new(Lines::new(LINE_EVERY)));
+        let kept = keep.map(|keep| (Mutex::new(Lines::new(KEPT_EVERY)), keep));
         let bar = ProgressBar::with_draw_target(Some(0), target);
         let style = "{prefix:>14} [{bar:32}] {percent:>3}%  {human_pos}/{human_len}  {elapsed} elapsed, {eta} left{msg}";
         if let Ok(style) = ProgressStyle::with_template(style) {
             bar.set_style(style.progress_chars("=> "));
         }
-        Self { bar, plain, stage, since_told: Mutex::new(Stopwatch::start()) }
+        Self { bar, plain, kept, stage, since_told: Mutex::new(Stopwatch::start()) }
     }
 
     /// How far the whole run is, when this task will take as long as it does by now.
@@ -85,30 +102,40 @@ impl ProgressMonitor {
         }
     }
 
-    fn plain_line(&self) {
-        let Some(plain) = &self.plain else { return };
-        let Ok(mut plain) = plain.lock() else { return };
-        let done = self.bar.position();
-        let total = self.bar.length().unwrap_or(0);
+    /// A line of how far the task is, if it is time for one.
+    fn line(&self, lines: &Mutex<Lines>) -> Option<String> {
+        let mut lines = lines.try_lock().ok()?;
+        let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
         if total == 0 {
-            return;
+            return None;
         }
-        let elapsed = plain.since_start.elapsed();
+        let elapsed = lines.since_start.elapsed();
         let share = done as f64 / total as f64;
         let left = elapsed.mul_f64((1.0 - share).max(0.0) / share.max(1e-9));
         // A task that will be long says so early.
-        let early = !plain.told && done > 0 && elapsed > FIRST_LINE && left > LINE_EVERY;
-        if !early && plain.since_line.elapsed() < LINE_EVERY {
-            return;
+        let early = !lines.told && done > 0 && elapsed > FIRST_LINE && left > lines.every;
+        if !early && lines.since_line.elapsed() < lines.every {
+            return None;
         }
-        plain.told = true;
-        plain.since_line = Stopwatch::start();
+        lines.told = true;
+        lines.since_line = Stopwatch::start();
         let (left, whole) = if done == 0 {
             ("unknown time".to_owned(), String::new())
         } else {
             (duration(left), self.whole(elapsed, left))
         };
-        eprintln_quietly(&format!("  {}: {:.0} %, {left} left{whole}", plain.task, 100.0 * share));
+        Some(format!("{}: {:.0} %, {left} left{whole}", lines.task, 100.0 * share))
+    }
+
+    fn tell_lines(&self) {
+        if let Some(line) = self.plain.as_ref().and_then(|lines| self.line(lines)) {
+            eprintln_quietly(&format!("  {line}"));
+        }
+        if let Some((lines, keep)) = &self.kept
+            && let Some(line) = self.line(lines)
+        {
+            keep(&line);
+        }
     }
 }
 
@@ -123,18 +150,15 @@ impl Monitor for ProgressMonitor {
         self.bar.set_length(total);
         self.bar.set_position(0);
         self.bar.set_prefix(task.to_owned());
-        if let Some(plain) = &self.plain
-            && let Ok(mut plain) = plain.lock()
-        {
-            task.clone_into(&mut plain.task);
-            plain.since_start = Stopwatch::start();
-            plain.told = false;
+        let kept = self.kept.as_ref().map(|(lines, _)| lines);
+        for lines in self.plain.as_ref().into_iter().chain(kept) {
+            lines.lock().unwrap_or_else(PoisonError::into_inner).begin(task);
         }
     }
 
     fn advance(&self, units: u64) {
         self.bar.inc(units);
-        self.plain_line();
+        self.tell_lines();
         self.tell_whole();
     }
 
@@ -146,5 +170,33 @@ impl Monitor for ProgressMonitor {
 impl Drop for ProgressMonitor {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    #[test]
+    fn a_journal_keeps_lines_of_what_nobody_is_shown() {
+        let lines: Arc<Mutex<Vec<String>>> = Arc::default();
+        let kept = Arc::clone(&lines);
+        let keep: KeepLine =
+            Box::new(move |line| kept.lock().expect("whole").push(line.to_owned()));
+        let stage = Stage { number: 4, of: 5, later: None };
+        let mut monitor = ProgressMonitor::new(Shown::No, Some(stage), Some(keep));
+        monitor.begin("training", 4);
+        monitor.advance(1);
+        assert!(lines.lock().expect("whole").is_empty(), "a minute has not passed");
+        if let Some((lines, _)) = &mut monitor.kept {
+            lines.get_mut().expect("whole").every = Duration::ZERO;
+        }
+        monitor.advance(1);
+        let lines = lines.lock().expect("whole");
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert!(lines[0].starts_with("training: 50 %, "), "{lines:?}");
+        assert!(lines[0].ends_with(" left; step 4 of 5"), "{lines:?}");
     }
 }

@@ -73,7 +73,7 @@ impl Observer for Terminal {
     }
 
     fn progress(&self, shown: Shown) -> Box<dyn Monitor> {
-        Box::new(ProgressMonitor::new(shown, None))
+        Box::new(ProgressMonitor::new(shown, None, None))
     }
 }
 

@@ -28,6 +28,7 @@ mod represent;
 mod said;
 mod shares;
 mod simple_predictors;
+mod status;
 mod studies;
 mod sweeps;
 mod trust;

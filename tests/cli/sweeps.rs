@@ -188,3 +188,61 @@ fn a_race_drops_what_is_surely_worse_says_so_and_resumes() {
     let error = place.calib(&refused).fails(2);
     assert!(error.contains("race_error_rate must be above 0 and at most 0.5, got 0.7"), "{error}");
 }
+
+/// Runs that the last sweep made: all of them where it does not say how many.
+fn told_runs(told: &str) -> Option<usize> {
+    let (_, rest) = told.split_once(" (")?;
+    rest.split_once(" runs, of the settings that had none)")?.0.parse().ok()
+}
+
+#[test]
+fn one_more_value_in_the_grid_trains_that_value_alone() {
+    let small = "learning_rate = [1e-5, 1e-3, 1e-2]";
+    let large = "learning_rate = [1e-5, 1e-4, 1e-3, 1e-2]";
+    for race in ["none", "halving", "sure"] {
+        let (grown, fresh) = (Place::with_study(), Place::with_study());
+        for place in [&grown, &fresh] {
+            place.edit_study("member_runs = 2", &format!("member_runs = 3\nrace = \"{race}\""));
+            place.calib(&["build-model", "study.toml"]).succeeds();
+        }
+        fresh.edit_study(small, large);
+        let whole = fresh.calib(&["sweep", "study.toml"]).succeeds();
+        grown.calib(&["sweep", "study.toml"]).succeeds();
+        grown.calib(&["evaluate", "study.toml"]);
+        let before = grown.content("study-results");
+        grown.edit_study(small, large);
+        let dry = grown.calib(&["sweep", "study.toml", "--dry-run"]);
+        dry.succeeds();
+        let told = grown.calib(&["sweep", "study.toml"]).succeeds();
+        let made = told_runs(&told).unwrap_or_else(|| panic!("{race}: {told}"));
+        let all = runs(&fresh).column::<u32>("candidate").expect("there").len();
+        if race == "none" {
+            // Two sensors; three runs in each of three members, three online, two on the log.
+            assert_eq!((made, all), (28, 112), "{told}");
+            assert!(whole.contains("28 units run in") && told_runs(&whole).is_none(), "{whole}");
+            assert!(
+                dry.stderr().contains("(28 of their 112 runs) left to run"),
+                "{}",
+                dry.stderr()
+            );
+        }
+        assert!(made * 2 < all, "{race}: {made} of {all}");
+        let swept = |place: &Place| {
+            let mut content = place.content("study-results/sweep");
+            // In a race runs stay that this one would not have made.
+            content.retain(|path, _| race == "none" || !path.starts_with("units"));
+            content
+        };
+        assert!(swept(&grown) == swept(&fresh), "{race}: the same bytes");
+        // Going back costs nothing.
+        grown.edit_study(large, small);
+        let back = grown.calib(&["sweep", "study.toml"]).succeeds();
+        assert!(back.contains("up to date"), "{race}: {back}");
+        grown.calib(&["evaluate", "study.toml"]);
+        let tables = |mut content: std::collections::BTreeMap<std::path::PathBuf, Vec<u8>>| {
+            content.retain(|path, _| !path.starts_with("sweep/units"));
+            content
+        };
+        assert!(tables(grown.content("study-results")) == tables(before), "{race}: as it was");
+    }
+}

@@ -384,7 +384,10 @@ fn forged_results_are_refused_with_what_to_do() {
     let before = place.content("study-results");
 
     let unit = results.join("sweep/units/PIT300/member-0/run-0000.json");
-    forge(&unit, |unit| unit["rows"][0]["candidate"] = json!(u64::MAX));
+    forge(&unit, |unit| {
+        let run = unit["runs"].as_object_mut().and_then(|runs| runs.values_mut().next());
+        run.expect("a run")["scores"]["whole_run"] = json!(null);
+    });
     let refused = place.calib(&["evaluate", "study.toml"]).fails(2);
     assert!(refused.contains("PIT300 in member:0, run 0"), "{refused}");
     assert!(refused.contains("--force"), "{refused}");

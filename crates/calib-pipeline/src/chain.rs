@@ -1,5 +1,7 @@
 //! A study from its log to the verdict.
 
+use std::time::Duration;
+
 use calib_core::Seed;
 use calib_model::ModelFamily;
 use calib_plant::Plant;
@@ -23,7 +25,7 @@ use crate::{
         simulate::{Found, sentence},
     },
     model::build_model,
-    output::{Printer, duration},
+    output::{Announced, Printer, duration},
     plan::Plan,
     represent,
     rollouts::rollout,
@@ -175,9 +177,25 @@ pub(crate) fn run_to(
             context.error(reason);
         }
     }
-    context.say(&format!("done in {}", duration(clock.elapsed())));
+    say_done(clock.elapsed(), context);
     Ok(StudyRun { evaluation, left_out, outcome: ended.0 })
 }
+
+/// Say what a run took, and beside it what was announced: after a long one to all, after others to those who ask for more.
+fn say_done(took: Duration, printer: &Printer) {
+    let done = format!("done in {}", duration(took));
+    let Some(Announced { whole, after }) = printer.announced() else { return printer.say(&done) };
+    let announced = format!("announced after {}: {}", duration(after), duration(whole));
+    if took >= LONG {
+        printer.say(&format!("{done}; {announced}"));
+    } else {
+        printer.detail(&announced);
+        printer.say(&done);
+    }
+}
+
+/// A run of which everybody wants to know whether it took what was announced.
+const LONG: Duration = Duration::from_mins(1);
 
 /// Whether agents are pre-trained, which is done once for all models.
 fn is_pretrained(models: &[Model]) -> bool {

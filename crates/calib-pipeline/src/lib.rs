@@ -33,11 +33,13 @@ mod model;
 pub mod output;
 mod plan;
 mod program;
+mod progress;
 mod propose;
 mod render;
 mod represent;
 mod rollouts;
 mod schemas;
+mod status;
 mod steps;
 mod sweep;
 mod validity;
@@ -69,14 +71,15 @@ pub use log::{
     simulate::Simulated,
 };
 pub use model::{build_model::BuiltModel, build_plan::BuildPlan, calibration::Calibration};
-pub use output::{Answer, Observer, Printer, Remark, Shown, Unobserved};
+pub use output::{Announced, Answer, Observer, Printer, Remark, Shown, Unobserved};
 pub use represent::Representations;
 pub use rollouts::rollout::Rollouts;
 pub use schemas::{JsonDocuments, json_schemas};
+pub use status::{ClusterStanding, StandingOf, StatusRequest, StudyStanding};
 pub use steps::{
     build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
     control, control_model, evaluate, evaluate_runs, pretrain, propose, represent, rollout, run,
-    simulate, simulate_plant, simulate_task, sweep, validity,
+    simulate, simulate_plant, simulate_task, status, sweep, validity,
 };
 pub use sweep::{SweepResult, Swept, plan::SweepPlan};
 pub use verdict::{

@@ -20,19 +20,19 @@ use crate::{
 /// The steps of a study in order, for `--json`.
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub(crate) struct Plan {
-    steps: Vec<Planned>,
+    steps: Vec<PlannedStep>,
 }
 
 /// A step of one model and deployment.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Planned {
+pub(crate) struct PlannedStep {
     #[schemars(with = "String")]
-    step: StepKind,
+    pub(crate) step: StepKind,
     #[serde(skip_serializing_if = "Option::is_none")]
-    model: Option<String>,
+    pub(crate) model: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    deployment: Option<String>,
-    state: State,
+    pub(crate) deployment: Option<String>,
+    pub(crate) state: State,
     /// What it will take, where that is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     expected: Option<Expected>,
@@ -40,7 +40,7 @@ struct Planned {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-enum State {
+pub(crate) enum State {
     UpToDate,
     ToDo,
 }
@@ -63,7 +63,7 @@ impl Plan {
                 plan.add(step, model, arithmetic, context)?;
             }
         }
-        plan.steps.push(Planned::new(StepKind::Evaluate, job, State::ToDo));
+        plan.steps.push(PlannedStep::new(StepKind::Evaluate, job, State::ToDo));
         Ok(plan)
     }
 
@@ -88,9 +88,14 @@ impl Plan {
             let is_kept =
                 !waits && !part.policy().redoes() && is_kept(step, &part, arithmetic, context);
             let state = if is_kept { State::UpToDate } else { State::ToDo };
-            self.steps.push(Planned::new(step, &part, state));
+            self.steps.push(PlannedStep::new(step, &part, state));
         }
         Ok(())
+    }
+
+    /// All of them, in order.
+    pub(crate) fn steps(&self) -> &[PlannedStep] {
+        &self.steps
     }
 
     /// Whether a step that this part of the study has, or shares with others, is to be done.
@@ -137,12 +142,12 @@ impl Plan {
             return step.label().to_owned();
         }
         let own = all.filter(|planned| planned.state == state);
-        let names: Vec<String> = own.map(Planned::whose).collect();
+        let names: Vec<String> = own.map(PlannedStep::whose).collect();
         format!("{} ({})", step.label(), names.join(", "))
     }
 }
 
-impl Planned {
+impl PlannedStep {
     fn new(step: StepKind, part: &Job, state: State) -> Self {
         let (model, deployment) = (part.model(), part.deployment());
         let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
@@ -203,7 +208,7 @@ mod tests {
 
     #[test]
     fn steps_are_named_once_and_told_apart_where_they_differ() {
-        let planned = |step, model: &str, state| Planned {
+        let planned = |step, model: &str, state| PlannedStep {
             step,
             model: Some(model.to_owned()),
             deployment: None,

@@ -16,6 +16,7 @@ use crate::{
     propose::Chosen,
     represent::RepresentationManifest,
     rollouts::rollout::RolloutManifest,
+    status::StandingOf,
     sweep::{SweepManifest, plan::SweepPlan},
     validity,
     verdict::{compare::Summaries, evaluate::Summary},
@@ -69,6 +70,7 @@ pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
         (StepKind::Rollout.command(), JsonDocuments::of::<RolloutManifest>()),
         (StepKind::Prepare.command(), verdict().or::<Plan>()),
         (StepKind::Simulate.command(), JsonDocuments::of::<Simulated>().or::<SimulatedTask>()),
+        ("status", JsonDocuments::of::<StandingOf>()),
         (StepKind::Sweep.command(), JsonDocuments::of::<SweepManifest>().or::<SweepPlan>()),
         ("validity", JsonDocuments::of::<validity::Summary<'_>>()),
     ];

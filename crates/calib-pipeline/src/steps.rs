@@ -20,10 +20,12 @@ use crate::{
         build_model::{self as model, BuiltModel},
         build_plan::BuildPlan,
     },
+    progress::recorded,
     propose as proposals,
     render::show_judgement,
     represent::{self as representations, Representations},
     rollouts::rollout::{self as rollouts, Rollouts},
+    status::{self as statuses, StandingOf, StatusRequest},
     sweep::{self as sweeping, SweepResult, plan::Counted},
     validity as validities,
     verdict::{
@@ -38,8 +40,7 @@ use crate::{
 /// # Errors
 /// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
 pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<StudyRun, StepError> {
-    let context = &RunContext::new(printer);
-    chain::run(job, device, context)
+    recorded("run", job, printer, |printer| chain::run(job, device, &RunContext::new(printer)))
 }
 
 /// Write the log of the plant that the study describes; nothing is said of a study that describes none.
@@ -72,14 +73,16 @@ pub fn represent(
     device: Option<Device>,
     printer: &Printer,
 ) -> Result<Results<StepResult<Representations>>, StepError> {
-    let context = &RunContext::new(printer);
-    each(StepKind::Represent, job, printer, |job, which| {
-        // Of several models some search among the states themselves.
-        if which == Which::OneOfSeveral && !job.study().has_representation() {
-            printer.say("no representation: nothing to train");
-            return Ok(StepResult::Nothing(Outcome::Done));
-        }
-        representations::run(job, device, context)
+    recorded(StepKind::Represent.command(), job, printer, |printer| {
+        let context = &RunContext::new(printer);
+        each(StepKind::Represent, job, printer, |job, which| {
+            // Of several models some search among the states themselves.
+            if which == Which::OneOfSeveral && !job.study().has_representation() {
+                printer.say("no representation: nothing to train");
+                return Ok(StepResult::Nothing(Outcome::Done));
+            }
+            representations::run(job, device, context)
+        })
     })
 }
 
@@ -92,8 +95,10 @@ pub fn build_model(
     options: &BuildOptions,
     printer: &Printer,
 ) -> Result<Results<StepResult<BuiltModel, Option<BuildPlan>>>, StepError> {
-    let context = &RunContext::new(printer);
-    each(StepKind::BuildModel, job, printer, |job, _| model::run(job, options, context))
+    recorded(StepKind::BuildModel.command(), job, printer, |printer| {
+        let context = &RunContext::new(printer);
+        each(StepKind::BuildModel, job, printer, |job, _| model::run(job, options, context))
+    })
 }
 
 /// Roll the models out, and compare with what was recorded.
@@ -101,8 +106,10 @@ pub fn build_model(
 /// # Errors
 /// As [`run`].
 pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollouts>>, StepError> {
-    let context = &RunContext::new(printer);
-    each(StepKind::Rollout, job, printer, |job, _| rollouts::run(job, context))
+    recorded(StepKind::Rollout.command(), job, printer, |printer| {
+        let context = &RunContext::new(printer);
+        each(StepKind::Rollout, job, printer, |job, _| rollouts::run(job, context))
+    })
 }
 
 /// Pre-train one agent a sensor.
@@ -110,11 +117,12 @@ pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollou
 /// # Errors
 /// As [`run`].
 pub fn pretrain(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAgents>, StepError> {
-    let context = &RunContext::new(printer);
-    job.refuse_deployment()?;
-    let result = agents::run(job, context)?;
-    result.tell(job, printer)?;
-    Ok(result)
+    recorded(StepKind::Pretrain.command(), job, printer, |printer| {
+        job.refuse_deployment()?;
+        let result = agents::run(job, &RunContext::new(printer))?;
+        result.tell(job, printer)?;
+        Ok(result)
+    })
 }
 
 /// Train agents for every value of the grid, in the models, Online and on the replayed log; through libtorch on `device`, if one is named, which
@@ -127,10 +135,11 @@ pub fn sweep(
     device: Option<Device>,
     printer: &Printer,
 ) -> Result<Results<SweepResult>, StepError> {
-    let context = &RunContext::new(printer);
-    let counted = Counted::default();
-    let run = |job: &Job, _| sweeping::run(job, &counted, device, context);
-    each(StepKind::Sweep, job, printer, run)
+    recorded(StepKind::Sweep.command(), job, printer, |printer| {
+        let (context, counted) = (&RunContext::new(printer), Counted::default());
+        let run = |job: &Job, _| sweeping::run(job, &counted, device, context);
+        each(StepKind::Sweep, job, printer, run)
+    })
 }
 
 /// Choose a value, judge the choice by held-out data, and write the report.
@@ -149,7 +158,7 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, 
 /// # Errors
 /// As [`run`]; also if the study has no `[control]` section.
 pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
-    controls::run(job, printer)
+    recorded(StepKind::Control.command(), job, printer, |printer| controls::run(job, printer))
 }
 
 /// Read a log of decisions and build its model with actions, if it is not there.
@@ -199,6 +208,15 @@ pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, S
 /// As [`run`].
 pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, StepError> {
     checking::run(results, logs, printer)
+}
+
+/// How a study, the study of a folder of results, or a plan for a cluster stands: what is done, what runs, and how the
+/// settings stand by the runs that are there. Nothing is written.
+///
+/// # Errors
+/// If there is no such study or folder, or the study is wrong.
+pub fn status(request: &StatusRequest, printer: &Printer) -> Result<StandingOf, StepError> {
+    statuses::status(request, printer)
 }
 
 /// Judge how well calib chooses, over several studies with held-out data.

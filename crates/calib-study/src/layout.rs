@@ -71,7 +71,7 @@ impl Layout {
     }
 
     /// The directory of all results of the study, all models and deployments.
-    fn of_study(&self) -> &Path {
+    pub fn of_study(&self) -> &Path {
         match self.model {
             Some(_) => self.root.ancestors().nth(2).unwrap_or(&self.root),
             None => &self.root,

@@ -6,7 +6,7 @@ use calib_agent::{Accelerator, AgentError, Run, runs_together, train_together};
 use calib_core::Monitor;
 use rayon::prelude::*;
 
-use crate::{RunRow, RunStream, SweepError, UnitResult, UnitSink, pass::Pass};
+use crate::{RunStream, SettingRun, SweepError, UnitRuns, UnitSink, pass::Pass};
 
 /// Make these passes, as many side by side as the accelerator can; results come in the order of the passes. Those of a cohort are kept once all of it is
 /// done.
@@ -15,7 +15,7 @@ pub(crate) fn run(
     accelerator: &dyn Accelerator,
     sink: &dyn UnitSink,
     monitor: &dyn Monitor,
-) -> Result<Vec<UnitResult>, SweepError> {
+) -> Result<Vec<UnitRuns>, SweepError> {
     // Networks are stacked where they are of the same learners.
     let mut alike: BTreeMap<Vec<(usize, Vec<usize>)>, Vec<usize>> = BTreeMap::new();
     for (number, pass) in passes.iter().enumerate() {
@@ -24,7 +24,7 @@ pub(crate) fn run(
         });
         alike.entry(learners.collect()).or_default().push(number);
     }
-    let mut results: Vec<Vec<UnitResult>> = vec![Vec::new(); passes.len()];
+    let mut results: Vec<Vec<UnitRuns>> = vec![Vec::new(); passes.len()];
     for group in alike.values() {
         let first = &passes[group[0]];
         let size = (first.options.span.states(), first.stream()?.stream.width());
@@ -47,7 +47,7 @@ fn together(
     accelerator: &dyn Accelerator,
     sink: &dyn UnitSink,
     monitor: &dyn Monitor,
-) -> Result<Vec<Vec<UnitResult>>, SweepError> {
+) -> Result<Vec<Vec<UnitRuns>>, SweepError> {
     let streams = passes.par_iter().map(|pass| pass.stream());
     let streams: Vec<RunStream> = streams.collect::<Result<_, _>>()?;
     let both = || passes.iter().zip(&streams);
@@ -62,7 +62,7 @@ fn together(
         .map(|(pass, streamed)| match streamed.not_finite {
             Some(_) => {
                 monitor.advance(pass.options.span.steps as u64);
-                pass.put(sink, streamed, RunRow::failed)
+                pass.put(sink, streamed, SettingRun::failed)
             }
             None => pass.put_outcomes(sink, streamed, made.next().unwrap_or_default()),
         })

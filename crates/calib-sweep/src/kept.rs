@@ -15,12 +15,15 @@ pub(crate) struct KeptRun {
 }
 
 impl KeptRun {
-    /// Where the pass of these jobs keeps its state. The name tells passes of other sensors and inputs apart, which may
-    /// run beside it.
+    /// Where the pass of these jobs keeps its state. The name tells passes of other sensors, settings and inputs apart, which
+    /// may run beside it.
     pub(crate) fn new(sink: &dyn UnitSink, jobs: &[&Job<'_>], work_between: u64) -> Self {
         let mut key = Fingerprinter::default();
         for job in jobs {
             key.add(job.key.as_bytes());
+            for setting in &job.settings {
+                key.add(setting.as_bytes());
+            }
         }
         let (key, unit) = (key.finish(), &jobs[0].unit);
         let name = format!("{}-run-{:04}-{}.safetensors", environment(unit), unit.run, key.short());

@@ -11,7 +11,8 @@
 //! - [`Plan::race`]: values that are behind make no more runs.
 //! - [`Plan::on`]: all runs side by side, on an accelerator.
 //! - [`Program`]: agents of another program, which are trained in the place of calib's own.
-//! - [`UnitStore`]: one small file a finished unit. [`Plan::run`] does only what is missing there.
+//! - [`UnitStore`]: one small file a unit, with the run of each setting under a key of its own. [`Plan::run`] does only what is
+//!   missing there: one more value in the grid leaves the runs of the others as they are.
 //! - [`verdict`]: the choice of a [`Rule`], how stable it is, and what held-out [`Windows`] say of it beside its [`Baseline`]s.
 //!
 //! ```
@@ -69,7 +70,7 @@ pub use error_scale::ErrorScale;
 pub use kept::WORK_BETWEEN;
 pub use member::{MemberEnvironment, RolloutOptions};
 pub use pass::Start;
-pub use plan::{Completed, PassId, Plan, PlanOptions, RESULT_VERSION, Ready};
+pub use plan::{Completed, PassId, Plan, PlanOptions, RESULT_VERSION, Ready, Stored};
 pub use program::{Predicted, Program, Stopped, Wanted};
 pub use race::{RaceRule, raced};
 pub use range::{Range, Scale};
@@ -78,7 +79,7 @@ pub use sampling::Sampling;
 pub use sink::UnitSink;
 pub use span::Span;
 pub use store::{UnitStore, remove_states};
-pub use unit::{CurvePoint, PlannedUnit, RunRow, Unit, UnitResult};
+pub use unit::{CurvePoint, PlannedUnit, RunRow, SettingRun, Unit, UnitResult, UnitRuns};
 pub use verdict::{
     Agreement, Baseline, BaselineRegret, Dropped, EnvironmentScores, Grade, Judging, NO_WORSE,
     PartChoice, Recommendation, Rule, RuleChoice, SensorVerdict, Share, SimpleComparison, Truth,

@@ -8,7 +8,7 @@ use calib_core::{Monitor, Stream};
 use calib_files::Fingerprint;
 
 use crate::{
-    Baselines, PlanOptions, Program, RunRow, RunStream, SweepError, UnitResult, UnitSink,
+    Baselines, PlanOptions, Program, RunStream, SettingRun, SweepError, UnitRuns, UnitSink,
     kept::KeptRun, plan::Job, program::outcomes,
 };
 
@@ -43,11 +43,11 @@ impl Pass<'_, '_> {
         &self,
         sink: &dyn UnitSink,
         monitor: &dyn Monitor,
-    ) -> Result<Vec<UnitResult>, SweepError> {
+    ) -> Result<Vec<UnitRuns>, SweepError> {
         let streamed = self.stream()?;
         if streamed.not_finite.is_some() {
             monitor.advance(self.options.span.steps as u64);
-            return self.put(sink, &streamed, RunRow::failed);
+            return self.put(sink, &streamed, SettingRun::failed);
         }
         let stream = &streamed.stream;
         if let Some(program) = self.program {
@@ -138,40 +138,43 @@ impl Pass<'_, '_> {
         sink: &dyn UnitSink,
         streamed: &RunStream,
         outcomes: Vec<RunOutcome>,
-    ) -> Result<Vec<UnitResult>, SweepError> {
+    ) -> Result<Vec<UnitRuns>, SweepError> {
         let mut outcomes = outcomes.into_iter();
-        self.put(sink, streamed, |candidate, steps| {
+        self.put(sink, streamed, |steps| {
             let outcome = outcomes.next().unwrap_or_else(|| unreachable!("one an agent"));
-            RunRow::new(candidate, steps, outcome)
+            SettingRun::new(steps, outcome)
         })
     }
 
-    /// Store the results of all jobs, whose rows `row` makes of a candidate's position and the steps of the stream,
-    /// in the order of the jobs and their agents.
+    /// Store the runs of all jobs, which `run` makes of the steps of the stream, in the order of the jobs and their agents.
     pub(crate) fn put(
         &self,
         sink: &dyn UnitSink,
         RunStream { stream, start_row, not_finite }: &RunStream,
-        mut row: impl FnMut(usize, usize) -> RunRow,
-    ) -> Result<Vec<UnitResult>, SweepError> {
+        mut run: impl FnMut(usize) -> SettingRun,
+    ) -> Result<Vec<UnitRuns>, SweepError> {
         // A piece of n states has n - 1 steps.
         let of = |piece: &Range<usize>| {
             piece.end.saturating_sub(1).min(self.options.span.steps).saturating_sub(piece.start)
         };
         let steps = stream.pieces().iter().map(of).sum();
-        let results: Vec<UnitResult> = self
+        let made: Vec<UnitRuns> = self
             .jobs
             .iter()
-            .map(|job| UnitResult {
+            .map(|job| UnitRuns {
                 key: job.key.clone(),
                 unit: job.unit.clone(),
                 seed: job.seed.get(),
                 start_row: start_row.0,
                 not_finite: *not_finite,
-                rows: job.agents.iter().map(|candidate| row(candidate.index, steps)).collect(),
+                runs: job
+                    .settings
+                    .iter()
+                    .map(|setting| (setting.to_string(), run(steps)))
+                    .collect(),
             })
             .collect();
-        sink.put(&results)?;
-        Ok(results)
+        sink.put(&made)?;
+        Ok(made)
     }
 }

@@ -1,12 +1,15 @@
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::{Arc, OnceLock},
+};
 
 use calib_agent::{Accelerator, Part};
 use calib_core::{Monitor, Seed};
 use rayon::prelude::*;
 
 use crate::{
-    Baselines, Candidate, Environment, EnvironmentId, PlannedUnit, Program, Span, Start,
-    SweepError, Unit, UnitResult, UnitStore, WORK_BETWEEN, cohorts,
+    Baselines, Candidate, Environment, EnvironmentId, PlannedUnit, Program, RunRow, Span, Start,
+    SweepError, Unit, UnitResult, UnitRuns, UnitStore, WORK_BETWEEN, cohorts,
     pass::Pass,
     race::{Race, RaceRule, Streams},
 };
@@ -20,8 +23,8 @@ pub use part::{PassId, Ready};
 /// of two versions of calib never stand beside each other.
 pub const RESULT_VERSION: u32 = 4;
 
-/// What looks a result up by its unit and key.
-type Lookup<'l> = &'l (dyn Fn(&Unit, &str) -> Option<UnitResult> + Sync);
+/// What looks the runs of a unit up by unit and key.
+type Lookup<'l> = &'l (dyn Fn(&Unit, &str) -> Option<UnitRuns> + Sync);
 
 /// What holds for every unit of a plan.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +42,8 @@ pub struct PlanOptions {
 /// Every unit of a sweep, in a fixed order.
 pub struct Plan<'a> {
     candidates: &'a [Candidate],
+    /// The keys of their settings, once they are known.
+    settings: OnceLock<Vec<Arc<str>>>,
     environments: Vec<&'a dyn Environment>,
     /// Name and column of each predicted sensor.
     sensors: Vec<(String, usize)>,
@@ -60,18 +65,71 @@ pub struct Plan<'a> {
 pub struct Completed {
     /// Every result, in the order of the units.
     pub results: Vec<UnitResult>,
-    /// Units that had to be run for it.
+    /// Units of which something had to be run for it.
     pub ran: usize,
+    /// Runs that were made for it: of each unit, one for each setting that had none.
+    pub runs: usize,
 }
 
-/// Add what `look_up` finds of `jobs` to `found`.
-fn read(jobs: &[Job<'_>], found: &mut BTreeMap<Unit, UnitResult>, look_up: Lookup<'_>) {
-    let read: Vec<UnitResult> = jobs
-        .par_iter()
-        .filter(|job| !found.contains_key(&job.unit))
-        .filter_map(|job| look_up(&job.unit, &job.key))
-        .collect();
-    found.extend(read.into_iter().map(|result| (result.unit.clone(), result)));
+/// What is there of the results of a plan.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Stored {
+    /// Units that have a run of every setting.
+    whole: BTreeMap<Unit, UnitResult>,
+    /// Those runs of other units that are there: a smaller grid has left them.
+    begun: BTreeMap<Unit, UnitRuns>,
+}
+
+impl Stored {
+    /// The results of the units that are whole.
+    pub fn whole(&self) -> &BTreeMap<Unit, UnitResult> {
+        &self.whole
+    }
+
+    /// The runs of those that are not.
+    pub fn begun(&self) -> &BTreeMap<Unit, UnitRuns> {
+        &self.begun
+    }
+
+    /// Add what `look_up` finds of `jobs`.
+    fn read(&mut self, jobs: &[Job<'_>], look_up: Lookup<'_>) {
+        let read: Vec<(&Job<'_>, UnitRuns)> = jobs
+            .par_iter()
+            .filter(|job| !self.whole.contains_key(&job.unit))
+            .filter_map(|job| Some((job, look_up(&job.unit, &job.key)?)))
+            .collect();
+        for (job, mut runs) in read {
+            runs.runs.retain(|setting, _| job.settings.iter().any(|own| **own == **setting));
+            self.add(job, runs);
+        }
+    }
+
+    /// Add runs of a job, which may make it whole.
+    fn add(&mut self, job: &Job<'_>, runs: UnitRuns) {
+        if runs.runs.is_empty() {
+            return;
+        }
+        let all = match self.begun.remove(&job.unit) {
+            Some(mut begun) => {
+                begun.merge(runs);
+                begun
+            }
+            None => runs,
+        };
+        match all.result(job.trained()) {
+            Some(result) => drop(self.whole.insert(job.unit.clone(), result)),
+            None => drop(self.begun.insert(job.unit.clone(), all)),
+        }
+    }
+
+    /// What is left to be trained of a job, if anything is.
+    fn rest<'a>(&self, job: &Job<'a>) -> Option<Job<'a>> {
+        if self.whole.contains_key(&job.unit) {
+            return None;
+        }
+        let begun = self.begun.get(&job.unit);
+        Some(job.of(|setting| begun.is_none_or(|begun| !begun.runs.contains_key(setting))))
+    }
 }
 
 /// The values that are left after each round of a race, for each sensor.
@@ -84,15 +142,51 @@ impl Survivors {
     }
 }
 
+/// The values that are left before a unit.
+enum Before<'s> {
+    All,
+    Some(&'s BTreeSet<usize>),
+    /// The unit is not run.
+    One,
+    NotKnown,
+}
+
 /// A unit with what is needed to run it.
+#[derive(Clone)]
 pub(crate) struct Job<'a> {
     pub(crate) unit: Unit,
     pub(crate) environment: &'a dyn Environment,
     pub(crate) column: usize,
     pub(crate) agents: Vec<&'a Candidate>,
+    /// The key of each agent's setting.
+    pub(crate) settings: Vec<Arc<str>>,
+    /// Positions of the candidates that were dropped before.
+    pub(crate) dropped: BTreeSet<usize>,
     pub(crate) start: Option<&'a Start>,
     pub(crate) seed: Seed,
+    /// Of everything that its runs follow from beside their settings.
     pub(crate) key: String,
+}
+
+impl Job<'_> {
+    /// Position and key of each candidate.
+    fn trained(&self) -> impl Iterator<Item = (usize, &str)> {
+        let settings = self.settings.iter().map(AsRef::as_ref);
+        self.agents.iter().map(|agent| agent.index).zip(settings)
+    }
+
+    /// The unit, as it is planned.
+    fn planned(&self) -> PlannedUnit {
+        let Self { unit, key, dropped, .. } = self.clone();
+        PlannedUnit { unit, key, dropped }
+    }
+
+    /// The same job with those agents only whose settings are `wanted`.
+    fn of(&self, wanted: impl Fn(&str) -> bool) -> Self {
+        let both = self.agents.iter().zip(&self.settings).filter(|(_, setting)| wanted(setting));
+        let (agents, settings) = both.map(|(agent, setting)| (*agent, Arc::clone(setting))).unzip();
+        Self { agents, settings, ..self.clone() }
+    }
 }
 
 impl<'a> Plan<'a> {
@@ -105,6 +199,7 @@ impl<'a> Plan<'a> {
     ) -> Self {
         Self {
             candidates,
+            settings: OnceLock::new(),
             environments,
             sensors,
             starts: BTreeMap::new(),
@@ -187,15 +282,45 @@ impl<'a> Plan<'a> {
     /// Units whose values are known before any has been run, which are all units but in a race: sensor by sensor, environment by
     /// environment, run by run.
     pub fn units(&self) -> Vec<PlannedUnit> {
-        let planned = |job: Job<'_>| PlannedUnit { unit: job.unit, key: job.key };
-        self.jobs(&Survivors::default()).into_iter().map(planned).collect()
+        self.jobs(&Survivors::default()).iter().map(Job::planned).collect()
+    }
+
+    /// All units there can be, as they are where nothing is dropped before them.
+    pub fn every_unit(&self) -> Vec<PlannedUnit> {
+        let jobs = self.jobs_after(None, &|_| true);
+        jobs.iter().map(Job::planned).collect()
+    }
+
+    /// The runs of a result, each under the key of its setting.
+    pub fn runs_of(&self, result: &UnitResult) -> UnitRuns {
+        let settings = self.settings();
+        let run = |row: &RunRow| (settings[row.candidate].to_string(), row.into());
+        let UnitResult { key, unit, seed, start_row, not_finite, rows } = result;
+        UnitRuns {
+            key: key.clone(),
+            unit: unit.clone(),
+            seed: *seed,
+            start_row: *start_row,
+            not_finite: *not_finite,
+            runs: rows.iter().map(run).collect(),
+        }
+    }
+
+    /// The results as they are planned, with which candidates a race left in each.
+    pub fn planned(&self, results: &[UnitResult]) -> Vec<PlannedUnit> {
+        let planned = |UnitResult { unit, key, rows, .. }: &UnitResult| {
+            let trained: BTreeSet<usize> = rows.iter().map(|row| row.candidate).collect();
+            let dropped = (0..self.candidates.len()).filter(|of| !trained.contains(of)).collect();
+            PlannedUnit { unit: unit.clone(), key: key.clone(), dropped }
+        };
+        results.iter().map(planned).collect()
     }
 
     /// The results that `store` has.
     ///
     /// # Errors
     /// If an error that a race decides by is NaN.
-    pub fn stored(&self, store: &UnitStore) -> Result<BTreeMap<Unit, UnitResult>, SweepError> {
+    pub fn stored(&self, store: &UnitStore) -> Result<Stored, SweepError> {
         self.known(&|unit, key| store.get(unit, key))
     }
 
@@ -203,23 +328,39 @@ impl<'a> Plan<'a> {
     ///
     /// # Errors
     /// As [`stored`](Self::stored).
-    pub fn known(&self, look_up: Lookup<'_>) -> Result<BTreeMap<Unit, UnitResult>, SweepError> {
-        let mut found = BTreeMap::new();
+    pub fn known(&self, look_up: Lookup<'_>) -> Result<Stored, SweepError> {
+        let mut found = Stored::default();
         let mut survivors = Survivors::default();
         loop {
-            read(&self.jobs(&survivors), &mut found, look_up);
-            if !self.decide(&mut survivors, &found)? {
+            found.read(&self.jobs(&survivors), look_up);
+            if !self.decide(&mut survivors, &found.whole)? {
                 return Ok(found);
             }
         }
     }
 
-    /// Units that have to be run beside `found`; in a race, at most.
+    /// Units of which something has to be run beside `found`; in a race, at most.
     ///
     /// # Errors
     /// As [`stored`](Self::stored).
-    pub fn left(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<usize, SweepError> {
-        Ok(self.missing(found)?.len())
+    pub fn left(&self, found: &Stored) -> Result<usize, SweepError> {
+        Ok(self.missing(&found.whole)?.len())
+    }
+
+    /// Runs that have to be made beside `found`, one for each setting of a unit; in a race, at most.
+    ///
+    /// # Errors
+    /// As [`stored`](Self::stored).
+    pub fn runs_left(&self, found: &Stored) -> Result<usize, SweepError> {
+        let mut survivors = Survivors::default();
+        self.decide(&mut survivors, &found.whole)?;
+        let known = self.jobs(&survivors);
+        let known: BTreeMap<&Unit, usize> = known
+            .iter()
+            .filter_map(|job| Some((&job.unit, found.rest(job)?.agents.len())))
+            .collect();
+        let missing = self.missing(&found.whole)?;
+        Ok(missing.iter().map(|unit| *known.get(unit).unwrap_or(&self.candidates.len())).sum())
     }
 
     /// Units that have to be run beside `found`; in a race, at most.
@@ -252,7 +393,7 @@ impl<'a> Plan<'a> {
         Ok(self.complete(self.stored(store)?, store, monitor)?.results)
     }
 
-    /// Run the units that have no result in `stored`, in parallel, put their results in `store`, and return
+    /// Run what units have no run of in `stored`, in parallel, put their results in `store`, and return
     /// all results in the order of [`units`](Self::units). Results do not depend on the number of threads.
     ///
     /// The units of one run in one environment share a pass over its stream, whatever sensor they predict.
@@ -262,30 +403,38 @@ impl<'a> Plan<'a> {
     /// The first failure, or [`SweepError::Cancelled`]; finished units stay stored.
     pub fn complete(
         &self,
-        stored: BTreeMap<Unit, UnitResult>,
+        stored: Stored,
         store: &UnitStore,
         monitor: &dyn Monitor,
     ) -> Result<Completed, SweepError> {
-        let (mut found, mut ran, kept) = (stored, 0, store.states_kept());
+        let (mut found, mut ran, mut runs, kept) = (stored, 0, 0, store.states_kept());
         let mut left = self.passes(&found)?;
         monitor.begin("training", (left * self.options.span.steps) as u64);
         let mut survivors = Survivors::default();
         loop {
             let jobs = self.jobs(&survivors);
             // Values of later runs were not known before: what is stored of them is not run again, and some are not needed.
-            read(&jobs, &mut found, &|unit, key| store.get(unit, key));
+            found.read(&jobs, &|unit, key| store.get(unit, key));
             let now = self.passes(&found)?;
             // Sensors need not have come equally far before, so that one pass can train units of several rounds.
             let done = left.saturating_sub(now);
             monitor.advance((done * self.options.span.steps) as u64);
-            let trained = self.train(&jobs, &found, store, monitor)?;
+            let rest: Vec<Job<'_>> = jobs.iter().filter_map(|job| found.rest(job)).collect();
+            let trained = self.train(&rest, store, monitor)?;
             ran += trained.len();
+            runs += trained.iter().map(|made| made.runs.len()).sum::<usize>();
             left = now.saturating_sub(Self::passes_of(&trained));
-            found.extend(trained.into_iter().map(|result| (result.unit.clone(), result)));
-            if !self.decide(&mut survivors, &found)? {
+            let mut trained: BTreeMap<Unit, UnitRuns> =
+                trained.into_iter().map(|made| (made.unit.clone(), made)).collect();
+            for job in &jobs {
+                if let Some(made) = trained.remove(&job.unit) {
+                    found.add(job, made);
+                }
+            }
+            if !self.decide(&mut survivors, &found.whole)? {
                 store.forget_stale(&kept);
-                let results = jobs.iter().filter_map(|job| found.remove(&job.unit)).collect();
-                return Ok(Completed { results, ran });
+                let results = jobs.iter().filter_map(|job| found.whole.remove(&job.unit)).collect();
+                return Ok(Completed { results, ran, runs });
             }
         }
     }
@@ -294,28 +443,27 @@ impl<'a> Plan<'a> {
     ///
     /// # Errors
     /// As [`stored`](Self::stored).
-    pub fn passes(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<usize, SweepError> {
-        Ok(Self::passes_over(self.missing(found)?.iter()))
+    pub fn passes(&self, found: &Stored) -> Result<usize, SweepError> {
+        Ok(Self::passes_over(self.missing(&found.whole)?.iter()))
     }
 
-    fn passes_of(results: &[UnitResult]) -> usize {
-        Self::passes_over(results.iter().map(|result| &result.unit))
+    fn passes_of(made: &[UnitRuns]) -> usize {
+        Self::passes_over(made.iter().map(|made| &made.unit))
     }
 
     fn passes_over<'u>(units: impl Iterator<Item = &'u Unit>) -> usize {
         units.map(|unit| (unit.environment, unit.run)).collect::<BTreeSet<_>>().len()
     }
 
-    /// Run those of `jobs` that have no result, in parallel.
+    /// Run these jobs, in parallel.
     fn train(
         &self,
         jobs: &[Job<'_>],
-        found: &BTreeMap<Unit, UnitResult>,
         store: &UnitStore,
         monitor: &dyn Monitor,
-    ) -> Result<Vec<UnitResult>, SweepError> {
+    ) -> Result<Vec<UnitRuns>, SweepError> {
         let mut missing: BTreeMap<(EnvironmentId, usize), Vec<&Job<'_>>> = BTreeMap::new();
-        for job in jobs.iter().filter(|job| !found.contains_key(&job.unit)) {
+        for job in jobs {
             missing.entry((job.unit.environment, job.unit.run)).or_default().push(job);
         }
         let missing: Vec<Pass<'_, '_>> =
@@ -366,6 +514,15 @@ impl<'a> Plan<'a> {
         self.race.as_ref()?.round(unit.environment, unit.run)?.checked_sub(1)
     }
 
+    /// The values that are left before the round of a unit.
+    fn left_before<'s>(&self, unit: &Unit, survivors: &'s Survivors) -> Before<'s> {
+        let Some(round) = self.round_before(unit) else { return Before::All };
+        if self.is_spared(unit, survivors) {
+            return Before::One;
+        }
+        survivors.rounds(&unit.sensor).get(round).map_or(Before::NotKnown, Before::Some)
+    }
+
     /// Whether one value is left before the round of a unit.
     fn is_spared(&self, unit: &Unit, survivors: &Survivors) -> bool {
         let rounds = survivors.rounds(&unit.sensor);
@@ -380,31 +537,58 @@ impl<'a> Plan<'a> {
 
     /// Those of them that are `wanted`.
     fn jobs_of(&self, survivors: &Survivors, wanted: &dyn Fn(&Unit) -> bool) -> Vec<Job<'_>> {
+        self.jobs_after(Some(survivors), wanted)
+    }
+
+    /// The same, or all as if nothing were ever dropped.
+    fn jobs_after(
+        &self,
+        survivors: Option<&Survivors>,
+        wanted: &dyn Fn(&Unit) -> bool,
+    ) -> Vec<Job<'_>> {
         let mut jobs = Vec::new();
         for (sensor, column) in &self.sensors {
             for &environment in &self.environments {
                 for run in 0..environment.runs() {
                     let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
-                    let before = self.round_before(&unit);
-                    let rounds = survivors.rounds(sensor);
-                    if !wanted(&unit)
-                        || self.is_spared(&unit, survivors)
-                        || before.is_some_and(|round| round >= rounds.len())
-                    {
+                    if !wanted(&unit) {
                         continue;
                     }
-                    let left = before.map(|round| &rounds[round]);
-                    let agents: Vec<&Candidate> = self
-                        .candidates
-                        .iter()
-                        .filter(|candidate| left.is_none_or(|left| left.contains(&candidate.index)))
-                        .collect();
+                    let left = match survivors {
+                        Some(survivors) => match self.left_before(&unit, survivors) {
+                            Before::All => None,
+                            Before::Some(left) => Some(left),
+                            Before::One | Before::NotKnown => continue,
+                        },
+                        None => None,
+                    };
+                    let is_left = |index: &usize| {
+                        left.is_none_or(|left: &BTreeSet<usize>| left.contains(index))
+                    };
+                    let all = 0..self.candidates.len();
+                    let trained: Vec<usize> = all.clone().filter(is_left).collect();
+                    let dropped = all.filter(|index| !is_left(index)).collect();
+                    let agents: Vec<&Candidate> =
+                        trained.iter().map(|&index| &self.candidates[index]).collect();
+                    let settings =
+                        trained.iter().map(|&index| Arc::clone(&self.settings()[index])).collect();
                     let inputs = environment.inputs(run);
                     let seed =
                         self.options.seed.child(&environment.id().to_string()).number(run as u64);
                     let start = self.starts.get(sensor);
                     let key = self.key(&unit, *column, &agents, start, seed, &inputs);
-                    jobs.push(Job { unit, environment, column: *column, agents, start, seed, key });
+                    let column = *column;
+                    jobs.push(Job {
+                        unit,
+                        environment,
+                        column,
+                        agents,
+                        settings,
+                        dropped,
+                        start,
+                        seed,
+                        key,
+                    });
                 }
             }
         }

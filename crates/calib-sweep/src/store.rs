@@ -11,7 +11,7 @@ use calib_files::{
     remove_known, write_sealed_json,
 };
 
-use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitSink};
+use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitRuns, UnitSink};
 
 /// Finished units, one small file each, so that an interrupted sweep loses only units in progress.
 #[derive(Clone, Debug)]
@@ -38,21 +38,34 @@ impl UnitStore {
         &self.directory
     }
 
-    /// The stored result of `unit`, if it was made from the inputs that `key` stands for.
-    /// A file that is missing, damaged or made from other inputs is no result.
-    pub fn get(&self, unit: &Unit, key: &str) -> Option<UnitResult> {
-        let own = read_sealed_json(&self.path(unit)).ok();
-        own.filter(|result: &UnitResult| result.key == key && result.unit == *unit)
-            .or_else(|| self.beside.iter().find_map(|other| other.get(unit, key)))
+    /// The stored runs of `unit` that were made from the inputs that `key` stands for.
+    /// A file that is missing, damaged or made from other inputs has none.
+    pub fn get(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {
+        let others = self.beside.iter().filter_map(|other| other.get(unit, key));
+        self.own(unit, key).into_iter().chain(others).reduce(|mut all, more| {
+            all.merge(more);
+            all
+        })
     }
 
-    /// The stored results of all planned units, in their order.
+    fn own(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {
+        let own = read_sealed_json(&self.path(unit)).ok();
+        own.filter(|runs: &UnitRuns| runs.is_of(unit, key))
+    }
+
+    /// The stored results of all planned units, in their order, where `settings` are the keys of all candidates.
     ///
     /// # Errors
-    /// [`SweepError::Incomplete`] if a unit has no result.
-    pub fn collect(&self, planned: &[PlannedUnit]) -> Result<Vec<UnitResult>, SweepError> {
-        let results: Vec<_> =
-            planned.iter().map(|planned| self.get(&planned.unit, &planned.key)).collect();
+    /// [`SweepError::Incomplete`] if a unit lacks a run.
+    pub fn collect<S: AsRef<str>>(
+        &self,
+        planned: &[PlannedUnit],
+        settings: &[S],
+    ) -> Result<Vec<UnitResult>, SweepError> {
+        let result = |planned: &PlannedUnit| {
+            self.get(&planned.unit, &planned.key)?.result(planned.trained(settings))
+        };
+        let results: Vec<_> = planned.iter().map(result).collect();
         let missing = results.iter().filter(|result| result.is_none()).count();
         match planned.iter().zip(&results).find(|(_, result)| result.is_none()) {
             Some((first, _)) => Err(SweepError::Incomplete {
@@ -64,12 +77,17 @@ impl UnitStore {
         }
     }
 
-    /// Store a result.
+    /// Store runs of a unit. Runs of other settings from the same inputs, which another grid has left, stay.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn put(&self, result: &UnitResult) -> Result<(), SweepError> {
-        Ok(write_sealed_json(&self.path(&result.unit), result)?)
+    pub fn put(&self, runs: &UnitRuns) -> Result<(), SweepError> {
+        let path = self.path(&runs.unit);
+        let Some(mut all) = self.own(&runs.unit, &runs.key) else {
+            return Ok(write_sealed_json(&path, runs)?);
+        };
+        all.merge(runs.clone());
+        Ok(write_sealed_json(&path, &all)?)
     }
 
     /// States of unfinished runs that are there, and when they were last written.
@@ -125,8 +143,8 @@ impl UnitStore {
 }
 
 impl UnitSink for UnitStore {
-    fn put(&self, results: &[UnitResult]) -> Result<(), SweepError> {
-        results.iter().try_for_each(|result| self.put(result))
+    fn put(&self, runs: &[UnitRuns]) -> Result<(), SweepError> {
+        runs.iter().try_for_each(|runs| self.put(runs))
     }
 
     fn state(&self, name: &str) -> PathBuf {
@@ -196,7 +214,10 @@ pub(crate) fn environment(unit: &Unit) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
+    use crate::SettingRun;
 
     #[cfg(unix)]
     #[test]
@@ -238,17 +259,33 @@ mod tests {
         let store = UnitStore::new(directory.path().join("units"));
         let unit = Unit { sensor: "P/1".to_owned(), environment: EnvironmentId::Member(2), run: 7 };
         assert_eq!(store.get(&unit, "a"), None);
-        let result = UnitResult {
+        let of = |settings: &[&str]| UnitRuns {
             key: "a".to_owned(),
             unit: unit.clone(),
             seed: 1,
             start_row: 2,
             not_finite: None,
-            rows: vec![],
+            runs: settings.iter().map(|of| ((*of).to_owned(), SettingRun::failed(3))).collect(),
         };
-        store.put(&result).expect("written");
-        assert_eq!(store.get(&unit, "a"), Some(result));
+        store.put(&of(&["x", "y"])).expect("written");
+        assert_eq!(store.get(&unit, "a"), Some(of(&["x", "y"])));
         assert_eq!(store.get(&unit, "b"), None);
+        store.put(&of(&["z"])).expect("written");
+        assert_eq!(
+            store.get(&unit, "a"),
+            Some(of(&["x", "y", "z"])),
+            "those of other settings stay"
+        );
+        let settings = ["z", "x"];
+        let planned =
+            PlannedUnit { unit: unit.clone(), key: "a".to_owned(), dropped: BTreeSet::new() };
+        let collected = store.collect(std::slice::from_ref(&planned), &settings).expect("there");
+        let candidates: Vec<usize> = collected[0].rows.iter().map(|row| row.candidate).collect();
+        assert_eq!(candidates, [0, 1]);
+        let more = ["z", "w"];
+        assert!(store.collect(std::slice::from_ref(&planned), &more).is_err(), "w was not run");
+        let raced = PlannedUnit { dropped: [1].into(), ..planned };
+        assert_eq!(store.collect(&[raced], &more).expect("there")[0].rows.len(), 1);
         let other = UnitStore::new(directory.path().join("other")).beside(vec![store.clone()]);
         assert_eq!(other.get(&unit, "a"), store.get(&unit, "a"), "whose it is does not matter");
         assert_eq!(other.get(&unit, "b"), None);

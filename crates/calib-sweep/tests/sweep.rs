@@ -55,6 +55,12 @@ struct Study {
 
 impl Study {
     fn new() -> Self {
+        // 1e38 leaves single precision within a few steps.
+        Self::of(&[1e-5, 5e-2, 1e38])
+    }
+
+    /// With these learning rates, and the agent's own.
+    fn of(rates: &[f64]) -> Self {
         let agent = AgentConfig {
             value_function: ValueFunction::Linear,
             gamma: 0.8,
@@ -62,8 +68,7 @@ impl Study {
             learning_rate: 3e-3,
             ..AgentConfig::default()
         };
-        // 1e38 leaves single precision within a few steps.
-        let grid = [1e-5, 5e-2, 1e38].map(serde_json::Value::from).to_vec();
+        let grid: Vec<serde_json::Value> = rates.iter().copied().map(Into::into).collect();
         let config = SweepConfig {
             grid: BTreeMap::from([("learning_rate".to_owned(), grid.into())]),
             ..SweepConfig::default()
@@ -81,10 +86,11 @@ impl Study {
         Self { train, held_out: frames(1300), model, candidates }
     }
 
-    fn units(&self, seed: u64) -> Vec<PlannedUnit> {
-        let mut units = Vec::new();
-        self.with_plan(seed, |plan| units = plan.units());
-        units
+    /// The units of the plan, and the keys of its settings.
+    fn units(&self, seed: u64) -> (Vec<PlannedUnit>, Vec<String>) {
+        self.with_plan(seed, |plan| {
+            (plan.units(), plan.settings().iter().map(ToString::to_string).collect())
+        })
     }
 
     fn with_plan<T>(&self, seed: u64, then: impl FnOnce(Plan<'_>) -> T) -> T {
@@ -148,14 +154,17 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     fs::remove_file(&lost).expect("was there");
     fs::write(&damaged, b"{").expect("writable");
     let before = fs::metadata(&kept).and_then(|metadata| metadata.modified()).expect("there");
-    let units = study.units(1);
-    assert!(matches!(one.collect(&units), Err(SweepError::Incomplete { missing: 2, .. })));
+    let (units, settings) = study.units(1);
+    assert!(matches!(
+        one.collect(&units, &settings),
+        Err(SweepError::Incomplete { missing: 2, .. })
+    ));
     assert_eq!(run(&one), alone);
     assert_eq!(
         fs::metadata(&kept).and_then(|metadata| metadata.modified()).expect("there"),
         before
     );
-    assert_eq!(one.collect(&units).expect("complete"), alone);
+    assert_eq!(one.collect(&units, &settings).expect("complete"), alone);
 
     // A run of n + 1 states in one piece has n steps.
     assert!(
@@ -166,8 +175,43 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     );
 
     // Another seed is another sweep: nothing of the old one counts.
-    let other = study.units(2);
-    assert!(matches!(one.collect(&other), Err(SweepError::Incomplete { missing: 24, .. })));
+    let (other, settings) = study.units(2);
+    assert!(matches!(
+        one.collect(&other, &settings),
+        Err(SweepError::Incomplete { missing: 24, .. })
+    ));
+}
+
+#[test]
+fn a_larger_grid_trains_its_new_settings_alone() {
+    let (small, large) = (Study::of(&[1e-5, 5e-2, 1e38]), Study::of(&[1e-5, 1e-4, 5e-2, 1e38]));
+    let directory = tempfile::tempdir().expect("a directory");
+    for rule in [None, Some(RaceRule::Halving), Some(SURELY)] {
+        let made = |study: &Study, name: &str| {
+            let store = UnitStore::new(directory.path().join(format!("{name}-{rule:?}")));
+            study.with_runs(1, 4, |plan| {
+                let plan = match rule {
+                    Some(rule) => plan.race(rule).expect("a rate"),
+                    None => plan,
+                };
+                let stored = plan.stored(&store).expect("read");
+                let left = plan.runs_left(&stored).expect("counted");
+                (left, plan.complete(stored, &store, &Silent).expect("runs"))
+            })
+        };
+        let (_, fresh) = made(&large, "fresh");
+        let (_, before) = made(&small, "grown");
+        let (left, grown) = made(&large, "grown");
+        assert_eq!(grown.results, fresh.results, "{rule:?}");
+        if rule.is_none() {
+            // Two sensors, four runs in each of three members, on the log and online.
+            assert_eq!((left, grown.runs, grown.ran), (40, 40, 40));
+        }
+        assert!(grown.runs < fresh.runs / 2, "{rule:?}: {} of {}", grown.runs, fresh.runs);
+        let (left, back) = made(&small, "grown");
+        assert_eq!((left, back.runs, back.ran), (0, 0, 0), "{rule:?}");
+        assert_eq!(back.results, before.results, "{rule:?}");
+    }
 }
 
 #[test]

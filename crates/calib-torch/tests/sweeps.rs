@@ -127,7 +127,7 @@ fn a_sweep_side_by_side_is_the_native_one() {
     }
     // Each finds its own.
     let found = |accelerator| {
-        with_plan(accelerator, |plan| plan.stored(&store("torch")).expect("read").len())
+        with_plan(accelerator, |plan| plan.stored(&store("torch")).expect("read").whole().len())
     };
     assert_eq!((found(None), found(Some(&small))), (0, 20));
 }
@@ -169,7 +169,7 @@ fn an_interrupted_sweep_is_to_the_byte_what_it_would_have_been() {
         let store = UnitStore::new(directory.path().join(patience.to_string()));
         let impatient = Impatient { looks: AtomicU64::new(0), patience };
         let ended = with_plan(Some(&small), |plan| plan.run(&store, &impatient));
-        let some = with_plan(Some(&small), |plan| plan.stored(&store).expect("read").len());
+        let some = with_plan(Some(&small), |plan| plan.stored(&store).expect("read").whole().len());
         if matches!(ended, Err(SweepError::Cancelled(_))) && some > 0 {
             stopped += 1;
         }

@@ -126,7 +126,10 @@ class Streams:
             candidate: Their position among those that are compared.
 
         Returns:
-            Its score, whose ``nrmse`` is +∞ where a prediction was not finite, and the agent as it was at the end.
+            Its score, and the agent as it was at the end. ``score.nrmse`` and ``score.rmse`` are +∞ where a prediction
+            was not finite. ``score.skill`` is the error reduction against predicting the mean return, and ``score.parts``
+            has the same for each part of the run.
+
 
         Examples:
             >>> from calib_rl.agents._sweep import _ExampleAgent

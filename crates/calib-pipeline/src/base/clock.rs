@@ -31,6 +31,23 @@ impl Stopwatch {
     }
 }
 
+/// Seconds since 1970.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "notes of how work stands say when they were written"
+)]
+pub(crate) fn unix_secs() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |now| now.as_secs_f64())
+}
+
+/// When a process of this machine began, in ticks since the machine did, as Linux says it: a later process of the same
+/// number began later.
+pub(crate) fn process_began(process: u32) -> Option<u64> {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    let (_, fields) = stat.rsplit_once(')')?;
+    fields.split_whitespace().nth(19)?.parse().ok()
+}
+
 /// What is said of a log whose last time is still to come.
 #[expect(clippy::disallowed_methods, reason = "a remark, and no result")]
 pub fn in_future(last: Timestamp) -> Option<String> {

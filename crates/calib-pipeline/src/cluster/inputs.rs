@@ -11,8 +11,7 @@ use calib_files::{Fingerprint, fingerprint_file, link_or_copy};
 use calib_model::ModelFamily;
 use calib_study::Job;
 use calib_sweep::{
-    Baselines, ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, Start, Unit,
-    UnitResult,
+    Baselines, ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, Start, UnitRuns,
 };
 
 use crate::{
@@ -23,7 +22,7 @@ use crate::{
     },
     cluster::{
         plan_file::SweepPart,
-        results::{Extent, Header, Results},
+        results::{self, Extent, Header, Results, Units},
     },
     ensure,
     model::kinds::{self, OpenedModel},
@@ -40,7 +39,7 @@ const STARTS: &str = "starts.safetensors";
 const STORED: &str = "stored.units";
 
 /// The names of what [`write`] writes.
-pub(crate) fn names(setting: &Setting, stored: &BTreeMap<Unit, UnitResult>) -> Vec<String> {
+pub(crate) fn names(setting: &Setting, stored: &[UnitRuns]) -> Vec<String> {
     let held_out = setting.dataset.held_out.is_some().then_some(HELD_OUT);
     let starts = (!setting.starts.is_empty()).then_some(STARTS);
     let stored = (!stored.is_empty()).then_some(STORED);
@@ -54,7 +53,7 @@ pub(crate) fn write(
     directory: &Path,
     job: &Job,
     setting: &Setting,
-    stored: &BTreeMap<Unit, UnitResult>,
+    stored: &[UnitRuns],
     header: Header,
 ) -> Result<Files, StepError> {
     let mut files = setting.model.manifest.lasting_files();
@@ -72,8 +71,9 @@ pub(crate) fn write(
         written.push(STARTS);
     }
     if !stored.is_empty() {
-        let units = stored.values().map(|of| ((of.unit.clone(), of.key.clone()), of.clone()));
-        let results = Results { header, units: units.collect(), extent: Extent::Whole };
+        let mut units = Units::new();
+        results::add(&mut units, stored.iter().cloned());
+        let results = Results { header, units, extent: Extent::Whole };
         results.write(&directory.join(STORED))?;
         written.push(STORED);
     }
@@ -81,6 +81,11 @@ pub(crate) fn write(
         files.insert(name.to_owned(), fingerprint_file(&directory.join(name))?);
     }
     Ok(files)
+}
+
+/// The runs that were there when the work was planned, if there were any.
+pub(crate) fn stored(directory: &Path) -> Option<Units> {
+    Results::read(&directory.join(STORED)).ok().map(|results| results.units)
 }
 
 /// Bytes of these files that a shard of one environment maps: of several members each has a table of its own.
@@ -129,8 +134,8 @@ pub(crate) struct Inputs<'p> {
     model: Option<OpenedModel>,
     held_out: Option<Frames>,
     starts: BTreeMap<String, Start>,
-    /// Results that were there when the work was planned.
-    pub(crate) stored: BTreeMap<Unit, UnitResult>,
+    /// Runs that were there when the work was planned.
+    pub(crate) stored: Units,
 }
 
 impl<'p> Inputs<'p> {
@@ -159,9 +164,8 @@ impl<'p> Inputs<'p> {
         let stored = if files.has(STORED)? {
             Results::read(&directory.join(STORED))?.units
         } else {
-            BTreeMap::new()
+            Units::new()
         };
-        let stored = stored.into_values().map(|result| (result.unit.clone(), result)).collect();
         Ok(Self { part, opened, states, model, held_out, starts, stored })
     }
 

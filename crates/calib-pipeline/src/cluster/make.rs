@@ -10,7 +10,7 @@ use calib_files::{
     FileError, FolderRecord, create_directory, is_temporary, remove_known, write_new_sealed_json,
 };
 use calib_study::{Job, Scope, StepKind};
-use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Unit, UnitResult};
+use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Stored, UnitRuns};
 
 use crate::{
     StepError, bail,
@@ -33,7 +33,10 @@ use crate::{
     ensure,
     log::context::RunContext,
     output::Printer,
-    sweep::{Found, Source, cost::MeasuredPasses, plan::agents_of, setting::Setting, unit_store},
+    sweep::{
+        Found, Source, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep,
+        setting::Setting, unit_store,
+    },
 };
 
 /// Memory of a process that has nothing to do.
@@ -217,11 +220,14 @@ impl Planning<'_> {
                 }
             }
         }
-        let (files, mapped) = self.inputs(number, job, &setting, &stored)?;
+        let whole = stored.whole().values().map(|result| plan.runs_of(result));
+        let runs: Vec<UnitRuns> = whole.chain(stored.begun().values().cloned()).collect();
+        let (files, mapped) = self.inputs(number, job, &setting, &runs)?;
         let width = setting.dataset.train.states().columns();
         let part = SweepPart {
             study: study.clone(),
             candidates: setting.candidates.clone(),
+            planned: PlannedSweep::of(study, &setting.candidates, &plan, None),
             sensors: setting.sensors.clone(),
             groups,
             span: setting.streams.demand.span,
@@ -239,7 +245,7 @@ impl Planning<'_> {
         number: usize,
         job: &Job,
         setting: &Setting,
-        stored: &BTreeMap<Unit, UnitResult>,
+        stored: &[UnitRuns],
     ) -> Result<(Files, u64), StepError> {
         let place = inputs_in(self.directory, number);
         let described = &setting.environments.described;
@@ -266,15 +272,16 @@ impl Planning<'_> {
         &mut self,
         plan: &Plan<'_>,
         pass: &PassId,
-        stored: &BTreeMap<Unit, UnitResult>,
+        stored: &Stored,
     ) -> Result<bool, StepError> {
         if plan.stage(pass.environment, pass.run) > 0 {
-            return Ok(pass.units().any(|unit| !stored.contains_key(&unit)));
+            return Ok(pass.units().any(|unit| !stored.whole().contains_key(&unit)));
         }
         let ready = plan.ready(std::slice::from_ref(pass), &BTreeMap::new())?;
         let mut is_needed = false;
         for planned in ready.iter().flat_map(calib_sweep::Ready::units) {
-            is_needed |= !stored.contains_key(&planned.unit) && self.seen.insert(planned.key);
+            is_needed |= !stored.whole().contains_key(&planned.unit)
+                && self.seen.insert(planned.fingerprint(plan.settings()));
         }
         Ok(is_needed)
     }

@@ -5,7 +5,11 @@ use std::path::Path;
 use crate::{
     StepError,
     base::outcome::{Outcome, Told as _},
-    cluster::{missing::ranges, plan_file::Opened, results::Extent},
+    cluster::{
+        missing::ranges,
+        plan_file::Opened,
+        results::{self, Extent},
+    },
     log::context::RunContext,
     output::{Printer, count, counted},
     sweep::{Pool, put_together},
@@ -50,7 +54,7 @@ fn collect(opened: &Opened, printer: &Printer) -> Result<Pool, StepError> {
     for number in 0..opened.plan.shards.len() {
         let fault = match opened.read(number) {
             Ok(Some(results)) if results.extent == Extent::Whole => {
-                pool.extend(results.units.into_values().map(|result| (result.key.clone(), result)));
+                results::add(&mut pool, results.units.into_values());
                 continue;
             }
             Ok(Some(results)) => format!(

@@ -19,12 +19,15 @@ mod missing;
 mod plan_file;
 mod results;
 mod run;
+mod runs;
 mod sink;
 mod status;
 mod submit;
 
 pub(crate) use make::make;
 pub(crate) use merge::merge;
+pub(crate) use plan_file::is_plan;
 pub(crate) use run::run;
+pub(crate) use runs::standing;
 pub(crate) use status::{Status, Summary, status};
 pub(crate) use submit::submit;

@@ -15,7 +15,7 @@ use crate::{
     base::artefact::Files,
     cluster::{maker::Maker, results::Results},
     ensure,
-    sweep::environments::Described,
+    sweep::{environments::Described, planned::PlannedSweep},
 };
 
 /// The file of a plan.
@@ -24,7 +24,7 @@ pub(crate) const PLAN: &str = "plan.json";
 pub(crate) const INPUTS: &str = "inputs";
 
 /// Version of a plan and of what lies beside it.
-pub(crate) const FORMAT: u32 = 2;
+pub(crate) const FORMAT: u32 = 3;
 
 /// A plan.
 #[derive(Debug, Serialize, Deserialize)]
@@ -107,6 +107,8 @@ impl Part {
 pub(crate) struct SweepPart {
     pub(crate) study: Study,
     pub(crate) candidates: Vec<Candidate>,
+    /// What its runs are known by.
+    pub(crate) planned: PlannedSweep,
     /// Name and column of each.
     pub(crate) sensors: Vec<(String, usize)>,
     /// Sensors that share passes.
@@ -180,6 +182,11 @@ impl PlanFile {
         let part = self.parts.get(part).and_then(|part| part.sweep.as_ref());
         part.context("the plan names a part that it lacks")
     }
+}
+
+/// Whether there is a plan in a folder.
+pub(crate) fn is_plan(directory: &Path) -> bool {
+    path_in(directory).is_file() && directory.join("shards").is_dir()
 }
 
 /// A plan that was opened, and where.

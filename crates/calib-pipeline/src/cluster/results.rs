@@ -1,9 +1,13 @@
 //! The results of a shard: one file of JSON lines, which is rewritten as a whole and ends with its fingerprint.
 
-use std::{collections::BTreeMap, io::Write as _, path::Path};
+use std::{
+    collections::{BTreeMap, btree_map::Entry},
+    io::Write as _,
+    path::Path,
+};
 
 use calib_files::{FileError, Fingerprint, read_regular, write_atomically};
-use calib_sweep::{Unit, UnitResult};
+use calib_sweep::{Unit, UnitRuns};
 use serde::{Deserialize, Serialize};
 
 use crate::cluster::maker::Maker;
@@ -19,7 +23,7 @@ pub(crate) struct Header {
 }
 
 /// Version of the file.
-pub(crate) const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 2;
 
 /// Whether a shard has all its results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,7 +45,17 @@ struct Trailer {
 }
 
 /// Results in their order: models and deployments may have units of one name that were made from other inputs.
-pub(crate) type Units = BTreeMap<(Unit, String), UnitResult>;
+pub(crate) type Units = BTreeMap<(Unit, String), UnitRuns>;
+
+/// Put these runs beside those that are there.
+pub(crate) fn add(units: &mut Units, more: impl IntoIterator<Item = UnitRuns>) {
+    for runs in more {
+        match units.entry((runs.unit.clone(), runs.key.clone())) {
+            Entry::Occupied(mut own) => own.get_mut().merge(runs),
+            Entry::Vacant(place) => drop(place.insert(runs)),
+        }
+    }
+}
 
 /// What is in a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,7 +107,7 @@ impl Results {
         let header: Header = serde_json::from_slice(header).map_err(json)?;
         let mut units = Units::new();
         for line in lines {
-            let result: UnitResult = serde_json::from_slice(line).map_err(json)?;
+            let result: UnitRuns = serde_json::from_slice(line).map_err(json)?;
             units.insert((result.unit.clone(), result.key.clone()), result);
         }
         Ok(Self { header, units, extent: trailer.extent })
@@ -116,13 +130,13 @@ mod tests {
 
     fn results() -> Results {
         let unit = |run| Unit { sensor: "P 1".to_owned(), environment: EnvironmentId::Online, run };
-        let result = |run| UnitResult {
+        let result = |run| UnitRuns {
             key: format!("key {run}"),
             unit: unit(run),
             seed: 1,
             start_row: 2,
             not_finite: None,
-            rows: vec![],
+            runs: BTreeMap::new(),
         };
         let maker = Maker {
             tool: "calib".to_owned(),

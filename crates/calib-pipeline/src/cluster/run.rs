@@ -1,16 +1,14 @@
 //! One shard.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeSet,
     path::Path,
     sync::atomic::{AtomicBool, Ordering},
 };
 
 use calib_core::{Cancelled, Monitor};
 use calib_files::FileError;
-use calib_sweep::{
-    EnvironmentId, PassId, Plan, Ready, SweepError, Unit, UnitResult, remove_states,
-};
+use calib_sweep::{EnvironmentId, PassId, Plan, Ready, SweepError, Unit, UnitRuns, remove_states};
 use rayon::prelude::*;
 
 use crate::{
@@ -129,13 +127,13 @@ impl Running<'_> {
     }
 
     /// Results of the stages before, by part; in a race they decide which values go on.
-    fn before(&self) -> Result<Vec<UnitResult>, StepError> {
-        let mut all = Vec::new();
+    fn before(&self) -> Result<Units, StepError> {
+        let mut all = Units::new();
         for earlier in 0..self.shard.stage {
             for number in self.opened.plan.of_stage(earlier) {
                 let results = self.opened.read(number)?;
                 match results.filter(|results| results.extent == Extent::Whole) {
-                    Some(results) => all.extend(results.units.into_values()),
+                    Some(results) => results::add(&mut all, results.units.into_values()),
                     None => {
                         return Err(StepError::Incomplete(format!(
                             "shard {} follows from shard {number}, which is not done",
@@ -149,12 +147,7 @@ impl Running<'_> {
     }
 
     /// Make the passes of one part; how many failed.
-    fn part(
-        &self,
-        part: usize,
-        before: &[UnitResult],
-        sink: &ShardSink,
-    ) -> Result<usize, StepError> {
+    fn part(&self, part: usize, before: &Units, sink: &ShardSink) -> Result<usize, StepError> {
         let (plan, directory) = (&self.opened.plan, self.opened.inputs(part));
         let planned: Vec<&PlannedPass> =
             self.shard.passes.iter().filter(|pass| pass.part == part).collect();
@@ -165,9 +158,11 @@ impl Running<'_> {
         let environments = inputs.environments()?;
         let baselines = inputs.baselines();
         let sweep = inputs.plan(&environments, baselines.as_ref())?;
-        let mut earlier: BTreeMap<Unit, UnitResult> = inputs.stored.clone();
-        earlier.extend(before.iter().map(|result| (result.unit.clone(), result.clone())));
-        let ready = sweep.ready(&passes, &earlier)?;
+        let mut earlier = inputs.stored.clone();
+        results::add(&mut earlier, before.values().cloned());
+        let earlier =
+            sweep.known(&|unit, key| earlier.get(&(unit.clone(), key.to_owned())).cloned())?;
+        let ready = sweep.ready(&passes, earlier.whole())?;
         let tasks: Vec<Task<'_>> = ready
             .into_iter()
             .zip(planned.iter().zip(&passes))
@@ -181,13 +176,11 @@ impl Running<'_> {
         let progress = self.printer.progress();
         let steps = plan.sweep(part)?.span.steps;
         progress.begin("training", (tasks.len() * steps) as u64);
-        let stored: BTreeMap<String, UnitResult> =
-            inputs.stored.values().map(|result| (result.key.clone(), result.clone())).collect();
         let writable = AtomicBool::new(true);
         let ended: Vec<TaskEnd> = tasks
             .par_iter()
             .with_max_len(1)
-            .map(|task| self.task(task, &stored, sink, &writable, &progress))
+            .map(|task| self.task(task, &inputs.stored, sink, &writable, &progress))
             .collect();
         drop(progress);
         let mut failed = 0;
@@ -209,14 +202,19 @@ impl Running<'_> {
     fn task(
         &self,
         task: &Task<'_>,
-        stored: &BTreeMap<String, UnitResult>,
+        stored: &Units,
         sink: &ShardSink,
         writable: &AtomicBool,
         monitor: &dyn Monitor,
     ) -> TaskEnd {
-        let mut found = sink.found();
-        found.extend(stored.iter().map(|(key, result)| (key.clone(), result.clone())));
-        if task.ready.units().all(|planned| found.contains_key(&planned.key)) {
+        let found = |unit: &Unit, key: &str| -> Option<UnitRuns> {
+            let stored = stored.get(&(unit.clone(), key.to_owned())).cloned();
+            stored.into_iter().chain(sink.get(unit, key)).reduce(|mut all, more| {
+                all.merge(more);
+                all
+            })
+        };
+        if task.ready.is_found(&found) {
             return TaskEnd::Done;
         }
         if !writable.load(Ordering::Relaxed) {

@@ -1,17 +1,16 @@
 //! Where a shard puts its results.
 
 use std::{
-    collections::BTreeMap,
     path::PathBuf,
     sync::{Mutex, MutexGuard, PoisonError},
     time::Duration,
 };
 
-use calib_sweep::{SweepError, UnitResult, UnitSink};
+use calib_sweep::{SweepError, Unit, UnitRuns, UnitSink};
 
 use crate::{
     base::clock::Stopwatch,
-    cluster::results::{Extent, Header, Results, Units},
+    cluster::results::{self, Extent, Header, Results, Units},
 };
 
 /// The file of a shard, which is rewritten as a whole: after each pass, or, where passes are so short that the shard would do
@@ -41,10 +40,9 @@ impl ShardSink {
         Self { path, states, header, kept }
     }
 
-    /// What there is, by key.
-    pub(crate) fn found(&self) -> BTreeMap<String, UnitResult> {
-        let kept = self.locked();
-        kept.units.values().map(|result| (result.key.clone(), result.clone())).collect()
+    /// What there is of a unit.
+    pub(crate) fn get(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {
+        self.locked().units.get(&(unit.clone(), key.to_owned())).cloned()
     }
 
     /// How many units there are.
@@ -78,7 +76,7 @@ impl ShardSink {
         let clock = Stopwatch::start();
         let other = Results::read(&self.path).ok().filter(|of| of.header == self.header);
         if let Some(other) = other {
-            kept.units.extend(other.units);
+            results::add(&mut kept.units, other.units.into_values());
             if other.extent == Extent::Whole {
                 extent = Extent::Whole;
             }
@@ -92,11 +90,9 @@ impl ShardSink {
 }
 
 impl UnitSink for ShardSink {
-    fn put(&self, results: &[UnitResult]) -> Result<(), SweepError> {
+    fn put(&self, runs: &[UnitRuns]) -> Result<(), SweepError> {
         let mut kept = self.locked();
-        for result in results {
-            kept.units.insert((result.unit.clone(), result.key.clone()), result.clone());
-        }
+        results::add(&mut kept.units, runs.iter().cloned());
         kept.is_written = false;
         match kept.last {
             Some((since, took)) if since.elapsed() < WRITING * took => Ok(()),

@@ -102,6 +102,8 @@ struct Standing {
     units: usize,
     of: usize,
     attempts: usize,
+    /// Whether an attempt is at work, as far as that can be seen from this machine.
+    is_running: bool,
     predicted_secs: f64,
     /// What its passes took, in all attempts.
     secs: f64,
@@ -121,6 +123,34 @@ pub(crate) struct Status {
     shards: Vec<Standing>,
 }
 
+impl Status {
+    /// How the shards of a plan stand.
+    pub(crate) fn of(opened: &Opened) -> Self {
+        let queued = queue::states(&opened.directory);
+        let of_shard = |number| {
+            let queue = queued.get(&number).cloned();
+            Standing { queue, ..standing(opened, number) }
+        };
+        let shards: Vec<Standing> = (0..opened.plan.shards.len()).map(of_shard).collect();
+        let done = shards.iter().filter(|shard| shard.state == State::Done).count();
+        Self { plan: summary(&opened.plan), done, shards }
+    }
+
+    /// Whether some shards are begun or in a queue, and not done.
+    pub(crate) fn is_running(&self) -> bool {
+        let at_work = |of: &Standing| of.is_running || of.queue.is_some();
+        self.shards.iter().any(|of| of.state != State::Done && at_work(of))
+    }
+
+    /// Tell it, of the plan in `directory`.
+    ///
+    /// # Errors
+    /// If it cannot be passed on.
+    pub(crate) fn tell(&self, directory: &Path, printer: &Printer) -> Result<(), StepError> {
+        tell(directory, &self.shards, self.done, printer)
+    }
+}
+
 /// Say how a plan stands.
 pub(crate) fn status(
     directory: &Path,
@@ -131,15 +161,9 @@ pub(crate) fn status(
     if options.leftovers == Leftovers::Removed {
         clean(&opened)?;
     }
-    let queued = queue::states(directory);
-    let shards: Vec<Standing> = (0..opened.plan.shards.len())
-        .map(|number| {
-            let queue = queued.get(&number).cloned();
-            Standing { queue, ..standing(&opened, number) }
-        })
-        .collect();
-    let done = shards.iter().filter(|shard| shard.state == State::Done).count();
-    let outcome = if done == shards.len() { Outcome::Done } else { Outcome::Incomplete };
+    let status = Status::of(&opened);
+    let is_done = status.done == status.shards.len();
+    let outcome = if is_done { Outcome::Done } else { Outcome::Incomplete };
     match options.missing {
         Some(ArrayOf::Slurm) => printer.result(&ranges(&missing(&opened)))?,
         Some(ArrayOf::Lines) => {
@@ -147,10 +171,8 @@ pub(crate) fn status(
                 printer.result(&number.to_string())?;
             }
         }
-        None if printer.is_for_machines() => {
-            printer.json(&Status { plan: summary(&opened.plan), done, shards })?;
-        }
-        None => tell(&opened, &shards, done, printer)?,
+        None if printer.is_for_machines() => printer.json(&status)?,
+        None => status.tell(directory, printer)?,
     }
     Ok(outcome)
 }
@@ -185,6 +207,7 @@ fn standing(opened: &Opened, number: usize) -> Standing {
         units,
         of: shard.units(&opened.plan),
         attempts: attempts.len(),
+        is_running: attempts.iter().any(|of| of.ended == Ended::NotYet && is_running(of)),
         predicted_secs: shard.secs,
         // Of nothing the sum is -0.
         secs: made.map(|made| made.secs).sum::<f64>() + 0.0,
@@ -225,7 +248,7 @@ fn is_running(attempt: &Attempt) -> bool {
 }
 
 fn tell(
-    opened: &Opened,
+    directory: &Path,
     shards: &[Standing],
     done: usize,
     printer: &Printer,
@@ -258,7 +281,7 @@ fn tell(
     if !rows.is_empty() {
         printer.lines(&table(&["shard", "training runs", ""], &rows))?;
     }
-    let place = calib_study::shell_words([opened.directory.display().to_string()]);
+    let place = calib_study::shell_words([directory.display().to_string()]);
     if done == shards.len() {
         printer.next(&[format!("calib cluster merge {place}")]);
     }

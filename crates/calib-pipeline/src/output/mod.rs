@@ -9,5 +9,5 @@ pub use format::{
     about, bytes, count, counted, duration, percent, rounded, significant, span, table,
 };
 pub use harmless::{Lines, harmless, harmless_json};
-pub use observer::{Answer, Observer, Remark, Result, Shown, Stage, Unobserved};
+pub use observer::{Announced, Answer, Observer, Remark, Result, Shown, Stage, Unobserved};
 pub use printer::Printer;

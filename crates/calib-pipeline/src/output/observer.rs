@@ -1,4 +1,4 @@
-use std::io;
+use std::{io, time::Duration};
 
 use calib_core::{Monitor, Silent};
 
@@ -59,6 +59,15 @@ pub struct Stage {
     pub later: Option<f64>,
 }
 
+/// How long a run was announced to take, and when.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Announced {
+    /// All of it.
+    pub whole: Duration,
+    /// Since it began.
+    pub after: Duration,
+}
+
 /// Whoever watches a step: a terminal, a notebook, a log. Texts hold names and words of logs as they are, with whatever
 /// a terminal would obey.
 pub trait Observer: Send + Sync {
@@ -73,6 +82,11 @@ pub trait Observer: Send + Sync {
 
     /// Hear how far a run of several stages is; what is watched from now on is work of this part of it.
     fn stage(&self, _stage: Stage) {}
+
+    /// What was announced of how long a run takes, if anything was.
+    fn announced(&self) -> Option<Announced> {
+        None
+    }
 
     /// Watch long work, and stop it.
     fn progress(&self, shown: Shown) -> Box<dyn Monitor>;

@@ -4,7 +4,7 @@ use calib_core::Monitor;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{Answer, Observer, Remark, Result, Shown, Stage, Unobserved};
+use super::{Announced, Answer, Observer, Remark, Result, Shown, Stage, Unobserved};
 use crate::{Context as _, StepError};
 
 /// Decides what an observer is told: results, or talk where a step is on the way to another result.
@@ -190,6 +190,20 @@ impl Printer {
     /// How far a run of several stages is.
     pub fn stage(&self, stage: Stage) {
         self.observer.stage(stage);
+    }
+
+    /// What was announced of how long a run takes, if anything was.
+    pub fn announced(&self) -> Option<Announced> {
+        self.observer.announced()
+    }
+
+    /// The same printer, which tells what `around` makes of its observer.
+    #[must_use]
+    pub(crate) fn observed_by(
+        &self,
+        around: impl FnOnce(Arc<dyn Observer>) -> Arc<dyn Observer>,
+    ) -> Self {
+        Self { observer: around(Arc::clone(&self.observer)), ..self.clone() }
     }
 
     /// Progress of long work.

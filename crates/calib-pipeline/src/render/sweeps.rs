@@ -28,6 +28,12 @@ impl Told for Swept {
         } else {
             let did = match self.ran {
                 0 => "up to date".to_owned(),
+                ran if self.ran_runs < ran * self.candidates().len() => format!(
+                    "{} made in {} ({} of agents, of the settings that had none)",
+                    counted(ran, "training run"),
+                    duration(self.took),
+                    counted(self.ran_runs, "run")
+                ),
                 ran => format!("{} made in {}", counted(ran, "training run"), duration(self.took)),
             };
             let runs = self.directory.join("runs.parquet");

@@ -139,7 +139,12 @@ impl Cost {
 
     /// Of a pass of so many sensors.
     pub(crate) fn of(self, sensors: usize) -> f64 {
-        self.fixed + sensors as f64 * self.sensor
+        self.of_share(sensors, 1.0)
+    }
+
+    /// Of a pass of so many sensors that trains a share of the values.
+    pub(crate) fn of_share(self, sensors: usize, share: f64) -> f64 {
+        self.fixed + sensors as f64 * self.sensor * share
     }
 }
 

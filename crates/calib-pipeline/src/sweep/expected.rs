@@ -48,8 +48,9 @@ impl Expected {
         sensors: usize,
         study: &Study,
     ) -> Self {
-        let results = (plan.left * plan.candidates.len()) as u64;
-        Self::new(cost.of(sensors), passes, plan.threads, results, study)
+        // Passes train those settings alone that have no run yet.
+        let share = plan.runs_left as f64 / (plan.left * plan.candidates.len()).max(1) as f64;
+        Self::new(cost.of_share(sensors, share), passes, plan.threads, plan.runs_left as u64, study)
     }
 
     fn new(pass_secs: f64, passes: usize, threads: usize, results: u64, study: &Study) -> Self {

@@ -45,6 +45,8 @@ pub(crate) struct SweepFacts {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) left_out: Option<String>,
     pub(crate) candidates: Vec<Candidate>,
+    /// The key of each candidate's setting, by which its runs are found in every unit.
+    pub(crate) settings: Vec<String>,
     pub(crate) units: Vec<PlannedUnit>,
     /// What the reader of the results should know.
     pub(crate) notes: Vec<String>,
@@ -117,6 +119,7 @@ impl SweepFacts {
             standing_still: Vec::new(),
             left_out: None,
             candidates,
+            settings: Vec::new(),
             units: Vec::new(),
             notes: Vec::new(),
             simple: SimpleErrors::default(),
@@ -125,7 +128,7 @@ impl SweepFacts {
 }
 
 impl Facts for SweepFacts {
-    const FORMAT: u32 = 4;
+    const FORMAT: u32 = 5;
     const STEP: StepKind = StepKind::Sweep;
 
     fn key(&self) -> &str {

@@ -6,6 +6,7 @@ pub(crate) mod expected;
 mod manifest;
 pub(crate) mod notes;
 pub(crate) mod plan;
+pub(crate) mod planned;
 pub(crate) mod recorded;
 mod run;
 pub(crate) mod setting;

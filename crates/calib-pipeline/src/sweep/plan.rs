@@ -35,9 +35,9 @@ pub(crate) struct OfPart {
 
 impl Counted {
     /// Count these units, and say how many had been counted before.
-    pub(crate) fn again<'a>(&self, keys: impl Iterator<Item = &'a String>) -> usize {
+    pub(crate) fn again(&self, keys: impl Iterator<Item = String>) -> usize {
         let mut counted = self.units.borrow_mut();
-        keys.filter(|&key| !counted.insert(key.clone())).count()
+        keys.filter(|key| !counted.insert(key.clone())).count()
     }
 
     /// Remember what the sweep of a job will take.
@@ -67,7 +67,9 @@ pub struct SweepPlan {
     pub(crate) units: usize,
     /// Units that have no result yet.
     pub(crate) left: usize,
-    /// Of these, units that an earlier model or deployment of the same command runs already.
+    /// Runs that have no result yet: of each of these units, one for each setting that was not trained on it.
+    pub(crate) runs_left: usize,
+    /// Of these units, those that an earlier model or deployment of the same command runs already.
     pub(crate) shared: usize,
     /// Steps of every stream.
     pub(crate) steps: usize,
@@ -240,8 +242,14 @@ impl SweepPlan {
             0 => String::new(),
             shared => format!(", {} of them with an earlier model or deployment", count(shared)),
         };
+        let of_all = self.left * self.candidates.len();
+        let runs = if self.runs_left < of_all {
+            format!(" ({} of their {} runs)", count(self.runs_left), count(of_all))
+        } else {
+            String::new()
+        };
         printer.say(&format!(
-            "{} settings x {} training runs (sensor, environment, run) of {} steps, for {}; {} left to make on {} threads{shared}",
+            "{} settings x {} training runs (sensor, environment, run) of {} steps, for {}; {}{runs} left to make on {} threads{shared}",
             self.candidates.len(),
             count(self.units),
             count(self.steps),
@@ -270,9 +278,9 @@ mod tests {
     fn the_same_units_are_counted_once() {
         let counted = Counted::default();
         let keys = ["a", "b", "c"].map(str::to_owned);
-        assert_eq!(counted.again(keys[..2].iter()), 0);
-        assert_eq!(counted.again(keys.iter()), 2);
-        assert_eq!(counted.again(keys.iter()), 3);
+        assert_eq!(counted.again(keys[..2].iter().cloned()), 0);
+        assert_eq!(counted.again(keys.iter().cloned()), 2);
+        assert_eq!(counted.again(keys.iter().cloned()), 3);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use calib_data::Dataset;
 use calib_files::{read_json, write_json};
 use calib_study::{Job, Layout, Study};
 use calib_sweep::{
-    Baselines, Candidate, Completed, Plan, PlannedUnit, Span, Unit, UnitResult, UnitStore,
+    Baselines, Candidate, Completed, Plan, Span, Stored, Unit, UnitResult, UnitRuns, UnitStore,
 };
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +29,7 @@ use crate::{
         manifest::{SweepFacts, SweepManifest},
         notes::{failed_rollouts, saved},
         plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
+        planned::PlannedSweep,
         recorded,
         setting::{Setting, Unsettled, candidates_of},
         simple,
@@ -52,8 +53,10 @@ pub type SweepResult = StepResult<Swept, SweepPlan>;
 pub struct Swept {
     pub(crate) manifest: SweepManifest,
     pub(crate) directory: PathBuf,
-    /// How many units were run just now.
+    /// Of how many units something was run just now.
     pub(crate) ran: usize,
+    /// Runs that were made just now.
+    pub(crate) ran_runs: usize,
     pub(crate) took: Duration,
 }
 
@@ -68,9 +71,14 @@ impl Swept {
         self.manifest.units.len()
     }
 
-    /// How many of them were run just now; the others were there.
+    /// Of how many of them something was run just now; the others were there.
     pub fn ran(&self) -> usize {
         self.ran
+    }
+
+    /// Runs that were made just now: of each of those units, one for each setting that had none.
+    pub fn ran_runs(&self) -> usize {
+        self.ran_runs
     }
 
     /// What the reader of the results should know.
@@ -84,8 +92,8 @@ impl Swept {
     }
 }
 
-/// Results of units by their keys, as other processes made them.
-pub(crate) type Pool = BTreeMap<String, UnitResult>;
+/// Runs of units by unit and key, as other processes made them.
+pub(crate) type Pool = BTreeMap<(Unit, String), UnitRuns>;
 
 /// Train every candidate in every environment, on a device if one is named. A dry run says what was `counted` before.
 pub(crate) fn run(
@@ -157,9 +165,11 @@ fn sweep(
     if pool.is_some() && missing > 0 {
         plan.collected(&stored)?;
     }
-    let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), plan.passes(&stored)?]);
+    let passes = plan.passes(&stored)?;
+    let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), passes]);
     let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
-    let mut preview = preview(&setting.candidates, &sizes, [plan.count(), missing, shared], span);
+    let left = Left { units: missing, runs: plan.runs_left(&stored)?, shared };
+    let mut preview = preview(&setting.candidates, &sizes, plan.count(), left, span);
     if let Some(accelerator) = accelerator {
         preview.memory = preview.memory.side_by_side(&sizes, accelerator);
     }
@@ -167,12 +177,7 @@ fn sweep(
     let is_own = setting.program.is_none() && accelerator.is_none();
     let is_timed = is_own && missing > shared && preview.memory.fits();
     if job.policy().is_dry() && is_timed {
-        let progress = context.silent().progress();
-        let cost = setting.cost(study, counted.measured(), &progress)?;
-        let passes = plan.passes(&stored)?;
-        let expected = Expected::of(cost, &preview, passes, setting.sensors.len(), study);
-        counted.expect(job, expected.clone());
-        preview.expected = Some(expected);
+        preview.expected = Some(expected(job, &setting, &preview, passes, counted, context)?);
     }
     preview.announce(study, context)?;
     if job.policy().is_dry() {
@@ -180,16 +185,17 @@ fn sweep(
         return Ok(StepResult::Planned(preview));
     }
     // Nothing is given up, nor need the disk be writable, before there is something to write.
-    let is_done = missing == 0 && stored.keys().all(|unit| own.contains_key(unit));
+    let is_done = missing == 0 && stored.whole().keys().all(|unit| own.whole().contains_key(unit));
     let kept = if is_done { finished(&directory, job) } else { None };
-    let claim = kept.is_none().then(|| Claim::begun(&directory)).transpose()?;
+    let planned = PlannedSweep::of(study, &setting.candidates, &plan, arithmetic);
+    let claim = kept.is_none().then(|| begun(&directory, &planned)).transpose()?;
     if job.policy().redoes() {
         store.clear()?;
     }
-    let shared = stored.iter().filter(|(unit, _)| !own.contains_key(unit));
-    shared.map(|(_, result)| result).try_for_each(|result| store.put(result))?;
-    let Completed { results, ran } = plan.complete(stored, &store, &context.progress())?;
-    let mut manifest = Artefact::new(facts(study, &setting, &results, context)?);
+    put_shared(&plan, &own, &stored, &store)?;
+    let Completed { results, ran, runs: ran_runs } =
+        plan.complete(stored, &store, &context.progress())?;
+    let mut manifest = Artefact::new(facts(study, &setting, &plan, &results, context)?);
     if let Some(class) = arithmetic {
         manifest.arithmetic = Some(class.to_owned());
         manifest.notes.push(format!(
@@ -202,7 +208,10 @@ fn sweep(
         None => false,
     };
     if !is_the_same {
-        let claim = claim.map_or_else(|| Claim::begun(&directory), Ok)?;
+        let claim = match claim {
+            Some(claim) => claim,
+            None => begun(&directory, &planned)?,
+        };
         sweep_tables::write(&directory, &manifest, &results)?;
         setting.simple_errors(&environments, &baselines)?.write(&directory)?;
         recorded::write(&directory, &setting.dataset, setting.pretrain.as_ref(), &setting.sensors)?;
@@ -211,18 +220,35 @@ fn sweep(
         }
         manifest = claim.finish(manifest.facts, tables())?;
     }
-    Ok(StepResult::Made(Swept { manifest, directory, ran, took: clock.elapsed() }))
+    Ok(StepResult::Made(Swept { manifest, directory, ran, ran_runs, took: clock.elapsed() }))
+}
+
+/// How long what was planned takes, with `passes` left, by some steps of one.
+fn expected(
+    job: &Job,
+    setting: &Setting,
+    plan: &SweepPlan,
+    passes: usize,
+    counted: &Counted,
+    context: &RunContext,
+) -> Result<Expected, StepError> {
+    let cost = setting.cost(job.study(), counted.measured(), &context.silent().progress())?;
+    let expected = Expected::of(cost, plan, passes, setting.sensors.len(), job.study());
+    counted.expect(job, expected.clone());
+    Ok(expected)
 }
 
 /// What is told of these results.
 fn facts(
     study: &Study,
     setting: &Setting,
+    plan: &Plan<'_>,
     results: &[UnitResult],
     printer: &Printer,
 ) -> Result<SweepFacts, StepError> {
     let Setting { model, dataset, candidates, streams, sensors, still, .. } = setting;
-    let units: Vec<PlannedUnit> = results.iter().map(planned).collect();
+    let units = plan.planned(results);
+    let settings: Vec<String> = plan.settings().iter().map(ToString::to_string).collect();
     printer.say_all(saved(results, setting.runs()).as_slice());
     let failed = failed_rollouts(results, &dataset.normaliser, printer);
     let notes = [
@@ -234,21 +260,32 @@ fn facts(
     ];
     let (content, span) = (model.manifest.content()?, streams.demand.span);
     Ok(SweepFacts {
-        key: artefact::key(&units)?,
+        key: artefact::key(&(&units, &settings))?,
         windows: windows(dataset, streams),
         standing_still: still.iter().filter_map(Still::everywhere).collect(),
         scales: error_scales(dataset, sensors, candidates),
+        settings,
         units,
         notes: notes.concat(),
         ..SweepFacts::of_nothing(study, dataset, content, span, candidates.clone())
     })
 }
 
-/// What it takes to train all `candidates`: units, those that are left, and those of them that others share.
+/// What of a sweep is left to be trained.
+#[derive(Clone, Copy)]
+struct Left {
+    units: usize,
+    runs: usize,
+    /// Of the units, those that an earlier part of the same command runs.
+    shared: usize,
+}
+
+/// What it takes to train all `candidates` on so many `units`.
 fn preview(
     candidates: &[Candidate],
     sizes: &Sizes,
-    [units, left, shared]: [usize; 3],
+    units: usize,
+    left: Left,
     span: Span,
 ) -> SweepPlan {
     let threads = rayon::current_num_threads();
@@ -256,8 +293,9 @@ fn preview(
     SweepPlan {
         candidates: candidates.to_vec(),
         units,
-        left,
-        shared,
+        left: left.units,
+        runs_left: left.runs,
+        shared: left.shared,
         steps: span.steps,
         threads,
         memory,
@@ -270,14 +308,17 @@ fn tables() -> impl Iterator<Item = &'static str> {
     sweep_tables::FILES.into_iter().chain([recorded::RECORDED, simple::FILE])
 }
 
+/// Claim the directory of a sweep, and say what its runs are known by.
+fn begun(directory: &Path, planned: &PlannedSweep) -> Result<Claim, StepError> {
+    let claim = Claim::begun(directory)?;
+    planned.write(directory)?;
+    Ok(claim)
+}
+
 /// The manifest of a sweep whose tables are what was written.
 fn finished(directory: &Path, job: &Job) -> Option<SweepManifest> {
     let kept = artefact::read::<SweepManifest>(directory)?;
     (!job.policy().redoes() && kept.is_whole(directory)).then_some(kept)
-}
-
-fn planned(result: &UnitResult) -> PlannedUnit {
-    PlannedUnit { unit: result.unit.clone(), key: result.key.clone() }
 }
 
 /// What Online replays.
@@ -309,20 +350,40 @@ fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<Sweep
 }
 
 /// Units that are left to run, and that another part of the same command runs before.
-fn shared_units(plan: &Plan<'_>, stored: &BTreeMap<Unit, UnitResult>, counted: &Counted) -> usize {
+fn shared_units(plan: &Plan<'_>, stored: &Stored, counted: &Counted) -> usize {
     let units = plan.units();
-    let left = units.iter().filter(|planned| !stored.contains_key(&planned.unit));
-    counted.again(left.map(|planned| &planned.key))
+    let left = units.iter().filter(|planned| !stored.whole().contains_key(&planned.unit));
+    counted.again(left.map(|planned| planned.fingerprint(plan.settings())))
+}
+
+/// Put the runs that others have beside a sweep's own.
+fn put_shared(
+    plan: &Plan<'_>,
+    own: &Stored,
+    stored: &Stored,
+    store: &UnitStore,
+) -> Result<(), StepError> {
+    for (unit, result) in stored.whole() {
+        if !own.whole().contains_key(unit) {
+            store.put(&plan.runs_of(result))?;
+        }
+    }
+    for (unit, runs) in stored.begun() {
+        if own.begun().get(unit) != Some(runs) {
+            store.put(runs)?;
+        }
+    }
+    Ok(())
 }
 
 /// Units that need not be run.
 #[derive(Default)]
 pub(crate) struct Found {
     /// What this sweep has.
-    own: BTreeMap<Unit, UnitResult>,
+    own: Stored,
     /// The same and what others of the study have: Online and log replay are the same for all models, members for all
     /// deployments that give the same start states. And what other processes made.
-    pub(crate) stored: BTreeMap<Unit, UnitResult>,
+    pub(crate) stored: Stored,
 }
 
 impl Found {
@@ -342,8 +403,12 @@ impl Found {
         let own = plan.stored(&store)?;
         let all = store.beside(others);
         let stored = plan.known(&|unit, key| {
-            let made = pool.and_then(|pool| pool.get(key)).filter(|made| made.unit == *unit);
-            made.cloned().or_else(|| all.get(unit, key))
+            let made = pool.and_then(|pool| pool.get(&(unit.clone(), key.to_owned())));
+            let both = made.cloned().into_iter().chain(all.get(unit, key));
+            both.reduce(|mut all, more| {
+                all.merge(more);
+                all
+            })
         })?;
         Ok(Self { own, stored })
     }

@@ -181,7 +181,7 @@ pub(crate) fn judge(
         bail!("there is nothing to judge: {reason}");
     }
     let store = unit_store(&paths.sweep(), manifest.arithmetic.as_deref());
-    let results = store.collect(&manifest.units).with_context(|| {
+    let results = store.collect(&manifest.units, &manifest.settings).with_context(|| {
         format!(
             "the sweep is not complete; run `{}` again",
             manifest.again(&job.command(StepKind::Sweep))

@@ -1,12 +1,14 @@
 //! A report is written when what it shows has changed, and not otherwise: drawing takes longer than judging.
 
+use std::path::{Path, PathBuf};
+
 use calib_report::Report;
 use calib_study::{Job, StepKind};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     Context as _, StepError,
-    base::artefact::{self, Artefact, Below, Claim, Facts, TOOL},
+    base::artefact::{self, Artefact, Below, Claim, Facts, MANIFEST, TOOL},
 };
 
 /// `manifest.json` of the verdicts and figures of a study.
@@ -26,6 +28,17 @@ impl Facts for ReportFacts {
     fn key(&self) -> &str {
         &self.key
     }
+}
+
+/// Whether a study was judged after the sweeps in `folders` were finished.
+pub(crate) fn is_judged_since(job: &Job, folders: &[PathBuf]) -> bool {
+    let finished =
+        |folder: &Path| folder.join(MANIFEST).metadata().and_then(|of| of.modified()).ok();
+    let directory = job.layout().evaluate();
+    let judged = artefact::read::<ReportManifest>(&directory).and_then(|_| finished(&directory));
+    judged.is_some_and(|judged| {
+        folders.iter().all(|folder| finished(folder).is_some_and(|finished| finished <= judged))
+    })
 }
 
 /// Let `write` write the figures and the `summary` of a report, whose names in the directory it returns, and the page beside

@@ -1,8 +1,8 @@
 //! What results are known by.
 
-use std::borrow::Cow;
+use std::{borrow::Cow, sync::Arc};
 
-use calib_agent::{Accelerator, AgentConfig};
+use calib_agent::AgentConfig;
 use calib_core::Seed;
 use calib_files::{Fingerprint, Fingerprinter};
 use serde::Serialize;
@@ -11,7 +11,7 @@ use super::{Plan, RESULT_VERSION};
 use crate::{Baselines, Candidate, Program, Span, Start, Unit};
 
 impl Plan<'_> {
-    /// Fingerprint of everything that a unit's result follows from.
+    /// Fingerprint of everything that the runs of a unit follow from beside their settings.
     pub(super) fn key(
         &self,
         unit: &Unit,
@@ -26,7 +26,6 @@ impl Plan<'_> {
             format: u32,
             unit: &'k Unit,
             column: usize,
-            agents: Vec<(usize, Cow<'k, AgentConfig>)>,
             span: Span,
             curve_points: usize,
             seed: Seed,
@@ -34,29 +33,56 @@ impl Plan<'_> {
             #[serde(skip_serializing_if = "Option::is_none")]
             start: Option<&'k Fingerprint>,
             #[serde(skip_serializing_if = "Option::is_none")]
-            baselines: Option<&'k Fingerprint>,
-            #[serde(skip_serializing_if = "Option::is_none")]
             program: Option<&'k Fingerprint>,
             #[serde(skip_serializing_if = "Option::is_none")]
-            arithmetic: Option<&'k str>,
+            stacked: Option<Stacked<'k>>,
         }
-        let is_fitted = agents.iter().any(|candidate| candidate.agent.baseline.is_some());
-        let baselines = self.baselines.filter(|_| is_fitted).map(Baselines::fingerprint);
-        let key = Key {
+        /// An accelerator stacks the networks of all settings in one product, whose size may decide how it rounds. Its
+        /// runs are those of all of them.
+        #[derive(Serialize)]
+        struct Stacked<'k> {
+            arithmetic: &'k str,
+            agents: Vec<Cow<'k, AgentConfig>>,
+        }
+        let stacked = self.accelerator.map(|accelerator| Stacked {
+            arithmetic: accelerator.class(),
+            agents: agents.iter().map(|candidate| candidate.agent.identity()).collect(),
+        });
+        fingerprint(&Key {
             format: RESULT_VERSION,
             unit,
             column,
-            agents: agents.iter().map(|agent| (agent.index, agent.agent.identity())).collect(),
             span: self.options.span,
             curve_points: self.options.curve_points,
             seed,
             inputs,
             start: start.map(|start| &start.fingerprint),
-            baselines,
             program: self.program.map(Program::fingerprint),
-            arithmetic: self.accelerator.map(Accelerator::class),
-        };
-        let text = serde_json::to_vec(&key).unwrap_or_else(|_| unreachable!("plain data"));
-        Fingerprinter::default().add(&text).finish().to_string()
+            stacked,
+        })
     }
+
+    /// The key of each candidate's setting, in their order: a fingerprint of what a run follows from beside its unit. It
+    /// does not depend on which other candidates there are.
+    pub fn settings(&self) -> &[Arc<str>] {
+        #[derive(Serialize)]
+        struct Key<'k> {
+            agent: Cow<'k, AgentConfig>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            baselines: Option<&'k Fingerprint>,
+        }
+        self.settings.get_or_init(|| {
+            let key = |candidate: &Candidate| {
+                let fitted = self.baselines.filter(|_| candidate.agent.baseline.is_some());
+                let baselines = fitted.map(Baselines::fingerprint);
+                fingerprint(&Key { agent: candidate.agent.identity(), baselines }).into()
+            };
+            self.candidates.iter().map(key).collect()
+        })
+    }
+}
+
+fn fingerprint(key: &impl Serialize) -> String {
+    let text = serde_json::to_vec(key).unwrap_or_else(|_| unreachable!("plain data"));
+    Fingerprinter::default().add(&text).finish().to_string()
 }

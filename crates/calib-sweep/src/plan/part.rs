@@ -5,8 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use calib_core::Monitor;
 use serde::{Deserialize, Serialize};
 
-use super::{Job, Plan, Survivors};
-use crate::{EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitSink, cohorts};
+use super::{Job, Lookup, Plan, Stored, Survivors};
+use crate::{
+    EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitRuns, UnitSink, cohorts,
+};
 
 /// The units of some sensors in one run of one environment, which share a pass over its stream.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -42,10 +44,22 @@ pub struct Ready<'p> {
     jobs: Vec<Job<'p>>,
 }
 
-impl Ready<'_> {
+impl<'p> Ready<'p> {
+    /// What is to be trained of it beside the runs that `look_up` finds.
+    fn rest(&self, look_up: Lookup<'_>) -> Vec<Job<'p>> {
+        let mut stored = Stored::default();
+        stored.read(&self.jobs, look_up);
+        self.jobs.iter().filter_map(|job| stored.rest(job)).collect()
+    }
+
     /// Its units, each with the fingerprint of what it follows from.
     pub fn units(&self) -> impl Iterator<Item = PlannedUnit> + '_ {
-        self.jobs.iter().map(|job| PlannedUnit { unit: job.unit.clone(), key: job.key.clone() })
+        self.jobs.iter().map(Job::planned)
+    }
+
+    /// Whether `look_up` finds every run of it.
+    pub fn is_found(&self, look_up: Lookup<'_>) -> bool {
+        self.rest(look_up).is_empty()
     }
 }
 
@@ -83,8 +97,8 @@ impl Plan<'_> {
     ///
     /// # Errors
     /// [`SweepError::Incomplete`], or as [`stored`](Self::stored).
-    pub fn collected(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<(), SweepError> {
-        let missing = self.missing(found)?;
+    pub fn collected(&self, found: &Stored) -> Result<(), SweepError> {
+        let missing = self.missing(found.whole())?;
         match missing.first() {
             Some(example) => Err(SweepError::Incomplete {
                 missing: missing.len(),
@@ -95,25 +109,23 @@ impl Plan<'_> {
         }
     }
 
-    /// Train those units of a pass that are not `found`, and put their results into `sink`: the same bytes as in the
-    /// whole plan. A pass that is interrupted keeps its state in the sink, and goes on from it.
+    /// Train what `look_up` does not find of a pass, and put the runs into `sink`: the same as in the whole plan. A pass that is interrupted keeps its state in the sink, and goes on from it.
     ///
     /// # Errors
     /// As [`complete`](Self::complete).
     pub fn train_ready(
         &self,
         ready: &Ready<'_>,
-        found: &BTreeMap<String, UnitResult>,
+        look_up: Lookup<'_>,
         sink: &dyn UnitSink,
         monitor: &dyn Monitor,
-    ) -> Result<Vec<UnitResult>, SweepError> {
-        let jobs: Vec<&Job<'_>> =
-            ready.jobs.iter().filter(|job| !found.contains_key(&job.key)).collect();
-        if jobs.is_empty() {
+    ) -> Result<Vec<UnitRuns>, SweepError> {
+        let rest = ready.rest(look_up);
+        if rest.is_empty() {
             return Ok(Vec::new());
         }
         monitor.check()?;
-        let pass = self.pass(jobs);
+        let pass = self.pass(rest.iter().collect());
         match self.accelerator {
             Some(accelerator) => cohorts::run(&[pass], accelerator, sink, monitor),
             None => pass.run(sink, monitor),

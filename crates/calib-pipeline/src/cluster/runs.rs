@@ -1,0 +1,60 @@
+//! The runs that shards have made so far.
+
+use std::path::Path;
+
+use calib_sweep::{Unit, UnitRuns};
+
+use super::{
+    inputs,
+    plan_file::Opened,
+    results::{self, Units},
+    status::Status,
+};
+use crate::{StepError, sweep::planned::PlannedSweep};
+
+/// The runs of one model and deployment.
+pub(crate) struct PartRuns {
+    names: [Option<String>; 2],
+    pub(crate) planned: PlannedSweep,
+    units: Units,
+}
+
+impl PartRuns {
+    pub(crate) fn model(&self) -> Option<&str> {
+        self.names[0].as_deref()
+    }
+
+    pub(crate) fn deployment(&self) -> Option<&str> {
+        self.names[1].as_deref()
+    }
+
+    /// The runs of a unit that are there.
+    pub(crate) fn get(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {
+        self.units.get(&(unit.clone(), key.to_owned())).cloned()
+    }
+}
+
+/// How the plan in `directory` stands, and the runs of each part of which shards make something. Of a shard whose file is
+/// not what it should be there are none.
+///
+/// # Errors
+/// If there is no plan, or it is damaged.
+pub(crate) fn standing(directory: &Path) -> Result<(Status, Vec<PartRuns>), StepError> {
+    let mut opened = Opened::of(directory)?;
+    let status = Status::of(&opened);
+    let mut made = Units::new();
+    for number in 0..opened.plan.shards.len() {
+        if let Ok(Some(results)) = opened.read(number) {
+            results::add(&mut made, results.units.into_values());
+        }
+    }
+    let mut parts = Vec::new();
+    for (number, part) in std::mem::take(&mut opened.plan.parts).into_iter().enumerate() {
+        let Some(sweep) = part.sweep else { continue };
+        let mut units = inputs::stored(&opened.inputs(number)).unwrap_or_default();
+        results::add(&mut units, made.values().cloned());
+        let names = [part.model, part.deployment];
+        parts.push(PartRuns { names, planned: sweep.planned, units });
+    }
+    Ok((status, parts))
+}

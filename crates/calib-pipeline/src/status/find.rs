@@ -1,0 +1,92 @@
+//! What a path names: a study, the folder of its results, or a plan for a cluster.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use calib_study::{Job, Request};
+
+use crate::{StepError, bail, cluster};
+
+/// Whose status is asked for.
+#[derive(Clone, Debug, Default)]
+pub struct StatusRequest {
+    /// A study file, a folder of results, or a plan for a cluster.
+    pub path: PathBuf,
+    /// Keys of the study that are overridden.
+    pub set: Vec<String>,
+    /// The profile that is laid over the study.
+    pub profile: Option<String>,
+    /// Where results go, if not where the study says.
+    pub output: Option<PathBuf>,
+}
+
+/// What is there.
+pub(super) enum Found {
+    Study(Box<Job>),
+    Cluster(PathBuf),
+}
+
+/// What a path names.
+///
+/// # Errors
+/// If it names nothing of these, or the study is wrong.
+pub(super) fn find(request: &StatusRequest) -> Result<Found, StepError> {
+    let path = &request.path;
+    if path.is_file() {
+        return Ok(Found::Study(Box::new(job(request, path)?)));
+    }
+    if !path.is_dir() {
+        bail!("{} does not exist; give a study file, or the folder of its results", path.display());
+    }
+    if cluster::is_plan(path) {
+        return Ok(Found::Cluster(path.clone()));
+    }
+    // A study stands beside its results, or in the folder that was made for it.
+    let wanted = fs::canonicalize(path)?;
+    let parent = wanted.parent().unwrap_or(&wanted);
+    for study in studies(parent) {
+        let found = job(request, &study).ok();
+        let is_its = |job: &Job| {
+            fs::canonicalize(job.layout().of_study()).is_ok_and(|results| results == wanted)
+        };
+        if let Some(job) = found.filter(is_its) {
+            return Ok(Found::Study(Box::new(job)));
+        }
+    }
+    match studies(path).as_slice() {
+        [study] => Ok(Found::Study(Box::new(job(request, study)?))),
+        [] => bail!(
+            "{} holds no study, and none beside it writes its results there; name the study: `calib status STUDY`, \
+             with --output if it was run so",
+            path.display()
+        ),
+        [first, ..] => bail!(
+            "{} holds several files that may be studies; name one, such as `calib status {}`",
+            path.display(),
+            first.display()
+        ),
+    }
+}
+
+fn job(request: &StatusRequest, study: &Path) -> Result<Job, StepError> {
+    Ok(Job::resolve(Request {
+        study: study.to_owned(),
+        set: request.set.clone(),
+        profile: request.profile.clone(),
+        output: request.output.clone(),
+        ..Request::default()
+    })?)
+}
+
+/// The files of a folder that may be studies, in the order of their names.
+fn studies(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let paths = entries.map(|entry| entry.path());
+    let mut studies: Vec<PathBuf> = paths
+        .filter(|path| path.is_file() && path.extension().is_some_and(|of| of == "toml"))
+        .collect();
+    studies.sort();
+    studies
+}

@@ -1,0 +1,265 @@
+//! How a study stands, seen from outside: nothing is written, and nothing that runs is disturbed.
+
+mod find;
+mod ranking;
+mod show;
+
+use std::path::{Path, PathBuf};
+
+use calib_study::{Job, Scope, StepKind};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+pub(crate) use self::ranking::Ranking;
+use self::{find::Found, ranking::rankings};
+use crate::{
+    StepError,
+    base::artefact::{self, CONTROL_VERDICT},
+    cluster,
+    log::context::RunContext,
+    output::Printer,
+    plan::{Plan, PlannedStep, State},
+    progress::{self, Note, Standing},
+    sweep::{SweepManifest, planned::PlannedSweep},
+    verdict::kept_report::is_judged_since,
+};
+
+pub use self::find::StatusRequest;
+
+/// How a study or a plan of shards stands.
+#[derive(Debug, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum StandingOf {
+    /// A study.
+    Study(StudyStanding),
+    /// A plan for a cluster.
+    Cluster(ClusterStanding),
+}
+
+/// How a study stands.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct StudyStanding {
+    pub(crate) study: PathBuf,
+    pub(crate) results: PathBuf,
+    pub(crate) state: Overall,
+    /// Commands that are at work, or were killed.
+    pub(crate) commands: Vec<Command>,
+    /// Seconds until all that runs is done, as far as that can be told.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) secs_left: Option<f64>,
+    pub(crate) steps: Vec<StepStanding>,
+    pub(crate) rankings: Vec<Ranking>,
+    /// The report, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) report: Option<PathBuf>,
+}
+
+/// How a plan for a cluster stands.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct ClusterStanding {
+    pub(crate) directory: PathBuf,
+    pub(crate) cluster: cluster::Status,
+    pub(crate) rankings: Vec<Ranking>,
+}
+
+/// How a study stands as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Overall {
+    /// Every step is up to date.
+    Done,
+    /// A command is at work.
+    Running,
+    /// A command was killed, and none is at work.
+    Killed,
+    /// Something is to do, and nobody does it.
+    Waiting,
+}
+
+/// A command on the study.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Command {
+    pub(crate) standing: Standing,
+    #[serde(flatten)]
+    pub(crate) note: Note,
+}
+
+/// A step of one model and deployment.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct StepStanding {
+    pub(crate) step: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) model: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) deployment: Option<String>,
+    pub(crate) state: StepState,
+}
+
+/// How a step stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum StepState {
+    Done,
+    Running,
+    ToDo,
+}
+
+impl StandingOf {
+    /// Whether something is at work, so that it will stand otherwise soon.
+    pub fn is_running(&self) -> bool {
+        match self {
+            Self::Study(study) => study.state == Overall::Running,
+            Self::Cluster(of) => of.cluster.is_running(),
+        }
+    }
+
+    /// The report of the study, if there is one.
+    pub fn report(&self) -> Option<&Path> {
+        match self {
+            Self::Study(study) => study.report.as_deref(),
+            Self::Cluster(_) => None,
+        }
+    }
+}
+
+/// How what is asked for stands.
+///
+/// # Errors
+/// If there is no such study or folder, or the study is wrong.
+pub(crate) fn status(request: &StatusRequest, printer: &Printer) -> Result<StandingOf, StepError> {
+    match find::find(request)? {
+        Found::Study(job) => Ok(StandingOf::Study(of_study(&job, printer)?)),
+        Found::Cluster(directory) => Ok(StandingOf::Cluster(of_cluster(directory)?)),
+    }
+}
+
+fn of_study(job: &Job, printer: &Printer) -> Result<StudyStanding, StepError> {
+    let results = job.layout().of_study().to_owned();
+    let commands: Vec<Command> = progress::running(&results)
+        .into_iter()
+        .map(|note| Command { standing: note.standing(), note })
+        .collect();
+    let at_work: Vec<&Note> = commands
+        .iter()
+        .filter(|command| command.standing == Standing::Running)
+        .map(|command| &command.note)
+        .collect();
+    let steps = steps(job, &at_work, printer)?;
+    let left = at_work.iter().map(|note| note.secs_left).collect::<Option<Vec<f64>>>();
+    let secs_left = left.and_then(|left| left.into_iter().reduce(f64::max));
+    let state = if !at_work.is_empty() {
+        Overall::Running
+    } else if steps.iter().all(|step| step.state == StepState::Done) {
+        Overall::Done
+    } else if commands.is_empty() {
+        Overall::Waiting
+    } else {
+        Overall::Killed
+    };
+    let rankings = if job.study().control.is_some() { Vec::new() } else { of_sweeps(job)? };
+    Ok(StudyStanding {
+        study: job.layout().study().to_owned(),
+        state,
+        secs_left,
+        steps,
+        rankings,
+        report: Some(report(job)).filter(|report| report.is_file()),
+        results,
+        commands,
+    })
+}
+
+/// Where the report of a study is.
+fn report(job: &Job) -> PathBuf {
+    if job.study().control.is_some() {
+        job.layout().control().join("report.html")
+    } else {
+        job.layout().report()
+    }
+}
+
+/// The steps of a study, and which of them are done or at work.
+fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<StepStanding>, StepError> {
+    if job.study().control.is_some() {
+        let is_done = job.layout().control().join(CONTROL_VERDICT).is_file();
+        let is_running = at_work.iter().any(|note| note.command == StepKind::Control.command());
+        let state = match (is_running, is_done) {
+            (true, _) => StepState::Running,
+            (false, true) => StepState::Done,
+            (false, false) => StepState::ToDo,
+        };
+        let step = StepKind::Control.label();
+        return Ok(vec![StepStanding { step, model: None, deployment: None, state }]);
+    }
+    let context = RunContext::new(&printer.silent());
+    let models = job.models()?;
+    let models: Vec<&Job> = models.iter().collect();
+    let sweeps = job.parts(Scope::Deployment)?;
+    let swept = |part: &Job| artefact::read::<SweepManifest>(&part.layout().sweep());
+    let arithmetic = sweeps.iter().find_map(swept).and_then(|found| found.facts.arithmetic);
+    let plan = Plan::of(job, &models, arithmetic.as_deref(), &context)?;
+    let is_swept =
+        !plan.steps().iter().any(|of| of.step == StepKind::Sweep && of.state == State::ToDo);
+    let folders: Vec<PathBuf> = sweeps.iter().map(|part| part.layout().sweep()).collect();
+    let is_judged = is_swept && is_judged_since(job, &folders);
+    let state = |of: &PlannedStep| {
+        let is_done = of.state == State::UpToDate || (of.step == StepKind::Evaluate && is_judged);
+        if is_done {
+            StepState::Done
+        } else if at_work.iter().any(|note| is_at(note, of)) {
+            StepState::Running
+        } else {
+            StepState::ToDo
+        }
+    };
+    let step = |of: &PlannedStep| StepStanding {
+        step: of.step.label(),
+        model: of.model.clone(),
+        deployment: of.deployment.clone(),
+        state: state(of),
+    };
+    Ok(plan.steps().iter().map(step).collect())
+}
+
+/// Whether a command is at a step: it is a command of that step alone, or its stage is called so.
+fn is_at(note: &Note, step: &PlannedStep) -> bool {
+    // "[3/5] sweep, model laplacian"
+    let doing = note.doing.as_deref().and_then(|doing| doing.split_once("] "));
+    let of_step = match doing {
+        Some((_, doing)) => {
+            let (label, model) = doing.split_once(", model ").unwrap_or((doing, ""));
+            label == step.step.label()
+                && (model.is_empty() || step.model.as_deref().is_none_or(|of| of == model))
+        }
+        None => note.command == step.step.command(),
+    };
+    let of_part = note.part.as_deref().is_none_or(|part| {
+        let names = [step.model.as_deref(), step.deployment.as_deref()];
+        names.into_iter().flatten().all(|name| part.contains(name))
+    });
+    of_step && of_part
+}
+
+/// How the settings of all sweeps of a study stand.
+fn of_sweeps(job: &Job) -> Result<Vec<Ranking>, StepError> {
+    let mut all = Vec::new();
+    for part in job.parts(Scope::Deployment)? {
+        let directory = part.layout().sweep();
+        if let Some(planned) = PlannedSweep::read(&directory) {
+            let stored = planned.stored_in(&directory);
+            all.extend(rankings(&planned, &stored, (part.model(), part.deployment()))?);
+        }
+    }
+    Ok(all)
+}
+
+/// How the shards of a plan stand, and the settings by their runs.
+fn of_cluster(directory: PathBuf) -> Result<ClusterStanding, StepError> {
+    let (cluster, parts) = cluster::standing(&directory)?;
+    let mut all = Vec::new();
+    for part in &parts {
+        let stored = part.planned.stored(&|unit, key| part.get(unit, key));
+        all.extend(rankings(&part.planned, &stored, (part.model(), part.deployment()))?);
+    }
+    Ok(ClusterStanding { directory, cluster, rankings: all })
+}

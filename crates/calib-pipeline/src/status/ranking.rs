@@ -1,0 +1,186 @@
+//! How settings stand by the runs that are there.
+
+use std::collections::BTreeMap;
+
+use calib_stats::{mean, summarise};
+use calib_sweep::EnvironmentId;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::{
+    StepError,
+    sweep::planned::{PlannedSweep, StoredRun},
+};
+
+/// How settings stand for a sensor. It is provisional as long as runs are missing, and no verdict after that: nothing is
+/// said of held-out data.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Ranking {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) model: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) deployment: Option<String>,
+    pub(crate) sensor: String,
+    /// Runs that are there, in all environments, and runs in all; in a race, at most.
+    pub(crate) runs: [usize; 2],
+    /// Whether it is by the runs that the study's rule looks at; while there are none of these, it is by those in the models.
+    pub(crate) by_rule: bool,
+    /// The settings that have runs, the best first.
+    pub(crate) settings: Vec<Ranked>,
+}
+
+/// A setting.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Ranked {
+    pub(crate) setting: String,
+    pub(crate) is_default: bool,
+    /// Runs that it stands on.
+    pub(crate) runs: usize,
+    /// How many of them diverged.
+    pub(crate) diverged: usize,
+    /// Its error against that of the leader: the geometric mean over the streams that both have. None if it diverged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) ratio: Option<f64>,
+    /// 95 % interval of that, by Student's t over the streams.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) interval: Option<[f64; 2]>,
+}
+
+/// Logarithms of a setting's errors, by the number of the unit.
+type Logs = BTreeMap<usize, f64>;
+
+/// How the settings of a sweep stand, sensor by sensor in the order of the plan.
+pub(super) fn rankings(
+    planned: &PlannedSweep,
+    stored: &[StoredRun<'_>],
+    (model, deployment): (Option<&str>, Option<&str>),
+) -> Result<Vec<Ranking>, StepError> {
+    let owned = |name: Option<&str>| name.map(str::to_owned);
+    let of_sensor = |sensor: &str| {
+        let own: Vec<&StoredRun<'_>> = stored.iter().filter(|run| run.sensor() == sensor).collect();
+        let mut logs: Vec<Logs> = vec![Logs::new(); planned.labels.len()];
+        let by_rule = own.iter().any(|run| planned.counts(run.environment()));
+        let counts = |run: &StoredRun<'_>| {
+            if by_rule {
+                planned.counts(run.environment())
+            } else {
+                matches!(run.environment(), EnvironmentId::Member(_))
+            }
+        };
+        for run in own.iter().filter(|run| counts(run)) {
+            if let Some(logs) = logs.get_mut(run.candidate) {
+                logs.insert(run.unit, run.rmse.ln());
+            }
+        }
+        let settings = ranked(&logs)?.into_iter().map(|(candidate, standing)| Ranked {
+            setting: planned.labels[candidate].clone(),
+            is_default: planned.default == Some(candidate),
+            runs: logs[candidate].len(),
+            diverged: diverged(&logs[candidate]),
+            ratio: standing.ratio,
+            interval: standing.interval,
+        });
+        Ok(Ranking {
+            model: owned(model),
+            deployment: owned(deployment),
+            sensor: sensor.to_owned(),
+            runs: [own.len(), planned.runs_of(sensor)],
+            by_rule,
+            settings: settings.collect(),
+        })
+    };
+    planned.sensors().into_iter().map(of_sensor).collect()
+}
+
+/// How a setting stands to the leader.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Standing {
+    ratio: Option<f64>,
+    interval: Option<[f64; 2]>,
+}
+
+fn diverged(logs: &Logs) -> usize {
+    logs.values().filter(|log| **log == f64::INFINITY).count()
+}
+
+/// The settings that have runs, the best first. The leader is one of those with the most runs: it diverged in the fewest of
+/// them, and of these has the smallest mean logarithm. A setting is compared with it on the streams that both have, because
+/// a race or a smaller grid has left some with fewer.
+fn ranked(logs: &[Logs]) -> Result<Vec<(usize, Standing)>, StepError> {
+    let most = logs.iter().map(Logs::len).max().unwrap_or(0);
+    if most == 0 {
+        return Ok(Vec::new());
+    }
+    let standing = |candidate: &usize| {
+        let finite: Vec<f64> =
+            logs[*candidate].values().copied().filter(|of| *of < f64::INFINITY).collect();
+        (diverged(&logs[*candidate]), mean(&finite).unwrap_or(f64::INFINITY))
+    };
+    let with_most = (0..logs.len()).filter(|candidate| logs[*candidate].len() == most);
+    let leader = with_most.min_by(|a, b| {
+        let (a, b) = (standing(a), standing(b));
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+    });
+    let Some(leader) = leader else { return Ok(Vec::new()) };
+    let with_runs = (0..logs.len()).filter(|candidate| !logs[*candidate].is_empty());
+    let mut all = with_runs
+        .map(|candidate| Ok((candidate, against(&logs[candidate], &logs[leader])?)))
+        .collect::<Result<Vec<(usize, Standing)>, StepError>>()?;
+    let place = |(candidate, standing): &(usize, Standing)| {
+        (*candidate != leader, diverged(&logs[*candidate]), standing.ratio.unwrap_or(f64::INFINITY))
+    };
+    all.sort_by(|a, b| {
+        let (a, b) = (place(a), place(b));
+        a.0.cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.total_cmp(&b.2))
+    });
+    Ok(all)
+}
+
+/// The error of a setting against that of the leader, on the streams that both have.
+fn against(own: &Logs, leader: &Logs) -> Result<Standing, StepError> {
+    let both = own.iter().filter_map(|(unit, log)| Some((log, leader.get(unit)?)));
+    let differences: Vec<f64> =
+        both.map(|(own, leader)| if own == leader { 0.0 } else { own - leader }).collect();
+    if differences.is_empty() || differences.iter().any(|difference| !difference.is_finite()) {
+        return Ok(Standing::default());
+    }
+    let summary = summarise(&differences)?;
+    let interval = summary.interval.map(|interval| [interval.low.exp(), interval.high.exp()]);
+    Ok(Standing { ratio: Some(summary.mean.exp()), interval })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn logs(errors: &[f64]) -> Logs {
+        errors.iter().map(|error| error.ln()).enumerate().collect()
+    }
+
+    #[test]
+    fn settings_are_compared_with_the_leader_on_common_streams() {
+        let short: Logs = [(2, 8.0_f64.ln())].into();
+        let all = [logs(&[2.0, 4.0, 8.0]), logs(&[1.0, 2.0, 4.0]), short, Logs::new()];
+        let ranked = ranked(&all).expect("ranked");
+        let order: Vec<usize> = ranked.iter().map(|(candidate, _)| *candidate).collect();
+        assert_eq!(order, [1, 0, 2], "one without runs has no place");
+        let ratios: Vec<f64> = ranked.iter().filter_map(|(_, of)| of.ratio).collect();
+        assert!(
+            ratios.iter().zip([1.0, 2.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-12),
+            "{ratios:?}"
+        );
+        let [low, high] = ranked[1].1.interval.expect("three streams");
+        assert!((low - 2.0).abs() < 1e-9 && (high - 2.0).abs() < 1e-9, "{low} {high}");
+        assert_eq!(ranked[2].1.interval, None, "one stream says nothing of chance");
+    }
+
+    #[test]
+    fn what_diverges_is_behind() {
+        let inf = f64::INFINITY;
+        let all = [logs(&[0.1, inf]), logs(&[3.0, 3.0]), logs(&[inf, inf])];
+        let ranked = ranked(&all).expect("ranked");
+        let order: Vec<usize> = ranked.iter().map(|(candidate, _)| *candidate).collect();
+        assert_eq!(order, [1, 0, 2]);
+        assert_eq!(ranked[1].1, Standing::default());
+    }
+}

@@ -1,0 +1,138 @@
+//! How a study stands, in lines and tables.
+
+use std::time::Duration;
+
+use super::{
+    ClusterStanding, Command, Overall, Ranking, StandingOf, StepStanding, StepState, StudyStanding,
+};
+use crate::{
+    StepError,
+    base::clock::unix_secs,
+    output::{Printer, count, duration, percent, table},
+    progress::Standing,
+};
+
+/// Settings that are shown of each sensor, unless all are wanted.
+const SHOWN: usize = 8;
+
+impl StandingOf {
+    /// Tell it: lines and tables for people, JSON for machines.
+    ///
+    /// # Errors
+    /// If it cannot be passed on.
+    pub fn tell(&self, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_for_machines() {
+            return printer.json(self);
+        }
+        match self {
+            Self::Study(study) => tell_study(study, printer),
+            Self::Cluster(cluster) => tell_cluster(cluster, printer),
+        }
+    }
+}
+
+/// So many seconds, for people.
+fn span(secs: f64) -> String {
+    duration(Duration::try_from_secs_f64(secs.max(0.0)).unwrap_or(Duration::MAX))
+}
+
+fn tell_study(study: &StudyStanding, printer: &Printer) -> Result<(), StepError> {
+    let state = match study.state {
+        Overall::Done => "every step is done",
+        Overall::Running => "running",
+        Overall::Killed => "stopped: a command was killed before its end; run it again to go on",
+        Overall::Waiting => "nothing runs, and some steps are to do",
+    };
+    printer.result(&format!("{}: {state}", study.study.display()))?;
+    for command in &study.commands {
+        printer.result(&format!("  {}", command_line(command)))?;
+    }
+    if let Some(left) = study.secs_left {
+        printer.result(&format!("  about {} left", span(left)))?;
+    }
+    let rows: Vec<Vec<String>> = study.steps.iter().map(step_row).collect();
+    printer.lines(&table(&["step", "", "state"], &rows))?;
+    tell_rankings(&study.rankings, printer)?;
+    match &study.report {
+        Some(report) => printer.result(&format!("report: {}", report.display())),
+        None => Ok(()),
+    }
+}
+
+fn command_line(Command { standing, note }: &Command) -> String {
+    let since = span(unix_secs() - note.began);
+    let place = format!("calib {} (process {} on {})", note.command, note.process, note.host);
+    if *standing == Standing::Killed {
+        return format!("{place} was killed; it had begun {since} ago");
+    }
+    let names = [note.doing.as_deref(), note.part.as_deref()];
+    let doing: Vec<&str> = names.into_iter().flatten().collect();
+    let task = note.task.as_ref().map(|task| {
+        let share = percent(task.done as f64 / task.total.max(1) as f64);
+        let left = task.secs_left.map(|left| format!(", {} left of it", span(left)));
+        format!("{}: {share}{}", task.name, left.unwrap_or_default())
+    });
+    let said: Vec<String> = doing.into_iter().map(str::to_owned).chain(task).collect();
+    format!("{place} runs since {since}: {}", said.join("; "))
+}
+
+fn step_row(step: &StepStanding) -> Vec<String> {
+    let names = [step.model.as_deref(), step.deployment.as_deref()];
+    let of: Vec<&str> = names.into_iter().flatten().collect();
+    let state = match step.state {
+        StepState::Done => "done",
+        StepState::Running => "running",
+        StepState::ToDo => "to do",
+    };
+    vec![step.step.to_owned(), of.join(", "), state.to_owned()]
+}
+
+fn tell_cluster(standing: &ClusterStanding, printer: &Printer) -> Result<(), StepError> {
+    standing.cluster.tell(&standing.directory, printer)?;
+    tell_rankings(&standing.rankings, printer)
+}
+
+fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepError> {
+    for ranking in rankings.iter().filter(|ranking| !ranking.settings.is_empty()) {
+        let names = [ranking.model.as_deref(), ranking.deployment.as_deref()];
+        let of: Vec<&str> = names.into_iter().flatten().collect();
+        let of = if of.is_empty() { String::new() } else { format!(" ({})", of.join(", ")) };
+        let [runs, all] = ranking.runs;
+        let provisional = if runs < all { "provisional, " } else { "" };
+        let models = if ranking.by_rule {
+            ""
+        } else {
+            "; of those that the rule looks at there are none yet"
+        };
+        printer.result(&format!(
+            "{}{of}: {provisional}by {} of {} runs{models}",
+            ranking.sensor,
+            count(runs),
+            count(all)
+        ))?;
+        let shown = ranking.settings.iter().take(SHOWN);
+        let rows: Vec<Vec<String>> = shown
+            .map(|of| {
+                let number = |number: f64| format!("{number:.3}");
+                let ratio = of.ratio.map_or_else(|| "diverged".to_owned(), number);
+                let interval = of.interval.filter(|[low, high]| low < high);
+                let interval =
+                    interval.map(|[low, high]| format!("{} to {}", number(low), number(high)));
+                let default = if of.is_default { " (the default)" } else { "" };
+                vec![
+                    format!("{}{default}", of.setting),
+                    ratio,
+                    interval.unwrap_or_default(),
+                    count(of.runs),
+                    if of.diverged > 0 { count(of.diverged) } else { String::new() },
+                ]
+            })
+            .collect();
+        let header = ["setting", "error / first", "95 %", "runs", "diverged"];
+        printer.lines(&table(&header, &rows))?;
+        if let Some(more) = ranking.settings.len().checked_sub(SHOWN).filter(|more| *more > 0) {
+            printer.result(&format!("  and {} more: --json has all", count(more)))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,154 @@
+//! The page of a study: progress, time left, how the settings stand, and the report. It shows and changes nothing.
+
+use std::{
+    fs,
+    net::IpAddr,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use calib_pipeline::{Context as _, Printer, StatusRequest, StepError};
+use serde_json::json;
+use tiny_http::{Header, Method, Request, Response, Server};
+
+use crate::cli::Address;
+
+const PAGE: &str = include_str!("status.html");
+/// Between two looks at whether the page is to end.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// What a browser may do with what it is given: run what stands in it, ask the same server, and nothing else.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src 'self' data: blob:; \
+                      connect-src 'self'; font-src data:; frame-ancestors 'none'; form-action 'none'; base-uri 'none'";
+
+/// A page that is shown until it is dropped.
+pub(super) struct Page {
+    ends: Arc<AtomicBool>,
+    serving: Option<JoinHandle<()>>,
+}
+
+impl Page {
+    /// Show the page, and say where.
+    ///
+    /// # Errors
+    /// If the address cannot be had.
+    pub(super) fn open(
+        request: StatusRequest,
+        Address(address): Address,
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
+        let server = Server::http(address).map_err(StepError::Other);
+        let server = server.with_context(|| {
+            format!("--serve {address}: the address cannot be had; give another port, or 0 for any")
+        })?;
+        let address = server.server_addr().to_ip().unwrap_or(address);
+        if !address.ip().is_loopback() {
+            printer.warn(&format!(
+                "--serve {address}: everybody who reaches this machine can read the page; 127.0.0.1 is for this machine alone"
+            ));
+        }
+        printer.say(&format!("page: http://{address}/"));
+        let ends = Arc::new(AtomicBool::new(false));
+        let serving = thread::Builder::new().name("page".to_owned()).spawn({
+            let ends = Arc::clone(&ends);
+            let shown = Shown { request, is_local: address.ip().is_loopback() };
+            move || {
+                while !ends.load(Ordering::Relaxed) {
+                    if let Ok(Some(asked)) = server.recv_timeout(LOOK) {
+                        shown.answer(asked);
+                    }
+                }
+            }
+        });
+        let serving = serving.context("the page cannot be shown")?;
+        Ok(Self { ends, serving: Some(serving) })
+    }
+}
+
+impl Drop for Page {
+    fn drop(&mut self) {
+        self.ends.store(true, Ordering::Relaxed);
+        if let Some(serving) = self.serving.take() {
+            let _ = serving.join();
+        }
+    }
+}
+
+/// What is shown.
+struct Shown {
+    request: StatusRequest,
+    /// Whether it is for this machine alone.
+    is_local: bool,
+}
+
+impl Shown {
+    fn answer(&self, asked: Request) {
+        let response = if !matches!(asked.method(), Method::Get | Method::Head) {
+            refusal(405, "this page only shows")
+        } else if self.is_local && !is_for_this_machine(&asked) {
+            // A page of somebody else's, under a name that leads here.
+            refusal(403, "this page is for this machine alone")
+        } else {
+            match asked.url().split('?').next().unwrap_or_default() {
+                "/" => content("text/html; charset=utf-8", PAGE.as_bytes().to_vec()),
+                "/status.json" => self.status(),
+                "/report" => self.report(),
+                _ => refusal(404, "there is no such page"),
+            }
+        };
+        // Whoever has gone away is not waited for.
+        let _ = asked.respond(response);
+    }
+
+    fn status(&self) -> Response<std::io::Cursor<Vec<u8>>> {
+        let told = match calib_pipeline::status(&self.request, &Printer::nobody()) {
+            Ok(standing) => serde_json::to_vec(&standing),
+            Err(error) => serde_json::to_vec(&json!({ "error": error.to_string() })),
+        };
+        content("application/json", told.unwrap_or_default())
+    }
+
+    fn report(&self) -> Response<std::io::Cursor<Vec<u8>>> {
+        let standing = calib_pipeline::status(&self.request, &Printer::nobody());
+        let report = standing.ok().and_then(|standing| fs::read(standing.report()?).ok());
+        match report {
+            Some(report) => content("text/html; charset=utf-8", report),
+            None => refusal(404, "there is no report yet"),
+        }
+    }
+}
+
+/// Whether a browser asked for an address of this machine.
+fn is_for_this_machine(asked: &Request) -> bool {
+    let host = asked.headers().iter().find(|header| header.field.equiv("Host"));
+    host.is_none_or(|header| {
+        let host = header.value.as_str();
+        let name = host.rsplit_once(':').map_or(host, |(name, port)| {
+            if port.bytes().all(|digit| digit.is_ascii_digit()) { name } else { host }
+        });
+        let name = name.trim_start_matches('[').trim_end_matches(']');
+        name == "localhost" || name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+    })
+}
+
+fn content(kind: &str, bytes: Vec<u8>) -> Response<std::io::Cursor<Vec<u8>>> {
+    let headers = [
+        ("Content-Type", kind),
+        ("Cache-Control", "no-store"),
+        ("X-Content-Type-Options", "nosniff"),
+        ("Content-Security-Policy", POLICY),
+        ("Referrer-Policy", "no-referrer"),
+    ];
+    let headers =
+        headers.into_iter().filter_map(|(name, value)| Header::from_bytes(name, value).ok());
+    headers.fold(Response::from_data(bytes), Response::with_header)
+}
+
+fn refusal(status: u16, reason: &str) -> Response<std::io::Cursor<Vec<u8>>> {
+    content("text/plain; charset=utf-8", format!("{reason}\n").into_bytes())
+        .with_status_code(status)
+}

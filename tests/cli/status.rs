@@ -1,0 +1,262 @@
+//! How a study stands, seen from another shell: while it runs, afterwards, and after a kill.
+
+use std::{
+    fs,
+    io::{BufRead as _, BufReader, Read as _, Write as _},
+    net::{SocketAddr, TcpStream},
+    process::{Child, Command, Stdio},
+    thread,
+    time::Duration,
+};
+
+use serde_json::Value;
+
+use crate::harness::{Place, schema};
+
+/// A study whose sweep takes about half a minute on two cores.
+fn long() -> Place {
+    let place = Place::with_study();
+    place.edit_study("value_function = \"linear\"", "value_function = \"mlp\"\nhidden_units = 64");
+    place.edit_study("member_runs = 2", "member_runs = 20");
+    place.edit_study("log_replay_runs = 2", "log_replay_runs = 20");
+    place
+}
+
+fn status(place: &Place, path: &str) -> Value {
+    let told = place.calib(&["status", path, "--json"]).succeeds();
+    serde_json::from_str(&told).expect("JSON")
+}
+
+/// Ends a process however a test ends.
+struct Ends(Child);
+
+impl Drop for Ends {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn begin(place: &Place, args: &[&str]) -> Ends {
+    let mut command = place.command(args);
+    Ends(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("calib runs"))
+}
+
+/// Look until `is_there` is so.
+fn wait_for<T>(what: &str, mut is_there: impl FnMut() -> Option<T>) -> T {
+    for _ in 0..LOOKS {
+        if let Some(found) = is_there() {
+            return found;
+        }
+        thread::sleep(Duration::from_millis(100));
+    }
+    panic!("{what} did not come")
+}
+
+/// So that a test that waits in vain ends.
+const LOOKS: usize = 3_000;
+
+fn states<'v>(status: &'v Value, step: &str) -> Vec<&'v str> {
+    let steps = status["steps"].as_array().expect("steps").iter();
+    steps.filter(|of| of["step"] == step).filter_map(|of| of["state"].as_str()).collect()
+}
+
+fn runs(ranking: &Value) -> (u64, u64) {
+    let number = |place: usize| ranking["runs"][place].as_u64().expect("a number");
+    (number(0), number(1))
+}
+
+#[test]
+fn a_finished_study_is_done_and_its_settings_are_ranked() {
+    let place = Place::with_study();
+    let before = status(&place, "study.toml");
+    assert_eq!((&before["state"], &before["rankings"]), (&"waiting".into(), &Value::Array(vec![])));
+    assert!(!place.path().join("study-results").exists(), "nothing is written");
+    place.calib(&["run", "study.toml"]);
+    let content = place.content("study-results");
+    let after = status(&place, "study.toml");
+    assert_eq!(after["state"], "done", "{after}");
+    assert_eq!(after["commands"], Value::Array(vec![]));
+    assert!(states(&after, "evaluate") == ["done"] && states(&after, "sweep") == ["done"]);
+    let rankings = after["rankings"].as_array().expect("rankings");
+    assert_eq!(rankings.len(), 2, "two sensors");
+    for ranking in rankings {
+        assert_eq!(runs(ranking), (33, 33), "{ranking}");
+        let settings = ranking["settings"].as_array().expect("settings");
+        assert_eq!(settings[0]["ratio"], 1.0);
+        let ratios = settings.iter().filter_map(|of| of["ratio"].as_f64());
+        assert!(ratios.clone().is_sorted() && ratios.count() == 3, "{ranking}");
+        let [low, high] = [0, 1].map(|end| settings[2]["interval"][end].as_f64().expect("known"));
+        let ratio = settings[2]["ratio"].as_f64().expect("known");
+        assert!(low < ratio && ratio < high, "{ranking}");
+        // By the default rule: two runs in each of three members, two on the log.
+        assert!(settings.iter().all(|of| of["runs"] == 8), "{ranking}");
+    }
+    let folder = status(&place, "study-results");
+    assert_eq!(folder["rankings"], after["rankings"], "by the folder of its results");
+    let told = place.calib(&["status", "study.toml", "--watch"]).succeeds();
+    assert!(told.contains("study.toml: every step is done"), "{told}");
+    assert!(told.contains("PIT300: by 33 of 33 runs") && told.contains("report: "), "{told}");
+    assert!(place.content("study-results") == content, "nothing is written");
+
+    // One setting more is to do.
+    place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-4, 1e-3, 1e-2]");
+    let edited = status(&place, "study.toml");
+    assert_eq!((&edited["state"], states(&edited, "sweep")), (&"waiting".into(), vec!["to_do"]));
+    assert_eq!(states(&edited, "build-model"), ["done"]);
+}
+
+#[test]
+fn what_is_no_study_is_refused_with_what_to_do() {
+    let place = Place::new();
+    let refused = place.calib(&["status", "nowhere"]).fails(2);
+    assert!(refused.contains("nowhere does not exist; give a study file"), "{refused}");
+    fs::create_dir(place.path().join("empty")).expect("made");
+    let refused = place.calib(&["status", "empty"]).fails(2);
+    assert!(
+        refused.contains("empty holds no study") && refused.contains("calib status STUDY"),
+        "{refused}"
+    );
+    place.write("study.toml", "[modl]\n");
+    place.calib(&["status", "study.toml"]).fails(2);
+    let refused = place.calib(&["status", "study.toml", "--serve", "here"]).fails(2);
+    assert!(refused.contains("--serve"), "{refused}");
+}
+
+#[test]
+fn a_study_can_be_looked_at_while_it_runs_and_after_a_kill() {
+    let place = long();
+    let mut run = begin(&place, &["run", "study.toml", "--threads", "1"]);
+    let during = wait_for("a stored run", || {
+        let now = status(&place, "study.toml");
+        assert_ne!(now["state"], "done", "too fast to look at");
+        let (stored, _) = now["rankings"].as_array()?.first().map(runs)?;
+        (stored > 0 && now["secs_left"].is_number()).then_some(now)
+    });
+    assert_eq!(during["state"], "running", "{during}");
+    assert_eq!(during["commands"][0]["command"], "run", "{during}");
+    assert_eq!(during["commands"][0]["standing"], "running");
+    assert_eq!(during["commands"][0]["process"], run.0.id());
+    assert_eq!(during["commands"][0]["task"]["name"], "training");
+    assert_eq!(states(&during, "sweep"), ["running"], "{during}");
+    assert_eq!(
+        (states(&during, "build-model"), states(&during, "evaluate")),
+        (vec!["done"], vec!["to_do"])
+    );
+    let (stored, all) = runs(&during["rankings"][0]);
+    assert!(stored < all, "{stored} of {all}");
+    let told = place.calib(&["status", "study.toml"]).succeeds();
+    assert!(told.contains("provisional, by ") && told.contains(" left"), "{told}");
+
+    run.0.kill().expect("killed");
+    run.0.wait().expect("gone");
+    let killed = status(&place, "study-results");
+    assert_eq!(killed["state"], "killed", "{killed}");
+    assert_eq!(killed["commands"][0]["standing"], "killed");
+    assert!(killed["secs_left"].is_null() && states(&killed, "sweep") == ["to_do"], "{killed}");
+    let told = place.calib(&["status", "study.toml"]).succeeds();
+    assert!(told.contains("was killed"), "{told}");
+
+    // The next command removes what the killed one has left, and goes on.
+    let smaller = ["--set", "sweep.member_runs=1", "--set", "sweep.log_replay_runs=1"];
+    place.calib(&[&["run", "study.toml"][..], &smaller].concat());
+    assert!(!place.path().join("study-results/.progress").exists());
+    let again =
+        place.calib(&[&["status", "study.toml", "--json"][..], &smaller].concat()).succeeds();
+    let again: Value = serde_json::from_str(&again).expect("JSON");
+    assert_eq!((&again["state"], &again["commands"]), (&"done".into(), &Value::Array(vec![])));
+}
+
+#[test]
+fn shards_of_a_cluster_are_ranked_as_far_as_they_are() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    place.calib(&["cluster", "plan", "study.toml", "-o", "plan", "--shards", "3"]).succeeds();
+    let before = status(&place, "plan");
+    assert_eq!(before["cluster"]["done"], 0, "{before}");
+    place.calib(&["cluster", "run", "plan", "--shard", "1"]).succeeds();
+    let after = status(&place, "plan");
+    assert_eq!(after["cluster"]["done"], 1, "{after}");
+    let rankings = after["rankings"].as_array().expect("rankings");
+    let stored: u64 = rankings.iter().map(|ranking| runs(ranking).0).sum();
+    assert!(stored > 0 && stored < 66, "{stored}");
+    let told = place.calib(&["status", "plan"]).succeeds();
+    assert!(told.contains("1 of 3 shards done") && told.contains("provisional"), "{told}");
+}
+
+/// Ask a page for something: the status and headers, and the body.
+fn ask(address: SocketAddr, request: &str, host: &str) -> (String, String) {
+    let mut stream = TcpStream::connect(address).expect("connected");
+    let text = format!("{request} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
+    stream.write_all(text.as_bytes()).expect("sent");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("answered");
+    let (head, body) = answer.split_once("\r\n\r\n").expect("headers");
+    (head.to_owned(), body.to_owned())
+}
+
+/// Begin a command that shows a page, and where that is.
+fn serving(
+    place: &Place,
+    args: &[&str],
+) -> (Ends, SocketAddr, BufReader<std::process::ChildStderr>) {
+    let mut command: Command = place.command(args);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("runs");
+    let mut said = BufReader::new(child.stderr.take().expect("piped"));
+    let ends = Ends(child);
+    let mut line = String::new();
+    while !line.contains("page: http://") {
+        line.clear();
+        assert!(said.read_line(&mut line).expect("readable") > 0, "no page was shown");
+    }
+    let address = line.trim().trim_start_matches("page: http://").trim_end_matches('/');
+    (ends, address.parse().expect("an address"), said)
+}
+
+#[test]
+fn a_page_shows_a_study_to_this_machine_alone_and_changes_nothing() {
+    let place = Place::with_study();
+    place.calib(&["run", "study.toml"]);
+    let content = place.content("study-results");
+    let (ends, address, _said) = serving(&place, &["status", "study.toml", "--serve", "0"]);
+    assert!(address.ip().is_loopback());
+    let host = address.to_string();
+    let (head, page) = ask(address, "GET /", &host);
+    assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
+    assert!(head.contains("default-src 'none'") && page.contains("status.json"), "{head}");
+    let (_, told) = ask(address, "GET /status.json", &host);
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    assert_eq!(told["state"], "done");
+    assert_eq!(schema::problem(&schema::of("status"), &told), None);
+    let (head, report) = ask(address, "GET /report", &format!("localhost:{}", address.port()));
+    assert!(head.starts_with("HTTP/1.1 200") && report.contains("PIT300"), "{head}");
+    for (request, host, expected) in [
+        ("GET /../study.toml", host.as_str(), "404"),
+        ("POST /", host.as_str(), "405"),
+        ("DELETE /report", host.as_str(), "405"),
+        ("GET /status.json", "somebody.example", "403"),
+    ] {
+        let (head, _) = ask(address, request, host);
+        assert!(head.starts_with(&format!("HTTP/1.1 {expected}")), "{request}: {head}");
+    }
+    // The address is taken.
+    let refused = place.calib(&["status", "study.toml", "--serve", &host]).fails(2);
+    assert!(refused.contains("give another port"), "{refused}");
+    drop(ends);
+    assert!(place.content("study-results") == content, "nothing is written");
+}
+
+#[test]
+fn a_run_shows_its_page_as_long_as_it_runs() {
+    let place = Place::with_plant();
+    let (mut ends, address, mut said) =
+        serving(&place, &["run", "study.toml", "--serve", "127.0.0.1:0"]);
+    let (_, told) = ask(address, "GET /status.json", &address.to_string());
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    assert!(told["steps"].is_array(), "{told}");
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).expect("readable");
+    ends.0.wait().expect("ended");
+    assert!(rest.contains("done in"), "{rest}");
+    assert!(TcpStream::connect(address).is_err(), "the page is gone");
+}
