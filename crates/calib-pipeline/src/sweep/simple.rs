@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
+use calib_agent::SimplePredictor;
 use calib_core::Normaliser;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_sweep::{
@@ -24,6 +25,9 @@ pub(crate) struct SimpleErrors {
     pub(crate) units: BTreeMap<String, f64>,
     /// Fitted on all of the training range.
     pub(crate) fitted: Vec<FittedSimple>,
+    /// Which of them `agent.baseline = "best"` is, by sensor.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(crate) best: BTreeMap<String, SimplePredictor>,
     pub(crate) scores: Vec<SimpleScore>,
 }
 
@@ -41,7 +45,14 @@ impl SimpleErrors {
             (sensor.clone(), normaliser.columns()[*column].bounds.scale * (1.0 - gamma))
         };
         let fitted = baselines.simple(sensors, gamma, &FittingRows::All);
-        Ok(Self { runs: None, units: sensors.iter().map(unit).collect(), fitted, scores })
+        let best = baselines.best(sensors, gamma);
+        Ok(Self { runs: None, units: sensors.iter().map(unit).collect(), fitted, best, scores })
+    }
+
+    /// What agents with `agent.baseline = "best"` start from, in words.
+    pub(crate) fn best_told(&self) -> String {
+        let told = self.best.iter().map(|(sensor, best)| format!("{} for {sensor}", best.label()));
+        told.collect::<Vec<_>>().join(", ")
     }
 
     pub(crate) fn write(&self, directory: &Path) -> Result<(), StepError> {
