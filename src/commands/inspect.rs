@@ -1,4 +1,4 @@
-use calib_data::{DataConfig, PartProfile, PreprocessConfig, Profile, format_time};
+use calib_data::{DataConfig, FEW_CONTRADICT, PartProfile, PreprocessConfig, Profile, format_time};
 use calib_pipeline::{
     Descriptions, Inspection, Job, Outcome, Printer, Request, StepError, data_of, ensure,
     inspect_deployments, on_this_machine,
@@ -34,15 +34,23 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
         }
     }
     let refusal = inspection.refusal();
+    let is_resolved = job.is_none() && profile.contradictions.are_few(profile.rows);
     if let Some(error) = &refusal {
-        printer.warn(&format!("a study of this log would be refused: {error}"));
+        let percent = 100.0 * FEW_CONTRADICT;
+        printer.warn(&if is_resolved {
+            format!("{error}. `calib init` keeps the first, because they are at most {percent:.0} % of the rows")
+        } else if job.is_none() {
+            format!("a study of this log would be refused: {error}. `calib init` keeps the first of them up to {percent:.0} % of the rows")
+        } else {
+            format!("a study of this log would be refused: {error}")
+        });
     }
     if profile.bad_quality > 0 && 2 * profile.bad_quality > profile.file_rows {
         printer.warn(
             "most samples are of bad quality; if 0 is good there, as it is in PI, set data.good_quality = [\"0\"]",
         );
     }
-    if refusal.is_some() {
+    if refusal.is_some() && !is_resolved {
         return Ok(Outcome::Negative);
     }
     if !inspection.has_states() {

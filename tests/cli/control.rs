@@ -225,6 +225,26 @@ fn actions_that_contradict_each_other_are_refused() {
     first.ends(&[0, 1]);
 }
 
+/// A sensor that did not answer once, as of a controller that was started anew.
+#[test]
+fn an_empty_reward_ends_an_episode_and_is_told_with_its_time() {
+    let place = pump(|row| {
+        let level = if row == 20 { String::new() } else { (row % 7).to_string() };
+        format!("2024-03-01 00:{row:02}:00,{level},{}\n", (row + 1) % 2)
+    });
+    let inspected = place.calib(&["inspect", "study.toml"]);
+    let told = inspected.stderr();
+    assert!(
+        told.contains(
+            "1 row has no reward though an action leads there, the first at 2024-03-01 00:20:00"
+        ),
+        "{told}"
+    );
+    let told = inspected.succeeds();
+    assert!(told.contains("38 transitions in 2 episodes"), "{told}");
+    place.calib(&["control", "study.toml"]).ends(&[0, 1]);
+}
+
 #[test]
 fn neighbours_can_be_near_in_a_representation() {
     let place = place();

@@ -266,3 +266,16 @@ fn wrong_usage() {
     assert_eq!(place.calib(&["inspect", "x", "--threads", "0"]).code(), 2);
     assert_eq!(place.calib(&["--help"]).code(), 0);
 }
+
+/// What people try first: the log itself in the place of a study, and a folder of workbooks.
+#[test]
+fn a_log_is_no_study_and_a_workbook_no_log() {
+    let place = Place::new();
+    place.write("plant.csv", "time,a\n2024-01-01,1\n");
+    let error = place.calib(&["run", "plant.csv"]).fails(2);
+    assert!(error.contains("`calib init plant.csv` writes one"), "{error}");
+    fs::create_dir(place.path().join("sheets")).expect("created");
+    place.write("sheets/plant.xlsx", "PK");
+    let error = place.calib(&["init", "sheets", "study.toml"]).fails(2);
+    assert!(error.contains("plant.xlsx is a workbook: save each sheet as CSV"), "{error}");
+}

@@ -6,9 +6,13 @@ use crate::harness::Place;
 
 /// A log of two minutes a row: two levels, a flow, its total, and a dead channel.
 fn log() -> String {
+    log_of(2_400)
+}
+
+fn log_of(rows: u32) -> String {
     let mut text = String::from("time;LIT100;TIT200;FIT300;FQ300;XV400\n;kPa;°C;m3/h;m3;\n");
     let (mut total, mut noise) = (0.0, 1_u32);
-    for row in 0..2_400_u32 {
+    for row in 0..rows {
         noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let rough = f64::from(noise >> 16) / 65_536.0;
         let at = f64::from(row);
@@ -277,4 +281,80 @@ fn what_was_asked_for_is_taken_or_refused() {
     assert!(fraction.contains("has no effect on `calib init`"), "{fraction}");
     let fraction = place.calib(&["run", "study.toml", "--set=data.train_fraction=0.5"]).fails(2);
     assert!(fraction.contains("has no effect, because data.train says"), "{fraction}");
+}
+
+/// Recordings that overlap by a few rows: what is said of them before `init` and by it is the same.
+#[test]
+fn few_contradictions_are_told_as_they_are_resolved() {
+    let place = Place::new();
+    let rows = log();
+    let twice = |count: usize| {
+        let again: Vec<String> =
+            rows.lines().skip(2).take(count).map(|row| row.replace(";1", ";0")).collect();
+        place.write("log.csv", &format!("{rows}{}\n", again.join("\n")));
+    };
+    twice(20);
+    let shown = place.calib(&["inspect", "log.csv"]);
+    assert!(shown.stderr().contains("`calib init` keeps the first"), "{}", shown.stderr());
+    assert!(!shown.stderr().contains("would be refused"), "{}", shown.stderr());
+    shown.succeeds();
+    let init = place.calib(&["init", "log.csv", "--within=1s"]);
+    assert!(
+        init.stderr().contains("or recordings overlap: the first of them is kept"),
+        "{}",
+        init.stderr()
+    );
+    init.succeeds();
+    twice(200);
+    let shown = place.calib(&["inspect", "log.csv"]).fails(1);
+    assert!(
+        shown.contains("would be refused") && shown.contains("up to 1 % of the rows"),
+        "{shown}"
+    );
+    let init = place.calib(&["init", "log.csv", "--within=1s", "--force"]).fails(2);
+    assert!(
+        init.contains("at most 1 % of the rows contradict another; here there are more"),
+        "{init}"
+    );
+}
+
+/// A building that was off for a day soon after the logger began: the sensors are whole in all but a small part of the log.
+#[test]
+fn an_outage_in_the_part_that_agents_are_tried_on_ends_nothing() {
+    let place = Place::new();
+    let text = log();
+    let rows: Vec<String> = text
+        .lines()
+        .enumerate()
+        .map(|(line, row)| {
+            let time = row.split(';').next().unwrap_or_default();
+            if (202..=352).contains(&line) { format!("{time};;;;;1") } else { row.to_owned() }
+        })
+        .collect();
+    place.write("log.csv", &(rows.join("\n") + "\n"));
+    let init = place.calib(&["init", "log.csv", "--within=1s"]);
+    init.succeeds();
+    assert!(!init.stderr().contains("could not be compared"), "{}", init.stderr());
+    place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+}
+
+/// A short log has four windows of short runs, or says what two of them can show; and no horizon is lengthened in silence.
+#[test]
+fn few_windows_and_short_horizons_are_told() {
+    let place = Place::new();
+    place.write("log.csv", &log_of(3_000));
+    let init = |more: &[&str]| {
+        let run = place.calib(&[&["init", "log.csv", "--force", "--within=1s"][..], more].concat());
+        run.succeeds();
+        (run.stderr(), read(&place, "study.toml"))
+    };
+    let (told, study) = init(&["--horizon", "8m"]);
+    assert!(!told.contains("held-out windows"), "{told}");
+    assert!(study.contains("4 windows fit beside each other"), "{study}");
+    let (told, study) = init(&["--horizon", "20m"]);
+    assert!(told.contains("2 held-out windows: hardly any difference can be shown"), "{told}");
+    assert!(study.contains("hardly any difference can be shown with so few"), "{study}");
+    let (told, study) = init(&["--horizon", "30s"]);
+    assert!(told.contains("--horizon 30 s is shorter than one state, which is 2 min"), "{told}");
+    assert!(study.contains("subsample = 1 "), "{study}");
 }

@@ -111,17 +111,9 @@ pub enum ControlError {
     },
     /// No row of the log leads to another one by an action.
     #[error(
-        "the log has no transition: no row with an action is followed by a row of the same episode"
+        "the log has no transition: no row with an action is followed by a row of the same episode that has a reward"
     )]
     NoTransitions,
-    /// A reward is not a number.
-    #[error(
-        "row {row} has no reward, though an action leads to it; fill it, or leave its action empty"
-    )]
-    NoReward {
-        /// The row.
-        row: usize,
-    },
     /// Probabilities of continuous actions.
     #[error(
         "control.levels makes actions continuous, and what was set then has no probability but a density; leave control.probability out"

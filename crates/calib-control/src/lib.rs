@@ -38,7 +38,7 @@ pub use grid::Grid;
 pub use importance::{Importance, importance_sampling};
 pub use levels::Levels;
 pub use life::{Life, Span, live};
-pub use log::{Columns, Decisions};
+pub use log::{Columns, Decisions, rows_without_reward};
 pub use model::{
     ActionModel, ActionModelConfig, ActionModelKind, ActionModelRecord, At, Coverage, Covered,
     Distance, Ensemble, IncrementModel, IncrementWalk, Increments, NetworkConfig, NetworkModel,

@@ -10,8 +10,8 @@ use crate::{ControlError, Ending, Settings};
 ///
 /// A row holds what was observed at a time, the reward of the step that led to it, whether it is terminal, and the action that was taken
 /// then. Transition i leads from its row by the action there to the next row, with the reward and the terminal of the next row. After a
-/// terminal row, and after one without an action, an episode is over: nothing leads on from it. Where the log merely ends, or has a gap, the
-/// last row is no terminal.
+/// terminal row, and after one without an action, an episode is over: nothing leads on from it. Where the log merely ends, has a gap, or does
+/// not know the reward of the next row, the last row is no terminal.
 #[derive(Clone, Debug)]
 pub struct Decisions {
     states: States,
@@ -32,7 +32,7 @@ pub struct Decisions {
 pub struct Columns<'a> {
     /// Which of `levels` actions was taken.
     pub actions: &'a [Option<u16>],
-    /// The reward of the step that led here; NaN where there is none.
+    /// The reward of the step that led here; NaN where there is none. No step leads to such a row.
     pub rewards: &'a [f32],
     /// Whether an episode ends here.
     pub endings: &'a [Ending],
@@ -42,8 +42,7 @@ impl Decisions {
     /// The log of these rows.
     ///
     /// # Errors
-    /// If columns have different lengths, no transition is left, a reward is missing that an action led to, or an action is not below
-    /// `levels`.
+    /// If columns have different lengths, no transition is left, or an action is not below `levels`.
     pub fn new(
         states: States,
         segments: &Segments,
@@ -72,9 +71,6 @@ impl Decisions {
             if usize::from(action) >= levels {
                 let expected = "one of the levels";
                 return Err(ControlError::Field { field: "action", got: action.into(), expected });
-            }
-            if !columns.rewards[next].is_finite() {
-                return Err(ControlError::NoReward { row: next });
             }
             actions.push(action);
             rewards.push(columns.rewards[next]);
@@ -233,14 +229,29 @@ impl Decisions {
     }
 }
 
-/// Segments cut after terminals and after rows without an action, as lengths in rows.
+/// Rows to which an action leads and which have no reward: episodes end before them.
+pub fn rows_without_reward(segments: &Segments, columns: &Columns<'_>) -> Vec<usize> {
+    let later = segments.iter().flat_map(|segment| segment.rows().skip(1));
+    later.filter(|&row| columns.leads_on(row - 1) && !columns.rewards[row].is_finite()).collect()
+}
+
+impl Columns<'_> {
+    /// Whether an action is taken in a row that does not end its episode.
+    fn leads_on(&self, row: usize) -> bool {
+        self.endings[row] != Ending::Terminal && self.actions[row].is_some()
+    }
+}
+
+/// Segments cut after terminals and rows without an action, and before rows without a reward, as lengths in rows.
 fn episodes(segments: &Segments, columns: &Columns<'_>) -> Vec<usize> {
     let mut lengths = Vec::new();
     for segment in segments.iter() {
         let mut length = 0;
-        for row in segment.rows() {
+        let rows = segment.rows();
+        for row in rows.clone() {
             length += 1;
-            if columns.endings[row] == Ending::Terminal || columns.actions[row].is_none() {
+            let is_known = row + 1 < rows.end && columns.rewards[row + 1].is_finite();
+            if !columns.leads_on(row) || !is_known {
                 lengths.push(length);
                 length = 0;
             }
@@ -284,10 +295,23 @@ mod tests {
     }
 
     #[test]
+    fn episodes_end_before_rows_without_a_reward() {
+        let (actions, endings) = ([Some(0); 8], [ON; 8]);
+        let rewards = [f32::NAN, 1.0, f32::NAN, 3.0, f32::NAN, 5.0, 6.0, 7.0];
+        let known = log(&actions, &rewards, &endings).expect("valid");
+        // Rows 0-1, 2-3 (then a gap), 4-5-6-7: the first rows of episodes need no reward.
+        assert_eq!(known.transitions().sources(), [0, 2, 4, 5, 6]);
+        assert_eq!(known.rewards(), [1.0, 3.0, 5.0, 6.0, 7.0]);
+        let segments = Segments::from_lengths([4, 4]).expect("rows");
+        let columns = Columns { actions: &actions, rewards: &rewards, endings: &endings };
+        assert_eq!(rows_without_reward(&segments, &columns), [2]);
+    }
+
+    #[test]
     fn what_is_no_log_is_refused() {
         let five = [Some(0); 5];
-        let told = log(&five, &[0.0, f32::NAN, 0.0, 0.0, 0.0], &[ON; 5]).expect_err("a hole");
-        assert!(matches!(told, ControlError::NoReward { row: 1 }), "{told}");
+        let told = log(&five, &[f32::NAN; 5], &[ON; 5]).expect_err("no reward");
+        assert!(matches!(told, ControlError::NoTransitions), "{told}");
         let told = log(&[None; 5], &[0.0; 5], &[ON; 5]).expect_err("no action");
         assert!(matches!(told, ControlError::NoTransitions), "{told}");
         let told = log(&five[..4], &[0.0; 5], &[ON; 5]).expect_err("a short column");

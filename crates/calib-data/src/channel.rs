@@ -12,6 +12,21 @@ const BLOCK: usize = 4_096;
 /// Sums that run side by side: few enough for registers, and always the same order of additions.
 const LANES: usize = 4;
 
+/// Numbers that differ by less than this share of them are the same, written after different sums: the ends of 0.05 and
+/// 0.05000000000000001 are rounding, which is about 1e-16 for each operation. Our choice.
+const NOISE: f64 = 1e-12;
+
+/// Whether two values are the same but for rounding.
+pub fn is_same(one: f64, other: f64) -> bool {
+    one == other || (one - other).abs() <= NOISE * one.abs().max(other.abs())
+}
+
+/// The bits of a value without those that rounding may change.
+fn rounded_bits(value: f64) -> u64 {
+    const NOISY: u64 = (1 << 12) - 1;
+    value.to_bits().saturating_add(NOISY / 2) & !NOISY
+}
+
 /// Moments of the values in a range of rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Moments {
@@ -110,7 +125,7 @@ impl Movement {
             let mut since = stretch.start;
             for row in stretch.clone() {
                 let value = values[row];
-                if value == before {
+                if is_same(value, before) {
                     pairs += 1;
                     same += 1;
                     continue;
@@ -124,7 +139,7 @@ impl Movement {
                 since = row;
                 before = value;
                 if !value.is_nan() && distinct.len() <= DISTINCT {
-                    distinct.insert(value.to_bits());
+                    distinct.insert(rounded_bits(value));
                 }
                 if value.is_nan() {
                     since = row + 1;
@@ -178,6 +193,18 @@ mod tests {
         assert_eq!(Moments::of(&[NAN]), None);
         let constant = Moments::of(&[0.1; 1_000]).expect("values");
         assert_eq!((constant.mean, constant.std()), (0.1, 0.0));
+    }
+
+    #[test]
+    fn rounding_is_no_change() {
+        let sums = [0.05, 0.05, 0.050_000_000_000_000_01, 0.05, 0.049_999_999_999_999_996];
+        let timestamps: Vec<Timestamp> = (0..5).map(Timestamp::from_micros).collect();
+        let movement = Movement::of(&sums, &timestamps, from_ref(&(0..5)));
+        let Movement { smallest_change, unchanged, distinct, .. } = movement;
+        assert_eq!((smallest_change, unchanged, distinct), (None, 1.0, Some(1)));
+        assert!(is_same(57.363_333_333_333_34, 57.363_333_333_333_35) && is_same(0.0, 0.0));
+        assert!(!is_same(1e-9, 1.1e-9), "small values are values");
+        assert!(!is_same(1e9, 1e9 + 0.1) && !is_same(f64::NAN, f64::NAN));
     }
 
     #[test]

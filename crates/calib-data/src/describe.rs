@@ -29,6 +29,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
         bad_quality: log.bad_quality,
         bad_rows: log.bad_rows.clone(),
         without_times: log.without_times,
+        read_as: log.read_as.clone(),
         sentinels: Vec::new(),
         contradictions: ContradictionsFound::default(),
         files: log.files.len(),

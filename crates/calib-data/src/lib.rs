@@ -67,6 +67,7 @@ mod text;
 mod time;
 
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
+pub use channel::is_same;
 pub use config::{
     BadRows, Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths,
     PreprocessConfig, Reduce, Resample, Shape, TimeRange, TimestampUnit,
@@ -76,11 +77,12 @@ pub use error::DataError;
 pub use guard::may_be_of_a_reader;
 pub use import::{Dropped, Imported, import};
 pub use log::{BadRowsFound, ContradictionCause, Declared, log_files, text_left_alone};
-pub use names::entry_of;
+pub use names::{entry_of, hint};
 pub use outliers::Fences;
 pub use profile::{
     BackwardStep, BackwardSteps, BridgedStops, ChannelProfile, ContradictionsFound, Description,
-    Duplicates, FarOut, Gaps, PartProfile, Profile, ValueProfile, long_gap, without_times,
+    Duplicates, FEW_CONTRADICT, FarOut, Gaps, PartProfile, Profile, ValueProfile, long_gap,
+    without_times,
 };
 pub use select::DropReason;
 pub use sentinels::Sentinel;

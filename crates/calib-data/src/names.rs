@@ -141,7 +141,7 @@ pub fn entry_of(name: &str, is_channel: impl Fn(&str) -> bool) -> String {
 }
 
 /// `; did you mean A or B?`, or nothing.
-pub(crate) fn hint<'a>(name: &str, channels: impl Iterator<Item = &'a str>) -> String {
+pub fn hint<'a>(name: &str, channels: impl Iterator<Item = &'a str>) -> String {
     let wanted = name.to_lowercase();
     let mut similar: Vec<(f64, &str)> = channels
         .map(|channel| {

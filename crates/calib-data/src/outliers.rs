@@ -21,7 +21,10 @@ use std::ops::Range;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Outliers, channel::quantile};
+use crate::{
+    Outliers,
+    channel::{is_same, quantile},
+};
 
 /// Share of the values on each side that the spread leaves out.
 const TAIL: f64 = 0.005;
@@ -51,7 +54,7 @@ impl Fences {
             return None;
         }
         let (low, high) = (quantile(&mut looked_at, TAIL), quantile(&mut looked_at, 1.0 - TAIL));
-        if low == high {
+        if is_same(low, high) {
             return None;
         }
         let spread = (high - low).max(2.0 * smallest_change.unwrap_or(0.0));

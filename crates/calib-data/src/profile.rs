@@ -29,6 +29,9 @@ pub struct Profile {
     /// Whether the files have no times, and rows are counted instead. Default: false.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub without_times: bool,
+    /// How columns are read otherwise than each by itself, such as times that are joined from several, in sentences. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub read_as: Vec<String>,
     /// Numbers that probably stand for a missing value, and are none of `data.missing_values`. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sentinels: Vec<Sentinel>,
@@ -95,6 +98,9 @@ pub struct Profile {
 pub struct ContradictionsFound {
     /// How many differ from the one that is kept.
     pub count: u64,
+    /// How many of them are of the channel that has most. Default: 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub most_of_channel: u64,
     /// Some of them, in words.
     pub examples: Vec<String>,
     /// Why, if that can be told. Default: unknown.
@@ -102,7 +108,19 @@ pub struct ContradictionsFound {
     pub cause: Option<ContradictionCause>,
 }
 
+/// Up to this share of the rows, values that differ at the same time are no reason to do without a log, as where a clock was set
+/// back or recordings overlap: `calib init` keeps the first. More are a log that is read wrongly. Our choice.
+pub const FEW_CONTRADICT: f64 = 0.01;
+
 impl ContradictionsFound {
+    /// Whether `calib init` makes a study of a log of so many rows all the same.
+    pub fn are_few(&self, rows: u64) -> bool {
+        let is_of_plants = matches!(self.cause, Some(ContradictionCause::Column { .. }));
+        self.count > 0
+            && !is_of_plants
+            && self.most_of_channel as f64 <= FEW_CONTRADICT * rows as f64
+    }
+
     fn is_none(&self) -> bool {
         self.count == 0
     }
@@ -353,7 +371,7 @@ impl Profile {
         /// 1990-01-01, before plants logged to Parquet.
         const EARLY: Timestamp = Timestamp::from_micros(631_152_000_000_000);
         let steps = self.rows.saturating_sub(1);
-        let mut doubts = Vec::new();
+        let mut doubts = self.read_as.clone();
         for (contradict, longer, effect) in [
             (self.gaps.count, "longer", "there is no transition across them"),
             (self.short_steps, "shorter", "they count as whole samples"),
@@ -389,9 +407,10 @@ impl Profile {
         let told: Vec<String> = self.sentinels.iter().map(Sentinel::told).collect();
         (!told.is_empty()).then(|| {
             format!(
-                "{}: if that stands for a missing value, as loggers write it, set data.missing_values = [{}]",
+                "{}: if that stands for a missing value, as loggers write it, set data.missing_values = [{}] (on the command line, --set data.missing_values=[{}])",
                 told.join("; "),
-                values.join(", ")
+                values.join(", "),
+                values.join(",")
             )
         })
     }

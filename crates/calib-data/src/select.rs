@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Normalisation, PreprocessConfig,
-    channel::{Moments, quantile},
+    channel::{Moments, is_same, quantile},
 };
 
 /// Why a channel is not a sensor of the states.
@@ -104,7 +104,7 @@ pub(crate) fn fit(
         let limit = preprocess.max_missing;
         return Err(DropReason::Missing { fraction, limit });
     }
-    if moments.min == moments.max {
+    if is_same(moments.min, moments.max) {
         return Err(DropReason::Constant { value: moments.min });
     }
     let (offset, scale) = match preprocess.normalise {
@@ -177,6 +177,8 @@ mod tests {
         let reason = |values: &[f64]| fitted(values, 0..4, &preprocess).expect_err("dropped");
         assert_eq!(reason(&[2.0, NAN, 2.0, 2.0, 5.0]), DropReason::Constant { value: 2.0 });
         assert_eq!(reason(&[NAN, NAN, NAN, NAN, 5.0]), DropReason::AllMissing);
+        let noise = reason(&[0.05, 0.050_000_000_000_000_01, 0.05, 0.05]);
+        assert_eq!(noise, DropReason::Constant { value: 0.05 }, "as a controller writes 0.05");
         let missing = reason(&[1.0, NAN, NAN, 2.0]);
         assert_eq!(
             missing.to_string(),

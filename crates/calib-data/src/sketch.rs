@@ -6,17 +6,15 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    BadRowsFound, BridgedStops, ContradictionCause, Contradictions, DataConfig, DataError,
+    BadRowsFound, BridgedStops, Contradictions, ContradictionsFound, DataConfig, DataError,
     Sentinel, Shape,
-    channel::{Moments, Movement},
+    channel::{Moments, Movement, is_same},
     log::{Batch, ChannelValues, Log, SHOWN, Seldom},
     outliers::Fences,
     sentinels::{Extremes, sentinels},
     survey::told,
 };
 
-/// Up to this share of the rows, contradictions are no reason to refuse a log.
-const FEW: f64 = 0.01;
 /// Bins at most that a log is cut into.
 const BINS: usize = 64;
 /// Values at most of a channel that are kept for comparisons with others; fewer where there are very many channels.
@@ -35,6 +33,8 @@ pub struct Sketch {
     pub shape: Shape,
     /// Whether rows have no times but their numbers.
     pub without_times: bool,
+    /// How columns are read otherwise than each by itself, in sentences.
+    pub read_as: Vec<String>,
     /// Number of files.
     pub files: usize,
     /// Lines of text files that were left out.
@@ -126,21 +126,21 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         channels.extend(sketched.collect::<Vec<_>>());
     }
     let count: u64 = channels.iter().map(|of: &ChannelSketch| of.contradicting).sum();
-    if count > 0
-        && log.keeps() == Contradictions::Refuse
-        && let Some(cause) = log.cause_of_contradictions(monitor)?
-    {
-        let most = channels.iter().map(|of| of.contradicting).max().unwrap_or(0);
+    if count > 0 && log.keeps() == Contradictions::Refuse {
+        let most_of_channel = channels.iter().map(|of| of.contradicting).max().unwrap_or(0);
+        let cause = log.cause_of_contradictions(monitor)?;
+        let found = ContradictionsFound { count, most_of_channel, examples, cause };
         // Exports that overlap may differ in a few rows.
-        let is_of_all = most as f64 > FEW * rows as f64;
-        if is_of_all || matches!(cause, ContradictionCause::Column { .. }) {
-            return Err(DataError::Contradictions { count, examples, cause: Some(cause) });
+        if !found.are_few(rows as u64) {
+            let ContradictionsFound { count, examples, cause, .. } = found;
+            return Err(DataError::Contradictions { count, examples, cause });
         }
     }
     let names = channels.iter().map(|of| of.name.as_str());
     let ends: Vec<(&str, &Extremes)> = names.zip(&extremes).collect();
     Ok(Sketch {
         without_times: log.without_times,
+        read_as: log.read_as,
         files: log.files.len(),
         bad_rows: log.bad_rows,
         shape: log.shape,
@@ -280,7 +280,7 @@ fn present(values: &[f64]) -> f64 {
 }
 
 fn moves(values: &[f64]) -> bool {
-    Moments::of(values).is_some_and(|of| of.min < of.max)
+    Moments::of(values).is_some_and(|of| !is_same(of.min, of.max))
 }
 
 /// How a channel changes from one value to the next.
@@ -306,7 +306,8 @@ impl Changes {
         for stretch in stretches {
             let there = values[stretch.clone()].iter().copied().filter(|value| !value.is_nan());
             let there: Vec<f64> = there.collect();
-            changes.extend(there.windows(2).map(|pair| pair[1] - pair[0]).filter(|of| *of != 0.0));
+            let moves = there.windows(2).filter(|pair| !is_same(pair[0], pair[1]));
+            changes.extend(moves.map(|pair| pair[1] - pair[0]));
         }
         if changes.is_empty() {
             return Self { rises: 0.0, even: 0.0, restarts: false, wraps: false };

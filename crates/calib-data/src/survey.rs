@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use crate::{
     BridgedStops, ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason, FarOut,
     Fences, PartProfile, PreprocessConfig, Profile, ValueProfile,
-    channel::{Moments, Movement},
+    channel::{Moments, Movement, is_same},
     describe::describe_rows,
     impute::{clean, impute},
     log::{
@@ -167,6 +167,8 @@ struct Scanned {
 #[derive(Default)]
 struct Found {
     count: u64,
+    /// Of one channel at most.
+    most: u64,
     /// By channel.
     first: BTreeMap<usize, Vec<Contradiction>>,
 }
@@ -185,7 +187,7 @@ impl Found {
         };
         let examples = self.first.into_iter().flat_map(told).take(SHOWN).collect();
         let cause = if self.count > 0 { log.cause_of_contradictions(monitor)? } else { None };
-        Ok(ContradictionsFound { count: self.count, examples, cause })
+        Ok(ContradictionsFound { count: self.count, most_of_channel: self.most, examples, cause })
     }
 }
 
@@ -270,6 +272,7 @@ impl Scan<'_> {
         if channel.contradictions.count > 0 {
             let mut found = self.contradictions.lock().unwrap_or_else(PoisonError::into_inner);
             found.count += channel.contradictions.count;
+            found.most = found.most.max(channel.contradictions.count);
             found.first.insert(index, channel.contradictions.first.clone());
         }
         let has_words = !channel.not_numbers.words.is_empty();
@@ -355,7 +358,7 @@ impl Scan<'_> {
                 max: moments.max,
                 mean: moments.mean,
                 std: moments.std(),
-                constant: moments.min == moments.max,
+                constant: is_same(moments.min, moments.max),
                 longest_stuck_secs: movement.longest_stuck as f64 / 1e6,
                 smallest_change: movement.smallest_change,
                 unchanged: movement.unchanged,
@@ -441,7 +444,7 @@ struct Looked {
 /// Count what lies further from the training range than it is wide.
 fn note_held_out(values: &[f64], train: Moments, found: &mut FarOut) {
     let width = train.max - train.min;
-    if width <= 0.0 {
+    if is_same(train.min, train.max) {
         return;
     }
     for &value in values {

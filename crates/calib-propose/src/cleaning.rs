@@ -1,4 +1,4 @@
-use calib_data::{Shape, Sketch};
+use calib_data::{ChannelSketch, FEW_CONTRADICT, Shape, Sketch};
 
 use crate::Scope;
 
@@ -6,8 +6,8 @@ use crate::Scope;
 const MOST_FILLED: usize = 120;
 /// What `preprocess.fill_limit` is where nothing speaks for more.
 const LEAST_FILLED: usize = 10;
-/// Rows of the same time that contradict each other are resolved up to this share of all rows.
-const CONTRADICTED: f64 = 0.01;
+/// Channels that are named.
+const NAMED: usize = 3;
 /// Channels with a value in fewer rows than this are on clocks of their own.
 const SPARSE: f64 = 0.5;
 
@@ -74,16 +74,21 @@ impl Cleaning {
     }
 }
 
-/// A few rows of the same time that say different things, as where a clock was set back, are no reason to have no study; many are a log
+/// A few rows of the same time that say different things, as where a clock was set back or recordings overlap, are no reason to have no study; many are a log
 /// that is read wrongly, and stay refused.
 fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<(&'static str, String)> {
-    let found = scope.channels.iter().map(|&channel| sketch.channels[channel].contradicting);
-    let most = found.max().filter(|most| *most > 0)?;
+    let found = scope.channels.iter().map(|&channel| &sketch.channels[channel]);
+    let mut found: Vec<&ChannelSketch> = found.filter(|of| of.contradicting > 0).collect();
+    found.sort_by_key(|of| std::cmp::Reverse(of.contradicting));
+    let most = found.first()?.contradicting;
+    let more = if found.len() > NAMED { " …" } else { "" };
+    let names: Vec<&str> = found.iter().take(NAMED).map(|of| of.name.as_str()).collect();
+    let names = names.join(", ");
     let share = most as f64 / sketch.timestamps.len().max(1) as f64;
-    (share <= CONTRADICTED).then(|| {
+    (share <= FEW_CONTRADICT).then(|| {
         let percent = 100.0 * share;
         let why = format!(
-            "{most} rows contradict another of the same time ({percent:.2} %), as where a clock was set back"
+            "{most} rows contradict another of the same time ({percent:.2} %) in {names}{more}, as where a clock was set back or recordings overlap"
         );
         ("first", why)
     })
@@ -102,10 +107,9 @@ impl Clock {
     /// `None` where rows have values of most channels. Else the median of how often channels were recorded, rounded to what people
     /// call a period, and ten times the slowest of them as the age at which a value is forgotten.
     pub fn of(sketch: &Sketch) -> Option<Self> {
-        let share = |of: &calib_data::ChannelSketch| {
-            of.present.iter().sum::<f64>() / of.present.len().max(1) as f64
-        };
-        let alive: Vec<&calib_data::ChannelSketch> =
+        let share =
+            |of: &ChannelSketch| of.present.iter().sum::<f64>() / of.present.len().max(1) as f64;
+        let alive: Vec<&ChannelSketch> =
             sketch.channels.iter().filter(|of| share(of) > 0.0).collect();
         let sparse = alive.iter().filter(|of| share(of) < SPARSE).count();
         if alive.len() < 2 || 2 * sparse <= alive.len() {
@@ -166,7 +170,10 @@ mod tests {
         log.channels[1].contradicting = 10;
         let (keep, why) = found(&log).expect("a percent");
         assert_eq!(keep, "first");
-        assert!(why.starts_with("10 rows contradict another of the same time (1.00 %)"), "{why}");
+        assert!(
+            why.starts_with("10 rows contradict another of the same time (1.00 %) in B,"),
+            "{why}"
+        );
         log.channels[0].contradicting = 11;
         assert_eq!(found(&log), None, "as many are a table that is read wrongly");
     }

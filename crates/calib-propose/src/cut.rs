@@ -6,7 +6,7 @@ use calib_data::{Sketch, format_time};
 use crate::{ProposeError, Scope};
 
 /// The share of the rows that is held out: enough for several windows, and two thirds are left to learn from.
-const HELD_OUT: f64 = 1.0 / 3.0;
+pub const HELD_OUT: f64 = 1.0 / 3.0;
 /// How far from there, in shares of the rows, a better place for the cut may be.
 const NEARBY: f64 = 0.08;
 /// A gap of so many periods is a place to cut.

@@ -1,4 +1,4 @@
-use std::{collections::HashSet, fmt::Write as _};
+use std::{collections::HashSet, fmt::Write as _, ops::Range};
 
 use calib_data::{Sentinel, Sketch, entry_of};
 
@@ -13,6 +13,8 @@ use crate::{
 const ROLLOUT_STEPS: usize = 3_000;
 /// Values of a predicted sensor are carried over this share of the horizon at most.
 const FILLED: f64 = 0.2;
+/// `preprocess.max_missing` is 0.1 by default, and the share that is missing is known roughly.
+const NEARLY_TOO_MUCH: f64 = 0.08;
 /// Sensors that are named in a comment.
 const NAMED: usize = 12;
 /// The column in which comments begin, where there is room.
@@ -45,6 +47,8 @@ pub struct Draft<'a> {
     pub size: &'a Size,
     /// Why this agent.
     pub agent_reason: &'a str,
+    /// Which simple predictor agents start from, in words; empty where that is not known yet.
+    pub baseline: &'a str,
     /// What is said of the size.
     pub size_reason: &'a str,
     /// What was not chosen here.
@@ -157,6 +161,9 @@ impl Draft<'_> {
         text.section("preprocess");
         text.key("missing", "\"forward_fill\"", "values stand until the next");
         text.key("fill_limit", &limit.to_string(), &why);
+        if let Some((limit, why)) = self.max_missing() {
+            text.key("max_missing", &number(limit), &why);
+        }
         let spikes: u64 =
             self.scope.channels.iter().map(|&channel| self.sketch.channels[channel].spikes).sum();
         if spikes > 0 {
@@ -164,6 +171,31 @@ impl Draft<'_> {
             text.key("outliers", "\"missing\"", &why);
         }
         text.key("subsample", &self.spacing.0.to_string(), self.spacing.1);
+    }
+
+    /// What may be missing, where a predicted sensor misses more of the training range than it may by default: its channel would
+    /// be dropped, and no study could be made.
+    fn max_missing(&self) -> Option<(f64, String)> {
+        let Self { sketch, cut, .. } = self;
+        let start = sketch.timestamps.partition_point(|time| *time < cut.train[0]);
+        let train = start..start + cut.rows[0];
+        let missing = |channel: usize| {
+            let bins = sketch.bins.iter().zip(&sketch.channels[channel].present);
+            let of_bin = |(bin, present): (&Range<usize>, &f64)| {
+                let inside = bin.start.max(train.start)..bin.end.min(train.end);
+                inside.len() as f64 * (1.0 - present)
+            };
+            bins.map(of_bin).sum::<f64>() / train.len().max(1) as f64
+        };
+        let predicted = self.sensors.proposed.iter().take(self.size.sensors);
+        let all = predicted.map(|&channel| (missing(channel), channel));
+        let (share, channel) = all.max_by(|one, other| one.0.total_cmp(&other.0))?;
+        (share > NEARLY_TOO_MUCH).then(|| {
+            // Spikes become missing as well, and parts of the log are known in shares.
+            let limit = ((share + 0.03) * 20.0).ceil().min(20.0) / 20.0;
+            let name = &sketch.channels[channel].name;
+            (limit, format!("{name} misses {:.0} % of the training range", 100.0 * share))
+        })
     }
 
     /// How far values are carried; those of a sensor that is predicted only over a small part of the horizon, because the agent would predict
@@ -201,10 +233,15 @@ impl Draft<'_> {
                 text.key("batch_size", "32", "");
             }
         }
+        let best = if self.baseline.is_empty() {
+            String::new()
+        } else {
+            format!(", here {}", self.baseline)
+        };
         text.key(
             "baseline",
             "\"best\"",
-            "the agent starts from the best simple predictor and adds what it learns; \"none\" starts from nothing",
+            &format!("the agent starts from the best simple predictor{best} and adds what it learns; \"none\" starts from nothing"),
         );
         text.key(
             "gamma",
@@ -254,9 +291,11 @@ impl Draft<'_> {
             let shown = others.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ");
             text.comment(&format!("could be as well: {shown}{more}"));
         }
-        let windows = (self.held_out_states() / size.steps.max(1)).clamp(1, 8);
-        let fit = match windows {
+        let fit = match size.windows(self.held_out_states()) {
             1 => "one window of the held-out period".to_owned(),
+            few @ 2..=3 => format!(
+                "{few} windows fit beside each other in the held-out period: hardly any difference can be shown with so few"
+            ),
             many => format!("{many} windows fit beside each other in the held-out period"),
         };
         text.comment(self.size_reason);
@@ -360,6 +399,7 @@ mod tests {
             sensors: &sensors,
             size: &size,
             agent_reason: "tried",
+            baseline: "ridge regression for B",
             asked: Asked::default(),
             size_reason: "sized to end within 10 min",
         };
@@ -371,9 +411,46 @@ mod tests {
         assert_eq!(read["preprocess"]["subsample"].as_integer(), Some(2));
         assert!(text.contains("# a total: it moves one way only"), "{text}");
         assert!(text.contains("# because"), "{text}");
+        assert!(text.contains("suits the sensor best, here ridge regression for B; "), "{text}");
         for line in text.lines().filter(|line| line.contains(" = ")) {
             assert!(!line.ends_with("# "), "{line}");
         }
+    }
+
+    #[test]
+    fn a_sensor_that_misses_much_of_the_training_range_is_kept() {
+        let hole: crate::testing::Channel = Box::new(|row| {
+            let value = (std::f64::consts::TAU * row as f64 / 40.0).sin();
+            if (1_000..2_000).contains(&row) { f64::NAN } else { value }
+        });
+        let log = sketch(12_000, &[("A", hole), ("B", wave(70.0))]);
+        let scope = Scope::of(&log).expect("channels");
+        let cut = Cut::of(&log, &scope).expect("rows");
+        let size = Size::trial(ProposedAgent::Linear, 1_000, 1);
+        let text = |sensor: usize| {
+            let sensors = Sensors { proposed: vec![sensor], others: Vec::new() };
+            Draft {
+                sketch: &log,
+                path: "logs",
+                cleaning: &Cleaning::of(&log, &scope),
+                missing_values: &[],
+                clock: None,
+                spacing: (1, "because"),
+                horizon: horizon(&log, &sensors.proposed, 1, 1_000),
+                scope: &scope,
+                cut: &cut,
+                sensors: &sensors,
+                size: &size,
+                agent_reason: "tried",
+                baseline: "ridge regression for B",
+                asked: Asked::default(),
+                size_reason: "sized",
+            }
+            .text()
+        };
+        assert!(text(0).contains("max_missing = 0.2 "), "{}", text(0));
+        assert!(text(0).contains("A misses 12 % of the training range"), "{}", text(0));
+        assert!(!text(1).contains("max_missing"), "the default will do for B");
     }
 
     #[test]

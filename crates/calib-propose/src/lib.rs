@@ -4,7 +4,7 @@
 //! - [`Scope`]: which part of the log, and which channels of it.
 //! - [`Cut`]: the training range and what is held out, by rows.
 //! - [`Cleaning`]: what counts as a gap, and how far values are carried.
-//! - [`spacings`]: from one state to the next; trial models decide among them.
+//! - [`spacing_by_log`]: from one state to the next; [`spacings`] are those among which trial models decide where these choose.
 //! - [`Sensors`]: which to predict.
 //! - [`horizon`]: how far ahead.
 //! - [`choose_agent`]: what learns, by what was tried.
@@ -37,7 +37,7 @@ mod written;
 
 pub use agent::{ProposedAgent, Trial, choose_agent};
 pub use cleaning::{Cleaning, Clock};
-pub use cut::Cut;
+pub use cut::{Cut, HELD_OUT};
 pub use draft::{Asked, Draft};
 pub use error::ProposeError;
 pub use given::with_given;
@@ -45,7 +45,7 @@ pub use horizon::{Horizon, horizon};
 pub use scope::{LeftOut, Scope, Why};
 pub use sensors::Sensors;
 pub use size::{Costs, Size};
-pub use spacing::{SPACINGS, spacings};
+pub use spacing::{SPACINGS, spacing_by_log, spacings};
 
 #[cfg(test)]
 mod testing;

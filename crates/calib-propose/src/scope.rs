@@ -1,6 +1,6 @@
 use std::{fmt, ops::Range};
 
-use calib_data::{ChannelSketch, Sketch};
+use calib_data::{ChannelSketch, Sketch, is_same};
 
 use crate::{ProposeError, cut::LEAST};
 
@@ -160,7 +160,7 @@ fn nothing(sketch: &Sketch) -> ProposeError {
 /// Why a channel is of no use anywhere.
 fn unusable(of: &ChannelSketch) -> Option<Why> {
     let Some([low, high]) = of.range else { return Some(Why::Empty) };
-    if low == high {
+    if is_same(low, high) {
         return Some(Why::Constant);
     }
     if of.wraps {

@@ -12,8 +12,10 @@ const COMPARED_STEPS: usize = 2_000;
 const SMALLER: f64 = 0.6;
 /// Held-out windows that should fit beside each other, with the ends of each that have no whole return.
 const WINDOWS: f64 = 4.5;
-/// Half as many will do for runs that would be shorter than this.
-const ENOUGH_STEPS: f64 = 1_500.0;
+/// Windows that a held-out period has where four would be too short.
+const FEW_WINDOWS: f64 = 2.25;
+/// Effective horizons that a window has at least where there are four of them: docs/how-much-log.md has why.
+const LEAST_HORIZONS: f64 = 50.0;
 /// Steps of a run at least.
 pub(crate) const LEAST_STEPS: usize = 200;
 
@@ -48,11 +50,26 @@ pub struct Costs {
 }
 
 impl Size {
-    /// Steps of a run at most, so that several windows fit in what is held out: four, or two of a short log.
-    pub fn most_steps(held_out_states: usize) -> usize {
+    /// Steps of a run at most, so that four windows fit in what is held out; two where a window of four would have fewer than
+    /// fifty horizons of so many states.
+    pub fn most_steps(held_out_states: usize, horizon_states: f64) -> usize {
         let states = held_out_states as f64;
-        let steps = (states / WINDOWS).max((2.0 * states / WINDOWS).min(ENOUGH_STEPS)) as usize;
-        steps.max(LEAST_STEPS.min(held_out_states.saturating_sub(2)))
+        let of_four = states / WINDOWS;
+        let has_four = of_four >= (LEAST_HORIZONS * horizon_states).max(LEAST_STEPS as f64);
+        let steps = if has_four { of_four } else { states / FEW_WINDOWS };
+        (steps as usize).max(LEAST_STEPS.min(held_out_states.saturating_sub(2)))
+    }
+
+    /// Held-out states that four windows of fifty such horizons take.
+    pub fn states_of_four_windows(horizon_states: f64) -> f64 {
+        WINDOWS * (LEAST_HORIZONS * horizon_states).max(LEAST_STEPS as f64)
+    }
+
+    /// The longest horizon, in states, of which four windows of so many held-out states have fifty each; none where even windows of
+    /// the shortest runs do not fit.
+    pub fn longest_horizon_of_four_windows(held_out_states: usize) -> Option<f64> {
+        let steps = held_out_states as f64 / WINDOWS;
+        (steps >= LEAST_STEPS as f64).then_some(steps / LEAST_HORIZONS)
     }
 
     /// What the costs are measured with: small, and all of its kind.
@@ -178,6 +195,11 @@ impl Size {
         self.learning_rates().len()
     }
 
+    /// How many windows of its runs fit beside each other in so many held-out states.
+    pub fn windows(&self, held_out_states: usize) -> usize {
+        (held_out_states / self.steps.max(1)).clamp(1, 8)
+    }
+
     /// Steps of all agents.
     pub fn agent_steps(&self) -> f64 {
         let runs = self.online_runs + MEMBERS * self.member_runs + self.log_replay_runs;
@@ -212,8 +234,19 @@ mod tests {
 
     #[test]
     fn several_windows_fit() {
-        let steps = [100, 1_000, 5_000, 15_000].map(Size::most_steps);
-        assert_eq!(steps, [98, 444, 1_500, 3_333]);
+        let steps =
+            |horizon: f64| [100, 1_000, 5_000, 15_000].map(|of| Size::most_steps(of, horizon));
+        assert_eq!(
+            steps(5.0),
+            [98, 444, 1_111, 3_333],
+            "four wherever a window has fifty horizons"
+        );
+        assert_eq!(steps(4.0), [98, 222, 1_111, 3_333]);
+        assert_eq!(
+            steps(30.0),
+            [98, 444, 2_222, 3_333],
+            "two, because four would have 37 horizons"
+        );
     }
 
     #[test]

@@ -1,11 +1,13 @@
 use calib_data::Sketch;
 
-use crate::Scope;
+use crate::{Scope, Size};
 
 /// Rows of the log from one state to the next that are tried.
 pub const SPACINGS: [usize; 11] = [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 200];
 /// Neighbouring states that are more alike than this, for most of the fastest channels, hardly tell anything apart.
 const ALIKE: f64 = 0.98;
+/// States that a horizon has at least, if the log is as dense as that.
+const LEAST_AHEAD: f64 = 5.0;
 /// States of the training range that are wanted at least.
 const LEAST_STATES: usize = 1_000;
 
@@ -19,6 +21,35 @@ pub fn spacings(sketch: &Sketch, scope: &Scope, train_rows: usize) -> Vec<usize>
     let from = first.unwrap_or(1).min(most);
     let worth: Vec<usize> = SPACINGS.into_iter().filter(|of| (from..=most).contains(of)).collect();
     if worth.is_empty() { vec![from] } else { worth }
+}
+
+/// The spacing of a study that no model decides, and why, in words: the first of [`spacings`], or a nearer one so that four
+/// windows fit in what is held out, and a horizon that was asked for is several states long. `rows` are those of the training
+/// range and of what is held out.
+pub fn spacing_by_log(
+    sketch: &Sketch,
+    scope: &Scope,
+    rows: [usize; 2],
+    horizon_secs: Option<f64>,
+) -> (usize, &'static str) {
+    let first = spacings(sketch, scope, rows[0])[0];
+    let ahead =
+        horizon_secs.map_or(usize::MAX, |secs| (secs / sketch.period_secs / LEAST_AHEAD) as usize);
+    let windows = rows[1] / Size::states_of_four_windows(LEAST_AHEAD) as usize;
+    let most = ahead.min(windows).max(1);
+    let nearer = SPACINGS.into_iter().filter(|of| *of <= most.min(first)).max().unwrap_or(1);
+    let why = if nearer < first && ahead <= windows {
+        "further apart, --horizon would be fewer than five states"
+    } else if nearer < first {
+        "further apart, four windows would not fit in the held-out period"
+    } else if first == 1 {
+        "as the log was recorded"
+    } else if quartile(sketch, scope, first) <= ALIKE {
+        "the first distance at which the fastest quarter of the channels has changed"
+    } else {
+        "as far as the training range allows: most channels are slow"
+    };
+    (nearer, why)
 }
 
 /// The lower quartile over channels of the autocorrelation at a distance.
@@ -56,5 +87,19 @@ mod tests {
         let log = sketch(20_000, &[("A", wave(10.0))]);
         let scope = Scope::of(&log).expect("a channel");
         assert_eq!(spacings(&log, &scope, 20_000), [1, 2, 3, 5, 10, 15, 20]);
+    }
+
+    #[test]
+    fn a_horizon_that_was_asked_for_is_several_states_long() {
+        let log = sketch(20_000, &[("A", wave(100.0))]);
+        let scope = Scope::of(&log).expect("a channel");
+        let spacing =
+            |horizon: Option<f64>| spacing_by_log(&log, &scope, [13_000, 7_000], horizon).0;
+        assert_eq!(spacing(None), 5, "by autocorrelation");
+        assert_eq!(spacing(Some(3_600.0)), 5, "twelve states of five minutes");
+        assert_eq!(spacing(Some(900.0)), 3, "five states of three minutes");
+        assert_eq!(spacing(Some(60.0)), 1, "as near as the log has rows");
+        let few = spacing_by_log(&log, &scope, [13_000, 3_000], None);
+        assert_eq!(few, (2, "further apart, four windows would not fit in the held-out period"));
     }
 }

@@ -21,6 +21,7 @@ pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
         shape: Shape::Wide,
         utc: false,
         without_times: false,
+        read_as: Vec::new(),
         files: 1,
         bad_rows: calib_data::BadRowsFound::default(),
         sentinels: Vec::new(),

@@ -29,6 +29,7 @@ pub(crate) struct Written {
 impl Written {
     /// The file that `request` names.
     pub(crate) fn read(request: Request) -> Result<Self, StudyError> {
+        refuse_log(&request.study)?;
         let text = text_of(&request.study)?;
         Self::of_text(request, text)
     }
@@ -157,6 +158,21 @@ impl Written {
             given => format!("{} with {}", study.display(), given.join(" ")),
         }
     }
+}
+
+/// Refuse a log in the place of a study.
+fn refuse_log(path: &Path) -> Result<(), StudyError> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let name = [".gz", ".zst"].iter().find_map(|packed| name.strip_suffix(packed)).unwrap_or(&name);
+    let is_log = [".csv", ".tsv", ".txt", ".parquet", ".xlsx"].iter().any(|of| name.ends_with(of));
+    if is_log || path.is_dir() {
+        let path = path.display().to_string();
+        let command = crate::shell_words(["calib".to_owned(), "init".to_owned(), path.clone()]);
+        let message =
+            format!("this is a log, and a study is expected, a TOML file: `{command}` writes one");
+        return Err(StudyError::Given { study: path, message });
+    }
+    Ok(())
 }
 
 /// What stands in a file.

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::{Environment, EnvironmentId, Span, SweepError};
 
 /// Version of how predictors are fitted. It is raised when the same log gives other coefficients.
-const FIT_VERSION: u8 = 1;
+const FIT_VERSION: u8 = 2;
 
 /// Less of the log than this share is too little to fit on: then all of it counts, also what a run replays.
 const LEAST_SHARE: f64 = 0.2;
@@ -140,26 +140,18 @@ impl<'a> Baselines<'a> {
         named.collect()
     }
 
-    /// The simple predictor that [`SimplePredictor::Best`] is for each of these sensors.
+    /// The best simple predictor of each sensor, fitted on all of the log, as an agent with `baseline = "best"` starts from it
+    /// when it is deployed; sensors come with their column of the states. Those with too few rows to tell have none.
     pub fn best(
         &self,
         sensors: &[(String, usize)],
         gamma: f64,
-        rows: &FittingRows,
     ) -> BTreeMap<String, SimplePredictor> {
-        let agent = AgentConfig { gamma, ..AgentConfig::default() };
-        let mut best = BTreeMap::new();
-        for (sensor, column) in sensors {
-            let chosen = self.fitted(&[(SimplePredictor::Best, *column)], &agent, rows);
-            let wanted: Vec<Wanted> =
-                SimplePredictor::ALL.into_iter().map(|predictor| (predictor, *column)).collect();
-            let all = self.fitted(&wanted, &agent, rows);
-            let alike = wanted.iter().zip(&all).find(|(_, fitted)| **fitted == chosen[0]);
-            if let Some(((predictor, _), _)) = alike {
-                best.insert(sensor.clone(), *predictor);
-            }
-        }
-        best
+        let stream = RowStream::replay(self.log.states().clone(), self.log.segments());
+        let fitter = Fitter::new(&stream, gamma, &[]);
+        let best =
+            |(sensor, column): &(String, usize)| Some((sensor.clone(), fitter.best_of(*column)?));
+        sensors.iter().filter_map(best).collect()
     }
 
     /// What agents start from at each state of a run's stream, for each of these agents and the column that it predicts; none

@@ -50,24 +50,20 @@ pub(super) fn fit(
         weights.resize(size, 0.0);
         Some(weights)
     };
-    let error = |order: usize| -> Option<f64> {
-        let mut total = 0.0;
-        for split in folds.splits() {
-            let weights = padded(&split.fitted, order)?;
-            let judged = Target::sum(&targets, &split.judged);
-            total += judged.squared_error(&sum(&second, &split.judged), &weights);
-        }
-        total.is_finite().then_some(total)
+    let errors_of = |order: usize| -> Option<(f64, Vec<f64>)> {
+        let errors = folds.cross_errors(&second, &targets, |parts| padded(parts, order))?;
+        Some((errors.iter().sum(), errors))
     };
     let orders = ORDERS.into_iter().filter(|order| order * ROWS_EACH <= folds.rows.len());
-    let errors = orders.filter_map(|order| Some((order, error(order)?)));
-    let best = errors.reduce(|best, other| if other.1 < best.1 { other } else { best })?.0;
+    let errors = orders.filter_map(|order| Some((order, errors_of(order)?)));
+    let (best, (_, cross_errors)) =
+        errors.reduce(|best, other| if other.1.0 < best.1.0 { other } else { best })?;
     let weights = solve(&folds.all(), best)?;
     let lags = weights[1..].to_vec();
     let bias = weights[0] - center * lags.iter().sum::<f64>();
     let predictor = FittedPredictor::Autoregression { column, lags, bias };
     let squared_error = Folds::error_ahead(&second, &targets, |parts| padded(parts, best));
-    Some(Judged { predictor, squared_error })
+    Some(Judged { predictor, squared_error, cross_errors })
 }
 
 /// The first rows and columns, with a little on the diagonal.

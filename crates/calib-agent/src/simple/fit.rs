@@ -30,11 +30,17 @@ pub struct Fitter<'a> {
     ahead: OnceCell<Vec<Square>>,
 }
 
+/// This share of the best predictor's mean squared error over folds is added to the error of each fold before their logarithms
+/// are compared. Our choice.
+const RESTING: f64 = 0.01;
+
 /// A predictor that was fitted on all rows.
 pub(super) struct Judged {
     pub(super) predictor: FittedPredictor,
     /// Summed over later folds, each predicted by what earlier ones fit; infinite where one of them fits nothing.
     pub(super) squared_error: f64,
+    /// In each fold, predicted by what the others fit.
+    pub(super) cross_errors: Vec<f64>,
 }
 
 /// What is chosen between by cross-validation.
@@ -91,14 +97,41 @@ impl<'a> Fitter<'a> {
         fitted.map_or(constant, |fitted| fitted.predictor)
     }
 
-    /// The simplest of those that are within a hundredth of the least error on what came later.
+    /// The simplest of those that are within a hundredth of the least error of the cross-validation, as a geometric mean over its
+    /// folds: one fold in which all err a lot must not decide alone. By later folds alone, what was
+    /// fitted on the first days of a log would count, and a plant that was run otherwise then would make persistence the best: it is
+    /// not fitted.
     fn best(&self, column: usize, returns: &[f64], constant: FittedPredictor) -> FittedPredictor {
-        let judged = self.all_judged(column, returns);
-        let least = judged.iter().map(|judged| judged.squared_error).fold(f64::INFINITY, f64::min);
+        self.best_judged(column, returns).map_or(constant, |(_, judged)| judged.predictor)
+    }
+
+    /// Which predictor is the best of a column; none where there are too few rows to tell.
+    pub fn best_of(&self, column: usize) -> Option<SimplePredictor> {
+        if self.folds.rows.len() < FEW_ROWS {
+            return None;
+        }
+        let returns = discounted_returns(&self.stream, column, self.gamma);
+        self.best_judged(column, &returns).map(|(best, _)| best)
+    }
+
+    fn best_judged(&self, column: usize, returns: &[f64]) -> Option<(SimplePredictor, Judged)> {
+        let judged: Vec<(SimplePredictor, Judged)> = SimplePredictor::ALL
+            .into_iter()
+            .filter_map(|predictor| Some((predictor, self.judged(predictor, column, returns)?)))
+            .collect();
+        let mean = |judged: &Judged| {
+            judged.cross_errors.iter().sum::<f64>() / judged.cross_errors.len().max(1) as f64
+        };
+        let least = judged.iter().map(|(_, judged)| mean(judged)).fold(f64::INFINITY, f64::min);
+        // A fold in which the sensor rests must not decide either.
+        let rest = RESTING * least + f64::MIN_POSITIVE;
+        let typical = |judged: &Judged| {
+            let errors = judged.cross_errors.iter().map(|error| (error.max(0.0) + rest).ln());
+            (errors.sum::<f64>() / judged.cross_errors.len().max(1) as f64).exp()
+        };
+        let least = judged.iter().map(|(_, judged)| typical(judged)).fold(f64::INFINITY, f64::min);
         // A hundredth of the root mean squared error.
-        let simplest =
-            judged.into_iter().find(|judged| judged.squared_error <= 1.01 * 1.01 * least);
-        simplest.map_or(constant, |judged| judged.predictor)
+        judged.into_iter().find(|(_, judged)| typical(judged) <= 1.01 * 1.01 * least)
     }
 
     /// All that can be judged on later folds, the simplest first.
@@ -146,7 +179,8 @@ impl<'a> Fitter<'a> {
                     returns[t] - f64::from(self.stream.state(t)[column]) / (1.0 - self.gamma)
                 };
                 let squared_error = self.folds.rows_ahead().map(|t| error(t).powi(2)).sum();
-                Some(Judged { predictor: self.persistence(column), squared_error })
+                let cross_errors = self.folds.errors_across(error);
+                Some(Judged { predictor: self.persistence(column), squared_error, cross_errors })
             }
             SimplePredictor::Line => self.line(Some(column), returns),
             SimplePredictor::Autoregression => {
@@ -191,7 +225,9 @@ impl<'a> Fitter<'a> {
             weights[column] = solved[1];
         }
         let squared_error = Folds::error_ahead(&second, &targets, solve);
-        Some(Judged { predictor: self.features.affine(&weights), squared_error })
+        let cross_errors = self.folds.cross_errors(&second, &targets, solve)?;
+        let predictor = self.features.affine(&weights);
+        Some(Judged { predictor, squared_error, cross_errors })
     }
 
     /// The linear predictor on all columns whose penalty has the least squared error over the folds.
@@ -228,21 +264,19 @@ impl<'a> Fitter<'a> {
             }
             matrix.solve(&right.products)
         };
-        let error = |penalty: f64| -> Option<f64> {
-            let mut total = 0.0;
-            for split in self.folds.splits() {
-                let weights = solve(&split.fitted, penalty)?;
-                let judged = Target::sum(&targets, &split.judged);
-                total += judged.squared_error(&sum(second, &split.judged), &weights);
-            }
-            total.is_finite().then_some(total)
+        let errors_of = |penalty: f64| -> Option<(f64, Vec<f64>)> {
+            let solved = |parts: &[usize]| solve(parts, penalty);
+            let errors = self.folds.cross_errors(second, &targets, solved)?;
+            Some((errors.iter().sum(), errors))
         };
-        let errors = PENALTIES.into_iter().filter_map(|penalty| Some((penalty, error(penalty)?)));
+        let errors =
+            PENALTIES.into_iter().filter_map(|penalty| Some((penalty, errors_of(penalty)?)));
         // The largest penalty of those that are alike.
-        let best = errors.reduce(|best, other| if other.1 < best.1 { other } else { best })?.0;
+        let (best, (_, cross_errors)) =
+            errors.reduce(|best, other| if other.1.0 < best.1.0 { other } else { best })?;
         let predictor = self.features.affine(&solve(&self.folds.all(), best)?);
         let squared_error = Folds::error_ahead(second, &targets, |parts| solve(parts, best));
-        Some(Judged { predictor, squared_error })
+        Some(Judged { predictor, squared_error, cross_errors })
     }
 
     fn second(&self) -> &[Square] {

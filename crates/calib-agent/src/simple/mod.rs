@@ -36,8 +36,8 @@ pub enum SimplePredictor {
     /// Penalised and chosen as ridge regression.
     #[serde(rename = "least_squares_td")]
     LeastSquaresTd,
-    /// The one of these that predicts later folds of the log best when it is fitted on the earlier ones, as it will be when
-    /// it is deployed; the simpler one of two that are within a hundredth of each other.
+    /// The one of these that predicts each fifth of the log best when it is fitted on the others, by the geometric mean of the errors;
+    /// the simpler one of two that are within a hundredth of each other.
     Best,
     /// All of them, weighted by how well each has predicted so far.
     Mixture,

@@ -157,6 +157,28 @@ impl Folds {
         total
     }
 
+    /// The squared error in each fold that others can predict, of what has this error at a step.
+    pub(super) fn errors_across(&self, error: impl Fn(usize) -> f64) -> Vec<f64> {
+        let of_part =
+            |&part: &usize| -> f64 { self.rows_of(part).iter().map(|&t| error(t).powi(2)).sum() };
+        self.splits().iter().map(|split| split.judged.iter().map(of_part).sum()).collect()
+    }
+
+    /// The squared error in each fold of what `solve` gives for the others; none if it gives nothing.
+    pub(super) fn cross_errors(
+        &self,
+        second: &[Square],
+        targets: &[Target],
+        solve: impl Fn(&[usize]) -> Option<Vec<f64>>,
+    ) -> Option<Vec<f64>> {
+        let error = |split: &Split| {
+            let judged = Target::sum(targets, &split.judged);
+            let error = judged.squared_error(&sum(second, &split.judged), &solve(&split.fitted)?);
+            error.is_finite().then_some(error)
+        };
+        self.splits().iter().map(error).collect()
+    }
+
     /// What is fitted on and what is judged by in each fold that has both.
     pub(super) fn splits(&self) -> Vec<Split> {
         let split = |fold: usize| {

@@ -123,6 +123,29 @@ fn the_best_is_what_predicts_what_comes_later() {
     assert_eq!(best_of(both, 3), Some(SimplePredictor::Ridge));
 }
 
+/// A pump that was tried out at two speeds before it ran as it does now: what the first recordings fit fails later, and what all
+/// of them fit does not.
+#[test]
+fn the_best_is_not_decided_by_the_first_recordings_alone() {
+    let mut rng = Seed::new(14).rng();
+    let rows = 5_000;
+    let mut values = Vec::with_capacity(2 * rows);
+    for t in 0..rows {
+        // The speed hardly moves in the first recordings, and noise has its place in the fit.
+        let speed = if t < 2 * rows / 5 {
+            rng.normal() * 0.01
+        } else {
+            f64::from(u8::from(t / 150 % 2 == 0)) * 3.0
+        };
+        values.extend([(speed + 0.8 * rng.normal()) as f32, speed as f32]);
+    }
+    let states = States::new(values, rows, 2).expect("valid");
+    let train = RowStream::replay(states, &Segments::from_lengths([rows]).expect("valid"));
+    let fitter = Fitter::new(&train, GAMMA, &[]);
+    assert_eq!(fitter.best_of(0), Some(SimplePredictor::Ridge));
+    assert_eq!(fitter.fit(SimplePredictor::Best, 0), fitter.fit(SimplePredictor::Ridge, 0));
+}
+
 #[test]
 fn a_mixture_does_nearly_as_well_as_the_best_of_what_it_mixes() {
     let train = stream(6000, 21);

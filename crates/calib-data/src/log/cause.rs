@@ -61,7 +61,7 @@ impl ContradictionCause {
                 values.first().map_or("", String::as_str)
             ),
             Some(Self::Files { prefixes }) => format!(
-                "They are in files with the same columns ({}): if each file is of a room or a machine, data.file_as_prefix = true names channels after both. \
+                "They are in files with the same columns ({}): if each file is of a room or a machine, data.file_as_prefix = true names channels after both (on the command line, --set data.file_as_prefix=true). \
                  If the files are exports of the same sensors, data.contradictions = \"first\" or \"last\" keeps one of the values",
                 named(prefixes)
             ),

@@ -192,7 +192,7 @@ impl Part {
         })? {
             stamps.push(stamp);
             for column in 0..width {
-                let cell = if column == time || records.is_clock(column) {
+                let cell = if column == time || records.is_beside(column) {
                     Cell::Missing
                 } else {
                     cell(&records, column, fractions, &mut seen)?

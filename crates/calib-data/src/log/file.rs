@@ -36,8 +36,8 @@ pub(crate) struct LogFile {
     pub(crate) bytes: u64,
     /// Whether calib wrote it as a result, not as a log.
     pub(crate) is_result: bool,
-    /// The column of times of day, where the column of times has only dates.
-    pub(crate) clock: Option<usize>,
+    /// Columns that are no channels: parts of times, and names of rows.
+    pub(crate) beside: Vec<usize>,
     content: Content,
 }
 
@@ -135,7 +135,7 @@ impl LogFile {
         let is_result =
             metadata.key_value_metadata.iter().flatten().any(|of| of.key == RESULTS_KEY);
         let content = Content::Parquet(Parquet { file, metadata, checked: Mutex::default() });
-        Ok(Self { source, fields, rows, bytes, is_result, clock: None, content })
+        Ok(Self { source, fields, rows, bytes, is_result, beside: Vec::new(), content })
     }
 
     /// A text file that was read into `stored`.
@@ -147,8 +147,8 @@ impl LogFile {
     ) -> Self {
         let rows = stored.columns.rows;
         let content = Content::Stored(stored);
-        let (bytes, clock) = (file.bytes, file.clock);
-        Self { source, fields, rows, bytes, is_result: false, clock, content }
+        let (bytes, beside) = (file.bytes, file.beside.clone());
+        Self { source, fields, rows, bytes, is_result: false, beside, content }
     }
 
     /// The timestamps of a file that was text.

@@ -58,7 +58,9 @@ impl Head {
             Self::Text(file) => (0..file.columns().len())
                 .map(|column| HeadColumn {
                     name: file.columns()[column].name.clone(),
-                    kind: if file.clock == Some(column) {
+                    kind: if column == 0 && file.dialect.has_row_names {
+                        FieldKind::Other
+                    } else if file.beside.contains(&column) {
                         FieldKind::Time
                     } else {
                         kind_of(&file.dialect.cells(column))

@@ -104,6 +104,15 @@ pub(super) const TIMES: [&str; 15] = [
     "eventtime",
     "zeit",
 ];
+/// Parts of a time that stand in columns of their own, in their order.
+pub(super) const TIME_FIELDS: [&[&str]; 6] = [
+    &["year", "yr", "yyyy"],
+    &["month", "mon", "mo"],
+    &["day", "dd", "dayofmonth"],
+    &["hour", "hr", "hh"],
+    &["minute", "min", "mins"],
+    &["second", "sec", "secs"],
+];
 /// Columns of words beside one channel that make no long table.
 pub(super) const MODES: [&str; 8] =
     ["mode", "state", "phase", "step", "batch", "alarm", "event", "shift"];

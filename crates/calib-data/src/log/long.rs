@@ -114,7 +114,7 @@ impl Part {
         while let Some(time) = next_row(&mut records, &mut bad_rows, |records| {
             let bytes = records.bytes(roles.time);
             match part.stamps.last() {
-                Some(&last) if !records.has_clock() && bytes == last_time => Ok(last),
+                Some(&last) if !records.has_time_parts() && bytes == last_time => Ok(last),
                 _ => {
                     let read = stamp(records, roles.time, notation)?;
                     last_time = bytes.to_vec();

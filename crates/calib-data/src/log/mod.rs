@@ -75,6 +75,8 @@ pub(crate) struct Log {
     pub(crate) bad_rows: BadRowsFound,
     /// Whether rows have no times but their numbers.
     pub(crate) without_times: bool,
+    /// How columns are read otherwise than each by itself, in sentences.
+    pub(crate) read_as: Vec<String>,
     /// Samples that their quality made missing.
     pub(crate) bad_quality: u64,
     /// Rows without a time because theirs names no instant, or two between which nothing decides.

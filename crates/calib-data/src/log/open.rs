@@ -45,6 +45,8 @@ pub(super) struct Tables {
     pub(super) bad_rows: BadRowsFound,
     /// Whether rows have no times but their numbers.
     pub(super) without_times: bool,
+    /// How columns are read otherwise than each by itself, in sentences.
+    pub(super) read_as: Vec<String>,
 }
 
 /// Find, open and recognise the files of a log; and whether its times are UTC.
@@ -101,6 +103,11 @@ fn time_columns(heads: &mut [Head], data: &DataConfig) -> Result<Vec<usize>, Dat
         _ => time_column(head, &head.columns(), data),
     };
     let mut found: Vec<Option<usize>> = heads.iter().map(find).collect();
+    if data.timestamp == DataConfig::default().timestamp {
+        for (found, head) in found.iter_mut().zip(heads.iter_mut()).filter(|(of, _)| of.is_none()) {
+            *found = times::join_fields(head);
+        }
+    }
     // In a file whose first lines are damaged, the column is the one that the others have.
     let names: Vec<Vec<HeadColumn>> = heads.iter().map(Head::columns).collect();
     let known: BTreeSet<&str> =
@@ -214,6 +221,7 @@ fn tables(
         }
     }
     let store = Arc::new(store);
+    let read_as: BTreeSet<String> = heads.iter().flat_map(read_as).collect();
     let mut files = Vec::with_capacity(heads.len());
     for (position, head) in heads.into_iter().enumerate() {
         files.push(match (head, imported.remove(&position)) {
@@ -259,7 +267,16 @@ fn tables(
         left_out,
         bad_rows,
         without_times,
+        read_as: read_as.into_iter().collect(),
     }))
+}
+
+/// How columns of a file are read otherwise than each by itself.
+fn read_as(head: &Head) -> Vec<String> {
+    match head {
+        Head::Text(file) => file.read_as(),
+        Head::Parquet(_) | Head::Annotated(..) => Vec::new(),
+    }
 }
 
 fn samples(

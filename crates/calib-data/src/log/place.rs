@@ -1,6 +1,6 @@
 //! Samples of one channel, each instant once.
 
-use crate::{Contradictions, text::Cell};
+use crate::{Contradictions, channel::is_same, text::Cell};
 
 /// How many contradictions of a log are shown.
 pub(crate) const SHOWN: usize = 3;
@@ -60,6 +60,9 @@ pub(crate) fn place(times: &[i64], cells: &[u64], keep: Contradictions) -> Place
         match (Cell::decode(*kept), Cell::decode(cell)) {
             (_, Cell::Missing) => placed.repeated += 1,
             (before, now) if before == now => placed.repeated += 1,
+            (Cell::Number(before), Cell::Number(now)) if is_same(before, now) => {
+                placed.repeated += 1;
+            }
             (Cell::Number(before), Cell::Number(now)) => {
                 placed.contradictions.add(time, [before, now]);
                 if keep == Contradictions::Last {

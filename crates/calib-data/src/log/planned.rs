@@ -33,6 +33,7 @@ struct Planned {
     undecided: u64,
     bad_rows: BadRowsFound,
     without_times: bool,
+    read_as: Vec<String>,
 }
 
 impl Opened {
@@ -46,7 +47,8 @@ impl Opened {
 }
 
 fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> {
-    let Tables { files, times, instants, undecided, left_out, bad_rows, without_times } = tables;
+    let Tables { files, times, instants, undecided, left_out, bad_rows, without_times, read_as } =
+        tables;
     let total: usize = instants.iter().map(Vec::len).sum();
     Room::of(data).require_rows(total as u64, None)?;
     let present = || instants.iter().flatten().copied().filter(|&time| time != NO_TIME);
@@ -78,6 +80,7 @@ fn plan_tables(tables: Tables, data: &DataConfig) -> Result<Planned, DataError> 
         undecided,
         bad_rows,
         without_times,
+        read_as,
     })
 }
 
@@ -118,6 +121,7 @@ fn plan_samples(
         undecided,
         bad_rows,
         without_times: false,
+        read_as: Vec::new(),
     })
 }
 
@@ -135,6 +139,7 @@ impl Planned {
             undecided,
             bad_rows,
             without_times,
+            read_as,
         } = self;
         let (rows, recorded, grid) =
             match data.resample.zip(data.period_secs.and_then(Period::from_secs)) {
@@ -181,6 +186,7 @@ impl Planned {
             utc: false,
             bad_rows,
             without_times,
+            read_as,
             bad_quality,
             undecided,
             channels,
@@ -255,7 +261,7 @@ fn list_channels(files: &[LogFile], times: &[usize], file_as_prefix: bool) -> Ve
     let mut known: HashMap<String, usize> = HashMap::new();
     for (file, (log_file, &time)) in files.iter().zip(times).enumerate() {
         for (position, field) in log_file.fields.iter().enumerate() {
-            if position == time || log_file.clock == Some(position) {
+            if position == time || log_file.beside.contains(&position) {
                 continue;
             }
             let name = format!("{}{}", prefixes[file], field.name);

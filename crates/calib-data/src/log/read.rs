@@ -16,7 +16,9 @@ use super::{
     values::{NotNumbers, RawColumn, cells_to_numbers, each_label, to_numbers, with_label},
 };
 use crate::{
-    Contradictions, DataError, format_time,
+    Contradictions, DataError,
+    channel::is_same,
+    format_time,
     sentinels::{Extremes, make_missing, stands_for_missing},
 };
 
@@ -77,7 +79,7 @@ impl ChannelValues {
             rows.duplicates.iter().zip(&self.duplicates).enumerate()
         {
             let kept = &mut self.values[duplicate.row as usize];
-            if value.is_nan() || value == *kept {
+            if value.is_nan() || is_same(value, *kept) {
                 continue;
             }
             if kept.is_nan() {

@@ -322,7 +322,7 @@ fn single_value(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Si
     let values: Vec<usize> = match &data.value {
         Some(name) => (0..columns.len()).filter(|&column| columns[column].name == *name).collect(),
         None => (0..columns.len())
-            .filter(|&column| columns[column].kind != FieldKind::Time)
+            .filter(|&column| !matches!(columns[column].kind, FieldKind::Time | FieldKind::Other))
             .filter(|&column| column != time && Some(column) != quality && !is_aside(column))
             .collect(),
     };

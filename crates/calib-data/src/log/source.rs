@@ -28,7 +28,10 @@ pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<Source>, DataError> {
         if found.is_empty() {
             return Err(DataError::NoFile {
                 pattern: pattern.clone(),
-                reason: "nothing matches whose name ends in .parquet, .parq, .pq, .csv, .tsv or .txt (.gz, .zst)".to_owned(),
+                reason: format!(
+                    "nothing matches whose name ends in .parquet, .parq, .pq, .csv, .tsv or .txt (.gz, .zst){}",
+                    workbook_in(Path::new(pattern))
+                ),
             });
         }
         paths.extend(found);
@@ -86,6 +89,18 @@ fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
         }
     }
     Ok(found)
+}
+
+/// What is said of a workbook in a folder without logs.
+fn workbook_in(folder: &Path) -> String {
+    let files = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_workbook = |path: &PathBuf| {
+        let extension = path.extension().map(|of| of.to_string_lossy().to_lowercase());
+        extension.is_some_and(|of| ["xlsx", "xls", "ods"].contains(&of.as_str()))
+    };
+    files.filter(is_workbook).min().map_or_else(String::new, |path| {
+        format!("; {} is a workbook: save each sheet as CSV", path.display())
+    })
 }
 
 /// The logs in a folder: Parquet files, or else `.csv` and `.tsv`, or else `.txt`. Beside Parquet, text is usually about the log: lists of tags, notes,

@@ -8,7 +8,7 @@ use super::{
     clock::Clock,
     file::{FieldKind, LogFile},
     head::{Head, HeadColumn},
-    known::{TIMES, plain},
+    known::{TIME_FIELDS, TIMES, plain},
     rows::NO_TIME,
     units::{readings, units},
     values::RawColumn,
@@ -31,21 +31,71 @@ pub(crate) fn likely_times(head: &Head) -> Vec<String> {
 /// What to say of a file without a timestamp column that is known. `others` is how many files have one.
 pub(crate) fn no_timestamp(head: &Head, others: usize, data: &DataConfig) -> DataError {
     let likely = likely_times(head);
-    let all = || head.columns().into_iter().map(|column| column.name).collect();
-    let has_likely = !likely.is_empty();
-    let candidates = if has_likely { likely } else { all() }.join(", ");
-    let set = format!("set data.timestamp to one of: {candidates}");
+    let set = match likely.first() {
+        Some(first) => format!(
+            "set data.timestamp to one of: {} (--set {})",
+            likely.join(", "),
+            shell_word(&format!("data.timestamp={first}"))
+        ),
+        None => "no column looks like a time: name it with --set data.timestamp=NAME".to_owned(),
+    };
+    let is_default = data.timestamp == DataConfig::default().timestamp;
+    let split = if is_default { parts_of_dates(head) } else { Vec::new() };
     let remedy = if others > 0 {
         let have = if others == 1 { "file has" } else { "files have" };
         format!("{others} other {have} one: leave this file out of data.path, or {set}")
-    } else if has_likely {
-        set
-    } else {
+    } else if let [first, .., last] = &split[..] {
         format!(
-            "{set}; or, if the log has no times, data.period_secs to the time from one row to the next"
+            "{set}. The columns {first} to {last} look like parts of a date, but calib joins them only if they are numbers in a text file, with a year of four digits: write them into one column"
         )
+    } else if likely.is_empty() {
+        format!(
+            "{set}; or, if the log has no times, say how far its rows are apart, such as --set data.period_secs=60"
+        )
+    } else {
+        set
     };
     DataError::NoTimestamp { path: head.path().to_owned(), column: data.timestamp.clone(), remedy }
+}
+
+/// In quotes where a shell would take it apart.
+fn shell_word(word: &str) -> String {
+    let is_plain = |letter: char| letter.is_alphanumeric() || "._-=/:".contains(letter);
+    if word.chars().all(is_plain) { word.to_owned() } else { format!("'{word}'") }
+}
+
+/// The columns that are called year, month and day, and those of hours, minutes and seconds as far as they are there, by their
+/// names; none without the first three.
+fn parts_of_dates(head: &Head) -> Vec<String> {
+    let columns = head.columns();
+    let find = |names: &&[&str]| {
+        columns.iter().find(|column| names.contains(&plain(&column.name).as_str()))
+    };
+    let found = TIME_FIELDS.iter().map_while(find).map(|column| column.name.clone());
+    Some(found.collect::<Vec<_>>()).filter(|found| found.len() >= 3).unwrap_or_default()
+}
+
+/// Join the columns of a text file that are called year, month, day and, as far as there are any, hour, minute and second, if their
+/// cells are such. Returns the column that stands for all of them.
+pub(crate) fn join_fields(head: &mut Head) -> Option<usize> {
+    const RANGES: [[f64; 2]; 6] =
+        [[1900.0, 2200.0], [1.0, 12.0], [1.0, 31.0], [0.0, 23.0], [0.0, 59.0], [0.0, 59.0]];
+    let names = parts_of_dates(head);
+    let Head::Text(file) = head else { return None };
+    let position = |name: &String| file.columns().iter().position(|column| column.name == *name);
+    let fields: Vec<usize> = names.iter().filter_map(position).collect();
+    let holds = |(&column, [low, high]): (&usize, [f64; 2])| {
+        let cells = file.dialect.cells(column);
+        let is = |cell: &&&str| {
+            cell.parse::<f64>().is_ok_and(|of| of.fract() == 0.0 && (low..=high).contains(&of))
+        };
+        !cells.is_empty() && cells.iter().all(|cell| is(&cell))
+    };
+    if fields.len() < 3 || !fields.iter().zip(RANGES).all(holds) {
+        return None;
+    }
+    file.join_fields(&fields);
+    Some(fields[0])
 }
 
 /// Join the dates in one column of a text file and the times of day in another one. `time` is either of them; the column of dates is

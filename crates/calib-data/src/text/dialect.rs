@@ -7,10 +7,9 @@ use std::{
 
 use super::{
     blocks::Marks,
-    file::joined,
     number::{Decimal, Signs, parse},
     record::RecordReader,
-    stamps::Candidates,
+    stamps::{Candidates, Notation},
 };
 
 /// Rows that are looked at.
@@ -25,6 +24,8 @@ pub(crate) struct Dialect {
     pub(crate) columns: Vec<TextColumn>,
     /// Bytes and lines before the first row of values.
     pub(crate) skip: (u64, u64),
+    /// Whether the first column has the names of rows, which the header leaves out, as R writes tables.
+    pub(crate) has_row_names: bool,
     /// The first rows of values.
     sample: Sample,
 }
@@ -130,13 +131,20 @@ impl Dialect {
 
     fn with_rows(marks: Marks, rows: Vec<Row>, width: usize) -> Result<Self, String> {
         // Titles above the table are narrower than it.
-        let mut rows = rows.into_iter().skip_while(|row| width_of(&row.cells) < width).peekable();
+        let is_narrow = |row: &Row| width_of(&row.cells) < width;
+        let title = rows.iter().take_while(|row| is_narrow(row)).last();
+        let title = title.map(|row| row.cells.clone()).filter(|cells| !is_data(cells));
+        let mut rows = rows.into_iter().skip_while(is_narrow).peekable();
         let Some(first) = rows.peek() else { return Err("it has no rows".to_owned()) };
-        let (mut skip, mut columns) = if is_data(&first.cells) {
-            (first.begin, unnamed(&first.cells)?)
-        } else {
+        let row_names = title.as_deref().filter(|title| are_names_of_r(title, &first.cells));
+        let (mut skip, mut columns) = if !is_data(&first.cells) {
             (first.end, named(&first.cells)?)
+        } else if let Some(names) = row_names {
+            (first.begin, with_row_names(names)?)
+        } else {
+            (first.begin, unnamed(&first.cells, title.as_deref(), marks.separator)?)
         };
+        let has_row_names = row_names.is_some();
         if skip == first.end {
             rows.next();
         }
@@ -147,19 +155,24 @@ impl Dialect {
             && is_about_columns(&row.cells)
         {
             skip = row.end;
-            above.extend(rows.next().map(|row| row.cells));
+            // An old header below a new one says nothing of units.
+            let is_header = are_all_names(&row.cells, &columns);
+            above.extend(rows.next().filter(|_| !is_header).map(|row| row.cells));
         }
         describe(&mut columns, &above);
         let sample = Sample::of(rows.map(|row| (row.end.1, row.cells)));
-        Ok(Self { marks, columns, skip, sample })
+        Ok(Self { marks, columns, skip, has_row_names, sample })
     }
 
-    /// Put the times of day in the column `clock` behind the dates in the column `date`.
-    pub(super) fn join(&mut self, date: usize, clock: usize) {
+    /// Put what `time` makes of a row into its column `to`, and nothing into the columns `beside`.
+    pub(super) fn join(&mut self, to: usize, beside: &[usize], time: impl Fn(&[String]) -> String) {
+        let last = beside.iter().copied().fold(to, usize::max);
         let mut rows = self.sample.rows();
-        for row in rows.iter_mut().filter(|row| row.len() > date.max(clock)) {
-            row[date] = joined(&row[date], &row[clock]);
-            row[clock].clear();
+        for row in rows.iter_mut().filter(|row| row.len() > last) {
+            row[to] = time(row);
+            for &column in beside {
+                row[column].clear();
+            }
         }
         let lines = std::mem::take(&mut self.sample.lines);
         self.sample = Sample { lines, ..Sample::of(rows.into_iter().map(|row| (0, row))) };
@@ -302,9 +315,52 @@ fn named(cells: &[String]) -> Result<Vec<TextColumn>, String> {
     Ok(columns)
 }
 
-/// Columns of a file without a header: a time and a value are recognised, more are not.
-fn unnamed(cells: &[String]) -> Result<Vec<TextColumn>, String> {
+/// Whether `title` names all columns of the first row of values but the first one, which has the names of rows: R writes tables
+/// so. A column of times without a name is not that.
+fn are_names_of_r(title: &[String], first: &[String]) -> bool {
+    let is_time = |cell: &str| {
+        let found = || Candidates::of(&[cell], None).left;
+        cell.len() >= 6 && found().iter().any(|of| !matches!(of, Notation::Number(_)))
+    };
+    title.len() + 1 == width_of(first)
+        && title.iter().all(|name| !name.trim().is_empty())
+        && !first.first().is_some_and(|cell| is_time(cell.trim()))
+}
+
+/// The columns of a table of R, whose header does not name the first one.
+fn with_row_names(names: &[String]) -> Result<Vec<TextColumn>, String> {
+    let is_taken = |name: &str| names.iter().any(|of| of.trim() == name);
+    let own = if is_taken("row") { "row name" } else { "row" };
+    let all: Vec<String> = [own.to_owned()].into_iter().chain(names.iter().cloned()).collect();
+    named(&all)
+}
+
+/// Whether each cell of a row that is not empty is the name of some column.
+fn are_all_names(cells: &[String], columns: &[TextColumn]) -> bool {
+    let mut cells = cells.iter().map(|cell| cell.trim()).filter(|cell| !cell.is_empty());
+    cells.all(|cell| columns.iter().any(|column| column.name == cell))
+}
+
+/// Columns of a file without a header: a time and a value are recognised, more are not. `title` is the row above, if it could be
+/// a header.
+fn unnamed(
+    cells: &[String],
+    title: Option<&[String]>,
+    separator: u8,
+) -> Result<Vec<TextColumn>, String> {
     let width = width_of(cells);
+    let named = title.map(|title| title.iter().filter(|cell| !cell.trim().is_empty()).count());
+    if let Some(named) = named.filter(|named| *named > 1) {
+        let cause = if separator == b',' {
+            "If the numbers have decimal commas, each of them became two cells: export the log again with semicolons between cells, with quotes around numbers, or with decimal points. \
+             Else give every column a name"
+        } else {
+            "Give every column a name"
+        };
+        return Err(format!(
+            "its header has {named} names, and most rows have {width} cells. {cause}"
+        ));
+    }
     if width != 2 {
         return Err(format!(
             "its first row is values: expected a header that names the {width} columns; add one"
@@ -366,6 +422,24 @@ mod tests {
         let one = dialect("time;a\n2024-01-01;1,5\n2024-01-02;1,6\n");
         assert_eq!(one.marks.separator, b';');
         assert!(Dialect::of(b"time\n2024-01-01\n", None).is_err());
+    }
+
+    #[test]
+    fn names_of_rows_are_known_by_a_header_that_is_one_name_short() {
+        let table = "\"date\",\"T\",\"CO2\"\n\"140\",\"2015-02-02 14:19:00\",23.7,749.2\n\"141\",\"2015-02-02 14:19:59\",23.71,760.4\n";
+        let of_r = dialect(table);
+        assert!(of_r.has_row_names);
+        assert_eq!(names(&of_r), ["row", "date", "T", "CO2"]);
+        assert_eq!(of_r.cells(1), ["2015-02-02 14:19:00", "2015-02-02 14:19:59"]);
+        let mended = dialect(&format!("no,date,T,CO2\n{table}"));
+        assert!(!mended.has_row_names);
+        assert_eq!(mended.columns[2].unit, None, "the old header is no row of units");
+        assert_eq!(mended.cells(2), ["23.7", "23.71"]);
+        let refused = |text: &str| Dialect::of(text.as_bytes(), None).expect_err("refused");
+        let times = refused("a,b\n2024-01-01 00:00,1,2\n2024-01-01 00:01,3,4\n");
+        assert!(times.contains("its header has 2 names, and most rows have 3 cells"), "{times}");
+        let commas = refused("Date,T,RH\n10/03/2004,13,6,48,9\n10/03/2004,13,3,47,7\n");
+        assert!(commas.contains("each of them became two cells"), "{commas}");
     }
 
     #[test]

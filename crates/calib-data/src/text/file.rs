@@ -27,8 +27,10 @@ pub(crate) struct TextFile {
     /// Its size on the disk.
     pub(crate) bytes: u64,
     pub(crate) dialect: Dialect,
-    /// The column of times of day, where the column of times has only dates.
-    pub(crate) clock: Option<usize>,
+    /// Where its times are, beside the column of times.
+    time_parts: TimeParts,
+    /// Columns that are no channels: parts of times, and names of rows.
+    pub(crate) beside: Vec<usize>,
     /// Columns and what they have in the rows that count.
     only: Vec<(usize, String)>,
     /// Bytes of a row on the disk, roughly.
@@ -52,13 +54,45 @@ impl TextFile {
         };
         let row_bytes = ((head.len() as f64 - skip as f64) / lines as f64 / packed).max(1.0);
         let only = chosen(path, &dialect.columns, data)?;
-        Ok(Self { path: path.to_owned(), bytes, dialect, clock: None, only, row_bytes })
+        let beside = if dialect.has_row_names { vec![0] } else { Vec::new() };
+        let time_parts = TimeParts::None;
+        Ok(Self { path: path.to_owned(), bytes, dialect, time_parts, beside, only, row_bytes })
     }
 
     /// Say that the column `date` has dates and the column `clock` times of day.
     pub(crate) fn join_times(&mut self, date: usize, clock: usize) {
-        self.clock = Some(clock);
-        self.dialect.join(date, clock);
+        self.time_parts = TimeParts::Clock(clock);
+        self.beside.push(clock);
+        self.dialect.join(date, &[clock], |row| joined(&row[date], &row[clock]));
+    }
+
+    /// Say that these columns have years, months, days, and what there is of hours, minutes and seconds. The first stands for all.
+    pub(crate) fn join_fields(&mut self, fields: &[usize]) {
+        self.time_parts = TimeParts::Fields(fields.to_vec());
+        self.beside.extend(&fields[1..]);
+        let cell = |row: &[String], column: &usize| row[*column].clone();
+        self.dialect.join(fields[0], &fields[1..], |row| {
+            joined_fields(fields.iter().map(|column| cell(row, column)))
+        });
+    }
+
+    /// How its columns are read otherwise than each by itself, in sentences.
+    pub(crate) fn read_as(&self) -> Vec<String> {
+        let name = |column: usize| self.columns()[column].name.as_str();
+        let mut read_as = Vec::new();
+        if self.dialect.has_row_names {
+            read_as.push(format!(
+                "the header has {} names and rows have {} values, as R writes tables: the first column has the names of the rows, and is left out as {:?}",
+                self.columns().len() - 1,
+                self.columns().len(),
+                name(0)
+            ));
+        }
+        if let TimeParts::Fields(fields) = &self.time_parts {
+            let names: Vec<&str> = fields.iter().map(|&field| name(field)).collect();
+            read_as.push(format!("times are joined from the columns {}", names.join(", ")));
+        }
+        read_as
     }
 
     pub(crate) fn columns(&self) -> &[TextColumn] {
@@ -109,6 +143,17 @@ impl TextFile {
     pub(crate) fn records<'a>(&'a self, bytes: &'a [u8], line: u64) -> Records<'a> {
         Records { reader: RecordReader::new(bytes, self.dialect.marks), file: self, line }
     }
+}
+
+/// Where times are that are not in one column.
+#[derive(Clone, Debug)]
+enum TimeParts {
+    /// They are.
+    None,
+    /// Times of day are in this column.
+    Clock(usize),
+    /// Years, months and days, and what there is of hours, minutes and seconds, are in these.
+    Fields(Vec<usize>),
 }
 
 /// What a file is that cannot be text.
@@ -179,6 +224,29 @@ pub(crate) fn joined(date: &str, clock: &str) -> String {
     format!("{date} {clock}")
 }
 
+/// A time of which the year, the month, the day, and what there is of the hour, the minute and the second are given; nothing
+/// if one of them is missing.
+pub(crate) fn joined_fields(fields: impl Iterator<Item = impl AsRef<str>>) -> String {
+    let mut text = String::new();
+    for (field, before) in fields.zip(["", "-", "-", " ", ":", ":"]) {
+        let field = field.as_ref().trim();
+        // Columns with missing values become fractions in some programs.
+        let field = field.strip_suffix(".0").unwrap_or(field);
+        if field.is_empty() {
+            return String::new();
+        }
+        text.push_str(before);
+        if field.len() < 2 {
+            text.push('0');
+        }
+        text.push_str(field);
+    }
+    if text.contains(' ') && !text.contains(':') {
+        text.push_str(":00");
+    }
+    text
+}
+
 /// Records of a text file.
 pub(crate) struct Records<'a> {
     reader: RecordReader<'a>,
@@ -220,20 +288,23 @@ impl Records<'_> {
 
     /// The time of the record as text; with the time of day from a column of its own, if it has one.
     pub(crate) fn time(&self, column: usize) -> std::borrow::Cow<'_, str> {
-        match self.file.clock {
-            None => self.text(column),
-            Some(clock) => joined(&self.text(column), &self.text(clock)).into(),
+        match &self.file.time_parts {
+            TimeParts::None => self.text(column),
+            TimeParts::Clock(clock) => joined(&self.text(column), &self.text(*clock)).into(),
+            TimeParts::Fields(fields) => {
+                joined_fields(fields.iter().map(|&field| self.text(field))).into()
+            }
         }
     }
 
-    /// Whether times are in two columns.
-    pub(crate) fn has_clock(&self) -> bool {
-        self.file.clock.is_some()
+    /// Whether times are in several columns.
+    pub(crate) fn has_time_parts(&self) -> bool {
+        !matches!(self.file.time_parts, TimeParts::None)
     }
 
-    /// Whether a column has the times of day of these.
-    pub(crate) fn is_clock(&self, column: usize) -> bool {
-        self.file.clock == Some(column)
+    /// Whether a column is no channel: it has a part of the times, or the names of rows.
+    pub(crate) fn is_beside(&self, column: usize) -> bool {
+        self.file.beside.contains(&column)
     }
 
     /// A cell of the record as text.

@@ -108,7 +108,7 @@ fn a_missing_timestamp_column_is_explained() {
     let error = refused(&folder.data(), &PreprocessConfig::default()).to_string();
     assert!(
         error.ends_with(
-            "has no column \"timestamp\" for the timestamps; set data.timestamp to one of: TagTime"
+            "has no column \"timestamp\" for the timestamps; set data.timestamp to one of: TagTime (--set data.timestamp=TagTime)"
         ),
         "{error}"
     );

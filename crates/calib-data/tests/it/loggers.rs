@@ -322,3 +322,68 @@ fn a_log_without_times_has_numbered_rows_if_the_period_is_given() {
     let told = refused(&folder.data());
     assert!(told.contains("1 other file has one: leave this file out of data.path"), "{told}");
 }
+
+/// What R's write.table makes of a room's sensors: the names of the rows have none themselves.
+#[test]
+fn names_of_rows_are_left_out() {
+    let folder = Folder::new();
+    let mut text = String::from("\"date\",\"Temperature\",\"CO2\"\n");
+    for row in 0..ROWS {
+        let (t, co2) = (wave(row, 9.0, 19.0, 24.4), wave(row, 5.0, 412.0, 1_402.0));
+        let (day, hour) = day_and_hour(row);
+        writeln!(text, "\"{}\",\"2015-02-{day:02} {hour:02}:00:00\",{t:.2},{co2:.1}", row + 140)
+            .expect("memory");
+    }
+    write(&folder, "datatest.txt", &text);
+    let data = DataConfig { path: folder.file("datatest.txt").into(), ..folder.data() };
+    let found = profile(&data);
+    assert_eq!(kept(&found), ["Temperature", "CO2"]);
+    assert_eq!((found.period_secs, found.rows), (3_600.0, u64::from(ROWS)));
+    let [told] = &found.clock_doubts()[..] else { panic!("one: {:?}", found.clock_doubts()) };
+    assert!(told.contains("the header has 3 names and rows have 4 values"), "{told}");
+    assert!(told.contains("left out as \"row\""), "{told}");
+}
+
+/// The weather station of a city, whose program wrote each part of the time into a column of its own.
+#[test]
+fn times_in_parts_are_joined() {
+    let folder = Folder::new();
+    let rows = |header: &str, hours: bool| {
+        let mut text = format!("{header}\n");
+        for row in 0..24 {
+            let (day, hour) = day_and_hour(row);
+            let clock = if hours { format!("{hour},") } else { String::new() };
+            let day = if hours { day } else { row + 1 };
+            let wind = ["NW", "cv"][row as usize % 2];
+            writeln!(
+                text,
+                "{},2010,1,{day},{clock}{:.1},{wind}",
+                row + 1,
+                wave(row, 5.0, -21.0, 3.0)
+            )
+            .expect("memory");
+        }
+        text
+    };
+    write(&folder, "PRSA.csv", &rows("No,year,month,day,hour,DEWP,cbwd", true));
+    let data = DataConfig { path: folder.file("PRSA.csv").into(), ..folder.data() };
+    let found = profile(&data);
+    assert_eq!(found.period_secs, 3_600.0);
+    assert_eq!(format_time(found.start), "2010-01-01 00:00:00");
+    assert_eq!(format_time(found.end), "2010-01-01 23:00:00");
+    assert_eq!(kept(&found), ["No", "DEWP"], "no part of the time is a channel");
+    let told = found.clock_doubts().join("; ");
+    assert!(told.contains("joined from the columns year, month, day, hour"), "{told}");
+    write(&folder, "daily.csv", &rows("No,Year,Month,Day,DEWP,cbwd", false));
+    let data = DataConfig { path: folder.file("daily.csv").into(), ..folder.data() };
+    assert_eq!(profile(&data).period_secs, 86_400.0);
+    write(
+        &folder,
+        "short.csv",
+        &rows("No,year,month,day,hour,DEWP,cbwd", true).replace("2010", "10"),
+    );
+    let data = DataConfig { path: folder.file("short.csv").into(), ..folder.data() };
+    let error = refused(&data);
+    assert!(error.contains("The columns year to hour look like parts of a date"), "{error}");
+    assert!(error.contains("--set data.timestamp=NAME") && !error.contains("DEWP"), "{error}");
+}

@@ -1,8 +1,9 @@
 use calib_control::{
-    ActionModel, Columns, ControlConfig, Decisions, Ending, Levels, StartRows, Starts,
+    ActionModel, Columns, ControlConfig, ControlError, Decisions, Ending, Levels, StartRows,
+    Starts, rows_without_reward,
 };
-use calib_core::{Bounds, Period, RowIndex, States};
-use calib_data::{DataConfig, DataError, Resample, Surveyed, entry_of};
+use calib_core::{Bounds, Frames, Period, RowIndex, States};
+use calib_data::{DataConfig, DataError, Resample, Surveyed, entry_of, format_time};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_stats::quantile;
 use calib_study::Job;
@@ -104,6 +105,7 @@ pub(super) fn read(
     };
     let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
     let frames = &dataset.train;
+    tell_missing_rewards(frames, &columns, printer);
     let mut decisions =
         Decisions::new(frames.states().clone(), frames.segments(), columns, levels.values.len())?;
     let mut fingerprint = fingerprint(&dataset.fingerprint, &levels, &rewards, &endings);
@@ -112,9 +114,14 @@ pub(super) fn read(
         fingerprint = with_numbers(&fingerprint, b"settings 1", acted.iter().flatten());
     }
     if let Some(name) = &config.probability {
-        decisions = decisions
-            .with_probabilities(&column(name))
-            .with_context(|| format!("control.probability = \"{name}\""))?;
+        let at = |row: usize| format_time(frames.timestamps()[row]);
+        decisions = decisions.with_probabilities(&column(name)).map_err(|error| match error {
+            ControlError::NoProbability { row, got } => StepError::message(format!(
+                "control.probability = \"{name}\": at {} the probability of the action that was taken is {got}, expected above 0, up to 1",
+                at(row)
+            )),
+            error => error.into(),
+        })?;
         let own = decisions.probabilities().unwrap_or_default();
         fingerprint = with_numbers(&fingerprint, b"probabilities 1", own.iter());
     }
@@ -130,6 +137,20 @@ pub(super) fn read(
     };
     let times = frames.timestamps().iter().map(|of| of.as_micros()).collect();
     Ok(ActionLog { decisions, names, fingerprint, times, period: dataset.period })
+}
+
+/// Say where a reward is missing: no model can know it, and episodes end before such rows.
+fn tell_missing_rewards(frames: &Frames, columns: &Columns<'_>, printer: &Printer) {
+    let missing = rows_without_reward(frames.segments(), columns);
+    let Some(&first) = missing.first() else { return };
+    let counted = match missing.len() {
+        1 => "1 row has".to_owned(),
+        many => format!("{} rows have", count(many)),
+    };
+    printer.warn(&format!(
+        "{counted} no reward though an action leads there, the first at {}: an episode ends before each. Rewards are never filled in",
+        format_time(frames.timestamps()[first])
+    ));
 }
 
 /// Least and largest of what was set; zeros of nothing.

@@ -131,6 +131,7 @@ pub(crate) fn look(
 
 /// What of a log has to be known before anything follows from it.
 fn warn(profile: &Profile, printer: &Printer) {
+    printer.say_all(&profile.read_as);
     if profile.without_times {
         printer.warn(&without_times(profile.period_secs, profile.files));
     }

@@ -8,6 +8,23 @@ use crate::{
     output::{Printer, span},
 };
 
+/// Held-out windows with which differences can be shown.
+const ENOUGH_WINDOWS: usize = 4;
+
+/// To whole days of several, else to whole hours or minutes.
+fn rounded_up(secs: f64) -> f64 {
+    let units = [86_400.0, 3_600.0, 60.0];
+    let unit = units.into_iter().find(|unit| secs >= 3.0 * unit).unwrap_or(1.0);
+    (secs / unit).ceil() * unit
+}
+
+/// A time as an argument has it, not longer than this.
+fn argument(secs: f64) -> String {
+    let units = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "m")];
+    let (size, unit) = units.into_iter().find(|of| secs >= 10.0 * of.0).unwrap_or((1.0, "s"));
+    format!("{}{unit}", (secs / size).floor())
+}
+
 /// What all drafts of a study have in common.
 pub(super) struct Drafting<'a> {
     pub(super) args: &'a ProposeOptions,
@@ -17,7 +34,7 @@ pub(super) struct Drafting<'a> {
 }
 
 impl Drafting<'_> {
-    /// The study; `words` say why it has its spacing, agent and size.
+    /// The study; `words` say why it has its spacing, agent and size, and what agents start from.
     pub(super) fn text(
         &self,
         spacing: usize,
@@ -25,7 +42,7 @@ impl Drafting<'_> {
         sensors: &Sensors,
         horizon: Horizon,
         size: &Size,
-        words: [&str; 3],
+        words: [&str; 4],
     ) -> String {
         let Self { args, path, look } = self;
         Draft {
@@ -41,24 +58,71 @@ impl Drafting<'_> {
             horizon,
             size,
             agent_reason: words[1],
+            baseline: words[3],
             size_reason: words[2],
             asked: Asked { sensors: !args.sensors.is_empty(), horizon: args.horizon.is_some() },
         }
         .text()
     }
 
-    /// How far ahead runs of so many steps predict.
-    pub(super) fn ahead(&self, spacing: usize, steps: usize) -> Horizon {
+    /// How far ahead agents predict.
+    pub(super) fn ahead(&self, spacing: usize) -> Horizon {
         let sketch = &self.look.sketch;
-        match self.args.horizon {
-            Some(secs) => Horizon::new(secs, sketch.period_secs * spacing as f64),
-            None => horizon(sketch, &self.look.sensors.proposed, spacing, steps),
+        if let Some(secs) = self.args.horizon {
+            return Horizon::new(secs, sketch.period_secs * spacing as f64);
         }
+        let of = |states: f64| {
+            let steps = Size::most_steps(self.look.cut.rows[1] / spacing, states);
+            horizon(sketch, &self.look.sensors.proposed, spacing, steps)
+        };
+        // How far runs of four windows look says whether there are four: longer runs look further.
+        of(of(0.0).states)
     }
 
-    /// Steps of a run at most.
-    pub(super) fn most_steps(&self, spacing: usize) -> usize {
-        Size::most_steps(self.look.cut.rows[1] / spacing)
+    /// Steps of a run at most, of agents that predict so far ahead.
+    pub(super) fn most_steps(&self, spacing: usize, horizon: Horizon) -> usize {
+        Size::most_steps(self.look.cut.rows[1] / spacing, horizon.states)
+    }
+
+    /// What is said of a horizon that is nearer than the next state.
+    pub(super) fn too_near(&self, spacing: usize) -> Option<String> {
+        let apart = self.look.sketch.period_secs * spacing as f64;
+        // The sampling interval of a log is known to a thousandth or so.
+        let secs = self.args.horizon.filter(|secs| *secs < 0.99 * apart)?;
+        let [asked, apart] = [secs, apart].map(span);
+        Some(format!(
+            "--horizon {asked} is shorter than one state, which is {apart}: the study predicts one state ahead, {apart} (gamma 0)"
+        ))
+    }
+
+    /// What is said of a study that has too few held-out windows to show anything.
+    pub(super) fn few_windows(
+        &self,
+        spacing: usize,
+        horizon: Horizon,
+        size: &Size,
+    ) -> Option<String> {
+        let state_secs = self.look.sketch.period_secs * spacing as f64;
+        let held_out = self.look.cut.rows[1] / spacing;
+        let windows = size.windows(held_out);
+        if windows >= ENOUGH_WINDOWS {
+            return None;
+        }
+        let log = Size::states_of_four_windows(horizon.states) / calib_propose::HELD_OUT;
+        let nearer = Size::longest_horizon_of_four_windows(held_out);
+        let nearer = nearer.filter(|states| *states >= 1.0 && *states < horizon.states);
+        let shorter = nearer.map_or_else(String::new, |states| {
+            format!(", or --horizon {}", argument(states * state_secs))
+        });
+        let counted = if windows == 1 {
+            "1 held-out window".to_owned()
+        } else {
+            format!("{windows} held-out windows")
+        };
+        Some(format!(
+            "{counted}: hardly any difference can be shown with fewer than four. A log of {}{shorter} would give four",
+            span(rounded_up(log * state_secs))
+        ))
     }
 
     /// What is said of a size that takes `expected_secs`, `sweep_secs` of them for the sweep, where looking and trying took

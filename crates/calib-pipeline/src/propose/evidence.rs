@@ -3,7 +3,10 @@
 use calib_propose::{Horizon, ProposedAgent, Sensors, Trial, choose_agent};
 
 use super::trial::{Predicted, Trials, halved};
-use crate::{StepError, output::span};
+use crate::{
+    StepError,
+    output::{Printer, span},
+};
 
 /// What was tried where only the training range is known, and what follows from it.
 pub(super) struct Evidence {
@@ -44,7 +47,7 @@ impl Evidence {
         let said = |trial: &Trial| format!("{} {:.3}", trial.agent.label(), trial.ratio);
         let errors = tried.iter().map(said).collect::<Vec<_>>().join(", ");
         let mut reason = format!(
-            "On the last third of the training range, errors by the best simple predictor's: {errors}"
+            "On the last third of the training range, error divided by that of the best simple predictor (below 1 is better): {errors}"
         );
         if !predicted.iter().chain(&network).any(Predicted::is_predicted) {
             let warning = format!(
@@ -54,14 +57,25 @@ impl Evidence {
             trials.context.warn(&warning);
             reason = format!("{reason}; {warning}");
         } else if chosen.ratio > 1.0 {
-            reason.push_str("; no agent is better, and the study asks once more");
+            reason.push_str(
+                "; no agent does better there, and the study tests it again on the held-out period",
+            );
         }
         Ok(Self { agent: chosen.agent, reason, predicted })
     }
 
+    /// What is proposed where nothing could be tried, for this reason.
+    pub(super) fn untried(reason: &StepError, printer: &Printer) -> Self {
+        let reason = format!(
+            "agents could not be compared on the training range ({reason}): a linear agent is proposed, and `calib run` compares it with simple predictors"
+        );
+        printer.warn(&reason);
+        Self { agent: ProposedAgent::Linear, reason, predicted: Vec::new() }
+    }
+
     /// Sensors that something predicts come first, unless the order `is_given`.
     pub(super) fn reorder(&self, sensors: &mut Sensors, is_given: bool) {
-        if is_given {
+        if is_given || self.predicted.is_empty() {
             return;
         }
         let all: Vec<(usize, bool)> = sensors

@@ -1,12 +1,20 @@
 //! What can be seen of a log before anything is tried.
 
-use calib_data::{ChannelSketch, Sentinel, Sketch, format_time, sketch};
+use calib_data::{
+    ChannelSketch, ContradictionCause, DataError, FEW_CONTRADICT, Sentinel, Sketch, format_time,
+    sketch,
+};
 use calib_propose::{Cleaning, Clock, Cut, Scope, Sensors};
 
 use super::gives;
 use crate::{
     Context as _, StepError,
-    base::{clock, left_alone::text_left_alone, memory, options::ProposeOptions},
+    base::{
+        clock::{self, Taken},
+        left_alone::text_left_alone,
+        memory,
+        options::ProposeOptions,
+    },
     output::{Printer, count, span},
 };
 
@@ -20,6 +28,8 @@ pub(super) struct Look {
     pub(super) cut: Cut,
     pub(super) cleaning: Cleaning,
     pub(super) sensors: Sensors,
+    /// What reading the log took.
+    pub(super) read: Taken,
 }
 
 impl Look {
@@ -29,10 +39,12 @@ impl Look {
         memory::check_log(&data)?;
         printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
         text_left_alone(&data, printer)?;
-        let mut sketch = sketch(&data, &printer.progress())?;
+        let (sketched, read) = Taken::by(|| sketch(&data, &printer.progress()));
+        let mut sketch = sketched.map_err(contradicting)?;
         if sketch.without_times {
             printer.warn(&calib_data::without_times(sketch.period_secs, sketch.files));
         }
+        sketch.read_as.iter().for_each(|read_as| printer.warn(read_as));
         if let Some(example) = sketch.bad_rows.examples.first() {
             let lines = count(sketch.bad_rows.count as usize);
             printer
@@ -82,8 +94,21 @@ impl Look {
             printer.warn(&doubt);
         }
         let cleaning = Cleaning::of(&sketch, &scope);
-        Ok(Self { sketch, sentinels, clock, scope, cut, cleaning, sensors })
+        Ok(Self { sketch, sentinels, clock, scope, cut, cleaning, sensors, read })
     }
+}
+
+/// Why a log is refused that contradicts itself in more than a few rows.
+fn contradicting(error: DataError) -> StepError {
+    if !matches!(&error, DataError::Contradictions { cause, .. } if !matches!(cause, Some(ContradictionCause::Column { .. })))
+    {
+        return error.into();
+    }
+    let percent = 100.0 * FEW_CONTRADICT;
+    let context = format!(
+        "`calib init` keeps the first of several rows of one time where at most {percent:.0} % of the rows contradict another; here there are more"
+    );
+    StepError::InContext { context, source: Box::new(error.into()) }
 }
 
 /// What of the times of a log is probably not as meant, in sentences.
@@ -107,7 +132,11 @@ fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
     let find = |name: &String| {
         let channel = sketch.channels.iter().position(|channel| channel.name == *name);
         channel.with_context(|| {
-            format!("--sensor {name}: the log has no such channel; `calib inspect` shows all")
+            let names = sketch.channels.iter().map(|channel| channel.name.as_str());
+            format!(
+                "--sensor {name}: the log has no such channel{}; `calib inspect` shows all",
+                calib_data::hint(name, names).trim_end_matches('?')
+            )
         })
     };
     names.iter().map(find).collect()

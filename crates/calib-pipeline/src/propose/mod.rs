@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use calib_core::Timestamp;
 use calib_files::{TemporaryFolder, check_output, write_output};
-use calib_propose::{Cut, Horizon, ProposedAgent, Sensors, Size, spacings};
+use calib_propose::{Cut, Horizon, ProposedAgent, Sensors, Size, spacing_by_log, spacings};
 use calib_study::{Job, Request};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -138,39 +138,17 @@ impl Proposal {
         context: &RunContext,
     ) -> Result<Self, StepError> {
         let left = || (args.within - begun.elapsed().as_secs_f64()).max(0.0);
-        let Look { sketch, scope, .. } = look;
+        let sketch = &look.sketch;
         let place = TemporaryFolder::new()?;
         let trials = Trials { args, place: &place, context };
-        let candidates = spacings(sketch, scope, look.cut.rows[0]);
         let mut sensors = look.sensors.clone();
         let drafting = Drafting { args, path, look };
-        // Models of the last rows of the training range, because it is theirs to be judged on what follows.
-        let small = |spacing: usize| {
-            let rows = trial::ROWS * spacing;
-            let size = Size::trial(
-                ProposedAgent::Linear,
-                drafting.most_steps(spacing),
-                sensors.proposed.len(),
-            );
-            let cut = look.cut.shortened(&sketch.timestamps, rows);
-            drafting.text(
-                spacing,
-                &cut,
-                &sensors,
-                drafting.ahead(spacing, size.steps),
-                &size,
-                [""; 3],
-            )
-        };
-        let (spacing, why, build_secs) = trials.spacing(&candidates, small, sketch.period_secs)?;
-        let latest = look.cut.shortened(&sketch.timestamps, trial::ROWS * spacing);
-        let inside = latest.inside(&sketch.timestamps);
-        let mut horizon = drafting.ahead(spacing, drafting.most_steps(spacing));
-        let agent = Evidence::gather(&trials, &mut horizon, |agent, horizon| {
-            let steps = Size::most_steps(inside.rows[1] / spacing);
-            let size = Size::comparison(agent, steps, look.sensors.proposed.len());
-            drafting.text(spacing, &inside, &look.sensors, horizon, &size, [""; 3])
-        })?;
+        let (spacing, why, build_secs) = chosen_spacing(&trials, &drafting)?;
+        if let Some(too_near) = drafting.too_near(spacing) {
+            context.warn(&too_near);
+        }
+        let mut horizon = drafting.ahead(spacing);
+        let agent = tried_agents(&trials, &drafting, spacing, &mut horizon)?;
         agent.reorder(&mut sensors, !args.sensors.is_empty());
         let rows = trial::rows_within(left(), build_secs, look.cut.rows[0] / spacing);
         let cut = if rows < look.cut.rows[0] / spacing {
@@ -178,12 +156,12 @@ impl Proposal {
         } else {
             look.cut.clone()
         };
-        let steps = drafting.most_steps(spacing);
+        let steps = drafting.most_steps(spacing, horizon);
         let trial = |steps: usize, horizon: Horizon| {
             let size = Size::trial(agent.agent, steps, sensors.proposed.len());
-            (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 3]), size)
+            (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
         };
-        let measured = trials.costs(steps, &mut horizon, trial)?;
+        let measured = trials.costs(steps, &mut horizon, trial)?.with_reading(look.read);
         let costs = measured.time;
         // Looking and trying are of the time that was asked for.
         let tried = begun.elapsed().as_secs_f64();
@@ -192,10 +170,19 @@ impl Proposal {
         let expected_processor_secs = measured.processors.map(|costs| size.secs(costs));
         let reason =
             drafting.size_reason(expected_secs, expected_secs - costs.fixed_secs, tried, context);
-        let text =
-            drafting.text(spacing, &cut, &sensors, horizon, &size, [&why, &agent.reason, &reason]);
+        let text = drafting.text(
+            spacing,
+            &cut,
+            &sensors,
+            horizon,
+            &size,
+            [&why, &agent.reason, &reason, &measured.best],
+        );
         // What was given holds for the study: it is read with it, and must say the same without.
         let text = calib_propose::with_given(&text, &args.set);
+        if let Some(few) = drafting.few_windows(spacing, horizon, &size) {
+            context.warn(&few);
+        }
         Job::of_text(Request::new(&args.study), text.clone())?;
         Ok(Self {
             text,
@@ -208,6 +195,59 @@ impl Proposal {
             expected_secs,
             expected_processor_secs,
         })
+    }
+}
+
+/// Rows from one state to the next, why, and how long a model of such states takes. Models decide among spacings where the
+/// study chooses by them, which it does not unless it was asked to.
+fn chosen_spacing(
+    trials: &Trials<'_>,
+    drafting: &Drafting<'_>,
+) -> Result<(usize, String, f64), StepError> {
+    let Look { sketch, scope, cut, sensors, .. } = drafting.look;
+    // Of the last rows of the training range, because it is theirs to be judged on what follows.
+    let small = |spacing: usize| {
+        let horizon = drafting.ahead(spacing);
+        let steps = drafting.most_steps(spacing, horizon);
+        let size = Size::trial(ProposedAgent::Linear, steps, sensors.proposed.len());
+        let cut = cut.shortened(&sketch.timestamps, trial::ROWS * spacing);
+        drafting.text(spacing, &cut, sensors, horizon, &size, [""; 4])
+    };
+    if gives(trials.args, "evaluate.rule") {
+        let candidates = spacings(sketch, scope, cut.rows[0]);
+        return trials.spacing(&candidates, small, sketch.period_secs);
+    }
+    let (spacing, why) = spacing_by_log(sketch, scope, cut.rows, trials.args.horizon);
+    let why = format!("states {} apart: {why}", span(sketch.period_secs * spacing as f64));
+    trials.context.say(&why);
+    Ok((spacing, why, trials.build_secs(spacing, small(spacing))?))
+}
+
+/// What agents come to on the last third of the training range, at a `horizon` that is shortened until something is predicted.
+fn tried_agents(
+    trials: &Trials<'_>,
+    drafting: &Drafting<'_>,
+    spacing: usize,
+    horizon: &mut Horizon,
+) -> Result<Evidence, StepError> {
+    let Look { sketch, cut, sensors, .. } = drafting.look;
+    let inside =
+        cut.shortened(&sketch.timestamps, trial::ROWS * spacing).inside(&sketch.timestamps);
+    let mut nearer = *horizon;
+    let gathered = Evidence::gather(trials, &mut nearer, |agent, horizon| {
+        let steps = Size::most_steps(inside.rows[1] / spacing, horizon.states);
+        let size = Size::comparison(agent, steps, sensors.proposed.len());
+        drafting.text(spacing, &inside, sensors, horizon, &size, [""; 4])
+    });
+    match gathered {
+        Err(reason) if !matches!(reason.root(), StepError::Cancelled) => {
+            // The study may do what part of its training range does not allow.
+            Ok(Evidence::untried(&reason, trials.context))
+        }
+        gathered => {
+            *horizon = nearer;
+            gathered
+        }
     }
 }
 

@@ -16,7 +16,7 @@ use crate::{
     model::{build_model, jumps},
     output::span,
     rollouts::rollout,
-    sweep::{self, plan::Counted},
+    sweep::{self, plan::Counted, simple::SimpleErrors},
     verdict::evaluate,
 };
 
@@ -32,6 +32,9 @@ const SHORT: usize = 150;
 const LONGER: usize = 4;
 /// Runs whose sweep takes less than this share of the time asked for are too short to tell what a step takes.
 const WORTH: f64 = 0.01;
+/// Trials keep the channels that the study keeps, however little of them is in the part of the log that is tried: what the
+/// study drops, it drops by its own training range.
+const KEPT_CHANNELS: &str = "preprocess.max_missing=1";
 /// The folder of what costs are measured with.
 const COSTS: &str = "costs";
 /// The folder of what agents are compared in.
@@ -61,6 +64,19 @@ pub(super) struct Measured {
     pub(super) time: Costs,
     /// On all processors together, where the system says it.
     pub(super) processors: Option<Costs>,
+    /// Which simple predictor agents start from, in words.
+    pub(super) best: String,
+}
+
+impl Measured {
+    /// With reading the log, which trials do once together.
+    pub(super) fn with_reading(mut self, read: Taken) -> Self {
+        self.time.fixed_secs += read.secs;
+        if let Some(processors) = &mut self.processors {
+            processors.fixed_secs += read.processor_secs;
+        }
+        self
+    }
 }
 
 /// A sweep that was measured.
@@ -76,6 +92,15 @@ fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: f64) -> Cos
         if more > less { ((slow - quick) / (more - less)).max(1e-9) } else { slow / more };
     let begin = (quick - less * agent_step_secs).max(0.0);
     Costs { fixed_secs: other_secs + begin, agent_step_secs }
+}
+
+/// A model of part of the log.
+struct TrialModel {
+    /// How long it took.
+    secs: f64,
+    warnings: Vec<String>,
+    /// How its rollouts move, in words.
+    moves: String,
 }
 
 /// What trials have in common.
@@ -100,15 +125,33 @@ impl Trials<'_> {
                 .set
                 .iter()
                 .cloned()
-                .chain(set.iter().map(|&key| key.to_owned()))
+                .chain([KEPT_CHANNELS].iter().chain(set).map(|&key| key.to_owned()))
                 .collect(),
             ..Request::new(&self.args.study)
         };
         Ok(Job::of_text(request, text)?)
     }
 
+    /// How long a model of states that are `spacing` rows apart takes.
+    pub(super) fn build_secs(&self, spacing: usize, text: String) -> Result<f64, StepError> {
+        Ok(self.built(spacing, text)?.secs)
+    }
+
+    fn built(&self, spacing: usize, text: String) -> Result<TrialModel, StepError> {
+        let job = self.job(text, &format!("spacing-{spacing}"))?;
+        let clock = Stopwatch::start();
+        let built = build_model::run(&job, &BuildOptions::default(), &self.context.silent())?;
+        let built = built.made().context("a trial is no dry run")?;
+        let jumps = built.manifest.members.first().and_then(|member| member.jumps.as_ref());
+        Ok(TrialModel {
+            secs: clock.elapsed().as_secs_f64(),
+            warnings: built.warnings(),
+            moves: jumps.map(jumps::line).unwrap_or_default(),
+        })
+    }
+
     /// The first of `candidates` whose model has rollouts that neither circle nor replay the log, or else the one that is
-    /// warned of least; why, and how long its model took.
+    /// warned of least; why, and how long its model took. For studies that choose by their models.
     pub(super) fn spacing(
         &self,
         candidates: &[usize],
@@ -119,14 +162,7 @@ impl Trials<'_> {
         let mut before = None;
         for &spacing in candidates.iter().take(TRIALS) {
             let apart = span(period_secs * spacing as f64);
-            let job = self.job(text(spacing), &format!("spacing-{spacing}"))?;
-            let clock = Stopwatch::start();
-            let built = build_model::run(&job, &BuildOptions::default(), &self.context.silent())?;
-            let built = built.made().context("a trial is no dry run")?;
-            let secs = clock.elapsed().as_secs_f64();
-            let warnings = built.warnings();
-            let moves = built.manifest.members.first().and_then(|member| member.jumps.as_ref());
-            let moves = moves.map(jumps::line).unwrap_or_default();
+            let TrialModel { secs, warnings, moves } = self.built(spacing, text(spacing))?;
             let said = warnings.first().map_or(&moves, |first| first);
             self.context.say(&format!("states {apart} apart: {said}"));
             let why = match &before {
@@ -183,16 +219,15 @@ impl Trials<'_> {
             length = steps(LONGER * length);
             more = sweep(length, horizon)?;
         }
-        let (judged, verdict) = Taken::by(|| {
-            let job = self.job(text(length, *horizon).0, COSTS)?;
-            evaluate::run(&job, silent)
-        });
+        let job = self.job(text(length, *horizon).0, COSTS)?;
+        let (judged, verdict) = Taken::by(|| evaluate::run(&job, silent));
         judged?;
         let costs = |of: fn(Taken) -> f64| {
             let swept = [&less, &more].map(|swept| (swept.agent_steps, of(swept.taken)));
             costs(swept, of(before) + of(verdict))
         };
         Ok(Measured {
+            best: SimpleErrors::read(&job.layout().sweep())?.best_told(),
             time: costs(|taken| taken.secs),
             processors: (before.processor_secs > 0.0).then(|| costs(|taken| taken.processor_secs)),
         })

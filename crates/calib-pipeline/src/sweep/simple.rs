@@ -25,7 +25,7 @@ pub(crate) struct SimpleErrors {
     pub(crate) units: BTreeMap<String, f64>,
     /// Fitted on all of the training range.
     pub(crate) fitted: Vec<FittedSimple>,
-    /// What `agent.baseline = "best"` is for each sensor, where an agent starts from it.
+    /// Which of them `agent.baseline = "best"` is, by sensor.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(crate) best: BTreeMap<String, SimplePredictor>,
     pub(crate) scores: Vec<SimpleScore>,
@@ -47,10 +47,16 @@ impl SimpleErrors {
         };
         let fitted = baselines.simple(sensors, gamma, &FittingRows::All);
         let best = match agent.baseline {
-            Some(SimplePredictor::Best) => baselines.best(sensors, gamma, &FittingRows::All),
+            Some(SimplePredictor::Best) => baselines.best(sensors, gamma),
             _ => BTreeMap::new(),
         };
         Ok(Self { runs: None, units: sensors.iter().map(unit).collect(), fitted, best, scores })
+    }
+
+    /// What agents with `agent.baseline = "best"` start from, in words.
+    pub(crate) fn best_told(&self) -> String {
+        let told = self.best.iter().map(|(sensor, best)| format!("{} for {sensor}", best.label()));
+        told.collect::<Vec<_>>().join(", ")
     }
 
     pub(crate) fn write(&self, directory: &Path) -> Result<(), StepError> {

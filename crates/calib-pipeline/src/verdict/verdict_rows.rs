@@ -78,20 +78,7 @@ pub(crate) fn verdict_row(
         stability_nearby: verdict.stability_nearby,
         outside_training,
         online: verdict.truth.as_ref().map(|truth| agreement(verdict, truth, sweep, study)),
-        alternatives: verdict
-            .truth
-            .iter()
-            .flat_map(|truth| &truth.baselines)
-            // By another mean of the same errors it would be a second choice by log replay, which nobody could tell apart.
-            .filter(|other| {
-                other.baseline != Baseline::LogReplay || verdict.rule != Rule::LogReplay
-            })
-            .map(|other| Alternative {
-                way: way(other.baseline),
-                value: other.chosen.map(of),
-                regret: other.regret,
-            })
-            .collect(),
+        alternatives: alternatives(verdict, candidates),
         simple: verdict
             .simple
             .iter()
@@ -115,6 +102,22 @@ pub(crate) fn verdict_row(
         frozen: verdict.learning_off.and_then(|off| start_of(&candidates[off], verdict, sweep)),
         notes: verdict.warnings.iter().cloned().chain(at_the_end(verdict, sweep)).collect(),
     }
+}
+
+/// Other ways to choose, and what they would have cost.
+fn alternatives(verdict: &SensorVerdict, candidates: &[Candidate]) -> Vec<Alternative> {
+    let baselines = verdict.truth.iter().flat_map(|truth| &truth.baselines);
+    baselines
+        // By another mean of the same errors it would be a second choice by log replay, which nobody could tell apart.
+        .filter(|other| {
+            other.baseline != Baseline::LogReplay || verdict.rule != Rule::LogReplay
+        })
+        .map(|other| Alternative {
+            way: way(other.baseline),
+            value: other.chosen.map(|chosen| setting(&candidates[chosen])),
+            regret: other.regret,
+        })
+        .collect()
 }
 
 /// A part of a run, as a heading.
