@@ -11,7 +11,8 @@ use std::{
     time::Duration,
 };
 
-use calib_pipeline::{Context as _, Printer, StatusRequest, StepError};
+use calib_pipeline::{Context as _, Printer, StandingOf, StatusRequest, StepError};
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::json;
 use tiny_http::{Header, Method, Request, Response, Server};
 
@@ -52,10 +53,12 @@ impl Page {
             ));
         }
         printer.say(&format!("page: http://{address}/"));
+        let pool = ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.context("the page cannot be shown")?;
         let ends = Arc::new(AtomicBool::new(false));
         let serving = thread::Builder::new().name("page".to_owned()).spawn({
             let ends = Arc::clone(&ends);
-            let shown = Shown { request, is_local: address.ip().is_loopback() };
+            let shown = Shown { request, is_local: address.ip().is_loopback(), pool };
             move || {
                 while !ends.load(Ordering::Relaxed) {
                     if let Ok(Some(asked)) = server.recv_timeout(LOOK) {
@@ -83,6 +86,8 @@ struct Shown {
     request: StatusRequest,
     /// Whether it is for this machine alone.
     is_local: bool,
+    /// Files are read here: the threads of a run are busy until its end.
+    pool: ThreadPool,
 }
 
 impl Shown {
@@ -104,8 +109,12 @@ impl Shown {
         let _ = asked.respond(response);
     }
 
+    fn standing(&self) -> Result<StandingOf, StepError> {
+        self.pool.install(|| calib_pipeline::status(&self.request, &Printer::nobody()))
+    }
+
     fn status(&self) -> Response<std::io::Cursor<Vec<u8>>> {
-        let told = match calib_pipeline::status(&self.request, &Printer::nobody()) {
+        let told = match self.standing() {
             Ok(standing) => serde_json::to_vec(&standing),
             Err(error) => serde_json::to_vec(&json!({ "error": error.to_string() })),
         };
@@ -113,8 +122,7 @@ impl Shown {
     }
 
     fn report(&self) -> Response<std::io::Cursor<Vec<u8>>> {
-        let standing = calib_pipeline::status(&self.request, &Printer::nobody());
-        let report = standing.ok().and_then(|standing| fs::read(standing.report()?).ok());
+        let report = self.standing().ok().and_then(|standing| fs::read(standing.report()?).ok());
         match report {
             Some(report) => content("text/html; charset=utf-8", report),
             None => refusal(404, "there is no report yet"),

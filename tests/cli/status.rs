@@ -247,6 +247,22 @@ fn a_page_shows_a_study_to_this_machine_alone_and_changes_nothing() {
 }
 
 #[test]
+fn the_page_of_a_run_answers_while_all_threads_train() {
+    let place = long();
+    let (ends, address, _said) =
+        serving(&place, &["run", "study.toml", "--threads", "1", "--serve", "127.0.0.1:0"]);
+    let shown = wait_for("a stored run", || {
+        let (_, told) = ask(address, "GET /status.json", &address.to_string());
+        let told: Value = serde_json::from_str(&told).expect("JSON");
+        assert_ne!(told["state"], "done", "the page waited for the run");
+        let (stored, _) = told["rankings"].as_array()?.first().map(runs)?;
+        (stored > 0 && told["secs_left"].is_number()).then_some(told)
+    });
+    assert_eq!((&shown["state"], states(&shown, "sweep")), (&"running".into(), vec!["running"]));
+    drop(ends);
+}
+
+#[test]
 fn a_run_shows_its_page_as_long_as_it_runs() {
     let place = Place::with_plant();
     let (mut ends, address, mut said) =

@@ -159,14 +159,14 @@ mod tests {
 
     #[test]
     fn settings_are_compared_with_the_leader_on_common_streams() {
-        let short: Logs = [(2, 8.0_f64.ln())].into();
+        let short: Logs = [(2, 12.0_f64.ln())].into();
         let all = [logs(&[2.0, 4.0, 8.0]), logs(&[1.0, 2.0, 4.0]), short, Logs::new()];
         let ranked = ranked(&all).expect("ranked");
         let order: Vec<usize> = ranked.iter().map(|(candidate, _)| *candidate).collect();
         assert_eq!(order, [1, 0, 2], "one without runs has no place");
         let ratios: Vec<f64> = ranked.iter().filter_map(|(_, of)| of.ratio).collect();
         assert!(
-            ratios.iter().zip([1.0, 2.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-12),
+            ratios.iter().zip([1.0, 2.0, 3.0]).all(|(a, b)| (a - b).abs() < 1e-12),
             "{ratios:?}"
         );
         let [low, high] = ranked[1].1.interval.expect("three streams");
