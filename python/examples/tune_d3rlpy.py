@@ -31,11 +31,10 @@ class FineTuned:
 
     def __init__(self, env, learning_rate=6.25e-5, epsilon=0.05):
         self.env, self.explorer = env, d3rlpy.algos.ConstantEpsilonGreedy(epsilon)
-        trained = d3rlpy.algos.DQNConfig().create()
-        trained.fit(recorded, n_steps=2_000, n_steps_per_epoch=2_000, **quiet)
         self.agent = d3rlpy.algos.DQNConfig(learning_rate=learning_rate).create()
         self.agent.build_with_env(env)
-        self.agent.copy_q_function_from(trained)
+        # Not load_model: that would bring the learning rate of training along.
+        self.agent.copy_q_function_from(d3rlpy.load_learnable(f"{folder}/trained.d3"))
 
     def learn(self, total_timesteps):
         self.agent.fit_online(self.env, explorer=self.explorer, n_steps=total_timesteps, n_steps_per_epoch=total_timesteps, **quiet)
@@ -44,6 +43,9 @@ class FineTuned:
 model = calib_rl.build_model(
     log, folder, actions=["action"], reward="reward", terminal="terminal", control={"probability": "probability"}
 )
+trained = d3rlpy.algos.DQNConfig().create()
+trained.fit(recorded, n_steps=2_000, n_steps_per_epoch=2_000, **quiet)
+trained.save(f"{folder}/trained.d3")
 grid = {"learning_rate": [1e-5, 1e-4, 1e-3], "epsilon": [0.02, 0.1]}
 print(
     calib_rl.tune(
