@@ -229,9 +229,15 @@ fn actions_that_contradict_each_other_are_refused() {
 #[test]
 fn an_empty_reward_ends_an_episode_and_is_told_with_its_time() {
     let place = pump(|row| {
-        let level = if row == 20 { String::new() } else { (row % 7).to_string() };
-        format!("2024-03-01 00:{row:02}:00,{level},{}\n", (row + 1) % 2)
+        let gain = if row == 20 { String::new() } else { (row % 3).to_string() };
+        format!("2024-03-01 00:{row:02}:00,{},{gain},{}\n", row % 7, (row + 1) % 2)
     });
+    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    place.write("log.csv", &log.replace("level,pump", "level,gain,pump"));
+    let study = fs::read_to_string(place.path().join("study.toml")).expect("written");
+    let reward = "[{ column = \"pump\", weight = -1 }]";
+    assert!(study.contains(reward), "{study}");
+    place.write("study.toml", &study.replace(reward, "\"gain\""));
     let inspected = place.calib(&["inspect", "study.toml"]);
     let told = inspected.stderr();
     assert!(

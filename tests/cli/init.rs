@@ -342,7 +342,7 @@ fn an_outage_in_the_part_that_agents_are_tried_on_ends_nothing() {
 #[test]
 fn few_windows_and_short_horizons_are_told() {
     let place = Place::new();
-    place.write("log.csv", &log_of(3_000));
+    place.write("log.csv", &log_of(4_000));
     let init = |more: &[&str]| {
         let run = place.calib(&[&["init", "log.csv", "--force", "--within=1s"][..], more].concat());
         run.succeeds();

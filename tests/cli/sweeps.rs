@@ -192,7 +192,7 @@ fn a_race_drops_what_is_surely_worse_says_so_and_resumes() {
 /// Runs that the last sweep made: all of them where it does not say how many.
 fn told_runs(told: &str) -> Option<usize> {
     let (_, rest) = told.split_once(" (")?;
-    rest.split_once(" runs, of the settings that had none)")?.0.parse().ok()
+    rest.split_once(" agents, of the settings that had none)")?.0.parse().ok()
 }
 
 #[test]
@@ -219,9 +219,12 @@ fn one_more_value_in_the_grid_trains_that_value_alone() {
         if race == "none" {
             // Two sensors; three runs in each of three members, three online, two on the log.
             assert_eq!((made, all), (28, 112), "{told}");
-            assert!(whole.contains("28 units run in") && told_runs(&whole).is_none(), "{whole}");
             assert!(
-                dry.stderr().contains("(28 of their 112 runs) left to run"),
+                whole.contains("28 training runs made in") && told_runs(&whole).is_none(),
+                "{whole}"
+            );
+            assert!(
+                dry.stderr().contains("(28 of their 112 agents) left to make"),
                 "{}",
                 dry.stderr()
             );

@@ -241,7 +241,7 @@ impl Draft<'_> {
         text.key(
             "baseline",
             "\"best\"",
-            &format!("the agent starts from the best simple predictor{best} and adds what it learns; \"none\" starts from nothing"),
+            &format!("the agent starts from the best simple predictor{best}, and adds what it learns; \"none\" starts from nothing"),
         );
         text.key(
             "gamma",
@@ -411,7 +411,10 @@ mod tests {
         assert_eq!(read["preprocess"]["subsample"].as_integer(), Some(2));
         assert!(text.contains("# a total: it moves one way only"), "{text}");
         assert!(text.contains("# because"), "{text}");
-        assert!(text.contains("suits the sensor best, here ridge regression for B; "), "{text}");
+        assert!(
+            text.contains("best simple predictor, here ridge regression for B, and adds"),
+            "{text}"
+        );
         for line in text.lines().filter(|line| line.contains(" = ")) {
             assert!(!line.ends_with("# "), "{line}");
         }
@@ -448,7 +451,7 @@ mod tests {
             }
             .text()
         };
-        assert!(text(0).contains("max_missing = 0.2 "), "{}", text(0));
+        assert!(text(0).contains("max_missing = 0.15 "), "{}", text(0));
         assert!(text(0).contains("A misses 12 % of the training range"), "{}", text(0));
         assert!(!text(1).contains("max_missing"), "the default will do for B");
     }

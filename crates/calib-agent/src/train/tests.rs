@@ -279,8 +279,9 @@ fn bad_requests_are_refused() {
         "cumulant column 2 does not exist: expected a column below 2, the width of a state"
     );
     assert!(
-        attempt(&stream, 0, linear())
-            .starts_with("no step can be scored: with gamma = 0.9 the last 44")
+        attempt(&stream, 0, linear()).starts_with(
+            "no step can be scored: with gamma = 0.9, scoring a prediction needs the 44"
+        )
     );
     assert!(attempt(&stream, 0, AgentConfig { gamma: 1.0, ..linear() }).contains("`gamma`"));
     let curve = CurveRule::default();

@@ -1,6 +1,6 @@
 use calib_control::{
-    ActionModel, Columns, ControlConfig, ControlError, Decisions, Ending, Levels, StartRows,
-    Starts, rows_without_reward,
+    ActionModel, Columns, ControlConfig, ControlError, Decisions, Ending, Levels, Settings,
+    StartRows, Starts, rows_without_reward,
 };
 use calib_core::{Bounds, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, entry_of, format_time};
@@ -80,13 +80,7 @@ pub(super) fn read(
         place.map_or_else(Vec::new, |place| recorded[place].clone())
     };
     let acted = &recorded[..config.actions.len()];
-    let (levels, settings) = match config.levels {
-        None => (Levels::new(acted, config.most_actions)?, None),
-        Some(levels) => {
-            let (levels, settings) = Levels::of_range(acted, levels, config.most_actions)?;
-            (levels, Some(settings))
-        }
-    };
+    let (levels, settings) = levels_of(acted, config)?;
     let rows = dataset.train.rows();
     let rewards = config.reward.of(rows, |name| {
         let mut values = column(name);
@@ -137,6 +131,18 @@ pub(super) fn read(
     };
     let times = frames.timestamps().iter().map(|of| of.as_micros()).collect();
     Ok(ActionLog { decisions, names, fingerprint, times, period: dataset.period })
+}
+
+/// The actions that agents choose among, and for continuous ones what was set.
+fn levels_of(
+    acted: &[Vec<f64>],
+    config: &ControlConfig,
+) -> Result<(Levels, Option<Settings>), ControlError> {
+    let Some(levels) = config.levels else {
+        return Ok((Levels::new(acted, config.most_actions)?, None));
+    };
+    let (levels, settings) = Levels::of_range(acted, levels, config.most_actions)?;
+    Ok((levels, Some(settings)))
 }
 
 /// Say where a reward is missing: no model can know it, and episodes end before such rows.

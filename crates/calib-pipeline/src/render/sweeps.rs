@@ -29,10 +29,10 @@ impl Told for Swept {
             let did = match self.ran {
                 0 => "up to date".to_owned(),
                 ran if self.ran_runs < ran * self.candidates().len() => format!(
-                    "{} made in {} ({} of agents, of the settings that had none)",
+                    "{} made in {} ({}, of the settings that had none)",
                     counted(ran, "training run"),
                     duration(self.took),
-                    counted(self.ran_runs, "run")
+                    counted(self.ran_runs, "agent")
                 ),
                 ran => format!("{} made in {}", counted(ran, "training run"), duration(self.took)),
             };

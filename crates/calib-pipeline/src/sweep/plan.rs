@@ -244,7 +244,7 @@ impl SweepPlan {
         };
         let of_all = self.left * self.candidates.len();
         let runs = if self.runs_left < of_all {
-            format!(" ({} of their {} runs)", count(self.runs_left), count(of_all))
+            format!(" ({} of their {} agents)", count(self.runs_left), count(of_all))
         } else {
             String::new()
         };

@@ -197,10 +197,7 @@ fn sweep(
         plan.complete(stored, &store, &context.progress())?;
     let mut manifest = Artefact::new(facts(study, &setting, &plan, &results, context)?);
     if let Some(class) = arithmetic {
-        manifest.arithmetic = Some(class.to_owned());
-        manifest.notes.push(format!(
-            "agents were trained by {class}, which rounds differently from calib, so compare only runs that were trained alike"
-        ));
+        note_arithmetic(&mut manifest, class);
     }
     manifest.files = kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default();
     let is_the_same = match kept {
@@ -225,6 +222,14 @@ fn sweep(
         manifest = claim.finish(manifest.facts, tables())?;
     }
     Ok(StepResult::Made(Swept { manifest, directory, ran, ran_runs, took: clock.elapsed() }))
+}
+
+/// Note that agents were trained by something that rounds in its own way.
+fn note_arithmetic(facts: &mut SweepFacts, class: &str) {
+    facts.arithmetic = Some(class.to_owned());
+    facts.notes.push(format!(
+        "agents were trained by {class}, which rounds differently from calib, so compare only runs that were trained alike"
+    ));
 }
 
 /// How long what was planned takes, with `passes` left, by some steps of one.
