@@ -4,7 +4,7 @@ use std::{
     time::Duration,
 };
 
-use calib_agent::{Accelerator, SimplePredictor, check_accelerated};
+use calib_agent::{Accelerator, check_accelerated};
 use calib_data::Dataset;
 use calib_files::{read_json, write_json};
 use calib_study::{Job, Layout, Study};
@@ -211,9 +211,7 @@ fn sweep(
         };
         sweep_tables::write(&directory, &manifest, &results)?;
         let simple = setting.simple_errors(&environments, &baselines)?;
-        if setting.candidates[0].agent.baseline == Some(SimplePredictor::Best) {
-            context.say(&format!("agents start from {}", simple.best_told()));
-        }
+        context.say_all(simple.starts().as_slice());
         simple.write(&directory)?;
         recorded::write(&directory, &setting.dataset, setting.pretrain.as_ref(), &setting.sensors)?;
         if ran > 0 {

@@ -53,6 +53,11 @@ impl SimpleErrors {
         Ok(Self { runs: None, units: sensors.iter().map(unit).collect(), fitted, best, scores })
     }
 
+    /// What agents with `agent.baseline = "best"` start from, as a line; none where no agent does.
+    pub(crate) fn starts(&self) -> Option<String> {
+        (!self.best.is_empty()).then(|| format!("agents start from {}", self.best_told()))
+    }
+
     /// What agents with `agent.baseline = "best"` start from, in words.
     pub(crate) fn best_told(&self) -> String {
         let told = self.best.iter().map(|(sensor, best)| format!("{} for {sensor}", best.label()));
