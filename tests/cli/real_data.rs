@@ -35,10 +35,12 @@ fn run_shortened(study: &str, folder: &str, more: &[&str]) {
         assert!(matches!(output.status.code(), Some(0 | 1)), "{command}: {told}");
         if command == "evaluate" {
             let verdict = String::from_utf8_lossy(&output.stdout);
+            let (predicts, sensors) = verdict.split_once('\n').expect("lines");
+            assert!(predicts.starts_with("Agents predict the mean of their sensor"), "{verdict}");
             let is_headline = |line: &&str| {
                 ![" ", "note: ", "report: "].iter().any(|start| line.starts_with(start))
             };
-            assert_eq!(verdict.lines().filter(is_headline).count(), 3, "{verdict}");
+            assert_eq!(sensors.lines().filter(is_headline).count(), 3, "{verdict}");
         }
     }
     assert!(place.path().join("results/report.html").is_file());
