@@ -1,7 +1,6 @@
 //! The page of a study: progress, time left, how the settings stand, and the report. It shows and changes nothing.
 
 use std::{
-    fs,
     net::IpAddr,
     sync::{
         Arc,
@@ -11,6 +10,7 @@ use std::{
     time::Duration,
 };
 
+use calib_files::read_regular;
 use calib_pipeline::{Context as _, Printer, StandingOf, StatusRequest, StepError};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::json;
@@ -122,7 +122,8 @@ impl Shown {
     }
 
     fn report(&self) -> Response<std::io::Cursor<Vec<u8>>> {
-        let report = self.standing().ok().and_then(|standing| fs::read(standing.report()?).ok());
+        let report =
+            self.standing().ok().and_then(|standing| read_regular(standing.report()?).ok());
         match report {
             Some(report) => content("text/html; charset=utf-8", report),
             None => refusal(404, "there is no report yet"),

@@ -319,6 +319,6 @@ fn nothing_but_calib_files_changes_a_disk() {
 /// Whoever opens a file himself waits for ever where it is a pipe.
 #[test]
 fn nothing_but_calib_files_opens_a_file() {
-    // What the system says of memory is no file of a user's.
+    // What the system says of memory and of processes is no file of a user's.
     assert_eq!(callers(&OPENS, "crates/calib-pipeline/src/base/memory.rs"), []);
 }

@@ -43,7 +43,7 @@ pub(crate) fn unix_secs() -> f64 {
 /// When a process of this machine began, in ticks since the machine did, as Linux says it: a later process of the same
 /// number began later.
 pub(crate) fn process_began(process: u32) -> Option<u64> {
-    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    let stat = memory::stat_of(process)?;
     let (_, fields) = stat.rsplit_once(')')?;
     fields.split_whitespace().nth(19)?.parse().ok()
 }

@@ -69,6 +69,11 @@ pub(super) fn of_process(file: &str) -> Option<String> {
     fs::read_to_string(Path::new("/proc/self").join(file)).ok()
 }
 
+/// `/proc/PID/stat` of another process; none if it has ended, or where the system is not Linux.
+pub(super) fn stat_of(process: u32) -> Option<String> {
+    fs::read_to_string(format!("/proc/{process}/stat")).ok()
+}
+
 /// What is left of the limit on addresses (`ulimit -v`), from `/proc/self/limits` and `/proc/self/status`; none if there
 /// is no limit.
 fn of_limits(limits: &str, status: &str) -> Option<u64> {
