@@ -97,10 +97,7 @@ impl<'a> Fitter<'a> {
         fitted.map_or(constant, |fitted| fitted.predictor)
     }
 
-    /// The simplest of those that are within a hundredth of the least error of the cross-validation, as a geometric mean over its
-    /// folds: one fold in which all err a lot must not decide alone. By later folds alone, what was
-    /// fitted on the first days of a log would count, and a plant that was run otherwise then would make persistence the best: it is
-    /// not fitted.
+    /// That of [`SimplePredictor::Best`]; the constant where nothing can be judged.
     fn best(&self, column: usize, returns: &[f64], constant: FittedPredictor) -> FittedPredictor {
         self.best_judged(column, returns).map_or(constant, |(_, judged)| judged.predictor)
     }
@@ -114,6 +111,10 @@ impl<'a> Fitter<'a> {
         self.best_judged(column, &returns).map(|(best, _)| best)
     }
 
+    /// The simplest of those that are within a hundredth of the least error of the cross-validation, as a geometric mean over its
+    /// folds: one fold in which all err a lot must not decide alone. By later folds alone, what was
+    /// fitted on the first days of a log would count, and a plant that was run otherwise then would make persistence the best: it is
+    /// not fitted.
     fn best_judged(&self, column: usize, returns: &[f64]) -> Option<(SimplePredictor, Judged)> {
         let judged: Vec<(SimplePredictor, Judged)> = SimplePredictor::ALL
             .into_iter()

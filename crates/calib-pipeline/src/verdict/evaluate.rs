@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use calib_agent::Part;
-use calib_core::{Monitor, Period, Seed};
+use calib_core::{Monitor, Seed};
 use calib_model::StartKind;
 use calib_report::{RecordedFigure, caveats};
 use calib_study::{Job, Layout, StepKind, Study};
@@ -189,8 +189,6 @@ pub(crate) fn judge(
     })?;
     let sensors = study.sweep.sensors.iter();
     let profile = model_files::read_profile(&paths.model())?;
-    let model: ModelManifest =
-        artefact::require(&paths.model(), &job.command(StepKind::BuildModel))?;
     let doubts = profile.value_doubts();
     let verdicts = sensors
         .map(|sensor| {
@@ -226,7 +224,7 @@ pub(crate) fn judge(
         title: job.title(),
         choices: choices(&verdicts, &manifest.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
-        predicts: Some(predicts(study.agent.gamma, model.period)),
+        predicts: Some(predicts(study.agent.gamma, profile.sampled_period_secs)),
         plain: rows.iter().map(calib_report::Verdict::plain).collect(),
         caveats: caveats(&rows),
         candidates: manifest.candidates.iter().map(Candidate::label).collect(),
@@ -236,13 +234,13 @@ pub(crate) fn judge(
     Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
 }
 
-/// What an agent with this discount predicts of states that are `period` apart.
-fn predicts(gamma: f64, period: Period) -> String {
-    let state = span(period.as_secs());
+/// What an agent with this discount predicts of states that are so far apart.
+fn predicts(gamma: f64, state_secs: f64) -> String {
+    let state = span(state_secs);
     if gamma == 0.0 {
         return format!("Agents predict the next value of their sensor, {state} ahead.");
     }
-    let horizon = span(period.as_secs() / (1.0 - gamma));
+    let horizon = span(state_secs / (1.0 - gamma));
     format!(
         "Agents predict the mean of their sensor over about the next {horizon} (gamma = {gamma}, one state every {state})."
     )

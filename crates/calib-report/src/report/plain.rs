@@ -56,11 +56,9 @@ impl Verdict {
 
     /// Why the default, which learns nothing after the log, is kept although another setting was chosen.
     fn learning_off(&self) -> Option<String> {
+        self.without_learning()?;
         let default = self.alternative(Way::Default)?.value.as_ref()?;
-        if self.frozen.is_none()
-            || *default == self.chosen
-            || !matches!(self.grade, Grade::Good | Grade::Fair)
-        {
+        if *default == self.chosen {
             return None;
         }
         let against = self.online.as_ref()?.against_default;

@@ -1,5 +1,7 @@
 //! What a grade is called, and what it allows to say.
 
+use calib_agent::SimplePredictor;
+
 use super::{Agreement, Grade, Told, Verdict};
 
 const SIMPLER_IS_BETTER: &str = "Simpler is better: no agent needed";
@@ -20,7 +22,7 @@ impl Verdict {
     pub(crate) fn badge(&self) -> &'static str {
         match (&self.online, self.grade) {
             _ if self.is_arbitrary() => "No clear difference: all settings did alike",
-            _ if self.is_simpler_better() => SIMPLER_IS_BETTER,
+            _ if self.without_learning().is_some() => SIMPLER_IS_BETTER,
             (Some(online), _) if online.stands_still => {
                 "Not checked: the sensor is constant in the held-out period"
             }
@@ -37,16 +39,20 @@ impl Verdict {
         }
     }
 
+    /// The simple predictor to use although the choice is a good one, because learning on adds nothing to it.
+    pub(super) fn without_learning(&self) -> Option<SimplePredictor> {
+        self.frozen.filter(|_| matches!(self.grade, Grade::Good | Grade::Fair))
+    }
+
     /// Whether a simple predictor is to be used instead of an agent.
     pub(crate) fn is_simpler_better(&self) -> bool {
-        self.grade == Grade::Simpler
-            || (self.frozen.is_some() && matches!(self.grade, Grade::Good | Grade::Fair))
+        self.grade == Grade::Simpler || self.without_learning().is_some()
     }
 
     /// Its name in the style sheet.
     pub(crate) fn class(&self) -> &'static str {
         match self.grade {
-            _ if self.is_simpler_better() => "simpler",
+            _ if self.without_learning().is_some() => "simpler",
             Grade::Good => "good",
             Grade::Fair => "fair",
             Grade::Simpler => "simpler",

@@ -28,7 +28,8 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
     let (poor, not_learnt) = (graded(&[Grade::Poor]), graded(&[Grade::NotLearnt]));
     let mut usable = graded(&[Grade::Good, Grade::Fair, Grade::Unchecked]);
     let arbitrary: Vec<&Verdict> = usable.extract_if(.., |graded| graded.is_arbitrary()).collect();
-    let frozen: Vec<&Verdict> = usable.extract_if(.., |graded| graded.frozen.is_some()).collect();
+    let frozen: Vec<&Verdict> =
+        usable.extract_if(.., |graded| graded.is_simpler_better()).collect();
     let mut sentences = Vec::new();
     if !usable.is_empty() {
         sentences.push(format!("Use {}.", choices(&usable)));
@@ -53,13 +54,11 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
             not_learnt.iter().map(|verdict| verdict.sensor_and_error()).collect();
         sentences.push(format!("No setting learns {}.", listed(&each)));
     }
-    // What a choice costs that nobody is advised to use is of no interest.
-    let compared: Vec<&Verdict> = usable
-        .iter()
-        .copied()
-        .filter(|verdict| verdict.online.is_some() && verdict.has_costs())
-        .collect();
-    if verdicts.iter().all(|verdict| verdict.online.is_none()) {
+    let online = || verdicts.iter().copied().filter(|verdict| verdict.online.is_some());
+    // What an agent would have cost that nobody needs is of no interest.
+    let compared: Vec<&Verdict> =
+        online().filter(|verdict| verdict.has_costs() && !verdict.is_simpler_better()).collect();
+    if online().next().is_none() {
         sentences.push("No data was held out, so nothing here is checked.".to_owned());
     } else if let Some(costs) = costs(&compared) {
         sentences.push(costs);
@@ -121,7 +120,7 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
     if !others.iter().all(same) || !others.iter().all(alike) {
         return None;
     }
-    if first.grade == Grade::Simpler {
+    if first.is_simpler_better() {
         return Some(format!(
             "{sensor}: no agent is needed, whichever model chooses: use {}.",
             first.instead()
@@ -239,6 +238,8 @@ fn costs(verdicts: &[&Verdict]) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use calib_agent::SimplePredictor;
+
     use super::super::{Agreement, Told, sentence::tests::verdict};
     use super::*;
 
@@ -289,6 +290,19 @@ mod tests {
         };
         let told = choices_of_models(&[of_model("a", quiet), of_model("b", quiet)]);
         assert!(told[0].starts_with("PIT300 hardly varies in the held-out windows"), "{told:?}");
+    }
+
+    #[test]
+    fn models_whose_agents_need_not_learn_on_agree_that_none_is_needed() {
+        let frozen = |verdict: &mut Verdict, _: &mut Agreement| {
+            verdict.frozen = Some(SimplePredictor::Ridge);
+        };
+        assert_eq!(
+            choices_of_models(&[of_model("a", frozen), of_model("b", frozen)]),
+            [
+                "PIT300: no agent is needed, whichever model chooses: use ridge regression for PIT300."
+            ]
+        );
     }
 
     #[test]
