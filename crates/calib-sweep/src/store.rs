@@ -42,10 +42,7 @@ impl UnitStore {
     /// A file that is missing, damaged or made from other inputs has none.
     pub fn get(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {
         let others = self.beside.iter().filter_map(|other| other.get(unit, key));
-        self.own(unit, key).into_iter().chain(others).reduce(|mut all, more| {
-            all.merge(more);
-            all
-        })
+        UnitRuns::merged(self.own(unit, key).into_iter().chain(others))
     }
 
     fn own(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {

@@ -91,6 +91,14 @@ impl UnitRuns {
         }
     }
 
+    /// The runs of one unit that are in several places, together; none where no place has any.
+    pub fn merged(places: impl IntoIterator<Item = Self>) -> Option<Self> {
+        places.into_iter().reduce(|mut all, more| {
+            all.merge(more);
+            all
+        })
+    }
+
     /// The rows that are there of the candidates of a planned unit, where `settings` are the keys of all candidates.
     pub fn of<S: AsRef<str>>(&self, planned: &PlannedUnit, settings: &[S]) -> Vec<RunRow> {
         self.rows(planned.trained(settings)).flatten().collect()

@@ -209,10 +209,7 @@ impl Running<'_> {
     ) -> TaskEnd {
         let found = |unit: &Unit, key: &str| -> Option<UnitRuns> {
             let stored = stored.get(&(unit.clone(), key.to_owned())).cloned();
-            stored.into_iter().chain(sink.get(unit, key)).reduce(|mut all, more| {
-                all.merge(more);
-                all
-            })
+            UnitRuns::merged(stored.into_iter().chain(sink.get(unit, key)))
         };
         if task.ready.is_found(&found) {
             return TaskEnd::Done;

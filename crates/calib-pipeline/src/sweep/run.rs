@@ -411,11 +411,7 @@ impl Found {
         let all = store.beside(others);
         let stored = plan.known(&|unit, key| {
             let made = pool.and_then(|pool| pool.get(&(unit.clone(), key.to_owned())));
-            let both = made.cloned().into_iter().chain(all.get(unit, key));
-            both.reduce(|mut all, more| {
-                all.merge(more);
-                all
-            })
+            UnitRuns::merged(made.cloned().into_iter().chain(all.get(unit, key)))
         })?;
         Ok(Self { own, stored })
     }
