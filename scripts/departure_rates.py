@@ -46,8 +46,7 @@ def main() -> None:
     parser.add_argument("--neighbors", type=int, default=3)
     parser.add_argument("--queries", type=int, default=1500)
     arguments = parser.parse_args()
-    period = json.loads((arguments.model / "manifest.json").read_text())["period"]
-    seconds = period / 1e6 if isinstance(period, (int, float)) else float(period)
+    seconds = json.loads((arguments.model / "manifest.json").read_text())["period"] / 1e6
     for name, file in (("representation", "representation.npy"), ("sensors", "states.npy")):
         path = arguments.model / file
         if not path.exists():

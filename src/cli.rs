@@ -145,7 +145,7 @@ impl Command {
     /// Whom the result is for.
     pub(crate) fn answer(&self) -> Answer {
         let json = match self {
-            Self::Run(RunArgs { of: DeviceArgs { study: args, .. }, .. })
+            Self::Run(RunArgs { study: DeviceArgs { study: args, .. }, .. })
             | Self::Rollout(args)
             | Self::Sweep(DeviceArgs { study: args, .. })
             | Self::Control(args)

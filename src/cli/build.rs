@@ -41,7 +41,7 @@ pub(crate) struct DeviceArgs {
 #[derive(Debug, Args)]
 pub(crate) struct RunArgs {
     #[command(flatten)]
-    pub(crate) of: DeviceArgs,
+    pub(crate) study: DeviceArgs,
     /// Show a page with progress, time left and the ranking so far, at this address of this machine, such as 127.0.0.1:8080 or 8080, as long as the command runs
     #[arg(long, value_name = "ADDRESS", help_heading = OUTPUT)]
     pub(crate) serve: Option<Address>,

@@ -64,11 +64,11 @@ mod tests {
 
     #[test]
     fn a_port_alone_is_one_of_this_machine() {
-        let of = |text: &str| text.parse::<Address>().map(|address| address.0.to_string());
-        assert_eq!(of("8080").as_deref(), Ok("127.0.0.1:8080"));
-        assert_eq!(of("localhost:80").as_deref(), Ok("127.0.0.1:80"));
-        assert_eq!(of("[::1]:80").as_deref(), Ok("[::1]:80"));
-        assert_eq!(of("0.0.0.0:80").as_deref(), Ok("0.0.0.0:80"));
-        assert!(of("here").is_err() && of("99999").is_err());
+        let read = |text: &str| text.parse::<Address>().map(|address| address.0.to_string());
+        assert_eq!(read("8080").as_deref(), Ok("127.0.0.1:8080"));
+        assert_eq!(read("localhost:80").as_deref(), Ok("127.0.0.1:80"));
+        assert_eq!(read("[::1]:80").as_deref(), Ok("[::1]:80"));
+        assert_eq!(read("0.0.0.0:80").as_deref(), Ok("0.0.0.0:80"));
+        assert!(read("here").is_err() && read("99999").is_err());
     }
 }

@@ -58,7 +58,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
         Command::Init(args) => calib_pipeline::propose(&args.into(), printer)?,
         Command::Inspect(args) => inspect::run(&args, printer)?,
         Command::Import(args) => import::run(&args, printer)?,
-        Command::Run(RunArgs { of: DeviceArgs { study, device }, serve }) => {
+        Command::Run(RunArgs { study: DeviceArgs { study, device }, serve }) => {
             let page =
                 serve.map(|address| status::page_of(&study, address, printer)).transpose()?;
             let job = study.job()?;

@@ -372,6 +372,29 @@ mod tests {
         testing::{sketch, wave},
     };
 
+    /// The text of a study of `log` that predicts these sensors, with states `spacing` rows apart.
+    fn drafted(log: &Sketch, sensors: &Sensors, spacing: usize) -> String {
+        let scope = Scope::of(log).expect("channels");
+        let draft = Draft {
+            sketch: log,
+            path: "logs",
+            cleaning: &Cleaning::of(log, &scope),
+            missing_values: &[],
+            clock: None,
+            spacing: (spacing, "because"),
+            horizon: horizon(log, &sensors.proposed, spacing, 1_000),
+            scope: &scope,
+            cut: &Cut::of(log, &scope).expect("rows"),
+            sensors,
+            size: &Size::trial(ProposedAgent::Linear, 1_000, sensors.proposed.len()),
+            agent_reason: "tried",
+            baseline: "ridge regression for B",
+            asked: Asked::default(),
+            size_reason: "sized to end within 10 min",
+        };
+        draft.text()
+    }
+
     #[test]
     fn every_choice_stands_in_the_file_with_its_reason() {
         let log = sketch(
@@ -382,28 +405,8 @@ mod tests {
                 ("total", Box::new(|row| (row as f64).powf(1.1))),
             ],
         );
-        let scope = Scope::of(&log).expect("channels");
-        let sensors = Sensors::of(&log, &scope).expect("sensors");
-        let cut = Cut::of(&log, &scope).expect("rows");
-        let size = Size::trial(ProposedAgent::Linear, 1_000, 2);
-        let draft = Draft {
-            sketch: &log,
-            path: "logs",
-            cleaning: &Cleaning::of(&log, &scope),
-            missing_values: &[],
-            clock: None,
-            spacing: (2, "because"),
-            horizon: horizon(&log, &sensors.proposed, 2, 1_000),
-            scope: &scope,
-            cut: &cut,
-            sensors: &sensors,
-            size: &size,
-            agent_reason: "tried",
-            baseline: "ridge regression for B",
-            asked: Asked::default(),
-            size_reason: "sized to end within 10 min",
-        };
-        let text = draft.text();
+        let sensors = Sensors::of(&log, &Scope::of(&log).expect("channels")).expect("sensors");
+        let text = drafted(&log, &sensors, 2);
         let read: toml::Table = toml::from_str(&text).expect("TOML");
         assert_eq!(read["data"]["path"].as_str(), Some("logs"));
         assert_eq!(read["data"]["exclude"][0].as_str(), Some("total"));
@@ -427,29 +430,9 @@ mod tests {
             if (1_000..2_000).contains(&row) { f64::NAN } else { value }
         });
         let log = sketch(12_000, &[("A", hole), ("B", wave(70.0))]);
-        let scope = Scope::of(&log).expect("channels");
-        let cut = Cut::of(&log, &scope).expect("rows");
-        let size = Size::trial(ProposedAgent::Linear, 1_000, 1);
         let text = |sensor: usize| {
             let sensors = Sensors { proposed: vec![sensor], others: Vec::new() };
-            Draft {
-                sketch: &log,
-                path: "logs",
-                cleaning: &Cleaning::of(&log, &scope),
-                missing_values: &[],
-                clock: None,
-                spacing: (1, "because"),
-                horizon: horizon(&log, &sensors.proposed, 1, 1_000),
-                scope: &scope,
-                cut: &cut,
-                sensors: &sensors,
-                size: &size,
-                agent_reason: "tried",
-                baseline: "ridge regression for B",
-                asked: Asked::default(),
-                size_reason: "sized",
-            }
-            .text()
+            drafted(&log, &sensors, 1)
         };
         assert!(text(0).contains("max_missing = 0.15 "), "{}", text(0));
         assert!(text(0).contains("A misses 12 % of the training range"), "{}", text(0));

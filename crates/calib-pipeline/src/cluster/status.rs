@@ -138,8 +138,9 @@ impl Status {
 
     /// Whether some shards are begun or in a queue, and not done.
     pub(crate) fn is_running(&self) -> bool {
-        let at_work = |of: &Standing| of.is_running || of.queue.is_some();
-        self.shards.iter().any(|of| of.state != State::Done && at_work(of))
+        self.shards
+            .iter()
+            .any(|shard| shard.state != State::Done && (shard.is_running || shard.queue.is_some()))
     }
 
     /// Tell it, of the plan in `directory`.
@@ -207,7 +208,9 @@ fn standing(opened: &Opened, number: usize) -> Standing {
         units,
         of: shard.units(&opened.plan),
         attempts: attempts.len(),
-        is_running: attempts.iter().any(|of| of.ended == Ended::NotYet && is_running(of)),
+        is_running: attempts
+            .iter()
+            .any(|attempt| attempt.ended == Ended::NotYet && is_running(attempt)),
         predicted_secs: shard.secs,
         // Of nothing the sum is -0.
         secs: made.map(|made| made.secs).sum::<f64>() + 0.0,

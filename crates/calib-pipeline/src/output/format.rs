@@ -37,6 +37,11 @@ pub fn duration(span: Duration) -> String {
     }
 }
 
+/// So many seconds as [`duration`] tells them; what is too long for one is as long as one can be.
+pub(crate) fn duration_of_secs(secs: f64) -> String {
+    duration(Duration::try_from_secs_f64(secs.max(0.0)).unwrap_or(Duration::MAX))
+}
+
 /// A span of the log in the largest two units, whole numbers where they are: `5 d 10 h`, `1 min`, `0.5 s`.
 pub fn span(secs: f64) -> String {
     const UNITS: [(f64, &str); 4] = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "min"), (1.0, "s")];

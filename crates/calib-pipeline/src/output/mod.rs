@@ -5,6 +5,7 @@ mod harmless;
 mod observer;
 mod printer;
 
+pub(crate) use format::duration_of_secs;
 pub use format::{
     about, bytes, count, counted, duration, percent, rounded, significant, span, table,
 };

@@ -9,13 +9,16 @@ use calib_files::host_name;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::base::clock::{process_began, unix_secs};
+use crate::base::{
+    artefact::TOOL,
+    clock::{process_began, unix_secs},
+};
 
 /// The folder of notes, in that of all results.
 pub(super) const FOLDER: &str = ".progress";
 
 /// Version of a note.
-pub(super) const FORMAT: u32 = 1;
+const FORMAT: u32 = 1;
 
 /// A note is written every second. One of another machine that is older than this is of a command that was killed.
 const STALE_SECS: f64 = 30.0;
@@ -77,6 +80,28 @@ pub(crate) enum Standing {
 }
 
 impl Note {
+    /// The note of a command of this process that begins now.
+    pub(super) fn begun(command: &str, study: &Path) -> Self {
+        let process = std::process::id();
+        let now = unix_secs();
+        Self {
+            format: FORMAT,
+            tool: TOOL.to_owned(),
+            command: command.to_owned(),
+            study: study.to_owned(),
+            host: host_name().to_owned(),
+            process,
+            process_began: process_began(process),
+            began: now,
+            written: now,
+            stage: None,
+            doing: None,
+            part: None,
+            task: None,
+            secs_left: None,
+        }
+    }
+
     /// Whether its command is at work.
     pub(crate) fn standing(&self) -> Standing {
         let is_here = self.host == host_name();
@@ -114,23 +139,7 @@ mod tests {
 
     #[test]
     fn a_note_of_a_process_that_is_gone_is_of_a_killed_one() {
-        let own = std::process::id();
-        let note = Note {
-            format: FORMAT,
-            tool: String::new(),
-            command: "run".to_owned(),
-            study: PathBuf::from("study.toml"),
-            host: host_name().to_owned(),
-            process: own,
-            process_began: process_began(own),
-            began: 0.0,
-            written: unix_secs(),
-            stage: None,
-            doing: None,
-            part: None,
-            task: None,
-            secs_left: None,
-        };
+        let note = Note::begun("run", Path::new("study.toml"));
         assert_eq!(note.standing(), Standing::Running);
         let other = Note { host: "another machine".to_owned(), ..note.clone() };
         assert_eq!(other.standing(), Standing::Running);

@@ -12,16 +12,13 @@ use std::{
 };
 
 use calib_core::Monitor;
-use calib_files::{host_name, remove_note, write_note};
+use calib_files::{remove_note, write_note};
 use calib_study::Job;
 
-use super::note::{FOLDER, FORMAT, Note, Standing, Task, notes};
+use super::note::{FOLDER, Note, Standing, Task, notes};
 use crate::{
     StepError,
-    base::{
-        artefact::TOOL,
-        clock::{Stopwatch, process_began, unix_secs},
-    },
+    base::clock::{Stopwatch, unix_secs},
     output::{Announced, Observer, Printer, Remark, Result as Told, Shown, Stage},
 };
 
@@ -94,25 +91,10 @@ impl Recorder {
         /// A program may run several.
         static NUMBER: AtomicUsize = AtomicUsize::new(0);
         let results = job.layout().of_study().to_owned();
-        let process = std::process::id();
-        let note = Note {
-            format: FORMAT,
-            tool: TOOL.to_owned(),
-            command: command.to_owned(),
-            study: job.layout().study().to_owned(),
-            host: host_name().to_owned(),
-            process,
-            process_began: process_began(process),
-            began: unix_secs(),
-            written: unix_secs(),
-            stage: None,
-            doing: None,
-            part: None,
-            task: None,
-            secs_left: None,
-        };
+        let note = Note::begun(command, job.layout().study());
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let name = format!("{}-{process}-{number}.json", calib_files::file_name(host_name()));
+        let host = calib_files::file_name(&note.host);
+        let name = format!("{host}-{}-{number}.json", note.process);
         let state = State { note, stage: None, task: None, announced: None, is_over: false };
         Self {
             path: results.join(FOLDER).join(name),

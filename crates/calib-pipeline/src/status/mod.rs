@@ -109,7 +109,7 @@ impl StandingOf {
     pub fn is_running(&self) -> bool {
         match self {
             Self::Study(study) => study.state == Overall::Running,
-            Self::Cluster(of) => of.cluster.is_running(),
+            Self::Cluster(plan) => plan.cluster.is_running(),
         }
     }
 
@@ -199,26 +199,24 @@ fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<StepStan
     let arithmetic = sweeps.iter().find_map(swept).and_then(|found| found.facts.arithmetic);
     let plan = Plan::of(job, &models, arithmetic.as_deref(), &context)?;
     let is_swept =
-        !plan.steps().iter().any(|of| of.step == StepKind::Sweep && of.state == State::ToDo);
+        !plan.steps().iter().any(|step| step.step == StepKind::Sweep && step.state == State::ToDo);
     let folders: Vec<PathBuf> = sweeps.iter().map(|part| part.layout().sweep()).collect();
     let is_judged = is_swept && is_judged_since(job, &folders);
-    let state = |of: &PlannedStep| {
-        let is_done = of.state == State::UpToDate || (of.step == StepKind::Evaluate && is_judged);
-        if is_done {
+    let mut standings = Vec::new();
+    for step in plan.steps() {
+        let is_done =
+            step.state == State::UpToDate || (step.step == StepKind::Evaluate && is_judged);
+        let state = if is_done {
             StepState::Done
-        } else if at_work.iter().any(|note| is_at(note, of)) {
+        } else if at_work.iter().any(|note| is_at(note, step)) {
             StepState::Running
         } else {
             StepState::ToDo
-        }
-    };
-    let step = |of: &PlannedStep| StepStanding {
-        step: of.step.label(),
-        model: of.model.clone(),
-        deployment: of.deployment.clone(),
-        state: state(of),
-    };
-    Ok(plan.steps().iter().map(step).collect())
+        };
+        let (model, deployment) = (step.model.clone(), step.deployment.clone());
+        standings.push(StepStanding { step: step.step.label(), model, deployment, state });
+    }
+    Ok(standings)
 }
 
 /// Whether a command is at a step: it is a command of that step alone, or its stage is called so.
@@ -229,7 +227,7 @@ fn is_at(note: &Note, step: &PlannedStep) -> bool {
         Some((_, doing)) => {
             let (label, model) = doing.split_once(", model ").unwrap_or((doing, ""));
             label == step.step.label()
-                && (model.is_empty() || step.model.as_deref().is_none_or(|of| of == model))
+                && (model.is_empty() || step.model.as_deref().is_none_or(|own| own == model))
         }
         None => note.command == step.step.command(),
     };

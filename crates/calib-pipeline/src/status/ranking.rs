@@ -113,7 +113,7 @@ fn ranked(logs: &[Logs]) -> Result<Vec<(usize, Standing)>, StepError> {
     }
     let standing = |candidate: &usize| {
         let finite: Vec<f64> =
-            logs[*candidate].values().copied().filter(|of| *of < f64::INFINITY).collect();
+            logs[*candidate].values().copied().filter(|log| *log < f64::INFINITY).collect();
         (diverged(&logs[*candidate]), mean(&finite).unwrap_or(f64::INFINITY))
     };
     let with_most = (0..logs.len()).filter(|candidate| logs[*candidate].len() == most);
@@ -164,7 +164,7 @@ mod tests {
         let ranked = ranked(&all).expect("ranked");
         let order: Vec<usize> = ranked.iter().map(|(candidate, _)| *candidate).collect();
         assert_eq!(order, [1, 0, 2], "one without runs has no place");
-        let ratios: Vec<f64> = ranked.iter().filter_map(|(_, of)| of.ratio).collect();
+        let ratios: Vec<f64> = ranked.iter().filter_map(|(_, standing)| standing.ratio).collect();
         assert!(
             ratios.iter().zip([1.0, 2.0, 3.0]).all(|(a, b)| (a - b).abs() < 1e-12),
             "{ratios:?}"

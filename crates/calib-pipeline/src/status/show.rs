@@ -1,14 +1,12 @@
 //! How a study stands, in lines and tables.
 
-use std::time::Duration;
-
 use super::{
     ClusterStanding, Command, Overall, Ranking, StandingOf, StepStanding, StepState, StudyStanding,
 };
 use crate::{
     StepError,
     base::clock::unix_secs,
-    output::{Printer, count, duration, percent, table},
+    output::{Printer, count, duration_of_secs, percent, table},
     progress::Standing,
 };
 
@@ -31,11 +29,6 @@ impl StandingOf {
     }
 }
 
-/// So many seconds, for people.
-fn span(secs: f64) -> String {
-    duration(Duration::try_from_secs_f64(secs.max(0.0)).unwrap_or(Duration::MAX))
-}
-
 fn tell_study(study: &StudyStanding, printer: &Printer) -> Result<(), StepError> {
     let state = match study.state {
         Overall::Done => "every step is done",
@@ -48,7 +41,7 @@ fn tell_study(study: &StudyStanding, printer: &Printer) -> Result<(), StepError>
         printer.result(&format!("  {}", command_line(command)))?;
     }
     if let Some(left) = study.secs_left {
-        printer.result(&format!("  about {} left", span(left)))?;
+        printer.result(&format!("  about {} left", duration_of_secs(left)))?;
     }
     let rows: Vec<Vec<String>> = study.steps.iter().map(step_row).collect();
     printer.lines(&table(&["step", "", "state"], &rows))?;
@@ -60,7 +53,7 @@ fn tell_study(study: &StudyStanding, printer: &Printer) -> Result<(), StepError>
 }
 
 fn command_line(Command { standing, note }: &Command) -> String {
-    let since = span(unix_secs() - note.began);
+    let since = duration_of_secs(unix_secs() - note.began);
     let place = format!("calib {} (process {} on {})", note.command, note.process, note.host);
     if *standing == Standing::Killed {
         return format!("{place} was killed; it had begun {since} ago");
@@ -69,7 +62,7 @@ fn command_line(Command { standing, note }: &Command) -> String {
     let doing: Vec<&str> = names.into_iter().flatten().collect();
     let task = note.task.as_ref().map(|task| {
         let share = percent(task.done as f64 / task.total.max(1) as f64);
-        let left = task.secs_left.map(|left| format!(", {} left of it", span(left)));
+        let left = task.secs_left.map(|left| format!(", {} left of it", duration_of_secs(left)));
         format!("{}: {share}{}", task.name, left.unwrap_or_default())
     });
     let said: Vec<String> = doing.into_iter().map(str::to_owned).chain(task).collect();
@@ -78,13 +71,13 @@ fn command_line(Command { standing, note }: &Command) -> String {
 
 fn step_row(step: &StepStanding) -> Vec<String> {
     let names = [step.model.as_deref(), step.deployment.as_deref()];
-    let of: Vec<&str> = names.into_iter().flatten().collect();
+    let part: Vec<&str> = names.into_iter().flatten().collect();
     let state = match step.state {
         StepState::Done => "done",
         StepState::Running => "running",
         StepState::ToDo => "to do",
     };
-    vec![step.step.to_owned(), of.join(", "), state.to_owned()]
+    vec![step.step.to_owned(), part.join(", "), state.to_owned()]
 }
 
 fn tell_cluster(standing: &ClusterStanding, printer: &Printer) -> Result<(), StepError> {
@@ -95,8 +88,9 @@ fn tell_cluster(standing: &ClusterStanding, printer: &Printer) -> Result<(), Ste
 fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepError> {
     for ranking in rankings.iter().filter(|ranking| !ranking.settings.is_empty()) {
         let names = [ranking.model.as_deref(), ranking.deployment.as_deref()];
-        let of: Vec<&str> = names.into_iter().flatten().collect();
-        let of = if of.is_empty() { String::new() } else { format!(" ({})", of.join(", ")) };
+        let names: Vec<&str> = names.into_iter().flatten().collect();
+        let part =
+            if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) };
         let [runs, all] = ranking.runs;
         let provisional = if runs < all { "provisional, " } else { "" };
         let models = if ranking.by_rule {
@@ -105,7 +99,7 @@ fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepErro
             "; of those that the rule looks at there are none yet"
         };
         printer.result(&format!(
-            "{}{of}: {provisional}by {} of {} runs{models}",
+            "{}{part}: {provisional}by {} of {} runs{models}",
             ranking.sensor,
             count(runs),
             count(all)

@@ -1,6 +1,6 @@
 //! How long a sweep will take, before it does.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::collections::BTreeMap;
 
 use calib_core::{RowIndex, RowStream};
 use calib_study::{Job, Study};
@@ -12,7 +12,7 @@ use crate::{
     StepError,
     log::context::RunContext,
     model::model_files,
-    output::{bytes, count, duration},
+    output::{bytes, count, duration_of_secs},
     sweep::{
         cost::{Cost, MEASURED_STEPS, Trained},
         plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
@@ -67,17 +67,13 @@ impl Expected {
     pub(crate) fn line(&self) -> String {
         format!(
             "expecting about {} on {} threads ({} passes over the data, {} of processor time); up to {} on disk",
-            seconds(self.secs),
+            duration_of_secs(self.secs),
             self.threads,
             count(self.passes),
-            seconds(self.processor_secs),
+            duration_of_secs(self.processor_secs),
             bytes(self.disk)
         )
     }
-}
-
-fn seconds(secs: f64) -> String {
-    duration(Duration::try_from_secs_f64(secs).unwrap_or(Duration::MAX))
 }
 
 /// Say what a sweep will take whose model is not there yet: as much as on the log itself, replayed.

@@ -37,7 +37,7 @@ pub(crate) struct PlannedSweep {
 pub(crate) struct StoredRun<'p> {
     /// The number of its unit in the plan: units of one number are on one stream.
     pub(crate) unit: usize,
-    of: &'p Unit,
+    place: &'p Unit,
     pub(crate) candidate: usize,
     /// Its error in normalised units; infinite if it diverged.
     pub(crate) rmse: f64,
@@ -45,11 +45,11 @@ pub(crate) struct StoredRun<'p> {
 
 impl StoredRun<'_> {
     pub(crate) fn sensor(&self) -> &str {
-        &self.of.sensor
+        &self.place.sensor
     }
 
     pub(crate) fn environment(&self) -> EnvironmentId {
-        self.of.environment
+        self.place.environment
     }
 }
 
@@ -86,14 +86,15 @@ impl PlannedSweep {
 
     /// The sensors, in their order.
     pub(crate) fn sensors(&self) -> Vec<&str> {
-        let mut sensors: Vec<&str> = self.units.iter().map(|of| of.unit.sensor.as_str()).collect();
+        let mut sensors: Vec<&str> =
+            self.units.iter().map(|planned| planned.unit.sensor.as_str()).collect();
         sensors.dedup();
         sensors
     }
 
     /// Runs of a sensor in all; in a race, at most.
     pub(crate) fn runs_of(&self, sensor: &str) -> usize {
-        let units = self.units.iter().filter(|of| of.unit.sensor == sensor);
+        let units = self.units.iter().filter(|planned| planned.unit.sensor == sensor);
         units.count() * self.settings.len()
     }
 
@@ -113,8 +114,8 @@ impl PlannedSweep {
             let Some(runs) = look_up(&planned.unit, &planned.key) else { continue };
             for row in runs.of(planned, &self.settings) {
                 if let Some(rmse) = row.rmse(self.part) {
-                    let (unit, of, candidate) = (number, &planned.unit, row.candidate);
-                    all.push(StoredRun { unit, of, candidate, rmse });
+                    let (unit, place, candidate) = (number, &planned.unit, row.candidate);
+                    all.push(StoredRun { unit, place, candidate, rmse });
                 }
             }
         }
@@ -123,8 +124,9 @@ impl PlannedSweep {
 
     /// Whether the rule looks at runs in this environment.
     pub(crate) fn counts(&self, environment: EnvironmentId) -> bool {
-        let replays =
-            || self.units.iter().any(|of| of.unit.environment == EnvironmentId::LogReplay);
+        let replays = || {
+            self.units.iter().any(|planned| planned.unit.environment == EnvironmentId::LogReplay)
+        };
         match environment {
             EnvironmentId::Online => false,
             EnvironmentId::LogReplay => matches!(self.rule, Rule::Pooled | Rule::LogReplay),
