@@ -1,5 +1,6 @@
 //! One command a file, as far as it is more than a step of the pipeline.
 
+mod check;
 mod cluster;
 mod dtw;
 mod explain;
@@ -16,7 +17,7 @@ mod simulate;
 mod status;
 
 use calib_pipeline::{
-    Context as _, Logs, Outcome, Printer, StepError, Told as _, ValidityOptions, ensure,
+    Context as _, Outcome, Printer, StepError, Told as _, ValidityOptions, ensure,
 };
 pub use schemas::json_schemas;
 
@@ -96,10 +97,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
         }
         Command::Control(args) => calib_pipeline::control(&args.job()?, printer)?,
         Command::Status(args) => status::run(args, printer)?,
-        Command::Check(args) => {
-            let logs = if args.read_data { Logs::Read } else { Logs::Leave };
-            calib_pipeline::check(&args.directory, logs, printer)?
-        }
+        Command::Check(args) => check::run(&args, printer)?,
         Command::Cluster { command } => cluster::run(command, printer)?,
         Command::Validity(args) => {
             let of = |typed: &String| share::share(typed, |name| std::env::var(name).ok());

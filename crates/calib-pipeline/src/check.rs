@@ -19,37 +19,39 @@ use crate::{
         artefact::{Files, MANIFEST},
         memory,
         options::Logs,
-        outcome::Outcome,
     },
     ensure,
-    output::{Printer, count},
+    output::Printer,
 };
 
-/// What was found, for `--json`.
+/// What was found in a folder of results.
 #[derive(Debug, Default, Serialize, JsonSchema)]
-pub(crate) struct Checked {
+pub struct CheckedResults {
     /// Files that were compared with what was written.
-    files: usize,
+    pub files: usize,
     /// Folders without a manifest: what makes them was interrupted, or is at work.
-    unfinished: Vec<PathBuf>,
-    damages: Vec<Damage>,
+    pub unfinished: Vec<PathBuf>,
+    /// Files that are not what was written.
+    pub damages: Vec<Damage>,
     /// Logs that were read again, with `--read-data`.
-    logs: Vec<String>,
+    pub logs: Vec<String>,
 }
 
 /// A file that is not what was written.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct Damage {
-    path: PathBuf,
-    reason: String,
+pub struct Damage {
+    /// Where it is; of a log, what the study calls it.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub reason: String,
     /// The command that makes it again.
-    made_by: String,
+    pub made_by: String,
 }
 
 /// Read everything below a folder of results, and name what is damaged.
-pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, StepError> {
+pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> Result<CheckedResults, StepError> {
     ensure!(root.is_dir(), "{} is no folder; give a folder of results", root.display());
-    let mut check = Check { checked: Checked::default(), printer };
+    let mut check = Check { checked: CheckedResults::default(), printer };
     check.folder(root)?;
     ensure!(
         check.checked.files + check.checked.damages.len() > 0,
@@ -59,36 +61,12 @@ pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> Result<Outcome,
     if logs == Logs::Read {
         check.logs(root);
     }
-    let checked = check.checked;
-    if printer.is_for_machines() {
-        printer.json(&checked)?;
-    } else {
-        show(&checked, root, printer)?;
-    }
-    Ok(if checked.damages.is_empty() { Outcome::Done } else { Outcome::Negative })
-}
-
-fn show(checked: &Checked, root: &Path, printer: &Printer) -> Result<(), StepError> {
-    for Damage { path, reason, made_by } in &checked.damages {
-        printer.result(&format!("{}: {reason}; `{made_by}` makes it again", path.display()))?;
-    }
-    for folder in &checked.unfinished {
-        printer.result(&format!("{} is not finished", folder.display()))?;
-    }
-    for log in &checked.logs {
-        printer.result(&format!("the log in {log} can be read"))?;
-    }
-    let whole = count(checked.files - checked.damages.len().min(checked.files));
-    let damaged = count(checked.damages.len());
-    printer.result(&format!(
-        "{whole} files in {} are what was written, {damaged} are damaged",
-        root.display()
-    ))
+    Ok(check.checked)
 }
 
 /// A walk through results.
 struct Check<'a> {
-    checked: Checked,
+    checked: CheckedResults,
     printer: &'a Printer,
 }
 

@@ -60,6 +60,7 @@ pub use base::{
 };
 pub use calib_study::{Job, Request, StepKind, StudyError};
 pub use chain::StudyRun;
+pub use check::{CheckedResults, Damage};
 pub use control::{
     ControlColumn, ControlModel, ControlNames, LogTold, SimulateTask, SimulatedTask, doubt_text,
 };

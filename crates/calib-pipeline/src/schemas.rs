@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, js
 
 use crate::{
     agents::pretrain_files::PretrainManifest,
-    check::Checked,
+    check::CheckedResults,
     cluster::{Status, Summary as ClusterSummary},
     control::{SimulatedTask, ToldToMachines},
     log::simulate::Simulated,
@@ -58,7 +58,7 @@ pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
     let verdict = || JsonDocuments::of::<Summary>().or::<Summaries>();
     let documents = [
         (StepKind::BuildModel.command(), JsonDocuments::of::<ModelManifest>().or::<BuildPlan>()),
-        ("check", JsonDocuments::of::<Checked>()),
+        ("check", JsonDocuments::of::<CheckedResults>()),
         ("cluster plan", JsonDocuments::of::<ClusterSummary>()),
         ("cluster status", JsonDocuments::of::<Status>()),
         (StepKind::Control.command(), JsonDocuments::of::<ToldToMachines<'_>>()),

@@ -11,7 +11,8 @@ use crate::{
     agents::pretrain::{self as agents, PretrainedAgents},
     base::outcome::{StepResult, Told as _},
     chain::{self, StudyRun},
-    check as checking, cluster,
+    check::{self as checking, CheckedResults},
+    cluster,
     control::{self as controls, SimulateTask, SimulatedTask},
     each::{Results, Which, each},
     external,
@@ -205,8 +206,8 @@ pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, S
 /// Compare a folder of results with what was written.
 ///
 /// # Errors
-/// As [`run`].
-pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<Outcome, StepError> {
+/// If there is no such folder, it holds no results, or the observer asks to stop. Damage is no error.
+pub fn check(results: &Path, logs: Logs, printer: &Printer) -> Result<CheckedResults, StepError> {
     checking::run(results, logs, printer)
 }
 

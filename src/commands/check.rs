@@ -1,0 +1,38 @@
+//! `calib check`: what is damaged in a folder of results.
+
+use std::path::Path;
+
+use calib_pipeline::{CheckedResults, Damage, Logs, Outcome, Printer, StepError, output::count};
+
+use crate::cli::CheckArgs;
+
+/// Compare with what was written, and name what is damaged.
+pub(super) fn run(args: &CheckArgs, printer: &Printer) -> Result<Outcome, StepError> {
+    let logs = if args.read_data { Logs::Read } else { Logs::Leave };
+    let checked = calib_pipeline::check(&args.directory, logs, printer)?;
+    if printer.is_for_machines() {
+        printer.json(&checked)?;
+    } else {
+        show(&checked, &args.directory, printer)?;
+    }
+    Ok(if checked.damages.is_empty() { Outcome::Done } else { Outcome::Negative })
+}
+
+fn show(checked: &CheckedResults, root: &Path, printer: &Printer) -> Result<(), StepError> {
+    for Damage { path, reason, made_by } in &checked.damages {
+        printer.result(&format!("{}: {reason}; `{made_by}` makes it again", path.display()))?;
+    }
+    for folder in &checked.unfinished {
+        printer.result(&format!("{} is not finished", folder.display()))?;
+    }
+    for log in &checked.logs {
+        printer.result(&format!("the log in {log} can be read"))?;
+    }
+    let damaged = checked.damages.len();
+    printer.result(&format!(
+        "{} files in {} are what was written, {} are damaged",
+        count(checked.files.saturating_sub(damaged)),
+        root.display(),
+        count(damaged)
+    ))
+}
