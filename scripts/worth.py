@@ -1,16 +1,25 @@
 """Is what calib proposes worth deploying? `calib init`, then `calib run`, on every log, beside simple predictors.
 
     CALIB_DATA=/path/to/logs python3 scripts/worth.py [--within 60s] [--calib target/release/calib] [--keep FOLDER]
+        [--public FOLDER]
 
-It prints the table of docs/validity.md: for each predicted sensor the error of the chosen agent by that of the best
-simple predictor on the same held-out windows, with the 95 % interval over windows, and what the verdict says to deploy.
-The best simple predictor is found on these windows, so that a verdict which names it cannot be wrong here.
+It prints the table of docs/validity.md: for each predicted sensor what the verdict says to deploy, and the error of that,
+and of the chosen agent, by the error of the best simple predictor on the same held-out windows, with 95 % intervals over
+windows. The best simple predictor is found on these windows, in hindsight. What to deploy is chosen on the log.
+
+--public adds four public logs, where FOLDER holds them:
+    ett/      ETT-small/ETTh1.csv of github.com/zhouhaoyi/ETDataset
+    skab/     the folder data of github.com/waico/SKAB
+    solar/    the folder data of github.com/stritti/thermal-solar-plant-dataset
+    haute/    la-haute-borne-data-2014-2015.csv of examples/data/la_haute_borne.zip in the source of openoa 3.2 (PyPI)
 """
 
 import argparse
 import json
+import math
 import os
 import pathlib
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -24,13 +33,43 @@ LOGS = [
     ("petrobras-historian", "petrobras-historian/2017-12-24_2018-01-04.parquet", []),
     ("solarmed-med", "solarmed-med", []),
 ]
+# What `calib init` says of them when it is first tried decides the options.
+PUBLIC = [
+    ("ett", "ett", []),
+    ("skab", "skab", []),
+    ("solar", "solar", []),
+    ("wind", "haute/la-haute-borne-data-2014-2015.csv", []),
+]
 NO_WORSE = 1.02
+# 97.5 % points of Student's t, by degrees of freedom from 1 on.
+STUDENT = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131]
 
 
 def best_simple(verdict):
     """The simple predictor with the least error on the held-out windows, or None where none was scored."""
     simple = [row for row in verdict.get("simple", []) if row.get("ratio")]
     return max(simple, key=lambda row: row["ratio"]["value"], default=None)
+
+
+def against_best(predictor, best, sensor, part, scores):
+    """The error of one simple predictor by that of another: the geometric mean over held-out windows, with its interval."""
+    errors = {}
+    for row in scores:
+        if row["sensor"] == sensor and row["environment"] == "online" and row["predictor"] in (predictor, best):
+            errors.setdefault(row["start_row"], {})[row["predictor"]] = row["scores"][part]["rmse"]
+    logs = [math.log(window[predictor] / window[best]) for window in errors.values() if window[predictor] and window[best]]
+    if not logs or predictor == best:
+        return 1.0, (1.0, 1.0)
+    mean = statistics.fmean(logs)
+    if len(logs) == 1:
+        return math.exp(mean), None
+    quantile = STUDENT[len(logs) - 2] if len(logs) - 2 < len(STUDENT) else 1.96
+    half = quantile * statistics.stdev(logs) / math.sqrt(len(logs))
+    return math.exp(mean), (math.exp(mean - half), math.exp(mean + half))
+
+
+def ratio_text(ratio, interval):
+    return f"{ratio:.3f} ({interval[0]:.3g} to {interval[1]:.3g})" if interval else f"{ratio:.3f}"
 
 
 def percent(count, total):
@@ -41,6 +80,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--within", default="60s")
     parser.add_argument("--calib", default="target/release/calib")
+    parser.add_argument("--public", help="a folder with four public logs")
     parser.add_argument("--keep", help="a folder for studies and results; finished ones are not run again")
     args = parser.parse_args()
     data = os.environ.get("CALIB_DATA")
@@ -49,58 +89,70 @@ def main():
     calib = str(pathlib.Path(args.calib).resolve())
     place = pathlib.Path(args.keep or tempfile.mkdtemp())
     studies = [("quickstart", None)]
-    for name, files, options in LOGS:
+    logs = [(name, pathlib.Path(data) / files, options) for name, files, options in LOGS]
+    if args.public:
+        logs += [(name, pathlib.Path(args.public) / files, options) for name, files, options in PUBLIC]
+    for name, files, options in logs:
         folder = place / name.replace(" ", "-")
         folder.mkdir(parents=True, exist_ok=True)
         study = folder / "study.toml"
         if not study.exists():
-            command = [calib, "init", "-q", str(pathlib.Path(data) / files), str(study), "--within", args.within]
+            command = [calib, "init", "-q", str(files.resolve()), str(study), "--within", args.within]
             if subprocess.run(command + options).returncode != 0:
                 print(f"{name}: calib init stopped", file=sys.stderr)
                 continue
         studies.append((name, study))
-    print("| log | sensor | agent's NRMSE | best simple predictor | its NRMSE | agent / predictor (95 %) | to deploy | whole run, later |")
-    print("|---|---|---|---|---|---|---|---|")
-    sensors = fine = named = agree = misled = 0
+    print("| log | sensor | to deploy | its error by the best simple predictor's (95 %) | agent's NRMSE | best simple predictor | its NRMSE | agent / predictor (95 %) | whole run, later |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    sensors = fine = named = agree = misled = agents = 0
     for name, study in studies:
         if study is None:
             folder = place / "quickstart"
             folder.mkdir(parents=True, exist_ok=True)
             subprocess.run([calib, "quickstart", "-q"], cwd=folder, stdout=subprocess.DEVNULL)
-            summaries = list(folder.rglob("evaluate/summary.json"))
         else:
+            folder = study.parent
             subprocess.run([calib, "run", "-q", str(study)], stdout=subprocess.DEVNULL)
-            summaries = list(study.parent.rglob("evaluate/summary.json"))
+        summaries = list(folder.rglob("evaluate/summary.json"))
         if not summaries:
             print(f"{name}: calib run stopped", file=sys.stderr)
             continue
         summary = json.loads(summaries[0].read_text())
+        simple = json.loads((summaries[0].parent.parent / "sweep" / "simple.json").read_text())
         for choice, verdict in zip(summary["choices"], summary["verdicts"]):
             best = best_simple(verdict)
             if best is None:
                 continue
             sensors += 1
-            ratio, interval = best["ratio"]["value"], best["ratio"].get("interval")
-            is_fine = (interval["high"] if interval else ratio) <= NO_WORSE
-            instead = choice.get("simple_predictor")
-            fine += is_fine
-            named += not is_fine and instead is not None
-            misled += choice["recommendation"] == "deploy" and bool(interval and interval["low"] > 1)
+            interval = best["ratio"].get("interval")
+            interval = interval and (interval["low"], interval["high"])
+            agent = (best["ratio"]["value"], interval)
+            agents += (interval[1] if interval else agent[0]) <= NO_WORSE
+            instead = choice.get("simple_predictor", {}).get("predictor")
+            # Nothing is learnt after the log: what is deployed is the predictor that agents start from.
+            if instead is None and verdict["learning_off"] is not None:
+                instead = simple["best"].get(choice["sensor"])
+            ratio = agent
+            if instead:
+                ratio = against_best(instead, best["predictor"], choice["sensor"], verdict["part"], simple["scores"])
+            fine += (ratio[1][1] if ratio[1] else ratio[0]) <= NO_WORSE
+            named += instead is not None
+            misled += instead is None and choice["recommendation"] == "deploy" and bool(interval and interval[0] > 1)
             chosen = [part["chosen"] for part in verdict["parts"]]
             near = max(chosen) - min(chosen) <= 1
             agree += near
             own = verdict["truth"]["choice"]["online_error"]
             values = ", ".join(f"{key} = {value}" for key, value in choice["values"].items())
-            deployed = instead["predictor"] if instead else values
-            said = f"{ratio:.3f} ({interval['low']:.3g} to {interval['high']:.3g})" if interval else f"{ratio:.3f}"
+            advised = instead or (values if choice["recommendation"] == "deploy" else f"({values})")
             print(
-                f"| {name} | {choice['sensor']} | {own:.3g} | {best['predictor']} | {best['online_error']:.3g} "
-                f"| {said} | {deployed} | {'alike' if near else 'differ'} |",
+                f"| {name} | {choice['sensor']} | {advised} | {ratio_text(*ratio)} | {own:.3g} | {best['predictor']} "
+                f"| {best['online_error']:.3g} | {ratio_text(*agent)} | {'alike' if near else 'differ'} |",
                 flush=True,
             )
     print()
-    print(f"Agents no worse than the best simple predictor (upper end at most {NO_WORSE}): {percent(fine, sensors)}.")
-    print(f"Of the others, the verdict names a simple predictor instead: {percent(named, sensors - fine)}.")
+    print(f"What is deployed is no worse than the best simple predictor (upper end at most {NO_WORSE}): {percent(fine, sensors)}.")
+    print(f"It is a simple predictor: {percent(named, sensors)}.")
+    print(f"Agents no worse than the best simple predictor (upper end at most {NO_WORSE}): {percent(agents, sensors)}.")
     print(f"Told to deploy what a simple predictor beats beyond chance: {misled}.")
     print(f"Choices by the whole run and by its later parts are alike, or neighbours: {percent(agree, sensors)}.")
 
