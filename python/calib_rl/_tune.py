@@ -262,7 +262,7 @@ def tune(
         alive = [place for place in alive if place in kept]
     failures = [work.failed[place] for place in sorted(work.failed)]
     if not alive:
-        advice = ["nothing to deploy: every setting failed"]
+        advice = ["Deploy nothing: every setting failed."]
         return Tuned([], None, default, advice, [], failures, halved, {}, [])
     verdict = work.judged(alive, lived, default, limits)
     doubts = [_worded(reason) for reason in verdict.pop("reasons")]
@@ -353,24 +353,24 @@ def _advice(verdict: dict[str, Any], settings: list[Setting], default: Setting |
     is_default = settings[verdict["chosen"]] == default
     about_default = all(doubt["reason"] in ("not_better_than_default", "not_told_apart") for doubt in verdict["doubts"])
     if not doubts:
-        first = f"deploy: {chosen}"
+        first = f"Deploy {chosen}."
     elif default is not None and not is_default and about_default:
-        first = f"keep the default: {label(default)}; {chosen} may be no better"
+        first = f"Keep the default: {label(default)}. {chosen} is first by mean rank, but may be no better."
     else:
-        first = f"the log does not support a choice; it would be: {chosen}"
+        first = f"Deploy nothing on this evidence. First by mean rank is {chosen}, and what stands against it follows."
     lines = [first, *doubts]
     over = verdict["over_default"]
     if is_default:
-        lines.append("that is the default")
+        lines.append("That is the default.")
     elif over is not None:
-        lines.append(f"over the default: {_difference(over)}")
-    lines.append(f"over a random setting: {_difference(verdict['over_random'])}")
+        lines.append(f"Over the default: {_difference(over)}.")
+    lines.append(f"Over a random setting: {_difference(verdict['over_random'])}.")
     behaviour = verdict["behaviour"]
     best = "" if behaviour["best"] is None else f", at most {_short(behaviour['best'])}"
-    lines.append(f"recorded episodes: mean return {_short(behaviour['mean'])}{best}")
+    lines.append(f"Recorded episodes: mean return {_short(behaviour['mean'])}{best}.")
     uncovered = _uncovered(verdict["coverage"][verdict["chosen"]])
-    lines.append(f"not covered by the log: {uncovered:.0%} of its steps in the model")
-    lines.append("returns in the model rank settings; they do not say what the plant will give")
+    lines.append(f"Not covered by the log: {uncovered:.0%} of its steps in the model.")
+    lines.append("Returns in the model rank settings. They do not say what the plant will give.")
     return lines
 
 

@@ -177,7 +177,7 @@ fn what_is_not_told_apart_from_the_default_is_not_deployed() {
     let ran = place.calib(&[&["control", "study.toml"][..], &args].concat());
     let told = ran.ends(&[1]);
     assert!(
-        told.contains("keep the default: step_size=0.03; step_size=0.3 may be no better"),
+        told.starts_with("Keep the default: step_size=0.03.\n    step_size=0.3 is first by mean rank, but may be no better."),
         "{told}"
     );
     assert!(
@@ -186,7 +186,7 @@ fn what_is_not_told_apart_from_the_default_is_not_deployed() {
         ran.stderr()
     );
     let page = fs::read_to_string(place.path().join("study-results/control/report.html"));
-    assert!(page.expect("a page").contains("keep the default: step_size=0.03"));
+    assert!(page.expect("a page").contains("Keep the default: step_size=0.03."));
 }
 
 #[test]

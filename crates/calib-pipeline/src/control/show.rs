@@ -20,9 +20,13 @@ pub(super) fn show(told: &Told, printer: &Printer) -> Result<Outcome, StepError>
     if printer.is_for_machines() {
         printer.json(&ToldToMachines::from(told))?;
     } else {
-        printer.lines(&actions(&told.log))?;
+        let decision = decision(told);
+        printer.result(&decision.headline)?;
+        for sentence in std::iter::once(decision.plain).chain(sentences(told)) {
+            printer.result(&format!("    {sentence}"))?;
+        }
         printer.lines(&candidates(told))?;
-        printer.lines(&sentences(told).join("\n"))?;
+        printer.lines(&actions(&told.log))?;
     }
     let verdict = &told.verdict;
     for doubt in &verdict.doubts {
@@ -185,47 +189,51 @@ pub(super) fn name(told: &Told, candidate: usize) -> String {
     fields.iter().map(one).collect::<Vec<_>>().join(" ")
 }
 
+/// What the decision rests on.
 pub(super) fn sentences(told: &Told) -> Vec<String> {
     let verdict = &told.verdict;
-    let mut lines = vec![advice(told)];
+    let mut lines = Vec::new();
     match &verdict.over_default {
         _ if verdict.default == Some(verdict.chosen) => {
-            lines.push("that is the default".to_owned());
+            lines.push("That is the default.".to_owned());
         }
-        Some(over) => lines.push(format!("over the default: {}", difference(over))),
+        Some(over) => lines.push(format!("Over the default: {}.", difference(over))),
         None if verdict.default.is_none() => {
-            lines.push("the default is not in the grid".to_owned());
+            lines.push("The default is not in the grid.".to_owned());
         }
-        None => lines.push("the default diverged in the model as well".to_owned()),
+        None => lines.push("The default diverged in the model as well.".to_owned()),
     }
     let over_random = &verdict.over_random;
     lines.push(if over_random.mean.is_finite() {
-        format!("over a random setting: {}", difference(over_random))
+        format!("Over a random setting: {}.", difference(over_random))
     } else {
-        "a random setting may diverge in the model".to_owned()
+        "A random setting may diverge in the model.".to_owned()
     });
     if let [_, _, ..] = &verdict.kinds[..] {
         let (agree, others): (Vec<_>, Vec<_>) =
             verdict.kinds.iter().partition(|own| own.chosen == verdict.chosen);
         let names: Vec<String> = agree.iter().map(|own| own.kind.name().to_owned()).collect();
-        let mut parts = vec![match &names[..] {
-            [] => "no kind of model alone would choose it".to_owned(),
-            names => format!("alone, {} would choose the same", listed(names)),
-        }];
+        lines.push(match &names[..] {
+            [] => "No kind of model alone would choose it.".to_owned(),
+            names => format!("Alone, {} would choose the same.", listed(names)),
+        });
         for other in others {
-            parts.push(format!("{} {}", other.kind.name(), name(told, other.chosen)));
+            lines.push(format!(
+                "Alone, {} would choose {}.",
+                other.kind.name(),
+                name(told, other.chosen)
+            ));
         }
-        lines.push(parts.join("; "));
     }
     let recorded = verdict.behaviour;
     lines.push(format!(
-        "recorded episodes: mean return {}{}{}",
+        "Recorded episodes: mean return {}{}{}.",
         significant(recorded.mean),
         recorded.interval.map_or_else(String::new, interval),
         recorded.best.map_or_else(String::new, |best| format!(", at most {}", significant(best)))
     ));
     lines.push(
-        "returns in the model rank settings; they do not say what the plant will give".to_owned(),
+        "Returns in the model rank settings. They do not say what the plant will give.".to_owned(),
     );
     lines
 }
@@ -238,8 +246,8 @@ pub(super) fn decision(told: &Told) -> Decision {
         Action::Nothing => (
             Support::Unsupported,
             "Nothing to choose",
-            "There is one candidate, so nothing was chosen.".to_owned(),
-            ADD_CANDIDATES.to_owned(),
+            "There is one setting, so nothing was chosen.".to_owned(),
+            ADD_SETTINGS.to_owned(),
         ),
         Action::Deploy if verdict.default == Some(verdict.chosen) => (
             Support::Supported,
@@ -274,7 +282,7 @@ pub(super) fn decision(told: &Told) -> Decision {
             "Not supported by the log",
             "Deploy nothing on this evidence.".to_owned(),
             format!(
-                "First by {} is {chosen}; what stands against it is listed below.",
+                "First by {} is {chosen}. What stands against it is listed below.",
                 rank_name(told)
             ),
         ),
@@ -284,9 +292,8 @@ pub(super) fn decision(told: &Told) -> Decision {
 
 /// What the default is.
 const DEFAULT: &str = "the default is the agent of [control.agent], not what runs on the plant";
-/// What to do where there is one candidate.
-const ADD_CANDIDATES: &str =
-    "Add values to [control.grid], such as step_size = [0.003, 0.03, 0.3].";
+/// What to do where there is one setting.
+const ADD_SETTINGS: &str = "Add values to [control.grid], such as step_size = [0.003, 0.03, 0.3].";
 
 /// What a verdict tells to do.
 enum Action {
@@ -310,21 +317,6 @@ fn action(told: &Told) -> Action {
         _ if verdict.is_supported() => Action::Deploy,
         Some(default) if about_the_default => Action::KeepDefault(default),
         _ => Action::Refuse,
-    }
-}
-
-/// What to do.
-fn advice(told: &Told) -> String {
-    let chosen = name(told, told.verdict.chosen);
-    match action(told) {
-        Action::Nothing => {
-            format!("there is one candidate, so nothing was chosen. {ADD_CANDIDATES}")
-        }
-        Action::Deploy => format!("deploy: {chosen}"),
-        Action::KeepDefault(default) => {
-            format!("keep the default: {}; {chosen} may be no better", name(told, default))
-        }
-        Action::Refuse => format!("the log does not support a choice; it would be: {chosen}"),
     }
 }
 
