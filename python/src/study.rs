@@ -134,6 +134,8 @@ fn step(name: &str) -> PyResult<Run> {
         StepKind::Evaluate => {
             |job, printer| calib_pipeline::evaluate(job, printer).map(|judged| judged.outcome())
         }
-        StepKind::Control => calib_pipeline::control,
+        StepKind::Control => {
+            |job, printer| calib_pipeline::control(job, printer).map(|judged| judged.outcome())
+        }
     })
 }

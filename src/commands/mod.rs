@@ -65,7 +65,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
             let job = study.job()?;
             // What a study of acting agents asks is answered by one step.
             let done = if job.study().is_of_acting_agents() {
-                calib_pipeline::control(&job, printer)
+                calib_pipeline::control(&job, printer).map(|judged| judged.outcome())
             } else {
                 calib_pipeline::run(&job, device.map(Into::into), printer).map(|run| run.outcome())
             };
@@ -95,7 +95,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
             let (study, output) = EvaluateArgs::judging(study)?;
             calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), printer)?.outcome()
         }
-        Command::Control(args) => calib_pipeline::control(&args.job()?, printer)?,
+        Command::Control(args) => calib_pipeline::control(&args.job()?, printer)?.outcome(),
         Command::Status(args) => status::run(args, printer)?,
         Command::Check(args) => check::run(&args, printer)?,
         Command::Cluster { command } => cluster::run(command, printer)?,

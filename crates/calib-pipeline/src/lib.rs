@@ -62,7 +62,8 @@ pub use calib_study::{Job, Request, StepKind, StudyError};
 pub use chain::StudyRun;
 pub use check::{CheckedResults, Damage};
 pub use control::{
-    ControlColumn, ControlModel, ControlNames, LogTold, SimulateTask, SimulatedTask, doubt_text,
+    ControlColumn, ControlEvaluation, ControlModel, ControlNames, LogTold, SimulateTask,
+    SimulatedTask, doubt_text,
 };
 pub use each::{PartResult, Results};
 pub use external::{ExternalCandidate, ExternalResult, StreamRun, SweepStreams};

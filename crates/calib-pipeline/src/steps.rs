@@ -13,7 +13,7 @@ use crate::{
     chain::{self, StudyRun},
     check::{self as checking, CheckedResults},
     cluster,
-    control::{self as controls, SimulateTask, SimulatedTask},
+    control::{self as controls, ControlEvaluation, SimulateTask, SimulatedTask},
     each::{Results, Which, each},
     external,
     log::{context::RunContext, simulate as simulation},
@@ -158,8 +158,12 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, 
 ///
 /// # Errors
 /// As [`run`]; also if the study has no `[control]` section.
-pub fn control(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
-    recorded(StepKind::Control.command(), job, printer, |printer| controls::run(job, printer))
+pub fn control(job: &Job, printer: &Printer) -> Result<StepResult<ControlEvaluation>, StepError> {
+    recorded(StepKind::Control.command(), job, printer, |printer| {
+        let result = controls::run(job, printer)?;
+        result.tell(job, printer)?;
+        Ok(result)
+    })
 }
 
 /// Read a log of decisions and build its model with actions, if it is not there.

@@ -6,7 +6,7 @@ use calib_report::{
 };
 use calib_stats::{Estimate, jackknife};
 
-use super::{described::ColumnMap, files::Told, show};
+use super::{described::ColumnMap, files::ControlEvaluation, show};
 
 /// Columns whose map is drawn.
 pub(super) const MAPS: usize = 8;
@@ -18,7 +18,7 @@ const MARKERS: [Marker; 5] =
 const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
 
 /// All figures with the names of their files.
-pub(super) fn all(told: &Told) -> Vec<(&'static str, OverviewFigure)> {
+pub(super) fn all(evaluation: &ControlEvaluation) -> Vec<(&'static str, OverviewFigure)> {
     const SENSITIVITIES: &[&str] = &[
         "sensitivity-1",
         "sensitivity-2",
@@ -37,14 +37,14 @@ pub(super) fn all(told: &Told) -> Vec<(&'static str, OverviewFigure)> {
         "coverage-7",
         "coverage-8",
     ];
-    let fields = told.fields.first().map_or(0, Vec::len);
+    let fields = evaluation.fields.first().map_or(0, Vec::len);
     let mut all: Vec<_> = (0..fields)
         .zip(SENSITIVITIES)
-        .map(|(field, &name)| (name, sensitivity(told, field)))
+        .map(|(field, &name)| (name, sensitivity(evaluation, field)))
         .collect();
-    all.extend(learning(told).map(|figure| ("learning", figure)));
-    let maps = told.log.map.iter().zip(COVERAGES);
-    all.extend(maps.map(|(map, name)| (name, coverage(told, map))));
+    all.extend(learning(evaluation).map(|figure| ("learning", figure)));
+    let maps = evaluation.log.map.iter().zip(COVERAGES);
+    all.extend(maps.map(|(map, name)| (name, coverage(evaluation, map))));
     all
 }
 
@@ -78,10 +78,10 @@ fn highest(values: &[f64]) -> f64 {
 }
 
 /// Return in the model against one swept field: the mean, and the best, of the candidates that have a value, with intervals over members.
-fn sensitivity(told: &Told, field: usize) -> OverviewFigure {
-    let value = |candidate: usize| told.fields[candidate][field].1.as_str();
+fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
+    let value = |candidate: usize| evaluation.fields[candidate][field].1.as_str();
     let mut values: Vec<&str> = Vec::new();
-    for candidate in 0..told.fields.len() {
+    for candidate in 0..evaluation.fields.len() {
         if !values.contains(&value(candidate)) {
             values.push(value(candidate));
         }
@@ -91,7 +91,7 @@ fn sensitivity(told: &Told, field: usize) -> OverviewFigure {
             let with = (0..returns.len()).filter(|&of| value(of) == own);
             pooled(&with.map(|of| returns[of]).collect::<Vec<f64>>())
         };
-        let returns: Vec<f64> = told.verdict.members.iter().map(of_member).collect();
+        let returns: Vec<f64> = evaluation.verdict.members.iter().map(of_member).collect();
         let mean = calib_stats::mean(&returns).ok()?;
         Some(Estimate { value: mean, interval: jackknife(mean, &returns) })
     };
@@ -115,14 +115,15 @@ fn sensitivity(told: &Told, field: usize) -> OverviewFigure {
         [of.y, low, high]
     });
     let scale = Scale::linear_around(&ends.filter(|of| of.is_finite()).collect::<Vec<_>>());
-    let name = &told.fields[0][field].0;
+    let name = &evaluation.fields[0][field].0;
     let title = format!("Return in the model against {name}");
     let mark = |candidate: usize, label: &str, dash: Dash| {
         let place = values.iter().position(|&of| of == value(candidate)).unwrap_or(0);
         Rule { x: place as f64, label: label.to_owned(), dash }
     };
-    let default = told.verdict.default.filter(|&of| value(of) != value(told.verdict.chosen));
-    let mut rules = vec![mark(told.verdict.chosen, "chosen", Dash::Solid)];
+    let default =
+        evaluation.verdict.default.filter(|&of| value(of) != value(evaluation.verdict.chosen));
+    let mut rules = vec![mark(evaluation.verdict.chosen, "chosen", Dash::Solid)];
     rules.extend(default.map(|of| mark(of, "default", Dash::Dashed)));
     let row = |(place, own): (usize, &&str)| {
         let shown = drawn.iter().map(|series| Cell::Number(series.points[place].y));
@@ -155,10 +156,11 @@ fn sensitivity(told: &Told, field: usize) -> OverviewFigure {
 }
 
 /// How the best candidates and the default learnt; nothing where no run had ten episodes.
-fn learning(told: &Told) -> Option<OverviewFigure> {
-    let order = show::best(told, CURVES);
-    let with: Vec<usize> = order.into_iter().filter(|&of| !told.learning[of].is_empty()).collect();
-    let curves: Vec<&Vec<f64>> = with.iter().map(|&of| &told.learning[of]).collect();
+fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
+    let order = show::best(evaluation, CURVES);
+    let with: Vec<usize> =
+        order.into_iter().filter(|&of| !evaluation.learning[of].is_empty()).collect();
+    let curves: Vec<&Vec<f64>> = with.iter().map(|&of| &evaluation.learning[of]).collect();
     let finite: Vec<f64> =
         curves.iter().copied().flatten().copied().filter(|of| of.is_finite()).collect();
     if finite.is_empty() {
@@ -166,11 +168,11 @@ fn learning(told: &Told) -> Option<OverviewFigure> {
     }
     let label = |candidate: usize| {
         let role = match candidate {
-            of if of == told.verdict.chosen => " (chosen)",
-            of if Some(of) == told.verdict.default => " (default)",
+            of if of == evaluation.verdict.chosen => " (chosen)",
+            of if Some(of) == evaluation.verdict.default => " (default)",
             _ => "",
         };
-        format!("{}{role}", show::name(told, candidate))
+        format!("{}{role}", show::name(evaluation, candidate))
     };
     let drawn = with.iter().zip(&curves).enumerate();
     let drawn = drawn.map(|(number, (&of, curve))| series(number, &label(of), points(1.0, curve)));
@@ -209,10 +211,10 @@ fn learning(told: &Told) -> Option<OverviewFigure> {
 }
 
 /// Where along a column the log says what each action does.
-fn coverage(told: &Told, map: &ColumnMap) -> OverviewFigure {
+fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
     let title = format!("Where along {} actions are known", map.column);
     let percent = |shares: &Vec<f64>| shares.iter().map(|of| 100.0 * of).collect::<Vec<f64>>();
-    let own = told.log.actions.iter().zip(&map.covered).enumerate();
+    let own = evaluation.log.actions.iter().zip(&map.covered).enumerate();
     let drawn = own.map(|(number, (action, shares))| {
         series(number, &action.name, points(0.0, &percent(shares)))
     });
@@ -231,7 +233,7 @@ fn coverage(told: &Told, map: &ColumnMap) -> OverviewFigure {
         table: Table {
             title: title.clone(),
             columns: std::iter::once(map.column.clone())
-                .chain(told.log.actions.iter().map(|of| of.name.clone()))
+                .chain(evaluation.log.actions.iter().map(|of| of.name.clone()))
                 .collect(),
             rows: names.iter().enumerate().map(row).collect(),
             ..Table::default()

@@ -43,7 +43,7 @@ impl Manifest for ControlManifest {
 
 /// `verdict.json`: what the log holds, what was compared, and what to deploy.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct Told {
+pub struct ControlEvaluation {
     /// What the log holds.
     #[serde(flatten)]
     pub(super) log: LogTold,
@@ -68,18 +68,35 @@ pub(crate) struct Told {
     pub(super) importance_sampling: Option<Vec<Importance>>,
 }
 
+impl ControlEvaluation {
+    /// Which setting is the best in the models, by how much, and what stands against deploying it.
+    pub fn verdict(&self) -> &ReturnVerdict {
+        &self.verdict
+    }
+
+    /// The agent of every setting, in the order in which the verdict counts them.
+    pub fn agents(&self) -> &[AgentConfig] {
+        &self.candidates
+    }
+
+    /// The agent to deploy, if the log supports the choice.
+    pub fn supported(&self) -> Option<&AgentConfig> {
+        self.verdict.is_supported().then(|| &self.candidates[self.verdict.chosen])
+    }
+}
+
 /// The same for machines, with the choice before it.
 #[derive(Serialize, JsonSchema)]
-pub(crate) struct ToldToMachines<'a> {
+pub(crate) struct ControlSummary<'a> {
     /// What to deploy, if the log supports it: the chosen candidate.
     choice: &'a AgentConfig,
     #[serde(flatten)]
-    told: &'a Told,
+    evaluation: &'a ControlEvaluation,
 }
 
-impl<'a> From<&'a Told> for ToldToMachines<'a> {
-    fn from(told: &'a Told) -> Self {
-        Self { choice: &told.candidates[told.verdict.chosen], told }
+impl<'a> From<&'a ControlEvaluation> for ControlSummary<'a> {
+    fn from(evaluation: &'a ControlEvaluation) -> Self {
+        Self { choice: &evaluation.candidates[evaluation.verdict.chosen], evaluation }
     }
 }
 
@@ -94,27 +111,27 @@ pub(super) fn key(study: &Study, log: &Fingerprint) -> Result<String, StepError>
 }
 
 /// The verdict that is there, if it follows from the same and is whole, and whether what shows it is.
-pub(super) fn kept(directory: &Path, key: &str) -> Option<(Told, bool)> {
+pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bool)> {
     let manifest: ControlManifest = artefact::read(directory)?;
     if manifest.key != key || !artefact::are_whole(directory, &manifest.files) {
         return None;
     }
-    let told = read_sealed_json(&directory.join(VERDICT)).ok()?;
-    Some((told, artefact::are_whole(directory, &manifest.shown)))
+    let evaluation = read_sealed_json(&directory.join(VERDICT)).ok()?;
+    Some((evaluation, artefact::are_whole(directory, &manifest.shown)))
 }
 
 /// Write verdict and runs, and what `show` writes of them, which is remade where it is not whole.
 pub(super) fn write(
     directory: &Path,
     study: &Study,
-    (log, told): (&Fingerprint, &Told),
+    (log, evaluation): (&Fingerprint, &ControlEvaluation),
     runs: &[Run],
     show: impl FnOnce() -> Result<Vec<String>, StepError>,
 ) -> Result<(), StepError> {
     let claim = Claim::new(directory, Below::Ours)?;
     claim.begin()?;
-    artefact::write_table(table(runs, told), &directory.join(RUNS))?;
-    write_sealed_json(&directory.join(VERDICT), told)?;
+    artefact::write_table(table(runs, evaluation), &directory.join(RUNS))?;
+    write_sealed_json(&directory.join(VERDICT), evaluation)?;
     let shown = show()?;
     let manifest = ControlManifest {
         shown: artefact::fingerprints(directory, shown.iter().map(String::as_str))?,
@@ -129,7 +146,7 @@ pub(super) fn write(
 }
 
 /// One row a run: every estimate of every candidate, so that other rules of choice can be tried on them.
-fn table(runs: &[Run], told: &Told) -> Table {
+fn table(runs: &[Run], evaluation: &ControlEvaluation) -> Table {
     let of = |value: fn(&Run) -> u64| -> Vec<i64> {
         runs.iter().map(|run| i64::try_from(value(run)).unwrap_or(i64::MAX)).collect()
     };
@@ -138,7 +155,10 @@ fn table(runs: &[Run], told: &Told) -> Table {
         .with("member", of(|run| run.member as u64))
         .with("run", of(|run| run.run as u64))
         .with("candidate", of(|run| run.candidate as u64))
-        .with("label", runs.iter().map(|run| name(told, run.candidate)).collect::<Vec<String>>())
+        .with(
+            "label",
+            runs.iter().map(|run| name(evaluation, run.candidate)).collect::<Vec<String>>(),
+        )
         .with("mean_return", runs.iter().map(|run| run.mean_return).collect::<Vec<f64>>())
         .with("episodes", of(|run| run.episodes as u64))
         .with("terminals", of(|run| run.terminals as u64))

@@ -13,7 +13,8 @@ mod simulate;
 mod units;
 
 pub use described::LogTold;
-pub(crate) use files::ToldToMachines;
+pub use files::ControlEvaluation;
+pub(crate) use files::ControlSummary;
 pub(crate) use inspect::inspect;
 pub(crate) use model::build;
 pub use model::{ControlColumn, ControlModel, ControlNames};

@@ -10,7 +10,7 @@ use calib_files::write_atomically;
 use calib_report::{Cell, Figure, Overview, Table};
 use calib_study::{Job, StepKind};
 
-use super::{figures, files::Told, show};
+use super::{figures, files::ControlEvaluation, show};
 use crate::{
     StepError,
     represent::{decisions, report_table},
@@ -25,8 +25,12 @@ pub(super) fn path(directory: &Path) -> PathBuf {
 }
 
 /// Write the page, and each figure as SVG and PNG; the names of the files.
-pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> Result<Vec<String>, StepError> {
-    let figures = figures::all(told);
+pub(super) fn write(
+    directory: &Path,
+    job: &Job,
+    evaluation: &ControlEvaluation,
+) -> Result<Vec<String>, StepError> {
+    let figures = figures::all(evaluation);
     let mut names = vec![PAGE.to_owned()];
     for (name, figure) in &figures {
         names.extend(drawn::write(directory, name, &Figure::new(figure.chart.clone()))?);
@@ -36,13 +40,22 @@ pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> Result<Vec<Stri
             || "Agents that act".to_owned(),
             |name| format!("{name}: agents that act"),
         ),
-        subtitle: Some(show::line(&told.log)),
-        decision: Some(show::decision(told)),
-        findings: show::sentences(told),
-        warnings: told.verdict.doubts.iter().map(|doubt| show::reason(doubt, told)).collect(),
+        subtitle: Some(show::line(&evaluation.log)),
+        decision: Some(show::decision(evaluation)),
+        findings: show::sentences(evaluation),
+        warnings: evaluation
+            .verdict
+            .doubts
+            .iter()
+            .map(|doubt| show::reason(doubt, evaluation))
+            .collect(),
         figures: figures.into_iter().map(|(_, figure)| figure).collect(),
-        tables: [vec![candidates(told), actions(told)], maps(told), represented(job, told)]
-            .concat(),
+        tables: [
+            vec![candidates(evaluation), actions(evaluation)],
+            maps(evaluation),
+            represented(job, evaluation),
+        ]
+        .concat(),
         command: job.command(StepKind::Control),
     };
     let html = page.html();
@@ -51,9 +64,10 @@ pub(super) fn write(directory: &Path, job: &Job, told: &Told) -> Result<Vec<Stri
 }
 
 /// The representations that were tried, where neighbours are near in one.
-fn represented(job: &Job, told: &Told) -> Vec<Table> {
-    let manifest =
-        (told.log.distance == Distance::Laplacian).then(|| decisions::manifest(job)).flatten();
+fn represented(job: &Job, evaluation: &ControlEvaluation) -> Vec<Table> {
+    let manifest = (evaluation.log.distance == Distance::Laplacian)
+        .then(|| decisions::manifest(job))
+        .flatten();
     manifest.iter().map(report_table).collect()
 }
 
@@ -62,24 +76,24 @@ fn texts<const N: usize>(texts: [&str; N]) -> Vec<String> {
 }
 
 /// Every candidate, in the order of the rule.
-fn candidates(told: &Told) -> Table {
-    let (verdict, selection) = (&told.verdict, &told.verdict.selection);
+fn candidates(evaluation: &ControlEvaluation) -> Table {
+    let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
     let row = |candidate: usize| {
         let role = match candidate {
             of if of == verdict.chosen => "chosen",
             of if Some(of) == verdict.default => "default",
             _ => "",
         };
-        let numbers = [selection.mean_errors[candidate], told.fitted_q_evaluation[candidate]];
+        let numbers = [selection.mean_errors[candidate], evaluation.fitted_q_evaluation[candidate]];
         let mut row = vec![
-            Cell::Text(show::name(told, candidate)),
+            Cell::Text(show::name(evaluation, candidate)),
             Cell::Text(role.to_owned()),
-            Cell::Text(show::rank(told, candidate)),
+            Cell::Text(show::rank(evaluation, candidate)),
             Cell::Number(numbers[0]),
             Cell::Percent(verdict.coverage[candidate].uncovered()),
             Cell::Number(numbers[1]),
         ];
-        if let Some(of) = &told.importance_sampling {
+        if let Some(of) = &evaluation.importance_sampling {
             let Importance { value, effective_episodes } = of[candidate];
             row.extend([
                 value.map_or(Cell::Missing, Cell::Number),
@@ -88,9 +102,15 @@ fn candidates(told: &Told) -> Table {
         }
         row
     };
-    let mut columns =
-        texts(["setting", "", show::rank_name(told), "model return", "not covered", "fitted Q"]);
-    if told.importance_sampling.is_some() {
+    let mut columns = texts([
+        "setting",
+        "",
+        show::rank_name(evaluation),
+        "model return",
+        "not covered",
+        "fitted Q",
+    ]);
+    if evaluation.importance_sampling.is_some() {
         columns.extend(texts(["importance", "of episodes"]));
     }
     Table {
@@ -98,13 +118,13 @@ fn candidates(told: &Told) -> Table {
         caption: "By rank over the ensemble members of all models. The return in the model ranks settings, and is not what the plant will give. Not covered: steps for which the log has no such action near. Fitted Q, and importance sampling where probabilities were logged, need no model. Importance sampling rests on so many episodes."
             .to_owned(),
         columns,
-        rows: show::best(told, told.candidates.len()).into_iter().map(row).collect(),
+        rows: show::best(evaluation, evaluation.candidates.len()).into_iter().map(row).collect(),
         best: None,
     }
 }
 
-fn actions(told: &Told) -> Table {
-    let log = &told.log;
+fn actions(evaluation: &ControlEvaluation) -> Table {
+    let log = &evaluation.log;
     let row = |action: &super::described::ActionTold| {
         vec![
             Cell::Text(action.name.clone()),
@@ -123,7 +143,7 @@ fn actions(told: &Told) -> Table {
 }
 
 /// The numbers of the maps, a table a column.
-fn maps(told: &Told) -> Vec<Table> {
+fn maps(evaluation: &ControlEvaluation) -> Vec<Table> {
     let of = |map: &super::described::ColumnMap| {
         let part = |upper: &f64| format!("to {}", calib_report::number(*upper));
         let row = |(action, covered): (&super::described::ActionTold, &Vec<f64>)| {
@@ -134,9 +154,9 @@ fn maps(told: &Told) -> Vec<Table> {
             title: format!("Coverage along {}", map.column),
             caption: "Share of the recorded states of each fifth of the column near which the action was taken.".to_owned(),
             columns: std::iter::once("action".to_owned()).chain(map.upper.iter().map(part)).collect(),
-            rows: told.log.actions.iter().zip(&map.covered).map(row).collect(),
+            rows: evaluation.log.actions.iter().zip(&map.covered).map(row).collect(),
             best: None,
         }
     };
-    told.log.map.iter().take(figures::MAPS).map(of).collect()
+    evaluation.log.map.iter().take(figures::MAPS).map(of).collect()
 }

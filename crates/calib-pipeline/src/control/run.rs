@@ -3,25 +3,33 @@ use calib_control::{
     Extent, IncrementModel, Increments, NetworkModel, Question, Run, Span, Support,
     fitted_q_evaluation, importance_sampling, judge, sweep_keeping,
 };
+use calib_files::Fingerprint;
 use calib_report::listed;
 use calib_study::Job;
 
 use super::{
     described::described,
-    files::{self, Told},
+    files::{self, ControlEvaluation},
     log::{self, ActionLog},
     model, page, show,
     units::Units,
 };
 use crate::{
     StepError,
-    base::{clock::Stopwatch, memory, outcome::Outcome},
+    base::{
+        clock::Stopwatch,
+        memory,
+        outcome::{NoPlan, StepResult},
+    },
     output::{Printer, count, counted, duration},
     represent::decisions,
 };
 
 /// From the log of decisions to the verdict.
-pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
+pub(crate) fn run(
+    job: &Job,
+    printer: &Printer,
+) -> Result<StepResult<ControlEvaluation>, StepError> {
     let clock = Stopwatch::start();
     job.refuse_deployment()?;
     let study = job.study();
@@ -33,18 +41,18 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     } else {
         files::kept(&directory, &files::key(study, &log.fingerprint)?)
     };
-    if let Some((told, is_shown)) = kept {
+    if let Some((evaluation, is_shown)) = kept {
         if !job.policy().is_dry() {
-            if told.log.distance == Distance::Laplacian {
+            if evaluation.log.distance == Distance::Laplacian {
                 decisions::mend(job, log.material(), printer)?;
             }
             model::mend(job, config, &log, printer)?;
             if !is_shown {
-                page::write(&directory, job, &told)?;
+                page::write(&directory, job, &evaluation)?;
             }
         }
         printer.say(&format!("{} is up to date", directory.display()));
-        return show::show(&told, printer);
+        return Ok(StepResult::Made(evaluation));
     }
     let candidates = config.grid.candidates(config.agent)?;
     announce(config, &log, candidates.len(), printer);
@@ -52,17 +60,17 @@ pub(crate) fn run(job: &Job, printer: &Printer) -> Result<Outcome, StepError> {
     log::require_model(&log.decisions, config)?;
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(Outcome::Done);
+        return Ok(StepResult::Planned(NoPlan));
     }
     let units = Units::open(&job.layout().control_units(), &files::key(study, &log.fingerprint)?)?;
-    let (told, runs) = judged(job, config, log, &units, printer)?;
-    let page = || page::write(&directory, job, &told.1);
-    files::write(&directory, study, (&told.0, &told.1), &runs, page)?;
+    let Judged { log, evaluation, runs } = judged(job, config, log, &units, printer)?;
+    let page = || page::write(&directory, job, &evaluation);
+    files::write(&directory, study, (&log, &evaluation), &runs, page)?;
     units.remove()?;
     let took = duration(clock.elapsed());
     printer.say(&format!("written to {} in {took}", directory.display()));
     printer.say(&format!("the report is {}", page::path(&directory).display()));
-    show::show(&told.1, printer)
+    Ok(StepResult::Made(evaluation))
 }
 
 /// A study that knows of no actions.
@@ -124,7 +132,13 @@ fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Resul
 /// Pairs of more columns are worth a warning.
 const PAIRED_COLUMNS: usize = 32;
 
-type Judged = ((calib_files::Fingerprint, Told), Vec<Run>);
+/// What was judged, and by which runs.
+struct Judged {
+    /// Fingerprint of the log.
+    log: Fingerprint,
+    evaluation: ControlEvaluation,
+    runs: Vec<Run>,
+}
 
 /// Build the model, let every candidate act in it, and judge.
 fn judged(
@@ -162,7 +176,7 @@ fn judged(
     let (steps, timeout) = (config.steps, config.timeout);
     let fitted = fitted_q_evaluation(decisions, &observed, &candidates, steps, timeout, &progress)?;
     let importance = importance_sampling(decisions, &candidates, steps, timeout, &progress)?;
-    let told = Told {
+    let evaluation = ControlEvaluation {
         log: described(&model, config.model.distance, &names)?,
         worst_return: model.worst_return(),
         fields: candidates.iter().map(|of| named(config, of)).collect(),
@@ -172,7 +186,7 @@ fn judged(
         importance_sampling: importance,
         candidates,
     };
-    Ok(((fingerprint, told), runs))
+    Ok(Judged { log: fingerprint, evaluation, runs })
 }
 
 /// Every candidate in every member of every kind of model.
@@ -212,8 +226,8 @@ fn swept(
 }
 
 fn named(config: &ControlConfig, candidate: &AgentConfig) -> Vec<(String, String)> {
-    let told = config.grid.told(candidate).into_iter();
-    told.map(|(field, value)| (field.to_owned(), value)).collect()
+    let swept = config.grid.told(candidate).into_iter();
+    swept.map(|(field, value)| (field.to_owned(), value)).collect()
 }
 
 /// The mean curve of each candidate over the runs that have one.

@@ -1,38 +1,43 @@
-use calib_control::{Doubt, Importance, Spread};
+use calib_control::{Doubt, Importance};
 use calib_report::{Decision, Support, listed};
 use calib_stats::{Difference, Interval, RankRule};
+use calib_study::Job;
 
 use super::{
     described::{ActionTold, LogTold, SettingTold},
-    files::{Told, ToldToMachines},
+    files::{ControlEvaluation, ControlSummary},
 };
 use crate::{
     StepError,
-    base::outcome::Outcome,
+    base::outcome::{Outcome, Told},
     output::{Printer, count, counted, percent, significant, table},
 };
 
 /// Candidates that are shown.
 const SHOWN: usize = 8;
 
-/// Show the verdict; negative where the log does not support it.
-pub(super) fn show(told: &Told, printer: &Printer) -> Result<Outcome, StepError> {
-    if printer.is_for_machines() {
-        printer.json(&ToldToMachines::from(told))?;
-    } else {
-        let decision = decision(told);
-        printer.result(&decision.headline)?;
-        for sentence in std::iter::once(decision.plain).chain(sentences(told)) {
-            printer.result(&format!("    {sentence}"))?;
+impl Told for ControlEvaluation {
+    fn outcome(&self) -> Outcome {
+        if self.verdict.is_supported() { Outcome::Done } else { Outcome::Negative }
+    }
+
+    fn tell(&self, _job: &Job, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_for_machines() {
+            printer.json(&ControlSummary::from(self))?;
+        } else {
+            let decision = decision(self);
+            printer.result(&decision.headline)?;
+            for sentence in std::iter::once(decision.plain).chain(sentences(self)) {
+                printer.result(&format!("    {sentence}"))?;
+            }
+            printer.lines(&candidates(self))?;
+            printer.lines(&actions(&self.log))?;
         }
-        printer.lines(&candidates(told))?;
-        printer.lines(&actions(&told.log))?;
+        for doubt in &self.verdict.doubts {
+            printer.warn(&reason(doubt, self));
+        }
+        Ok(())
     }
-    let verdict = &told.verdict;
-    for doubt in &verdict.doubts {
-        printer.warn(&reason(doubt, told));
-    }
-    Ok(if verdict.is_supported() { Outcome::Done } else { Outcome::Negative })
 }
 
 /// "2,000 transitions in 50 episodes, 1 of which ends in a terminal".
@@ -78,16 +83,15 @@ fn settings(log: &LogTold) -> String {
     table(&["set", "least", "5 %", "median", "95 %", "largest"], &rows)
 }
 
-/// Columns of which it is told in which states an action was taken.
+/// Columns of which it is said in which states an action was taken.
 const COLUMNS: usize = 6;
 
 /// In which states each action was taken: the middle of each column, and where nine of ten of its values lie.
 pub(super) fn states(log: &LogTold) -> String {
-    let told = |[low, middle, high]: &Spread| {
-        format!("{} ({} to {})", significant(*middle), significant(*low), significant(*high))
-    };
     let row = |action: &ActionTold| {
-        let own = action.states.iter().take(COLUMNS).map(told);
+        let own = action.states.iter().take(COLUMNS).map(|[low, middle, high]| {
+            format!("{} ({} to {})", significant(*middle), significant(*low), significant(*high))
+        });
         std::iter::once(action.name.clone()).chain(own).collect::<Vec<_>>()
     };
     let rows: Vec<_> = log.actions.iter().map(row).collect();
@@ -97,9 +101,9 @@ pub(super) fn states(log: &LogTold) -> String {
 }
 
 /// The best candidates by the rule, in its order, and the default.
-pub(super) fn best(told: &Told, count: usize) -> Vec<usize> {
-    let (verdict, selection) = (&told.verdict, &told.verdict.selection);
-    let mut order: Vec<usize> = (0..told.candidates.len()).collect();
+pub(super) fn best(evaluation: &ControlEvaluation, count: usize) -> Vec<usize> {
+    let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
+    let mut order: Vec<usize> = (0..evaluation.candidates.len()).collect();
     order.sort_by(|&a, &b| {
         let is_behind = |of: usize| of != verdict.chosen;
         let by_mean = selection.mean_ranks[a].total_cmp(&selection.mean_ranks[b]);
@@ -117,9 +121,9 @@ pub(super) fn best(told: &Told, count: usize) -> Vec<usize> {
 }
 
 /// The best candidates by the rule, and what is compared with them.
-fn candidates(told: &Told) -> String {
-    let (verdict, selection) = (&told.verdict, &told.verdict.selection);
-    let order = best(told, SHOWN);
+fn candidates(evaluation: &ControlEvaluation) -> String {
+    let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
+    let order = best(evaluation, SHOWN);
     let resamples = verdict.chosen_of_resamples.iter().sum::<usize>().max(1) as f64;
     let row = |&candidate: &usize| {
         let mark = match candidate {
@@ -127,47 +131,47 @@ fn candidates(told: &Told) -> String {
             of if Some(of) == verdict.default => "default",
             _ => "",
         };
-        let fitted = told.fitted_q_evaluation[candidate];
+        let fitted = evaluation.fitted_q_evaluation[candidate];
         let mut row = vec![
-            name(told, candidate),
+            name(evaluation, candidate),
             mark.to_owned(),
-            rank(told, candidate),
+            rank(evaluation, candidate),
             significant(selection.mean_errors[candidate]),
             percent(verdict.coverage[candidate].uncovered()),
             percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
             if fitted.is_finite() { significant(fitted) } else { "diverged".to_owned() },
         ];
-        row.extend(told.importance_sampling.iter().flat_map(|of| importance(of[candidate])));
+        row.extend(evaluation.importance_sampling.iter().flat_map(|of| importance(of[candidate])));
         row
     };
     let rows: Vec<_> = order.iter().map(row).collect();
     let mut header = vec![
         "setting",
         "",
-        rank_name(told),
+        rank_name(evaluation),
         "model return",
         "not covered",
         "chosen again",
         "fitted Q",
     ];
-    if told.importance_sampling.is_some() {
+    if evaluation.importance_sampling.is_some() {
         header.extend(["importance", "of episodes"]);
     }
     table(&header, &rows)
 }
 
 /// The rank that the rule goes by.
-pub(super) fn rank(told: &Told, candidate: usize) -> String {
-    let selection = &told.verdict.selection;
-    match told.verdict.rule {
+pub(super) fn rank(evaluation: &ControlEvaluation, candidate: usize) -> String {
+    let selection = &evaluation.verdict.selection;
+    match evaluation.verdict.rule {
         RankRule::MeanRank => format!("{:.1}", selection.mean_ranks[candidate]),
         RankRule::WorstRank => selection.worst_ranks[candidate].to_string(),
     }
 }
 
 /// What it is called.
-pub(super) fn rank_name(told: &Told) -> &'static str {
-    match told.verdict.rule {
+pub(super) fn rank_name(evaluation: &ControlEvaluation) -> &'static str {
+    match evaluation.verdict.rule {
         RankRule::MeanRank => "mean rank",
         RankRule::WorstRank => "worst rank",
     }
@@ -180,8 +184,8 @@ fn importance(of: Importance) -> [String; 2] {
 }
 
 /// What distinguishes a candidate.
-pub(super) fn name(told: &Told, candidate: usize) -> String {
-    let fields = &told.fields[candidate];
+pub(super) fn name(evaluation: &ControlEvaluation, candidate: usize) -> String {
+    let fields = &evaluation.fields[candidate];
     if fields.is_empty() {
         return "the agent".to_owned();
     }
@@ -190,8 +194,8 @@ pub(super) fn name(told: &Told, candidate: usize) -> String {
 }
 
 /// What the decision rests on.
-pub(super) fn sentences(told: &Told) -> Vec<String> {
-    let verdict = &told.verdict;
+pub(super) fn sentences(evaluation: &ControlEvaluation) -> Vec<String> {
+    let verdict = &evaluation.verdict;
     let mut lines = Vec::new();
     match &verdict.over_default {
         _ if verdict.default == Some(verdict.chosen) => {
@@ -221,7 +225,7 @@ pub(super) fn sentences(told: &Told) -> Vec<String> {
             lines.push(format!(
                 "Alone, {} would choose {}.",
                 other.kind.name(),
-                name(told, other.chosen)
+                name(evaluation, other.chosen)
             ));
         }
     }
@@ -239,10 +243,10 @@ pub(super) fn sentences(told: &Told) -> Vec<String> {
 }
 
 /// What to do, as the card of the report.
-pub(super) fn decision(told: &Told) -> Decision {
-    let verdict = &told.verdict;
-    let chosen = name(told, verdict.chosen);
-    let (support, badge, headline, plain) = match action(told) {
+pub(super) fn decision(evaluation: &ControlEvaluation) -> Decision {
+    let verdict = &evaluation.verdict;
+    let chosen = name(evaluation, verdict.chosen);
+    let (support, badge, headline, plain) = match action(evaluation) {
         Action::Nothing => (
             Support::Unsupported,
             "Nothing to choose",
@@ -253,7 +257,7 @@ pub(super) fn decision(told: &Told) -> Decision {
             Support::Supported,
             "Supported by the log",
             format!("Keep the default: {chosen}."),
-            format!("It has the best {}, and {DEFAULT}.", rank_name(told)),
+            format!("It has the best {}, and {DEFAULT}.", rank_name(evaluation)),
         ),
         Action::Deploy => (
             Support::Supported,
@@ -261,7 +265,7 @@ pub(super) fn decision(told: &Told) -> Decision {
             format!("Deploy {chosen}."),
             format!(
                 "It has the best {}.{}",
-                rank_name(told),
+                rank_name(evaluation),
                 verdict.over_default.as_ref().map_or_else(String::new, |over| format!(
                     " Its return beside that of the default: {}. Here {DEFAULT}.",
                     difference(over)
@@ -271,10 +275,10 @@ pub(super) fn decision(told: &Told) -> Decision {
         Action::KeepDefault(default) => (
             Support::KeepDefault,
             "No clear difference",
-            format!("Keep the default: {}.", name(told, default)),
+            format!("Keep the default: {}.", name(evaluation, default)),
             format!(
                 "{chosen} is first by {}, but may be no better. Here {DEFAULT}.",
-                rank_name(told)
+                rank_name(evaluation)
             ),
         ),
         Action::Refuse => (
@@ -283,7 +287,7 @@ pub(super) fn decision(told: &Told) -> Decision {
             "Deploy nothing on this evidence.".to_owned(),
             format!(
                 "First by {} is {chosen}. What stands against it is listed below.",
-                rank_name(told)
+                rank_name(evaluation)
             ),
         ),
     };
@@ -307,13 +311,13 @@ enum Action {
     Refuse,
 }
 
-fn action(told: &Told) -> Action {
-    let verdict = &told.verdict;
+fn action(evaluation: &ControlEvaluation) -> Action {
+    let verdict = &evaluation.verdict;
     let is_about_the_default =
         |doubt: &Doubt| matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart);
     let about_the_default = verdict.doubts.iter().all(is_about_the_default);
     match verdict.default.filter(|&default| default != verdict.chosen) {
-        _ if told.candidates.len() < 2 => Action::Nothing,
+        _ if evaluation.candidates.len() < 2 => Action::Nothing,
         _ if verdict.is_supported() => Action::Deploy,
         Some(default) if about_the_default => Action::KeepDefault(default),
         _ => Action::Refuse,
@@ -331,9 +335,9 @@ fn interval(of: Interval) -> String {
 }
 
 /// Why the log does not support the choice, and what to do.
-pub(super) fn reason(doubt: &Doubt, told: &Told) -> String {
-    let actions: Vec<String> = told.log.actions.iter().map(|of| of.name.clone()).collect();
-    doubt_text(doubt, &actions, &told.log.columns)
+pub(super) fn reason(doubt: &Doubt, evaluation: &ControlEvaluation) -> String {
+    let actions: Vec<String> = evaluation.log.actions.iter().map(|of| of.name.clone()).collect();
+    doubt_text(doubt, &actions, &evaluation.log.columns)
 }
 
 /// Why the log does not support a choice, and what to do, where actions and columns of the states are called so.
