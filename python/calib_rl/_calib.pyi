@@ -186,6 +186,7 @@ class ActionModel:
         fewest_terminals: int | None,
         resamples: int,
         seed: int,
+        constants: str,
     ) -> str: ...
 
 @final

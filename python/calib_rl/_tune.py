@@ -264,7 +264,7 @@ def tune(
     if not alive:
         advice = ["Deploy nothing: every setting failed."]
         return Tuned([], None, default, advice, [], failures, halved, {}, [])
-    verdict = work.judged(alive, lived, default, limits)
+    verdict = work.judged(alive, lived, default, limits, work.constants(max(1, steps)))
     doubts = [_worded(reason) for reason in verdict.pop("reasons")]
     compared = [settings[place] for place in alive]
     chosen = compared[verdict["chosen"]]
@@ -365,6 +365,11 @@ def _advice(verdict: dict[str, Any], settings: list[Setting], default: Setting |
     elif over is not None:
         lines.append(f"Over the default: {_difference(over)}.")
     lines.append(f"Over a random setting: {_difference(verdict['over_random'])}.")
+    constant = verdict.get("constant")
+    if constant is not None:
+        name, over = model.actions[constant["action"]].name, constant["over"]
+        beside = "" if over is None else f" The setting: {_difference(over)} beside it."
+        lines.append(f"Best constant action: always {name} gets {_short(float(constant['mean_return']))} in the model, where {constant['uncovered']:.0%} of its steps are not covered.{beside}")
     behaviour = verdict["behaviour"]
     best = "" if behaviour["best"] is None else f", at most {_short(behaviour['best'])}"
     lines.append(f"Recorded episodes: mean return {_short(behaviour['mean'])}{best}.")
@@ -499,8 +504,43 @@ class _Work:
         if crashes:
             raise crashes[0]
 
+    def constants(self, steps: int) -> list[dict[str, Any]]:
+        """What always taking one action gets in the members of each kind of model, which every agent has to beat."""
+        from .gym import make_vec
+
+        actions, members = len(self.model.actions), len(self.members)
+        # One walk for each action in each run of each member. Members are dealt to walks in turn.
+        count = members * actions * self.runs
+        taken = np.arange(count) // members % actions
+        environment = {**self.environment, "action_space": "discrete", "live": False}
+        timeout = environment.get("timeout") or self.model.timeout
+        found = []
+        for kind in self.kinds:
+            walks = make_vec(self.model, count, members=self.members, kind=kind, **environment)
+            walks.reset(seed=int(np.random.SeedSequence([self.seed, 1]).generate_state(1, np.uint32)[0]))
+            rewards, episodes, lengths, uncovered = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count, np.int64)
+            over = np.zeros(count, np.bool_)
+            for _ in range(steps):
+                _, reward, terminated, truncated, info = walks.step(taken)
+                # The step after the end of an episode begins the next one, and is none of it.
+                rewards += np.where(over, 0.0, reward)
+                uncovered += ~info["covered"] & ~over
+                lengths = np.where(over, 0, lengths + 1)
+                over = terminated | truncated
+                episodes += over
+            returns = rewards / np.maximum(episodes + np.where(over, 0, lengths) / timeout, 1.0)
+            by_action = [[float(np.mean(returns[(taken == action) & (np.arange(count) % members == place)])) for action in range(actions)] for place in range(members)]
+            coverage = [{"steps": steps * members * self.runs, "missing": 0, "far": int(uncovered[taken == action].sum())} for action in range(actions)]
+            found.append({"kind": kind, "members": by_action, "coverage": coverage})
+        return found
+
     def judged(
-        self, places: list[int], lived: dict[int, list[dict[str, Any]]], default: Setting | None, limits: dict[str, Any]
+        self,
+        places: list[int],
+        lived: dict[int, list[dict[str, Any]]],
+        default: Setting | None,
+        limits: dict[str, Any],
+        constants: list[dict[str, Any]] | None = None,
     ) -> dict[str, Any]:
         """The verdict about these settings, by their place among them."""
         numbers = {member: number for number, member in enumerate(self.members)}
@@ -522,6 +562,7 @@ class _Work:
                 limits["fewest_terminals"],
                 _RESAMPLES,
                 self.seed,
+                json.dumps(constants or []),
             )
         )
         return verdict

@@ -6,8 +6,8 @@ use std::{
 };
 
 use calib_control::{
-    ActionModel, Increments, Moves, NetworkModel, Pessimism, Question, Rules, Run, Support,
-    Walkers, judge,
+    ActionModel, ConstantReturns, Increments, Moves, NetworkModel, Pessimism, Question, Rules, Run,
+    Support, Walkers, judge,
 };
 use calib_core::{Bounds, Seed, Silent};
 use calib_pipeline::ControlModel;
@@ -303,8 +303,9 @@ impl PyActionModel {
         })
     }
 
-    /// What runs of agents in the members say, as JSON: `runs` is a JSON list of them.
-    #[pyo3(signature = (runs, candidates, default, timeout, most_uncovered, fewest_terminals, resamples, seed))]
+    /// What runs of agents in the members say, as JSON: `runs` is a JSON list of them, and `constants` of what constant actions get
+    /// in each kind of model.
+    #[pyo3(signature = (runs, candidates, default, timeout, most_uncovered, fewest_terminals, resamples, seed, constants))]
     #[expect(clippy::too_many_arguments, reason = "what decides about a verdict")]
     fn judge(
         &self,
@@ -317,9 +318,12 @@ impl PyActionModel {
         fewest_terminals: Option<usize>,
         resamples: usize,
         seed: u64,
+        constants: &str,
     ) -> PyResult<String> {
         let runs: Vec<Run> =
             serde_json::from_str(runs).map_err(|error| errors::value(error.to_string()))?;
+        let constants: Vec<ConstantReturns> =
+            serde_json::from_str(constants).map_err(|error| errors::value(error.to_string()))?;
         let names = &self.kept.opened.names;
         let fewest = fewest_terminals.unwrap_or(names.fewest_terminals);
         let support = Support {
@@ -330,7 +334,8 @@ impl PyActionModel {
         let seed = Seed::new(seed).child("control");
         let judged = watched(py, Needs::Threads, None, |_| {
             let new = Question::new(log, timeout, candidates);
-            judge(&runs, &Question { default, support, resamples, ..new }, seed)
+            let question = Question { default, support, resamples, constants: &constants, ..new };
+            judge(&runs, &question, seed)
         })?;
         let verdict = judged.map_err(|error| errors::of_any(py, &error))?;
         let columns: Vec<String> = names.columns.iter().map(|column| column.name.clone()).collect();

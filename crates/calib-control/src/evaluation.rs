@@ -151,14 +151,14 @@ fn mean_value(weights: &[f64], length: usize, policy: &[f64], features: &[u32]) 
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use calib_core::{Seed, Segments, Silent};
 
     use super::*;
     use crate::Columns;
 
     /// A corridor of ten places, −1 a step, left or right by chance; right of the last is the end.
-    fn corridor() -> Decisions {
+    pub(crate) fn corridor() -> Decisions {
         let mut rng = Seed::new(1).rng();
         let (mut states, mut actions, mut endings, mut lengths) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());

@@ -8,6 +8,7 @@
 mod agent;
 mod behaviour;
 mod config;
+mod constant;
 mod drift;
 mod environment;
 mod error;
@@ -30,6 +31,7 @@ mod walkers;
 pub use agent::{Agent, AgentConfig, Algorithm};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use config::{ControlConfig, StartRows};
+pub use constant::{ConstantReturns, constant_returns};
 pub use drift::Drift;
 pub use environment::{Ending, Environment, Outcome};
 pub use error::ControlError;
@@ -53,5 +55,7 @@ pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,
 };
 pub use usage::{CoverageMap, Spread};
-pub use verdict::{Doubt, KindReturns, Question, Regret, ReturnVerdict, Support, judge, regret};
+pub use verdict::{
+    BestConstant, Doubt, KindReturns, Question, Regret, ReturnVerdict, Support, judge, regret,
+};
 pub use walkers::{Moves, Walker, Walkers, Went};

@@ -2,7 +2,7 @@
 
 use calib_core::{Rng, Seed};
 
-use crate::{Agent, Ending, Environment};
+use crate::{Agent, Ending, Environment, Outcome};
 
 /// How long an agent lives, and when an episode is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +37,32 @@ impl Life {
         }
         let episodes = (self.returns.len() as f64 + self.rest_share).max(1.0);
         (self.returns.iter().sum::<f64>() + self.rest) / episodes
+    }
+}
+
+/// Whoever acts in an environment.
+pub(crate) trait Actor {
+    /// Look at `state`, the first of an episode.
+    fn look(&mut self, state: &[f32]);
+
+    /// Draw an action in the state that it is in. `None` if it has diverged.
+    fn act(&mut self, rng: &mut Rng) -> Option<usize>;
+
+    /// Learn from what `action` led to, and be in `next`.
+    fn learn(&mut self, action: usize, outcome: Outcome, next: &[f32]);
+}
+
+impl Actor for Agent {
+    fn look(&mut self, state: &[f32]) {
+        Self::look(self, state);
+    }
+
+    fn act(&mut self, rng: &mut Rng) -> Option<usize> {
+        Self::act(self, rng)
+    }
+
+    fn learn(&mut self, action: usize, outcome: Outcome, next: &[f32]) {
+        Self::learn(self, action, outcome, next);
     }
 }
 
@@ -80,7 +106,7 @@ impl Episodes {
     }
 
     /// Begin an episode if none goes on.
-    pub(crate) fn begin(&mut self, agent: &mut Agent, environment: &mut dyn Environment) {
+    pub(crate) fn begin(&mut self, agent: &mut impl Actor, environment: &mut dyn Environment) {
         if self.length == 0 {
             environment.start(&mut self.world, &mut self.state);
             agent.look(&self.state);
@@ -88,7 +114,11 @@ impl Episodes {
     }
 
     /// Take a step; whether there was one left to take.
-    pub(crate) fn step(&mut self, agent: &mut Agent, environment: &mut dyn Environment) -> bool {
+    pub(crate) fn step(
+        &mut self,
+        agent: &mut impl Actor,
+        environment: &mut dyn Environment,
+    ) -> bool {
         if self.done >= self.span.steps || self.life.diverged {
             return false;
         }

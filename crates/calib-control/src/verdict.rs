@@ -10,7 +10,9 @@ use calib_stats::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ActionModelKind, ControlError, Coverage, Decisions, Drift, RecordedReturn, Run};
+use crate::{
+    ActionModelKind, ConstantReturns, ControlError, Coverage, Decisions, Drift, RecordedReturn, Run,
+};
 use evidence::{Evidence, median_rate};
 
 const HIGHER: Direction = Direction::HigherIsBetter;
@@ -75,6 +77,15 @@ pub enum Doubt {
         /// Terminals a step of the log.
         in_log: f64,
     },
+    /// Always taking one action gets more in the model than the chosen candidate, beyond chance.
+    WorseThanConstant {
+        /// The action.
+        action: usize,
+        /// Its mean return an episode in the model.
+        constant: f64,
+        /// That of the chosen candidate.
+        promised: f64,
+    },
     /// Jumps between recorded transitions move the chosen candidate's episodes further than twice all that was recorded, to one side.
     Displaced {
         /// The column.
@@ -112,6 +123,9 @@ pub struct ReturnVerdict {
     pub over_default: Option<Difference>,
     /// Mean return of the chosen one minus the mean of all candidates, likewise.
     pub over_random: Difference,
+    /// The best policy that always takes the same action, if constant actions were tried.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub constant: Option<BestConstant>,
     /// How often each candidate is chosen when members and runs are drawn anew.
     pub chosen_of_resamples: Vec<usize>,
     /// What the recorded behaviour got.
@@ -122,6 +136,21 @@ pub struct ReturnVerdict {
     pub drift: Drift,
     /// Why the log does not support the choice; empty if it does.
     pub doubts: Vec<Doubt>,
+}
+
+/// The action that gets most in the model where it is always taken, over members and kinds of models.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BestConstant {
+    /// The action.
+    pub action: usize,
+    /// Its mean return an episode.
+    #[serde(with = "calib_stats::diverged")]
+    #[schemars(with = "calib_stats::diverged::Stored")]
+    pub mean_return: f64,
+    /// Share of its steps that the log does not cover, in the first kind of model.
+    pub uncovered: f64,
+    /// Mean return of the chosen candidate, learning included, minus that of the action, with the jackknife's interval over members.
+    pub over: Option<Difference>,
 }
 
 /// What the members of one kind say.
@@ -154,6 +183,8 @@ pub struct Question<'a> {
     pub support: Support,
     /// How often members and runs are drawn anew.
     pub resamples: usize,
+    /// What constant actions get in the members of each kind of model; empty if they were not tried.
+    pub constants: &'a [ConstantReturns],
 }
 
 impl<'a> Question<'a> {
@@ -167,6 +198,7 @@ impl<'a> Question<'a> {
             rule: RankRule::default(),
             support: Support::default(),
             resamples: 200,
+            constants: &[],
         }
     }
 }
@@ -190,7 +222,8 @@ pub fn judge(
     question: &Question<'_>,
     seed: Seed,
 ) -> Result<ReturnVerdict, ControlError> {
-    let Question { log, timeout, candidates, default, rule, support, resamples } = *question;
+    let Question { log, timeout, candidates, default, rule, support, resamples, constants } =
+        *question;
     let mut kinds: Vec<ActionModelKind> = runs.iter().map(|run| run.kind).collect();
     kinds.sort_unstable();
     kinds.dedup();
@@ -224,6 +257,7 @@ pub fn judge(
         Some(default) => beyond(&of_candidate(chosen), &of_candidate(default))?,
         None => None,
     };
+    let constant = best_constant(constants, &kinds, &of_candidate(chosen))?;
     let behaviour = log.recorded_return(timeout)?;
     let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
     let drift = own
@@ -236,6 +270,7 @@ pub fn judge(
         terminals: median_rate(&own, &kinds),
         drift: &drift,
         is_ahead: is_ahead(&selection, default, over_default, members.len())?,
+        constant,
         behaviour,
     };
     let doubts = evidence.doubts(log, support);
@@ -245,6 +280,7 @@ pub fn judge(
         default,
         kinds: each,
         over_default,
+        constant,
         over_random: beyond(&of_candidate(chosen), &random)?.unwrap_or(Difference {
             mean: f64::INFINITY,
             interval: None,
@@ -259,6 +295,38 @@ pub fn judge(
         selection,
         members,
     })
+}
+
+/// The best constant action over the members of these kinds, which lack the same block each, and what `own`, the mean returns of the
+/// chosen candidate `[members]`, are more than it.
+fn best_constant(
+    constants: &[ConstantReturns],
+    kinds: &[ActionModelKind],
+    own: &[f64],
+) -> Result<Option<BestConstant>, StatsError> {
+    // A kind whose agents could not be tried says nothing.
+    let constants: Vec<&ConstantReturns> =
+        constants.iter().filter(|constant| kinds.contains(&constant.kind)).collect();
+    let Some(first) = constants.first() else { return Ok(None) };
+    let of_action = |action: usize| -> Vec<f64> {
+        let over_kinds = |member: usize| {
+            let sum: f64 = constants.iter().map(|constant| constant.members[member][action]).sum();
+            sum / constants.len() as f64
+        };
+        (0..own.len()).map(over_kinds).collect()
+    };
+    let mean = |returns: &[f64]| returns.iter().sum::<f64>() / returns.len() as f64;
+    let actions = (0..first.coverage.len()).map(|action| (action, of_action(action)));
+    // Of equal ones the first.
+    let best =
+        actions.reduce(|best, other| if mean(&other.1) > mean(&best.1) { other } else { best });
+    let Some((action, returns)) = best else { return Ok(None) };
+    Ok(Some(BestConstant {
+        action,
+        mean_return: mean(&returns),
+        uncovered: first.coverage[action].uncovered(),
+        over: beyond(own, &returns)?,
+    }))
 }
 
 /// What the steps of each candidate rested on, over these runs.

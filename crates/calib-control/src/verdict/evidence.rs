@@ -2,7 +2,7 @@
 
 use calib_stats::Selection;
 
-use super::{Doubt, Support};
+use super::{BestConstant, Doubt, Support};
 use crate::{ActionModelKind, Coverage, Decisions, Drift, RecordedReturn, Run};
 
 /// What a choice rests on.
@@ -17,6 +17,7 @@ pub(super) struct Evidence<'a> {
     /// Whether the chosen candidate is surely ahead of the default, by ranks or by returns; none where that is chosen, not in the grid, or
     /// diverged as well.
     pub(super) is_ahead: Option<bool>,
+    pub(super) constant: Option<BestConstant>,
     pub(super) behaviour: RecordedReturn,
 }
 
@@ -67,9 +68,21 @@ impl Evidence<'_> {
         if self.is_ahead == Some(false) {
             doubts.push(Doubt::NotBetterThanDefault);
         }
+        doubts.extend(self.beside_a_constant(promised, support));
         doubts.extend(self.beside_the_log(promised, log));
         doubts.extend(displaced(self.drift));
         doubts
+    }
+
+    /// Whether an action that needs no agent is better, beyond chance, in a model that knows what it leads to.
+    fn beside_a_constant(&self, promised: f64, support: Support) -> Option<Doubt> {
+        let BestConstant { action, mean_return, uncovered, over } = self.constant?;
+        let is_better = over?.interval.is_some_and(|interval| interval.high < 0.0);
+        (is_better && uncovered <= support.most_uncovered).then_some(Doubt::WorseThanConstant {
+            action,
+            constant: mean_return,
+            promised,
+        })
     }
 
     /// Whether what happens in the model is unlike what was recorded.

@@ -278,3 +278,37 @@ fn a_wall_of_the_log_is_told_by_displacement() {
     assert!(matches!(up, Some(Doubt::Displaced { column: 0, mean, .. }) if mean < -3.5), "{up:?}");
     assert_eq!(held(|step| 2 * (step % 2)), None, "up and down");
 }
+
+/// Two actions, of which the second gets these returns in the members.
+fn constants(returns: [f64; 3], far: u64) -> [ConstantReturns; 1] {
+    let covered = Coverage { steps: 100, missing: 0, far: 0 };
+    [ConstantReturns {
+        kind: ActionModelKind::Neighbors,
+        members: returns.map(|of_second| vec![-20.0, of_second]).to_vec(),
+        coverage: vec![covered, Coverage { far, ..covered }],
+    }]
+}
+
+fn judged_beside(constants: &[ConstantReturns]) -> ReturnVerdict {
+    let log = plain();
+    let question = Question { constants, ..question(&log) };
+    judge(&runs(&GOOD), &question, Seed::new(1)).expect("judged")
+}
+
+#[test]
+fn a_constant_action_that_is_better_beyond_chance_is_a_doubt() {
+    // The choice gets -9, -11 and -8.
+    let verdict = judged_beside(&constants([-4.0, -5.9, -3.1], 10));
+    let best = verdict.constant.expect("tried");
+    assert_eq!((best.action, best.uncovered), (1, 0.1));
+    assert!((best.mean_return + 13.0 / 3.0).abs() < 1e-12);
+    assert!((best.over.expect("finite").mean + 5.0).abs() < 1e-12);
+    let is_worse = |doubt: &Doubt| matches!(doubt, Doubt::WorseThanConstant { action: 1, .. });
+    assert!(verdict.doubts.iter().any(is_worse), "{:?}", verdict.doubts);
+    // One that may be better by chance, or whose steps nobody recorded, is none.
+    for none in [constants([-4.0, -30.0, -3.1], 10), constants([-4.0, -5.9, -3.1], 90)] {
+        let verdict = judged_beside(&none);
+        assert!(!verdict.doubts.iter().any(is_worse), "{:?}", verdict.doubts);
+    }
+    assert_eq!(judged(&GOOD, Support::default()).constant, None, "not tried");
+}

@@ -34,7 +34,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 7;
+    const FORMAT: u32 = 8;
 
     fn format(&self) -> u32 {
         self.format

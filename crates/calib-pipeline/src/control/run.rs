@@ -1,8 +1,10 @@
 use calib_control::{
-    ActionModel, ActionModelKind, AgentConfig, Algorithm, ControlConfig, ControlError, Distance,
-    Extent, IncrementModel, Increments, NetworkModel, Question, Run, Span, Support,
-    fitted_q_evaluation, importance_sampling, judge, sweep_keeping,
+    ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns, ControlConfig,
+    ControlError, Distance, Ensemble, Extent, IncrementModel, Increments, NetworkModel, Question,
+    Run, Span, Support, constant_returns, fitted_q_evaluation, importance_sampling, judge,
+    sweep_keeping,
 };
+use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
 use calib_report::listed;
 use calib_study::Job;
@@ -149,14 +151,14 @@ fn judged(
     printer: &Printer,
 ) -> Result<Judged, StepError> {
     let (study, progress) = (job.study(), printer.progress());
-    let seed = calib_core::Seed::new(study.seed).child("control");
+    let seed = Seed::new(study.seed).child("control");
     let candidates = config.grid.candidates(config.agent)?;
     // Agents that live for less than an episode have no longer ones.
     let timeout = config.timeout.min(config.steps);
     let model = model::of(job, config, &log, printer)?;
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
-    let runs = swept(config, &model, &candidates, seed, units, printer)?;
+    let Swept { runs, constants } = swept(config, &model, &candidates, seed, units, printer)?;
     let decisions = model.log();
     let support = Support {
         most_uncovered: config.most_uncovered,
@@ -171,6 +173,7 @@ fn judged(
         rule: config.rule,
         support,
         resamples: study.evaluate.resamples,
+        constants: &constants,
     };
     let verdict = judge(&runs, &question, seed)?;
     let (steps, timeout) = (config.steps, config.timeout);
@@ -189,40 +192,75 @@ fn judged(
     Ok(Judged { log: fingerprint, evaluation, runs })
 }
 
-/// Every candidate in every member of every kind of model.
+/// What came of the settings, and of actions that need no agent.
+struct Swept {
+    runs: Vec<Run>,
+    constants: Vec<ConstantReturns>,
+}
+
+impl Swept {
+    /// Add what comes of one kind of model.
+    fn add<M: Ensemble>(&mut self, model: &M, question: &Sweeping<'_>) -> Result<(), StepError> {
+        let Sweeping { actions, candidates, extent, seed, units, monitor } = *question;
+        self.runs.extend(sweep_keeping(model, candidates, extent, seed, units, monitor)?);
+        self.constants.push(constant_returns(model, actions, extent, seed, monitor)?);
+        Ok(())
+    }
+}
+
+/// What all kinds of models have in common.
+struct Sweeping<'a> {
+    actions: usize,
+    candidates: &'a [AgentConfig],
+    extent: Extent,
+    seed: Seed,
+    units: &'a Units,
+    monitor: &'a dyn Monitor,
+}
+
+/// Every candidate, and every constant action, in every member of every kind of model.
 fn swept(
     config: &ControlConfig,
     model: &ActionModel,
     candidates: &[AgentConfig],
-    seed: calib_core::Seed,
+    seed: Seed,
     units: &Units,
     printer: &Printer,
-) -> Result<Vec<Run>, StepError> {
+) -> Result<Swept, StepError> {
     let progress = printer.progress();
     let span = Span { steps: config.steps, timeout: config.timeout };
     let extent = Extent { runs: config.runs, span };
-    let mut runs = Vec::new();
+    let question = Sweeping {
+        actions: model.log().levels(),
+        candidates,
+        extent,
+        seed,
+        units,
+        monitor: &progress,
+    };
+    let mut swept = Swept { runs: Vec::new(), constants: Vec::new() };
     for &kind in &config.models {
-        runs.extend(match kind {
+        match kind {
             ActionModelKind::Neighbors => {
-                sweep_keeping(model, candidates, extent, seed, units, &progress)?
+                swept.add(model, &question)?;
             }
             ActionModelKind::Increments => {
                 let increments = Increments::new(model, config.model.coverage, &progress)?;
                 let model = IncrementModel::new(model, &increments);
-                sweep_keeping(&model, candidates, extent, seed, units, &progress)?
+                swept.add(&model, &question)?;
             }
             ActionModelKind::Network => match NetworkModel::beside(model, seed, &progress) {
-                Ok(model) => sweep_keeping(&model, candidates, extent, seed, units, &progress)?,
+                Ok(model) => {
+                    swept.add(&model, &question)?;
+                }
                 Err(error @ ControlError::NetworkDiverged { .. }) if config.models.len() > 1 => {
                     printer.warn(&format!("{error}; now the other kinds of models decide"));
-                    continue;
                 }
                 Err(error) => return Err(error.into()),
             },
-        });
+        }
     }
-    Ok(runs)
+    Ok(swept)
 }
 
 fn named(config: &ControlConfig, candidate: &AgentConfig) -> Vec<(String, String)> {

@@ -1,4 +1,4 @@
-use calib_control::{Doubt, Importance};
+use calib_control::{BestConstant, Doubt, Importance};
 use calib_report::{Decision, Support, listed};
 use calib_stats::{Difference, Interval, RankRule};
 use calib_study::Job;
@@ -229,6 +229,7 @@ pub(super) fn sentences(evaluation: &ControlEvaluation) -> Vec<String> {
             ));
         }
     }
+    lines.extend(verdict.constant.as_ref().map(|constant| beside_constant(constant, evaluation)));
     let recorded = verdict.behaviour;
     lines.push(format!(
         "Recorded episodes: mean return {}{}{}.",
@@ -240,6 +241,20 @@ pub(super) fn sentences(evaluation: &ControlEvaluation) -> Vec<String> {
         "Returns in the model rank settings. They do not say what the plant will give.".to_owned(),
     );
     lines
+}
+
+/// What always taking one action would get, which needs no agent.
+fn beside_constant(constant: &BestConstant, evaluation: &ControlEvaluation) -> String {
+    let BestConstant { action, mean_return, uncovered, over } = constant;
+    let over = over
+        .as_ref()
+        .map_or_else(String::new, |over| format!(" The setting: {} beside it.", difference(over)));
+    format!(
+        "Best constant action: always {} gets {} in the model, where {} of its steps are not covered.{over}",
+        evaluation.log.actions[*action].name,
+        significant(*mean_return),
+        percent(*uncovered),
+    )
 }
 
 /// What to do, as the card of the report.
@@ -375,6 +390,13 @@ pub fn doubt_text(doubt: &Doubt, actions: &[String], columns: &[String]) -> Stri
             "the model promises {} per episode, and no recorded episode got more than {}: nothing in the record shows that so much is possible; record better episodes, or try the choice where it can do no harm",
             significant(*promised),
             significant(*best)
+        ),
+        Doubt::WorseThanConstant { action, constant, promised } => format!(
+            "always taking {} gets {} per episode in the model, and the chosen setting gets {}, learning included: take that action, or let agents \
+             learn for longer (control.steps)",
+            actions.get(*action).map_or("?", String::as_str),
+            significant(*constant),
+            significant(*promised)
         ),
         Doubt::RareTerminals { in_model, in_log } => format!(
             "{} of the chosen setting's steps in the model end an episode in a terminal, and {} of the recorded ones: its agents go where the log hardly shows what ends an episode; record steps there",

@@ -1,0 +1,105 @@
+//! Policies that always take the same action: what every agent has to beat.
+
+use calib_core::{Monitor, Rng, Seed};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    ActionModelKind, ControlError, Coverage, Ensemble, Extent, Outcome, Walked as _,
+    life::{Actor, Episodes},
+};
+
+/// What comes of taking one action for ever, in the members of one kind of model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ConstantReturns {
+    /// What the members are.
+    pub kind: ActionModelKind,
+    /// Mean return an episode of each action over the runs of each member, `[members][actions]`.
+    pub members: Vec<Vec<f64>>,
+    /// What the steps with each action rested on, over members and runs.
+    pub coverage: Vec<Coverage>,
+}
+
+/// A policy that takes one action in every state, and learns nothing.
+struct Constant(usize);
+
+impl Actor for Constant {
+    fn look(&mut self, _state: &[f32]) {}
+
+    fn act(&mut self, _rng: &mut Rng) -> Option<usize> {
+        Some(self.0)
+    }
+
+    fn learn(&mut self, _action: usize, _outcome: Outcome, _next: &[f32]) {}
+}
+
+/// Take each of `actions` actions for ever in every member, in as many and as long runs as agents have in [`sweep`](crate::sweep), which
+/// meet the same chance.
+///
+/// # Errors
+/// If the monitor interrupts.
+pub fn constant_returns<M: Ensemble>(
+    model: &M,
+    actions: usize,
+    extent: Extent,
+    seed: Seed,
+    monitor: &dyn Monitor,
+) -> Result<ConstantReturns, ControlError> {
+    let units = model.members() * actions;
+    monitor.begin("constant actions", units as u64);
+    let lived = (0..units).into_par_iter().map(|unit| -> Result<_, ControlError> {
+        let (member, action) = (unit / actions, unit % actions);
+        let (mut sum, mut coverage) = (0.0, Coverage::default());
+        for run in 0..extent.runs {
+            monitor.check()?;
+            let seed = seed.child("member").number(member as u64).number(run as u64);
+            let mut walk = model.walk(member);
+            let mut episodes = Episodes::new(&walk, extent.span, seed);
+            while episodes.step(&mut Constant(action), &mut walk) {}
+            sum += episodes.life.mean_return();
+            coverage = coverage.and(walk.coverage());
+        }
+        monitor.advance(1);
+        Ok((sum / extent.runs as f64, coverage))
+    });
+    let lived: Vec<(f64, Coverage)> = lived.collect::<Result<_, _>>()?;
+    let mut all = ConstantReturns {
+        kind: model.kind(),
+        members: Vec::with_capacity(model.members()),
+        coverage: vec![Coverage::default(); actions],
+    };
+    for of_member in lived.chunks(actions) {
+        all.members.push(of_member.iter().map(|&(mean_return, _)| mean_return).collect());
+        for (coverage, &(_, own)) in all.coverage.iter_mut().zip(of_member) {
+            *coverage = coverage.and(own);
+        }
+    }
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::Silent;
+
+    use super::*;
+    use crate::{ActionModel, ActionModelConfig, Span, Starts, evaluation::tests::corridor};
+
+    #[test]
+    fn only_the_action_that_leads_to_the_end_gets_there() {
+        let log = corridor();
+        let metric = log.states().clone();
+        let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
+        let config = ActionModelConfig { members: 2, ..ActionModelConfig::default() };
+        let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
+        let extent = Extent { runs: 2, span: Span { steps: 200, timeout: 20 } };
+        let found = constant_returns(&model, 2, extent, Seed::new(3), &Silent).expect("walked");
+        assert_eq!((found.kind, found.members.len()), (ActionModelKind::Neighbors, 2));
+        for member in &found.members {
+            // -1 a step: to the left an episode is cut after 20.
+            assert!(member[0] == -20.0 && member[1] > -12.0, "{member:?}");
+        }
+        assert_eq!(found.coverage[0].steps, 2 * 2 * 200);
+        let again = constant_returns(&model, 2, extent, Seed::new(3), &Silent).expect("walked");
+        assert_eq!(found, again);
+    }
+}
