@@ -39,18 +39,26 @@ pub(crate) enum Results {
 }
 
 /// Lay the profile called `name` over the study, without which it stays as it is; profiles themselves are removed.
-pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<Results, Problem> {
+pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<Chosen, Problem> {
     let Some(name) = name else {
         table.remove(KEY);
-        return Ok(Results::AsWritten);
+        return Ok(Chosen { results: Results::AsWritten, laid_over: Table::new() });
     };
     let own = take(&mut table.clone(), KEY, "--profile", name)?;
     let results =
         if own.contains_key("output") { Results::AsWritten } else { Results::InOwnFolder };
-    let whole = with_base(table, own, &mut vec![name.to_owned()])?;
+    let laid_over = with_base(table, own, &mut vec![name.to_owned()])?;
     table.remove(KEY);
-    lay_over(table, whole);
-    Ok(results)
+    lay_over(table, laid_over.clone());
+    Ok(Chosen { results, laid_over })
+}
+
+/// A profile that was laid over a study, or none.
+#[derive(Clone, Debug)]
+pub(crate) struct Chosen {
+    pub(crate) results: Results,
+    /// What it says, with what it is based on.
+    pub(crate) laid_over: Table,
 }
 
 /// What a profile says, laid over what the one says that it is based on; `above` are those that led to it, itself last.
