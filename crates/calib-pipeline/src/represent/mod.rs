@@ -140,6 +140,11 @@ pub(crate) fn run(
 ) -> Result<StepResult<Representations>, StepError> {
     let clock = Stopwatch::start();
     let study = job.study();
+    ensure!(
+        study.has_model(),
+        "the study has no model (model.kind = \"none\"), so nothing is searched in a representation; go on with `{}`, or set model.kind = \"knn\"",
+        job.command(StepKind::Sweep)
+    );
     if device.is_some() {
         torch::require("--device")?;
     }
