@@ -114,9 +114,8 @@ mod tests {
 
     #[test]
     fn the_replayed_log_decides_unless_a_rule_is_named() {
-        let rule = |text: &str, set: &[&str]| {
-            resolved(text, None, set).expect("valid").evaluate.rule
-        };
+        let rule =
+            |text: &str, set: &[&str]| resolved(text, None, set).expect("valid").evaluate.rule;
         assert_eq!(rule("", &[]), Rule::Pooled);
         assert_eq!(rule(NONE, &[]), Rule::LogReplay);
         assert_eq!(rule("[evaluate]\ntop_k = 1\n", &["model.kind=none"]), Rule::LogReplay);
@@ -168,7 +167,8 @@ mod tests {
         assert!(slow.contains("rollout.steps has no effect"), "{slow}");
         let both = refused(text, &["model.kind=none", "sweep.member_runs=1"]);
         assert!(both.contains("sweep.member_runs has no effect"), "{both}");
-        let back = resolved(NONE, None, &["model.kind=nn", "dynamics.epochs=3"]).expect("a network");
+        let back =
+            resolved(NONE, None, &["model.kind=nn", "dynamics.epochs=3"]).expect("a network");
         assert!(back.has_model() && back.evaluate.rule == Rule::Pooled);
     }
 
@@ -177,7 +177,9 @@ mod tests {
         for rule in ["worst_rank", "mean_rank", "mean_error", "mean_log_error", "pooled"] {
             let error = refused(&format!("{NONE}[evaluate]\nrule = \"{rule}\"\n"), &[]);
             assert!(
-                error.starts_with(&format!("s.toml:4:1: evaluate.rule = \"{rule}\" counts runs in a model")),
+                error.starts_with(&format!(
+                    "s.toml:4:1: evaluate.rule = \"{rule}\" counts runs in a model"
+                )),
                 "{error}"
             );
         }

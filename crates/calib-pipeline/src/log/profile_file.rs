@@ -18,8 +18,9 @@ pub(crate) fn write(directory: &Path, profile: &Profile) -> Result<(), StepError
 /// What was written into the directory of a result, which `again` makes again.
 pub(crate) fn read(directory: &Path, again: &str) -> Result<Profile, StepError> {
     let path = directory.join(PROFILE);
-    read_json(&path)
-        .with_context(|| format!("{} cannot be used; `{again} --force` makes it again", path.display()))
+    read_json(&path).with_context(|| {
+        format!("{} cannot be used; `{again} --force` makes it again", path.display())
+    })
 }
 
 /// Whether the file is what was `written`.

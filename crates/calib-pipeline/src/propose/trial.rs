@@ -2,7 +2,7 @@
 
 use calib_agent::SimplePredictor;
 use calib_files::TemporaryFolder;
-use calib_propose::{Costs, Horizon, Size};
+use calib_propose::{Costs, Horizon, ProposedModel, Size};
 use calib_study::{Job, Request};
 use calib_sweep::SensorVerdict;
 
@@ -12,7 +12,7 @@ use crate::{
         clock::{Stopwatch, Taken},
         options::{BuildOptions, ProposeOptions},
     },
-    log::context::RunContext,
+    log::{context::RunContext, partition},
     model::{build_model, jumps},
     output::span,
     rollouts::rollout,
@@ -103,10 +103,21 @@ struct TrialModel {
     moves: String,
 }
 
+/// How far states are apart.
+pub(super) struct Spaced {
+    /// Rows from one to the next.
+    pub(super) spacing: usize,
+    pub(super) why: String,
+    /// How long a model of such states takes, where the study has one.
+    pub(super) build_secs: Option<f64>,
+}
+
 /// What trials have in common.
 pub(super) struct Trials<'a> {
     pub(super) args: &'a ProposeOptions,
     pub(super) place: &'a TemporaryFolder,
+    /// Whether the study has a model.
+    pub(super) model: ProposedModel,
     pub(super) context: &'a RunContext,
 }
 
@@ -151,13 +162,13 @@ impl Trials<'_> {
     }
 
     /// The first of `candidates` whose model has rollouts that neither circle nor replay the log, or else the one that is
-    /// warned of least; why, and how long its model took. For studies that choose by their models.
+    /// warned of least. For studies that choose by their models.
     pub(super) fn spacing(
         &self,
         candidates: &[usize],
         text: impl Fn(usize) -> String,
         period_secs: f64,
-    ) -> Result<(usize, String, f64), StepError> {
+    ) -> Result<Spaced, StepError> {
         let mut best: Option<(usize, usize, String, f64)> = None;
         let mut before = None;
         for &spacing in candidates.iter().take(TRIALS) {
@@ -187,7 +198,7 @@ impl Trials<'_> {
         } else {
             format!("{why}; no spacing that was tried is without a warning")
         };
-        Ok((spacing, why, secs))
+        Ok(Spaced { spacing, why, build_secs: Some(secs) })
     }
 
     /// What a study takes, measured with short runs, and with longer ones until these take a share of `within` that is worth measuring. The
@@ -204,8 +215,7 @@ impl Trials<'_> {
         let short = steps(SHORT.max(2 * horizon.states as usize));
         let (made, before) = Taken::by(|| {
             let job = self.job(text(short, *horizon).0, COSTS)?;
-            build_model::run(&job, &BuildOptions::default(), silent)?;
-            rollout::run(&job, silent)
+            self.made_before(&job, silent)
         });
         made?;
         let sweep = |steps: usize, horizon: &mut Horizon| -> Result<Swept, StepError> {
@@ -233,6 +243,17 @@ impl Trials<'_> {
         })
     }
 
+    /// What a study makes before its sweep: states of the log, and its model with rollouts, if it has one.
+    fn made_before(&self, job: &Job, context: &RunContext) -> Result<(), StepError> {
+        match self.model {
+            ProposedModel::None => partition::load(job, context).map(drop),
+            ProposedModel::Ensemble => {
+                build_model::run(job, &BuildOptions::default(), context)?;
+                rollout::run(job, context).map(drop)
+            }
+        }
+    }
+
     /// What an agent and the simple predictors come to where only the training range is known, at a `horizon` that is halved
     /// until some step can be scored.
     pub(super) fn compare(
@@ -241,8 +262,14 @@ impl Trials<'_> {
         text: impl Fn(Horizon) -> String,
     ) -> Result<Vec<Predicted>, StepError> {
         let silent = &self.context.silent();
-        let study = |horizon: Horizon| self.job_with(text(horizon), COMPARED, &SMALLEST_MODEL);
-        build_model::run(&study(*horizon)?, &BuildOptions::default(), silent)?;
+        let smallest = match self.model {
+            ProposedModel::None => &[][..],
+            ProposedModel::Ensemble => &SMALLEST_MODEL,
+        };
+        let study = |horizon: Horizon| self.job_with(text(horizon), COMPARED, smallest);
+        if self.model == ProposedModel::Ensemble {
+            build_model::run(&study(*horizon)?, &BuildOptions::default(), silent)?;
+        }
         scorable(horizon, |horizon| {
             sweep::run(&study(horizon)?, &Counted::default(), None, silent)
         })?;

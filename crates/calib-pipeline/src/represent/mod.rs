@@ -35,6 +35,7 @@ use crate::{
         stale::Kept,
         torch,
     },
+    ensure,
     log::{context::RunContext, partition},
     output::{Printer, bytes, count, counted},
 };

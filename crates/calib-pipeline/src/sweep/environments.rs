@@ -130,7 +130,8 @@ impl Environments {
         streams: &Streams,
         printer: &Printer,
     ) -> Result<Self, StepError> {
-        let members = model.map(|model| Self::of_model(job, model, dataset, printer)).transpose()?;
+        let members =
+            model.map(|model| Self::of_model(job, model, dataset, printer)).transpose()?;
         let mut all = members.unwrap_or_default();
         all.described.extend(replayed(job, dataset, streams));
         Ok(all)

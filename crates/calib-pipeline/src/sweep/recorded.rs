@@ -128,12 +128,7 @@ struct Rows<'a> {
 
 impl Rows<'_> {
     /// One sensor in one period; nothing if the period has no values.
-    fn period(
-        &self,
-        period: &str,
-        sensor: &str,
-        names: Periods<'_>,
-    ) -> Option<RecordedPeriod> {
+    fn period(&self, period: &str, sensor: &str, names: Periods<'_>) -> Option<RecordedPeriod> {
         let own: Vec<usize> = (0..self.times.len())
             .filter(|&row| self.periods[row] == period && self.sensors[row] == sensor)
             .collect();

@@ -62,7 +62,7 @@ impl Streams {
         };
         let log = Windows::log(dataset.train.segments(), demand, sweep.log_replay_runs);
         if log.starts.is_empty() && !study.has_model() {
-            return Err(nothing_decides(study, demand));
+            return Err(nothing_decides(demand));
         }
         if log.left_out > 0 {
             notes.push(format!(
@@ -78,7 +78,7 @@ impl Streams {
 }
 
 /// Why a study without a model has nothing to choose by.
-fn nothing_decides(study: &Study, demand: Demand) -> StepError {
+fn nothing_decides(demand: Demand) -> StepError {
     let Demand { span, gamma, .. } = demand;
     StepError::Unscorable(format!(
         "no window of the training range can be replayed, and without a model (model.kind = \"none\") nothing else would decide: runs have \

@@ -137,7 +137,7 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
     let (study, paths, name) = (job.study(), job.layout(), job.model_name());
     let learned = Learned::of(job, sweep)?;
     let model = learned.model.as_ref();
-    let content = model.map(|model| model.content()).transpose()?;
+    let content = model.map(ModelManifest::content).transpose()?;
     let rollouts = rollout::finished(job, content.as_deref())?;
     let descriptions = Descriptions::of(job, &learned.profile)?;
     let (shown, mut starts) = match &rollouts {
@@ -177,7 +177,7 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
 /// What the reader must know of the model, where the choice follows from it.
 fn warnings_of_model(study: &Study, model: Option<&ModelManifest>) -> Vec<String> {
     let model = model.filter(|_| study.evaluate.rule != Rule::LogReplay);
-    model.map_or_else(Vec::new, build_model::warnings)
+    model.map_or_else(Vec::new, |model| build_model::warnings(model))
 }
 
 /// What the rollouts were like, and the representations that could be used.

@@ -1,9 +1,7 @@
 use calib_agent::Part;
 use calib_stats::Selection;
 
-use super::{
-    Dropped, Judging, PartChoice, Rule, differ, rule::Standing, told_apart, truth::Truth,
-};
+use super::{Dropped, Judging, PartChoice, Rule, differ, rule::Standing, told_apart, truth::Truth};
 use crate::{Candidate, UnitResult};
 
 /// Fewer scored horizons than this say more about the stretch that was scored than about the value.

@@ -114,8 +114,13 @@ Chosen for the smallest error, as a geometric mean over 25 windows of the replay
 Not certain: when calib resamples its evidence (windows of the log), 1e-4 wins in 70 % and 3e-4 in 30 %.
 ");
     let sources = Sources::Log;
-    let stays = Verdict { reason: Reason::OneStandardError { streams: 25, sources }, ..alone.clone() };
-    assert!(text(&stays).contains("over 25 training runs on the replayed log."), "{}", text(&stays));
+    let stays =
+        Verdict { reason: Reason::OneStandardError { streams: 25, sources }, ..alone.clone() };
+    assert!(
+        text(&stays).contains("over 25 training runs on the replayed log."),
+        "{}",
+        text(&stays)
+    );
     let not_learnt = Verdict { grade: Grade::NotLearnt, ..alone.clone() };
     assert!(text(&not_learnt).contains("The choice of log replay is learning_rate = 1e-4."));
     for told in [text(&alone), text(&stays), text(&not_learnt)] {
