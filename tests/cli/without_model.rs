@@ -19,7 +19,10 @@ fn calib(place: &Place, command: &[&str], more: &[&str]) -> Ran {
 
 /// `study.toml` without anything of a model.
 fn without_model(place: &Place) {
-    place.edit_study("members = 3\nexclude_self = true\n\n[rollout]\nsteps = 400\nrollouts = 2\n", "kind = \"none\"\n");
+    place.edit_study(
+        "members = 3\nexclude_self = true\n\n[rollout]\nsteps = 400\nrollouts = 2\n",
+        "kind = \"none\"\n",
+    );
     place.edit_study("member_runs = 2\n", "");
 }
 
@@ -32,7 +35,8 @@ fn said_of_models(text: &str) -> Vec<String> {
 
 /// The words of a page that somebody reads.
 fn words_of(page: &str) -> String {
-    let body = &page[page.find("<main").expect("a page")..page.rfind("<script>").expect("a script")];
+    let body =
+        &page[page.find("<main").expect("a page")..page.rfind("<script>").expect("a script")];
     let study = body.find("id=\"reproduce\"").expect("how to make it again");
     let mut words = String::new();
     for piece in body[..study].split('<').skip(1) {
@@ -67,7 +71,10 @@ fn the_replayed_log_decides_alone_from_the_log_to_the_report() {
     let words = words_of(&page);
     assert_eq!(said_of_models(&words), Vec::<String>::new());
     assert!(words.contains("windows of the replayed log"), "the log decided: {words}");
-    assert!(page.contains("calib sweep study.toml") && !page.contains("calib build-model"), "the steps");
+    assert!(
+        page.contains("calib sweep study.toml") && !page.contains("calib build-model"),
+        "the steps"
+    );
 
     let why = calib(&place, &["evaluate"], &["--why"]).ends(&[0, 1]);
     assert!(why.contains("as a geometric mean over 2 windows of the replayed log."), "{why}");
@@ -133,10 +140,14 @@ fn steps_of_a_model_say_that_there_is_none() {
         assert!(error.contains(told), "{error}");
     }
     let windows = ["--set", "sweep.steps=2000000", "--set", "data.train_fraction=0.01"];
-    let short = calib(&place, &["run"], &[&NONE[..], &windows, &["--set", "agent.gamma=0.999"]].concat());
+    let short =
+        calib(&place, &["run"], &[&NONE[..], &windows, &["--set", "agent.gamma=0.999"]].concat());
     let short = short.fails(2);
     assert!(short.contains("no window of the training range can be replayed"), "{short}");
-    place.write("validity.toml", &fs::read_to_string(place.path().join("study.toml")).expect("there"));
+    place.write(
+        "validity.toml",
+        &fs::read_to_string(place.path().join("study.toml")).expect("there"),
+    );
     let refused = place.calib(&[&["validity", "validity.toml"], &NONE[..]].concat()).fails(2);
     assert!(refused.contains("validity compares the choices of models"), "{refused}");
 }

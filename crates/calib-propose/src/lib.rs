@@ -47,7 +47,7 @@ pub use horizon::{Horizon, horizon};
 pub use model::ProposedModel;
 pub use scope::{LeftOut, Scope, Why};
 pub use sensors::Sensors;
-pub use size::{Costs, Size};
+pub use size::{Costs, MOST_RUNS, Size};
 pub use spacing::{SPACINGS, spacing_by_log, spacings};
 
 #[cfg(test)]

@@ -3,7 +3,7 @@ use crate::{ProposedAgent, ProposedModel};
 /// The share of the time asked for that is planned with: machines have other things to do.
 const PLANNED: f64 = 0.85;
 /// Runs of a kind at most: more hardly narrow an interval.
-const MOST_RUNS: usize = 30;
+pub const MOST_RUNS: usize = 30;
 /// Steps of a run at most where agents are compared with each other.
 const COMPARED_STEPS: usize = 2_000;
 /// What a network of half as many units takes.
@@ -47,6 +47,8 @@ pub struct Costs {
     pub fixed_secs: f64,
     /// One step of one agent, with 2 x 64 hidden units if it is a network, on all threads together.
     pub agent_step_secs: f64,
+    /// What the agents of one run on the replayed log start from, on all threads together: it is fitted on the rest of the log.
+    pub replay_run_secs: f64,
 }
 
 impl Size {
@@ -223,7 +225,8 @@ impl Size {
     pub fn secs(&self, costs: Costs) -> f64 {
         let is_smaller = self.agent == ProposedAgent::Network && self.hidden_units < 64;
         let smaller = if is_smaller { SMALLER } else { 1.0 };
-        costs.fixed_secs + self.agent_steps() * costs.agent_step_secs * smaller
+        let fitted = self.log_replay_runs as f64 * costs.replay_run_secs;
+        costs.fixed_secs + fitted + self.agent_steps() * costs.agent_step_secs * smaller
     }
 }
 
@@ -231,7 +234,7 @@ impl Size {
 mod tests {
     use super::*;
 
-    const COSTS: Costs = Costs { fixed_secs: 20.0, agent_step_secs: 20e-6 };
+    const COSTS: Costs = Costs { fixed_secs: 20.0, agent_step_secs: 20e-6, replay_run_secs: 0.0 };
     const NETWORK: ProposedAgent = ProposedAgent::Network;
     const ENSEMBLE: ProposedModel = ProposedModel::Ensemble;
 
@@ -260,6 +263,15 @@ mod tests {
             assert!(secs >= 0.7 * within.min(600.0), "{within}: {secs} {size:?}");
             before = secs;
         }
+    }
+
+    #[test]
+    fn what_a_run_on_the_log_costs_whatever_its_steps_is_planned_with() {
+        let costs = Costs { replay_run_secs: 3.0, ..COSTS };
+        let size = Size::within(NETWORK, ProposedModel::None, 300.0, costs, 10_000, 3);
+        let cheap = Size::within(NETWORK, ProposedModel::None, 300.0, COSTS, 10_000, 3);
+        assert!(size.secs(costs) <= PLANNED * 300.0, "{size:?}");
+        assert!(cheap.secs(costs) > size.secs(costs), "{size:?}, {cheap:?}");
     }
 
     #[test]

@@ -146,7 +146,7 @@ impl Proposal {
         let trials = Trials { args, place: &place, model, context };
         let mut sensors = look.sensors.clone();
         let drafting = Drafting { args, path, look };
-        let Spaced { spacing, why, build_secs } = chosen_spacing(&trials, &drafting)?;
+        let Spaced { spacing, why, cost } = chosen_spacing(&trials, &drafting)?;
         if let Some(too_near) = drafting.too_near(spacing) {
             context.warn(&too_near);
         }
@@ -154,7 +154,7 @@ impl Proposal {
         let agent = tried_agents(&trials, &drafting, spacing, &mut horizon)?;
         agent.reorder(&mut sensors, !args.sensors.is_empty());
         let all = look.cut.rows[0] / spacing;
-        let rows = build_secs.map_or(all, |secs| trial::rows_within(left(), secs, all));
+        let rows = trial::rows_within(left(), cost, all);
         let cut = if rows < all {
             look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing))
         } else {
@@ -222,8 +222,8 @@ fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<Spaced
     let (spacing, why) = spacing_by_log(sketch, scope, cut.rows, trials.args.horizon);
     let why = format!("states {} apart: {why}", span(sketch.period_secs * spacing as f64));
     trials.context.say(&why);
-    let build_secs = has_model.then(|| trials.build_secs(spacing, small(spacing)));
-    Ok(Spaced { spacing, why, build_secs: build_secs.transpose()? })
+    let cost = trials.cost_of_states(spacing, small(spacing))?;
+    Ok(Spaced { spacing, why, cost })
 }
 
 /// What agents come to on the last third of the training range, at a `horizon` that is shortened until something is predicted.
