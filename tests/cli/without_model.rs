@@ -139,9 +139,8 @@ fn steps_of_a_model_say_that_there_is_none() {
         let error = calib(&place, &["sweep"], &[&NONE[..], &["--set", key]].concat()).fails(2);
         assert!(error.contains(told), "{error}");
     }
-    let windows = ["--set", "sweep.steps=2000000", "--set", "data.train_fraction=0.01"];
-    let short =
-        calib(&place, &["run"], &[&NONE[..], &windows, &["--set", "agent.gamma=0.999"]].concat());
+    let windows = ["--set", "data.train_fraction=0.02", "--set", "agent.gamma=0.99"];
+    let short = calib(&place, &["run"], &[&NONE[..], &windows].concat());
     let short = short.fails(2);
     assert!(short.contains("no window of the training range can be replayed"), "{short}");
     place.write(
