@@ -130,6 +130,20 @@ class Study:
         resolved: dict[str, Any] = json.loads(self._job.json())
         return resolved
 
+    @property
+    def has_model(self) -> bool:
+        """Whether the study has a calibration model. With ``model.kind = "none"`` the replayed log decides alone.
+
+        Examples:
+            >>> import calib_rl
+            >>> from calib_rl._study import _example_study
+            >>> _example_study().has_model
+            True
+            >>> calib_rl.Study(_example_study().path, set={"model.kind": "none"}).has_model
+            False
+        """
+        return self._job.has_model
+
     def command(self, step: str = "run") -> str:
         """What to type to run a step of this study on the command line.
 

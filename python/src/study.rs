@@ -90,6 +90,12 @@ impl PyJob {
         serde_json::to_string(self.job.study()).map_err(|error| errors::value(error.to_string()))
     }
 
+    /// Whether the study has a calibration model.
+    #[getter]
+    fn has_model(&self) -> bool {
+        self.job.study().has_model()
+    }
+
     /// What to type to run the same step on the command line.
     fn command(&self, step: &str) -> PyResult<String> {
         let step = StepKind::of_command(step)

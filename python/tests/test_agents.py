@@ -223,6 +223,26 @@ def test_curves_and_a_report_of_ones_own_agents(runs: agents.AgentRuns) -> None:
     assert "learning_rate" in page and "PIT300" in page and "<svg" in page
 
 
+def test_a_study_without_a_model_is_swept_and_judged(study: calib_rl.Study, tmp_path: Path) -> None:
+    alone = calib_rl.Study(study.path, set={"model.kind": "none"}, output=tmp_path / "results")
+    assert study.has_model and not alone.has_model
+    sweep = agents.Sweep(alone, progress=False)
+    assert {stream.environment for stream in sweep.streams.all} == {"online", "log-replay"}
+    runs = sweep.run(Td, {"learning_rate": [1e-3, 1e-2]})
+    verdict = runs.evaluate()
+    assert list(verdict.chosen) == ["PIT300"]
+    assert set(verdict.scores()["environment"]) == {"online", "log-replay"}
+    # The same of calib's own agents, and nothing of a model.
+    own = alone.run(progress=False)
+    assert set(own.scores()["environment"]) == {"online", "log-replay"} and "report.html" in str(own.report)
+    assert not (alone.results / "model").exists() and not (alone.results / "rollout").exists()
+    for step in (alone.build_model, alone.rollout, alone.model):
+        with pytest.raises(calib_rl.CalibError, match="the study has no model"):
+            step()
+    with pytest.raises(calib_rl.CalibError, match="evaluate.rule"):
+        agents.evaluate(runs.path / "runs.parquet")
+
+
 def test_tables_of_others_are_judged(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     rows = [

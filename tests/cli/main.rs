@@ -33,3 +33,4 @@ mod studies;
 mod sweeps;
 mod trust;
 mod validity;
+mod without_model;

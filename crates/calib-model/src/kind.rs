@@ -14,6 +14,8 @@ pub enum ModelKind {
     Gru,
     /// A network of the user's, exported from PyTorch.
     Torchscript,
+    /// No model: the replayed log alone decides.
+    None,
 }
 
 impl ModelKind {
@@ -22,6 +24,7 @@ impl ModelKind {
         match self {
             Self::Knn => ModelFamily::Neighbors,
             Self::Nn | Self::Gru | Self::Torchscript => ModelFamily::Network,
+            Self::None => ModelFamily::None,
         }
     }
 
@@ -32,6 +35,8 @@ impl ModelKind {
             Self::Nn => "NN",
             Self::Gru => "GRU",
             Self::Torchscript => "TorchScript model",
+            // What chooses in its place.
+            Self::None => "log replay",
         }
     }
 }
@@ -43,4 +48,6 @@ pub enum ModelFamily {
     Neighbors,
     /// One network, to which `[dynamics]` applies.
     Network,
+    /// Nothing: there is no model.
+    None,
 }

@@ -11,7 +11,7 @@ use crate::{
     agents::pretrain_files::PretrainManifest,
     base::artefact,
     log::{context::RunContext, plant_of_study, prepared},
-    model::model_files::ModelManifest,
+    model::model_files::{self, ModelManifest},
     represent::RepresentationManifest,
     rollouts::rollout::RolloutManifest,
     sweep::{SweepManifest, expected::Expected, plan::OfPart},
@@ -188,7 +188,7 @@ fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>, context: &RunCo
             .filter(|found| Some(&found.model) == model_content(part).as_ref())
             .map(|found| found.facts.study),
         StepKind::Sweep => artefact::read::<SweepManifest>(directory)
-            .filter(|found| Some(&found.model) == model_content(part).as_ref())
+            .filter(|found| found.model == model_content(part))
             .filter(|found| found.arithmetic.as_deref() == arithmetic)
             .map(|found| found.facts.study),
         // Whether they are is found out when they are taken.
@@ -199,7 +199,7 @@ fn is_kept(step: StepKind, part: &Job, arithmetic: Option<&str>, context: &RunCo
 
 /// What the model of a part is, if it has one.
 fn model_content(part: &Job) -> Option<String> {
-    artefact::read::<ModelManifest>(&part.layout().model())?.content().ok()
+    model_files::content_of(part).ok().flatten()
 }
 
 #[cfg(test)]

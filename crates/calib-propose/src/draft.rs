@@ -3,9 +3,9 @@ use std::{collections::HashSet, fmt::Write as _, ops::Range};
 use calib_data::{Sentinel, Sketch, entry_of};
 
 use crate::{
-    Cleaning, Clock, Cut, Horizon, ProposedAgent, Scope, Sensors, Size,
+    Cleaning, Clock, Cut, Horizon, ProposedAgent, ProposedModel, Scope, Sensors, Size,
     sensors::explained,
-    size::{LEAST_STEPS, MEMBERS},
+    size::LEAST_STEPS,
     written::{comment, quoted},
 };
 
@@ -73,16 +73,29 @@ impl Draft<'_> {
     /// The study file.
     pub fn text(&self) -> String {
         let mut text = Lines::default();
-        text.comment(
-            "Proposed by `calib init`, which looked at the log and tried small models of it.",
-        );
+        text.comment("Proposed by `calib init`, which looked at the log and tried agents on it.");
         text.comment("Every value has its reason beside it, and every one may be changed: docs/study.md has all keys.");
         text.line("");
         text.key("seed", "0", "root of all randomness");
         self.data(&mut text);
         self.preprocess(&mut text);
+        self.model(&mut text);
+        self.agent(&mut text);
+        self.sweep(&mut text);
+        text.0
+    }
+
+    fn model(&self, text: &mut Lines) {
+        let model = self.size.model;
         text.section("model");
-        text.key("members", &MEMBERS.to_string(), "leave-one-block-out ensemble");
+        if model == ProposedModel::None {
+            text.comment(
+                "A prediction does not change the plant, so the replayed log shows how each setting would have done. No model has chosen better (docs/replay-or-model.md); kind = \"knn\" builds one of neighbours",
+            );
+            text.key("kind", "\"none\"", "no model: the log decides");
+            return;
+        }
+        text.key("members", &model.members().to_string(), "leave-one-block-out ensemble");
         text.key("neighbors", "3", "k");
         text.section("rollout");
         let steps = ROLLOUT_STEPS.min((self.held_out_states() / 2).max(LEAST_STEPS));
@@ -92,9 +105,6 @@ impl Draft<'_> {
             &steps.min(1_000).to_string(),
             "of these, compared with what was recorded",
         );
-        self.agent(&mut text);
-        self.sweep(&mut text);
-        text.0
     }
 
     fn data(&self, text: &mut Lines) {
@@ -300,9 +310,11 @@ impl Draft<'_> {
         };
         text.comment(self.size_reason);
         text.key("steps", &size.steps.to_string(), &fit);
-        text.key("online_runs", &size.online_runs.to_string(), "");
-        text.key("member_runs", &size.member_runs.to_string(), "in each of the models");
-        text.key("log_replay_runs", &size.log_replay_runs.to_string(), "");
+        text.key("online_runs", &size.online_runs.to_string(), "on the held-out period");
+        if size.model == ProposedModel::Ensemble {
+            text.key("member_runs", &size.member_runs.to_string(), "in each of the models");
+        }
+        text.key("log_replay_runs", &size.log_replay_runs.to_string(), "windows of the log");
         text.section("sweep.grid");
         text.key("learning_rate", &format!("[{}]", size.learning_rates().join(", ")), "");
         text.section("evaluate");
@@ -374,6 +386,15 @@ mod tests {
 
     /// The text of a study of `log` that predicts these sensors, with states `spacing` rows apart.
     fn drafted(log: &Sketch, sensors: &Sensors, spacing: usize) -> String {
+        drafted_with(log, sensors, spacing, ProposedModel::None)
+    }
+
+    fn drafted_with(
+        log: &Sketch,
+        sensors: &Sensors,
+        spacing: usize,
+        model: ProposedModel,
+    ) -> String {
         let scope = Scope::of(log).expect("channels");
         let draft = Draft {
             sketch: log,
@@ -386,7 +407,7 @@ mod tests {
             scope: &scope,
             cut: &Cut::of(log, &scope).expect("rows"),
             sensors,
-            size: &Size::trial(ProposedAgent::Linear, 1_000, sensors.proposed.len()),
+            size: &Size::trial(ProposedAgent::Linear, model, 1_000, sensors.proposed.len()),
             agent_reason: "tried",
             baseline: "ridge regression for B",
             asked: Asked::default(),
@@ -412,6 +433,14 @@ mod tests {
         assert_eq!(read["data"]["exclude"][0].as_str(), Some("total"));
         assert_eq!(read["sweep"]["sensors"].as_array().map(Vec::len), Some(2));
         assert_eq!(read["preprocess"]["subsample"].as_integer(), Some(2));
+        assert_eq!(read["model"]["kind"].as_str(), Some("none"));
+        assert!(read.get("rollout").is_none() && read["sweep"].get("member_runs").is_none());
+        assert!(text.contains("kind = \"knn\" builds one of neighbours"), "{text}");
+        let modelled = drafted_with(&log, &sensors, 2, ProposedModel::Ensemble);
+        let modelled: toml::Table = toml::from_str(&modelled).expect("TOML");
+        assert_eq!(modelled["model"]["members"].as_integer(), Some(5));
+        assert_eq!(modelled["sweep"]["member_runs"].as_integer(), Some(1));
+        assert!(modelled["model"].get("kind").is_none() && modelled.contains_key("rollout"));
         assert!(text.contains("# a total: it moves one way only"), "{text}");
         assert!(text.contains("# because"), "{text}");
         assert!(

@@ -8,6 +8,7 @@
 //! - [`Sensors`]: which to predict.
 //! - [`horizon`]: how far ahead.
 //! - [`choose_agent`]: what learns, by what was tried.
+//! - [`ProposedModel`]: whether the study has a model, by what was asked for.
 //! - [`Size`]: how long and how often, to end within a time.
 //! - [`Draft`]: the study file with a comment for each of these; [`with_given`] what the user said beside it.
 //!
@@ -29,6 +30,7 @@ mod draft;
 mod error;
 mod given;
 mod horizon;
+mod model;
 mod scope;
 mod sensors;
 mod size;
@@ -42,9 +44,10 @@ pub use draft::{Asked, Draft};
 pub use error::ProposeError;
 pub use given::with_given;
 pub use horizon::{Horizon, horizon};
+pub use model::ProposedModel;
 pub use scope::{LeftOut, Scope, Why};
 pub use sensors::Sensors;
-pub use size::{Costs, Size};
+pub use size::{Costs, MOST_RUNS, Size};
 pub use spacing::{SPACINGS, spacing_by_log, spacings};
 
 #[cfg(test)]

@@ -1,11 +1,9 @@
-use crate::ProposedAgent;
+use crate::{ProposedAgent, ProposedModel};
 
-/// Members of an ensemble.
-pub(crate) const MEMBERS: usize = 5;
 /// The share of the time asked for that is planned with: machines have other things to do.
 const PLANNED: f64 = 0.85;
 /// Runs of a kind at most: more hardly narrow an interval.
-const MOST_RUNS: usize = 30;
+pub const MOST_RUNS: usize = 30;
 /// Steps of a run at most where agents are compared with each other.
 const COMPARED_STEPS: usize = 2_000;
 /// What a network of half as many units takes.
@@ -26,6 +24,8 @@ pub struct Size {
     pub steps: usize,
     /// Which agents.
     pub agent: ProposedAgent,
+    /// Whether they are trained in a model as well.
+    pub model: ProposedModel,
     /// Learning rates a decade: 1, 2 or 3.
     pub per_decade: usize,
     /// `agent.hidden_units`, of two layers, for a network.
@@ -34,7 +34,7 @@ pub struct Size {
     pub sensors: usize,
     /// `sweep.online_runs`.
     pub online_runs: usize,
-    /// `sweep.member_runs`.
+    /// `sweep.member_runs`; 0 without a model.
     pub member_runs: usize,
     /// `sweep.log_replay_runs`.
     pub log_replay_runs: usize,
@@ -43,10 +43,12 @@ pub struct Size {
 /// What was measured, in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
-    /// What does not depend on the size of the sweep: reading, the model, rollouts, the report.
+    /// What does not depend on the size of the sweep: reading, the model and its rollouts if there is one, the report.
     pub fixed_secs: f64,
     /// One step of one agent, with 2 x 64 hidden units if it is a network, on all threads together.
     pub agent_step_secs: f64,
+    /// What the agents of one run on the replayed log start from, on all threads together: it is fitted on the rest of the log.
+    pub replay_run_secs: f64,
 }
 
 impl Size {
@@ -73,40 +75,47 @@ impl Size {
     }
 
     /// What the costs are measured with: small, and all of its kind.
-    pub fn trial(agent: ProposedAgent, steps: usize, sensors: usize) -> Self {
+    pub fn trial(agent: ProposedAgent, model: ProposedModel, steps: usize, sensors: usize) -> Self {
         Self {
             agent,
+            model,
             steps,
             sensors,
             per_decade: 2,
             hidden_units: 64,
             online_runs: 1,
-            member_runs: 1,
+            member_runs: model.runs(1),
             log_replay_runs: 1,
         }
     }
 
     /// What agents are compared with before one is proposed.
-    pub fn comparison(agent: ProposedAgent, steps: usize, sensors: usize) -> Self {
+    pub fn comparison(
+        agent: ProposedAgent,
+        model: ProposedModel,
+        steps: usize,
+        sensors: usize,
+    ) -> Self {
         let runs = Self {
             per_decade: 1,
             online_runs: 4,
             log_replay_runs: 4,
-            ..Self::trial(agent, steps, sensors)
+            ..Self::trial(agent, model, steps, sensors)
         };
         Self { steps: steps.min(COMPARED_STEPS), hidden_units: 32, ..runs }
     }
 
     /// From the least that says anything to what the paper has.
-    fn levels(agent: ProposedAgent) -> [Self; 7] {
+    fn levels(agent: ProposedAgent, model: ProposedModel) -> [Self; 7] {
         let level = |steps, per_decade, hidden_units, sensors, runs: [usize; 3]| Self {
             agent,
+            model,
             steps,
             per_decade,
             hidden_units,
             sensors,
             online_runs: runs[0],
-            member_runs: runs[1],
+            member_runs: model.runs(runs[1]),
             log_replay_runs: runs[2],
         };
         [
@@ -124,6 +133,7 @@ impl Size {
     /// none is.
     pub fn within(
         agent: ProposedAgent,
+        model: ProposedModel,
         within_secs: f64,
         costs: Costs,
         most_steps: usize,
@@ -135,8 +145,9 @@ impl Size {
             ..level
         };
         let planned = PLANNED * within_secs;
-        let mut levels = Self::levels(agent).map(fit).into_iter();
-        let smallest = levels.next().unwrap_or_else(|| Self::trial(agent, most_steps, sensors));
+        let mut levels = Self::levels(agent, model).map(fit).into_iter();
+        let smallest =
+            levels.next().unwrap_or_else(|| Self::trial(agent, model, most_steps, sensors));
         let largest = levels.rfind(|level| level.secs(costs) <= planned).unwrap_or(smallest);
         let swept = largest.secs(costs) - costs.fixed_secs;
         let stretch = ((planned - costs.fixed_secs) / swept).max(1.0);
@@ -150,7 +161,7 @@ impl Size {
         .filled(planned, costs)
     }
 
-    /// Whole runs leave some of the time: one more of each kind in turn, as long as all is done in `planned_secs`.
+    /// Whole runs leave some of the time: one more of each kind that there is, in turn, as long as all is done in `planned_secs`.
     fn filled(mut self, planned_secs: f64, costs: Costs) -> Self {
         let kinds: [fn(&mut Self) -> &mut usize; 3] = [
             |size| &mut size.member_runs,
@@ -161,6 +172,9 @@ impl Size {
             let before = self.clone();
             for runs in kinds {
                 let mut more = self.clone();
+                if *runs(&mut more) == 0 {
+                    continue;
+                }
                 *runs(&mut more) += 1;
                 if *runs(&mut more) <= MOST_RUNS && more.secs(costs) <= planned_secs {
                     self = more;
@@ -202,7 +216,8 @@ impl Size {
 
     /// Steps of all agents.
     pub fn agent_steps(&self) -> f64 {
-        let runs = self.online_runs + MEMBERS * self.member_runs + self.log_replay_runs;
+        let in_model = self.model.members() * self.member_runs;
+        let runs = self.online_runs + in_model + self.log_replay_runs;
         (runs * self.steps * self.values() * self.sensors) as f64
     }
 
@@ -210,7 +225,8 @@ impl Size {
     pub fn secs(&self, costs: Costs) -> f64 {
         let is_smaller = self.agent == ProposedAgent::Network && self.hidden_units < 64;
         let smaller = if is_smaller { SMALLER } else { 1.0 };
-        costs.fixed_secs + self.agent_steps() * costs.agent_step_secs * smaller
+        let fitted = self.log_replay_runs as f64 * costs.replay_run_secs;
+        costs.fixed_secs + fitted + self.agent_steps() * costs.agent_step_secs * smaller
     }
 }
 
@@ -218,18 +234,44 @@ impl Size {
 mod tests {
     use super::*;
 
-    const COSTS: Costs = Costs { fixed_secs: 20.0, agent_step_secs: 20e-6 };
+    const COSTS: Costs = Costs { fixed_secs: 20.0, agent_step_secs: 20e-6, replay_run_secs: 0.0 };
+    const NETWORK: ProposedAgent = ProposedAgent::Network;
+    const ENSEMBLE: ProposedModel = ProposedModel::Ensemble;
+
+    #[test]
+    fn the_time_of_a_model_goes_to_more_runs() {
+        let mut before = 0.0;
+        for within in [60.0, 120.0, 300.0, 600.0] {
+            let [with, without] = [ENSEMBLE, ProposedModel::None]
+                .map(|model| Size::within(NETWORK, model, within, COSTS, 10_000, 3));
+            assert_eq!(without.member_runs, 0);
+            let secs = without.secs(COSTS);
+            assert!(secs <= PLANNED * within && secs >= before, "{within}: {secs} {without:?}");
+            let replayed = |size: &Size| size.log_replay_runs * size.steps * size.sensors;
+            assert!(replayed(&without) > replayed(&with), "{within}: {without:?}, {with:?}");
+            before = secs;
+        }
+    }
 
     #[test]
     fn more_time_is_used_for_more_and_never_exceeded() {
         let mut before = 0.0;
         for within in [60.0, 120.0, 300.0, 600.0, 1_800.0] {
-            let size = Size::within(ProposedAgent::Network, within, COSTS, 10_000, 3);
+            let size = Size::within(NETWORK, ENSEMBLE, within, COSTS, 10_000, 3);
             let secs = size.secs(COSTS);
             assert!(secs <= PLANNED * within && secs >= before, "{within}: {secs} {size:?}");
             assert!(secs >= 0.7 * within.min(600.0), "{within}: {secs} {size:?}");
             before = secs;
         }
+    }
+
+    #[test]
+    fn what_a_run_on_the_log_costs_whatever_its_steps_is_planned_with() {
+        let costs = Costs { replay_run_secs: 3.0, ..COSTS };
+        let size = Size::within(NETWORK, ProposedModel::None, 300.0, costs, 10_000, 3);
+        let cheap = Size::within(NETWORK, ProposedModel::None, 300.0, COSTS, 10_000, 3);
+        assert!(size.secs(costs) <= PLANNED * 300.0, "{size:?}");
+        assert!(cheap.secs(costs) > size.secs(costs), "{size:?}, {cheap:?}");
     }
 
     #[test]
@@ -251,12 +293,12 @@ mod tests {
 
     #[test]
     fn short_logs_and_slow_machines_get_what_there_is() {
-        let short = Size::within(ProposedAgent::Network, 600.0, COSTS, 250, 1);
+        let short = Size::within(NETWORK, ENSEMBLE, 600.0, COSTS, 250, 1);
         assert_eq!((short.steps, short.sensors), (250, 1));
-        let slow = Size::within(ProposedAgent::Network, 1.0, COSTS, 10_000, 3);
+        let slow = Size::within(NETWORK, ENSEMBLE, 1.0, COSTS, 10_000, 3);
         assert_eq!((slow.values(), slow.online_runs), (6, 4), "the smallest");
         assert_eq!(slow.learning_rates(), ["0", "1e-6", "1e-5", "1e-4", "1e-3", "1e-2"]);
-        let finest = Size::within(ProposedAgent::Linear, 1e6, COSTS, 10_000, 3);
+        let finest = Size::within(ProposedAgent::Linear, ENSEMBLE, 1e6, COSTS, 10_000, 3);
         assert_eq!(
             (finest.values(), &finest.learning_rates()[1..5]),
             (14, &["1e-5", "2e-5", "5e-5", "1e-4"].map(str::to_owned)[..])

@@ -3,7 +3,7 @@
 
 mod fixture;
 
-use calib_report::Report;
+use calib_report::{Reason, Report, Way};
 use fixture::{HOSTILE, report};
 
 /// Elements that have no end tag.
@@ -107,6 +107,38 @@ fn equal_reports_give_equal_bytes_whatever_was_drawn_before() {
     }
     assert_eq!(second.sensitivities[0].figure().unwrap().png().unwrap(), png);
     assert_eq!(second.html().unwrap(), html);
+}
+
+/// What a page says where the replayed log decided alone: everything but of models.
+#[test]
+fn a_page_without_a_model_never_speaks_of_one() {
+    let mut report = report();
+    for verdict in &mut report.verdicts {
+        verdict.model = "log replay".to_owned();
+        verdict.reason = Reason::LogReplay { streams: 9 };
+        (verdict.members, verdict.worst_rank) = (0, 0);
+        verdict.tie_set.clear();
+        verdict.alternatives.retain(|other| other.way != Way::LogReplay);
+        verdict.notes.clear();
+    }
+    for sensitivity in &mut report.sensitivities {
+        sensitivity.worst_ranks.clear();
+    }
+    report.learning.retain(|of| of.environment.is_shared());
+    report.rollouts.clear();
+    report.rollout_grids.clear();
+    report.jumps.clear();
+    report.tables.clear();
+    report.warnings.clear();
+    let html = report.html().unwrap();
+    assert_balanced(&html);
+    let body = &html[html.find("<main").unwrap()..html.find("id=\"reproduce\"").unwrap()];
+    let body = body.to_lowercase();
+    for word in ["model", "member", "rollout", "jump", "worst rank", "ensemble"] {
+        let at = body.find(word);
+        assert!(at.is_none(), "{word}: {:?}", at.map(|at| &body[at.saturating_sub(80)..at + 40]));
+    }
+    assert!(body.contains("windows of the replayed log"), "the log decided");
 }
 
 #[test]

@@ -56,12 +56,33 @@ impl Study {
             self.rollout.steps,
             self.rollout.rollouts
         );
+        self.check_without_model()?;
         let sensors = &self.sweep.sensors;
         if let Some(twice) =
             (1..sensors.len()).find(|&place| sensors[..place].contains(&sensors[place]))
         {
             refuse!("sweep.sensors names {} twice; remove one", sensors[twice]);
         }
+        Ok(())
+    }
+
+    /// Whether something decides where there is no model.
+    fn check_without_model(&self) -> Result<(), Problem> {
+        if self.has_model() {
+            return Ok(());
+        }
+        let rule = self.evaluate.rule;
+        require!(
+            rule.works_without_model(),
+            "evaluate.rule = \"{}\" counts runs in a model, and model.kind = \"none\" is a study without one; use \"log_replay\", or set \
+             model.kind = \"knn\"",
+            rule.name()
+        );
+        require!(
+            self.sweep.log_replay_runs > 0,
+            "sweep.log_replay_runs = 0 leaves no run to choose by: without a model (model.kind = \"none\") and without log replay nothing \
+             would decide; set it to 1 or more, or set model.kind = \"knn\""
+        );
         Ok(())
     }
 }

@@ -139,17 +139,25 @@ impl Inputs {
     fn modelled(&mut self, study: &Study) {
         self.training(study);
         self.add("model.kind", &study.model.kind);
-        if study.model.kind.family() == ModelFamily::Neighbors {
-            self.add("model", &ModelConfig { index: IndexKind::Auto, ..*study.model });
-            if study.model.weights != WeightsKind::Softmax {
-                self.remove(&["model.temperature"]);
-            }
-            if study.representation.kind != RepresentationKind::None {
-                self.represented(study);
-            }
-            return;
+        match study.model.kind.family() {
+            ModelFamily::Neighbors => self.of_neighbors(study),
+            ModelFamily::Network => self.of_network(study),
+            ModelFamily::None => {}
         }
-        // What its kind does not use is left out.
+    }
+
+    fn of_neighbors(&mut self, study: &Study) {
+        self.add("model", &ModelConfig { index: IndexKind::Auto, ..*study.model });
+        if study.model.weights != WeightsKind::Softmax {
+            self.remove(&["model.temperature"]);
+        }
+        if study.representation.kind != RepresentationKind::None {
+            self.represented(study);
+        }
+    }
+
+    /// What the kind of network does not use is left out.
+    fn of_network(&mut self, study: &Study) {
         let unused = DynamicsConfig::default();
         match study.model.kind {
             ModelKind::Torchscript => self.add("dynamics.path", &study.dynamics.path),
@@ -196,9 +204,13 @@ impl Inputs {
         self.add("sweep", &study.sweep);
         // As `rollout.start` here, whichever of both says so.
         self.remove(&["sweep.start"]);
-        self.add("rollout", &study.sweep_starts());
-        // Only the starts of rollouts: their lengths and numbers are the sweep's own.
-        self.remove(&["rollout.steps", "rollout.rollouts", "rollout.dtw_steps"]);
+        if study.has_model() {
+            self.add("rollout", &study.sweep_starts());
+            // Only the starts of rollouts: their lengths and numbers are the sweep's own.
+            self.remove(&["rollout.steps", "rollout.rollouts", "rollout.dtw_steps"]);
+        } else {
+            self.remove(&["sweep.member_runs", "sweep.network_runs"]);
+        }
         if study.pretrain.is_on() {
             self.add("pretrain", &study.pretrain);
             if study.pretrain.period.is_some() || study.model.period.is_some() {

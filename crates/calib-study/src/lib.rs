@@ -52,6 +52,7 @@ mod source;
 mod step;
 mod study;
 mod toml_json;
+mod without_model;
 mod written;
 
 pub use data_path::with_variables;

@@ -13,7 +13,7 @@ use crate::{
 pub(crate) const SECTIONS: [&str; 4] = ["representation", "model", "dynamics", "rollout"];
 
 /// The key under which they lie.
-const KEY: &str = "models";
+pub(crate) const KEY: &str = "models";
 
 /// The key that says which of them are compared.
 const COMPARED: &str = "compare";

@@ -7,6 +7,7 @@ use toml::{Table, Value};
 use crate::{
     Study, StudyError,
     error::{Problem, refuse, require},
+    without_model,
     written::typed,
 };
 
@@ -20,6 +21,7 @@ pub fn of_data(path: &Path, overrides: &[String]) -> Result<Study, StudyError> {
     let study = || {
         let mut table = Table::new();
         overrides.iter().try_for_each(|text| apply(&mut table, text))?;
+        without_model::check(&table, std::slice::from_ref(&table))?;
         let mut study = typed(table).map_err(|problem| problem.after(&given()))?;
         study.data.path = path.to_owned().into();
         study.check()?;

@@ -39,18 +39,26 @@ pub(crate) enum Results {
 }
 
 /// Lay the profile called `name` over the study, without which it stays as it is; profiles themselves are removed.
-pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<Results, Problem> {
+pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<Chosen, Problem> {
     let Some(name) = name else {
         table.remove(KEY);
-        return Ok(Results::AsWritten);
+        return Ok(Chosen { results: Results::AsWritten, laid_over: Table::new() });
     };
     let own = take(&mut table.clone(), KEY, "--profile", name)?;
     let results =
         if own.contains_key("output") { Results::AsWritten } else { Results::InOwnFolder };
-    let whole = with_base(table, own, &mut vec![name.to_owned()])?;
+    let laid_over = with_base(table, own, &mut vec![name.to_owned()])?;
     table.remove(KEY);
-    lay_over(table, whole);
-    Ok(results)
+    lay_over(table, laid_over.clone());
+    Ok(Chosen { results, laid_over })
+}
+
+/// A profile that was laid over a study, or none.
+#[derive(Clone, Debug)]
+pub(crate) struct Chosen {
+    pub(crate) results: Results,
+    /// What it says, with what it is based on.
+    pub(crate) laid_over: Table,
 }
 
 /// What a profile says, laid over what the one says that it is based on; `above` are those that led to it, itself last.
@@ -108,16 +116,20 @@ mod tests {
         toml::from_str(text).expect("TOML")
     }
 
+    fn results(chosen: Result<Chosen, Problem>) -> Results {
+        chosen.expect("exists").results
+    }
+
     #[test]
     fn a_profile_is_the_study_with_other_keys() {
         let mut study = table();
-        assert_eq!(choose(&mut study, Some("tiny")).expect("exists"), Results::InOwnFolder);
+        assert_eq!(results(choose(&mut study, Some("tiny"))), Results::InOwnFolder);
         let expected = "seed = 2\n[sweep]\nsteps = 3\nonline_runs = 9\n";
         assert_eq!(study, toml::from_str::<Table>(expected).expect("TOML"));
         let mut study = table();
-        assert_eq!(choose(&mut study, Some("other")).expect("exists"), Results::AsWritten);
+        assert_eq!(results(choose(&mut study, Some("other"))), Results::AsWritten);
         let mut study = table();
-        assert_eq!(choose(&mut study, None).expect("none"), Results::AsWritten);
+        assert_eq!(results(choose(&mut study, None)), Results::AsWritten);
         assert!(!study.contains_key(KEY) && study["seed"].as_integer() == Some(1));
         let error = choose(&mut table(), Some("large")).expect_err("unknown").to_string();
         assert_eq!(error, "--profile large: the study's profiles are other, tiny");
@@ -133,8 +145,10 @@ mod tests {
             toml::from_str(&text).expect("TOML")
         };
         let mut study = based("");
-        let results = choose(&mut study, Some("tiny-change")).expect("exists");
-        assert_eq!(results, Results::InOwnFolder, "the folder of its base is not its own");
+        let chosen = choose(&mut study, Some("tiny-change")).expect("exists");
+        assert_eq!(chosen.results, Results::InOwnFolder, "the folder of its base is not its own");
+        let online_runs = chosen.laid_over["sweep"]["online_runs"].as_integer();
+        assert_eq!((online_runs, chosen.laid_over["seed"].as_integer()), (Some(5), Some(2)));
         let expected = "output = \"there\"\nseed = 2\n[sweep]\nsteps = 3\nonline_runs = 5\n";
         assert_eq!(study, toml::from_str::<Table>(expected).expect("TOML"));
         let refused = |tail: &str, name: &str| {

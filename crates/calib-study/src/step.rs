@@ -144,7 +144,8 @@ impl StepKind {
             Self::Pretrain | Self::Represent => &[Self::Prepare],
             Self::BuildModel => &[Self::Prepare, Self::Represent],
             Self::Rollout => &[Self::BuildModel],
-            Self::Sweep => &[Self::BuildModel, Self::Pretrain],
+            // The log by itself: a study may have neither of the others.
+            Self::Sweep => &[Self::Prepare, Self::BuildModel, Self::Pretrain],
             Self::Evaluate => &[Self::Rollout, Self::Sweep],
         }
     }
@@ -177,11 +178,8 @@ impl Study {
             StepKind::Simulate => self.simulate.is_some(),
             StepKind::Pretrain => self.pretrain.epochs > 0 && self.pretrain.checkpoint.is_none(),
             StepKind::Represent => self.has_representation(),
-            StepKind::Prepare
-            | StepKind::BuildModel
-            | StepKind::Rollout
-            | StepKind::Sweep
-            | StepKind::Evaluate => true,
+            StepKind::BuildModel | StepKind::Rollout => self.has_model(),
+            StepKind::Prepare | StepKind::Sweep | StepKind::Evaluate => true,
             StepKind::Control => false,
         }
     }
@@ -190,7 +188,8 @@ impl Study {
 impl Job {
     /// What to type after a step of this job.
     pub fn next_commands(&self, step: StepKind) -> Vec<String> {
-        step.next().iter().map(|next| self.command(*next)).collect()
+        let next = step.next().iter().filter(|next| self.study().needs(**next));
+        next.map(|next| self.command(*next)).collect()
     }
 }
 
@@ -205,6 +204,25 @@ mod tests {
             assert!(step.next().iter().all(|after| *after > step), "{step:?}");
         }
         assert!(StepKind::ALL.is_sorted());
+    }
+
+    #[test]
+    fn a_study_without_a_model_has_no_steps_of_one() {
+        let needed = |text: &str| {
+            let request = crate::Request::new("s.toml");
+            let job = Job::of_text(request, text.to_owned()).expect("valid");
+            let steps = StepKind::ALL.into_iter().filter(|step| job.study().needs(*step));
+            (steps.map(StepKind::command).collect::<Vec<_>>().join(" "), job)
+        };
+        let all = "run build-model rollout sweep evaluate";
+        assert_eq!(needed("").0, all);
+        let pretrained = "[pretrain]\nepochs = 3\n";
+        let (steps, job) = needed(&format!("{pretrained}[model]\nkind = \"none\"\n"));
+        assert_eq!(steps, "run pretrain sweep evaluate");
+        assert_eq!(job.next_commands(StepKind::Pretrain), ["calib sweep s.toml"]);
+        let with_model = needed(pretrained).1;
+        let next = ["calib build-model s.toml", "calib sweep s.toml"];
+        assert_eq!(with_model.next_commands(StepKind::Pretrain), next);
     }
 
     #[test]

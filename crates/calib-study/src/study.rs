@@ -72,7 +72,7 @@ impl Study {
         let noise = self.dynamics.noise;
         match self.model.kind.family() {
             ModelFamily::Network if noise != Noise::None => Some(noise),
-            ModelFamily::Network | ModelFamily::Neighbors => None,
+            ModelFamily::Network | ModelFamily::Neighbors | ModelFamily::None => None,
         }
     }
 
@@ -81,11 +81,17 @@ impl Study {
         self.control.is_some() && self.sweep.sensors.is_empty()
     }
 
-    /// Members of the model: blocks of an ensemble of neighbours, or one network.
+    /// Whether it has a calibration model; without one the replayed log alone decides.
+    pub fn has_model(&self) -> bool {
+        self.model.kind.family() != ModelFamily::None
+    }
+
+    /// Members of the model: blocks of an ensemble of neighbours, or one network; 0 without a model.
     pub fn members(&self) -> usize {
         match self.model.kind.family() {
             ModelFamily::Neighbors => self.model.members,
             ModelFamily::Network => 1,
+            ModelFamily::None => 0,
         }
     }
 
@@ -95,18 +101,19 @@ impl Study {
             && self.representation.kind != RepresentationKind::None
     }
 
-    /// Runs of every value in each member of the model.
+    /// Runs of every value in each member of the model; 0 without a model.
     pub fn member_runs(&self) -> usize {
         match self.model.kind.family() {
             ModelFamily::Neighbors => self.sweep.member_runs,
             ModelFamily::Network => self.sweep.runs_of_network(),
+            ModelFamily::None => 0,
         }
     }
 
-    /// Whether start states of `[rollout]` follow from the deployment.
+    /// Whether start states of `[rollout]` follow from the deployment; without a model there are none.
     pub fn starts_follow_from_deployment(&self) -> bool {
         match self.rollout.start {
-            StartKind::Nearest | StartKind::CalendarMonth | StartKind::Recent => true,
+            StartKind::Nearest | StartKind::CalendarMonth | StartKind::Recent => self.has_model(),
             StartKind::Random | StartKind::Rows => false,
         }
     }
@@ -123,10 +130,10 @@ impl Study {
         self.sweep.part(if tuned { Beginning::Pretrained } else { Beginning::Scratch })
     }
 
-    /// What the model is called in figures and tables.
+    /// What the model is called in figures and tables, or what chooses in its place.
     pub fn model_name(&self) -> &'static str {
         match (self.model.kind.family(), self.representation.kind) {
-            (ModelFamily::Network, _) => self.model.kind.label(),
+            (ModelFamily::Network | ModelFamily::None, _) => self.model.kind.label(),
             (ModelFamily::Neighbors, RepresentationKind::None) => "Euclidean kNN",
             (ModelFamily::Neighbors, RepresentationKind::Laplacian) => "Laplacian kNN",
             (ModelFamily::Neighbors, RepresentationKind::Import) => {
@@ -140,7 +147,7 @@ impl Study {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EvaluateConfig {
-    /// How a setting is chosen from the evidence (default: `pooled`).
+    /// How a setting is chosen from the evidence (default: `pooled`; `log_replay` without a model).
     pub rule: Rule,
     /// Resamples of intervals (default 2000; 0 gives none).
     pub resamples: usize,

@@ -11,9 +11,10 @@ use crate::{
     error::{Problem, refuse, require},
     message::friendly,
     models, overrides,
-    profiles::{self, Results},
+    profiles::{self, Chosen, Results},
     protocol,
     source::Source,
+    without_model,
 };
 
 /// What a file says with a profile and what is given beside it, all models and deployments in it.
@@ -43,19 +44,25 @@ impl Written {
         let mut written = Self { request, table, results: Results::AsWritten, source };
         let checked = profiles::check(&written.table, is_study);
         checked.map_err(|problem| written.locate(&problem))?;
+        let file = written.table.clone();
         let chosen = profiles::choose(&mut written.table, profile.as_deref());
-        written.results = chosen.map_err(|problem| written.locate(&problem))?;
-        written.lay_over().map_err(|problem| StudyError::Value(problem.to_string()))?;
+        let Chosen { results, laid_over } = chosen.map_err(|problem| written.locate(&problem))?;
+        written.results = results;
+        let given = written.lay_over();
+        let given = given.map_err(|problem| StudyError::Value(problem.to_string()))?;
         finite(&written.table, "")
             .and_then(|()| models::check(&written.table))
+            .and_then(|()| without_model::check(&written.table, &[file, laid_over, given]))
             .map_err(|problem| written.locate(&problem))?;
         Ok(written)
     }
 
-    /// Lay over it what was given beside the file.
-    fn lay_over(&mut self) -> Result<(), Problem> {
+    /// Lay over it what was given beside the file, and return that.
+    fn lay_over(&mut self) -> Result<Table, Problem> {
+        let mut all = Table::new();
         for text in &self.request.set {
             overrides::apply(&mut self.table, text)?;
+            overrides::apply(&mut all, text)?;
         }
         // Whoever names other data means these, and not a plant to write there.
         let names_data = |text: &String| matches!(overrides::key(text), "data" | "data.path");
@@ -70,7 +77,7 @@ impl Written {
                  give data.train and data.held_out instead"
             );
         }
-        Ok(())
+        Ok(all)
     }
 
     /// The study of one model and one deployment, or of all of them.
@@ -221,7 +228,8 @@ fn is_study(table: Table) -> Result<(), Problem> {
 }
 
 /// The study that a table is.
-pub(crate) fn typed(table: Table) -> Result<Study, Problem> {
+pub(crate) fn typed(mut table: Table) -> Result<Study, Problem> {
+    without_model::set_rule(&mut table);
     Study::deserialize(Value::Table(table)).map_err(|error| located(&error))
 }
 

@@ -83,6 +83,6 @@ pub use unit::{CurvePoint, PlannedUnit, RunRow, SettingRun, Unit, UnitResult, Un
 pub use verdict::{
     Agreement, Baseline, BaselineRegret, Dropped, EnvironmentScores, Grade, Judging, NO_WORSE,
     PartChoice, Recommendation, Rule, RuleChoice, SensorVerdict, Share, SimpleComparison, Truth,
-    WindowTruth, told_apart, verdict,
+    WindowTruth, verdict,
 };
 pub use windows::{Demand, Windows};

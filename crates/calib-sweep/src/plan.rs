@@ -254,20 +254,18 @@ impl<'a> Plan<'a> {
     /// # Errors
     /// An error rate that is not above 0 and at most 0.5.
     pub fn race(mut self, rule: RaceRule) -> Result<Self, SweepError> {
-        let mut streams = Streams { members: Vec::new(), runs: usize::MAX, windows: 0 };
+        let (mut members, mut runs, mut windows) = (Vec::new(), usize::MAX, 0);
         for environment in &self.environments {
             match environment.id() {
                 EnvironmentId::Member(member) => {
-                    streams.members.push(member);
-                    streams.runs = streams.runs.min(environment.runs());
+                    members.push(member);
+                    runs = runs.min(environment.runs());
                 }
-                EnvironmentId::LogReplay => streams.windows += environment.runs(),
+                EnvironmentId::LogReplay => windows += environment.runs(),
                 EnvironmentId::Online => {}
             }
         }
-        if streams.members.is_empty() {
-            streams.runs = 0;
-        }
+        let streams = Streams::new(members, runs, windows);
         let race = Race::new(&streams, self.candidates.len(), self.options.part, rule)?;
         self.race = Some(race);
         Ok(self)

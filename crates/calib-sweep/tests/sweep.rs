@@ -222,10 +222,11 @@ fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
     let results = study.with_plan(1, |plan| plan.run(&store, &Silent).expect("runs"));
     let verdict = judged(&study, &results);
     assert_eq!(verdict.members.len(), 3);
-    assert_eq!(verdict.selection.chosen, 2, "{:?}", verdict.selection);
+    let selection = verdict.selection.as_ref().expect("three members");
+    assert_eq!(selection.chosen, 2, "{selection:?}");
     assert_eq!(verdict.chosen, 2);
-    assert_eq!(verdict.selection.worst_ranks.len(), 4, "the default can be chosen as well");
-    assert!(verdict.selection.mean_errors[3].is_infinite(), "1e38 diverges");
+    assert_eq!(selection.worst_ranks.len(), 4, "the default can be chosen as well");
+    assert!(selection.mean_errors[3].is_infinite(), "1e38 diverges");
     let truth = verdict.truth.as_ref().expect("a held-out range");
     assert_eq!((truth.scores.streams, truth.scores.runs), (2, 4));
     assert_eq!(truth.scores.candidates[2].runs, 2, "a window is the unit");
@@ -411,7 +412,8 @@ fn a_halving_keeps_the_better_half_again_and_again() {
     let verdict = judged(&study, &made);
     assert_eq!(verdict.chosen, judged(&study, &whole).chosen);
     assert!(verdict.dropped.iter().any(|of| of.candidate == 3), "{:?}", verdict.dropped);
-    assert!(verdict.selection.mean_errors[verdict.chosen].is_finite());
+    let selection = verdict.selection.as_ref().expect("three members");
+    assert!(selection.mean_errors[verdict.chosen].is_finite());
     let own = made.iter().filter(|of| of.unit.sensor == verdict.sensor && choosing(of));
     let left_out: BTreeSet<usize> = own
         .flat_map(|of| (0..4).filter(|value| of.rows.iter().all(|row| row.candidate != *value)))
@@ -526,7 +528,8 @@ fn a_rollout_that_is_not_finite_is_a_flagged_result() {
     }
     assert_eq!(plan.run(&store, &Silent).expect("stored"), results, "the reason is kept");
     let verdict = judged(&study, &results);
-    assert!(verdict.selection.mean_errors.iter().all(|error| error.is_infinite()));
+    let selection = verdict.selection.as_ref().expect("three members");
+    assert!(selection.mean_errors.iter().all(|error| error.is_infinite()));
     assert!(
         verdict
             .warnings

@@ -63,7 +63,7 @@ class Stream:
 
 
 class Streams:
-    """The streams of a study, whose model must be built.
+    """The streams of a study. Its model must be built, if it has one.
 
     Args:
         study: The study.

@@ -59,7 +59,7 @@ class Sweep:
     """Runs of agents in the environments of a study.
 
     Args:
-        study: The study. Its model is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs. ``agent.gamma`` which
+        study: The study. Its model, if it has one, is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs. ``agent.gamma`` which
             return is predicted. Its grid and the rest of ``[agent]`` are those of calib's own agents, and do not matter here.
         folder: Where results go. ``agents`` in the results of the study, unless given.
         progress: Whether to print what is done, or an observer.
@@ -86,7 +86,8 @@ class Sweep:
         self.study = study
         self.folder: Path = Path(folder) if folder is not None else study.results / "agents"
         self._observer = observer(progress)
-        study.build_model(progress=False)
+        if study.has_model:
+            study.build_model(progress=False)
         self.streams: Streams = Streams(study)
 
     def run(

@@ -246,13 +246,14 @@ fn announce(
     let width = part.frames.states().columns();
     let parameters = parameter_count(&study.agent, study.agent.seen_width(width));
     printer.say(&format!(
-        "{} states from {} for pre-training, the last {:.0} % of them for validation; {} from {} are left for the model; \
+        "{} states from {} for pre-training, the last {:.0} % of them for validation; {} from {} are left for {}; \
          the normaliser is fitted on both",
         count(part.frames.rows()),
         span(&part.frames)?,
         100.0 * study.pretrain.validation_fraction,
         count(parts.dataset.train.rows()),
         span(&parts.dataset.train)?,
+        if study.has_model() { "the model" } else { "log replay" },
     ));
     let memory = pretraining_bytes(
         &study.agent,

@@ -295,8 +295,13 @@ pub(crate) fn starts(
         starts.insert(sensor.clone(), start);
     }
     let note = format!(
-        "agents start from what they learned from {}; the calibration model is built from {}",
+        "agents start from what they learned from {}; {} {}",
         span(&part.frames)?,
+        if study.has_model() {
+            "the calibration model is built from"
+        } else {
+            "log replay replays"
+        },
         span(&dataset.train)?
     );
     Ok((starts, vec![note]))

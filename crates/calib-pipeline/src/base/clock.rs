@@ -65,7 +65,7 @@ pub fn in_future(last: Timestamp) -> Option<String> {
 const DAY_MICROS: i128 = 86_400_000_000;
 
 /// What something took.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Taken {
     /// On the clock.
     pub(crate) secs: f64,

@@ -37,9 +37,15 @@ impl Kept<'_> {
     }
 }
 
+/// What decides which other keys a result follows from at all, and so is told first.
+const DECISIVE: &str = "model.kind";
+
 /// The keys that differ, with both values.
 fn told(differences: &[Difference]) -> String {
-    let mut told: Vec<String> = differences.iter().take(TOLD).map(ToString::to_string).collect();
+    let (decisive, others): (Vec<&Difference>, Vec<&Difference>) =
+        differences.iter().partition(|of| of.key == DECISIVE);
+    let all = decisive.into_iter().chain(others);
+    let mut told: Vec<String> = all.take(TOLD).map(ToString::to_string).collect();
     match differences.len().saturating_sub(TOLD) {
         0 => {}
         1 => told.push("and one more key".to_owned()),
@@ -69,6 +75,12 @@ mod tests {
         assert_eq!(
             refused("[agent]\ngamma = 0.5\n"),
             "the sweep in x was made with agent.gamma = 0.99, now 0.5; run `calib sweep s.toml` again"
+        );
+        let without = refused("[model]\nkind = \"none\"\n");
+        assert!(
+            without
+                .starts_with("the sweep in x was made with model.kind = \"knn\", now \"none\"; "),
+            "{without}"
         );
         let many =
             refused("seed = 4\n[agent]\ngamma = 0.5\nbatch_size = 9\nbeta1 = 0.1\nbeta2 = 0.2\n");

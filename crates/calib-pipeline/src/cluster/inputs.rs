@@ -1,4 +1,4 @@
-//! What shards read: the model, what is held out, pre-trained agents, and results that were there before.
+//! What shards read: the model or the replayed log, what is held out, pre-trained agents, and results that were there before.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -34,6 +34,8 @@ use crate::{
 
 const STATES: &str = "states.npy";
 const ROWS: &str = "rows.parquet";
+/// What log replay reads; a model has files of the same names.
+const LOG: [&str; 2] = [STATES, ROWS];
 const HELD_OUT: [&str; 2] = ["held_out.npy", "held_out.parquet"];
 const STARTS: &str = "starts.safetensors";
 const STORED: &str = "stored.units";
@@ -43,8 +45,22 @@ pub(crate) fn names(setting: &Setting, stored: &[UnitRuns]) -> Vec<String> {
     let held_out = setting.dataset.held_out.is_some().then_some(HELD_OUT);
     let starts = (!setting.starts.is_empty()).then_some(STARTS);
     let stored = (!stored.is_empty()).then_some(STORED);
-    let own = held_out.into_iter().flatten().chain(starts).chain(stored).map(str::to_owned);
-    setting.model.manifest.lasting_files().into_keys().chain(own).collect()
+    let log = setting.model.is_none().then_some(LOG);
+    let own = log.into_iter().chain(held_out).flatten().chain(starts).chain(stored);
+    of_model(setting).into_keys().chain(own.map(str::to_owned)).collect()
+}
+
+/// The files of the model; none without one.
+pub(crate) fn of_model(setting: &Setting) -> Files {
+    setting.model.as_ref().map_or_else(Files::new, |model| model.manifest.lasting_files())
+}
+
+/// Bytes of the log that is replayed where there is no model, before it is written.
+pub(crate) fn log_bytes(setting: &Setting) -> u64 {
+    let train = &setting.dataset.train;
+    // States are f32, and a row has its time and segment.
+    let of_log = (train.rows() * (4 * train.states().columns() + 12)) as u64;
+    if setting.model.is_none() { of_log } else { 0 }
 }
 
 /// Write what the shards of a part read to `directory`: files of the model are given a second name where they lie on the same
@@ -56,14 +72,17 @@ pub(crate) fn write(
     stored: &[UnitRuns],
     header: Header,
 ) -> Result<Files, StepError> {
-    let mut files = setting.model.manifest.lasting_files();
+    let mut files = of_model(setting);
     for name in files.keys() {
         link_or_copy(&job.layout().model().join(name), &directory.join(name))?;
     }
     let mut written = Vec::new();
+    if setting.model.is_none() {
+        write_frames(directory, LOG, &setting.dataset.train)?;
+        written.extend(LOG);
+    }
     if let Some(held_out) = &setting.dataset.held_out {
-        frames::write_states(&directory.join(HELD_OUT[0]), held_out)?;
-        artefact::write_table(frames::rows_table(held_out), &directory.join(HELD_OUT[1]))?;
+        write_frames(directory, HELD_OUT, held_out)?;
         written.extend(HELD_OUT);
     }
     if !setting.starts.is_empty() {
@@ -81,6 +100,16 @@ pub(crate) fn write(
         files.insert(name.to_owned(), fingerprint_file(&directory.join(name))?);
     }
     Ok(files)
+}
+
+/// Write states and their rows under these names.
+fn write_frames(
+    directory: &Path,
+    [states, rows]: [&str; 2],
+    written: &Frames,
+) -> Result<(), StepError> {
+    frames::write_states(&directory.join(states), written)?;
+    artefact::write_table(frames::rows_table(written), &directory.join(rows))
 }
 
 /// The runs that were there when the work was planned, if there were any.
@@ -267,6 +296,7 @@ impl Checked<'_> {
                 members.iter().any(|member| name.starts_with(&format!("members/{member}/")))
             }
             ModelFamily::Network => !name.starts_with("held_out"),
+            ModelFamily::None => false,
         };
         let mut read = self.files.keys().filter(|name| is_read(name));
         read.try_for_each(|name| self.require(name))?;

@@ -250,9 +250,9 @@ impl Planning<'_> {
         let place = inputs_in(self.directory, number);
         let described = &setting.environments.described;
         let Some(record) = self.record.as_deref_mut() else {
-            let files = setting.model.manifest.lasting_files();
+            let files = inputs::of_model(setting);
             let mapped = inputs::mapped_bytes(&job.layout().model(), &files, described);
-            return Ok((files, mapped));
+            return Ok((files, mapped + inputs::log_bytes(setting)));
         };
         let header = Header {
             format: results::FORMAT,

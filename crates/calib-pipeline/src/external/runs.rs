@@ -1,16 +1,16 @@
 //! Judging runs that something else made.
 
-use std::{io::Write as _, path::Path};
+use std::{collections::BTreeSet, io::Write as _, path::Path};
 
 use calib_core::{Period, Seed};
 use calib_files::{Fingerprint, fingerprint_file, write_atomically, write_json};
 use calib_report::{Report, Reproduction, Score, caveats};
 use calib_study::Study;
-use calib_sweep::{Candidate, EnvironmentId, Judging, Span, verdict};
+use calib_sweep::{Candidate, EnvironmentId, Judging, Rule, Span, UnitResult, verdict};
 
 use super::read::{Runs, read};
 use crate::{
-    StepError,
+    Context as _, StepError,
     base::artefact::{Below, Claim, TOOL},
     ensure,
     rollouts::figures,
@@ -48,14 +48,8 @@ pub(crate) fn run(
     };
     let mut verdicts = Vec::new();
     for sensor in &sensors {
-        let in_members = results.iter().any(|of| {
-            of.unit.sensor == *sensor && matches!(of.unit.environment, EnvironmentId::Member(_))
-        });
-        ensure!(
-            in_members,
-            "{}: sensor {sensor} has no run in a member of a model, such as \"member:0\"",
-            path.display()
-        );
+        check_evidence(sensor, &results, judging.rule)
+            .with_context(|| path.display().to_string())?;
         verdicts.push(verdict(sensor, &sweep.candidates, &results, &judging)?);
     }
     let rows: Vec<calib_report::Verdict> = verdicts
@@ -82,6 +76,24 @@ pub(crate) fn run(
         write(directory, &summary, &report)?;
     }
     Ok(Judgement { summary, report: output.map(|directory| directory.join(REPORT)) })
+}
+
+/// Whether the runs of a sensor are such as the rule looks at.
+fn check_evidence(sensor: &str, results: &[UnitResult], rule: Rule) -> Result<(), StepError> {
+    let own = results.iter().filter(|of| of.unit.sensor == *sensor);
+    let environments: BTreeSet<EnvironmentId> = own.map(|of| of.unit.environment).collect();
+    let has_members = environments.iter().any(|of| matches!(of, EnvironmentId::Member(_)));
+    let has_log = environments.contains(&EnvironmentId::LogReplay);
+    ensure!(
+        has_members || has_log || !rule.works_without_model(),
+        "sensor {sensor} has no run on the replayed log, \"log-replay\", nor in a member of a model, such as \"member:0\""
+    );
+    ensure!(
+        has_members || rule.works_without_model(),
+        "sensor {sensor} has no run in a member of a model, such as \"member:0\"{}",
+        if has_log { "; without a model set evaluate.rule = \"log_replay\"" } else { "" }
+    );
+    Ok(())
 }
 
 /// What simple predictors came to on the windows of these runs, where calib wrote both.

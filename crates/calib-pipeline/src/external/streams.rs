@@ -29,7 +29,7 @@ use crate::{
     },
 };
 
-/// The streams of a study's sweep: rollouts of every member, windows of the held-out range, windows of the log. They are those
+/// The streams of a study's sweep: rollouts of every member of its model, if it has one, windows of the held-out range, windows of the log. They are those
 /// that calib's own agents learn from, so that any agents can be compared over them.
 pub struct SweepStreams {
     runs: Vec<StreamRun>,
@@ -87,7 +87,7 @@ impl fmt::Debug for SweepStreams {
 }
 
 impl SweepStreams {
-    /// The streams of a study whose model was built.
+    /// The streams of a study whose model was built, if it has one.
     ///
     /// # Errors
     /// If the model was not built, or the log cannot be read.
@@ -97,9 +97,11 @@ impl SweepStreams {
 
     fn new(job: &Job, context: &RunContext) -> Result<Self, StepError> {
         let study = job.study();
-        let model = model_files::open(job)?;
+        let model = model_files::open_if_any(job)?;
         let dataset: Dataset = partition::load(job, context)?.dataset;
-        model_files::check_data(job, &model.manifest, &dataset)?;
+        if let Some(model) = &model {
+            model_files::check_data(job, &model.manifest, &dataset)?;
+        }
         let only = [Candidate {
             index: 0,
             is_default: true,
@@ -109,10 +111,10 @@ impl SweepStreams {
         let streams = Streams::of(study, &dataset, &only, context)?;
         let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
         let scales = error_scales(&dataset, &sensors, &only);
-        let made = Environments::describe(job, &model, &dataset, &streams, context)?;
+        let made = Environments::describe(job, model.as_ref(), &dataset, &streams, context)?;
         let sources = Sources {
-            states: Some(&model.frames),
-            model: Some(&*model.model),
+            states: model.as_ref().map(|model| &model.frames),
+            model: model.as_ref().map(|model| &*model.model),
             train: Some(&dataset.train),
             held_out: dataset.held_out.as_ref(),
         };
@@ -138,7 +140,7 @@ impl SweepStreams {
             environments.iter().map(|environment| &**environment).collect();
         let windows = recorded_windows(&opened)?;
         let span = streams.demand.span;
-        let content = model.manifest.content()?;
+        let content = model.as_ref().map(|model| model.manifest.content()).transpose()?;
         let mut manifest = SweepFacts::of_nothing(study, &dataset, content, span, Vec::new());
         manifest.scales.clone_from(&scales);
         let curve = CurveRule { windows: study.sweep.curve_points };

@@ -170,12 +170,12 @@ fn in_two(
     ensure!(
         pretrain.end <= model.start || model.end <= pretrain.start,
         "pretrain.period ({pretrain}) and model.period ({model}) overlap: agents must not be pre-trained on the data \
-         of the calibration model; move one of them"
+         that their settings are chosen on; move one of them"
     );
     let keys = match periods {
         [None, None] => [
             "the part for pre-training, by pretrain.fraction,",
-            "the part for the calibration model, by pretrain.fraction,",
+            "the part that is not for pre-training, by pretrain.fraction,",
         ],
         _ => ["pretrain.period", "model.period"],
     };

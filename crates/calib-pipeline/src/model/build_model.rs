@@ -88,6 +88,7 @@ pub(crate) fn run(
     context: &RunContext,
 ) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
     let clock = Stopwatch::start();
+    model_files::require_model(job)?;
     let (study, paths) = (job.study(), job.layout());
     if study.model.kind.family() == ModelFamily::Network {
         return build_network::run(job, options, context);

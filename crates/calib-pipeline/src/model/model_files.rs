@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_core::{Frames, Normaliser, Period, States, Timestamp, TransitionIndex};
 use calib_data::{Dataset, Profile, table::Table};
-use calib_files::{Fingerprint, fingerprint_file, link_or_copy, read_json, write_json};
+use calib_files::{Fingerprint, fingerprint_file, link_or_copy};
 use calib_knn::{KnnModel, ModelConfig, Recall, SEARCH_VERSION, Shortcuts, WeightsKind};
 use calib_model::JumpStatistics;
 use calib_nn::Mlp;
@@ -21,6 +21,7 @@ use crate::{
         stale::Kept,
     },
     ensure,
+    log::profile_file::{self, PROFILE},
     model::{
         kinds::{self, OpenedModel},
         recurrence::MemberRecurrence,
@@ -31,9 +32,6 @@ use crate::{
 
 /// The states of a model, in its directory.
 const STATES: &str = "states.npy";
-
-/// What the data of a model looked like, in its directory.
-const PROFILE: &str = "profile.json";
 
 /// `manifest.json` of a model directory.
 pub(crate) type ModelManifest = Artefact<ModelFacts>;
@@ -96,10 +94,7 @@ impl Artefact<ModelFacts> {
 
     /// Whether the profile is what was written.
     pub(crate) fn has_profile(&self, directory: &Path) -> bool {
-        let written = self.files.get(PROFILE);
-        written.is_some_and(|written| {
-            fingerprint_file(&directory.join(PROFILE)).is_ok_and(|found| found == *written)
-        })
+        profile_file::is_whole(directory, self.files.get(PROFILE))
     }
 }
 
@@ -203,7 +198,7 @@ pub(crate) fn write(
 ) -> Result<(), StepError> {
     let frames = &dataset.train;
     artefact::write_table(rows_table(frames, knn), &directory.join("rows.parquet"))?;
-    write_json(&directory.join(PROFILE), &dataset.profile)?;
+    profile_file::write(directory, &dataset.profile)?;
     Ok(knn.map_or(Ok(()), |knn| knn.write_members(directory))?)
 }
 
@@ -214,9 +209,8 @@ pub(crate) fn rewrite_profile(
     dataset: &Dataset,
     files: &mut Files,
 ) -> Result<(), StepError> {
-    let path = directory.join(PROFILE);
-    write_json(&path, &dataset.profile)?;
-    files.insert(PROFILE.to_owned(), fingerprint_file(&path)?);
+    profile_file::write(directory, &dataset.profile)?;
+    files.insert(PROFILE.to_owned(), fingerprint_file(&directory.join(PROFILE))?);
     Ok(())
 }
 
@@ -234,8 +228,32 @@ fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
     table.with_optional("block", (0..frames.rows()).map(block).collect())
 }
 
+/// Refuse what is about the model of a study, where it has none.
+pub(crate) fn require_model(job: &Job) -> Result<(), StepError> {
+    ensure!(
+        job.study().has_model(),
+        "the study has no model (model.kind = \"none\"): the replayed log decides alone; go on with `{}`, or set model.kind = \"knn\" for a model",
+        job.command(StepKind::Sweep)
+    );
+    Ok(())
+}
+
+/// What all results of the model follow from, if the study has one and it is there.
+pub(crate) fn content_of(job: &Job) -> Result<Option<String>, StepError> {
+    if !job.study().has_model() {
+        return Ok(None);
+    }
+    artefact::read::<ModelManifest>(&job.layout().model()).map(|model| model.content()).transpose()
+}
+
+/// Open the model of a job, if its study has one.
+pub(crate) fn open_if_any(job: &Job) -> Result<Option<OpenModel>, StepError> {
+    if job.study().has_model() { open(job).map(Some) } else { Ok(None) }
+}
+
 /// Open the model of a job; tables and states are mapped, and checked.
 pub(crate) fn open(job: &Job) -> Result<OpenModel, StepError> {
+    require_model(job)?;
     let directory = &job.layout().model();
     let build = job.command(StepKind::BuildModel);
     let manifest: ModelManifest = artefact::require(directory, &build)?;
@@ -289,12 +307,7 @@ pub(crate) fn check_data(
 
 /// The profile of the data that the model was built from.
 pub(crate) fn read_profile(directory: &Path) -> Result<Profile, StepError> {
-    read_json(&directory.join(PROFILE)).with_context(|| {
-        format!(
-            "the profile of the model in {} cannot be used; `calib build-model STUDY --force` makes it again",
-            directory.display()
-        )
-    })
+    profile_file::read(directory, "calib build-model STUDY")
 }
 
 /// The sensors to predict, each with its column of the states.

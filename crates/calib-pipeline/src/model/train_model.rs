@@ -83,7 +83,7 @@ impl fmt::Display for TrainingSummary {
 /// Files of the model directory that only networks of this kind have.
 pub(crate) fn files(kind: ModelKind) -> &'static [&'static str] {
     match kind {
-        ModelKind::Knn => &[],
+        ModelKind::Knn | ModelKind::None => &[],
         ModelKind::Nn | ModelKind::Gru => &[WEIGHTS, TRAINING, RESIDUALS],
         ModelKind::Torchscript => &[SCRIPT, RESIDUALS],
     }
@@ -100,7 +100,7 @@ pub(crate) fn check_available(study: &Study, device: Option<Device>) -> Result<(
             torch::require("model.kind = \"torchscript\"")
         }
         _ if device.is_some() => torch::require("--device"),
-        ModelKind::Knn | ModelKind::Nn | ModelKind::Gru => Ok(()),
+        ModelKind::Knn | ModelKind::Nn | ModelKind::Gru | ModelKind::None => Ok(()),
     }
 }
 
@@ -182,7 +182,7 @@ fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
     let network = match study.model.kind {
         ModelKind::Nn => calib_nn::training_bytes(&sizes, config.batch_size),
         ModelKind::Gru => calib_dynamics::recurrent_training_bytes(config, columns),
-        ModelKind::Knn | ModelKind::Torchscript => 0,
+        ModelKind::Knn | ModelKind::Torchscript | ModelKind::None => 0,
     };
     states.saturating_add(network)
 }
@@ -307,6 +307,6 @@ pub(crate) fn open(
         ModelKind::Nn => Box::new(FeedForward::from_tensors(&weights()?)?),
         ModelKind::Gru => Box::new(Recurrent::from_tensors(&weights()?)?),
         ModelKind::Torchscript => torch::open_script(&directory.join(SCRIPT), columns)?,
-        ModelKind::Knn => bail!("a model of neighbours has no weights"),
+        ModelKind::Knn | ModelKind::None => bail!("only a network has weights"),
     })
 }

@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 
 use calib_core::Timestamp;
 use calib_files::{TemporaryFolder, check_output, write_output};
-use calib_propose::{Cut, Horizon, ProposedAgent, Sensors, Size, spacing_by_log, spacings};
+use calib_propose::{
+    Cut, Horizon, ProposedAgent, ProposedModel, Sensors, Size, spacing_by_log, spacings,
+};
 use calib_study::{Job, Request};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -18,7 +20,7 @@ use self::{
     drafting::Drafting,
     evidence::Evidence,
     look::{Look, bridged},
-    trial::Trials,
+    trial::{Spaced, Trials},
 };
 use crate::{
     Context as _, StepError,
@@ -140,32 +142,35 @@ impl Proposal {
         let left = || (args.within - begun.elapsed().as_secs_f64()).max(0.0);
         let sketch = &look.sketch;
         let place = TemporaryFolder::new()?;
-        let trials = Trials { args, place: &place, context };
+        let model = ProposedModel::for_given(&args.set);
+        let trials = Trials { args, place: &place, model, context };
         let mut sensors = look.sensors.clone();
         let drafting = Drafting { args, path, look };
-        let (spacing, why, build_secs) = chosen_spacing(&trials, &drafting)?;
+        let Spaced { spacing, why, cost } = chosen_spacing(&trials, &drafting)?;
         if let Some(too_near) = drafting.too_near(spacing) {
             context.warn(&too_near);
         }
         let mut horizon = drafting.ahead(spacing);
         let agent = tried_agents(&trials, &drafting, spacing, &mut horizon)?;
         agent.reorder(&mut sensors, !args.sensors.is_empty());
-        let rows = trial::rows_within(left(), build_secs, look.cut.rows[0] / spacing);
-        let cut = if rows < look.cut.rows[0] / spacing {
+        let all = look.cut.rows[0] / spacing;
+        let rows = trial::rows_within(left(), cost, all);
+        let cut = if rows < all {
             look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing))
         } else {
             look.cut.clone()
         };
         let steps = drafting.most_steps(spacing, horizon);
         let trial = |steps: usize, horizon: Horizon| {
-            let size = Size::trial(agent.agent, steps, sensors.proposed.len());
+            let size = Size::trial(agent.agent, model, steps, sensors.proposed.len());
             (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
         };
         let measured = trials.costs(steps, &mut horizon, trial)?.with_reading(look.read);
         let costs = measured.time;
         // Looking and trying are of the time that was asked for.
         let tried = begun.elapsed().as_secs_f64();
-        let size = Size::within(agent.agent, left(), costs, steps, sensors.proposed.len());
+        let predicted = sensors.proposed.len();
+        let size = Size::within(agent.agent, model, left(), costs, steps, predicted);
         let expected_secs = size.secs(costs);
         let expected_processor_secs = measured.processors.map(|costs| size.secs(costs));
         let reason =
@@ -198,29 +203,27 @@ impl Proposal {
     }
 }
 
-/// Rows from one state to the next, why, and how long a model of such states takes. Models decide among spacings where the
-/// study chooses by them, which it does not unless it was asked to.
-fn chosen_spacing(
-    trials: &Trials<'_>,
-    drafting: &Drafting<'_>,
-) -> Result<(usize, String, f64), StepError> {
+/// How far states are apart. Models decide among spacings where the study chooses by them, which it does not unless it was asked to.
+fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<Spaced, StepError> {
     let Look { sketch, scope, cut, sensors, .. } = drafting.look;
     // Of the last rows of the training range, because it is theirs to be judged on what follows.
     let small = |spacing: usize| {
         let horizon = drafting.ahead(spacing);
         let steps = drafting.most_steps(spacing, horizon);
-        let size = Size::trial(ProposedAgent::Linear, steps, sensors.proposed.len());
+        let size = Size::trial(ProposedAgent::Linear, trials.model, steps, sensors.proposed.len());
         let cut = cut.shortened(&sketch.timestamps, trial::ROWS * spacing);
         drafting.text(spacing, &cut, sensors, horizon, &size, [""; 4])
     };
-    if gives(trials.args, "evaluate.rule") {
+    let has_model = trials.model == ProposedModel::Ensemble;
+    if has_model && gives(trials.args, "evaluate.rule") {
         let candidates = spacings(sketch, scope, cut.rows[0]);
         return trials.spacing(&candidates, small, sketch.period_secs);
     }
     let (spacing, why) = spacing_by_log(sketch, scope, cut.rows, trials.args.horizon);
     let why = format!("states {} apart: {why}", span(sketch.period_secs * spacing as f64));
     trials.context.say(&why);
-    Ok((spacing, why, trials.build_secs(spacing, small(spacing))?))
+    let cost = trials.cost_of_states(spacing, small(spacing))?;
+    Ok(Spaced { spacing, why, cost })
 }
 
 /// What agents come to on the last third of the training range, at a `horizon` that is shortened until something is predicted.
@@ -236,7 +239,7 @@ fn tried_agents(
     let mut nearer = *horizon;
     let gathered = Evidence::gather(trials, &mut nearer, |agent, horizon| {
         let steps = Size::most_steps(inside.rows[1] / spacing, horizon.states);
-        let size = Size::comparison(agent, steps, sensors.proposed.len());
+        let size = Size::comparison(agent, trials.model, steps, sensors.proposed.len());
         drafting.text(spacing, &inside, sensors, horizon, &size, [""; 4])
     });
     match gathered {

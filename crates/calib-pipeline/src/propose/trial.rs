@@ -2,9 +2,9 @@
 
 use calib_agent::SimplePredictor;
 use calib_files::TemporaryFolder;
-use calib_propose::{Costs, Horizon, Size};
+use calib_propose::{Costs, Horizon, MOST_RUNS, ProposedModel, Size};
 use calib_study::{Job, Request};
-use calib_sweep::SensorVerdict;
+use calib_sweep::{Baselines, FittingRows, SensorVerdict};
 
 use crate::{
     Context as _, StepError, bail,
@@ -12,8 +12,11 @@ use crate::{
         clock::{Stopwatch, Taken},
         options::{BuildOptions, ProposeOptions},
     },
-    log::context::RunContext,
-    model::{build_model, jumps},
+    log::{
+        context::RunContext,
+        partition::{self, Parts},
+    },
+    model::{build_model, jumps, model_files::sensor_columns},
     output::span,
     rollouts::rollout,
     sweep::{self, plan::Counted, simple::SimpleErrors},
@@ -24,7 +27,7 @@ use crate::{
 pub(super) const ROWS: usize = 20_000;
 /// Trial models at most.
 const TRIALS: usize = 6;
-/// The share of the time asked for that a model may take.
+/// The share of the time asked for that a model may take, or all that agents on the replayed log start from.
 const BUILD: f64 = 0.2;
 /// Steps of the shortest runs that costs are measured with.
 const SHORT: usize = 150;
@@ -46,11 +49,22 @@ const PREDICTED: f64 = 0.95;
 /// How often a horizon is halved until some step can be scored.
 const HALVED: usize = 6;
 
-/// States of a model that is built in its share of `within` seconds, if one of [`ROWS`] states at most took `build_secs`: what exact search takes
-/// grows with their square at worst.
-pub(super) fn rows_within(within: f64, build_secs: f64, rows: usize) -> usize {
+/// What grows with the states of the training range, in seconds for [`ROWS`] of them at most.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum OfStates {
+    /// Building a model: what exact search takes grows with their square at worst.
+    Model(f64),
+    /// Fitting what agents start from, for as many runs on the replayed log as there can be.
+    Fits(f64),
+}
+
+/// States of the training range for which that is done in its share of `within` seconds.
+pub(super) fn rows_within(within: f64, cost: OfStates, rows: usize) -> usize {
     let measured = rows.min(ROWS);
-    let factor = (BUILD * within / build_secs.max(1e-3)).sqrt();
+    let factor = match cost {
+        OfStates::Model(secs) => (BUILD * within / secs.max(1e-3)).sqrt(),
+        OfStates::Fits(secs) => BUILD * within / secs.max(1e-3),
+    };
     if measured == rows {
         rows
     } else {
@@ -91,7 +105,7 @@ fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: f64) -> Cos
     let agent_step_secs =
         if more > less { ((slow - quick) / (more - less)).max(1e-9) } else { slow / more };
     let begin = (quick - less * agent_step_secs).max(0.0);
-    Costs { fixed_secs: other_secs + begin, agent_step_secs }
+    Costs { fixed_secs: other_secs + begin, agent_step_secs, replay_run_secs: 0.0 }
 }
 
 /// A model of part of the log.
@@ -103,10 +117,21 @@ struct TrialModel {
     moves: String,
 }
 
+/// How far states are apart.
+pub(super) struct Spaced {
+    /// Rows from one to the next.
+    pub(super) spacing: usize,
+    pub(super) why: String,
+    /// What limits how many such states there can be.
+    pub(super) cost: OfStates,
+}
+
 /// What trials have in common.
 pub(super) struct Trials<'a> {
     pub(super) args: &'a ProposeOptions,
     pub(super) place: &'a TemporaryFolder,
+    /// Whether the study has a model.
+    pub(super) model: ProposedModel,
     pub(super) context: &'a RunContext,
 }
 
@@ -132,9 +157,34 @@ impl Trials<'_> {
         Ok(Job::of_text(request, text)?)
     }
 
-    /// How long a model of states that are `spacing` rows apart takes.
-    pub(super) fn build_secs(&self, spacing: usize, text: String) -> Result<f64, StepError> {
-        Ok(self.built(spacing, text)?.secs)
+    /// What states that are `spacing` rows apart take.
+    pub(super) fn cost_of_states(
+        &self,
+        spacing: usize,
+        text: String,
+    ) -> Result<OfStates, StepError> {
+        if self.model == ProposedModel::Ensemble {
+            return Ok(OfStates::Model(self.built(spacing, text)?.secs));
+        }
+        let job = self.job(text, &format!("spacing-{spacing}"))?;
+        let fitting = on_all_threads(self.fitting(&job)?);
+        Ok(OfStates::Fits(MOST_RUNS as f64 * fitting.secs))
+    }
+
+    /// What it takes to fit all that the agents of one run on the replayed log start from, and what they are compared with.
+    fn fitting(&self, job: &Job) -> Result<Taken, StepError> {
+        let Parts { dataset, .. } = partition::load(job, &self.context.silent())?;
+        let study = job.study();
+        let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+        let baselines = Baselines::new(&dataset.train);
+        // Agents and simple predictors, each without the rows that the run replays.
+        let ((), taken) = Taken::by(|| {
+            for row in 0..2 {
+                let rows = FittingRows::AllBut(std::iter::once(row..row + 1).collect());
+                baselines.simple(&sensors, study.agent.gamma, &rows);
+            }
+        });
+        Ok(taken)
     }
 
     fn built(&self, spacing: usize, text: String) -> Result<TrialModel, StepError> {
@@ -151,13 +201,13 @@ impl Trials<'_> {
     }
 
     /// The first of `candidates` whose model has rollouts that neither circle nor replay the log, or else the one that is
-    /// warned of least; why, and how long its model took. For studies that choose by their models.
+    /// warned of least. For studies that choose by their models.
     pub(super) fn spacing(
         &self,
         candidates: &[usize],
         text: impl Fn(usize) -> String,
         period_secs: f64,
-    ) -> Result<(usize, String, f64), StepError> {
+    ) -> Result<Spaced, StepError> {
         let mut best: Option<(usize, usize, String, f64)> = None;
         let mut before = None;
         for &spacing in candidates.iter().take(TRIALS) {
@@ -187,7 +237,7 @@ impl Trials<'_> {
         } else {
             format!("{why}; no spacing that was tried is without a warning")
         };
-        Ok((spacing, why, secs))
+        Ok(Spaced { spacing, why, cost: OfStates::Model(secs) })
     }
 
     /// What a study takes, measured with short runs, and with longer ones until these take a share of `within` that is worth measuring. The
@@ -204,8 +254,7 @@ impl Trials<'_> {
         let short = steps(SHORT.max(2 * horizon.states as usize));
         let (made, before) = Taken::by(|| {
             let job = self.job(text(short, *horizon).0, COSTS)?;
-            build_model::run(&job, &BuildOptions::default(), silent)?;
-            rollout::run(&job, silent)
+            self.made_before(&job, silent)
         });
         made?;
         let sweep = |steps: usize, horizon: &mut Horizon| -> Result<Swept, StepError> {
@@ -215,22 +264,39 @@ impl Trials<'_> {
         let less = sweep(short, horizon)?;
         let mut length = steps(LONGER * short);
         let mut more = sweep(length, horizon)?;
-        while more.taken.secs < WORTH * self.args.within && steps(LONGER * length) > length {
+        let is_worth = |more: &Swept| more.taken.secs - less.taken.secs >= WORTH * self.args.within;
+        while !is_worth(&more) && steps(LONGER * length) > length {
             length = steps(LONGER * length);
             more = sweep(length, horizon)?;
         }
         let job = self.job(text(length, *horizon).0, COSTS)?;
         let (judged, verdict) = Taken::by(|| evaluate::run(&job, silent));
         judged?;
+        let fitting = match self.model {
+            ProposedModel::None => on_all_threads(self.fitting(&job)?),
+            // Its rows are few: a model takes longer than what agents start from.
+            ProposedModel::Ensemble => Taken::default(),
+        };
         let costs = |of: fn(Taken) -> f64| {
             let swept = [&less, &more].map(|swept| (swept.agent_steps, of(swept.taken)));
-            costs(swept, of(before) + of(verdict))
+            Costs { replay_run_secs: of(fitting), ..costs(swept, of(before) + of(verdict)) }
         };
         Ok(Measured {
             best: SimpleErrors::read(&job.layout().sweep())?.best_told(),
             time: costs(|taken| taken.secs),
             processors: (before.processor_secs > 0.0).then(|| costs(|taken| taken.processor_secs)),
         })
+    }
+
+    /// What a study makes before its sweep: states of the log, and its model with rollouts, if it has one.
+    fn made_before(&self, job: &Job, context: &RunContext) -> Result<(), StepError> {
+        match self.model {
+            ProposedModel::None => partition::load(job, context).map(drop),
+            ProposedModel::Ensemble => {
+                build_model::run(job, &BuildOptions::default(), context)?;
+                rollout::run(job, context).map(drop)
+            }
+        }
     }
 
     /// What an agent and the simple predictors come to where only the training range is known, at a `horizon` that is halved
@@ -241,8 +307,14 @@ impl Trials<'_> {
         text: impl Fn(Horizon) -> String,
     ) -> Result<Vec<Predicted>, StepError> {
         let silent = &self.context.silent();
-        let study = |horizon: Horizon| self.job_with(text(horizon), COMPARED, &SMALLEST_MODEL);
-        build_model::run(&study(*horizon)?, &BuildOptions::default(), silent)?;
+        let smallest = match self.model {
+            ProposedModel::None => &[][..],
+            ProposedModel::Ensemble => &SMALLEST_MODEL,
+        };
+        let study = |horizon: Horizon| self.job_with(text(horizon), COMPARED, smallest);
+        if self.model == ProposedModel::Ensemble {
+            build_model::run(&study(*horizon)?, &BuildOptions::default(), silent)?;
+        }
         scorable(horizon, |horizon| {
             sweep::run(&study(horizon)?, &Counted::default(), None, silent)
         })?;
@@ -263,6 +335,13 @@ impl Trials<'_> {
             swept.map(|_| taken)
         })
     }
+}
+
+/// The time on the clock of what one thread does, where all threads do as much each.
+fn on_all_threads(taken: Taken) -> Taken {
+    // On a machine that has other things to do the clock goes faster than the work.
+    let secs = taken.secs.max(taken.processor_secs) / rayon::current_num_threads() as f64;
+    Taken { secs, ..taken }
 }
 
 /// What `sweep` gives at a horizon that is halved until some step of it can be scored.
@@ -322,20 +401,23 @@ mod tests {
 
     #[test]
     fn a_model_that_would_take_too_long_learns_from_less() {
-        assert_eq!(rows_within(600.0, 3.0, 15_000), 15_000, "it was measured whole");
+        use OfStates::{Fits, Model};
+        assert_eq!(rows_within(600.0, Model(3.0), 15_000), 15_000, "it was measured whole");
         assert_eq!(
-            rows_within(600.0, 30.0, 1_000_000),
+            rows_within(600.0, Model(30.0), 1_000_000),
             40_000,
             "twice the rows, four times as long"
         );
-        assert_eq!(rows_within(600.0, 1.0, 50_000), 50_000);
-        assert_eq!(rows_within(10.0, 30.0, 1_000_000), ROWS, "what was tried is there anyway");
+        assert_eq!(rows_within(600.0, Model(1.0), 50_000), 50_000);
+        assert_eq!(rows_within(10.0, Model(30.0), 1_000_000), ROWS, "what was tried is there");
+        assert_eq!(rows_within(600.0, Fits(30.0), 1_000_000), 80_000, "in proportion");
+        assert_eq!(rows_within(600.0, Fits(0.0), 1_000_000), 1_000_000);
     }
 
     #[test]
     fn what_does_not_grow_with_the_steps_is_told_from_what_does() {
         let told = costs([(1_000.0, 3.0), (5_000.0, 7.0)], 10.0);
-        assert_eq!(told, Costs { fixed_secs: 12.0, agent_step_secs: 1e-3 });
+        assert_eq!(told, Costs { fixed_secs: 12.0, agent_step_secs: 1e-3, replay_run_secs: 0.0 });
         let short = costs([(1_000.0, 3.0), (1_000.0, 2.0)], 10.0);
         assert_eq!((short.fixed_secs, short.agent_step_secs), (11.0, 2e-3), "no longer runs");
         let noisy = costs([(1_000.0, 3.0), (5_000.0, 2.0)], 0.0);

@@ -61,6 +61,7 @@ fn show_member(
         (ModelFamily::Neighbors, _) => member.jumps.as_ref().map(jumps::line).unwrap_or_default(),
         (ModelFamily::Network, Some(training)) => training.to_string(),
         (ModelFamily::Network, None) => "imported".to_owned(),
+        (ModelFamily::None, _) => String::new(),
     };
     let transitions = count(member.transitions);
     printer.result(&format!("  ensemble member {number}: {transitions} transitions; {how}"))?;

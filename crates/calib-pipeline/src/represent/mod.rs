@@ -35,6 +35,7 @@ use crate::{
         stale::Kept,
         torch,
     },
+    ensure,
     log::{context::RunContext, partition},
     output::{Printer, bytes, count, counted},
 };
@@ -140,6 +141,11 @@ pub(crate) fn run(
 ) -> Result<StepResult<Representations>, StepError> {
     let clock = Stopwatch::start();
     let study = job.study();
+    ensure!(
+        study.has_model(),
+        "the study has no model (model.kind = \"none\"), so nothing is searched in a representation; go on with `{}`, or set model.kind = \"knn\"",
+        job.command(StepKind::Sweep)
+    );
     if device.is_some() {
         torch::require("--device")?;
     }

@@ -77,11 +77,15 @@ impl Facts for RolloutFacts {
     }
 }
 
-/// The rollouts of `model` that were made as `study` says; nothing where they were not, or for another deployment.
+/// The rollouts of `model` that were made as `study` says; nothing where they were not, or for another deployment, or there is no model.
 ///
 /// # Errors
 /// If a table is not what was written.
-pub(crate) fn finished(job: &Job, model: &str) -> Result<Option<RolloutManifest>, StepError> {
+pub(crate) fn finished(
+    job: &Job,
+    model: Option<&str>,
+) -> Result<Option<RolloutManifest>, StepError> {
+    let Some(model) = model else { return Ok(None) };
     let paths = job.layout();
     let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(|found| {
         found.model == *model && job.study().differences(StepKind::Rollout, &found.study).is_empty()

@@ -1,4 +1,4 @@
-//! The environments of a sweep: members, Online and log replay. What each is made of is described first, so that other
+//! The environments of a sweep: members if there is a model, Online and log replay. What each is made of is described first, so that other
 //! processes can open it.
 
 use calib_core::{Frames, Seed};
@@ -114,6 +114,7 @@ impl Described {
 }
 
 /// Everything that agents are trained in.
+#[derive(Default)]
 pub(crate) struct Environments {
     pub(crate) described: Vec<Described>,
     /// What the reader should know of start states.
@@ -124,9 +125,23 @@ impl Environments {
     /// As long as `streams` says.
     pub(crate) fn describe(
         job: &Job,
-        model: &OpenModel,
+        model: Option<&OpenModel>,
         dataset: &Dataset,
         streams: &Streams,
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
+        let members =
+            model.map(|model| Self::of_model(job, model, dataset, printer)).transpose()?;
+        let mut all = members.unwrap_or_default();
+        all.described.extend(replayed(job, dataset, streams));
+        Ok(all)
+    }
+
+    /// The members of a model.
+    fn of_model(
+        job: &Job,
+        model: &OpenModel,
+        dataset: &Dataset,
         printer: &Printer,
     ) -> Result<Self, StepError> {
         let (study, paths) = (job.study(), job.layout());
@@ -158,7 +173,6 @@ impl Environments {
         for (number, starts) in all.into_iter().enumerate() {
             described.push(Described::Member { number, starts, inputs: inputs.clone() });
         }
-        described.extend(replayed(job, dataset, streams));
         Ok(Self { described, starts: notes(&summaries(&given)) })
     }
 }

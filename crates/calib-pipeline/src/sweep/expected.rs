@@ -76,7 +76,7 @@ impl Expected {
     }
 }
 
-/// Say what a sweep will take whose model is not there yet: as much as on the log itself, replayed.
+/// Say what a sweep will take that waits for the steps before it: as much as on the log itself, replayed.
 ///
 /// # Errors
 /// If the log cannot be read, or has not what the study sweeps.

@@ -23,7 +23,12 @@ pub(crate) struct SweepFacts {
     #[schemars(with = "crate::base::resolved::ResolvedStudy")]
     pub(crate) study: Study,
     pub(crate) data: Fingerprint,
-    pub(crate) model: String,
+    /// Fingerprint of the model; none without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) model: Option<String>,
+    /// What log replay replayed, and agents learned from; of a study without a model, whose manifest says it elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) learned: Option<LearnedStates>,
     pub(crate) period: Period,
     /// What Online replays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -55,6 +60,24 @@ pub(crate) struct SweepFacts {
     pub(crate) simple: SimpleErrors,
 }
 
+/// The training states of a sweep.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct LearnedStates {
+    pub(crate) rows: usize,
+    pub(crate) segments: usize,
+    /// Times of the first and the last.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) times: Option<[Timestamp; 2]>,
+}
+
+impl LearnedStates {
+    fn of(dataset: &Dataset) -> Self {
+        let frames = &dataset.train;
+        let (rows, segments) = (frames.rows(), frames.segments().len());
+        Self { rows, segments, times: model_files::first_and_last(frames) }
+    }
+}
+
 /// The states of a deployment.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct HeldOut {
@@ -80,12 +103,13 @@ impl SweepFacts {
     pub(crate) fn of_nothing(
         study: &Study,
         dataset: &Dataset,
-        model: String,
+        model: Option<String>,
         span: Span,
         candidates: Vec<Candidate>,
     ) -> Self {
         Self {
             data: dataset.fingerprint.clone(),
+            learned: (!study.has_model()).then(|| LearnedStates::of(dataset)),
             model,
             held_out: HeldOut::of(dataset),
             ..Self::of_no_data(study, dataset.period, span, candidates)
@@ -109,7 +133,8 @@ impl SweepFacts {
             key: String::new(),
             study: study.clone(),
             data: Fingerprint::of(b""),
-            model: String::new(),
+            model: None,
+            learned: None,
             period,
             held_out: None,
             span,

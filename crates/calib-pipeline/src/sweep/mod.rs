@@ -15,6 +15,6 @@ pub(crate) mod standing_still;
 pub(crate) mod streams;
 pub(crate) mod tables;
 
-pub(crate) use manifest::{SweepFacts, SweepManifest};
+pub(crate) use manifest::{LearnedStates, SweepFacts, SweepManifest};
 pub(crate) use run::{Found, Pool, Source, on_device, put_together, run, unit_store, wall_secs};
 pub use run::{SweepResult, Swept};

@@ -120,7 +120,7 @@ pub(crate) fn agents_bytes(
 
 /// What the memory of a sweep depends on.
 pub(crate) struct Sizes {
-    /// Recorded states: of the training range, once more of the model, and held out.
+    /// Recorded states: of the training range, once more of the model if there is one, and held out.
     rows: usize,
     /// Values in a state.
     width: usize,
@@ -146,7 +146,7 @@ impl Sizes {
     ) -> Self {
         let held_out = dataset.held_out.as_ref().map_or(0, calib_core::Frames::rows);
         Self {
-            rows: 2 * dataset.train.rows() + held_out,
+            rows: (1 + usize::from(study.has_model())) * dataset.train.rows() + held_out,
             width: dataset.train.states().columns(),
             span,
             sensors: study.sweep.sensors.len(),
@@ -155,7 +155,7 @@ impl Sizes {
             passes,
             predicted_runs: match study.model.kind.family() {
                 ModelFamily::Network => study.member_runs(),
-                ModelFamily::Neighbors => 0,
+                ModelFamily::Neighbors | ModelFamily::None => 0,
             },
         }
     }

@@ -129,7 +129,9 @@ impl PlannedSweep {
         };
         match environment {
             EnvironmentId::Online => false,
-            EnvironmentId::LogReplay => matches!(self.rule, Rule::Pooled | Rule::LogReplay),
+            EnvironmentId::LogReplay => {
+                matches!(self.rule, Rule::Pooled | Rule::LogReplay | Rule::OneStandardError)
+            }
             EnvironmentId::Member(_) => self.rule != Rule::LogReplay || !replays(),
         }
     }

@@ -85,11 +85,19 @@ fn seconds(time: Timestamp) -> f64 {
     time.as_micros() as f64 / 1e6
 }
 
-/// One figure a sensor, of what the sweep in `directory` has kept; `deployment` is what its held-out range is called.
+/// What periods are called that have no name of their own.
+#[derive(Clone, Copy)]
+pub(crate) struct Periods<'a> {
+    /// What the training range is for, of which a part is for pre-training.
+    pub(crate) beside_pretraining: &'static str,
+    pub(crate) held_out: &'a str,
+}
+
+/// One figure a sensor, of what the sweep in `directory` has kept.
 pub(crate) fn figures(
     directory: &Path,
     sensors: &[String],
-    deployment: Option<&str>,
+    names: Periods<'_>,
 ) -> Result<Vec<RecordedFigure>, StepError> {
     let path = directory.join(RECORDED);
     let table = read_parquet(&path).with_context(|| path.display().to_string())?;
@@ -104,7 +112,7 @@ pub(crate) fn figures(
         unit: None,
         periods: [PRETRAINING, TRAINING, HELD_OUT]
             .into_iter()
-            .filter_map(|period| rows.period(period, sensor, deployment))
+            .filter_map(|period| rows.period(period, sensor, names))
             .collect(),
     };
     Ok(sensors.iter().map(figure).collect())
@@ -120,21 +128,16 @@ struct Rows<'a> {
 
 impl Rows<'_> {
     /// One sensor in one period; nothing if the period has no values.
-    fn period(
-        &self,
-        period: &str,
-        sensor: &str,
-        deployment: Option<&str>,
-    ) -> Option<RecordedPeriod> {
+    fn period(&self, period: &str, sensor: &str, names: Periods<'_>) -> Option<RecordedPeriod> {
         let own: Vec<usize> = (0..self.times.len())
             .filter(|&row| self.periods[row] == period && self.sensors[row] == sensor)
             .collect();
         let (first, last) = (*own.first()?, *own.last()?);
         let (name, used_for) = match period {
-            HELD_OUT => (deployment.unwrap_or("held out"), PeriodUse::Deployment),
-            // Beside pre-training, what the model is built from is only a part of the training range.
+            HELD_OUT => (names.held_out, PeriodUse::Deployment),
+            // Beside pre-training, what settings are chosen on is only a part of the training range.
             TRAINING if self.periods.iter().any(|of| of == PRETRAINING) => {
-                ("model", PeriodUse::Learning)
+                (names.beside_pretraining, PeriodUse::Learning)
             }
             learned => (learned, PeriodUse::Learning),
         };

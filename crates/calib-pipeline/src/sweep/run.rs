@@ -22,7 +22,10 @@ use crate::{
         outcome::{Outcome, StepResult},
         torch,
     },
-    log::context::RunContext,
+    log::{
+        context::RunContext,
+        profile_file::{self, PROFILE},
+    },
     output::Printer,
     sweep::{
         expected::Expected,
@@ -214,10 +217,13 @@ fn sweep(
         context.say_all(simple.starts().as_slice());
         simple.write(&directory)?;
         recorded::write(&directory, &setting.dataset, setting.pretrain.as_ref(), &setting.sensors)?;
+        if !study.has_model() {
+            profile_file::write(&directory, &setting.dataset.profile)?;
+        }
         if ran > 0 {
             write_timings(&directory, ran, &clock)?;
         }
-        manifest = claim.finish(manifest.facts, tables())?;
+        manifest = claim.finish(manifest.facts, tables(study))?;
     }
     Ok(StepResult::Made(Swept { manifest, directory, ran, ran_runs, took: clock.elapsed() }))
 }
@@ -265,7 +271,8 @@ fn facts(
         setting.environments.starts.clone(),
         failed,
     ];
-    let (content, span) = (model.manifest.content()?, streams.demand.span);
+    let content = model.as_ref().map(|model| model.manifest.content()).transpose()?;
+    let span = streams.demand.span;
     Ok(SweepFacts {
         key: artefact::key(&(&units, &settings))?,
         windows: windows(dataset, streams),
@@ -310,9 +317,10 @@ fn preview(
     }
 }
 
-/// What a sweep writes beside its units.
-fn tables() -> impl Iterator<Item = &'static str> {
-    sweep_tables::FILES.into_iter().chain([recorded::RECORDED, simple::FILE])
+/// What a sweep writes beside its units; of a study without a model also what its data looked like.
+fn tables(study: &Study) -> impl Iterator<Item = &'static str> {
+    let profile = (!study.has_model()).then_some(PROFILE);
+    sweep_tables::FILES.into_iter().chain([recorded::RECORDED, simple::FILE]).chain(profile)
 }
 
 /// Claim the directory of a sweep, and say what its runs are known by.

@@ -33,7 +33,8 @@ use crate::{
 
 /// A sweep that can be planned.
 pub(crate) struct Setting {
-    pub(crate) model: OpenModel,
+    /// None for a study without one.
+    pub(crate) model: Option<OpenModel>,
     pub(crate) dataset: Dataset,
     pub(crate) pretrain: Option<PretrainPart>,
     pub(crate) candidates: Vec<Candidate>,
@@ -53,7 +54,7 @@ pub(crate) struct Setting {
 /// A deployment in which nothing can be trained, and why.
 pub(crate) struct Unsettled {
     pub(crate) dataset: Dataset,
-    pub(crate) model: String,
+    pub(crate) model: Option<String>,
     pub(crate) candidates: Vec<Candidate>,
     pub(crate) reason: String,
 }
@@ -66,17 +67,20 @@ impl Setting {
     ) -> Result<Result<Self, Unsettled>, StepError> {
         let study = job.study();
         let candidates = candidates_of(study)?;
-        let model = model_files::open(job)?;
+        let model = model_files::open_if_any(job)?;
         let (Parts { dataset, pretrain, .. }, streams) = scorable(job, &candidates, context)?;
-        model_files::check_data(job, &model.manifest, &dataset)?;
+        if let Some(model) = &model {
+            model_files::check_data(job, &model.manifest, &dataset)?;
+        }
         let streams = match streams {
             Ok(streams) => streams,
             Err(reason) => {
-                let model = model.manifest.content()?;
+                let model = model.map(|model| model.manifest.content()).transpose()?;
                 return Ok(Err(Unsettled { dataset, model, candidates, reason }));
             }
         };
-        let environments = Environments::describe(job, &model, &dataset, &streams, context)?;
+        let environments =
+            Environments::describe(job, model.as_ref(), &dataset, &streams, context)?;
         let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
         let still = standing_still(&dataset, &streams, &sensors, context);
         let (starts, notes) =
@@ -124,8 +128,8 @@ impl Setting {
         span: Span,
     ) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
         let sources = Sources {
-            states: Some(&self.model.frames),
-            model: Some(&*self.model.model),
+            states: self.model.as_ref().map(|model| &model.frames),
+            model: self.model.as_ref().map(|model| &*model.model),
             train: Some(&self.dataset.train),
             held_out: self.dataset.held_out.as_ref(),
         };

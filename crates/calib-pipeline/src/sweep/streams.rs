@@ -61,6 +61,9 @@ impl Streams {
             None => None,
         };
         let log = Windows::log(dataset.train.segments(), demand, sweep.log_replay_runs);
+        if log.starts.is_empty() && !study.has_model() {
+            return Err(nothing_decides(demand));
+        }
         if log.left_out > 0 {
             notes.push(format!(
                 "{} of {} windows of the log are not replayed, because gaps leave hardly a step to score in them",
@@ -72,6 +75,18 @@ impl Streams {
         }
         Ok(Self { demand, online, log, notes })
     }
+}
+
+/// Why a study without a model has nothing to choose by.
+fn nothing_decides(demand: Demand) -> StepError {
+    let Demand { span, gamma, .. } = demand;
+    StepError::Unscorable(format!(
+        "no window of the training range can be replayed, and without a model (model.kind = \"none\") nothing else would decide: runs have \
+         {} steps, and scoring a prediction at gamma = {gamma} needs the {} states after it, in stretches without a gap; use a longer \
+         data.train, a smaller sweep.steps or gamma, or set model.kind = \"knn\"",
+        count(span.steps),
+        span.tail
+    ))
 }
 
 /// Refuse a study whose only held-out range could not be scored, before a model is built. What there are several of is left out one by one.

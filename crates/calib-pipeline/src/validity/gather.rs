@@ -99,9 +99,8 @@ fn of_model(
 ) -> Result<OfModel, StepError> {
     let judged = evaluate::judge(&study.job.choose(model, deployment)?, context, &Silent)?;
     let name = judged.job.model_name().to_owned();
-    let key = &judged.manifest.model;
-    let rollouts = rollout::finished(&judged.job, key)?;
-    let one_step = rollouts.as_ref().and_then(|_| one_step::read(&judged.job, key));
+    let rollouts = rollout::finished(&judged.job, judged.manifest.model.as_deref())?;
+    let one_step = rollouts.as_ref().and_then(|made| one_step::read(&judged.job, &made.model));
     Ok(OfModel { name, judged, rollouts, one_step })
 }
 
@@ -139,7 +138,8 @@ fn add(
         let candidates = &models[0].judged.manifest.candidates;
         let mut pair = pair(study, sensor, (truth, candidates), &gathered.task);
         for (model, verdict) in models.iter().zip(&verdicts) {
-            if verdict.selection.mean_errors.iter().all(|error| error.is_infinite()) {
+            let errors = verdict.selection.iter().flat_map(|ranks| &ranks.mean_errors);
+            if errors.clone().all(|error| error.is_infinite()) {
                 if *part == own {
                     gathered.without.push(format!("{}, {sensor}", model.name));
                 }

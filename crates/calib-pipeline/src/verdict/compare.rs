@@ -135,7 +135,7 @@ impl Part {
         let judged = judge(job, context, monitor)?;
         let (paths, manifest) = (job.layout(), &judged.manifest);
         let report = report::assemble(&judged)?;
-        let rollouts = rollout::finished(job, &manifest.model)?;
+        let rollouts = rollout::finished(job, manifest.model.as_deref())?;
         let owned = |name: Option<&str>| name.map(str::to_owned);
         let (model, deployment) = (owned(job.model()), owned(job.deployment()));
         let mut starts = match &rollouts {
@@ -152,7 +152,7 @@ impl Part {
             None => Vec::new(),
         };
         let one_step = match &rollouts {
-            Some(_) => Predicting::read(job.model_name(), job, &manifest.model)?,
+            Some(rollouts) => Predicting::read(job.model_name(), job, &rollouts.model)?,
             None => None,
         };
         Ok(Self { model, deployment, judged, report, rollouts, pairs, one_step, starts })

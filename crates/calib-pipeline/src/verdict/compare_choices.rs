@@ -5,9 +5,11 @@ use crate::{
     verdict::compare::{Part, by_deployment},
 };
 
-/// What each model chose, how that did Online, and how far its rollouts are from what was recorded.
+/// What each model chose, how that did Online, and how far its rollouts are from what was recorded; what was chosen in each deployment
+/// where there is no model.
 pub(crate) fn choices(parts: &[Part]) -> String {
     let deployments = by_deployment(parts);
+    let has_models = parts.iter().any(|part| part.judged.study().has_model());
     let named = parts.iter().any(|part| part.deployment.is_some());
     let mut rows = Vec::new();
     for first in &parts[0].report.verdicts {
@@ -23,26 +25,26 @@ pub(crate) fn choices(parts: &[Part]) -> String {
                 Some(pattern.normalized_distance.as_ref().unwrap_or(&pattern.distance).mean)
             });
             let deployment = named.then(|| part.deployment_name().to_owned());
-            let row = [
-                part.model_name().to_owned(),
+            let model = has_models.then(|| part.model_name().to_owned());
+            let chosen = [
                 verdict.chosen.to_string(),
                 verdict.grade.word().to_owned(),
-            ];
-            let numbers = [
                 or_none(online.and_then(|online| Some(percent(online.regret?.value)))),
                 or_none(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
-                or_none(warping.map(significant)),
-                or_none(collapse(part, &first.sensor)),
             ];
-            let row = [first.sensor.clone()].into_iter().chain(deployment).chain(row);
-            rows.push(row.chain(numbers).collect());
+            let of_rollouts = [warping.map(significant), collapse(part, &first.sensor)];
+            let of_rollouts = of_rollouts.map(or_none).into_iter().filter(|_| has_models);
+            let row = [first.sensor.clone()].into_iter().chain(deployment).chain(model);
+            rows.push(row.chain(chosen).chain(of_rollouts).collect());
         }
     }
-    let deployment = named.then_some("deployment");
+    let of_rollouts = ["DTW", "freezes"].into_iter().filter(|_| has_models);
     let header: Vec<&str> = ["sensor"]
         .into_iter()
-        .chain(deployment)
-        .chain(["model", "choice", "grade", "regret", "Spearman", "DTW", "freezes"])
+        .chain(named.then_some("deployment"))
+        .chain(has_models.then_some("model"))
+        .chain(["choice", "grade", "regret", "Spearman"])
+        .chain(of_rollouts)
         .collect();
     table(&header, &rows)
 }

@@ -7,7 +7,7 @@ use calib_report::{RecordedFigure, caveats};
 use calib_study::{Job, Layout, StepKind, Study};
 use calib_sweep::{
     Candidate, Grade, Judging, Recommendation, SensorVerdict, SimpleComparison, SweepError,
-    UnitResult, told_apart, verdict,
+    UnitResult, verdict,
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -22,12 +22,12 @@ use crate::{
     },
     ensure,
     log::{context::RunContext, partition},
-    model::model_files::{self, ModelManifest},
+    model::model_files,
     output::span,
     rollouts::{one_step, rollout},
     sweep::{SweepFacts, SweepManifest, recorded, simple::SimpleErrors, unit_store},
     verdict::{
-        report,
+        learned, report,
         verdict_rows::{self, verdict_row},
     },
 };
@@ -153,9 +153,9 @@ pub(crate) fn run(job: &Job, context: &RunContext) -> Result<StepResult<Judgemen
     Ok(StepResult::Made(Judgement { summary: judged.summary, report: Some(page) }))
 }
 
-/// Whether every sensor's members prefer some value to another.
+/// Whether what decides prefers some value to another for every sensor.
 pub(crate) fn told(summary: &Summary) -> Outcome {
-    if summary.verdicts.iter().all(|verdict| told_apart(&verdict.selection)) {
+    if summary.verdicts.iter().all(SensorVerdict::tells_apart) {
         Outcome::Done
     } else {
         Outcome::Negative
@@ -188,7 +188,7 @@ pub(crate) fn judge(
         )
     })?;
     let sensors = study.sweep.sensors.iter();
-    let profile = model_files::read_profile(&paths.model())?;
+    let profile = learned::profile(job)?;
     let doubts = profile.value_doubts();
     let verdicts = sensors
         .map(|sensor| {
@@ -209,7 +209,11 @@ pub(crate) fn judge(
                 manifest.again(&job.command(StepKind::Sweep))
             )
         })?;
-    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, job.deployment())?;
+    let periods = recorded::Periods {
+        beside_pretraining: if study.has_model() { "model" } else { "log replay" },
+        held_out: job.deployment().unwrap_or("held out"),
+    };
+    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, periods)?;
     let rows: Vec<calib_report::Verdict> = verdicts
         .iter()
         .zip(&kept)
@@ -229,7 +233,7 @@ pub(crate) fn judge(
         caveats: caveats(&rows),
         candidates: manifest.candidates.iter().map(Candidate::label).collect(),
         verdicts,
-        notes: [manifest.notes.clone(), stale_rollouts(job, &manifest.model)?].concat(),
+        notes: [manifest.notes.clone(), stale_rollouts(job, manifest.model.as_deref())?].concat(),
     };
     Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
 }
@@ -265,7 +269,7 @@ pub(crate) fn verdict_of(
         seed: Seed::new(study.seed).child("verdict"),
     };
     let mut verdict = verdict(sensor, &manifest.candidates, results, &judging)?;
-    if study.sweep_starts().start == StartKind::Nearest {
+    if study.has_model() && study.sweep_starts().start == StartKind::Nearest {
         verdict.warnings.insert(0, LOOKED_AHEAD.to_owned());
     }
     Ok(verdict)
@@ -282,9 +286,10 @@ pub(crate) fn is_swept(job: &Job, context: &RunContext) -> bool {
 }
 
 /// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
-fn stale_rollouts(job: &Job, model: &str) -> Result<Vec<String>, StepError> {
+fn stale_rollouts(job: &Job, model: Option<&str>) -> Result<Vec<String>, StepError> {
+    let Some(model) = model else { return Ok(Vec::new()) };
     let directory = job.layout().rollout();
-    let finished = rollout::finished(job, model)?;
+    let finished = rollout::finished(job, Some(model))?;
     let stale = if finished.is_none() && directory.join(MANIFEST).exists() {
         "rollouts"
     } else if finished.is_some() && one_step::is_stale(job, model) {
@@ -306,12 +311,8 @@ fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, Step
     let directory = &paths.sweep();
     Kept { step: StepKind::Sweep, study: &manifest.study, directory }.check(job)?;
     check_log(job, &manifest, context)?;
-    let model = artefact::read::<ModelManifest>(&paths.model());
-    if model
-        .map(|model| model.content())
-        .transpose()?
-        .is_some_and(|content| content != manifest.model)
-    {
+    let model = model_files::content_of(job)?;
+    if model.is_some() && model != manifest.model {
         bail!("the model was built again after the sweep; run `{again}` again");
     }
     artefact::check_files(&paths.sweep(), &manifest.files, &again)?;

@@ -15,12 +15,7 @@ use calib_sweep::Rule;
 use crate::{
     Context as _, StepError,
     base::artefact::{self, Below},
-    ensure,
-    model::{
-        build_model, jumps as jump_text,
-        model_files::{self, ModelManifest},
-        recurrence,
-    },
+    model::{build_model, jumps as jump_text, model_files::ModelManifest, recurrence},
     represent::{self, RepresentationManifest},
     rollouts::{
         collapse,
@@ -34,7 +29,9 @@ use crate::{
     verdict::{
         described::Descriptions,
         evaluate::{Judged, Summary},
-        kept_report, learning,
+        kept_report,
+        learned::Learned,
+        learning,
         report_data::{data_profile, subtitle},
         verdict_rows,
     },
@@ -137,17 +134,12 @@ pub(crate) fn assemble(judged: &Judged) -> Result<Report, StepError> {
 
 fn assembled(judged: &Judged) -> Result<Report, StepError> {
     let Judged { job, manifest: sweep, summary, results, .. } = judged;
-    let (study, paths, build) = (job.study(), job.layout(), job.command(StepKind::BuildModel));
-    let name = job.model_name();
-    let model: ModelManifest = artefact::require(&paths.model(), &build)?;
-    ensure!(
-        model.has_profile(&paths.model()),
-        "profile.json of the model in {} is not what was written; run `{build}` to make it again",
-        paths.model().display()
-    );
-    let profile = model_files::read_profile(&paths.model())?;
-    let rollouts = rollout::finished(job, &model.content()?)?;
-    let descriptions = Descriptions::of(job, &profile)?;
+    let (study, paths, name) = (job.study(), job.layout(), job.model_name());
+    let learned = Learned::of(job, sweep)?;
+    let model = learned.model.as_ref();
+    let content = model.map(ModelManifest::content).transpose()?;
+    let rollouts = rollout::finished(job, content.as_deref())?;
+    let descriptions = Descriptions::of(job, &learned.profile)?;
     let (shown, mut starts) = match &rollouts {
         Some(rollouts) => rollout_figures(paths, rollouts)?,
         None => (Vec::new(), Vec::new()),
@@ -158,12 +150,12 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
     let grids = starts.iter().flat_map(|own| figures::grids(&[(name, own)]));
     let mut report = Report {
         title: summary.title.clone(),
-        subtitle: Some(subtitle(&profile, &model, judged)),
+        subtitle: Some(subtitle(&learned, judged)),
         predicts: summary.predicts.clone(),
         score: Score::nrmse(),
         decision: None,
         verdicts: judged.rows.clone(),
-        warnings: [summary.notes.clone(), warnings_of_model(study, &model)].concat(),
+        warnings: [summary.notes.clone(), warnings_of_model(study, model)].concat(),
         sensitivities: summary
             .verdicts
             .iter()
@@ -173,9 +165,9 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
         recorded: judged.recorded.clone(),
         rollouts: shown,
         rollout_grids: grids.collect(),
-        jumps: jumps(name, &model, study.sweep.steps),
-        tables: tables(job, &model, rollouts.as_ref())?,
-        data: Some(data_profile(&profile, &model, judged)),
+        jumps: model.map_or_else(Vec::new, |model| jumps(name, model, study.sweep.steps)),
+        tables: tables(job, model, rollouts.as_ref())?,
+        data: Some(data_profile(&learned, judged)),
         reproduction: reproduction(job, &steps(&[study]), sweep)?,
     };
     descriptions.put_into(&mut report);
@@ -183,14 +175,15 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
 }
 
 /// What the reader must know of the model, where the choice follows from it.
-fn warnings_of_model(study: &Study, model: &ModelManifest) -> Vec<String> {
-    if study.evaluate.rule == Rule::LogReplay { Vec::new() } else { build_model::warnings(model) }
+fn warnings_of_model(study: &Study, model: Option<&ModelManifest>) -> Vec<String> {
+    let model = model.filter(|_| study.evaluate.rule != Rule::LogReplay);
+    model.map_or_else(Vec::new, |model| build_model::warnings(model))
 }
 
 /// What the rollouts were like, and the representations that could be used.
 fn tables(
     job: &Job,
-    model: &ModelManifest,
+    model: Option<&ModelManifest>,
     rollouts: Option<&RolloutManifest>,
 ) -> Result<Vec<Table>, StepError> {
     let (study, paths) = (job.study(), job.layout());
@@ -207,7 +200,7 @@ fn tables(
         tables.extend(comparison::report_tables(compared.as_slice())?);
         tables.extend(starts_table(name, rollouts));
     }
-    tables.extend(recurrence::report_table(model));
+    tables.extend(model.and_then(recurrence::report_table));
     tables.extend(representation_table(study, paths));
     Ok(tables)
 }
@@ -242,7 +235,7 @@ pub(crate) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Ta
 
 /// The representations that could be used, if the study has any.
 pub(crate) fn representation_table(study: &Study, paths: &Layout) -> Option<Table> {
-    (study.representation.kind != RepresentationKind::None)
+    (study.has_model() && study.representation.kind != RepresentationKind::None)
         .then(|| artefact::read::<RepresentationManifest>(&paths.representation()))
         .flatten()
         .map(|manifest| represent::report_table(&manifest))

@@ -1,14 +1,17 @@
 //! What the report says about the data.
 
-use calib_data::{ChannelProfile, Profile, format_time};
+use calib_data::{ChannelProfile, format_time};
 use calib_report::{Channel, ChannelStatus, DataProfile};
 
-use crate::{model::model_files::ModelManifest, sweep::SweepFacts, verdict::evaluate::Judged};
+use crate::{
+    sweep::SweepFacts,
+    verdict::{evaluate::Judged, learned::Learned},
+};
 
 /// What was learned from, and what it was judged by.
-pub(crate) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged) -> String {
-    let [first, last] = training_times(profile, model);
-    let learned = format!("Learned from {first} to {last}");
+pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {
+    let [first, last] = learned.times().map(format_time);
+    let period = format!("Learned from {first} to {last}");
     match &judged.manifest.held_out {
         Some(held_out) => {
             let [start, end] = held_out.times.map(format_time);
@@ -16,10 +19,10 @@ pub(crate) fn subtitle(profile: &Profile, model: &ModelManifest, judged: &Judged
             let name = name.map_or_else(String::new, |name| format!("{name}, "));
             let windows = windows(&judged.manifest, held_out.rows);
             format!(
-                "{learned}; judged on {windows} of {name}{start} to {end}, which nothing had learned from."
+                "{period}; judged on {windows} of {name}{start} to {end}, which nothing had learned from."
             )
         }
-        None => format!("{learned}; no data was held out."),
+        None => format!("{period}; no data was held out."),
     }
 }
 
@@ -35,18 +38,9 @@ fn windows(manifest: &SweepFacts, held_out_rows: u64) -> String {
     )
 }
 
-/// Of what the model was built from: agents may be pre-trained on the rest of the training range.
-fn training_times(profile: &Profile, model: &ModelManifest) -> [String; 2] {
-    let train = &profile.train;
-    model.times.unwrap_or([train.start, train.end]).map(format_time)
-}
-
 /// What the data looked like, and what was kept of it.
-pub(crate) fn data_profile(
-    profile: &Profile,
-    model: &ModelManifest,
-    judged: &Judged,
-) -> DataProfile {
+pub(crate) fn data_profile(learned: &Learned, judged: &Judged) -> DataProfile {
+    let profile = &learned.profile;
     let train = &profile.train;
     let fact = |name: &str, number: u64| (name.to_owned(), calib_report::count(number));
     let mut facts = vec![
@@ -62,11 +56,11 @@ pub(crate) fn data_profile(
         fact("missing values filled", profile.channels.iter().map(|channel| channel.imputed).sum()),
     ];
     facts.extend(deployment_facts(judged));
-    let [first, last] = training_times(profile, model);
+    let [first, last] = learned.times().map(format_time);
     DataProfile {
-        rows: model.rows as u64,
-        segments: model.segments as u64,
-        period_secs: model.period.as_secs(),
+        rows: learned.rows as u64,
+        segments: learned.segments as u64,
+        period_secs: learned.period.as_secs(),
         first,
         last,
         facts,

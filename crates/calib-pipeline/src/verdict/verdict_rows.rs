@@ -44,12 +44,15 @@ pub(crate) fn verdict_row(
 ) -> Verdict {
     let candidates = &sweep.candidates;
     let of = |index: usize| setting(&candidates[index]);
-    let selection = &verdict.selection;
+    let selection = verdict.selection.as_ref();
     let streams = |of: &EnvironmentScores| of.streams;
     let of_members: usize = verdict.members.iter().map(streams).sum();
     let of_all = of_members + verdict.log_replay.as_ref().map_or(0, streams);
-    let log = verdict.log_replay.as_ref();
-    let sources = log.map_or(Sources::Members, |_| Sources::MembersAndLog);
+    let sources = match (&verdict.log_replay, selection) {
+        (Some(_), None) => Sources::Log,
+        (Some(_), Some(_)) => Sources::MembersAndLog,
+        (None, _) => Sources::Members,
+    };
     Verdict {
         sensor: verdict.sensor.clone(),
         field: field(candidates),
@@ -66,9 +69,10 @@ pub(crate) fn verdict_row(
             Rule::OneStandardError => Reason::OneStandardError { streams: of_all, sources },
         },
         evidence: told(&verdict.scores),
-        tie_set: selection.tie_set.iter().map(|&tied| of(tied)).collect(),
-        worst_rank: selection.worst_ranks[verdict.chosen],
-        values: selection.worst_ranks.len(),
+        tie_set: selection
+            .map_or_else(Vec::new, |ranks| ranks.tie_set.iter().map(|&tied| of(tied)).collect()),
+        worst_rank: selection.map_or(0, |ranks| ranks.worst_ranks[verdict.chosen]),
+        values: candidates.len(),
         members: verdict.members.len(),
         stability: verdict
             .stability
@@ -258,10 +262,14 @@ pub(crate) fn sensitivity(
         score: Score::nrmse(),
         values: candidates.iter().map(setting).collect(),
         errors,
-        worst_ranks: vec![RankCurve {
-            label: format!("{model}, worst rank"),
-            worst_ranks: verdict.selection.worst_ranks.clone(),
-        }],
+        worst_ranks: verdict
+            .selection
+            .iter()
+            .map(|ranks| RankCurve {
+                label: format!("{model}, worst rank"),
+                worst_ranks: ranks.worst_ranks.clone(),
+            })
+            .collect(),
         chosen: Some(verdict.chosen),
         default: candidates.iter().position(|candidate| candidate.is_default),
         dimensions: dimensions(candidates),
@@ -324,6 +332,7 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
     };
     let whose = match (verdict.rule, &verdict.log_replay) {
         (Rule::LogReplay, Some(_)) => "log replay".to_owned(),
+        _ if verdict.selection.is_none() => "log replay".to_owned(),
         (Rule::MeanLogError, _) | (_, None) => model.to_owned(),
         (_, Some(_)) => format!("{model} and log replay"),
     };

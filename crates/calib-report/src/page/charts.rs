@@ -59,13 +59,15 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
     let two_axes = report.sensitivities.iter().any(Sensitivity::has_two_axes);
     let body = html! {
         p.lead {
-            "How much the choice matters, and whether the models rank settings as held-out data does. "
+            "How much the choice matters, and whether "
+            @if report.has_models() { "the models rank" } @else { "the log ranks" }
+            " settings as held-out data does. "
             @if two_axes {
                 "The two vertical axes measure different things: compare curves by shape and order, not by height."
             }
         }
         (common_caption(common))
-        (help())
+        (help(report))
         @for figure in figures { (figure) }
     };
     Ok(Section { id: "sensitivity", title: "Sensitivity curves", parts, body })
@@ -87,7 +89,7 @@ pub(super) fn common_caption(caption: &str) -> Markup {
 }
 
 /// What can be done with a chart.
-fn help() -> Markup {
+fn help(report: &Report) -> Markup {
     html! {
         details.help.sampled {
             summary { "Using the charts" }
@@ -95,7 +97,7 @@ fn help() -> Markup {
                 li { "Point at a chart to read its values. A click on a name hides or shows a curve." }
                 li {
                     "Drag over a part to zoom in, or hold " kbd { "Ctrl" } " and turn the wheel; a double click shows all again. "
-                    "A zoomed rollout is drawn with every recorded step."
+                    @if report.has_models() { "A zoomed rollout is drawn with every recorded step." }
                 }
                 li {
                     "By keyboard: " kbd { "Tab" } " to a chart, " kbd { "←" } " " kbd { "→" } " read values, "
@@ -191,9 +193,11 @@ impl Sensitivity {
             },
         );
         if self.errors.iter().any(|curve| curve.source == ErrorSource::Evidence) {
-            caption.push_str(
-                " Of a model: the geometric mean over the training runs that it chose by.",
-            );
+            caption.push_str(if self.worst_ranks.is_empty() {
+                " What decides is the geometric mean over the windows of the replayed log."
+            } else {
+                " Of a model: the geometric mean over the training runs that it chose by."
+            });
         }
         if !self.worst_ranks.is_empty() {
             caption.push_str(

@@ -22,7 +22,8 @@ pub(super) fn recorded(report: &Report) -> Result<Section, ReportError> {
     let body = html! {
         p.lead {
             "What the plant showed while it was learned from, and in each deployment. All plots of a sensor have the same \
-             vertical axis. What a deployment shows beyond what was learned from is new to the models."
+             vertical axis. What a deployment shows beyond what was learned from is new to the "
+            @if report.has_models() { "models" } @else { "agents" } "."
         }
         (common_caption(CAPTION))
         @for still in stills { (still) }

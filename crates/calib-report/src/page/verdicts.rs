@@ -201,8 +201,13 @@ fn comparison(report: &Report) -> Table {
         title: "All verdicts".to_owned(),
         caption: format!(
             "Held-out error is the mean {} of the choice over the held-out windows. NRMSE divides by the spread of returns in the training range: 1 is \
-             the error of their mean. Skill compares with another mean, that of each held-out window, which is only known afterwards: 0 is as good as that. Regret is how much worse the choice is than the best setting of each window, with its upper bound over windows. Stability is the share of resamples (of models, runs and windows of this log) that would choose the same setting, or one next to it on the grid. Another log of the same plant agrees less often.",
-            report.score.name
+             the error of their mean. Skill compares with another mean, that of each held-out window, which is only known afterwards: 0 is as good as that. Regret is how much worse the choice is than the best setting of each window, with its upper bound over windows. Stability is the share of resamples (of {}) that would choose the same setting, or one next to it on the grid. Another log of the same plant agrees less often.",
+            report.score.name,
+            if report.has_models() {
+                "models, runs and windows of this log"
+            } else {
+                "windows of this log"
+            }
         ),
         columns: columns.map(ToOwned::to_owned).to_vec(),
         rows: report
@@ -224,7 +229,7 @@ fn parts(report: &Report) -> Option<Table> {
     let columns = ["Sensor", "Model", "Error in the first tenth"].map(ToOwned::to_owned);
     let row = |verdict: &Verdict| -> Vec<Cell> {
         let share = verdict.start_up_share.map_or(Cell::Missing, Cell::Percent);
-        let head = [Cell::Text(verdict.sensor.clone()), Cell::Text(verdict.model.clone()), share];
+        let head = [Cell::Text(verdict.sensor.clone()), model(verdict), share];
         let of_parts = verdict.parts.iter().flat_map(|part| {
             let error = part.error.map_or(Cell::Missing, Cell::Number);
             [Cell::Text(part.chosen.to_string()), error]
@@ -232,14 +237,15 @@ fn parts(report: &Report) -> Option<Table> {
         head.into_iter().chain(of_parts).collect()
     };
     let own = report.verdicts.iter().filter(|verdict| verdict.parts.len() == names.len());
-    Some(Table {
+    let table = Table {
         title: "By part of the run".to_owned(),
         caption: "What calib would choose if errors counted over another part of each run, and the error of this choice over that part of the held-out runs. Error in the first tenth: the share of its squared error that the choice makes while it starts up. An even share is a tenth."
             .to_owned(),
         columns: columns.into_iter().chain(heads).collect(),
         rows: own.map(row).collect(),
         best: None,
-    })
+    };
+    Some(if report.has_models() { table } else { table.without_empty_columns() })
 }
 
 /// What the choices and other ways to choose cost.
@@ -254,15 +260,17 @@ fn alternatives(report: &Report) -> Table {
     ];
     let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
     let row = |verdict: &Verdict| {
-        let names = [verdict.sensor.clone(), verdict.model.clone()].map(Cell::Text);
+        let names = [Cell::Text(verdict.sensor.clone()), model(verdict)];
         let others = ways.iter().map(|&(_, way)| share(verdict.regret_of(way)));
         let costs = [share(verdict.regret())].into_iter().chain(others);
         names.into_iter().chain(costs).chain(agreement(verdict)).collect()
     };
     Table {
         title: "Other ways to choose, and agreement".to_owned(),
-        caption: "The regret on held-out data of the choice, and of what other ways would have chosen. Then how far the model's ranking of all settings agrees with that of held-out data."
-            .to_owned(),
+        caption: format!(
+            "The regret on held-out data of the choice, and of what other ways would have chosen. Then how far {} ranking of all settings agrees with that of held-out data.",
+            if report.has_models() { "the model's" } else { "the log's" }
+        ),
         columns: ["Sensor", "Model", "This choice"]
             .into_iter()
             .chain(ways.map(|(name, _)| name))
@@ -292,6 +300,11 @@ fn correlation(value: Option<f64>) -> Cell {
     value.map_or(Cell::Missing, |value| Cell::Text(format!("{value:.2}")))
 }
 
+/// The model that chose, if there is one: a column without any is left out.
+fn model(verdict: &Verdict) -> Cell {
+    if verdict.has_model() { Cell::Text(verdict.model.clone()) } else { Cell::Missing }
+}
+
 /// The hyperparameter, if all verdicts are about the same.
 fn common_field(verdicts: &[Verdict]) -> Option<&str> {
     let first = &verdicts.first()?.field;
@@ -312,14 +325,18 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
     let same = verdict.stability.iter().find(|(value, _)| *value == verdict.chosen);
     vec![
         Cell::Text(verdict.sensor.clone()),
-        Cell::Text(verdict.model.clone()),
+        model(verdict),
         match choice {
             Choice::Value => Cell::Setting(verdict.chosen.clone()),
             Choice::FieldAndValue => Cell::Text(format!("{} = {}", verdict.field, verdict.chosen)),
         },
         Cell::Text(verdict.grade.word().to_owned()),
         if ties.is_empty() { Cell::Missing } else { Cell::Text(ties.join(", ")) },
-        Cell::Text(format!("{} of {}", verdict.worst_rank, verdict.values)),
+        if verdict.has_model() {
+            Cell::Text(format!("{} of {}", verdict.worst_rank, verdict.values))
+        } else {
+            Cell::Missing
+        },
         online.map_or(Cell::Missing, |online| Cell::Number(online.chosen_error)),
         online.map_or(Cell::Missing, |online| {
             Cell::Text(format!("{} ({})", number(online.best_error), online.best))

@@ -63,6 +63,11 @@ pub struct Report {
 }
 
 impl Report {
+    /// Whether a calibration model had a part in any verdict; else the replayed log decided alone.
+    pub(crate) fn has_models(&self) -> bool {
+        self.verdicts.is_empty() || self.verdicts.iter().any(Verdict::has_model)
+    }
+
     /// The report as one self-contained HTML document: no network, styles, script and figures inline.
     ///
     /// # Errors

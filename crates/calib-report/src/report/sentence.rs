@@ -18,9 +18,6 @@ const STABLE: f64 = 0.8;
 /// Shares that would be written as 100 %.
 const ALL: f64 = 0.995;
 
-/// What is drawn again to see how sure a choice is.
-const EVIDENCE: &str = "its evidence (models, runs and windows of the log)";
-
 impl Verdict {
     /// The verdict in one sentence.
     pub fn headline(&self) -> String {
@@ -144,7 +141,7 @@ impl Verdict {
         let mut reasons = vec![self.reason_sentence()];
         if self.reason == Reason::WorstRank {
             reasons.extend(self.tie_sentence(score));
-        } else {
+        } else if self.has_model() {
             reasons.push(self.worst_rank_sentence());
         }
         reasons.extend(self.stability_sentence());
@@ -194,9 +191,16 @@ impl Verdict {
                 "Chosen for the smallest error, as a geometric mean over {streams} training runs {}.",
                 sources.within(model)
             ),
-            Reason::LogReplay { streams } => format!(
-                "Chosen for the smallest error, as a geometric mean over {streams} windows of the replayed log. {model} did not count."
-            ),
+            Reason::LogReplay { streams } => {
+                let other = if self.has_model() {
+                    format!(" {model} did not count.")
+                } else {
+                    String::new()
+                };
+                format!(
+                    "Chosen for the smallest error, as a geometric mean over {streams} windows of the replayed log.{other}"
+                )
+            }
             Reason::OneStandardError { streams, sources } => {
                 let source = sources.within(model);
                 let default =
@@ -247,18 +251,27 @@ impl Verdict {
         ))
     }
 
+    /// What is drawn again to see how sure a choice is.
+    const fn evidence(&self) -> &'static str {
+        if self.has_model() {
+            "its evidence (models, runs and windows of the log)"
+        } else {
+            "its evidence (windows of the log)"
+        }
+    }
+
     fn stability_sentence(&self) -> Option<String> {
         if self.stability.is_empty() {
             return None;
         }
-        let Self { chosen, .. } = self;
+        let (Self { chosen, .. }, evidence) = (self, self.evidence());
         let own = self.stability.iter().find(|(value, _)| value == chosen);
         let share = own.map_or(0.0, |&(_, share)| share);
         let others = self.stability.iter().filter(|(value, _)| value != chosen).take(2);
         let others: Vec<String> =
             others.map(|(value, share)| format!("{value} in {}", percent(*share))).collect();
         if others.is_empty() {
-            return Some(format!("When calib resamples {EVIDENCE}, {chosen} always wins."));
+            return Some(format!("When calib resamples {evidence}, {chosen} always wins."));
         }
         let when = if share < STABLE { "Not certain: when" } else { "When" };
         let wins = if share >= ALL {
@@ -272,7 +285,7 @@ impl Verdict {
             self.stability_nearby.filter(|_| share < ALL).map_or_else(String::new, |share| {
                 format!(" It or a setting next to it wins in {}.", percent(share))
             });
-        Some(format!("{when} calib resamples {EVIDENCE}, {}.{nearby}", listed(&each)))
+        Some(format!("{when} calib resamples {evidence}, {}.{nearby}", listed(&each)))
     }
 
     fn default_sentence(&self, online: &Agreement) -> Option<String> {

@@ -13,7 +13,7 @@ pub struct Verdict {
     pub sensor: String,
     /// The swept hyperparameter, as in the study file.
     pub field: String,
-    /// The calibration model that chose.
+    /// The calibration model that chose, or "log replay" without one.
     pub model: String,
     /// Its choice.
     pub chosen: Setting,
@@ -25,11 +25,11 @@ pub struct Verdict {
     pub evidence: Told,
     /// All values that share the smallest worst rank, in grid order.
     pub tie_set: Vec<Setting>,
-    /// The worst rank of the choice; 1 = best in every member.
+    /// The worst rank of the choice; 1 = best in every member, 0 without a model.
     pub worst_rank: usize,
     /// Number of values.
     pub values: usize,
-    /// Number of members of the ensemble.
+    /// Number of members of the ensemble; 0 without a model.
     pub members: usize,
     /// What other draws of members, runs and windows of the log choose, with their shares; the most frequent first.
     pub stability: Vec<(Setting, f64)>,
@@ -85,6 +85,8 @@ pub enum Sources {
     Members,
     /// Those of the replayed log as well.
     MembersAndLog,
+    /// Those of the replayed log alone: there is no model.
+    Log,
 }
 
 /// What a choice is the best by.
@@ -209,6 +211,11 @@ pub struct Alternative {
 }
 
 impl Verdict {
+    /// Whether a calibration model had a part in it; else the replayed log decided alone.
+    pub(crate) const fn has_model(&self) -> bool {
+        self.members > 0
+    }
+
     /// Another way to choose.
     pub fn alternative(&self, way: Way) -> Option<&Alternative> {
         self.alternatives.iter().find(|alternative| alternative.way == way)

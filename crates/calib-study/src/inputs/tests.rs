@@ -83,6 +83,22 @@ fn a_network_follows_from_what_its_kind_uses() {
 }
 
 #[test]
+fn without_a_model_nothing_follows_from_the_keys_of_one() {
+    let request = |set: &[&str]| {
+        let set = set.iter().map(|&text| text.to_owned()).collect();
+        Request { set, ..Request::new("s.toml") }
+    };
+    let swept = |text: &str, set: &[&str]| {
+        let job = Job::of_text(request(set), text.to_owned()).expect("valid");
+        job.study().inputs(StepKind::Sweep)
+    };
+    let of_a_model = "[model]\nmembers = 3\n[rollout]\nstart = \"recent\"\n\
+        [sweep]\nmember_runs = 4\n[representation]\nkind = \"laplacian\"\n";
+    assert_eq!(swept(of_a_model, &["model.kind=none"]), swept("[model]\nkind = \"none\"\n", &[]));
+    assert_ne!(swept(of_a_model, &[]), swept("", &[]));
+}
+
+#[test]
 fn a_difference_says_both_values() {
     let told = |text: &str| {
         let all = study(text).differences(StepKind::Sweep, &study(""));

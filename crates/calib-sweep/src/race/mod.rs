@@ -213,7 +213,7 @@ pub fn raced(
             EnvironmentId::Online => {}
         }
     }
-    let streams = Streams { members: members.into_iter().collect(), runs: rounds, windows };
+    let streams = Streams::new(members.into_iter().collect(), rounds, windows);
     let race = Race::new(&streams, values, part, rule)?;
     let left: BTreeMap<&String, Vec<BTreeSet<usize>>> = sensors
         .into_iter()

@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
+use super::STREAMS;
 use crate::EnvironmentId;
 
 /// One run in an environment.
@@ -19,6 +20,13 @@ pub(crate) struct Streams {
 }
 
 impl Streams {
+    /// Of these members, with so many runs in each, and so many windows. Without members there are as many rounds as windows give
+    /// observations.
+    pub(crate) fn new(members: Vec<usize>, runs: usize, windows: usize) -> Self {
+        let runs = if members.is_empty() { windows.div_ceil(STREAMS) } else { runs };
+        Self { members, runs, windows }
+    }
+
     pub(super) fn count(&self) -> usize {
         self.members.len() * self.runs + self.windows
     }
@@ -143,6 +151,19 @@ mod tests {
         assert_eq!(rounds.runs(0), [(member(0), 0), (log, 0)]);
         assert_eq!(rounds.runs(1), [(member(1), 0), (log, 8)]);
         assert_eq!(rounds.runs(2), [(member(2), 0), (log, 4), (member(3), 0), (log, 12)]);
+    }
+
+    #[test]
+    fn without_members_a_round_is_one_observation() {
+        let streams = Streams::new(Vec::new(), usize::MAX, 8);
+        assert_eq!((streams.count(), streams.runs), (8, 3));
+        let rounds = streams.run_by_run();
+        let sizes: Vec<usize> = rounds.numbers().map(|round| rounds.runs(round).len()).collect();
+        assert_eq!(sizes, [3, 3, 2]);
+        assert!(rounds.runs(0).iter().all(|(place, _)| *place == EnvironmentId::LogReplay));
+        assert_eq!(streams.doubling(4).runs(0).len(), 2);
+        assert_eq!(Streams::new(Vec::new(), 0, 0).run_by_run().numbers().count(), 0);
+        assert_eq!(Streams::new(vec![0], 2, 8).runs, 2);
     }
 
     #[test]

@@ -18,14 +18,14 @@ pub struct Dropped {
     pub runs: usize,
     /// Runs that those made which were left.
     pub of_runs: usize,
-    /// Mean error over the members that it made runs in; infinite if it made none.
+    /// Mean error over the members that it made runs in, or on the log where there is no model; infinite if it made none.
     #[serde(with = "infinite")]
     #[schemars(with = "Option<f64>")]
     pub mean_error: f64,
 }
 
 /// The dropped ones among `grid` candidates, best first: those that went on for longer, then those with the lower
-/// error. `mean_errors` is `[members, candidates]`, the members in the order of their numbers.
+/// error. `mean_errors` is `[members, candidates]`, the members in the order of their numbers; of the log alone where there is no model.
 pub(super) fn dropped(
     results: &[&UnitResult],
     grid: usize,
@@ -44,7 +44,11 @@ pub(super) fn dropped(
         .map(|result| result.unit.environment)
         .filter(|of| matches!(of, EnvironmentId::Member(_)))
         .collect();
-    let members: Vec<EnvironmentId> = members.into_iter().collect();
+    let members: Vec<EnvironmentId> = if members.is_empty() {
+        vec![EnvironmentId::LogReplay]
+    } else {
+        members.into_iter().collect()
+    };
     let of_runs = runs.iter().copied().max().unwrap_or(0);
     // A member that it made no run in has no error of it, which is as large as can be there.
     let made_some = |place: usize, candidate: usize| {

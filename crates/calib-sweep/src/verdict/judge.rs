@@ -30,18 +30,18 @@ pub fn verdict(
     let own: Vec<&UnitResult> =
         results.iter().filter(|result| result.unit.sensor == sensor).collect();
     let all = Measured::new(&own, candidates, judging)?;
-    let means = all.members.iter().map(Errors::means).collect::<Result<Vec<_>, _>>()?;
-    let dropped = dropped(&own, candidates.len(), &means);
+    let compared = all.compared().map(Errors::means).collect::<Result<Vec<_>, _>>()?;
+    let dropped = dropped(&own, candidates.len(), &compared);
     let chooser = Chooser {
         dropped: &dropped,
         default: candidates.iter().position(|candidate| candidate.is_default),
         values: candidates.len(),
     };
     let runs = Runs::new(&all)?;
-    let (members, log) = (runs.members.whole(), runs.log.as_ref().map(Nested::whole));
-    let evidence = Evidence { members: &members, log: log.as_ref() };
+    let whole = runs.whole();
+    let evidence = whole.evidence();
     let chosen = chooser.choose(judging.rule, evidence)?;
-    let selection = chooser.selection(evidence)?;
+    let selection = evidence.members.map(|_| chooser.selection(evidence)).transpose()?;
     let windows = runs.online.as_ref().map_or_else(Vec::new, |of| of.whole().means());
     let losses = Losses::new(&windows)?;
     let rule = |rule| -> Result<RuleChoice, SweepError> {
@@ -49,7 +49,7 @@ pub fn verdict(
         Ok(RuleChoice { rule, chosen, regret: losses.regret(chosen) })
     };
     let ranking = chooser.scores(judging.rule, evidence)?;
-    let standing = Standing::of(judging.rule, chosen, &ranking, &selection);
+    let standing = Standing::of(judging.rule, chosen, &ranking, selection.as_ref());
     let truth = Truthful { all: &all, candidates, judging, losses: &losses, dropped: &dropped };
     let truth = all.online.as_ref().map(|online| truth.of(online, chosen, &ranking)).transpose()?;
     // What was dropped cannot be drawn anew: the others would only be found to be firm among themselves.
@@ -70,8 +70,8 @@ pub fn verdict(
     let mut warnings = warnings::all(
         &own,
         candidates,
-        (&selection, judging, chosen, standing),
-        &dropped,
+        (selection.as_ref(), judging, chosen, standing),
+        (&ranking, &dropped),
         truth.as_ref(),
     );
     let measured = (judging.part, chosen);
@@ -85,7 +85,7 @@ pub fn verdict(
         scores: ranking,
         stability_nearby: share_nearby(&stability, candidates, chosen),
         stability,
-        rules: Rule::ALL.into_iter().map(rule).collect::<Result<_, _>>()?,
+        rules: runs.rules().map(rule).collect::<Result<_, _>>()?,
         learning_off,
         parts,
         start_up_share,
@@ -121,6 +121,12 @@ pub(super) struct Measured {
 }
 
 impl Measured {
+    /// Where values are compared with each other: in the members, or on the log where there is no model.
+    fn compared(&self) -> impl Iterator<Item = &Errors> {
+        let log = self.log.iter().filter(|_| self.members.is_empty());
+        self.members.iter().chain(log)
+    }
+
     pub(super) fn new(
         results: &[&UnitResult],
         candidates: &[Candidate],
@@ -143,18 +149,49 @@ impl Measured {
 
 /// The same for resampling: members with their rollouts, windows with their runs.
 pub(super) struct Runs {
-    pub(super) members: Nested,
-    pub(super) log: Option<Nested>,
-    pub(super) online: Option<Nested>,
+    /// None without a model; then there is a log.
+    members: Option<Nested>,
+    log: Option<Nested>,
+    online: Option<Nested>,
 }
 
 impl Runs {
+    /// # Errors
+    /// If there are neither members nor a replayed log.
     pub(super) fn new(all: &Measured) -> Result<Self, StatsError> {
+        let is_without = all.members.is_empty() && all.log.is_some();
+        let of_members = || Nested::new(all.members.iter().flat_map(Errors::units).collect());
         Ok(Self {
-            members: Nested::new(all.members.iter().flat_map(Errors::units).collect())?,
+            members: (!is_without).then(of_members).transpose()?,
             log: all.log.as_ref().map(Errors::nested).transpose()?,
             online: all.online.as_ref().map(Errors::nested).transpose()?,
         })
+    }
+
+    /// All of them, each once.
+    pub(super) fn whole(&self) -> Whole<'_> {
+        Whole {
+            members: self.members.as_ref().map(Nested::whole),
+            log: self.log.as_ref().map(Nested::whole),
+        }
+    }
+
+    /// The rules that can choose from them.
+    fn rules(&self) -> impl Iterator<Item = Rule> {
+        let is_without = self.members.is_none();
+        Rule::ALL.into_iter().filter(move |rule| !is_without || rule.works_without_model())
+    }
+}
+
+/// All runs that a choice is made from.
+pub(super) struct Whole<'a> {
+    members: Option<Drawn<'a>>,
+    log: Option<Drawn<'a>>,
+}
+
+impl<'a> Whole<'a> {
+    pub(super) fn evidence(&self) -> Evidence<'_, 'a> {
+        Evidence { members: self.members.as_ref(), log: self.log.as_ref() }
     }
 }
 
@@ -167,10 +204,11 @@ fn redrawn(
 ) -> Result<ChoiceOfResamples, StatsError> {
     let seed: Seed = judging.seed.child("resamples").child(sensor);
     let mut rng = seed.rng();
-    let inputs: Vec<&Nested> =
-        [Some(&runs.members), runs.log.as_ref()].into_iter().flatten().collect();
+    let inputs: Vec<&Nested> = runs.members.iter().chain(&runs.log).collect();
+    let has_members = runs.members.is_some();
     let choose = |drawn: &[Drawn<'_>]| {
-        let evidence = Evidence { members: &drawn[0], log: drawn.get(1) };
+        let (members, log) = drawn.split_at(usize::from(has_members));
+        let evidence = Evidence { members: members.first(), log: log.first() };
         chooser.choose(judging.rule, evidence).map(Some)
     };
     hierarchical(&inputs, judging.resamples, |below| rng.below(below), choose)

@@ -100,12 +100,13 @@ pub struct SensorVerdict {
     pub stability_nearby: Option<f64>,
     /// What each rule chooses.
     pub rules: Vec<RuleChoice>,
-    /// Ranks over the members, and the worst-rank selection among them.
-    pub selection: Selection,
+    /// Ranks over the members, and the worst-rank selection among them; none without a model.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub selection: Option<Selection>,
     /// Values that were dropped, best first; they rank behind all others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub dropped: Vec<Dropped>,
-    /// Errors in each member, over the runs that were made.
+    /// Errors in each member, over the runs that were made; empty without a model.
     pub members: Vec<EnvironmentScores>,
     /// Errors on replayed training windows.
     pub log_replay: Option<EnvironmentScores>,
@@ -160,12 +161,22 @@ impl SensorVerdict {
 
     /// Whether the evidence prefers any value to another. A single one has none to differ from.
     pub fn prefers_a_value(&self) -> bool {
-        self.scores.len() < 2 || self.scores.windows(2).any(|pair| pair[0] != pair[1])
+        differ(&self.scores)
+    }
+
+    /// Whether the members prefer any value to another, or the replayed log where there is no model.
+    pub fn tells_apart(&self) -> bool {
+        self.selection.as_ref().map_or_else(|| self.prefers_a_value(), told_apart)
     }
 }
 
+/// Whether any of these numbers differs from another. A single one has none to differ from.
+fn differ(scores: &[f64]) -> bool {
+    scores.len() < 2 || scores.windows(2).any(|pair| pair[0] != pair[1])
+}
+
 /// Whether the members prefer any value to another: by worst rank, or at least by mean rank.
-pub fn told_apart(selection: &Selection) -> bool {
+fn told_apart(selection: &Selection) -> bool {
     let ranks: Vec<_> = selection.worst_ranks.iter().zip(&selection.mean_ranks).collect();
     ranks.len() == 1 || ranks.windows(2).any(|pair| pair[0] != pair[1])
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     Judging,
     judge::{Measured, Runs},
-    rule::{Chooser, Evidence},
+    rule::Chooser,
 };
 use crate::{Candidate, EnvironmentId, SweepError, UnitResult};
 
@@ -35,10 +35,7 @@ pub(super) fn choices(
         let judging = Judging { part, ..*judging };
         let Ok(measured) = Measured::new(results, candidates, &judging) else { continue };
         let runs = Runs::new(&measured)?;
-        let members = runs.members.whole();
-        let log = runs.log.as_ref().map(calib_stats::Nested::whole);
-        let evidence = Evidence { members: &members, log: log.as_ref() };
-        let own = chooser.choose(judging.rule, evidence)?;
+        let own = chooser.choose(judging.rule, runs.whole().evidence())?;
         let online = measured.online.as_ref().map(super::errors::Errors::means).transpose()?;
         let error = |candidate: usize| {
             online.as_ref().map(|means| means[candidate]).filter(|error| error.is_finite())

@@ -48,6 +48,19 @@ impl Rule {
         }
     }
 
+    /// Whether it chooses by runs on the replayed log where there is no model, and names what it does. Pooling them with nothing would
+    /// be log replay under another name.
+    pub const fn works_without_model(self) -> bool {
+        match self {
+            Self::LogReplay | Self::OneStandardError => true,
+            Self::WorstRank
+            | Self::MeanRank
+            | Self::MeanError
+            | Self::MeanLogError
+            | Self::Pooled => false,
+        }
+    }
+
     /// Its name in studies and files.
     pub const fn name(self) -> &'static str {
         match self {
@@ -69,8 +82,8 @@ pub(crate) const STREAMS_PER_INDEPENDENT: f64 = 3.0;
 /// What a choice is made from: all runs, or a resample of them.
 #[derive(Clone, Copy)]
 pub(super) struct Evidence<'d, 'a> {
-    /// Members, and rollouts in each.
-    pub(super) members: &'d Drawn<'a>,
+    /// Members, and rollouts in each; none without a model.
+    pub(super) members: Option<&'d Drawn<'a>>,
     /// Windows of the replayed log.
     pub(super) log: Option<&'d Drawn<'a>>,
 }
@@ -84,8 +97,11 @@ pub(super) struct Chooser<'a> {
 
 impl Chooser<'_> {
     /// The worst-rank selection.
+    ///
+    /// # Errors
+    /// If there are no members to rank in.
     pub(super) fn selection(&self, evidence: Evidence<'_, '_>) -> Result<Selection, StatsError> {
-        select_among(&evidence.members.means(), self.dropped)
+        select_among(&evidence.members.map(Drawn::means).unwrap_or_default(), self.dropped)
     }
 
     /// The choice of a rule.
@@ -151,7 +167,7 @@ impl<'a> Evidence<'_, 'a> {
     /// Errors on all streams that count for a rule by logarithms: `[source][stream][value]`.
     fn sources(&self, rule: Rule) -> Vec<Vec<&'a [f64]>> {
         let log = self.log.filter(|_| rule != Rule::MeanLogError);
-        let members = Some(self.members).filter(|_| rule != Rule::LogReplay || log.is_none());
+        let members = self.members.filter(|_| rule != Rule::LogReplay || log.is_none());
         [members, log].into_iter().flatten().map(Drawn::runs).collect()
     }
 }
@@ -180,9 +196,16 @@ pub(super) enum Standing {
 
 impl Standing {
     /// Of the choice of a rule that ranks values by `scores`.
-    pub(super) fn of(rule: Rule, chosen: usize, scores: &[f64], selection: &Selection) -> Self {
-        let error =
-            if rule.is_by_logarithms() { scores[chosen] } else { selection.mean_errors[chosen] };
+    pub(super) fn of(
+        rule: Rule,
+        chosen: usize,
+        scores: &[f64],
+        selection: Option<&Selection>,
+    ) -> Self {
+        let error = match selection {
+            Some(selection) if !rule.is_by_logarithms() => selection.mean_errors[chosen],
+            _ => scores[chosen],
+        };
         if error == f64::INFINITY { Self::Diverged } else { Self::Finite }
     }
 }

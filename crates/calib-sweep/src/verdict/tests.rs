@@ -101,6 +101,68 @@ fn rules_choose_by_their_definitions() {
     assert_eq!(chosen(Rule::LogReplay), 1, "nothing was replayed");
 }
 
+/// Without a model the replayed log is all there is, and nothing is said of ranks in members.
+#[test]
+fn the_log_decides_alone_where_there_is_no_model() {
+    let log = |number, errors| {
+        run(EnvironmentId::LogReplay, number, 9 * u32::try_from(number).expect("small"), errors)
+    };
+    let all = [log(0, [0.2, 0.1, 0.4]), log(1, [0.3, 0.1, 0.4]), log(2, [0.2, 0.3, 0.5])];
+    let with_online = || all.iter().cloned().chain(online()).collect::<Vec<_>>();
+    let judged = judge(Rule::LogReplay, &with_online());
+    assert_eq!((judged.chosen, judged.selection.as_ref(), judged.members.len()), (1, None, 0));
+    let rules: Vec<Rule> = judged.rules.iter().map(|of| of.rule).collect();
+    assert_eq!(rules, [Rule::LogReplay, Rule::OneStandardError]);
+    let shares: f64 = judged.stability.iter().map(|of| of.share).sum();
+    near(shares, 1.0);
+    assert!(
+        judged.stability[0].candidate == 1 && judged.stability.len() > 1,
+        "windows are resampled"
+    );
+    assert!(judged.tells_apart() && judged.truth.is_some());
+    // The same choice as beside a model, which does not count by this rule.
+    let beside =
+        judge(Rule::LogReplay, &members().into_iter().chain(with_online()).collect::<Vec<_>>());
+    assert_eq!((beside.chosen, &beside.scores), (judged.chosen, &judged.scores));
+    assert!(beside.selection.is_some());
+    let text = serde_json::to_string(&judged).expect("JSON");
+    assert!(!text.contains("selection"), "{text}");
+    let read: SensorVerdict = serde_json::from_str(&text).expect("the same");
+    assert_eq!(read.rules, judged.rules);
+    let alike = [log(0, [0.2; 3]), log(1, [0.2; 3])];
+    let alike = judge(Rule::LogReplay, &alike);
+    assert!(!alike.tells_apart());
+    assert!(alike.warnings.iter().any(|of| of.starts_with("all settings tie")), "{alike:?}");
+    for rule in [Rule::WorstRank, Rule::MeanRank, Rule::MeanError] {
+        verdict("A", &candidates(), &all, &judging(rule)).expect_err("there is nothing to rank in");
+    }
+    verdict("A", &candidates(), &online(), &judging(Rule::LogReplay)).expect_err("nothing decides");
+}
+
+#[test]
+fn what_a_race_on_the_log_dropped_is_told_with_its_error_there() {
+    let log = |number: usize| {
+        run(
+            EnvironmentId::LogReplay,
+            number,
+            9 * u32::try_from(number).expect("small"),
+            [0.2, 0.4, 0.3],
+        )
+    };
+    let mut results: Vec<UnitResult> = (0..4).map(log).collect();
+    for result in &mut results[1..] {
+        result.rows.retain(|row| row.candidate != 1);
+    }
+    let verdict = judge(Rule::LogReplay, &results);
+    assert_eq!((verdict.chosen, verdict.dropped.len()), (0, 1));
+    near(verdict.dropped[0].mean_error, 0.4);
+    let told = verdict.warnings.iter().find(|of| of.contains("the race dropped")).expect("told");
+    assert!(
+        told.contains("that the others made, on the log (") && !told.contains("model"),
+        "{told}"
+    );
+}
+
 #[test]
 fn what_a_race_dropped_is_not_chosen() {
     // Value 1 made one run, in a stream that was easy for all; its error there is the smallest of all means.
@@ -261,8 +323,9 @@ fn a_divergence_of_another_windows_choice_excuses_nothing() {
 #[test]
 fn values_that_all_diverge_in_the_evidence_are_not_recommended() {
     // Every value diverges in one window of the log; value 2 in two.
-    let log =
-        |number: usize, errors| run(EnvironmentId::LogReplay, number, 5000 * number as u32, errors);
+    let log = |number: usize, errors| {
+        run(EnvironmentId::LogReplay, number, 5000 * u32::try_from(number).expect("small"), errors)
+    };
     let lost = [[INF, 0.2, INF], [0.1, INF, INF], [0.1, 0.3, 0.2], [0.1, 0.3, 0.2]];
     let results = with(lost.into_iter().enumerate().map(|(number, errors)| log(number, errors)));
     let results: Vec<UnitResult> = results.into_iter().chain(online()).collect();

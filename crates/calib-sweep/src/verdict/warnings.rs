@@ -1,7 +1,7 @@
 use calib_agent::Part;
 use calib_stats::Selection;
 
-use super::{Dropped, Judging, PartChoice, Rule, rule::Standing, told_apart, truth::Truth};
+use super::{Dropped, Judging, PartChoice, Rule, differ, rule::Standing, told_apart, truth::Truth};
 use crate::{Candidate, UnitResult};
 
 /// Fewer scored horizons than this say more about the stretch that was scored than about the value.
@@ -52,8 +52,8 @@ fn are_neighbours(candidates: &[Candidate], a: usize, b: usize) -> bool {
 pub(super) fn all(
     results: &[&UnitResult],
     candidates: &[Candidate],
-    (selection, judging, chosen, standing): (&Selection, &Judging<'_>, usize, Standing),
-    dropped: &[Dropped],
+    (selection, judging, chosen, standing): (Option<&Selection>, &Judging<'_>, usize, Standing),
+    (scores, dropped): (&[f64], &[Dropped]),
     truth: Option<&Truth>,
 ) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -77,11 +77,11 @@ pub(super) fn all(
     if diverged > 0 {
         warnings.push(format!("{diverged} of {} runs diverged; they rank last", rows.len()));
     }
-    if !told_apart(selection) {
+    if !selection.map_or_else(|| differ(scores), told_apart) {
         warnings.push("all settings tie: the evidence shows no clear difference between them; use longer runs (sweep.steps), or settings that differ more".to_owned());
     } else if judging.rule == Rule::WorstRank
         && candidates.len() > 1
-        && selection.tie_set.len() == candidates.len()
+        && selection.is_some_and(|of| of.tie_set.len() == candidates.len())
     {
         warnings.push("all settings tie in worst rank; the mean rank decides".to_owned());
     }
@@ -92,7 +92,8 @@ pub(super) fn all(
         ));
     }
     warnings.extend(truth.and_then(lost_windows));
-    warnings.extend(told_dropped(dropped, candidates));
+    let places = if selection.is_some() { "in the models and on the log" } else { "on the log" };
+    warnings.extend(told_dropped(dropped, candidates, places));
     warnings
 }
 
@@ -124,15 +125,15 @@ fn lost_windows(truth: &Truth) -> Option<String> {
     })
 }
 
-/// What was dropped when, for the reader.
-fn told_dropped(dropped: &[Dropped], candidates: &[Candidate]) -> Option<String> {
+/// What was dropped when, for the reader; runs were made in these `places`.
+fn told_dropped(dropped: &[Dropped], candidates: &[Candidate], places: &str) -> Option<String> {
     let of_runs = dropped.first()?.of_runs;
     let each: Vec<String> = dropped
         .iter()
         .map(|dropped| format!("{} after {}", candidates[dropped.candidate].label(), dropped.runs))
         .collect();
     Some(format!(
-        "the race dropped {} of {} settings before they had made all of the {of_runs} runs that the others made, in the models and on the log ({}): they rank behind all others; held-out data, where there is any, has judged all settings",
+        "the race dropped {} of {} settings before they had made all of the {of_runs} runs that the others made, {places} ({}): they rank behind all others; held-out data, where there is any, has judged all settings",
         dropped.len(),
         candidates.len(),
         each.join("; ")

@@ -22,7 +22,12 @@ use crate::{
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct Deployed {
     pub(crate) sensor: String,
+    /// What chose: a model, or "log replay" without one.
     pub(crate) model: String,
+    /// Whether that is a model.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub(crate) is_by_model: bool,
     /// The choice for each deployment, in the order of time.
     pub(crate) choices: Vec<Choice>,
     /// What the study's rule chooses from the evidence of all deployments together.
@@ -125,6 +130,7 @@ fn of_sensor(sensor: &str, parts: &[&Part]) -> Result<Option<Deployed>, StepErro
     Ok(Some(Deployed {
         sensor: sensor.to_owned(),
         model: parts[0].model_name().to_owned(),
+        is_by_model: parts[0].judged.study().has_model(),
         choices: choices.collect(),
         for_all: label(for_all),
         for_all_values: values(&candidates[for_all]),
@@ -145,14 +151,16 @@ fn largest(regrets: &[Option<f64>]) -> Option<f64> {
 
 fn header(rows: &[Deployed]) -> Vec<String> {
     let deployments = rows[0].choices.iter().map(|choice| choice.deployment.clone());
-    let leading = ["sensor", "model"].map(str::to_owned);
-    leading.into_iter().chain(deployments).chain(["for all".to_owned()]).collect()
+    let model = rows[0].is_by_model.then(|| "model".to_owned());
+    let leading = ["sensor".to_owned()].into_iter().chain(model);
+    leading.chain(deployments).chain(["for all".to_owned()]).collect()
 }
 
 fn row(of: &Deployed) -> Vec<String> {
     let choices = of.choices.iter().map(Choice::text);
-    [of.sensor.clone(), of.model.clone()]
+    [of.sensor.clone()]
         .into_iter()
+        .chain(of.is_by_model.then(|| of.model.clone()))
         .chain(choices)
         .chain([for_all_text(of)])
         .collect()
@@ -208,12 +216,17 @@ pub(crate) fn show(rows: &[Deployed], printer: &Printer) -> Result<(), StepError
 
 /// The same for the report.
 pub(crate) fn report_table(rows: &[Deployed]) -> Option<Table> {
-    rows.first()?;
+    let evidence = if rows.first()?.is_by_model {
+        "from the models of all deployments and the replayed log"
+    } else {
+        "from the replayed log"
+    };
     let cells = |of: &Deployed| row(of).into_iter().map(Cell::Text).collect();
     Some(Table {
         title: "What to deploy".to_owned(),
-        caption: "The choice for each deployment, in brackets its regret on held-out data and its grade. The setting for all is what the study's rule chooses from the models of all deployments and the replayed log, with the largest of its regrets."
-            .to_owned(),
+        caption: format!(
+            "The choice for each deployment, in brackets its regret on held-out data and its grade. The setting for all is what the study's rule chooses {evidence}, with the largest of its regrets."
+        ),
         columns: header(rows),
         rows: rows.iter().map(cells).collect(),
         best: None,
@@ -239,6 +252,7 @@ mod tests {
         Deployed {
             sensor: "PIT300".to_owned(),
             model: "year".to_owned(),
+            is_by_model: true,
             choices,
             for_all: "1e-4".to_owned(),
             for_all_values: Map::new(),
@@ -258,7 +272,12 @@ mod tests {
             deployed(vec![choice("may", "0.1", Some(0.0), Grade::Unchecked)], vec![Some(0.0)]);
         assert_eq!(row(&still)[2..], ["0.1 (not checked)", "1e-4"]);
         assert_eq!(row(&of), ["PIT300", "year", "1e-4 (0 %, good)", "1e-3", "1e-4 (at most 25 %)"]);
+        let alone = Deployed { is_by_model: false, ..of.clone() };
         assert_eq!(header(&[of]), ["sensor", "model", "april", "july", "for all"]);
+        assert_eq!(row(&alone), ["PIT300", "1e-4 (0 %, good)", "1e-3", "1e-4 (at most 25 %)"]);
+        let table = report_table(std::slice::from_ref(&alone)).expect("a row");
+        assert_eq!(table.columns, ["sensor", "april", "july", "for all"]);
+        assert!(!table.caption.contains("model"), "{}", table.caption);
     }
 
     #[test]

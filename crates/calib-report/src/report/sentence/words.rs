@@ -45,6 +45,7 @@ impl Sources {
         match self {
             Self::Members => format!("in {model}"),
             Self::MembersAndLog => format!("in {model} and on the replayed log"),
+            Self::Log => "on the replayed log".to_owned(),
         }
     }
 }
