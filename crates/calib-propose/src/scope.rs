@@ -59,7 +59,7 @@ pub enum Why {
 impl fmt::Display for Why {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Empty => write!(f, "has no value"),
+            Self::Empty => write!(f, "has no numbers: it is empty, or text"),
             Self::Constant => write!(f, "never changes"),
             Self::Total => {
                 write!(f, "a total: it moves one way only, and no state of it comes again")
@@ -226,7 +226,7 @@ mod tests {
         let short = refused(2, "A", wave(40.0));
         assert_eq!(short, ProposeError::TooShort { rows: 2, least: LEAST });
         let empty = refused(640, "holes", Box::new(|_| f64::NAN));
-        assert!(empty.to_string().contains("used: holes has no value"), "{empty}");
+        assert!(empty.to_string().contains("used: holes has no numbers"), "{empty}");
         let seldom = refused(640, "A", Box::new(|row| [f64::NAN, 1.0, 2.0][row % 3]));
         assert!(seldom.to_string().contains("used: A misses 33 % of the rows"), "{seldom}");
     }
@@ -309,6 +309,6 @@ mod tests {
     fn a_log_without_values_is_an_error() {
         let log = sketch(640, &[("A", Box::new(|_| f64::NAN))]);
         let error = Scope::of(&log).expect_err("nothing").to_string();
-        assert!(error.contains("A has no value"), "{error}");
+        assert!(error.contains("A has no numbers"), "{error}");
     }
 }

@@ -62,7 +62,7 @@ pub(crate) fn run(
         format: 2,
         tool: TOOL,
         title: title.unwrap_or_else(stem),
-        choices: evaluate::choices(&verdicts, &sweep.candidates),
+        choices: evaluate::choices(&verdicts, &rows, &sweep.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
         predicts: None,
         plain: rows.iter().map(calib_report::Verdict::plain).collect(),

@@ -109,7 +109,8 @@ impl Drafting<'_> {
             return None;
         }
         let log = Size::states_of_four_windows(horizon.states) / calib_propose::HELD_OUT;
-        let nearer = Size::longest_horizon_of_four_windows(held_out);
+        // The next proposal cuts the log a little differently.
+        let nearer = Size::longest_horizon_of_four_windows(held_out).map(|states| 0.9 * states);
         let nearer = nearer.filter(|states| *states >= 1.0 && *states < horizon.states);
         let shorter = nearer.map_or_else(String::new, |states| {
             format!(", or --horizon {}", argument(states * state_secs))

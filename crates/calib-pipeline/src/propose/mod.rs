@@ -69,6 +69,11 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Outcome
     );
     for (key, instead) in [
         ("data.train_fraction", "it chooses data.train and data.held_out; give these"),
+        ("agent.gamma", "it follows from the horizon; give --horizon"),
+        (
+            "sweep.steps",
+            "it plans the length of runs for --within; change it in the study afterwards",
+        ),
         ("sweep.sensors", "it sizes the study for the sensors of --sensor; name them there"),
     ] {
         ensure!(!gives(args, key), "--set {key} has no effect on `calib init`: {instead}");
@@ -102,7 +107,21 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Outcome
 
 /// Whether `key` was given with `--set`.
 fn gives(args: &ProposeOptions, key: &str) -> bool {
-    args.set.iter().any(|one| one.split_once('=').is_some_and(|(given, _)| given.trim() == key))
+    given(args, key).is_some()
+}
+
+/// What `--set` gives a key, as it was typed.
+fn given<'a>(args: &'a ProposeOptions, key: &str) -> Option<&'a str> {
+    let pairs = args.set.iter().filter_map(|one| one.split_once('='));
+    pairs.filter(|(name, _)| name.trim() == key).map(|(_, value)| value.trim()).next_back()
+}
+
+/// Rows from one state to the next as they were given, of a training range of `rows` rows.
+fn given_spacing(value: &str, rows: usize) -> Result<usize, StepError> {
+    let spacing = value.parse().ok().filter(|spacing| (1..rows).contains(spacing));
+    spacing.with_context(|| {
+        format!("preprocess.subsample is {value}; expected a whole number from 1 to {}, the rows to learn from", rows - 1)
+    })
 }
 
 /// The path of the log as it is written into a study: as it was typed, where that means the same from there.
@@ -215,11 +234,15 @@ fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<Spaced
         drafting.text(spacing, &cut, sensors, horizon, &size, [""; 4])
     };
     let has_model = trials.model == ProposedModel::Ensemble;
-    if has_model && gives(trials.args, "evaluate.rule") {
+    let is_open = !gives(trials.args, "preprocess.subsample");
+    if has_model && is_open && gives(trials.args, "evaluate.rule") {
         let candidates = spacings(sketch, scope, cut.rows[0]);
         return trials.spacing(&candidates, small, sketch.period_secs);
     }
-    let (spacing, why) = spacing_by_log(sketch, scope, cut.rows, trials.args.horizon);
+    let (spacing, why) = match given(trials.args, "preprocess.subsample") {
+        Some(value) => (given_spacing(value, cut.rows[0])?, "as it was given"),
+        None => spacing_by_log(sketch, scope, cut.rows, trials.args.horizon),
+    };
     let why = format!("states {} apart: {why}", span(sketch.period_secs * spacing as f64));
     trials.context.say(&why);
     let cost = trials.cost_of_states(spacing, small(spacing))?;

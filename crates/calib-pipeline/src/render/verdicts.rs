@@ -5,10 +5,11 @@ use crate::{
     base::outcome::Told,
     output::Printer,
     rollouts::comparison,
+    sweep::simple,
     verdict::{
         compare::Compared,
         deployed,
-        evaluate::{self, Judgement, Summary},
+        evaluate::{self, Judgement, SensorChoice, Summary},
         evaluation::Evaluation,
     },
 };
@@ -36,8 +37,17 @@ impl Told for Judgement {
 
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
         show_judgement(self, printer)?;
-        if !printer.is_for_machines() && !printer.is_explaining() {
+        if printer.is_for_machines() {
+            return Ok(());
+        }
+        if !printer.is_explaining() {
             printer.say(&format!("reasons: {} --why", job.command(StepKind::Evaluate)));
+        }
+        if self.summary.choices.iter().any(SensorChoice::is_simple) {
+            printer.say(&format!(
+                "the simple predictors: {}, which calib_rl.agents.SimplePredictor opens in Python",
+                job.layout().sweep().join(simple::FILE).display()
+            ));
         }
         Ok(())
     }

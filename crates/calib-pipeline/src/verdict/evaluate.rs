@@ -68,25 +68,41 @@ pub struct SensorChoice {
     grade: Grade,
     /// What to do: the same as the report says.
     recommendation: Recommendation,
-    /// The simple predictor that the agent is not known to match, if there is one.
+    /// The simple predictor to use instead: one that the agent is not known to match, or the one that it starts from where learning
+    /// on is not shown to help.
     #[serde(skip_serializing_if = "Option::is_none")]
     simple_predictor: Option<SimpleComparison>,
 }
 
-/// The choices of these verdicts, whose numbers count `candidates`.
-pub(crate) fn choices(verdicts: &[SensorVerdict], candidates: &[Candidate]) -> Vec<SensorChoice> {
-    let choice = |verdict: &SensorVerdict| {
+impl SensorChoice {
+    /// Whether a simple predictor is to be used.
+    pub(crate) fn is_simple(&self) -> bool {
+        self.recommendation == Recommendation::UseSimplePredictor
+    }
+}
+
+/// The choices of these verdicts, whose numbers count `candidates`; `rows` are the same verdicts in words.
+pub(crate) fn choices(
+    verdicts: &[SensorVerdict],
+    rows: &[calib_report::Verdict],
+    candidates: &[Candidate],
+) -> Vec<SensorChoice> {
+    let choices = verdicts.iter().zip(rows).map(|(verdict, row)| {
         let candidate = &candidates[verdict.chosen];
+        let instead = |frozen| verdict.simple.iter().find(|simple| simple.predictor == frozen);
         SensorChoice {
             sensor: verdict.sensor.clone(),
             values: candidate.values.iter().cloned().collect(),
             is_default: candidate.is_default,
             grade: verdict.grade,
             recommendation: verdict.recommendation(),
-            simple_predictor: verdict.simpler().cloned(),
+            simple_predictor: verdict
+                .simpler()
+                .or_else(|| row.without_learning().and_then(instead))
+                .cloned(),
         }
-    };
-    verdicts.iter().map(choice).collect()
+    });
+    choices.collect()
 }
 
 /// A finished sweep, and what follows from it.
@@ -226,7 +242,7 @@ pub(crate) fn judge(
         format: 2,
         tool: TOOL,
         title: job.title(),
-        choices: choices(&verdicts, &manifest.candidates),
+        choices: choices(&verdicts, &rows, &manifest.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
         predicts: Some(predicts(study.agent.gamma, profile.sampled_period_secs)),
         plain: rows.iter().map(calib_report::Verdict::plain).collect(),

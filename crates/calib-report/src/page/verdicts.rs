@@ -40,9 +40,15 @@ pub(super) fn verdicts(report: &Report) -> Section {
         } @else {
             (cards(report))
         }
-        @if judged {
+        @let has_costs = |verdict: &Verdict| verdict.has_costs() && !verdict.is_simpler_better();
+        @if judged && report.verdicts.iter().any(has_costs) {
             p.caption {
                 "Regret: how much larger the prediction error on held-out data is than with the best setting of each window. A bar is full at 50 %, and the line in it ends at the 95 % upper bound over windows. Another held-out window: the cost of choosing by one other window of the held-out period."
+            }
+        }
+        @if report.verdicts.iter().any(Verdict::is_simpler_better) {
+            p.caption {
+                "NRMSE: the prediction error on held-out data, divided by the spread of returns in the training range. A bar is full at 1, the error of always predicting their mean. The simple predictor to use was chosen on windows of the log. Another one may have less error here, which nobody knew beforehand."
             }
         }
         @if !warnings.is_empty() {

@@ -2,9 +2,10 @@
 
 use calib_agent::SimplePredictor;
 
-use super::{Agreement, Grade, Told, Verdict};
+use super::{Agreement, Grade, Simpler, Told, Verdict};
 
 const SIMPLER_IS_BETTER: &str = "Simpler is better: no agent needed";
+const UNDECIDED: &str = "Undecided: the agent may be better";
 
 impl Verdict {
     /// Whether a choice that could be used is as good as any other, as far as it was chosen from anything.
@@ -29,6 +30,7 @@ impl Verdict {
             (Some(_), Grade::Unchecked) => "Not checked: no clear difference on held-out data",
             (_, Grade::Good) => "Good: at most 5 % from the best setting",
             (_, Grade::Fair) => "Fair: not shown to be worse than the default",
+            (_, Grade::Simpler) if self.may_beat_simple() => UNDECIDED,
             (_, Grade::Simpler) => SIMPLER_IS_BETTER,
             (_, Grade::Poor) => "Poor: do not rely on it",
             (_, Grade::NotLearnt) if self.left_training().is_some() => {
@@ -40,8 +42,13 @@ impl Verdict {
     }
 
     /// The simple predictor to use although the choice is a good one, because learning on adds nothing to it.
-    pub(super) fn without_learning(&self) -> Option<SimplePredictor> {
+    pub fn without_learning(&self) -> Option<SimplePredictor> {
         self.frozen.filter(|_| matches!(self.grade, Grade::Good | Grade::Fair))
+    }
+
+    /// Whether the agent has less error than the simple predictor to use instead, which could be chance.
+    fn may_beat_simple(&self) -> bool {
+        self.simpler.as_ref().is_some_and(Simpler::may_be_worse)
     }
 
     /// Whether a simple predictor is to be used instead of an agent.

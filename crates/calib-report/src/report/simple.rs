@@ -16,6 +16,9 @@ pub struct SimpleRow {
     pub error: f64,
 }
 
+/// An agent with less than this share of a predictor's error may be worth more windows: as much as what counts as no worse. Our choice.
+const WORTH_MENTIONING: f64 = 0.98;
+
 /// A simple predictor beside the chosen agent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simpler {
@@ -41,6 +44,11 @@ impl Simpler {
         let (share, word) =
             if ratio >= 1.0 { (1.0 - 1.0 / ratio, "less") } else { (1.0 / ratio - 1.0, "more") };
         Some(format!("{} {word} error", percent(share)))
+    }
+
+    /// Whether the agent has less error by more than a rounding, which could be chance.
+    pub(super) fn may_be_worse(&self) -> bool {
+        !self.is_better && self.ratio.is_some_and(|ratio| ratio.value < WORTH_MENTIONING)
     }
 
     /// Typical errors of both.
@@ -85,7 +93,10 @@ impl Simpler {
         let difference = self.difference().unwrap_or_else(|| "less error".to_owned());
         let typical = self.typical();
         let chance = if self.is_better { "" } else { ", which could be chance" };
-        let hint = if self.has_baseline {
+        let hint = if self.may_be_worse() {
+            " More held-out windows would decide: hold out more (data.train_fraction), or use shorter runs (sweep.steps)."
+                .to_owned()
+        } else if self.has_baseline {
             String::new()
         } else {
             let baseline = self.predictor.name();
@@ -108,6 +119,11 @@ impl Verdict {
                 format!("Use {name} for {sensor}, not an agent: it has {difference}.")
             }
             _ if simpler.is_better => format!("Use {name} for {sensor}, not an agent."),
+            _ if simpler.may_be_worse() => {
+                format!(
+                    "Use {name} for {sensor} for now: an agent may do better, but it is not shown."
+                )
+            }
             _ => format!("Use {name} for {sensor}: no agent is shown to do better."),
         }
     }

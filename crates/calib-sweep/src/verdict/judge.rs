@@ -74,14 +74,18 @@ pub fn verdict(
         (&ranking, &dropped),
         truth.as_ref(),
     );
-    let measured = (judging.part, chosen);
-    warnings.extend(warnings::of_parts(candidates, &parts, start_up_share, measured));
+    let grade = Grade::of(standing, truth.as_ref(), &simple, judging.stands_still);
+    // Which part of a run counts is no question where no agent is to be deployed.
+    if matches!(grade, Grade::Good | Grade::Fair | Grade::Unchecked) && learning_off.is_none() {
+        let measured = (judging.part, chosen);
+        warnings.extend(warnings::of_parts(candidates, &parts, start_up_share, measured));
+    }
     Ok(SensorVerdict {
         sensor: sensor.to_owned(),
         part: judging.part,
         rule: judging.rule,
         chosen,
-        grade: Grade::of(standing, truth.as_ref(), &simple, judging.stands_still),
+        grade,
         scores: ranking,
         stability_nearby: share_nearby(&stability, candidates, chosen),
         stability,

@@ -149,10 +149,9 @@ impl SensorVerdict {
             Grade::Poor if default_is_better => Recommendation::KeepDefault,
             Grade::NotLearnt | Grade::Poor => Recommendation::DoNotDeploy,
             _ if !self.prefers_a_value() => Recommendation::KeepDefault,
-            Grade::Good | Grade::Fair
-                if self.learning_off.is_some_and(|default| default != self.chosen) =>
-            {
-                Recommendation::KeepDefault
+            // An agent that learns nothing is the predictor that it starts from.
+            Grade::Good | Grade::Fair if self.learning_off.is_some() => {
+                Recommendation::UseSimplePredictor
             }
             Grade::Good | Grade::Fair => Recommendation::Deploy,
             Grade::Unchecked => Recommendation::NotChecked,

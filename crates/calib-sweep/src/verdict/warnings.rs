@@ -30,13 +30,15 @@ pub(super) fn of_parts(
     let other =
         parts.iter().find(|of| of.part != part && !are_neighbours(candidates, of.chosen, chosen));
     if let Some(other) = other {
-        let name = match other.part {
-            Part::WholeRun => "over whole runs",
-            Part::AfterFirstQuarter => "without the first quarter of each run",
-            Part::FinalQuarter => "over the final quarter of each run",
+        let (name, key) = match other.part {
+            Part::WholeRun => ("over whole runs", "whole_run"),
+            Part::AfterFirstQuarter => {
+                ("without the first quarter of each run", "after_first_quarter")
+            }
+            Part::FinalQuarter => ("over the final quarter of each run", "final_quarter"),
         };
         warnings.push(format!(
-            "scored {name}, the choice would be {}",
+            "scored {name}, the choice would be {}; set sweep.scored = \"{key}\" if that part is what counts at the plant",
             candidates[other.chosen].label()
         ));
     }
@@ -57,6 +59,7 @@ pub(super) fn all(
     truth: Option<&Truth>,
 ) -> Vec<String> {
     let mut warnings = Vec::new();
+    warnings.extend(truth.and_then(few_windows));
     warnings.extend(truth.and_then(|truth| few_horizons(truth, judging.part)));
     let rows: Vec<_> = results.iter().flat_map(|result| &result.rows).collect();
     if rows.iter().any(|row| row.updates == 0 && row.diverged_at.is_none()) {
@@ -95,6 +98,20 @@ pub(super) fn all(
     let places = if selection.is_some() { "in the models and on the log" } else { "on the log" };
     warnings.extend(told_dropped(dropped, candidates, places));
     warnings
+}
+
+/// Hardly any difference can be shown with fewer held-out windows. Our choice.
+const ENOUGH_WINDOWS: usize = 4;
+
+fn few_windows(truth: &Truth) -> Option<String> {
+    let count = truth.windows.len();
+    let windows = if count == 1 { "window" } else { "windows" };
+    (count < ENOUGH_WINDOWS).then(|| {
+        format!(
+            "the held-out data has {count} {windows}, so little tells a difference from chance; hold out more (data.train_fraction), \
+             or use shorter runs (sweep.steps)"
+        )
+    })
 }
 
 fn few_horizons(truth: &Truth, part: Part) -> Option<String> {
