@@ -30,9 +30,10 @@ fn show(checked: &CheckedResults, root: &Path, printer: &Printer) -> Result<(), 
     }
     let damaged = checked.damages.len();
     printer.result(&format!(
-        "{} files in {} are what was written, {} are damaged",
+        "{} files in {} are what was written, {} {} damaged",
         count(checked.files.saturating_sub(damaged)),
         root.display(),
-        count(damaged)
+        count(damaged),
+        if damaged == 1 { "is" } else { "are" }
     ))
 }

@@ -74,24 +74,53 @@ impl Cleaning {
     }
 }
 
+/// Rows of the same time that say different things.
+struct Contradicting {
+    /// Of the channel that has most of them.
+    rows: u64,
+    /// Of all rows.
+    share: f64,
+    /// The channels that have some.
+    names: String,
+}
+
+impl Contradicting {
+    fn of(sketch: &Sketch, scope: &Scope) -> Option<Self> {
+        let found = scope.channels.iter().map(|&channel| &sketch.channels[channel]);
+        let mut found: Vec<&ChannelSketch> = found.filter(|of| of.contradicting > 0).collect();
+        found.sort_by_key(|of| std::cmp::Reverse(of.contradicting));
+        let rows = found.first()?.contradicting;
+        let more = if found.len() > NAMED { " …" } else { "" };
+        let names: Vec<&str> = found.iter().take(NAMED).map(|of| of.name.as_str()).collect();
+        // Rows that were left out are not among those of the sketch.
+        let share = rows as f64 / (sketch.timestamps.len() as u64 + rows) as f64;
+        Some(Self { rows, share, names: format!("{}{more}", names.join(", ")) })
+    }
+
+    /// How many there are, and where.
+    fn told(&self) -> String {
+        let Self { rows, share, names } = self;
+        let percent = 100.0 * share;
+        format!("{rows} rows contradict another of the same time ({percent:.2} %) in {names}")
+    }
+}
+
 /// A few rows of the same time that say different things, as where a clock was set back or recordings overlap, are no reason to have no study; many are a log
 /// that is read wrongly, and stay refused.
 fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<(&'static str, String)> {
-    let found = scope.channels.iter().map(|&channel| &sketch.channels[channel]);
-    let mut found: Vec<&ChannelSketch> = found.filter(|of| of.contradicting > 0).collect();
-    found.sort_by_key(|of| std::cmp::Reverse(of.contradicting));
-    let most = found.first()?.contradicting;
-    let more = if found.len() > NAMED { " …" } else { "" };
-    let names: Vec<&str> = found.iter().take(NAMED).map(|of| of.name.as_str()).collect();
-    let names = names.join(", ");
-    let share = most as f64 / sketch.timestamps.len().max(1) as f64;
-    (share <= FEW_CONTRADICT).then(|| {
-        let percent = 100.0 * share;
-        let why = format!(
-            "{most} rows contradict another of the same time ({percent:.2} %) in {names}{more}, as where a clock was set back or recordings overlap"
-        );
-        ("first", why)
-    })
+    let found = Contradicting::of(sketch, scope).filter(|found| found.share <= FEW_CONTRADICT)?;
+    let why = format!("{}, as where a clock was set back or recordings overlap", found.told());
+    Some(("first", why))
+}
+
+/// What is said where so many rows were left out, because `data.contradictions` was given, that they are hardly a mistake of the
+/// logger.
+pub fn many_left_out(sketch: &Sketch, scope: &Scope) -> Option<String> {
+    let found = Contradicting::of(sketch, scope).filter(|found| found.share > FEW_CONTRADICT)?;
+    Some(format!(
+        "{}, and data.contradictions leaves them out: they may be of several machines, of which data.where chooses one, or of a clock that lost its seconds",
+        found.told()
+    ))
 }
 
 /// The clock that channels are put on which were recorded at times of their own.
@@ -171,11 +200,18 @@ mod tests {
         let (keep, why) = found(&log).expect("a percent");
         assert_eq!(keep, "first");
         assert!(
-            why.starts_with("10 rows contradict another of the same time (1.00 %) in B,"),
+            why.starts_with("10 rows contradict another of the same time (0.99 %) in B,"),
             "{why}"
         );
         log.channels[0].contradicting = 11;
         assert_eq!(found(&log), None, "as many are a table that is read wrongly");
+        let said = many_left_out(&log, &scope).expect("more than a percent");
+        assert!(
+            said.starts_with("11 rows contradict another of the same time (1.09 %) in A, B, and"),
+            "{said}"
+        );
+        log.channels[0].contradicting = 10;
+        assert_eq!(many_left_out(&log, &scope), None);
     }
 
     #[test]

@@ -38,7 +38,7 @@ mod spacing;
 mod written;
 
 pub use agent::{ProposedAgent, Trial, choose_agent};
-pub use cleaning::{Cleaning, Clock};
+pub use cleaning::{Cleaning, Clock, many_left_out};
 pub use cut::{Cut, HELD_OUT};
 pub use draft::{Asked, Draft};
 pub use error::ProposeError;

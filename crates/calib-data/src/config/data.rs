@@ -58,7 +58,11 @@ pub struct DataConfig {
     #[schemars(extend("default" = "error"))]
     pub bad_rows: BadRows,
     /// Only rows that have these values in these columns: `{ turbine = "R80711" }`. Default: all.
-    #[serde(rename = "where", skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(
+        rename = "where",
+        deserialize_with = "values_as_text",
+        skip_serializing_if = "BTreeMap::is_empty"
+    )]
     pub only: BTreeMap<String, String>,
     /// Whether channels are called after their file too: `kitchen temperature`. Default: false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -103,6 +107,25 @@ pub struct DataConfig {
     /// Memory that there is, in bytes: what would take more is refused. `None` where nobody knows.
     #[serde(skip)]
     pub memory: Option<u64>,
+}
+
+/// Values that are written as numbers are the texts that the files have.
+fn values_as_text<'de, D>(deserializer: D) -> Result<BTreeMap<String, String>, D::Error>
+where
+    D: serde::Deserializer<'de>,
+{
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "expected a text or a whole number")]
+    enum Written {
+        Text(String),
+        Number(i64),
+    }
+    let written = BTreeMap::<String, Written>::deserialize(deserializer)?;
+    let as_text = |(column, value)| match value {
+        Written::Text(text) => (column, text),
+        Written::Number(number) => (column, number.to_string()),
+    };
+    Ok(written.into_iter().map(as_text).collect())
 }
 
 /// What a row of the log is.
@@ -407,3 +430,18 @@ impl DataConfig {
 
 /// Periods for which a recorded value stands for what follows it, unless the study says.
 const PERIODS_OF_AGE: i64 = 10;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_of_where_may_be_written_as_a_number() {
+        let read = |text: &str| toml::from_str::<DataConfig>(text);
+        let data = read(r#"where = { PLANT_ID = 4135001, room = "A" }"#).expect("read");
+        assert_eq!(data.only["PLANT_ID"], "4135001");
+        assert_eq!(data.only["room"], "A");
+        let error = read("where = { PLANT_ID = 0.5 }").expect_err("no text");
+        assert!(error.to_string().contains("expected a text or a whole number"), "{error}");
+    }
+}

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use calib_core::Timestamp;
 use calib_files::{TemporaryFolder, check_output, write_output};
 use calib_propose::{
-    Cut, Horizon, ProposedAgent, ProposedModel, Sensors, Size, spacing_by_log, spacings,
+    Cut, Horizon, ProposedAgent, ProposedModel, Sensors, Size, many_left_out, spacing_by_log,
+    spacings,
 };
 use calib_study::{Job, Request};
 use schemars::JsonSchema;
@@ -88,6 +89,11 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Outcome
         context.warn(&format!(
             "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
         ));
+    }
+    if gives(args, "data.contradictions")
+        && let Some(left_out) = many_left_out(&look.sketch, &look.scope)
+    {
+        context.warn(&left_out);
     }
     if let Some(bridged) = bridged(&look) {
         context.warn(&bridged);
