@@ -190,7 +190,7 @@ mod tests {
         }
         assert!(!wind.is_same(0.0, 180.0) && !wind.is_same(359.9, 0.0));
         let shaft = AngleOf { turn: TAU, ..wind };
-        assert!(shaft.is_same(0.0, TAU) && !shaft.is_same(0.0, 6.28));
+        assert!(shaft.is_same(0.0, TAU) && !shaft.is_same(0.0, 6.2));
     }
 
     #[test]

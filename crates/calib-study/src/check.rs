@@ -1,3 +1,4 @@
+use calib_control::ControlConfig;
 use calib_data::AnglePart;
 
 use crate::{
@@ -73,7 +74,7 @@ impl Study {
         named.extend(self.sweep.sensors.iter().map(|name| ("sweep.sensors", name)));
         named.extend(self.sensors.keys().map(|name| ("sensors", name)));
         named.extend(self.preprocess.one_hot.iter().map(|name| ("preprocess.one_hot", name)));
-        let columns = self.control.as_ref().map_or_else(Vec::new, |control| control.columns());
+        let columns = self.control.as_ref().map_or_else(Vec::new, ControlConfig::columns);
         named.extend(columns.iter().map(|name| ("control", name)));
         for (key, name) in named {
             require!(

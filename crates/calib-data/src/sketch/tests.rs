@@ -26,7 +26,8 @@ fn angles_and_totals_that_start_anew_are_told() {
     assert_eq!(turn_of(&|row| (row % 360) as f64 - 180.0), Some(360.0), "a shaft");
     assert_eq!(turn_of(&|row| 180.0 + 180.0 * (row as f64 / 40.0).sin()), None, "a valve");
     assert_eq!(turn_of(&|row| ((row * 7_919 + row * row * 104_729) % 360) as f64), None, "noise");
-    let pump = |row: usize| if row / 50 % 2 == 0 { 0.0 } else { 345.0 + (row % 5) as f64 };
+    let pump =
+        |row: usize| if (row / 50).is_multiple_of(2) { 0.0 } else { 345.0 + (row % 5) as f64 };
     assert_eq!(turn_of(&pump), None, "a pump that is off or at full speed");
     assert_eq!(turn_of(&|row| [0.0, 6.25][row / 50 % 2]), None, "a flow of two levels");
     assert!(changes(|row| (row % 144) as f64 + (row % 7) as f64 / 10.0).restarts);

@@ -266,31 +266,31 @@ fn values_outside_of_a_turn_and_other_turns_are_fine() {
 
 #[test]
 fn the_same_direction_is_no_contradiction_and_another_is_told_once() {
-    let samples = |second: &[(i64, f64)], name: &str| -> Folder {
+    let samples = |second: &[(i64, f64)], is_long: bool| -> Folder {
         let folder = Folder::new();
         let first = [(0, 0.0), (1, -90.0), (2, 10.0), (3, 100.0), (4, 200.0)];
         let all: Vec<(i64, f64)> = first.iter().chain(second).copied().collect();
-        if name.ends_with(".csv") {
+        if is_long {
             let mut text = String::from("time,tag,value\n");
             for (second, wind) in all {
                 let time = format_time(calib_core::Timestamp::from_micros(1_000_000 * second));
                 writeln!(text, "{time},wind,{wind}\n{time},x,{second}").expect("memory");
             }
-            write(&folder, name, &text);
+            write(&folder, "log.csv", &text);
         } else {
             let times = all.iter().map(|sample| sample.0);
             let wind: Vec<f64> = all.iter().map(|sample| sample.1).collect();
             let x: Vec<f64> = all.iter().map(|sample| sample.0 as f64).collect();
-            folder.write(name, &log_at(times, &[("wind", &wind), ("x", &x)]));
+            folder.write("log.parquet", &log_at(times, &[("wind", &wind), ("x", &x)]));
         }
         folder
     };
-    for name in ["log.parquet", "log.csv"] {
-        let same = samples(&[(0, 360.0), (1, 270.0), (2, 370.0)], name);
+    for is_long in [false, true] {
+        let same = samples(&[(0, 360.0), (1, 270.0), (2, 370.0)], is_long);
         let found = profile(&with(&same, &[("wind", 360.0)]));
-        assert_eq!((found.contradictions.count, found.duplicates.conflicting), (0, 0), "{name}");
+        assert_eq!((found.contradictions.count, found.duplicates.conflicting), (0, 0), "{is_long}");
         assert_eq!(profile(&same.data()).contradictions.count, 3, "as numbers they differ");
-        let other = samples(&[(0, 360.0), (2, 190.0)], name);
+        let other = samples(&[(0, 360.0), (2, 190.0)], is_long);
         let mut data = with(&other, &[("wind", 360.0)]);
         let error = told(&data);
         assert!(
