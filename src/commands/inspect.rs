@@ -30,7 +30,8 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
     }
     if let Some(job) = &job {
         for name in calib_pipeline::unknown_sensors(&job.study().sensors, profile) {
-            printer.warn(&format!("[sensors.{name}] describes no channel of the log"));
+            let hint = profile.angle_hint(name).unwrap_or_default();
+            printer.warn(&format!("[sensors.{name}] describes no channel of the log{hint}"));
         }
     }
     let refusal = inspection.refusal();

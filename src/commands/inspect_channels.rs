@@ -1,6 +1,6 @@
 //! What `calib inspect` shows of each channel.
 
-use calib_data::{ChannelProfile, Profile};
+use calib_data::{AngleOf, ChannelProfile, Profile};
 
 use calib_pipeline::{
     Descriptions, Printer, StepError,
@@ -60,9 +60,9 @@ pub(super) fn show_channels(
     Ok(())
 }
 
-/// What in a channel was no number.
+/// Of which angle a channel is, and what in it was no number.
 fn notes(channel: &ChannelProfile) -> String {
-    let mut notes = Vec::new();
+    let mut notes: Vec<String> = channel.angle.iter().map(AngleOf::told).collect();
     if !channel.words.is_empty() {
         let words = channel.words.iter().map(|(word, times)| format!("\"{word}\" x{times}"));
         notes.push(words.collect::<Vec<_>>().join(", "));

@@ -275,6 +275,14 @@ pub enum DataError {
         /// Where the time without rows begins and ends.
         gap: [String; 2],
     },
+    /// An entry of `data.angles` that makes no two channels.
+    #[error("data.angles, {entry:?}: {reason}")]
+    Angle {
+        /// The name or pattern, or the channel that it names.
+        entry: String,
+        /// What was found, and what to do.
+        reason: String,
+    },
     /// A pattern names no channel.
     #[error("data.include has {pattern:?}, which names no channel{hint}")]
     NoSuchPattern {
@@ -382,6 +390,10 @@ impl DataError {
                 hint(name, columns)
             ),
         }
+    }
+
+    pub(crate) fn angle(entry: &str, reason: String) -> Self {
+        Self::Angle { entry: entry.to_owned(), reason }
     }
 
     pub(crate) fn config(key: String, got: String, expected: &'static str) -> Self {

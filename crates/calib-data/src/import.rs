@@ -10,9 +10,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::{
-    BadRowsFound, Contradictions, DataConfig, DataError, Shape,
-    log::{Batch, Codes, Log, Room, SHOWN, log_files},
-    survey::told,
+    BadRowsFound, DataConfig, DataError, Shape,
+    log::{Batch, Codes, Contradicting, Log, Room, log_files},
 };
 
 /// Memory that a row group takes before it is written, in bytes.
@@ -142,16 +141,15 @@ fn spill_columns(
 ) -> Result<Vec<Column>, DataError> {
     let mut columns = Vec::with_capacity(wanted.len());
     let mut batch = Batch::default();
-    let (mut contradicting, mut examples) = (0, Vec::new());
+    let mut repeated: Vec<(usize, u64)> = Vec::new();
+    let mut contradicting: Vec<(usize, Contradicting)> = Vec::new();
     monitor.begin("reading channels", wanted.len() as u64);
     for channels in wanted.chunks(log.batch_size()) {
         let read = log.read(channels, &mut batch, monitor)?;
         for (&channel, values) in channels.iter().zip(read) {
             let name = log.channels[channel].name.clone();
-            let found = std::mem::take(&mut values.contradictions);
-            contradicting += found.count;
-            examples.extend(found.first.into_iter().map(|of| told(&name, &of)));
-            imported.dropped.repeated += values.repeated;
+            contradicting.push((channel, std::mem::take(&mut values.contradictions)));
+            repeated.push((channel, values.repeated));
             if values.not_numbers.non_finite > 0 {
                 imported.non_finite.insert(name.clone(), values.not_numbers.non_finite);
             }
@@ -176,11 +174,9 @@ fn spill_columns(
             columns.push(Column { name, at, labels });
         }
     }
-    if contradicting > 0 && log.keeps() == Contradictions::Refuse {
-        examples.truncate(SHOWN);
-        let cause = log.cause_of_contradictions(monitor)?;
-        return Err(DataError::Contradictions { count: contradicting, examples, cause });
-    }
+    imported.dropped.repeated +=
+        log.by_recorded_name(&repeated).into_iter().map(|(_, times)| times).sum::<u64>();
+    log.refuse_contradictions(&contradicting, monitor)?;
     Ok(columns)
 }
 

@@ -36,6 +36,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod angle;
 mod arrow;
 mod channel;
 mod checksums;
@@ -66,6 +67,7 @@ mod tags;
 mod text;
 mod time;
 
+pub use angle::{AngleOf, AnglePart, angle_hint};
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
 pub use channel::is_same;
 pub use config::{

@@ -5,7 +5,7 @@ use std::{cmp::Ordering, collections::HashMap};
 use calib_core::Monitor;
 
 use crate::{
-    DataError, Missing, PreprocessConfig,
+    DataError, Missing, PreprocessConfig, angle_hint,
     impute::impute,
     log::{Codes, Log},
     names::hint,
@@ -43,8 +43,16 @@ impl Modes {
         let channel = log.channels.iter().position(|channel| channel.name == *name);
         let channel = channel.ok_or_else(|| {
             let names = log.channels.iter().map(|channel| channel.name.as_str());
-            bad(format!("it is not a channel of the log{}", hint(name, names)))
+            let angles = log.channels.iter().filter_map(|channel| channel.angle.as_ref());
+            let hint = angle_hint(name, angles).unwrap_or_else(|| hint(name, names));
+            bad(format!("it is not a channel of the log{hint}"))
         })?;
+        if let Some(angle) = &log.channels[channel].angle {
+            let angle = &angle.channel;
+            return Err(bad(format!(
+                "it is of the angle {angle}, which has no modes; take {angle} out of data.angles, or name another channel"
+            )));
+        }
         if !log.channels[channel].readable {
             let got = &log.channels[channel].type_name;
             return Err(bad(format!("it is of type {got}, expected numbers or text")));

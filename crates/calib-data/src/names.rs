@@ -42,6 +42,14 @@ impl<'a> Names<'a> {
         Some(&self.entries[position])
     }
 
+    /// The first entry that is one of `names` of a channel or matches it, of the first name that has one.
+    pub(crate) fn matching_any<'b>(
+        &self,
+        mut names: impl Iterator<Item = &'b str>,
+    ) -> Option<&'a str> {
+        names.find_map(|name| self.matching(name))
+    }
+
     /// The entries that match none of `channels`.
     pub(crate) fn unused<'b>(
         &self,
@@ -92,10 +100,11 @@ impl<'a> Chosen<'a> {
         Self { include, exclude: Names::new(&data.exclude) }
     }
 
-    /// Whether `channel` is one.
-    pub(crate) fn has(&self, channel: &str) -> bool {
-        let included = self.include.as_ref().is_none_or(|names| names.matching(channel).is_some());
-        included && self.exclude.matching(channel).is_none()
+    /// Whether the channel that has these names is one.
+    pub(crate) fn has<'b>(&self, names: &(impl Iterator<Item = &'b str> + Clone)) -> bool {
+        let is_included = |include: &Names<'_>| include.matching_any(names.clone()).is_some();
+        self.include.as_ref().is_none_or(is_included)
+            && self.exclude.matching_any(names.clone()).is_none()
     }
 }
 

@@ -5,7 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    BadRowsFound, ContradictionCause, DataError, DropReason, Fences, Sentinel, Shape, names::hint,
+    AngleOf, BadRowsFound, ContradictionCause, DataError, DropReason, Fences, Sentinel, Shape,
+    angle_hint, names::hint,
 };
 
 /// Everything worth knowing about a log, and what preprocessing makes of it.
@@ -210,6 +211,9 @@ pub struct ChannelProfile {
     pub name: String,
     /// Its type in the files.
     pub type_name: String,
+    /// The angle of which it is the sine or the cosine, as `data.angles` has it. Default: it is of none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angle: Option<AngleOf>,
     /// What the header of its files says of it. Default: nothing.
     #[serde(default, skip_serializing_if = "Description::is_empty")]
     pub description: Description,
@@ -419,7 +423,14 @@ impl Profile {
     /// log.
     pub fn value_doubts(&self) -> Vec<(&str, String)> {
         let mut doubts = Vec::new();
+        let mut doubted: Vec<&str> = Vec::new();
         for channel in self.kept() {
+            if let Some(angle) = &channel.angle
+                && !doubted.contains(&angle.channel.as_str())
+            {
+                doubted.push(&angle.channel);
+                doubts.extend(angle.doubt().map(|doubt| (channel.name.as_str(), doubt)));
+            }
             let FarOut { spikes, held_out, furthest, .. } = channel.far_out;
             let name = channel.name.as_str();
             let BridgedStops { count, longest_secs, usual_secs } = channel.bridged;
@@ -464,10 +475,22 @@ impl Profile {
     /// If there is none; the message suggests similar names.
     pub fn channel(&self, name: &str) -> Result<&ChannelProfile, DataError> {
         let found = self.channels.iter().find(|channel| channel.name == name);
-        found.ok_or_else(|| DataError::NoSuchSensor {
-            name: name.to_owned(),
-            hint: hint(name, self.channels.iter().map(|channel| channel.name.as_str())),
+        found.ok_or_else(|| {
+            let names = self.channels.iter().map(|channel| channel.name.as_str());
+            let hint = self.angle_hint(name).unwrap_or_else(|| hint(name, names));
+            DataError::NoSuchSensor { name: name.to_owned(), hint }
         })
+    }
+
+    /// What is said to somebody who names the angle `name` where one of its two channels is meant; `None` if it is not one.
+    pub fn angle_hint(&self, name: &str) -> Option<String> {
+        angle_hint(name, self.channels.iter().filter_map(|channel| channel.angle.as_ref()))
+    }
+
+    /// What the files call the channel `name`: of the sine or the cosine of an angle, that of the angle.
+    pub fn recorded_name<'a>(&'a self, name: &'a str) -> &'a str {
+        let of = self.channels.iter().find(|channel| channel.name == name);
+        of.and_then(|channel| channel.angle.as_ref()).map_or(name, |angle| &angle.channel)
     }
 
     /// Check that the channel called `name` is a sensor of the states.

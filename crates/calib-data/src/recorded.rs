@@ -3,11 +3,13 @@
 use calib_core::Monitor;
 
 use crate::{
-    Contradictions, DataError, Surveyed,
-    log::{Batch, SHOWN},
+    DataError, Surveyed, angle_hint,
+    log::{Batch, Contradicting},
     names::hint,
-    survey::told,
 };
+
+/// Columns that are named where one is not there.
+const SHOWN: usize = 3;
 
 impl Surveyed {
     /// The values of these channels in the training rows, one list a channel, `[names][rows]`: as recorded, without treatment, NaN where one is
@@ -32,7 +34,8 @@ impl Surveyed {
         for name in names {
             let found = log.channels.iter().position(|channel| channel.name == *name);
             let Some(channel) = found else {
-                let mut hint = hint(name, all());
+                let angles = log.channels.iter().filter_map(|channel| channel.angle.as_ref());
+                let mut hint = angle_hint(name, angles).unwrap_or_else(|| hint(name, all()));
                 if hint.is_empty() {
                     let some: Vec<&str> = all().take(SHOWN).collect();
                     hint = format!("; give one of its columns, such as {}", some.join(", "));
@@ -49,10 +52,9 @@ impl Surveyed {
         let mut recorded = Vec::with_capacity(names.len());
         let mut batch = Batch::default();
         monitor.begin("reading actions and rewards", channels.len() as u64);
-        let (mut contradicting, mut examples) = (0, Vec::new());
+        let mut contradicting: Vec<(usize, Contradicting)> = Vec::new();
         for some in channels.chunks(log.batch_size()) {
             for (&number, channel) in some.iter().zip(log.read(some, &mut batch, monitor)?) {
-                contradicting += channel.contradictions.count;
                 let name = &log.channels[number].name;
                 let words = &channel.not_numbers.words;
                 if let (true, Some(word)) =
@@ -61,15 +63,11 @@ impl Surveyed {
                     let type_name = format!("text, such as {word:?}");
                     return Err(DataError::NoNumbers { name: name.clone(), type_name });
                 }
-                examples.extend(channel.contradictions.first.iter().map(|of| told(name, of)));
+                contradicting.push((number, channel.contradictions.clone()));
                 recorded.push(starts.iter().map(|&row| channel.values[row as usize]).collect());
             }
         }
-        if contradicting > 0 && log.keeps() == Contradictions::Refuse {
-            examples.truncate(SHOWN);
-            let cause = log.cause_of_contradictions(monitor)?;
-            return Err(DataError::Contradictions { count: contradicting, examples, cause });
-        }
+        log.refuse_contradictions(&contradicting, monitor)?;
         Ok(recorded)
     }
 }

@@ -70,6 +70,11 @@ impl Extremes {
         extremes
     }
 
+    /// The smallest and the largest value; `None` without one.
+    pub(crate) fn range(&self) -> Option<[f64; 2]> {
+        Some([self.low.first()?.0, self.high.first()?.0])
+    }
+
     /// The numbers at its ends that occur often, and how far from the other values they lie, in widths of these.
     fn far(&self) -> Vec<(f64, f64)> {
         if self.distinct.len() < DISTINCT {

@@ -6,13 +6,12 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    BadRowsFound, BridgedStops, Contradictions, ContradictionsFound, DataConfig, DataError,
-    Sentinel, Shape,
+    AngleOf, BadRowsFound, BridgedStops, Contradictions, ContradictionsFound, DataConfig,
+    DataError, Sentinel, Shape,
     channel::{Moments, Movement, is_same},
-    log::{Batch, ChannelValues, Log, SHOWN, Seldom},
+    log::{Batch, Channel, ChannelValues, Contradicting, Log, Seldom},
     outliers::Fences,
     sentinels::{Extremes, sentinels},
-    survey::told,
 };
 
 /// Bins at most that a log is cut into.
@@ -58,6 +57,8 @@ pub struct Sketch {
 pub struct ChannelSketch {
     /// Its name.
     pub name: String,
+    /// The angle of which it is the sine or the cosine, if it is.
+    pub angle: Option<AngleOf>,
     /// The share of the rows of each bin that have a value.
     pub present: Vec<f64>,
     /// Whether it changes within each bin, spikes left aside.
@@ -72,8 +73,8 @@ pub struct ChannelSketch {
     pub even: f64,
     /// Whether nearly all changes go up, and all others far down: a total that starts anew.
     pub restarts: bool,
-    /// Whether it is an angle: it fills a whole turn, and jumps from one end of it to the other.
-    pub wraps: bool,
+    /// A full turn, if it is an angle: it fills the turn, and goes on at one end of it after the other.
+    pub wraps: Option<f64>,
     /// The share of successive rows without a change.
     pub unchanged: f64,
     /// Autocorrelation at each of these distances, in rows: `1 - mean((x[i + lag] - x[i])²) / (2 variance)`, from rows of the same
@@ -106,38 +107,35 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     let thinned = (ALL_THINNED / wanted.len().max(1)).clamp(LEAST_THINNED, THINNED);
     let look = Look { log: &log, bins: &bins, every: rows.div_ceil(thinned).max(1) };
     let mut channels = Vec::with_capacity(wanted.len());
-    let mut examples = Vec::new();
-    let mut extremes = Vec::with_capacity(wanted.len());
+    let mut contradicting: Vec<(usize, Contradicting)> = Vec::new();
+    let mut extremes: Vec<(usize, Extremes)> = Vec::with_capacity(wanted.len());
     let mut batch = Batch::default();
     monitor.begin("looking at channels", wanted.len() as u64);
     for some in wanted.chunks(log.batch_size()) {
         let read = log.look(some, &mut batch, monitor)?;
         for (&channel, values) in some.iter().zip(&*read) {
-            let name = &log.channels[channel].name;
-            let room = SHOWN.saturating_sub(examples.len());
-            let found = values.contradictions.first.iter().take(room);
-            examples.extend(found.map(|of| told(name, of)));
+            extremes.push((channel, values.extremes.clone()));
+            if values.contradictions.count > 0 {
+                contradicting.push((channel, values.contradictions.clone()));
+            }
         }
-        extremes.extend(read.iter().map(|values| values.extremes.clone()));
         let sketched = read
             .par_iter_mut()
             .zip(some)
-            .map(|(values, &channel)| look.channel(log.channels[channel].name.clone(), values));
+            .map(|(values, &channel)| look.channel(&log.channels[channel], values));
         channels.extend(sketched.collect::<Vec<_>>());
     }
-    let count: u64 = channels.iter().map(|of: &ChannelSketch| of.contradicting).sum();
-    if count > 0 && log.keeps() == Contradictions::Refuse {
-        let most_of_channel = channels.iter().map(|of| of.contradicting).max().unwrap_or(0);
+    let found = log.contradictions_of(&contradicting);
+    if found.count > 0 && log.keeps() == Contradictions::Refuse {
         let cause = log.cause_of_contradictions(monitor)?;
-        let found = ContradictionsFound { count, most_of_channel, examples, cause };
+        let found = ContradictionsFound { cause, ..found };
         // Exports that overlap may differ in a few rows.
         if !found.are_few(rows as u64) {
             let ContradictionsFound { count, examples, cause, .. } = found;
             return Err(DataError::Contradictions { count, examples, cause });
         }
     }
-    let names = channels.iter().map(|of| of.name.as_str());
-    let ends: Vec<(&str, &Extremes)> = names.zip(&extremes).collect();
+    let sentinels = sentinels(&log.by_recorded_name(&extremes));
     Ok(Sketch {
         without_times: log.without_times,
         read_as: log.read_as,
@@ -148,7 +146,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         period_secs: log.period.as_secs(),
         timestamps: log.rows.timestamps,
         bins,
-        sentinels: sentinels(&ends),
+        sentinels,
         channels,
     })
 }
@@ -162,9 +160,9 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
-    fn channel(&self, name: String, channel: &mut ChannelValues) -> ChannelSketch {
+    fn channel(&self, of: &Channel, channel: &mut ChannelValues) -> ChannelSketch {
         if let Some(seldom) = &channel.seldom {
-            return self.seldom(name, seldom, channel.contradictions.count);
+            return self.seldom(of, seldom, channel.contradictions.count);
         }
         let values = &mut channel.values;
         let (timestamps, stretches) = (&self.log.rows.timestamps, &self.log.steps.stretches);
@@ -177,7 +175,8 @@ impl Look<'_> {
             rows.clone().filter(is_there).map(move |row| (stretch, row))
         });
         ChannelSketch {
-            name,
+            name: of.name.clone(),
+            angle: of.angle.clone(),
             present: self.bins.iter().map(|bin| present(&values[bin.clone()])).collect(),
             moves: self.bins.iter().map(|bin| moves(&values[bin.clone()])).collect(),
             distinct: movement.distinct,
@@ -201,7 +200,7 @@ impl Look<'_> {
     }
 
     /// The same of a channel that has a value in few rows, by these rows alone.
-    fn seldom(&self, name: String, seldom: &Seldom, contradicting: u64) -> ChannelSketch {
+    fn seldom(&self, of: &Channel, seldom: &Seldom, contradicting: u64) -> ChannelSketch {
         let timestamps = &self.log.rows.timestamps;
         let mut near = seldom.with_neighbours(&self.log.steps.stretches);
         let times: Vec<Timestamp> = near.rows.iter().map(|&row| timestamps[row]).collect();
@@ -231,7 +230,8 @@ impl Look<'_> {
         }
         let share = |bin: &Range<usize>| inside(bin).len() as f64 / bin.len().max(1) as f64;
         ChannelSketch {
-            name,
+            name: of.name.clone(),
+            angle: of.angle.clone(),
             present: self.bins.iter().map(share).collect(),
             moves: self.bins.iter().map(moves).collect(),
             distinct: movement.distinct,
@@ -288,7 +288,7 @@ struct Changes {
     rises: f64,
     even: f64,
     restarts: bool,
-    wraps: bool,
+    wraps: Option<f64>,
 }
 
 /// A total that starts anew rises in this share of its changes, and falls by half of its range in the others.
@@ -299,6 +299,9 @@ const TURN: f64 = 0.95;
 /// So many jumps of more than half a turn are the least that tells one, and most of them lead nearly once around.
 const JUMPS: usize = 5;
 const AROUND: f64 = 0.8;
+/// The short way around of most jumps is at most so many times as long as all but a tenth of the other changes.
+const LONGER: f64 = 2.0;
+const LONG_STEPS: f64 = 0.9;
 
 impl Changes {
     fn of(values: &[f64], stretches: &[Range<usize>], moments: Option<Moments>) -> Self {
@@ -310,7 +313,7 @@ impl Changes {
             changes.extend(moves.map(|pair| pair[1] - pair[0]));
         }
         if changes.is_empty() {
-            return Self { rises: 0.0, even: 0.0, restarts: false, wraps: false };
+            return Self { rises: 0.0, even: 0.0, restarts: false, wraps: None };
         }
         let count = changes.len() as f64;
         let rises = changes.iter().filter(|change| **change > 0.0).count() as f64 / count;
@@ -319,17 +322,33 @@ impl Changes {
         let restarts = rises >= TOTAL_RISES
             && falls().count() >= 2
             && falls().all(|fall| -fall >= TOTAL_FALLS * (high - low));
-        let wraps = turn([low, high]).is_some_and(|turn| {
-            let jumps = || changes.iter().filter(|change| change.abs() > turn / 2.0);
-            let around = jumps().filter(|jump| jump.abs() > AROUND * turn).count();
-            around >= JUMPS && 2 * around > jumps().count()
-        });
+        let wraps = turn([low, high]).filter(|turn| goes_around(&changes, *turn));
         let middle = changes.len() / 2;
         let median = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
         let is_even = |change: &&f64| (**change - median).abs() <= 1e-6 * median.abs();
         let even = changes.iter().filter(is_even).count() as f64 / count;
         Self { rises, even, restarts, wraps }
     }
+}
+
+/// Whether changes are those of an angle: most that are longer than half a turn lead nearly once around, and the short way around they
+/// are no longer than other changes. The last does not hold of a pump that is either off or near its full speed of 360.
+fn goes_around(changes: &[f64], turn: f64) -> bool {
+    let sizes = || changes.iter().map(|change| change.abs());
+    let (jumps, mut steps): (Vec<f64>, Vec<f64>) = sizes().partition(|size| *size > turn / 2.0);
+    let mut short_ways: Vec<f64> = jumps
+        .iter()
+        .filter(|jump| **jump > AROUND * turn)
+        .map(|jump| (turn - jump).abs())
+        .collect();
+    let around = short_ways.len();
+    if around < JUMPS || 2 * around <= jumps.len() || steps.len() < jumps.len() {
+        return false;
+    }
+    let usual = *short_ways.select_nth_unstable_by(around / 2, f64::total_cmp).1;
+    let place = (LONG_STEPS * steps.len() as f64) as usize;
+    let long = *steps.select_nth_unstable_by(place, f64::total_cmp).1;
+    usual <= LONGER * long
 }
 
 /// The turn that a range of values fills, in degrees or radians, from 0 on or around 0.

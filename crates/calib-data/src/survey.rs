@@ -14,13 +14,13 @@ use calib_core::{Bounds, Monitor, Period, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    BridgedStops, ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason, FarOut,
-    Fences, PartProfile, PreprocessConfig, Profile, ValueProfile,
+    AngleOf, BridgedStops, ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason,
+    FarOut, Fences, PartProfile, PreprocessConfig, Profile, ValueProfile,
     channel::{Moments, Movement, is_same},
     describe::describe_rows,
     impute::{clean, impute},
     log::{
-        Batch, ChannelValues, Contradiction, EXAMPLES, Log, Neighbourhood, NotNumbers, SHOWN,
+        Batch, Channel, ChannelValues, Contradicting, EXAMPLES, Log, Neighbourhood, NotNumbers,
         Seldom,
     },
     modes::Modes,
@@ -28,7 +28,6 @@ use crate::{
     sample::Samples,
     select::fit,
     sentinels::{Extremes, sentinels},
-    time::format_time,
 };
 
 /// What the first pass found: everything but the values.
@@ -65,7 +64,7 @@ impl Survey {
     ) -> Result<Self, DataError> {
         preprocess.check()?;
         let log = Log::open(data, monitor)?;
-        let names = || log.channels.iter().map(|channel| channel.name.as_str());
+        let names = || log.channels.iter().flat_map(Channel::names);
         Names::new(&data.include).check(names())?;
         let unused = Names::new(&data.exclude).unused(&names());
         let unused_excludes = unused.into_iter().map(str::to_owned).collect();
@@ -81,9 +80,6 @@ impl Survey {
         };
         let Scanned { channels, sensors, extremes } =
             scan.channels(data, modes.as_ref(), monitor)?;
-        let name = |channel: &usize| log.channels[*channel].name.as_str();
-        let ends: Vec<(&str, &Extremes)> =
-            extremes.iter().map(|(channel, ends)| (name(channel), ends)).collect();
         for &row in modes.iter().flat_map(|modes| &modes.left) {
             scan.dropped_rows[row].store(true, Relaxed);
         }
@@ -127,8 +123,8 @@ impl Survey {
             train: train_profile,
             held_out: held_out_profile,
             unseen_modes: unseen_modes(&log, modes.as_ref()),
-            sentinels: sentinels(&ends),
-            contradictions: contradictions.told(&log, monitor)?,
+            sentinels: sentinels(&log.by_recorded_name(&extremes)),
+            contradictions: told(&log, contradictions, monitor)?,
             ..describe_rows(&log, conflicting)
         };
         Ok(Self { log, stretches, profile, sensors, modes, train, held_out })
@@ -150,7 +146,8 @@ struct Scan<'a> {
     dropped_rows: Vec<AtomicBool>,
     /// Duplicates that contradict the row that is kept.
     conflicts: Vec<AtomicBool>,
-    contradictions: Mutex<Found>,
+    /// By channel.
+    contradictions: Mutex<BTreeMap<usize, Contradicting>>,
 }
 
 /// What a scan found.
@@ -163,32 +160,16 @@ struct Scanned {
     extremes: Vec<(usize, Extremes)>,
 }
 
-/// Contradictions of all channels.
-#[derive(Default)]
-struct Found {
-    count: u64,
-    /// Of one channel at most.
-    most: u64,
-    /// By channel.
-    first: BTreeMap<usize, Vec<Contradiction>>,
-}
-
-/// A contradiction in words.
-pub(crate) fn told(channel: &str, of: &Contradiction) -> String {
-    let at = format_time(Timestamp::from_micros(of.time));
-    format!("at {at} {channel} is {} and {}", of.values[0], of.values[1])
-}
-
-impl Found {
-    fn told(self, log: &Log, monitor: &dyn Monitor) -> Result<ContradictionsFound, DataError> {
-        let told = |(channel, of): (usize, Vec<Contradiction>)| {
-            let name = &log.channels[channel].name;
-            of.iter().map(|of| told(name, of)).collect::<Vec<_>>()
-        };
-        let examples = self.first.into_iter().flat_map(told).take(SHOWN).collect();
-        let cause = if self.count > 0 { log.cause_of_contradictions(monitor)? } else { None };
-        Ok(ContradictionsFound { count: self.count, most_of_channel: self.most, examples, cause })
-    }
+/// The contradictions of a log, and their cause.
+fn told(
+    log: &Log,
+    found: BTreeMap<usize, Contradicting>,
+    monitor: &dyn Monitor,
+) -> Result<ContradictionsFound, DataError> {
+    let found: Vec<(usize, Contradicting)> = found.into_iter().collect();
+    let found = log.contradictions_of(&found);
+    let cause = if found.count > 0 { log.cause_of_contradictions(monitor)? } else { None };
+    Ok(ContradictionsFound { cause, ..found })
 }
 
 impl Scan<'_> {
@@ -204,10 +185,10 @@ impl Scan<'_> {
         for (index, channel) in self.log.channels.iter().enumerate() {
             let dropped = if modes.is_some_and(|modes| modes.channel == index) {
                 Some(DropReason::OneHot)
-            } else if let Some(pattern) = exclude.matching(&channel.name) {
+            } else if let Some(pattern) = exclude.matching_any(channel.names()) {
                 let pattern = pattern.to_owned();
                 Some(DropReason::Excluded { pattern })
-            } else if !data.include.is_empty() && include.matching(&channel.name).is_none() {
+            } else if !data.include.is_empty() && include.matching_any(channel.names()).is_none() {
                 Some(DropReason::NotIncluded)
             } else if channel.readable {
                 to_read.push(index);
@@ -216,22 +197,7 @@ impl Scan<'_> {
                 let type_name = channel.type_name.clone();
                 Some(DropReason::WrongType { type_name })
             };
-            profiles.push(ChannelProfile {
-                name: channel.name.clone(),
-                type_name: channel.type_name.clone(),
-                description: channel.description.clone(),
-                dropped,
-                values: None,
-                missing: 0,
-                missing_fraction: 0.0,
-                non_finite: 0,
-                stood_for_missing: 0,
-                words: Vec::new(),
-                far_out: FarOut::default(),
-                bridged: BridgedStops::default(),
-                imputed: 0,
-                unfilled: 0,
-            });
+            profiles.push(unread(channel, dropped));
         }
         if let Some(modes) = modes {
             profiles[modes.channel].imputed = modes.imputed;
@@ -271,9 +237,7 @@ impl Scan<'_> {
         }
         if channel.contradictions.count > 0 {
             let mut found = self.contradictions.lock().unwrap_or_else(PoisonError::into_inner);
-            found.count += channel.contradictions.count;
-            found.most = found.most.max(channel.contradictions.count);
-            found.first.insert(index, channel.contradictions.first.clone());
+            found.insert(index, channel.contradictions.clone());
         }
         let has_words = !channel.not_numbers.words.is_empty();
         let seldom = channel.seldom.take();
@@ -313,7 +277,10 @@ impl Scan<'_> {
                 },
             );
         }
+        let angle =
+            profile.angle.map(|angle| AngleOf { recorded: channel.extremes.range(), ..angle });
         let profile = ChannelProfile {
+            angle,
             dropped: bounds.as_ref().err().cloned(),
             values: looked.profile,
             missing: looked.missing as u64,
@@ -459,6 +426,27 @@ fn note_held_out(values: &[f64], train: Moments, found: &mut FarOut) {
                 found.furthest = beyond;
             }
         }
+    }
+}
+
+/// The profile of a channel whose values nobody has looked at.
+fn unread(channel: &Channel, dropped: Option<DropReason>) -> ChannelProfile {
+    ChannelProfile {
+        name: channel.name.clone(),
+        type_name: channel.type_name.clone(),
+        angle: channel.angle.clone(),
+        description: channel.description.clone(),
+        dropped,
+        values: None,
+        missing: 0,
+        missing_fraction: 0.0,
+        non_finite: 0,
+        stood_for_missing: 0,
+        words: Vec::new(),
+        far_out: FarOut::default(),
+        bridged: BridgedStops::default(),
+        imputed: 0,
+        unfilled: 0,
     }
 }
 

@@ -1,12 +1,12 @@
 use std::{collections::HashSet, fmt::Write as _, ops::Range};
 
-use calib_data::{Sentinel, Sketch, entry_of};
+use calib_data::{AnglePart, Sentinel, Sketch, entry_of};
 
 use crate::{
-    Cleaning, Clock, Cut, Horizon, ProposedAgent, ProposedModel, Scope, Sensors, Size,
+    Angle, Cleaning, Clock, Cut, Horizon, ProposedAgent, ProposedModel, Scope, Sensors, Size,
     sensors::explained,
     size::LEAST_STEPS,
-    written::{comment, quoted},
+    written::{comment, key, quoted},
 };
 
 /// Steps of a rollout at most: enough to look at.
@@ -35,6 +35,8 @@ pub struct Draft<'a> {
     pub cleaning: &'a Cleaning,
     /// Numbers that stand for a missing value; none where the user named them.
     pub missing_values: &'a [Sentinel],
+    /// Which channels are angles; none where the user named them.
+    pub angles: &'a [Angle],
     /// On which clock, if channels have clocks of their own.
     pub clock: Option<Clock>,
     /// `preprocess.subsample`, and why.
@@ -163,6 +165,29 @@ impl Draft<'_> {
                 text.comment_after(&format!("    {},", quoted(&entry)), &of.why.to_string());
             }
             text.line("]");
+        }
+        self.angles(text);
+    }
+
+    /// A table of their own, in which each has its reason.
+    fn angles(&self, text: &mut Lines) {
+        if self.angles.is_empty() {
+            return;
+        }
+        text.section("data.angles");
+        let channels = self.sketch.channels.iter();
+        let names: HashSet<&str> = channels
+            .map(|channel| channel.angle.as_ref().map_or(&channel.name, |angle| &angle.channel))
+            .map(String::as_str)
+            .collect();
+        for Angle { channel, turn } in self.angles {
+            let entry = entry_of(channel, |name| names.contains(name));
+            let why = format!(
+                "an angle: it fills a turn and goes on at the other end; {} and {} are channels in its place",
+                AnglePart::Sine.channel_of(channel),
+                AnglePart::Cosine.channel_of(channel)
+            );
+            text.key(&key(&entry), &number(*turn), &why);
         }
     }
 
@@ -401,6 +426,7 @@ mod tests {
             path: "logs",
             cleaning: &Cleaning::of(log, &scope),
             missing_values: &[],
+            angles: &[Angle { channel: "wind [°]".to_owned(), turn: 360.0 }],
             clock: None,
             spacing: (spacing, "because"),
             horizon: horizon(log, &sensors.proposed, spacing, 1_000),
@@ -431,6 +457,8 @@ mod tests {
         let read: toml::Table = toml::from_str(&text).expect("TOML");
         assert_eq!(read["data"]["path"].as_str(), Some("logs"));
         assert_eq!(read["data"]["exclude"][0].as_str(), Some("total"));
+        assert_eq!(read["data"]["angles"]["wind [[]°]"].as_integer(), Some(360));
+        assert!(text.contains("; wind [°]_sin and wind [°]_cos are channels"), "{text}");
         assert_eq!(read["sweep"]["sensors"].as_array().map(Vec::len), Some(2));
         assert_eq!(read["preprocess"]["subsample"].as_integer(), Some(2));
         assert_eq!(read["model"]["kind"].as_str(), Some("none"));

@@ -2,6 +2,7 @@
 //! reason in words.
 //!
 //! - [`Scope`]: which part of the log, and which channels of it.
+//! - [`Angle`]: which channels are angles.
 //! - [`Cut`]: the training range and what is held out, by rows.
 //! - [`Cleaning`]: what counts as a gap, and how far values are carried.
 //! - [`spacing_by_log`]: from one state to the next; [`spacings`] are those among which trial models decide where these choose.
@@ -24,6 +25,7 @@
 //! ```
 
 mod agent;
+mod angles;
 mod cleaning;
 mod cut;
 mod draft;
@@ -38,6 +40,7 @@ mod spacing;
 mod written;
 
 pub use agent::{ProposedAgent, Trial, choose_agent};
+pub use angles::Angle;
 pub use cleaning::{Cleaning, Clock, many_left_out};
 pub use cut::{Cut, HELD_OUT};
 pub use draft::{Asked, Draft};

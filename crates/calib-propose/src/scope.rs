@@ -70,7 +70,7 @@ impl fmt::Display for Why {
             }
             Self::Angle => write!(
                 f,
-                "an angle: from 359 to 1 degree is a small step and looks like a large one; a column of its sine and one of its cosine would do"
+                "an angle: from 359 to 1 degree is a small step and looks like a large one; an entry of data.angles reads its sine and its cosine"
             ),
             Self::Missing(share) => write!(f, "misses {:.0} % of the rows", 100.0 * share),
         }
@@ -163,7 +163,7 @@ fn unusable(of: &ChannelSketch) -> Option<Why> {
     if is_same(low, high) {
         return Some(Why::Constant);
     }
-    if of.wraps {
+    if of.wraps.is_some() {
         return Some(Why::Angle);
     }
     let many = of.distinct.is_none_or(|distinct| distinct > FEW);
@@ -208,8 +208,13 @@ fn worth(sketch: &Sketch, usable: &[usize], part: Range<usize>) -> Option<(f64, 
 
 #[cfg(test)]
 mod tests {
+    use calib_data::{AngleOf, AnglePart};
+
     use super::*;
-    use crate::testing::{Channel, sketch, wave};
+    use crate::{
+        Sensors,
+        testing::{Channel, sketch, wave},
+    };
 
     #[test]
     fn a_whole_log_is_taken_whole() {
@@ -255,6 +260,36 @@ mod tests {
             ("dead", Why::Empty),
         ];
         assert_eq!(why, expected);
+    }
+
+    #[test]
+    fn an_angle_is_left_out_and_its_sine_and_cosine_are_not() {
+        let part = |part: AnglePart| {
+            let wind = AngleOf { channel: "wind".to_owned(), turn: 360.0, part, recorded: None };
+            (part.channel_of("wind"), wind)
+        };
+        let mut log = sketch(
+            640,
+            &[
+                ("yaw", wave(40.0)),
+                ("wind_sin", wave(50.0)),
+                ("wind_cos", wave(60.0)),
+                ("T", wave(9.0)),
+            ],
+        );
+        log.channels[0].wraps = Some(360.0);
+        for (channel, side) in
+            log.channels[1..].iter_mut().zip([AnglePart::Sine, AnglePart::Cosine])
+        {
+            let (name, angle) = part(side);
+            assert_eq!(channel.name, name);
+            channel.angle = Some(angle);
+        }
+        let scope = Scope::of(&log).expect("three channels");
+        assert_eq!((scope.channels.clone(), scope.left_out[0].why), (vec![1, 2, 3], Why::Angle));
+        let sensors = Sensors::of(&log, &scope).expect("one sensor");
+        assert_eq!((sensors.proposed, sensors.others), (vec![3], vec![]), "inputs alone");
+        assert!(Scope::with(&log, &[1]).is_ok(), "unless one is asked for");
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub struct Sensors {
 impl Sensors {
     /// Three channels that move throughout, are more than noise from one row to the next, stay in what is held out where they have
     /// been before, are explained by other channels rather than by nothing that is in the log, and are as unlike each other as can be: the first is the one that rests least, each further one has the
-    /// smallest correlation with those before.
+    /// smallest correlation with those before. The sine or the cosine of an angle is none of them.
     ///
     /// # Errors
     /// If no channel moves throughout.
@@ -54,7 +54,9 @@ impl Sensors {
                     bins.iter().filter(|&&bin| of.moves[bin]).count() as f64
                         / bins.len().max(1) as f64
                 };
-                let is_sensor = of.distinct.is_none_or(|distinct| distinct > FEW)
+                // Half of a direction is an input, and nothing that somebody waits for.
+                let is_sensor = of.angle.is_none()
+                    && of.distinct.is_none_or(|distinct| distinct > FEW)
                     && of.unchanged <= RESTS
                     && moving(&bins) >= MOVES
                     && moving(held_out) >= MOVES;

@@ -48,6 +48,7 @@ fn channel(name: &str, of: &Channel, rows: usize, bins: &[Range<usize>]) -> Chan
     let lags = [1, 2, 3, 5, 10, 15, 20, 30, 60, 100, 200, 500, 1_000];
     ChannelSketch {
         name: name.to_owned(),
+        angle: None,
         present: bins
             .iter()
             .map(|bin| {
@@ -74,7 +75,7 @@ fn channel(name: &str, of: &Channel, rows: usize, bins: &[Range<usize>]) -> Chan
             changed.len(),
         ),
         restarts: false,
-        wraps: false,
+        wraps: None,
         unchanged: share(changes.len() - changed.len(), changes.len()),
         autocorrelation: lags
             .into_iter()

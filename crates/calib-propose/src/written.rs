@@ -17,6 +17,16 @@ pub(crate) fn quoted(text: &str) -> String {
     if quoted.contains(breaks_out) { quoted.chars().map(written).collect() } else { quoted }
 }
 
+/// As a key of TOML, on one line, whatever is in it: in quotes, where it needs them.
+pub(crate) fn key(text: &str) -> Cow<'_, str> {
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '_' | '-');
+    if !text.is_empty() && text.chars().all(is_plain) {
+        Cow::Borrowed(text)
+    } else {
+        Cow::Owned(quoted(text))
+    }
+}
+
 /// A comment, which ends where its line does.
 pub(crate) fn comment(text: &str) -> Cow<'_, str> {
     if !text.contains(breaks_out) {
@@ -50,8 +60,16 @@ mod tests {
             .filter_map(char::from_u32)
             .map(|letter| format!("a{letter}b"))
             .collect();
-        let tricks =
-            ["\n[evaluate]\nresamples = 0 #", "\"\"\"\n", "'''\n", "\\", "\\u000a", "a = \"\r\n"];
+        let tricks = [
+            "",
+            "wind-1_a",
+            "\n[evaluate]\nresamples = 0 #",
+            "\"\"\"\n",
+            "'''\n",
+            "\\",
+            "\\u000a",
+            "a = \"\r\n",
+        ];
         texts.extend(tricks.map(str::to_owned));
         for text in texts {
             let line = format!("a = {} # {}", quoted(&text), comment(&text));
@@ -59,6 +77,8 @@ mod tests {
             let read: Table = toml::from_str(&line).expect("TOML");
             assert_eq!(read.len(), 1);
             assert_eq!(read["a"].as_str(), Some(text.as_str()));
+            let read: Table = toml::from_str(&format!("{} = 1", key(&text))).expect("TOML");
+            assert_eq!(read.keys().collect::<Vec<_>>(), [&text]);
         }
     }
 }

@@ -1,3 +1,6 @@
+use calib_control::ControlConfig;
+use calib_data::AnglePart;
+
 use crate::{
     Study,
     error::{Problem, refuse, require},
@@ -62,6 +65,25 @@ impl Study {
             (1..sensors.len()).find(|&place| sensors[..place].contains(&sensors[place]))
         {
             refuse!("sweep.sensors names {} twice; remove one", sensors[twice]);
+        }
+        self.check_angles()
+    }
+
+    /// Refuse names of angles where one of their two channels is meant. What patterns of `data.angles` match is known with the log.
+    fn check_angles(&self) -> Result<(), Problem> {
+        let mut named: Vec<(&str, &String)> = Vec::new();
+        named.extend(self.sweep.sensors.iter().map(|name| ("sweep.sensors", name)));
+        named.extend(self.sensors.keys().map(|name| ("sensors", name)));
+        named.extend(self.preprocess.one_hot.iter().map(|name| ("preprocess.one_hot", name)));
+        let columns = self.control.as_ref().map_or_else(Vec::new, ControlConfig::columns);
+        named.extend(columns.iter().map(|name| ("control", name)));
+        for (key, name) in named {
+            require!(
+                !self.data.angles.contains_key(name),
+                "{key} names {name}, and data.angles makes {} and {} of it: name one of these",
+                AnglePart::Sine.channel_of(name),
+                AnglePart::Cosine.channel_of(name)
+            );
         }
         Ok(())
     }

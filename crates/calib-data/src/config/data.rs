@@ -71,6 +71,9 @@ pub struct DataConfig {
     /// Numbers that stand for a missing value, such as `[-200, -999.9]`, in all channels. Default: none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing_values: Vec<f64>,
+    /// Channels that are angles, as names or glob patterns, each with a full turn in its unit: `{ wind_direction = 360.0 }`. The sine and the cosine are channels in its place, `wind_direction_sin` and `wind_direction_cos`. Default: none.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub angles: BTreeMap<String, f64>,
     /// What happens to rows of the same time with different values of a channel. Default: they are refused.
     #[serde(skip_serializing_if = "Contradictions::are_refused")]
     #[schemars(extend("default" = "refuse"))]
@@ -295,6 +298,7 @@ impl Default for DataConfig {
             only: BTreeMap::new(),
             file_as_prefix: false,
             missing_values: Vec::new(),
+            angles: BTreeMap::new(),
             contradictions: Contradictions::Refuse,
             resample: None,
             max_age_secs: None,
@@ -336,6 +340,11 @@ impl DataConfig {
             return bad("period_secs", secs.to_string(), "a positive number");
         }
         self.check_text()?;
+        let is_turn = |turn: f64| turn > 0.0 && turn.is_finite();
+        if let Some((name, turn)) = self.angles.iter().find(|(_, turn)| !is_turn(**turn)) {
+            let expected = "a positive number: a full turn in the unit of the channel, such as 360 for degrees";
+            return bad(&format!("angles.{name}"), turn.to_string(), expected);
+        }
         if self.resample.is_some() && self.period_secs.is_none() {
             let got = "resample without period_secs".to_owned();
             return bad(

@@ -173,5 +173,7 @@ fn may_name_plants(channel: &Channel) -> bool {
             || PLANT_NAMES.iter().any(|known| name.starts_with(known) || name.ends_with(known))
             || ["no", "nr", "number"].iter().any(|end| name.ends_with(end))
     };
-    channel.readable && (channel.type_name.contains("text") || is_called_so())
+    channel.readable
+        && channel.angle.is_none()
+        && (channel.type_name.contains("text") || is_called_so())
 }

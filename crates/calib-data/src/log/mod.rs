@@ -1,5 +1,6 @@
 //! The log as it lies in its files: rows in time order, channels, ranges.
 
+mod angles;
 mod bad_rows;
 mod cause;
 mod clock;
@@ -29,7 +30,7 @@ mod units;
 mod values;
 
 use std::{
-    collections::{BTreeMap, HashMap},
+    collections::{BTreeMap, HashMap, HashSet},
     ops::Range,
     path::PathBuf,
 };
@@ -37,12 +38,12 @@ use std::{
 use calib_core::{Monitor, Period, Timestamp};
 
 pub use self::{bad_rows::BadRowsFound, cause::ContradictionCause};
-use self::{file::LogFile, resample::Grid, rows::Rows, series::Series, split::Split};
+use self::{file::LogFile, place::SHOWN, resample::Grid, rows::Rows, series::Series, split::Split};
 pub(crate) use self::{
     file::{FieldKind, classify},
     gaps::{Steps, inside},
     known::{TAGS, plain},
-    place::{Contradiction, SHOWN},
+    place::Contradicting,
     read::{Batch, ChannelValues, Codes},
     room::Room,
     rows::{EXAMPLES, NO_TIME},
@@ -51,7 +52,7 @@ pub(crate) use self::{
     values::{LARGEST, NotNumbers},
 };
 use crate::{
-    Contradictions, DataConfig, DataError, Description, Shape,
+    AngleOf, Contradictions, ContradictionsFound, DataConfig, DataError, Description, Shape,
     names::{Chosen, Names},
     time::format_time,
 };
@@ -117,6 +118,10 @@ pub(crate) struct Channel {
     pub(crate) description: Description,
     /// Whether a file has it as numbers or text.
     pub(crate) readable: bool,
+    /// The angle of which it is the sine or the cosine, if it is.
+    pub(crate) angle: Option<AngleOf>,
+    /// Its number among the columns or the tags of the log: the two channels of an angle have one.
+    column: usize,
     /// Its position in each file that has it readable.
     positions: HashMap<usize, usize>,
 }
@@ -135,10 +140,9 @@ impl Log {
     ) -> Result<(Self, Vec<usize>), DataError> {
         let whole = DataConfig { train: None, held_out: None, train_fraction: 1.0, ..data.clone() };
         let log = Self::open(&whole, monitor)?;
-        Names::new(&data.include)
-            .check(log.channels.iter().map(|channel| channel.name.as_str()))?;
+        Names::new(&data.include).check(log.channels.iter().flat_map(Channel::names))?;
         let chosen = Chosen::of(data);
-        let is_wanted = |channel: &Channel| channel.readable && chosen.has(&channel.name);
+        let is_wanted = |channel: &Channel| channel.readable && chosen.has(&channel.names());
         let wanted = (0..log.channels.len()).filter(|&at| is_wanted(&log.channels[at])).collect();
         Ok((log, wanted))
     }
@@ -146,9 +150,58 @@ impl Log {
     /// The channels of neither numbers nor text that the study does not leave out, with their types.
     pub(crate) fn unreadable(&self, data: &DataConfig) -> BTreeMap<String, String> {
         let chosen = Chosen::of(data);
-        let is_missed = |channel: &&Channel| !channel.readable && chosen.has(&channel.name);
+        let is_missed = |channel: &&Channel| !channel.readable && chosen.has(&channel.names());
         let missed = self.channels.iter().filter(is_missed);
         missed.map(|channel| (channel.name.clone(), channel.type_name.clone())).collect()
+    }
+
+    /// What was found in some channels, by the names that the files have: of the two channels of an angle the first counts, because
+    /// what is found in recorded angles is found in both.
+    pub(crate) fn by_recorded_name<'a, T>(
+        &'a self,
+        found: &'a [(usize, T)],
+    ) -> Vec<(&'a str, &'a T)> {
+        let mut named = Vec::with_capacity(found.len());
+        let mut columns = HashSet::new();
+        for (channel, item) in found {
+            let channel = &self.channels[*channel];
+            if columns.insert(channel.column) {
+                named.push((channel.recorded_name(), item));
+            }
+        }
+        named
+    }
+
+    /// The contradictions of some channels, without their cause.
+    pub(crate) fn contradictions_of(
+        &self,
+        found: &[(usize, Contradicting)],
+    ) -> ContradictionsFound {
+        let named = self.by_recorded_name(found);
+        let counts = named.iter().map(|(_, found)| found.count);
+        let told = |(name, found): &(&str, &Contradicting)| -> Vec<String> {
+            found.first.iter().map(|contradiction| contradiction.told(name)).collect()
+        };
+        ContradictionsFound {
+            count: counts.clone().sum(),
+            most_of_channel: counts.max().unwrap_or(0),
+            examples: named.iter().flat_map(told).take(SHOWN).collect(),
+            cause: None,
+        }
+    }
+
+    /// Refuse what contradicts itself in some channels, unless the study says which counts.
+    pub(crate) fn refuse_contradictions(
+        &self,
+        found: &[(usize, Contradicting)],
+        monitor: &dyn Monitor,
+    ) -> Result<(), DataError> {
+        let ContradictionsFound { count, examples, .. } = self.contradictions_of(found);
+        if count == 0 || self.contradictions != Contradictions::Refuse {
+            return Ok(());
+        }
+        let cause = self.cause_of_contradictions(monitor)?;
+        Err(DataError::Contradictions { count, examples, cause })
     }
 
     /// What happens to contradictions.

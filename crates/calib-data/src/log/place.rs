@@ -1,6 +1,8 @@
 //! Samples of one channel, each instant once.
 
-use crate::{Contradictions, channel::is_same, text::Cell};
+use calib_core::Timestamp;
+
+use crate::{AngleOf, Contradictions, channel::is_same, text::Cell, time::format_time};
 
 /// How many contradictions of a log are shown.
 pub(crate) const SHOWN: usize = 3;
@@ -10,6 +12,19 @@ pub(crate) const SHOWN: usize = 3;
 pub(crate) struct Contradiction {
     pub(crate) time: i64,
     pub(crate) values: [f64; 2],
+}
+
+impl Contradiction {
+    /// It in words.
+    pub(crate) fn told(&self, channel: &str) -> String {
+        let at = format_time(Timestamp::from_micros(self.time));
+        format!("at {at} {channel} is {} and {}", self.values[0], self.values[1])
+    }
+}
+
+/// Whether two values of a channel are the same but for rounding: of an angle, if they are the same direction.
+pub(crate) fn agree(one: f64, other: f64, angle: Option<&AngleOf>) -> bool {
+    is_same(one, other) || angle.is_some_and(|angle| angle.is_same(one, other))
 }
 
 /// Values that another one of the same time contradicts.
@@ -43,8 +58,13 @@ pub(crate) struct Placed {
 }
 
 /// Samples in order of time, of which several may have the same: the one that has a value is kept, and of several
-/// values the first or the last.
-pub(crate) fn place(times: &[i64], cells: &[u64], keep: Contradictions) -> Placed {
+/// values the first or the last. They are of `angle`, if they are of one.
+pub(crate) fn place(
+    times: &[i64],
+    cells: &[u64],
+    angle: Option<&AngleOf>,
+    keep: Contradictions,
+) -> Placed {
     let mut placed = Placed::default();
     for (&time, &cell) in times.iter().zip(cells) {
         let (Some(&last), Some(kept)) = (placed.times.last(), placed.cells.last_mut()) else {
@@ -60,7 +80,7 @@ pub(crate) fn place(times: &[i64], cells: &[u64], keep: Contradictions) -> Place
         match (Cell::decode(*kept), Cell::decode(cell)) {
             (_, Cell::Missing) => placed.repeated += 1,
             (before, now) if before == now => placed.repeated += 1,
-            (Cell::Number(before), Cell::Number(now)) if is_same(before, now) => {
+            (Cell::Number(before), Cell::Number(now)) if agree(before, now, angle) => {
                 placed.repeated += 1;
             }
             (Cell::Number(before), Cell::Number(now)) => {
@@ -97,24 +117,40 @@ mod tests {
         let nan = f64::NAN;
         let times = [1, 1, 2, 2, 3, 3, 3];
         let values = cells(&[nan, 5.0, 6.0, 6.0, 7.0, nan, 8.0]);
-        let placed = place(&times, &values, Contradictions::Refuse);
+        let placed = place(&times, &values, None, Contradictions::Refuse);
         assert_eq!((placed.times, placed.cells), (vec![1, 2, 3], cells(&[5.0, 6.0, 7.0])));
         assert_eq!((placed.repeated, placed.contradictions.count), (2, 1));
         assert_eq!(placed.contradictions.first, [Contradiction { time: 3, values: [7.0, 8.0] }]);
-        let last = place(&times, &values, Contradictions::Last);
+        let last = place(&times, &values, None, Contradictions::Last);
         assert_eq!(last.cells, cells(&[5.0, 6.0, 8.0]));
+    }
+
+    #[test]
+    fn the_same_direction_is_no_contradiction() {
+        let wind = AngleOf {
+            channel: "wind".to_owned(),
+            turn: 360.0,
+            part: crate::AnglePart::Cosine,
+            recorded: None,
+        };
+        let cells = [0.0, 360.0, -90.0, 270.0, 10.0, 190.0].map(|of| Cell::Number(of).encode());
+        let placed = |angle| place(&[1, 1, 2, 2, 3, 3], &cells, angle, Contradictions::First);
+        let found = placed(Some(&wind));
+        assert_eq!((found.repeated, found.contradictions.count), (2, 1));
+        assert_eq!(found.contradictions.first[0].values, [10.0, 190.0]);
+        assert_eq!(placed(None).contradictions.count, 3);
     }
 
     #[test]
     fn of_two_words_the_first_or_the_last_is_kept() {
         let words = [3, 3, 4].map(|word| Cell::Word(word).encode());
-        let placed = |keep| place(&[7, 7, 7], &words, keep);
+        let placed = |keep| place(&[7, 7, 7], &words, None, keep);
         let first = placed(Contradictions::First);
         assert_eq!((first.cells, first.repeated), (vec![words[0]], 1));
         assert_eq!((first.contradictions.count, first.words.count), (0, 1));
         assert_eq!(first.words.first, [Contradiction { time: 7, values: [3.0, 4.0] }]);
         assert_eq!(placed(Contradictions::Last).cells, [words[2]]);
         let then_nan = [words[0], Cell::NonFinite.encode()];
-        assert_eq!(place(&[7, 7], &then_nan, Contradictions::Refuse).cells, [words[0]]);
+        assert_eq!(place(&[7, 7], &then_nan, None, Contradictions::Refuse).cells, [words[0]]);
     }
 }

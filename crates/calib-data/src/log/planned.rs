@@ -6,6 +6,7 @@ use calib_core::Period;
 
 use super::{
     BadRowsFound, Channel, FileSummary, Log, Origin,
+    angles::with_angles,
     file::{FieldKind, LogFile},
     gaps,
     open::{Opened, Tables, refuse_pair},
@@ -102,15 +103,17 @@ fn plan_samples(
     let timestamps = if data.resample.is_some() { Vec::new() } else { series.clock(&window)? };
     Room::of(data).require_rows(timestamps.len() as u64, None)?;
     let irregularities = Irregularities { null_timestamps, ..Irregularities::default() };
-    let channel = |tag: &super::series::Tag| Channel {
+    let channel = |(column, tag): (usize, &super::series::Tag)| Channel {
         name: tag.name.clone(),
         type_name: tag.type_name().to_owned(),
         description: Description::default(),
         readable: true,
+        angle: None,
+        column,
         positions: HashMap::new(),
     };
     Ok(Planned {
-        channels: series.tags.iter().map(channel).collect(),
+        channels: series.tags.iter().enumerate().map(channel).collect(),
         rows: Rows::of(timestamps, irregularities),
         origin: Origin::Series(series, window),
         files,
@@ -141,6 +144,7 @@ impl Planned {
             without_times,
             read_as,
         } = self;
+        let channels = with_angles(channels, data)?;
         let (rows, recorded, grid) =
             match data.resample.zip(data.period_secs.and_then(Period::from_secs)) {
                 None => (rows, None, None),
@@ -230,7 +234,7 @@ fn refuse_too_fine(
     data: &DataConfig,
 ) -> Result<(), DataError> {
     let chosen = Chosen::of(data);
-    let is_read = |channel: &&Channel| channel.readable && chosen.has(&channel.name);
+    let is_read = |channel: &&Channel| channel.readable && chosen.has(&channel.names());
     let values = (rows as u64).saturating_mul(channels.iter().filter(is_read).count() as u64);
     if values > MANY && values / 1_000 > samples {
         let period_secs = data.period_secs.unwrap_or_default();
@@ -271,6 +275,8 @@ fn list_channels(files: &[LogFile], times: &[usize], file_as_prefix: bool) -> Ve
                     type_name: field.type_name.clone(),
                     description: field.description.clone(),
                     readable: false,
+                    angle: None,
+                    column: channels.len(),
                     positions: HashMap::new(),
                 });
                 channels.len() - 1

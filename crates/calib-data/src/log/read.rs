@@ -6,9 +6,9 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use super::{
-    Log, Origin,
+    Channel, Log, Origin,
     file::LogFile,
-    place::{Contradicting, Contradiction},
+    place::{Contradicting, Contradiction, agree},
     resample::{Bridged, Grid},
     rows::{LEFT_OUT, RowMap, Rows},
     seldom::Seldom,
@@ -16,9 +16,7 @@ use super::{
     values::{NotNumbers, RawColumn, cells_to_numbers, each_label, to_numbers, with_label},
 };
 use crate::{
-    Contradictions, DataError,
-    channel::is_same,
-    format_time,
+    AngleOf, Contradictions, DataError, format_time,
     sentinels::{Extremes, make_missing, stands_for_missing},
 };
 
@@ -73,13 +71,13 @@ impl ChannelValues {
         self.conflicts.clear();
     }
 
-    /// Rows of the same time become one: the first that has a value gives it.
-    fn settle(&mut self, rows: &Rows, keep: Contradictions) {
+    /// Rows of the same time become one: the first that has a value gives it. Values are of `angle`, if they are of one.
+    fn settle(&mut self, rows: &Rows, angle: Option<&AngleOf>, keep: Contradictions) {
         for (position, (duplicate, &value)) in
             rows.duplicates.iter().zip(&self.duplicates).enumerate()
         {
             let kept = &mut self.values[duplicate.row as usize];
-            if value.is_nan() || is_same(value, *kept) {
+            if value.is_nan() || agree(value, *kept, angle) {
                 continue;
             }
             if kept.is_nan() {
@@ -140,22 +138,26 @@ impl Log {
                 for (position, file) in files.iter().enumerate() {
                     self.read_file(file, position, channels, batch, monitor)?;
                 }
-                batch.par_iter_mut().for_each(|channel| {
-                    channel.settle(rows, self.contradictions);
+                batch.par_iter_mut().zip(channels).try_for_each(|(channel, &number)| {
+                    let angle = self.channels[number].angle.as_ref();
+                    channel.settle(rows, angle, self.contradictions);
                     channel.extremes = Extremes::of(&channel.values);
+                    if let Some(angle) = angle {
+                        take_part(angle, &mut channel.values, &channel.not_numbers)?;
+                    }
                     if let Some(grid) = &self.grid {
                         let (times, values) = self.recorded_values(&channel.values);
                         channel.bridged = grid.bridged(&times);
                         channel.values = grid.values(&times, &values, &self.rows.timestamps);
                     }
-                });
+                    Ok::<(), DataError>(())
+                })?;
             }
             Origin::Series(series, window) => {
                 monitor.check()?;
-                batch
-                    .par_iter_mut()
-                    .zip(channels)
-                    .try_for_each(|(channel, &tag)| self.read_tag(series, tag, window, channel))?;
+                batch.par_iter_mut().zip(channels).try_for_each(|(values, &channel)| {
+                    self.read_tag(series, &self.channels[channel], window, values)
+                })?;
             }
         }
         monitor.advance(channels.len() as u64);
@@ -174,12 +176,13 @@ impl Log {
     fn read_tag(
         &self,
         series: &Series,
-        tag: usize,
+        of: &Channel,
         window: &std::ops::Range<i64>,
         channel: &mut ChannelValues,
     ) -> Result<(), DataError> {
         channel.clear(0, 0);
-        let placed = series.settled(tag, window, self.contradictions)?;
+        let angle = of.angle.as_ref();
+        let placed = series.settled(of.column, window, angle, self.contradictions)?;
         channel.repeated = placed.repeated + placed.contradictions.count + placed.words.count;
         channel.contradictions = placed.contradictions;
         let mut values = vec![f64::NAN; placed.cells.len()];
@@ -187,6 +190,9 @@ impl Log {
         cells_to_numbers(&placed.cells, words, &mut values, &mut channel.not_numbers);
         channel.stood_for_missing = make_missing(&mut values, &self.missing_values);
         channel.extremes = Extremes::of(&values);
+        if let Some(angle) = angle {
+            take_part(angle, &mut values, &channel.not_numbers)?;
+        }
         if let Some(grid) = &self.grid {
             let present = placed.times.iter().zip(&values).filter(|(_, value)| !value.is_nan());
             let (times, values): (Vec<i64>, Vec<f64>) = present.unzip();
@@ -223,31 +229,29 @@ impl Log {
         batch: &mut [ChannelValues],
         monitor: &dyn Monitor,
     ) -> Result<(), DataError> {
-        let present: Vec<(usize, usize)> = channels
-            .iter()
-            .enumerate()
-            .filter_map(|(slot, &channel)| {
-                let position = self.channels[channel].positions.get(&file)?;
-                Some((slot, *position))
-            })
-            .collect();
+        // Columns that are read, each once: the two channels of an angle are of one.
+        let mut fields: Vec<usize> = Vec::with_capacity(channels.len());
+        let mut places: HashMap<usize, usize> = HashMap::with_capacity(channels.len());
+        let place_of = |&channel: &usize| {
+            let field = *self.channels[channel].positions.get(&file)?;
+            Some(*places.entry(field).or_insert_with(|| {
+                fields.push(field);
+                fields.len() - 1
+            }))
+        };
+        let slots: Vec<Option<usize>> = channels.iter().map(place_of).collect();
         let map = &self.recorded().maps[file];
-        if present.is_empty() {
+        if fields.is_empty() {
             return Ok(());
         }
-        let fields: Vec<usize> = present.iter().map(|&(_, field)| field).collect();
         for slice in log_file.slices(&map.needed()) {
             monitor.check()?;
             let columns = log_file.read(&fields, &slice)?;
-            let mut slots: Vec<Option<_>> = vec![None; batch.len()];
-            for (&(slot, _), column) in present.iter().zip(columns) {
-                slots[slot] = Some(column);
-            }
             batch
                 .par_iter_mut()
-                .zip(slots)
-                .try_for_each(|(channel, column)| {
-                    let Some(column) = column else { return Ok(()) };
+                .zip(&slots)
+                .try_for_each(|(channel, slot)| {
+                    let Some(column) = slot.map(|place| &columns[place]) else { return Ok(()) };
                     let ChannelValues {
                         values, duplicates, not_numbers, stood_for_missing, ..
                     } = channel;
@@ -255,13 +259,13 @@ impl Log {
                         RowMap::Contiguous { file, first } => {
                             let start = first + slice.start - file.start;
                             let out = &mut values[start..start + slice.len()];
-                            to_numbers(&column, out, not_numbers)?;
+                            to_numbers(column, out, not_numbers)?;
                             *stood_for_missing += make_missing(out, &self.missing_values);
                             Ok(())
                         }
                         RowMap::Scattered(rows) => {
                             let mut read = vec![f64::NAN; slice.len()];
-                            to_numbers(&column, &mut read, not_numbers)?;
+                            to_numbers(column, &mut read, not_numbers)?;
                             *stood_for_missing += make_missing(&mut read, &self.missing_values);
                             for (&value, &row) in read.iter().zip(&rows[slice.clone()]) {
                                 if row != LEFT_OUT {
@@ -287,6 +291,28 @@ impl Log {
             duplicates[repeats.start + position] = read[all[position].file_row as usize - start];
         }
     }
+}
+
+/// Put the sine or the cosine of each angle in its place.
+///
+/// # Errors
+/// If there are words and no angles.
+fn take_part(
+    angle: &AngleOf,
+    values: &mut [f64],
+    not_numbers: &NotNumbers,
+) -> Result<(), DataError> {
+    let most = not_numbers.words.iter().max_by_key(|(_, count)| **count);
+    if let Some((word, _)) = most
+        && values.iter().all(|value| value.is_nan())
+    {
+        let reason = format!(
+            "it holds text, such as {word:?}, and no numbers; write its angles as numbers, or leave the entry out"
+        );
+        return Err(DataError::angle(&angle.channel, reason));
+    }
+    angle.replace(values);
+    Ok(())
 }
 
 /// The values of a channel as labels.
@@ -359,7 +385,8 @@ impl Log {
                 (times.collect(), codes)
             }
             Origin::Series(series, window) => {
-                let placed = series.settled(channel, window, self.contradictions)?;
+                let tag = self.channels[channel].column;
+                let placed = series.settled(tag, window, None, self.contradictions)?;
                 let words = &series.store.words;
                 self.refuse(channel, &placed.words, |word| words.word(word as u32).to_owned())?;
                 self.refuse(channel, &placed.contradictions, |number| number.to_string())?;

@@ -13,7 +13,7 @@ use super::{
     rows::NO_TIME,
     union::Union,
 };
-use crate::{Contradictions, DataError, text::Cell};
+use crate::{AngleOf, Contradictions, DataError, text::Cell};
 
 /// Samples that wait in memory, all tags together: 64 MB.
 const WAITING: usize = 4 << 20;
@@ -200,15 +200,16 @@ impl Series {
         Ok(clock.into_settled().into_iter().map(Timestamp::from_micros).collect())
     }
 
-    /// The samples of a tag, each instant once.
+    /// The samples of a tag, each instant once. They are of `angle`, if they are of one.
     pub(crate) fn settled(
         &self,
         tag: usize,
         window: &Range<i64>,
+        angle: Option<&AngleOf>,
         keep: Contradictions,
     ) -> Result<Placed, DataError> {
         let (times, cells) = self.samples(tag, window)?;
-        Ok(place(&times, &cells, keep))
+        Ok(place(&times, &cells, angle, keep))
     }
 }
 

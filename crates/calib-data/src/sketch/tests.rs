@@ -11,15 +11,25 @@ fn changes(value: impl Fn(usize) -> f64) -> Changes {
 fn angles_and_totals_that_start_anew_are_told() {
     let wander =
         |row: usize| 300.0 + 90.0 * (row as f64 / 40.0).sin() + 7.0 * (row as f64 * 1.3).sin();
-    assert!(changes(|row| (wander(row) + 3.0 * row as f64 / 10.0).rem_euclid(360.0)).wraps);
+    assert!(
+        changes(|row| (wander(row) + 3.0 * row as f64 / 10.0).rem_euclid(360.0)).wraps
+            == Some(360.0)
+    );
     assert!(
         changes(|row| (row as f64 / 30.0 + (row as f64).sin())
             .sin()
             .atan2((row as f64 / 30.0).cos()))
         .wraps
+            == Some(std::f64::consts::TAU)
     );
-    assert!(!changes(|row| 180.0 + 180.0 * (row as f64 / 40.0).sin()).wraps, "a valve");
-    assert!(!changes(|row| ((row * 7_919 + row * row * 104_729) % 360) as f64).wraps, "noise");
+    let turn_of = |value: &dyn Fn(usize) -> f64| changes(value).wraps;
+    assert_eq!(turn_of(&|row| (row % 360) as f64 - 180.0), Some(360.0), "a shaft");
+    assert_eq!(turn_of(&|row| 180.0 + 180.0 * (row as f64 / 40.0).sin()), None, "a valve");
+    assert_eq!(turn_of(&|row| ((row * 7_919 + row * row * 104_729) % 360) as f64), None, "noise");
+    let pump =
+        |row: usize| if (row / 50).is_multiple_of(2) { 0.0 } else { 345.0 + (row % 5) as f64 };
+    assert_eq!(turn_of(&pump), None, "a pump that is off or at full speed");
+    assert_eq!(turn_of(&|row| [0.0, 6.25][row / 50 % 2]), None, "a flow of two levels");
     assert!(changes(|row| (row % 144) as f64 + (row % 7) as f64 / 10.0).restarts);
     assert!(!changes(|row| (row as f64 / 9.0).sin()).restarts);
 }

@@ -1,5 +1,6 @@
 //! From files to datasets, through the public interface.
 
+mod angles;
 mod checksums;
 mod cleaning;
 mod columns;

@@ -52,6 +52,7 @@ impl Drafting<'_> {
             cut,
             cleaning: &look.cleaning,
             missing_values: &look.sentinels,
+            angles: &look.angles,
             clock: look.clock,
             spacing: (spacing, words[0]),
             sensors,

@@ -1,12 +1,12 @@
 //! What can be seen of a log before anything is tried.
 
 use calib_data::{
-    ChannelSketch, ContradictionCause, DataError, FEW_CONTRADICT, Sentinel, Sketch, format_time,
-    sketch,
+    ChannelSketch, ContradictionCause, DataConfig, DataError, FEW_CONTRADICT, Resample, Sentinel,
+    Sketch, format_time, sketch,
 };
-use calib_propose::{Cleaning, Clock, Cut, Scope, Sensors};
+use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors};
 
-use super::gives;
+use super::{gives, gives_any};
 use crate::{
     Context as _, StepError,
     base::{
@@ -23,6 +23,8 @@ pub(super) struct Look {
     pub(super) sketch: Sketch,
     /// Numbers that were found to stand for a missing value.
     pub(super) sentinels: Vec<Sentinel>,
+    /// Channels that were found to be angles.
+    pub(super) angles: Vec<Angle>,
     pub(super) clock: Option<Clock>,
     pub(super) scope: Scope,
     pub(super) cut: Cut,
@@ -39,7 +41,7 @@ impl Look {
         memory::check_log(&data)?;
         printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
         text_left_alone(&data, printer)?;
-        let (sketched, read) = Taken::by(|| sketch(&data, &printer.progress()));
+        let (sketched, mut read) = Taken::by(|| sketch(&data, &printer.progress()));
         let mut sketch = sketched.map_err(contradicting)?;
         if sketch.without_times {
             printer.warn(&calib_data::without_times(sketch.period_secs, sketch.files));
@@ -64,11 +66,22 @@ impl Look {
             data.missing_values = sentinels.iter().map(|sentinel| sentinel.value).collect();
             sketch = calib_data::sketch(&data, &printer.progress())?;
         }
+        let angles = if gives_any(args, "data.angles") {
+            Vec::new()
+        } else {
+            angles(&data, &sketch, printer)?
+        };
+        if !angles.is_empty() {
+            let turns = angles.iter().map(|angle| (angle.channel.clone(), angle.turn));
+            data.angles = turns.collect();
+            let (sketched, taken) = Taken::by(|| calib_data::sketch(&data, &printer.progress()));
+            (sketch, read) = (sketched?, taken);
+        }
         let clock = if data.resample.is_none() { Clock::of(&sketch) } else { None };
         if let Some(clock) = clock {
             printer
                 .say("channels have clocks of their own: they are put on one, and looked at again");
-            data.resample = Some(calib_data::Resample::Last);
+            data.resample = Some(Resample::Last);
             data.period_secs = Some(data.period_secs.unwrap_or(clock.period_secs));
             data.max_age_secs = Some(clock.max_age_secs);
             sketch = calib_data::sketch(&data, &printer.progress())?;
@@ -94,8 +107,33 @@ impl Look {
             printer.warn(&doubt);
         }
         let cleaning = Cleaning::of(&sketch, &scope);
-        Ok(Self { sketch, sentinels, clock, scope, cut, cleaning, sensors, read })
+        Ok(Self { sketch, sentinels, angles, clock, scope, cut, cleaning, sensors, read })
     }
+}
+
+/// The angles of a log that was sketched, which are said.
+fn angles(
+    data: &DataConfig,
+    sketched: &Sketch,
+    printer: &Printer,
+) -> Result<Vec<Angle>, StepError> {
+    let angles = match data.resample {
+        // A mean of 359 and 1 is 180: such rows do not go around any more.
+        Some(Resample::Mean | Resample::Linear) => {
+            let recorded = DataConfig { resample: Some(Resample::Last), ..data.clone() };
+            Angle::all(&sketch(&recorded, &printer.progress())?)
+        }
+        Some(Resample::Last) | None => Angle::all(sketched),
+    };
+    if !angles.is_empty() {
+        let told =
+            angles.iter().map(|angle| format!("{} (a turn is {})", angle.channel, angle.turn));
+        printer.say(&format!(
+            "angles: {}; their sines and cosines are channels in their place, and the log is looked at again; --set data.angles={{}} leaves angles out",
+            told.collect::<Vec<_>>().join(", ")
+        ));
+    }
+    Ok(angles)
 }
 
 /// Why a log is refused that contradicts itself in more than a few rows.
@@ -133,6 +171,10 @@ fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
         let channel = sketch.channels.iter().position(|channel| channel.name == *name);
         channel.with_context(|| {
             let names = sketch.channels.iter().map(|channel| channel.name.as_str());
+            let angles = sketch.channels.iter().filter_map(|channel| channel.angle.as_ref());
+            if let Some(hint) = calib_data::angle_hint(name, angles) {
+                return format!("--sensor {name}: it is an angle{hint}");
+            }
             format!(
                 "--sensor {name}: the log has no such channel{}; `calib inspect` shows all",
                 calib_data::hint(name, names).trim_end_matches('?')

@@ -5,7 +5,10 @@ mod evidence;
 mod look;
 mod trial;
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use calib_core::Timestamp;
 use calib_files::{TemporaryFolder, check_output, write_output};
@@ -40,6 +43,9 @@ pub(crate) struct Chosen {
     channels: usize,
     /// Those that are not, with the reason.
     left_out: Vec<[String; 2]>,
+    /// Channels that are angles, each with a full turn in its unit: their sines and cosines are used. Default: none.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    angles: BTreeMap<String, f64>,
     /// First moment of the training range, and the first after it.
     train: [Timestamp; 2],
     /// Of what is held out.
@@ -128,6 +134,13 @@ fn given_spacing(value: &str, rows: usize) -> Result<usize, StepError> {
     spacing.with_context(|| {
         format!("preprocess.subsample is {value}; expected a whole number from 1 to {}, the rows to learn from", rows - 1)
     })
+}
+
+/// Whether `key` was given with `--set`, or a key of the table that it is.
+fn gives_any(args: &ProposeOptions, key: &str) -> bool {
+    let keys = args.set.iter().filter_map(|one| Some(one.split_once('=')?.0.trim()));
+    keys.filter_map(|given| given.strip_prefix(key))
+        .any(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
 /// The path of the log as it is written into a study: as it was typed, where that means the same from there.
@@ -311,6 +324,7 @@ fn show(
                 .iter()
                 .map(|of| [of.name.clone(), of.why.to_string()])
                 .collect(),
+            angles: look.angles.iter().map(|angle| (angle.channel.clone(), angle.turn)).collect(),
             train: chosen.cut.train,
             held_out: chosen.cut.held_out,
             rows: chosen.cut.rows,

@@ -30,7 +30,12 @@ impl Descriptions {
         let of = |channel: &calib_data::ChannelProfile| {
             let of = |all: &BTreeMap<String, Description>| all.get(&channel.name).cloned();
             let given = of(&study.sensors).unwrap_or_default();
-            let given = given.or(tags.get(&channel.name).unwrap_or(&nothing));
+            // A list of tags knows the angle, and not the two channels that are made of it.
+            let tag = tags.get(&channel.name).cloned().or_else(|| {
+                let angle = channel.angle.as_ref()?;
+                Some(angle.described(tags.get(&angle.channel)?))
+            });
+            let given = given.or(tag.as_ref().unwrap_or(&nothing));
             (channel.name.clone(), given.or(&channel.description))
         };
         Ok(Self(profile.channels.iter().map(of).filter(|(_, of)| !of.is_empty()).collect()))

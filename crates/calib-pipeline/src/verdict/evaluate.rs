@@ -212,7 +212,9 @@ pub(crate) fn judge(
             let mut verdict = verdict_of(sensor, study.part(), study, &manifest, &results)?;
             let of_it = doubts.iter().filter(|(name, _)| name == sensor);
             verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
-            if profile.sentinels.iter().any(|sentinel| sentinel.channels.contains(sensor)) {
+            let recorded = profile.recorded_name(sensor);
+            let mut sentinels = profile.sentinels.iter().flat_map(|sentinel| &sentinel.channels);
+            if sentinels.any(|channel| channel == recorded) {
                 verdict.warnings.extend(profile.sentinel_doubt());
             }
             Ok(verdict)

@@ -1,0 +1,126 @@
+//! In the place of each channel that `data.angles` names: a channel of its sine, and one of its cosine.
+
+use std::{collections::HashSet, slice::from_ref};
+
+use super::Channel;
+use crate::{
+    AngleOf, DataConfig, DataError,
+    angle::AnglePart,
+    names::{Chosen, Names, hint},
+};
+
+/// The channels of a log in which angles are two channels each.
+///
+/// # Errors
+/// If an entry of `data.angles` names no channel, two of them disagree about one, a new name is taken, or a chosen angle can be no
+/// number.
+pub(super) fn with_angles(
+    channels: Vec<Channel>,
+    data: &DataConfig,
+) -> Result<Vec<Channel>, DataError> {
+    if data.angles.is_empty() {
+        return Ok(channels);
+    }
+    let entries: Vec<String> = data.angles.keys().cloned().collect();
+    let names = || channels.iter().map(|channel| channel.name.as_str());
+    if let Some(&entry) = Names::new(&entries).unused(&names()).first() {
+        let reason = format!("it names no channel{}", hint(entry, names()));
+        return Err(DataError::angle(entry, reason));
+    }
+    let turns: Vec<Entry<'_>> = data.angles.iter().map(Entry::of).collect();
+    let chosen = Chosen::of(data);
+    let mut all: Vec<Channel> = Vec::with_capacity(channels.len());
+    for channel in &channels {
+        let Some(turn) = turn_of(&channel.name, &turns, data)? else {
+            all.push(channel.clone());
+            continue;
+        };
+        let parts = channel.parts(turn);
+        if !channel.readable && parts.iter().any(|part| chosen.has(&part.names())) {
+            let reason = format!(
+                "it is of type {}, expected numbers; write its angles as numbers, or leave the entry out",
+                channel.type_name
+            );
+            return Err(DataError::angle(&channel.name, reason));
+        }
+        all.extend(parts);
+    }
+    refuse_taken(&all)?;
+    Ok(all)
+}
+
+/// An entry of `data.angles`.
+struct Entry<'a> {
+    written: &'a str,
+    names: Names<'a>,
+    turn: f64,
+}
+
+impl<'a> Entry<'a> {
+    fn of((entry, turn): (&'a String, &f64)) -> Self {
+        Self { written: entry, names: Names::new(from_ref(entry)), turn: *turn }
+    }
+}
+
+/// The turn of a channel, if it is an angle. An entry that is its name says so; else all patterns that match it have to agree.
+fn turn_of(name: &str, turns: &[Entry<'_>], data: &DataConfig) -> Result<Option<f64>, DataError> {
+    if let Some(&turn) = data.angles.get(name) {
+        return Ok(Some(turn));
+    }
+    let mut matching = turns.iter().filter(|turn| turn.names.matching(name).is_some());
+    let Some(first) = matching.next() else { return Ok(None) };
+    if let Some(other) = matching.find(|other| other.turn != first.turn) {
+        let reason = format!(
+            "{name} has a turn of {} by this entry and of {} by {:?}; give {name} an entry of its own",
+            first.turn, other.turn, other.written
+        );
+        return Err(DataError::angle(first.written, reason));
+    }
+    Ok(Some(first.turn))
+}
+
+/// Refuse names that two channels would have.
+fn refuse_taken(channels: &[Channel]) -> Result<(), DataError> {
+    let recorded = channels.iter().filter(|channel| channel.angle.is_none());
+    let mut taken: HashSet<&str> = recorded.map(|channel| channel.name.as_str()).collect();
+    for channel in channels {
+        if let Some(angle) = &channel.angle
+            && !taken.insert(&channel.name)
+        {
+            let reason = format!(
+                "its columns are called {} and {}, and the log has a channel {} already; leave the entry out if the log has them, or rename that channel",
+                AnglePart::Sine.channel_of(&angle.channel),
+                AnglePart::Cosine.channel_of(&angle.channel),
+                channel.name
+            );
+            return Err(DataError::angle(&angle.channel, reason));
+        }
+    }
+    Ok(())
+}
+
+impl Channel {
+    /// Its sine and its cosine.
+    fn parts(&self, turn: f64) -> [Self; 2] {
+        AnglePart::ALL.map(|part| {
+            let angle = AngleOf { channel: self.name.clone(), turn, part, recorded: None };
+            Self {
+                name: part.channel_of(&self.name),
+                description: angle.described(&self.description),
+                angle: Some(angle),
+                ..self.clone()
+            }
+        })
+    }
+
+    /// What entries of `data.include` and `data.exclude` may call it: its name, and what the files call the angle that it is of.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> + Clone {
+        let angle = self.angle.as_ref().map(|angle| angle.channel.as_str());
+        std::iter::once(self.name.as_str()).chain(angle)
+    }
+
+    /// What the files call it.
+    pub(crate) fn recorded_name(&self) -> &str {
+        self.angle.as_ref().map_or(&self.name, |angle| &angle.channel)
+    }
+}

@@ -1,0 +1,53 @@
+use std::collections::HashSet;
+
+use calib_data::{AnglePart, Sketch};
+
+/// A channel that is an angle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Angle {
+    /// What the files call it.
+    pub channel: String,
+    /// A full turn, in its unit: 360 or 2π.
+    pub turn: f64,
+}
+
+impl Angle {
+    /// The angles among the channels of a log, in their order; those for whose sine and cosine the log has columns are left out.
+    pub fn all(sketch: &Sketch) -> Vec<Self> {
+        let names: HashSet<&str> =
+            sketch.channels.iter().map(|channel| channel.name.as_str()).collect();
+        let mut angles = Vec::new();
+        for channel in &sketch.channels {
+            let taken = [AnglePart::Sine, AnglePart::Cosine]
+                .map(|part| names.contains(part.channel_of(&channel.name).as_str()));
+            if let Some(turn) = channel.wraps
+                && taken == [false; 2]
+            {
+                angles.push(Self { channel: channel.name.clone(), turn });
+            }
+        }
+        angles
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{sketch, wave};
+
+    #[test]
+    fn angles_without_columns_of_their_own_are_found() {
+        let mut log = sketch(
+            640,
+            &[
+                ("wind", wave(40.0)),
+                ("T", wave(50.0)),
+                ("yaw", wave(60.0)),
+                ("yaw_cos", wave(60.0)),
+            ],
+        );
+        log.channels[0].wraps = Some(360.0);
+        log.channels[2].wraps = Some(360.0);
+        assert_eq!(Angle::all(&log), [Angle { channel: "wind".to_owned(), turn: 360.0 }]);
+    }
+}
