@@ -294,17 +294,18 @@ pub(crate) fn starts(
         let start = Start { checkpoint, baseline, fingerprint: Fingerprint::of(&inputs) };
         starts.insert(sensor.clone(), start);
     }
-    let note = format!(
-        "agents start from what they learned from {}; {} {}",
-        span(&part.frames)?,
-        if study.has_model() {
-            "the calibration model is built from"
-        } else {
-            "log replay replays"
-        },
-        span(&dataset.train)?
-    );
-    Ok((starts, vec![note]))
+    Ok((starts, vec![note(study, part, dataset)?]))
+}
+
+/// What agents learned from before, and what their settings are chosen on.
+fn note(study: &Study, part: &PretrainPart, dataset: &Dataset) -> Result<String, StepError> {
+    let rest = if study.has_model() {
+        "the calibration model is built from"
+    } else {
+        "log replay replays"
+    };
+    let [learned, chosen] = [span(&part.frames)?, span(&dataset.train)?];
+    Ok(format!("agents start from what they learned from {learned}; {rest} {chosen}"))
 }
 
 fn check_columns(

@@ -216,10 +216,7 @@ fn sweep(
         let simple = setting.simple_errors(&environments, &baselines)?;
         context.say_all(simple.starts().as_slice());
         simple.write(&directory)?;
-        recorded::write(&directory, &setting.dataset, setting.pretrain.as_ref(), &setting.sensors)?;
-        if !study.has_model() {
-            profile_file::write(&directory, &setting.dataset.profile)?;
-        }
+        write_data(&directory, study, &setting)?;
         if ran > 0 {
             write_timings(&directory, ran, &clock)?;
         }
@@ -283,6 +280,17 @@ fn facts(
         notes: notes.concat(),
         ..SweepFacts::of_nothing(study, dataset, content, span, candidates.clone())
     })
+}
+
+/// Write what a report shows of the data, which it does not read.
+fn write_data(directory: &Path, study: &Study, setting: &Setting) -> Result<(), StepError> {
+    let Setting { dataset, pretrain, sensors, .. } = setting;
+    recorded::write(directory, dataset, pretrain.as_ref(), sensors)?;
+    if study.has_model() {
+        return Ok(());
+    }
+    // A model has a profile beside it.
+    profile_file::write(directory, &dataset.profile)
 }
 
 /// What of a sweep is left to be trained.
