@@ -368,7 +368,7 @@ def _advice(verdict: dict[str, Any], settings: list[Setting], default: Setting |
     constant = verdict.get("constant")
     if constant is not None:
         name, over = model.actions[constant["action"]].name, constant["over"]
-        beside = "" if over is None else f" The setting: {_difference(over)} beside it."
+        beside = "" if over is None else f" The chosen setting: {_difference(over)} beside it."
         lines.append(f"Best constant action: always {name} gets {_short(float(constant['mean_return']))} in the model, where {constant['uncovered']:.0%} of its steps are not covered.{beside}")
     behaviour = verdict["behaviour"]
     best = "" if behaviour["best"] is None else f", at most {_short(behaviour['best'])}"

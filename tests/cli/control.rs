@@ -24,7 +24,13 @@ fn a_log_of_decisions_becomes_a_verdict() {
     let study = "pole/study.toml";
     let ran = place.calib(&["control", study]);
     let told = ran.ends(&[1]);
-    for part in ["action=0", "action=1", "it would be: step_size=0.3", "over the default"] {
+    assert!(
+        told.starts_with("Deploy nothing on this evidence.\n    First by mean rank is step"),
+        "{told}"
+    );
+    let parts =
+        ["action=0", "action=1", "is step_size=0.3", "Over the default", "Best constant action"];
+    for part in parts {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
     // No random episode shows what the models promise.
@@ -168,13 +174,21 @@ fn an_action_costs_in_the_step_that_it_was_taken_in() {
     assert_eq!(json["worst_return"], -1.0);
 }
 
+const TWO_STEP_SIZES: [&str; 7] = [
+    "control",
+    "study.toml",
+    "--set=control.timeout=20",
+    "--set=control.steps=200",
+    "--set=control.grid={ step_size = [0.03, 0.3] }",
+    "--threads",
+    "2",
+];
+
 #[test]
 fn what_is_not_told_apart_from_the_default_is_not_deployed() {
     let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
-    let set =
-        ["control.timeout=20", "control.steps=200", "control.grid={ step_size = [0.03, 0.3] }"];
-    let args: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
-    let ran = place.calib(&[&["control", "study.toml"][..], &args].concat());
+    let reward = "--set=control.reward=[{ column = \"pump\", weight = 0.5 }, { column = \"level\", weight = 0.5 }]";
+    let ran = place.calib(&[&TWO_STEP_SIZES[..], &[reward]].concat());
     let told = ran.ends(&[1]);
     assert!(
         told.starts_with("Keep the default: step_size=0.03.\n    step_size=0.3 is first by mean rank, but may be no better."),
@@ -187,6 +201,23 @@ fn what_is_not_told_apart_from_the_default_is_not_deployed() {
     );
     let page = fs::read_to_string(place.path().join("study-results/control/report.html"));
     assert!(page.expect("a page").contains("Keep the default: step_size=0.03."));
+}
+
+/// Off costs nothing, which no agent knows before it has tried both.
+#[test]
+fn a_constant_action_that_gets_more_is_named() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let ran = place.calib(&TWO_STEP_SIZES);
+    let told = ran.ends(&[1]);
+    assert!(told.starts_with("Deploy nothing on this evidence."), "{told}");
+    assert!(told.contains("Best constant action: always pump=0 gets "), "{told}");
+    assert!(ran.stderr().contains("warning: always taking pump=0 gets "), "{}", ran.stderr());
+    let json = [&TWO_STEP_SIZES[..], &["--json"]].concat();
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&json).ends(&[1])).expect("JSON");
+    let constant = &json["verdict"]["constant"];
+    assert_eq!(constant["action"], 0);
+    assert!(constant["mean_return"].as_f64().expect("a number").abs() < 0.01, "{constant}");
 }
 
 #[test]

@@ -246,9 +246,9 @@ pub(super) fn sentences(evaluation: &ControlEvaluation) -> Vec<String> {
 /// What always taking one action would get, which needs no agent.
 fn beside_constant(constant: &BestConstant, evaluation: &ControlEvaluation) -> String {
     let BestConstant { action, mean_return, uncovered, over } = constant;
-    let over = over
-        .as_ref()
-        .map_or_else(String::new, |over| format!(" The setting: {} beside it.", difference(over)));
+    let over = over.as_ref().map_or_else(String::new, |over| {
+        format!(" The chosen setting: {} beside it.", difference(over))
+    });
     format!(
         "Best constant action: always {} gets {} in the model, where {} of its steps are not covered.{over}",
         evaluation.log.actions[*action].name,
