@@ -479,7 +479,7 @@ fn a_default_that_learns_nothing_is_kept_unless_the_choice_improves_on_it() {
     let alike = judged([0.19, 0.2, 0.22]);
     assert_eq!((alike.chosen, alike.grade), (1, Grade::Good));
     assert_eq!(alike.learning_off, Some(0));
-    assert_eq!(alike.recommendation(), Recommendation::KeepDefault);
+    assert_eq!(alike.recommendation(), Recommendation::UseSimplePredictor);
     let improved = judged([0.3, 0.32, 0.31]);
     assert_eq!(improved.learning_off, None);
     assert_eq!(improved.recommendation(), Recommendation::Deploy);
