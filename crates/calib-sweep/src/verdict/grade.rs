@@ -40,7 +40,8 @@ impl Grade {
     /// 3. *poor* if the choice diverged in some held-out window;
     /// 4. *unchecked* where the spread of the returns is 0, or not known;
     /// 5. where simple predictors are known and the choice is not known to match the one that the log prefers, or another is
-    ///    better by more than chance, *not learned* if the training mean does as well as that one, and *simpler* otherwise;
+    ///    better by more than chance, *not learned* if the training mean does as well as that one, and *simpler* otherwise; also
+    ///    *not learned* if the choice matches the one that the log prefers, and has no less error than the training mean;
     /// 6. where they are not known, *not learned* if the best value over windows has no skill (1 − RMSE / σ ≤ 0), and *poor* if the
     ///    choice has none;
     /// 7. *unchecked* if all values have the same error;
@@ -75,6 +76,9 @@ impl Grade {
         match simple::decisive(simple) {
             Some(better) if better.predictor == SimplePredictor::Mean => return Self::NotLearnt,
             Some(_) => return Self::Simpler,
+            None if !simple.is_empty() && !simple::beats_the_mean(simple) => {
+                return Self::NotLearnt;
+            }
             None if !simple.is_empty() => {}
             None if best_skill <= 0.0 => return Self::NotLearnt,
             None if skill <= 0.0 => return Self::Poor,

@@ -118,6 +118,12 @@ pub(super) fn preferred(compared: &[SimpleComparison]) -> Option<&SimpleComparis
     }
 }
 
+/// Whether the agent has less error than the training mean, as far as that was compared.
+pub(super) fn beats_the_mean(compared: &[SimpleComparison]) -> bool {
+    let mean = compared.iter().find(|own| own.predictor == SimplePredictor::Mean);
+    mean.and_then(|mean| mean.ratio).is_none_or(|ratio| ratio.value < 1.0)
+}
+
 /// The simple predictor to use instead of the agent, if there is one: the [`preferred`] one, if the agent is not known to match
 /// it, or another that is better than the agent by more than chance. Where the training mean does as well as that, the mean.
 pub(super) fn decisive(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {

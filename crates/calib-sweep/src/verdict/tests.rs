@@ -4,7 +4,7 @@ use calib_stats::{Estimate, Interval};
 use proptest::prelude::*;
 
 use super::{
-    simple::{decisive, preferred},
+    simple::{beats_the_mean, decisive, preferred},
     *,
 };
 use crate::{Candidate, CurvePoint, EnvironmentId, RunRow, SimpleScore, Unit, UnitResult};
@@ -500,6 +500,14 @@ fn what_does_not_beat_the_training_mean_is_not_learnt() {
     let verdict = judged_beside([0.5, 0.5, 0.5], 0.15);
     assert_eq!(verdict.grade, Grade::NotLearnt);
     assert_eq!(verdict.recommendation(), Recommendation::DoNotDeploy);
+}
+
+#[test]
+fn an_agent_with_as_much_error_as_the_mean_does_not_beat_it() {
+    let beats =
+        |value: f64| beats_the_mean(&[simple(SimplePredictor::Mean, 1.0, 1.0, [0.9, value, 1.1])]);
+    assert!(beats(0.99) && !beats(1.0) && !beats(1.02));
+    assert!(beats_the_mean(&[]), "the mean is not known");
 }
 
 #[test]
