@@ -33,12 +33,12 @@ LOGS = [
     ("petrobras-historian", "petrobras-historian/2017-12-24_2018-01-04.parquet", []),
     ("solarmed-med", "solarmed-med", []),
 ]
-# What `calib init` says of them when it is first tried decides the options.
+# The options are those that `calib init` asks for when it is first tried.
 PUBLIC = [
     ("ett", "ett", []),
     ("skab", "skab", []),
-    ("solar", "solar", []),
-    ("wind", "haute/la-haute-borne-data-2014-2015.csv", []),
+    ("solar", "solar", ["--set", 'data.bad_rows="skip"']),
+    ("wind", "haute/la-haute-borne-data-2014-2015.csv", ["--set", 'data.where={ "Wind_turbine_name" = "R80711" }']),
 ]
 NO_WORSE = 1.02
 # 97.5 % points of Student's t, by degrees of freedom from 1 on.
