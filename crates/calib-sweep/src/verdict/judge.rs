@@ -57,13 +57,11 @@ pub fn verdict(
         [] => shares(&redrawn(&runs, &chooser, judging, sensor)?),
         _ => Vec::new(),
     };
-    let simple = match &all.online {
-        Some(online) => {
-            let chosen = (sensor, judging.part, &candidates[chosen]);
-            simple::compared(judging.simple, online, all.log.as_ref(), chosen, judging.scales)?
-        }
-        None => Vec::new(),
-    };
+    let compared = all.online.as_ref().map(|online| {
+        let chosen = (sensor, judging.part, &candidates[chosen]);
+        simple::compared(judging.simple, online, all.log.as_ref(), chosen, judging.scales)
+    });
+    let simple = compared.transpose()?.unwrap_or_default();
     let learning_off = learning_off(candidates, chosen, truth.as_ref());
     let parts = parts::choices(&own, candidates, judging, &chooser, chosen)?;
     let start_up_share = parts::start_up_share(&own, chosen);
