@@ -130,7 +130,7 @@ def main():
             agents += (interval[1] if interval else agent[0]) <= NO_WORSE
             instead = choice.get("simple_predictor", {}).get("predictor")
             # Nothing is learnt after the log: what is deployed is the predictor that agents start from.
-            if instead is None and verdict["learning_off"] is not None:
+            if instead is None and verdict.get("learning_off") is not None:
                 instead = simple["best"].get(choice["sensor"])
             ratio = agent
             if instead:
