@@ -30,7 +30,7 @@ pub enum AnglePart {
 
 impl AnglePart {
     /// Both.
-    pub(crate) const ALL: [Self; 2] = [Self::Sine, Self::Cosine];
+    pub const ALL: [Self; 2] = [Self::Sine, Self::Cosine];
 
     /// What the channel is called that has this of the angle `channel`.
     pub fn channel_of(self, channel: &str) -> String {

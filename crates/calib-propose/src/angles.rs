@@ -18,8 +18,8 @@ impl Angle {
             sketch.channels.iter().map(|channel| channel.name.as_str()).collect();
         let mut angles = Vec::new();
         for channel in &sketch.channels {
-            let taken = [AnglePart::Sine, AnglePart::Cosine]
-                .map(|part| names.contains(part.channel_of(&channel.name).as_str()));
+            let taken =
+                AnglePart::ALL.map(|part| names.contains(part.channel_of(&channel.name).as_str()));
             if let Some(turn) = channel.wraps
                 && taken == [false; 2]
             {

@@ -81,8 +81,8 @@ pub use span::Span;
 pub use store::{UnitStore, remove_states};
 pub use unit::{CurvePoint, PlannedUnit, RunRow, SettingRun, Unit, UnitResult, UnitRuns};
 pub use verdict::{
-    Agreement, Baseline, BaselineRegret, Dropped, EnvironmentScores, Grade, Judging, NO_WORSE,
-    PartChoice, Recommendation, Rule, RuleChoice, SensorVerdict, Share, SimpleComparison, Truth,
-    WindowTruth, verdict,
+    Agreement, Baseline, BaselineRegret, Dropped, ENOUGH_WINDOWS, EnvironmentScores, Grade,
+    Judging, NO_WORSE, PartChoice, Recommendation, Rule, RuleChoice, SensorVerdict, Share,
+    SimpleComparison, Truth, WindowTruth, verdict,
 };
 pub use windows::{Demand, Windows};

@@ -264,8 +264,8 @@ fn swept(
 }
 
 fn named(config: &ControlConfig, candidate: &AgentConfig) -> Vec<(String, String)> {
-    let swept = config.grid.told(candidate).into_iter();
-    swept.map(|(field, value)| (field.to_owned(), value)).collect()
+    let fields = config.grid.told(candidate).into_iter();
+    fields.map(|(field, value)| (field.to_owned(), value)).collect()
 }
 
 /// The mean curve of each candidate over the runs that have one.

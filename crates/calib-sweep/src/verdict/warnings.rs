@@ -101,7 +101,7 @@ pub(super) fn all(
 }
 
 /// Hardly any difference can be shown with fewer held-out windows. Our choice.
-const ENOUGH_WINDOWS: usize = 4;
+pub const ENOUGH_WINDOWS: usize = 4;
 
 fn few_windows(truth: &Truth) -> Option<String> {
     let count = truth.windows.len();
