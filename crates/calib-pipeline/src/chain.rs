@@ -2,38 +2,37 @@
 
 use std::time::Duration;
 
-use calib_core::Seed;
-use calib_model::ModelFamily;
-use calib_plant::Plant;
-use calib_study::{Job, StepKind, Study};
-
-use crate::{
-    Context as _, StepError,
-    agents::pretrain,
-    bail,
-    base::{
-        clock::Stopwatch,
-        options::{BuildOptions, Device},
-        outcome::{NoPlan, Outcome, StepResult, Told as _},
-    },
-    course::Course,
-    each::{each_part, taken},
+use calib_base::{
+    Context as _, StepError, bail,
+    clock::Stopwatch,
     ensure,
     log::{
         context::RunContext,
         plant_of_study::PlantOfStudy,
         simulate::{Found, sentence},
     },
-    model::build_model,
+    options::{BuildOptions, Device},
+    outcome::{NoPlan, Outcome, StepResult, Told as _},
     output::{Announced, Printer, duration},
-    plan::Plan,
-    represent,
-    rollouts::rollout,
+};
+use calib_core::Seed;
+use calib_model::ModelFamily;
+use calib_model_steps::{model::build_model, represent, rollouts::rollout};
+use calib_plant::Plant;
+use calib_study::{Job, StepKind, Study};
+use calib_sweep_steps::{
+    agents::pretrain,
     sweep::{self, plan::Counted, streams},
     verdict::{
         evaluation::{self, Evaluation},
         report,
     },
+};
+
+use crate::{
+    course::Course,
+    each::{each_part, taken},
+    plan::Plan,
 };
 
 /// How far a study is taken.

@@ -5,6 +5,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use calib_base::{
+    Context as _, StepError,
+    artefact::{Files, MANIFEST},
+    ensure, memory,
+    options::Logs,
+    output::Printer,
+};
 use calib_core::Monitor as _;
 use calib_data::{DataConfig, PreprocessConfig, table::read_parquet};
 use calib_files::{fingerprint_file, is_temporary, read_sealed_json, read_sealed_tensors};
@@ -12,17 +19,6 @@ use calib_study::{StepKind, with_variables};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
-
-use crate::{
-    Context as _, StepError,
-    base::{
-        artefact::{Files, MANIFEST},
-        memory,
-        options::Logs,
-    },
-    ensure,
-    output::Printer,
-};
 
 /// What was found in a folder of results.
 #[derive(Debug, Default, Serialize, JsonSchema)]

@@ -2,13 +2,13 @@
 
 use std::cell::Cell;
 
-use calib_study::{Job, Scope, StepKind, Study};
-
-use crate::{
+use calib_base::{
     StepError,
     output::{Printer, Stage},
-    plan::Plan,
 };
+use calib_study::{Job, Scope, StepKind, Study};
+
+use crate::plan::Plan;
 
 /// The stages of a run, counted, and the sweeps that are still to come: almost all of the work.
 pub(crate) struct Course<'a> {

@@ -1,8 +1,11 @@
 //! A step of each model and deployment of a study.
 
+use calib_base::{
+    StepError, ensure,
+    outcome::{Outcome, Told},
+    output::Printer,
+};
 use calib_study::{Job, StepKind};
-
-use crate::{Outcome, StepError, base::outcome::Told, ensure, output::Printer};
 
 /// What a step came to for each model and deployment that it was taken for.
 #[derive(Debug)]

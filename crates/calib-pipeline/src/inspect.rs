@@ -1,16 +1,12 @@
 //! What is in a log, and what preprocessing would keep of it.
 
+use calib_base::{Context as _, StepError, left_alone::text_left_alone, memory, output::Printer};
 use calib_data::{Contradictions, DataConfig, DataError, PartProfile, PreprocessConfig, Profile};
 use calib_study::Job;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::{
-    Context as _, StepError,
-    base::{left_alone::text_left_alone, memory},
-    control::{self, LogTold},
-    output::Printer,
-};
+use crate::control::{self, LogTold};
 
 /// What was found in a log.
 #[derive(Debug, Serialize, JsonSchema)]

@@ -18,38 +18,29 @@
 //! [`build_model`], [`rollout`], [`sweep`], [`evaluate`]. [`check`] compares what is there with what was written, [`control`] is the whole way for agents that act,
 //! [`validity`] judges how well calib chooses over several studies.
 
-mod agents;
-mod base;
 mod chain;
 mod check;
 mod cluster;
 mod control;
 mod course;
 mod each;
-mod external;
 mod inspect;
-mod log;
-mod model;
-pub mod output;
 mod plan;
-mod program;
-mod progress;
 mod propose;
-mod render;
-mod represent;
-mod rollouts;
 mod schemas;
 mod status;
 mod steps;
-mod sweep;
 mod validity;
-mod verdict;
 
-pub use agents::pretrain::PretrainedAgents;
-pub use base::{
+pub use calib_base::{
+    Context, StepError, bail,
     clock::{Stopwatch, in_future},
-    error::{Context, StepError},
+    ensure,
     left_alone::text_left_alone,
+    log::{
+        plant_of_study::{data_of, plant_of},
+        simulate::Simulated,
+    },
     memory::{MemorySize, check_log, check_table, on_this_machine, require as require_memory},
     options::{
         ArrayOf, BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions,
@@ -57,8 +48,26 @@ pub use base::{
         ValidityExtent, ValidityOptions,
     },
     outcome::{Freshness, NoPlan, Outcome, StepResult, Told},
+    output::{self, Announced, Answer, Observer, Printer, Remark, Shown, Unobserved},
+};
+pub use calib_model_steps::{
+    STEP_PATTERNS,
+    model::{build_model::BuiltModel, build_plan::BuildPlan, calibration::Calibration},
+    represent::Representations,
+    rollouts::rollout::Rollouts,
 };
 pub use calib_study::{Job, Request, StepKind, StudyError};
+pub use calib_sweep_steps::{
+    agents::pretrain::PretrainedAgents,
+    external::{ExternalCandidate, ExternalResult, StreamRun, SweepStreams},
+    sweep::{SweepResult, Swept, plan::SweepPlan},
+    verdict::{
+        compare::{Compared, Summaries},
+        described::{Descriptions, unknown as unknown_sensors},
+        evaluate::{Judgement, SensorChoice, Summary},
+        evaluation::Evaluation,
+    },
+};
 pub use chain::StudyRun;
 pub use check::{CheckedResults, Damage};
 pub use control::{
@@ -66,16 +75,7 @@ pub use control::{
     SimulatedTask, doubt_text,
 };
 pub use each::{PartResult, Results};
-pub use external::{ExternalCandidate, ExternalResult, StreamRun, SweepStreams};
 pub use inspect::{Inspection, inspect_deployments};
-pub use log::{
-    plant_of_study::{data_of, plant_of},
-    simulate::Simulated,
-};
-pub use model::{build_model::BuiltModel, build_plan::BuildPlan, calibration::Calibration};
-pub use output::{Announced, Answer, Observer, Printer, Remark, Shown, Unobserved};
-pub use represent::Representations;
-pub use rollouts::rollout::Rollouts;
 pub use schemas::{JsonDocuments, json_schemas};
 pub use status::{ClusterStanding, StandingOf, StatusRequest, StudyStanding};
 pub use steps::{
@@ -83,13 +83,3 @@ pub use steps::{
     control, control_model, evaluate, evaluate_runs, pretrain, propose, represent, rollout, run,
     simulate, simulate_plant, simulate_task, status, sweep, validity,
 };
-pub use sweep::{SweepResult, Swept, plan::SweepPlan};
-pub use verdict::{
-    compare::{Compared, Summaries},
-    described::{Descriptions, unknown as unknown_sensors},
-    evaluate::{Judgement, SensorChoice, Summary},
-    evaluation::Evaluation,
-};
-
-/// The step patterns by which trajectories are compared: those of the paper's Table 1.
-pub const STEP_PATTERNS: [&str; 4] = ["symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c"];

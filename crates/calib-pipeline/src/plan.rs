@@ -2,20 +2,22 @@
 
 use std::collections::BTreeSet;
 
-use calib_study::{Job, Scope, StepKind};
-use schemars::JsonSchema;
-use serde::Serialize;
-
-use crate::{
-    StepError,
-    agents::pretrain_files::PretrainManifest,
-    base::artefact,
+use calib_base::{
+    StepError, artefact,
     log::{context::RunContext, plant_of_study, prepared},
+};
+use calib_model_steps::{
     model::model_files::{self, ModelManifest},
     represent::RepresentationManifest,
     rollouts::rollout::RolloutManifest,
+};
+use calib_study::{Job, Scope, StepKind};
+use calib_sweep_steps::{
+    agents::pretrain_files::PretrainManifest,
     sweep::{SweepManifest, expected::Expected, plan::OfPart},
 };
+use schemars::JsonSchema;
+use serde::Serialize;
 
 /// The steps of a study in order, for `--json`.
 #[derive(Debug, Default, Serialize, JsonSchema)]

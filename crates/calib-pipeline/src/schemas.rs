@@ -2,24 +2,28 @@
 
 use std::collections::BTreeMap;
 
+use calib_base::log::simulate::Simulated;
+use calib_model_steps::{
+    model::{build_plan::BuildPlan, model_files::ModelManifest},
+    represent::RepresentationManifest,
+    rollouts::rollout::RolloutManifest,
+};
 use calib_study::StepKind;
+use calib_sweep_steps::{
+    agents::pretrain_files::PretrainManifest,
+    sweep::{SweepManifest, plan::SweepPlan},
+    verdict::{compare::Summaries, evaluate::Summary},
+};
 use schemars::{JsonSchema, Schema, SchemaGenerator, generate::SchemaSettings, json_schema};
 
 use crate::{
-    agents::pretrain_files::PretrainManifest,
     check::CheckedResults,
     cluster::{Status, Summary as ClusterSummary},
     control::{ControlSummary, SimulatedTask},
-    log::simulate::Simulated,
-    model::{build_plan::BuildPlan, model_files::ModelManifest},
     plan::Plan,
     propose::Chosen,
-    represent::RepresentationManifest,
-    rollouts::rollout::RolloutManifest,
     status::StandingOf,
-    sweep::{SweepManifest, plan::SweepPlan},
     validity,
-    verdict::{compare::Summaries, evaluate::Summary},
 };
 
 /// What one command may print: one of several documents.

@@ -2,37 +2,44 @@
 
 use std::path::Path;
 
+use calib_base::{
+    StepError,
+    log::{context::RunContext, simulate as simulation, simulate::Simulated},
+    options::{
+        BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Device, Logs,
+        ProposeOptions, ValidityOptions,
+    },
+    outcome::{Outcome, StepResult, Told as _},
+    output::Printer,
+    progress::recorded,
+};
+use calib_model_steps::{
+    model::{build_model as model, build_model::BuiltModel, build_plan::BuildPlan},
+    represent as representations,
+    represent::Representations,
+    rollouts::{rollout as rollouts, rollout::Rollouts},
+};
 use calib_plant::PlantOptions;
 use calib_study::{Job, StepKind, Study};
+use calib_sweep_steps::{
+    agents::{pretrain as agents, pretrain::PretrainedAgents},
+    external,
+    render::show_judgement,
+    sweep as sweeping,
+    sweep::{SweepResult, plan::Counted},
+    verdict::{evaluate::Judgement, evaluation as judging, evaluation::Evaluation},
+};
 
 use crate::{
-    BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Device, Logs,
-    Outcome, Printer, ProposeOptions, Simulated, StepError, ValidityOptions,
-    agents::pretrain::{self as agents, PretrainedAgents},
-    base::outcome::{StepResult, Told as _},
     chain::{self, StudyRun},
-    check::{self as checking, CheckedResults},
-    cluster,
-    control::{self as controls, ControlEvaluation, SimulateTask, SimulatedTask},
+    check as checking,
+    check::CheckedResults,
+    cluster, control as controls,
+    control::{ControlEvaluation, SimulateTask, SimulatedTask},
     each::{Results, Which, each},
-    external,
-    log::{context::RunContext, simulate as simulation},
-    model::{
-        build_model::{self as model, BuiltModel},
-        build_plan::BuildPlan,
-    },
-    progress::recorded,
-    propose as proposals,
-    render::show_judgement,
-    represent::{self as representations, Representations},
-    rollouts::rollout::{self as rollouts, Rollouts},
-    status::{self as statuses, StandingOf, StatusRequest},
-    sweep::{self as sweeping, SweepResult, plan::Counted},
+    propose as proposals, status as statuses,
+    status::{StandingOf, StatusRequest},
     validity as validities,
-    verdict::{
-        evaluate::Judgement,
-        evaluation::{self as judging, Evaluation},
-    },
 };
 
 /// Every step that a study needs, from its log to the verdict, as far as it is missing; representations, networks and the agents of sweeps are trained
@@ -182,7 +189,7 @@ pub fn simulate_task(wanted: &SimulateTask, printer: &Printer) -> Result<Simulat
     controls::simulate(wanted, printer)
 }
 
-/// Judge runs that something else made, of a table that [`SweepStreams::write`](crate::SweepStreams::write) wrote or that has its columns,
+/// Judge runs that something else made, of a table that [`SweepStreams::write`](calib_sweep_steps::external::SweepStreams::write) wrote or that has its columns,
 /// by the `[evaluate]` of a study; with `output`, write `summary.json`, figures and `report.html` there.
 ///
 /// # Errors

@@ -2,10 +2,9 @@
 //! same. It is computed and not looked up, so that it need not be known what processors, systems and libraries differ in.
 
 use calib_agent::{AgentConfig, CurveRule, OptimiserKind, Part, Precision, ValueFunction, train};
+use calib_base::StepError;
 use calib_core::{RowIndex, RowStream, Seed, Silent, States};
 use calib_files::Fingerprinter;
-
-use crate::StepError;
 
 /// Arguments of each elementary function.
 const ARGUMENTS: usize = 2048;

@@ -2,10 +2,9 @@
 
 use std::{collections::BTreeMap, path::Path};
 
+use calib_base::{Context as _, StepError, ensure};
 use calib_files::read_regular;
 use serde::{Deserialize, Serialize};
-
-use crate::{Context as _, StepError, ensure};
 
 /// What is asked of a batch system.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

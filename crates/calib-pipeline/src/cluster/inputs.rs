@@ -6,30 +6,27 @@ use std::{
 };
 
 use calib_agent::{FittedPredictor, StateFile, ValueState};
+use calib_base::{
+    Context as _, StepError,
+    artefact::{self, Files},
+    ensure, frames,
+};
 use calib_core::Frames;
 use calib_files::{Fingerprint, fingerprint_file, link_or_copy};
 use calib_model::ModelFamily;
+use calib_model_steps::model::kinds::{self, OpenedModel};
 use calib_study::Job;
 use calib_sweep::{
     Baselines, ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, Start, UnitRuns,
 };
+use calib_sweep_steps::sweep::{
+    environments::{Described, Sources, Streaming},
+    setting::{Setting, agent_seed, raced},
+};
 
-use crate::{
-    Context as _, StepError,
-    base::{
-        artefact::{self, Files},
-        frames,
-    },
-    cluster::{
-        plan_file::SweepPart,
-        results::{self, Extent, Header, Results, Units},
-    },
-    ensure,
-    model::kinds::{self, OpenedModel},
-    sweep::{
-        environments::{Described, Sources, Streaming},
-        setting::{Setting, agent_seed, raced},
-    },
+use crate::cluster::{
+    plan_file::SweepPart,
+    results::{self, Extent, Header, Results, Units},
 };
 
 const STATES: &str = "states.npy";

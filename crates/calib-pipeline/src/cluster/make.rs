@@ -6,37 +6,35 @@ use std::{
 };
 
 use calib_agent::training_bytes;
+use calib_base::{
+    StepError,
+    artefact::{Claim, Files},
+    bail, ensure,
+    log::context::RunContext,
+    options::ClusterPlanOptions,
+    outcome::Outcome,
+    output::Printer,
+};
 use calib_files::{
     FileError, FolderRecord, create_directory, is_temporary, remove_known, write_new_sealed_json,
 };
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Stored, UnitRuns};
+use calib_sweep_steps::sweep::{
+    Found, Source, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep, setting::Setting,
+    unit_store,
+};
 
-use crate::{
-    StepError, bail,
-    base::{
-        artefact::{Claim, Files},
-        options::ClusterPlanOptions,
-        outcome::Outcome,
+use crate::cluster::{
+    divide::{Division, evenly},
+    inputs,
+    maker::Maker,
+    plan_file::{
+        Asked, FORMAT, INPUTS, PLAN, Part, PlanFile, PlannedPass, Shard, SweepPart, inputs_in,
+        path_in,
     },
-    cluster::{
-        divide::{Division, evenly},
-        inputs,
-        maker::Maker,
-        plan_file::{
-            Asked, FORMAT, INPUTS, PLAN, Part, PlanFile, PlannedPass, Shard, SweepPart, inputs_in,
-            path_in,
-        },
-        results::{self, Header},
-        status::summary,
-    },
-    ensure,
-    log::context::RunContext,
-    output::Printer,
-    sweep::{
-        Found, Source, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep,
-        setting::Setting, unit_store,
-    },
+    results::{self, Header},
+    status::summary,
 };
 
 /// Memory of a process that has nothing to do.

@@ -1,10 +1,11 @@
 //! Who makes a plan and its shards: results of different versions of calib, or of processors that compute other numbers,
 //! never stand beside each other.
 
+use calib_base::{StepError, artefact::TOOL, bail};
 use calib_sweep::RESULT_VERSION;
 use serde::{Deserialize, Serialize};
 
-use crate::{StepError, bail, base::artefact::TOOL, cluster::arithmetic};
+use crate::cluster::arithmetic;
 
 /// What a result depends on beside its inputs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -2,17 +2,18 @@
 
 use std::path::Path;
 
-use crate::{
+use calib_base::{
     StepError,
-    base::outcome::{Outcome, Told as _},
-    cluster::{
-        missing::ranges,
-        plan_file::Opened,
-        results::{self, Extent},
-    },
     log::context::RunContext,
+    outcome::{Outcome, Told as _},
     output::{Printer, count, counted},
-    sweep::{Pool, put_together},
+};
+use calib_sweep_steps::sweep::{Pool, put_together};
+
+use crate::cluster::{
+    missing::ranges,
+    plan_file::Opened,
+    results::{self, Extent},
 };
 
 /// Faults that are told one by one.

@@ -5,18 +5,14 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use calib_base::{Context as _, StepError, artefact::Files, bail, ensure};
 use calib_files::{Fingerprint, fingerprint_file, read_sealed_json};
 use calib_study::{Job, Request, Study};
 use calib_sweep::{Candidate, EnvironmentId, PassId, Span};
+use calib_sweep_steps::sweep::{environments::Described, planned::PlannedSweep};
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    Context as _, StepError, bail,
-    base::artefact::Files,
-    cluster::{maker::Maker, results::Results},
-    ensure,
-    sweep::{environments::Described, planned::PlannedSweep},
-};
+use crate::cluster::{maker::Maker, results::Results};
 
 /// The file of a plan.
 pub(crate) const PLAN: &str = "plan.json";

@@ -6,22 +6,24 @@ use std::{
     sync::atomic::{AtomicBool, Ordering},
 };
 
+use calib_base::{
+    StepError,
+    clock::Stopwatch,
+    memory,
+    outcome::Outcome,
+    output::{Printer, bytes, counted, duration},
+};
 use calib_core::{Cancelled, Monitor};
 use calib_files::FileError;
 use calib_sweep::{EnvironmentId, PassId, Plan, Ready, SweepError, Unit, UnitRuns, remove_states};
 use rayon::prelude::*;
 
-use crate::{
-    StepError,
-    base::{clock::Stopwatch, memory, outcome::Outcome},
-    cluster::{
-        attempt::{Diary, Ended},
-        inputs::Inputs,
-        plan_file::{Opened, PlannedPass, Shard},
-        results::{self, Extent, Header, Units},
-        sink::ShardSink,
-    },
-    output::{Printer, bytes, counted, duration},
+use crate::cluster::{
+    attempt::{Diary, Ended},
+    inputs::Inputs,
+    plan_file::{Opened, PlannedPass, Shard},
+    results::{self, Extent, Header, Units},
+    sink::ShardSink,
 };
 
 /// Make what a shard lacks of its results.

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
+use calib_base::StepError;
 use calib_sweep::{Unit, UnitRuns};
+use calib_sweep_steps::sweep::planned::PlannedSweep;
 
 use super::{
     inputs,
@@ -10,7 +12,6 @@ use super::{
     results::{self, Units},
     status::Status,
 };
-use crate::{StepError, sweep::planned::PlannedSweep};
 
 /// The runs of one model and deployment.
 pub(crate) struct PartRuns {

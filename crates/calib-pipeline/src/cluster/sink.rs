@@ -6,12 +6,10 @@ use std::{
     time::Duration,
 };
 
+use calib_base::clock::Stopwatch;
 use calib_sweep::{SweepError, Unit, UnitRuns, UnitSink};
 
-use crate::{
-    base::clock::Stopwatch,
-    cluster::results::{self, Extent, Header, Results, Units},
-};
+use crate::cluster::results::{self, Extent, Header, Results, Units};
 
 /// The file of a shard, which is rewritten as a whole: after each pass, or, where passes are so short that the shard would do
 /// nothing else, when a twentieth of the time goes into it.

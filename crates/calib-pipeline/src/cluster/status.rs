@@ -2,25 +2,23 @@
 
 use std::path::Path;
 
+use calib_base::{
+    StepError,
+    options::{ArrayOf, ClusterStatusOptions, Leftovers},
+    outcome::Outcome,
+    output::{Printer, bytes, count, counted, span, table},
+};
 use calib_files::{Below, host_name, remove_temporaries};
 use calib_sweep::remove_states;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::{
-    StepError,
-    base::{
-        options::{ArrayOf, ClusterStatusOptions, Leftovers},
-        outcome::Outcome,
-    },
-    cluster::{
-        attempt::{self, Attempt, Ended},
-        engines::queue,
-        missing::ranges,
-        plan_file::{Opened, PlanFile},
-        results::Extent,
-    },
-    output::{Printer, bytes, count, counted, span, table},
+use crate::cluster::{
+    attempt::{self, Attempt, Ended},
+    engines::queue,
+    missing::ranges,
+    plan_file::{Opened, PlanFile},
+    results::Extent,
 };
 
 /// What a plan takes.

@@ -6,27 +6,24 @@ use std::{
     process::Command,
 };
 
+use calib_base::{
+    Context as _, StepError, bail, ensure,
+    options::{ClusterSubmitOptions, Engine, Of, Submission},
+    outcome::Outcome,
+    output::{Printer, counted},
+};
 use calib_files::{FolderRecord, write_atomically};
 use calib_study::{StepKind, shell_words};
 
-use crate::{
-    Context as _, StepError, bail,
-    base::{
-        options::{ClusterSubmitOptions, Engine, Of, Submission},
-        outcome::Outcome,
+use crate::cluster::{
+    config::ClusterConfig,
+    engines::{
+        Demand, RAY_DRIVER, kubernetes,
+        queue::{JOBS, Submitted},
+        slurm,
     },
-    cluster::{
-        config::ClusterConfig,
-        engines::{
-            Demand, RAY_DRIVER, kubernetes,
-            queue::{JOBS, Submitted},
-            slurm,
-        },
-        plan_file::Opened,
-        status::missing,
-    },
-    ensure,
-    output::{Printer, counted},
+    plan_file::Opened,
+    status::missing,
 };
 
 /// A text that is kept in the plan, and how it is handed over.

@@ -1,11 +1,11 @@
 //! What a log of decisions did, and where it says what an action does.
 
+use calib_base::StepError;
 use calib_control::{ActionModel, CoverageMap, Distance, Spread};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::log::Names;
-use crate::StepError;
 
 /// Parts of a column in the map of coverage.
 const PARTS: usize = 5;

@@ -2,6 +2,10 @@
 
 use std::path::Path;
 
+use calib_base::{
+    StepError,
+    artefact::{self, Below, Claim, Files, Manifest, TOOL},
+};
 use calib_control::{AgentConfig, ControlConfig, Distance, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
@@ -10,12 +14,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{described::LogTold, show::name};
-use crate::{
-    StepError,
-    base::artefact::{self, Below, Claim, Files, Manifest, TOOL},
-};
 
-pub(super) use crate::base::artefact::CONTROL_VERDICT as VERDICT;
+pub(super) use calib_base::artefact::CONTROL_VERDICT as VERDICT;
 pub(super) const RUNS: &str = "runs.parquet";
 
 /// `manifest.json` of the verdict.

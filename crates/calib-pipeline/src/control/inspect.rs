@@ -1,14 +1,14 @@
+use calib_base::{
+    StepError,
+    output::{Printer, counted},
+};
 use calib_control::{ActionModel, Distance};
+use calib_model_steps::represent::decisions;
 use calib_study::Job;
 
 use super::{
     described::{LogTold, described},
     log, show,
-};
-use crate::{
-    StepError,
-    output::{Printer, counted},
-    represent::decisions,
 };
 
 /// What the log of a study with `[control]` did, in which states, and where it says what an action does; nothing of another study.

@@ -1,3 +1,9 @@
+use calib_base::{
+    Context as _, StepError, ensure,
+    log::plant_of_study::data_of,
+    memory::{self, NoRoom},
+    output::{Printer, count},
+};
 use calib_control::{
     ActionModel, Columns, ControlConfig, ControlError, Decisions, Ending, Levels, Settings,
     StartRows, Starts, rows_without_reward,
@@ -5,18 +11,11 @@ use calib_control::{
 use calib_core::{Bounds, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, entry_of, format_time};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
+use calib_model_steps::represent::Material;
 use calib_stats::quantile;
 use calib_study::Job;
 
 use super::described::SettingTold;
-use crate::{
-    Context as _, StepError,
-    base::memory::{self, NoRoom},
-    ensure,
-    log::plant_of_study::data_of,
-    output::{Printer, count},
-    represent::Material,
-};
 
 /// A log of decisions, read from the files of a study.
 pub(super) struct ActionLog {

@@ -2,23 +2,23 @@
 
 use std::{path::Path, sync::Arc};
 
+use calib_base::{
+    StepError,
+    artefact::{self, Below, Claim, Files, Manifest, TOOL},
+    ensure,
+    output::Printer,
+};
 use calib_control::{
     ActionModel, ActionModelRecord, ControlConfig, Distance, Pessimism, Rules, open_action_model,
     write_action_model,
 };
 use calib_core::{Bounds, Period, States};
 use calib_files::{Fingerprint, map_npy, write_npy};
+use calib_model_steps::represent::decisions;
 use calib_study::{Job, StepKind, Study};
 use serde::{Deserialize, Serialize};
 
 use super::log::{self, ActionLog, Names};
-use crate::{
-    StepError,
-    base::artefact::{self, Below, Claim, Files, Manifest, TOOL},
-    ensure,
-    output::Printer,
-    represent::decisions,
-};
 
 /// Time of every row in microseconds, `i64 [rows, 1]`.
 const TIMES: &str = "times.npy";

@@ -5,17 +5,17 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use calib_base::StepError;
 use calib_control::{Distance, Importance};
 use calib_files::write_atomically;
+use calib_model_steps::{
+    represent::{decisions, report_table},
+    rollouts::figures as drawn,
+};
 use calib_report::{Cell, Figure, Overview, Table};
 use calib_study::{Job, StepKind};
 
 use super::{figures, files::ControlEvaluation, show};
-use crate::{
-    StepError,
-    represent::{decisions, report_table},
-    rollouts::figures as drawn,
-};
 
 const PAGE: &str = "report.html";
 

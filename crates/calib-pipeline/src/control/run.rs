@@ -1,3 +1,10 @@
+use calib_base::{
+    StepError,
+    clock::Stopwatch,
+    memory,
+    outcome::{NoPlan, StepResult},
+    output::{Printer, count, counted, duration},
+};
 use calib_control::{
     ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns, ControlConfig,
     ControlError, Distance, Ensemble, Extent, IncrementModel, Increments, NetworkModel, Question,
@@ -6,6 +13,7 @@ use calib_control::{
 };
 use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
+use calib_model_steps::represent::decisions;
 use calib_report::listed;
 use calib_study::Job;
 
@@ -15,16 +23,6 @@ use super::{
     log::{self, ActionLog},
     model, page, show,
     units::Units,
-};
-use crate::{
-    StepError,
-    base::{
-        clock::Stopwatch,
-        memory,
-        outcome::{NoPlan, StepResult},
-    },
-    output::{Printer, count, counted, duration},
-    represent::decisions,
 };
 
 /// From the log of decisions to the verdict.

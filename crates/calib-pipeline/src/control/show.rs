@@ -1,3 +1,8 @@
+use calib_base::{
+    StepError,
+    outcome::{Outcome, Told},
+    output::{Printer, count, counted, percent, significant, table},
+};
 use calib_control::{BestConstant, Doubt, Importance};
 use calib_report::{Decision, Support, listed};
 use calib_stats::{Difference, Interval, RankRule};
@@ -6,11 +11,6 @@ use calib_study::Job;
 use super::{
     described::{ActionTold, LogTold, SettingTold},
     files::{ControlEvaluation, ControlSummary},
-};
-use crate::{
-    StepError,
-    base::outcome::{Outcome, Told},
-    output::{Printer, count, counted, percent, significant, table},
 };
 
 /// Candidates that are shown.

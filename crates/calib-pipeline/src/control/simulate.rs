@@ -3,6 +3,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use calib_base::{Context as _, StepError, ensure, output::Printer};
 use calib_control::{
     Acrobot, Agent, Begin, Behaviour, CartPole, Ending, Environment as _, Membrane, Pendulum,
     PuddleWorld, Quality, Recorded, Simulated, Span, Task, TaskKind, record,
@@ -14,7 +15,6 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::show::held;
-use crate::{Context as _, StepError, ensure, output::Printer};
 
 /// A log to write of a task whose truth is known.
 #[derive(Clone, Debug)]
@@ -30,7 +30,7 @@ pub struct SimulateTask {
     /// Root of all randomness.
     pub seed: u64,
     /// Whether files that are there may be replaced.
-    pub standing: crate::Standing,
+    pub standing: calib_base::options::Standing,
 }
 
 /// A log of a task whose truth is known.

@@ -2,14 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use calib_base::{
+    StepError,
+    artefact::{Below, Claim},
+};
 use calib_control::{ActionModelKind, ControlError, Run, RunId, RunKeeper};
 use calib_files::{read_sealed_json, remove_known, write_sealed_json};
 use serde::{Deserialize, Serialize};
-
-use crate::{
-    StepError,
-    base::artefact::{Below, Claim},
-};
 
 /// Runs in files of their own.
 pub(super) struct Units {

@@ -1,13 +1,13 @@
 //! Drafts of the study that is proposed.
 
+use calib_base::{
+    options::ProposeOptions,
+    output::{Printer, span},
+};
 use calib_propose::{Asked, Cut, Draft, Horizon, Sensors, Size, horizon};
 use calib_sweep::ENOUGH_WINDOWS;
 
 use super::look::Look;
-use crate::{
-    base::options::ProposeOptions,
-    output::{Printer, span},
-};
 
 /// To whole days of several, else to whole hours or minutes.
 fn rounded_up(secs: f64) -> f64 {

@@ -1,12 +1,12 @@
 //! Which agent is proposed, by what was tried on the training range.
 
-use calib_propose::{Horizon, ProposedAgent, Sensors, Trial, choose_agent};
-
-use super::trial::{Predicted, Trials, halved};
-use crate::{
+use calib_base::{
     StepError,
     output::{Printer, span},
 };
+use calib_propose::{Horizon, ProposedAgent, Sensors, Trial, choose_agent};
+
+use super::trial::{Predicted, Trials, halved};
 
 /// What was tried where only the training range is known, and what follows from it.
 pub(super) struct Evidence {

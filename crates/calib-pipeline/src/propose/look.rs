@@ -1,5 +1,13 @@
 //! What can be seen of a log before anything is tried.
 
+use calib_base::{
+    Context as _, StepError,
+    clock::{self, Taken},
+    left_alone::text_left_alone,
+    memory,
+    options::ProposeOptions,
+    output::{Printer, count, span},
+};
 use calib_data::{
     ChannelSketch, ContradictionCause, DataConfig, DataError, FEW_CONTRADICT, Resample, Sentinel,
     Sketch, format_time, sketch,
@@ -7,16 +15,6 @@ use calib_data::{
 use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors};
 
 use super::{gives, gives_any};
-use crate::{
-    Context as _, StepError,
-    base::{
-        clock::{self, Taken},
-        left_alone::text_left_alone,
-        memory,
-        options::ProposeOptions,
-    },
-    output::{Printer, count, span},
-};
 
 /// What the log is like.
 pub(super) struct Look {
@@ -87,13 +85,13 @@ impl Look {
             sketch = calib_data::sketch(&data, &printer.progress())?;
         }
         let wanted = named(&args.sensors, &sketch)?;
-        let scope = Scope::with(&sketch, &wanted)?;
+        let scope = Scope::with(&sketch, &wanted).map_err(StepError::other)?;
         let sensors = if wanted.is_empty() {
-            Sensors::of(&sketch, &scope)?
+            Sensors::of(&sketch, &scope).map_err(StepError::other)?
         } else {
             Sensors { proposed: wanted, others: Vec::new() }
         };
-        let cut = Cut::of(&sketch, &scope)?;
+        let cut = Cut::of(&sketch, &scope).map_err(StepError::other)?;
         if !args.sensors.is_empty() && scope.is_part {
             let rows = &sketch.timestamps[scope.rows.clone()];
             printer.say(&format!(

@@ -10,6 +10,15 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use calib_base::{
+    Context as _, StepError,
+    clock::Stopwatch,
+    ensure,
+    log::context::RunContext,
+    options::ProposeOptions,
+    outcome::Outcome,
+    output::{Printer, count, duration, span},
+};
 use calib_core::Timestamp;
 use calib_files::{TemporaryFolder, check_output, write_output};
 use calib_propose::{
@@ -25,13 +34,6 @@ use self::{
     evidence::Evidence,
     look::{Look, bridged},
     trial::{Spaced, Trials},
-};
-use crate::{
-    Context as _, StepError,
-    base::{clock::Stopwatch, options::ProposeOptions, outcome::Outcome},
-    ensure,
-    log::context::RunContext,
-    output::{Printer, count, duration, span},
 };
 
 /// What was chosen, for `--json`.

@@ -1,24 +1,25 @@
 //! Small models of a log, and what they take.
 
 use calib_agent::SimplePredictor;
-use calib_files::TemporaryFolder;
-use calib_propose::{Costs, Horizon, MOST_RUNS, ProposedModel, Size};
-use calib_study::{Job, Request};
-use calib_sweep::{Baselines, FittingRows, SensorVerdict};
-
-use crate::{
+use calib_base::{
     Context as _, StepError, bail,
-    base::{
-        clock::{Stopwatch, Taken},
-        options::{BuildOptions, ProposeOptions},
-    },
+    clock::{Stopwatch, Taken},
     log::{
         context::RunContext,
         partition::{self, Parts},
     },
-    model::{build_model, jumps, model_files::sensor_columns},
+    options::{BuildOptions, ProposeOptions},
     output::span,
+};
+use calib_files::TemporaryFolder;
+use calib_model_steps::{
+    model::{build_model, jumps, model_files::sensor_columns},
     rollouts::rollout,
+};
+use calib_propose::{Costs, Horizon, MOST_RUNS, ProposedModel, Size};
+use calib_study::{Job, Request};
+use calib_sweep::{Baselines, FittingRows, SensorVerdict};
+use calib_sweep_steps::{
     sweep::{self, plan::Counted, simple::SimpleErrors},
     verdict::evaluate,
 };

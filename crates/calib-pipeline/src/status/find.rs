@@ -5,9 +5,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use calib_base::{StepError, bail};
 use calib_study::{Job, Request};
 
-use crate::{StepError, bail, cluster};
+use crate::cluster;
 
 /// Whose status is asked for.
 #[derive(Clone, Debug, Default)]

@@ -6,22 +6,26 @@ mod show;
 
 use std::path::{Path, PathBuf};
 
+use calib_base::{
+    StepError,
+    artefact::{self, CONTROL_VERDICT},
+    log::context::RunContext,
+    output::Printer,
+    progress::{self, Note, Standing},
+};
 use calib_study::{Job, Scope, StepKind};
+use calib_sweep_steps::{
+    sweep::{SweepManifest, planned::PlannedSweep},
+    verdict::kept_report::is_judged_since,
+};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 pub(crate) use self::ranking::Ranking;
 use self::{find::Found, ranking::rankings};
 use crate::{
-    StepError,
-    base::artefact::{self, CONTROL_VERDICT},
     cluster,
-    log::context::RunContext,
-    output::Printer,
     plan::{Plan, PlannedStep, State},
-    progress::{self, Note, Standing},
-    sweep::{SweepManifest, planned::PlannedSweep},
-    verdict::kept_report::is_judged_since,
 };
 
 pub use self::find::StatusRequest;

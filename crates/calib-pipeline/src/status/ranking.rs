@@ -2,15 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use calib_base::StepError;
 use calib_stats::{mean, summarise};
 use calib_sweep::EnvironmentId;
+use calib_sweep_steps::sweep::planned::{PlannedSweep, StoredRun};
 use schemars::JsonSchema;
 use serde::Serialize;
-
-use crate::{
-    StepError,
-    sweep::planned::{PlannedSweep, StoredRun},
-};
 
 /// How settings stand for a sensor. It is provisional as long as runs are missing, and no verdict after that: nothing is
 /// said of held-out data.

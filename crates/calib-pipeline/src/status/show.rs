@@ -1,13 +1,14 @@
 //! How a study stands, in lines and tables.
 
-use super::{
-    ClusterStanding, Command, Overall, Ranking, StandingOf, StepStanding, StepState, StudyStanding,
-};
-use crate::{
+use calib_base::{
     StepError,
-    base::clock::unix_secs,
+    clock::unix_secs,
     output::{Printer, count, duration_of_secs, percent, table},
     progress::Standing,
+};
+
+use super::{
+    ClusterStanding, Command, Overall, Ranking, StandingOf, StepStanding, StepState, StudyStanding,
 };
 
 /// Settings that are shown of each sensor, unless all are wanted.

@@ -1,12 +1,12 @@
 //! What was to be shown, and what so many plants can show.
 
+use calib_base::output::percent;
 use calib_report::{Cell, Table};
 use calib_validity::{
     Claim, DIFFERENCES, Finding, GOOD, Method, MethodSummary, Outcome, Power, Test, Validity,
 };
 
 use super::tables::{at_most, count, quotient, quotients, table};
-use crate::output::percent;
 
 /// The tests, and their power.
 pub(super) fn tables(validity: &Validity) -> Vec<Table> {

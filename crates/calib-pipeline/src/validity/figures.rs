@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use calib_agent::Part;
+use calib_base::StepError;
+use calib_model_steps::rollouts::figures;
 use calib_report::{
     Axis, Cell, Chart, Colour, Dash, Figure, Marker, OverviewFigure, Point, Scale, ScaleKind,
     Series, Side, Table,
@@ -10,7 +12,6 @@ use calib_report::{
 use calib_validity::{Method, MethodSummary, ModelPair, Validity};
 
 use super::{Judgement, show, tables::short};
-use crate::{StepError, rollouts::figures};
 
 /// Regrets below this are drawn here: logarithms have no zero.
 const FLOOR: f64 = 1e-3;

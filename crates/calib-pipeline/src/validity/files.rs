@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use calib_base::{StepError, artefact::write_table};
 use calib_data::table::Table;
 use calib_files::write_json;
 use calib_validity::{Method, ModelPair, Pair, PairRegret};
 
 use super::{Judgement, Task, show::part_name};
-use crate::{StepError, base::artefact::write_table};
 
 pub(super) fn write(directory: &Path, judgement: &Judgement) -> Result<(), StepError> {
     write_table(pairs(judgement), &directory.join("pairs.parquet"))?;

@@ -1,21 +1,18 @@
 //! What a study says about its sensors.
 
 use calib_agent::Part;
+use calib_base::{StepError, bail, log::context::RunContext};
 use calib_core::Silent;
 use calib_model::ModelFamily;
+use calib_model_steps::rollouts::{
+    one_step::{self, OneStep},
+    rollout::{self, RolloutManifest},
+};
 use calib_sweep::{Baseline, Candidate, RaceRule, SensorVerdict, SweepError, Truth};
+use calib_sweep_steps::verdict::evaluate::{self, Judged};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
 use super::{race, studies::Listed, task::Task};
-use crate::{
-    StepError, bail,
-    log::context::RunContext,
-    rollouts::{
-        one_step::{self, OneStep},
-        rollout::{self, RolloutManifest},
-    },
-    verdict::evaluate::{self, Judged},
-};
 
 /// Fewer scored horizons than this after the first quarter say more about the stretch than about the value.
 const HORIZONS: f64 = 200.0;

@@ -19,23 +19,22 @@ use std::{
 };
 
 use calib_agent::Part;
+use calib_base::{
+    StepError,
+    artefact::{self, Below, Claim, TOOL},
+    bail,
+    clock::Stopwatch,
+    log::context::RunContext,
+    options::{ValidityExtent, ValidityOptions},
+    outcome::Outcome,
+    output::{counted, duration},
+};
 use calib_study::{Share, shell_words};
 use calib_validity::{Pair, Validity, judge};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::{
-    StepError, bail,
-    base::{
-        artefact::{self, Below, Claim, TOOL},
-        clock::Stopwatch,
-        options::{ValidityExtent, ValidityOptions},
-        outcome::Outcome,
-    },
-    chain::Extent,
-    log::context::RunContext,
-    output::{counted, duration},
-};
+use crate::chain::Extent;
 use gather::{Gathered, Reason, gather};
 use studies::{Listed, Listing};
 use task::Task;
@@ -283,8 +282,12 @@ fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> Result<Judg
             }
         }
     }
-    let score =
-        |(part, pairs)| Ok(Score { part, validity: judge(values.clone(), pairs, &networks)? });
+    let score = |(part, pairs)| {
+        Ok(Score {
+            part,
+            validity: judge(values.clone(), pairs, &networks).map_err(StepError::other)?,
+        })
+    };
     Ok(Judgement {
         protocol: listing.protocol.as_ref().map(|protocol| Drew {
             file: protocol.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),

@@ -2,11 +2,11 @@
 
 use std::{io::Write as _, path::Path};
 
+use calib_base::StepError;
 use calib_files::write_atomically;
 use calib_report::{Overview, Table};
 
 use super::{Judgement, claims::findings, figures, show, tables};
-use crate::StepError;
 
 /// Write the page.
 pub(super) fn write(path: &Path, judgement: &Judgement) -> Result<(), StepError> {

@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-use super::{studies::Listing, task::Task};
-use crate::{
+use calib_base::{
     StepError,
     log::context::RunContext,
     output::{duration, table},
 };
+
+use super::{studies::Listing, task::Task};
 
 /// Every plant with its task, and what is left to run.
 pub(super) fn show(listing: &Listing, context: &RunContext) -> Result<(), StepError> {

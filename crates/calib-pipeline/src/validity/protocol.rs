@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use calib_base::{StepError, bail, ensure, options::ValidityOptions};
 use calib_study::{Drawn, Protocol};
 
 use super::studies::files;
-use crate::{StepError, bail, base::options::ValidityOptions, chain::Extent, ensure};
+use crate::chain::Extent;
 
 /// A protocol, its file, and where what follows from it goes.
 pub(super) struct Named {

@@ -1,9 +1,9 @@
 //! What races would have saved, and chosen: read off the results of a whole sweep.
 
+use calib_base::StepError;
 use calib_core::Seed;
 use calib_sweep::{EnvironmentId, Judging, RaceRule, SensorVerdict, UnitResult, raced, verdict};
-
-use crate::{StepError, verdict::evaluate::Judged};
+use calib_sweep_steps::verdict::evaluate::Judged;
 
 /// A race on the runs that were made.
 pub(super) struct Outcome {

@@ -1,14 +1,14 @@
 //! The judgement on the terminal.
 
 use calib_agent::Part;
+use calib_base::{
+    StepError,
+    output::{Printer, count, counted, percent, significant, table},
+};
 use calib_report::{Cell, Table};
 use calib_validity::{CAP, FEWEST_PLANTS, Validity};
 
 use super::{Judgement, Score, claims::findings, tables};
-use crate::{
-    StepError,
-    output::{Printer, count, counted, percent, significant, table},
-};
 
 /// Print all tables.
 pub(super) fn show(judgement: &Judgement, printer: &Printer) -> Result<(), StepError> {

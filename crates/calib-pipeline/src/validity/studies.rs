@@ -2,26 +2,26 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_core::Seed;
-use calib_files::read_regular;
-use calib_model::ModelKind;
-use calib_study::{Drawn, Job, Request, Study, StudyError};
-use calib_sweep::{Candidate, candidates};
-
-use super::protocol::Named;
-use crate::{
-    Context as _, StepError, bail,
-    base::{artefact::MANIFEST, options::ValidityOptions},
-    chain::{self, Extent},
-    ensure,
+use calib_base::{
+    Context as _, StepError,
+    artefact::MANIFEST,
+    bail, ensure,
     log::{
         context::RunContext,
         plant_of_study::{self, PlantOfStudy},
         simulate::Found,
     },
-    sweep,
-    verdict::evaluate,
+    options::ValidityOptions,
 };
+use calib_core::Seed;
+use calib_files::read_regular;
+use calib_model::ModelKind;
+use calib_study::{Drawn, Job, Request, Study, StudyError};
+use calib_sweep::{Candidate, candidates};
+use calib_sweep_steps::{sweep, verdict::evaluate};
+
+use super::protocol::Named;
+use crate::chain::{self, Extent};
 
 /// What is judged together.
 pub(super) struct Listing {

@@ -1,5 +1,6 @@
 //! The judgement as tables, narrow enough for a terminal.
 
+use calib_base::output::percent;
 use calib_report::{Cell, Table};
 use calib_stats::Interval;
 use calib_validity::{
@@ -8,7 +9,6 @@ use calib_validity::{
 };
 
 use super::{Judged, claims};
-use crate::output::percent;
 
 /// All tables of a score, the most important first, but that of every pair.
 pub(super) fn of_score(validity: &Validity) -> Vec<Table> {

@@ -2,10 +2,9 @@
 
 use std::{collections::BTreeMap, path::Path, process::Command};
 
+use calib_base::StepError;
 use calib_files::{read_json, write_json};
 use serde::{Deserialize, Serialize};
-
-use crate::StepError;
 
 /// Where it is kept which jobs were submitted, in the folder of the plan.
 pub(crate) const JOBS: &str = "slurm/jobs.json";

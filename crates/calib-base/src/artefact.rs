@@ -1,0 +1,477 @@
+//! Results that are made once: a directory counts only with a manifest that names its inputs.
+
+use std::{
+    collections::BTreeMap,
+    io,
+    ops::{Deref, DerefMut},
+    path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
+};
+
+use calib_data::table::{RESULTS_KEY, Table};
+pub use calib_files::Below;
+use calib_files::{
+    FileError, FileStat, Fingerprint, Fingerprinter, FolderRecord, LOCK, Lock, fingerprint_file,
+    link_or_copy, lock, read_sealed_json, remove_file, remove_temporaries, write_sealed_json,
+};
+use calib_study::{Job, Scope, StepKind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use crate::{Context as _, StepError, bail, output::Printer};
+
+/// Version of calib that wrote a file.
+pub const TOOL: &str = concat!("calib ", env!("CARGO_PKG_VERSION"));
+
+/// File that completes a directory; written last, removed first.
+pub const MANIFEST: &str = "manifest.json";
+
+/// File of a verdict about agents that act, which is beside no model.
+pub const CONTROL_VERDICT: &str = "verdict.json";
+
+/// What a manifest must tell about the inputs of its directory.
+pub trait Manifest: Serialize + DeserializeOwned {
+    /// Version of the directory's format; another version is another artefact.
+    const FORMAT: u32;
+
+    /// Version that was written.
+    fn format(&self) -> u32;
+}
+
+/// What a step made, as the `manifest.json` of its directory tells of it.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub struct Artefact<T> {
+    format: u32,
+    tool: String,
+    /// What the step tells of it.
+    #[serde(flatten)]
+    pub facts: T,
+    /// Fingerprint of every other file.
+    pub files: Files,
+}
+
+/// What a manifest tells beside what every manifest does.
+pub trait Facts: Serialize + DeserializeOwned {
+    /// Version of the directory's format; another version is another artefact.
+    const FORMAT: u32;
+    /// What makes it.
+    const STEP: StepKind;
+
+    /// Fingerprint of all that it follows from; empty where its parts have keys of their own.
+    fn key(&self) -> &str;
+
+    /// Whether a file stays the same as long as the result does.
+    fn lasts(_name: &str) -> bool {
+        true
+    }
+
+    /// Whether what lies below the directory, and has no fingerprint in the manifest, is whole.
+    fn has_all_parts(&self, _directory: &Path) -> bool {
+        true
+    }
+}
+
+impl<T: Facts> Manifest for Artefact<T> {
+    const FORMAT: u32 = T::FORMAT;
+
+    fn format(&self) -> u32 {
+        self.format
+    }
+}
+
+impl<T> Deref for Artefact<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.facts
+    }
+}
+
+impl<T> DerefMut for Artefact<T> {
+    fn deref_mut(&mut self) -> &mut T {
+        &mut self.facts
+    }
+}
+
+impl<T: Facts> Artefact<T> {
+    /// An artefact of which no file was written yet.
+    pub fn new(facts: T) -> Self {
+        Self { format: T::FORMAT, tool: TOOL.to_owned(), facts, files: Files::new() }
+    }
+
+    /// What `key` names, if it is in `directory` and whole.
+    pub fn find(directory: &Path, key: &str) -> Option<Self> {
+        read::<Self>(directory).filter(|found| found.key() == key && found.is_whole(directory))
+    }
+
+    /// What `key` names, if a job has it and need not make it again; or if another model of the study has it, whose
+    /// files are then the job's as well: models may differ in nothing that an artefact follows from.
+    ///
+    /// # Errors
+    /// If another model has it, and the copy cannot be written.
+    pub fn of_job(job: &Job, key: &str, printer: &Printer) -> Result<Option<Self>, StepError> {
+        if job.policy().redoes() {
+            return Ok(None);
+        }
+        let directory = job.layout().directory(T::STEP);
+        if let Some(found) = Self::find(&directory, key) {
+            return Ok(Some(found));
+        }
+        if T::STEP.scope() != Scope::Model {
+            return Ok(None);
+        }
+        for other in job.layout().of_other_models(T::STEP) {
+            let Some(found) = Self::find(&other, key) else { continue };
+            let (result, place) = (T::STEP.result(), other.display());
+            printer.say(&format!("the {result} is that in {place}, and is copied"));
+            let claim = Claim::begun(&directory)?;
+            for name in found.files.keys() {
+                link_or_copy(&other.join(name), &directory.join(name))?;
+            }
+            claim.complete(&found)?;
+            return Ok(Some(found));
+        }
+        Ok(None)
+    }
+
+    /// Whether every file that lasts is what was written.
+    pub fn is_whole(&self, directory: &Path) -> bool {
+        are_whole(directory, &self.lasting_files()) && self.has_all_parts(directory)
+    }
+
+    /// The files that do not change as long as the result is the same.
+    pub fn lasting_files(&self) -> Files {
+        let lasting = self.files.iter().filter(|(name, _)| T::lasts(name));
+        lasting.map(|(name, written)| (name.clone(), written.clone())).collect()
+    }
+}
+
+/// The manifest of `directory` if it is complete and of this format.
+pub fn read<M: Manifest>(directory: &Path) -> Option<M> {
+    let manifest: M = read_sealed_json(&directory.join(MANIFEST)).ok()?;
+    (manifest.format() == M::FORMAT).then_some(manifest)
+}
+
+/// Files of a directory by name, each with the fingerprint of what was written.
+pub type Files = BTreeMap<String, Fingerprint>;
+
+/// Fingerprints of files that were just written.
+///
+/// # Errors
+/// If one cannot be read.
+pub fn fingerprints<'a>(
+    directory: &Path,
+    names: impl IntoIterator<Item = &'a str>,
+) -> Result<Files, StepError> {
+    let mut files = Files::new();
+    for name in names {
+        files.insert(name.to_owned(), fingerprint_file(&directory.join(name))?);
+    }
+    Ok(files)
+}
+
+/// The fingerprint of a file, which is read once in the life of this process as long as it is the same.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn fingerprint_once(path: &Path) -> Result<Fingerprint, FileError> {
+    static READ: Mutex<BTreeMap<FileStat, Fingerprint>> = Mutex::new(BTreeMap::new());
+    let known = || READ.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(stamp) = FileStat::of(path)? else { return fingerprint_file(path) };
+    if let Some(found) = known().get(&stamp) {
+        return Ok(found.clone());
+    }
+    let found = fingerprint_file(path)?;
+    known().insert(stamp, found.clone());
+    Ok(found)
+}
+
+/// Whether all files of a complete directory are still what was written.
+pub fn are_whole(directory: &Path, files: &Files) -> bool {
+    files.iter().all(|(name, written)| {
+        fingerprint_once(&directory.join(name)).is_ok_and(|found| found == *written)
+    })
+}
+
+/// Check that the files of a complete directory are what was written, before the first use; `command` makes them
+/// again.
+///
+/// # Errors
+/// If one cannot be read; [`StepError::Stale`] if one is not what was written.
+pub fn check_files(directory: &Path, files: &Files, command: &str) -> Result<(), StepError> {
+    for (name, written) in files {
+        let path = directory.join(name);
+        let found = fingerprint_once(&path).with_context(|| format!("run `{command}` again"))?;
+        if found != *written {
+            return Err(StepError::Stale(format!(
+                "{} is not what was written: it was damaged or replaced; run `{command}` to make it again",
+                path.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// The manifest of `directory`, or why there is none and which `command` makes it.
+///
+/// # Errors
+/// If there is none, it is damaged or of other results; [`StepError::Stale`] if it has another format.
+pub fn require<M: Manifest>(directory: &Path, command: &str) -> Result<M, StepError> {
+    let path = directory.join(MANIFEST);
+    if !path.exists() {
+        bail!("{} does not exist; run `{command}` first", path.display());
+    }
+    let manifest: M = match read_sealed_json(&path) {
+        // Whole, and of something else.
+        Err(FileError::Json { .. }) if read_sealed_json::<serde_json::Value>(&path).is_ok() => {
+            bail!(
+                "{} has other results than those of `{command}`, or those of another calib; give the folder of these",
+                directory.display()
+            )
+        }
+        manifest => manifest.with_context(|| format!("run `{command}` to make it again"))?,
+    };
+    if manifest.format() != M::FORMAT {
+        return Err(StepError::Stale(format!(
+            "{} has format {}, this calib reads format {}; run `{command}`",
+            path.display(),
+            manifest.format(),
+            M::FORMAT
+        )));
+    }
+    Ok(manifest)
+}
+
+/// A directory that this process writes, and no other one where the file system has locks. The claim ends with the
+/// process, however it ends.
+///
+/// It saves work and spares confusion; no result rests on it. Where two processes write one directory, as they can
+/// without locks, both write the same bytes, file by file as a whole.
+pub struct Claim {
+    directory: PathBuf,
+    record: FolderRecord,
+    /// Locked while it is open.
+    _lock: Lock,
+}
+
+impl Claim {
+    /// Claim `directory`, and remove what a killed process left half-written in it.
+    ///
+    /// # Errors
+    /// If it cannot be written, another process has claimed it, or, where all below is to be calib's, it has something
+    /// else in it.
+    pub fn new(directory: &Path, below: Below) -> Result<Self, StepError> {
+        Self::of_nobody(directory, below)?.with_context(|| taken(directory))
+    }
+
+    /// As [`Claim::new`], of a directory that need not be written: none if another process has claimed it.
+    ///
+    /// # Errors
+    /// As [`Claim::new`].
+    pub(crate) fn of_nobody(directory: &Path, below: Below) -> Result<Option<Self>, StepError> {
+        let record = match below {
+            Below::Ours => own(directory)?,
+            Below::Unknown => FolderRecord::open(directory)?,
+        };
+        Self::with(directory, record, below)
+    }
+
+    /// As [`Claim::new`], of a directory of which calib owns what its record names, and in which nothing else may be.
+    ///
+    /// # Errors
+    /// As [`Claim::new`].
+    pub fn of_named(directory: &Path) -> Result<Self, StepError> {
+        let record = FolderRecord::open_own(directory)?;
+        Self::with(directory, record, Below::Unknown)?.with_context(|| taken(directory))
+    }
+
+    fn with(
+        directory: &Path,
+        record: FolderRecord,
+        below: Below,
+    ) -> Result<Option<Self>, StepError> {
+        let refused = || format!("cannot write to {}", directory.display());
+        let lock = lock(&directory.join(LOCK)).with_context(refused)?;
+        if matches!(lock, Lock::Taken) {
+            return Ok(None);
+        }
+        remove_temporaries(directory, below).with_context(refused)?;
+        Ok(Some(Self { directory: directory.to_owned(), record, _lock: lock }))
+    }
+
+    /// What of the directory is calib's, and of what lies beside it.
+    pub fn record(&mut self) -> &mut FolderRecord {
+        &mut self.record
+    }
+
+    /// From here until [`complete`](Self::complete) the directory does not count as a result.
+    ///
+    /// # Errors
+    /// If the manifest that is there cannot be removed.
+    pub fn begin(&self) -> Result<(), StepError> {
+        remove_file(&self.directory.join(MANIFEST))
+            .with_context(|| format!("cannot write to {}", self.directory.display()))
+    }
+
+    /// Claim a directory, which does not count as a result until [`finish`](Self::finish) completes it.
+    ///
+    /// # Errors
+    /// As [`Claim::new`].
+    pub fn begun(directory: &Path) -> Result<Self, StepError> {
+        let claim = Self::new(directory, Below::Ours)?;
+        claim.begin()?;
+        Ok(claim)
+    }
+
+    /// Complete the directory, of which `names` were written, with the manifest that tells of it.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or the manifest cannot be written.
+    pub fn finish<'a, T: Facts>(
+        &self,
+        facts: T,
+        names: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Artefact<T>, StepError> {
+        let files = fingerprints(&self.directory, names)?;
+        let artefact = Artefact { files, ..Artefact::new(facts) };
+        self.complete(&artefact)?;
+        Ok(artefact)
+    }
+
+    /// Complete the directory with its manifest. It stays claimed as long as the claim is held.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn complete<M: Manifest>(&self, manifest: &M) -> Result<(), StepError> {
+        Ok(write_sealed_json(&self.directory.join(MANIFEST), manifest)?)
+    }
+}
+
+fn taken(directory: &Path) -> String {
+    format!(
+        "another calib is writing to {}; wait for it, or choose another folder",
+        directory.display()
+    )
+}
+
+/// Make a directory calib's as a whole; where results were made by a calib that noted nothing, their manifest shows whose
+/// they are.
+///
+/// # Errors
+/// If it has something in it that calib did not write, or cannot be written.
+pub fn own(directory: &Path) -> Result<FolderRecord, FileError> {
+    FolderRecord::take(directory, || has_manifest(directory))
+}
+
+/// Whether a directory could be made calib's; nothing is written.
+///
+/// # Errors
+/// As [`own`].
+pub fn check_own(directory: &Path) -> Result<(), FileError> {
+    FolderRecord::check(directory, || has_manifest(directory)).map(drop)
+}
+
+fn has_manifest(directory: &Path) -> bool {
+    let manifest = read_sealed_json::<serde_json::Value>(&directory.join(MANIFEST));
+    let tool = manifest.map(|manifest| manifest["tool"].as_str().map(str::to_owned));
+    matches!(tool, Ok(Some(tool)) if tool.starts_with("calib "))
+}
+
+/// Go on where a disk lets nothing be written: what is finished can still be shown. Every other failure stays one.
+///
+/// # Errors
+/// What `written` is, unless it says that nothing may be written there.
+pub fn or_read_only(
+    written: Result<(), StepError>,
+    place: &Path,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    match written {
+        Err(error) if is_refusal(&error) => {
+            let place = place.display();
+            printer.warn(&format!("{place} was not written: {error}; results are only shown"));
+            Ok(())
+        }
+        other => other,
+    }
+}
+
+/// Whether nothing may be written there.
+pub(crate) fn is_refusal(error: &StepError) -> bool {
+    let StepError::Storage(error) = error.root() else { return false };
+    let FileError::Io { source, .. } = error.as_ref() else { return false };
+    matches!(source.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem)
+}
+
+/// A table of results, marked as one: a search for logs leaves it out.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn write_table(table: Table, path: &Path) -> Result<(), StepError> {
+    Ok(marked(table).write_parquet(path)?)
+}
+
+/// A table that is known as a result.
+pub fn marked(table: Table) -> Table {
+    table.with_metadata(RESULTS_KEY, "1")
+}
+
+/// Fingerprint of some inputs.
+///
+/// # Errors
+/// If they cannot be written as JSON.
+pub fn key(inputs: &impl Serialize) -> Result<String, StepError> {
+    let text = serde_json::to_vec(inputs)?;
+    let fingerprint: Fingerprint = Fingerprinter::default().add(&text).finish();
+    Ok(fingerprint.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use serde::Deserialize;
+
+    use super::*;
+
+    #[derive(Serialize, Deserialize)]
+    struct Made {
+        format: u32,
+    }
+
+    impl Manifest for Made {
+        const FORMAT: u32 = 1;
+
+        fn format(&self) -> u32 {
+            self.format
+        }
+    }
+
+    #[test]
+    fn files_are_whole_as_long_as_no_byte_differs() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("a");
+        fs::write(&path, b"content").expect("written");
+        let files = fingerprints(directory.path(), ["a"]).expect("readable");
+        check_files(directory.path(), &files, "calib make").expect("whole");
+        fs::write(&path, b"Content").expect("written");
+        assert!(!are_whole(directory.path(), &files));
+        let error = check_files(directory.path(), &files, "calib make").expect_err("damaged");
+        assert!(error.to_string().contains("run `calib make`"), "{error}");
+        fs::remove_file(&path).expect("removed");
+        assert!(!are_whole(directory.path(), &files));
+    }
+
+    #[test]
+    fn a_directory_stays_claimed_when_it_is_complete() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let claim = Claim::new(directory.path(), Below::Ours).expect("nobody has it");
+        claim.begin().expect("writable");
+        claim.complete(&Made { format: 1 }).expect("writable");
+        assert!(read::<Made>(directory.path()).is_some());
+        let other = Claim::new(directory.path(), Below::Ours).err().expect("it is claimed");
+        assert!(other.to_string().contains("another calib is writing"), "{other}");
+        drop(claim);
+        assert!(Claim::new(directory.path(), Below::Ours).is_ok(), "it was given up");
+    }
+}

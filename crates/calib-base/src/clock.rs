@@ -1,0 +1,126 @@
+//! The only place that reads the time. It is used for progress and timings, never for results.
+
+use std::{
+    thread,
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
+};
+
+use calib_core::Timestamp;
+use calib_data::format_time;
+use calib_files::FileStat;
+
+use super::memory;
+
+/// A running stopwatch.
+#[derive(Clone, Copy, Debug)]
+pub struct Stopwatch(Instant);
+
+impl Stopwatch {
+    /// Start it.
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "timings are reported beside results, not in them"
+    )]
+    pub fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    /// Time since the start.
+    pub fn elapsed(self) -> Duration {
+        self.0.elapsed()
+    }
+}
+
+/// Seconds since 1970.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "notes of how work stands say when they were written"
+)]
+pub fn unix_secs() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |now| now.as_secs_f64())
+}
+
+/// When a process of this machine began, in ticks since the machine did, as Linux says it: a later process of the same
+/// number began later.
+pub(crate) fn process_began(process: u32) -> Option<u64> {
+    let stat = memory::stat_of(process)?;
+    let (_, fields) = stat.rsplit_once(')')?;
+    fields.split_whitespace().nth(19)?.parse().ok()
+}
+
+/// What is said of a log whose last time is still to come.
+#[expect(clippy::disallowed_methods, reason = "a remark, and no result")]
+pub fn in_future(last: Timestamp) -> Option<String> {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?.as_micros();
+    // Local times may be ahead of UTC by half a day.
+    let is_ahead = i128::from(last.as_micros()) > now as i128 + DAY_MICROS;
+    is_ahead.then(|| {
+        format!(
+            "the log ends at {}, which is still to come: is data.timestamp_format right, or the clock of the logger?",
+            format_time(last)
+        )
+    })
+}
+
+const DAY_MICROS: i128 = 86_400_000_000;
+
+/// What something took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Taken {
+    /// On the clock.
+    pub secs: f64,
+    /// On all processors together, which other work on the machine hardly changes; 0 where the system does not say.
+    pub processor_secs: f64,
+}
+
+impl Taken {
+    /// By this work.
+    pub fn by<T>(work: impl FnOnce() -> T) -> (T, Self) {
+        let (clock, before) = (Stopwatch::start(), processor_secs());
+        let made = work();
+        let secs = clock.elapsed().as_secs_f64();
+        (made, Self { secs, processor_secs: processor_secs() - before })
+    }
+}
+
+/// Processor time of this process so far, as Linux says it.
+fn processor_secs() -> f64 {
+    memory::of_process("stat").and_then(|text| of_stat(&text)).unwrap_or(0.0)
+}
+
+/// `utime` and `stime` of `/proc/PID/stat` (proc(5)), in hundredths of a second on every machine.
+fn of_stat(text: &str) -> Option<f64> {
+    // The name of the program may hold spaces and brackets.
+    let (_, fields) = text.rsplit_once(')')?;
+    let mut times = fields.split_whitespace().skip(11).map(str::parse::<u64>);
+    Some((times.next()?.ok()? + times.next()?.ok()?) as f64 / 100.0)
+}
+
+/// Wait until the next change of files with these stamps gives them others: for files that were not written just now, not
+/// at all.
+#[expect(clippy::disallowed_methods, reason = "how long to wait is no result")]
+pub(crate) fn settle(stamps: impl Iterator<Item = FileStat>) {
+    let since_1970 = |now: Duration| i64::try_from(now.as_nanos()).ok();
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).ok().and_then(since_1970);
+    let longest = stamps.map(|stamp| stamp.unsettled_ns(now.unwrap_or(0))).max();
+    thread::sleep(Duration::from_nanos(longest.unwrap_or(0)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn processor_time_is_read_from_what_linux_says() {
+        let stat = "71 (a b) c) S 1 71 71 0 -1 4194304 150 0 0 0 1234 66 7 8 20 0 4 0 99 1 1 1";
+        assert_eq!(of_stat(stat), Some(13.0));
+        assert_eq!(of_stat("71 (a) S 1"), None);
+    }
+
+    #[test]
+    fn what_work_took_is_told_with_what_it_made() {
+        let (made, taken) = Taken::by(|| 7);
+        assert_eq!(made, 7);
+        assert!(taken.secs >= 0.0 && taken.processor_secs >= 0.0, "{taken:?}");
+    }
+}

@@ -1,0 +1,355 @@
+//! Why a step did not do what it should.
+
+use std::{error::Error, fmt, io, num::ParseIntError, string::FromUtf8Error};
+
+use calib_agent::AgentError;
+use calib_control::ControlError;
+use calib_core::{Cancelled, FramesError, SegmentError, StatesError};
+use calib_data::{DataError, table::TableError};
+use calib_dtw::{DtwError, NoPath, ParsePatternError};
+use calib_dynamics::DynamicsError;
+use calib_files::{FileError, NotANumber};
+use calib_knn::KnnError;
+use calib_model::{ModelError, RolloutError};
+use calib_nn::{LayoutError, ParameterCountError};
+use calib_plant::OptionsError;
+use calib_report::ReportError;
+use calib_represent::RepresentError;
+use calib_stats::StatsError;
+use calib_study::{Place, StudyError};
+use calib_sweep::SweepError;
+use rayon::ThreadPoolBuildError;
+
+use crate::memory::NoRoom;
+
+/// Why a step did not do what it should: the study or the data is wrong, the machine refuses, or somebody asked it to stop.
+///
+/// It is shown from the outermost context to the innermost cause. Some errors of other crates tell their cause themselves; it is
+/// shown once.
+#[derive(Debug)]
+pub enum StepError {
+    /// The observer asked to stop.
+    Cancelled,
+    /// Something is missing that another attempt may bring, here or elsewhere; what is there stays.
+    Incomplete(String),
+    /// A result was made from other inputs, by another format, or was changed after it was written.
+    Stale(String),
+    /// The study is wrong.
+    Study(Box<StudyError>),
+    /// The log cannot be used.
+    Data(Box<DataError>),
+    /// No step of the held-out range can be scored: nothing can be said about a choice there.
+    Unscorable(String),
+    /// It needs libtorch, and this calib was built without it.
+    Unavailable(String),
+    /// A file could not be read or written, or is not what it should be.
+    Storage(Box<FileError>),
+    /// Anything else.
+    Other(Box<dyn Error + Send + Sync>),
+    /// Another one, with what was being done.
+    InContext {
+        /// What was being done, or with what.
+        context: String,
+        /// What went wrong.
+        source: Box<StepError>,
+    },
+}
+
+impl StepError {
+    /// An error that is told by a text alone.
+    pub fn message(text: impl Into<String>) -> Self {
+        Self::Other(text.into().into())
+    }
+
+    /// An error of a crate that this one does not know, so that a change there compiles only what uses it.
+    pub fn other(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::Other(error.into())
+    }
+
+    /// Without its contexts.
+    pub fn root(&self) -> &Self {
+        match self {
+            Self::InContext { source, .. } => source.root(),
+            root => root,
+        }
+    }
+
+    /// The exit code of a command that ends with it.
+    pub fn exit_code(&self) -> u8 {
+        match self.root() {
+            Self::Cancelled => 130,
+            Self::Incomplete(_) => 4,
+            _ => 2,
+        }
+    }
+
+    /// Whether it is no error but the wish of whoever watches.
+    pub fn was_cancelled(&self) -> bool {
+        matches!(self.root(), Self::Cancelled)
+    }
+
+    /// Whether something is missing that another attempt may bring.
+    pub fn is_incomplete(&self) -> bool {
+        matches!(self.root(), Self::Incomplete(_))
+    }
+
+    /// Where in the study file the reason is, if it is there.
+    pub fn place(&self) -> Option<&Place> {
+        match self.root() {
+            Self::Study(error) => error.place(),
+            _ => None,
+        }
+    }
+
+    /// What is told of the error itself, and of its causes.
+    fn causes(&self) -> Vec<String> {
+        let error: &dyn Error = match self {
+            Self::Cancelled => {
+                return vec!["interrupted; run the same command again to go on".to_owned()];
+            }
+            Self::Incomplete(text) | Self::Stale(text) | Self::Unscorable(text) => {
+                return vec![text.clone()];
+            }
+            Self::Unavailable(what) => {
+                return vec![format!(
+                    "{what} wants libtorch, and this calib was built without it; in the source tree run \
+                     `bash scripts/libtorch.sh cargo build --release --features torch`"
+                )];
+            }
+            Self::InContext { context, source } => {
+                let mut causes = vec![context.clone()];
+                causes.extend(source.causes());
+                return causes;
+            }
+            Self::Study(error) => error.as_ref(),
+            Self::Data(error) => error.as_ref(),
+            Self::Storage(error) => error.as_ref(),
+            Self::Other(error) => error.as_ref(),
+        };
+        let mut causes = vec![error.to_string()];
+        let mut source = error.source();
+        while let Some(cause) = source {
+            causes.push(cause.to_string());
+            source = cause.source();
+        }
+        causes
+    }
+}
+
+impl fmt::Display for StepError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // What was being done when somebody asked to stop does not matter.
+        let told = if self.was_cancelled() { self.root() } else { self };
+        let mut text = String::new();
+        for cause in told.causes() {
+            if text.is_empty() {
+                text = cause;
+            } else if !text.contains(&cause) {
+                text = format!("{text}: {cause}");
+            }
+        }
+        f.write_str(&text)
+    }
+}
+
+// Its causes are shown with it.
+impl Error for StepError {}
+
+impl From<Cancelled> for StepError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
+}
+
+impl From<StudyError> for StepError {
+    fn from(error: StudyError) -> Self {
+        Self::Study(Box::new(error))
+    }
+}
+
+impl From<FileError> for StepError {
+    fn from(error: FileError) -> Self {
+        Self::Storage(Box::new(error))
+    }
+}
+
+impl From<DataError> for StepError {
+    fn from(error: DataError) -> Self {
+        match error {
+            DataError::Cancelled(cancelled) => cancelled.into(),
+            DataError::File(error) => error.into(),
+            other => Self::Data(Box::new(other)),
+        }
+    }
+}
+
+impl From<TableError> for StepError {
+    fn from(error: TableError) -> Self {
+        match error {
+            TableError::File(error) => error.into(),
+            other => Self::Other(other.into()),
+        }
+    }
+}
+
+/// Errors of crates that read and write files, and can be cancelled.
+macro_rules! from_errors_with_files {
+    ($($error:ident),*) => {$(
+        impl From<$error> for StepError {
+            fn from(error: $error) -> Self {
+                match error {
+                    $error::Cancelled(cancelled) => cancelled.into(),
+                    $error::File(error) => error.into(),
+                    other => Self::Other(other.into()),
+                }
+            }
+        }
+    )*};
+}
+
+/// Errors of crates that can be cancelled.
+macro_rules! from_errors {
+    ($($error:ident),*) => {$(
+        impl From<$error> for StepError {
+            fn from(error: $error) -> Self {
+                match error {
+                    $error::Cancelled(cancelled) => cancelled.into(),
+                    other => Self::Other(other.into()),
+                }
+            }
+        }
+    )*};
+}
+
+/// Errors of which nothing is to be known but what they tell.
+macro_rules! from_others {
+    ($($error:ty),*) => {$(
+        impl From<$error> for StepError {
+            fn from(error: $error) -> Self {
+                Self::Other(error.into())
+            }
+        }
+    )*};
+}
+
+from_errors_with_files!(DynamicsError, KnnError, RepresentError, SweepError);
+from_errors!(AgentError, ControlError, ModelError, RolloutError);
+from_others!(
+    io::Error,
+    FromUtf8Error,
+    ParseIntError,
+    ThreadPoolBuildError,
+    serde_json::Error,
+    toml::de::Error,
+    toml::ser::Error,
+    DtwError,
+    FramesError,
+    LayoutError,
+    NoPath,
+    NoRoom,
+    NotANumber,
+    OptionsError,
+    ParameterCountError,
+    ParsePatternError,
+    ReportError,
+    SegmentError,
+    StatesError,
+    StatsError
+);
+
+#[cfg(feature = "torch")]
+from_others!(calib_torch::TorchError);
+
+/// Says what was being done when something went wrong.
+pub trait Context<T> {
+    /// With `context` before the error.
+    ///
+    /// # Errors
+    /// The error in its context; the context alone where there was no value.
+    fn context(self, context: impl fmt::Display) -> Result<T, StepError>;
+
+    /// As [`context`](Self::context), which is only made if something went wrong.
+    ///
+    /// # Errors
+    /// As [`context`](Self::context).
+    fn with_context<C: fmt::Display>(self, context: impl FnOnce() -> C) -> Result<T, StepError>;
+}
+
+impl<T, E: Into<StepError>> Context<T> for Result<T, E> {
+    fn context(self, context: impl fmt::Display) -> Result<T, StepError> {
+        self.with_context(|| context)
+    }
+
+    fn with_context<C: fmt::Display>(self, context: impl FnOnce() -> C) -> Result<T, StepError> {
+        self.map_err(|error| StepError::InContext {
+            context: context().to_string(),
+            source: Box::new(error.into()),
+        })
+    }
+}
+
+impl<T> Context<T> for Option<T> {
+    fn context(self, context: impl fmt::Display) -> Result<T, StepError> {
+        self.with_context(|| context)
+    }
+
+    fn with_context<C: fmt::Display>(self, context: impl FnOnce() -> C) -> Result<T, StepError> {
+        self.ok_or_else(|| StepError::message(context().to_string()))
+    }
+}
+
+/// Returns with a [`StepError`] that is told by a text alone: one that is formatted, or an expression.
+#[macro_export]
+macro_rules! bail {
+    ($format:literal $($arguments:tt)*) => {
+        return Err($crate::StepError::message(format!($format $($arguments)*)))
+    };
+    ($text:expr) => { return Err($crate::StepError::message($text)) };
+}
+
+/// As [`bail!`], unless a condition holds.
+#[macro_export]
+macro_rules! ensure {
+    ($holds:expr, $($text:tt)*) => {
+        let holds: bool = $holds;
+        if !holds {
+            $crate::bail!($($text)*);
+        }
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_are_shown_from_the_outside_and_once() {
+        let inner = io::Error::other("the disk is full");
+        let error = FileError::Io { action: "write", path: "a".into(), source: inner };
+        let error = Err::<(), _>(error).context("the sweep").context("model 2");
+        let shown = error.expect_err("an error").to_string();
+        assert_eq!(shown, "model 2: the sweep: cannot write a: the disk is full");
+        let repeated = Err::<(), _>(StepError::message("no b: c")).context("no b");
+        assert_eq!(repeated.expect_err("an error").to_string(), "no b: no b: c");
+    }
+
+    #[test]
+    fn cancellation_is_known_by_its_type_in_any_context() {
+        let cancelled: [StepError; 6] = [
+            DataError::from(Cancelled).into(),
+            KnnError::from(Cancelled).into(),
+            ModelError::from(KnnError::from(Cancelled)).into(),
+            RepresentError::from(Cancelled).into(),
+            SweepError::from(Cancelled).into(),
+            ControlError::from(KnnError::from(Cancelled)).into(),
+        ];
+        for error in cancelled {
+            let error = Err::<(), _>(error).context("a model").expect_err("an error");
+            assert_eq!((error.was_cancelled(), error.exit_code()), (true, 130));
+            assert!(error.to_string().starts_with("interrupted; "), "{error}");
+        }
+        let incomplete = Err::<(), _>(StepError::Incomplete("a shard".to_owned())).context("plan");
+        assert_eq!(incomplete.expect_err("an error").exit_code(), 4);
+        assert_eq!(StepError::message("no such sensor").exit_code(), 2);
+    }
+}

@@ -1,0 +1,282 @@
+//! The training range, divided between pre-training and the calibration model.
+
+use std::{fmt, ops::Range, path::PathBuf};
+
+use calib_core::{Frames, Timestamp};
+use calib_data::{DataConfig, DataError, Dataset, TimeRange, format_time};
+use calib_files::Fingerprint;
+use calib_study::{Job, Partition, Study};
+
+use crate::{
+    Context as _, StepError, ensure,
+    log::{
+        context::RunContext,
+        plant_of_study,
+        prepared::{self, Prepared},
+    },
+};
+
+/// A log, with the part of its training range that is for pre-training apart.
+///
+/// The normaliser is fitted on the whole training range, both parts: both are known before the deployment.
+pub struct Parts {
+    /// What the model is built from, as the training range; and what is held out.
+    pub dataset: Dataset,
+    /// What is for pre-training, if the study has it apart.
+    pub pretrain: Option<PretrainPart>,
+    /// The file of the training states, if there is one and it has no others.
+    pub states: Option<PathBuf>,
+}
+
+/// What agents are pre-trained on.
+pub struct PretrainPart {
+    /// The states.
+    pub frames: Frames,
+    /// Of states, timestamps and columns.
+    pub fingerprint: Fingerprint,
+}
+
+/// As [`load`], with nothing held out: of a deployment that the log does not have.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_training(job: &Job, context: &RunContext) -> Result<Parts, StepError> {
+    let data = DataConfig { held_out: None, ..plant_of_study::data(job)? };
+    parts(job.study(), prepared::open(job, &data, None, context)?)
+}
+
+/// Read the log of a study and divide its training range.
+///
+/// # Errors
+/// If the log is not there, cannot be read or has nothing of a range of the study; or the observer asks to stop.
+pub fn load(job: &Job, context: &RunContext) -> Result<Parts, StepError> {
+    let (study, data) = (job.study(), plant_of_study::data(job)?);
+    let prepared = prepared::open(job, &data, None, context);
+    // What is held out is the deployment, where the study has several.
+    let prepared = match job.deployment() {
+        Some(name) => prepared.with_context(|| format!("[deployments.{name}]"))?,
+        None => prepared?,
+    };
+    parts(study, prepared)
+}
+
+/// Whether a log has nothing to learn or to judge by where the study holds out a part of it.
+pub fn is_outside(reason: &StepError) -> bool {
+    let StepError::Data(reason) = reason.root() else { return false };
+    matches!(
+        reason.as_ref(),
+        DataError::OutsideData { key: "held_out", .. }
+            | DataError::NoTransitions { key: "held_out", .. }
+    )
+}
+
+/// Divide the training range of a log that was read.
+///
+/// # Errors
+/// If a part has no rows.
+pub fn parts(study: &Study, prepared: Prepared) -> Result<Parts, StepError> {
+    let Prepared { mut dataset, mut states } = prepared;
+    let Division { pretrain, model } = divide(&study.partition(), dataset.train.timestamps())?;
+    let pretrain = pretrain.map(|rows| {
+        let frames = dataset.train.slice(rows);
+        let fingerprint = dataset.fingerprint_of(&frames);
+        PretrainPart { frames, fingerprint }
+    });
+    if model.len() < dataset.train.rows() {
+        dataset.train = dataset.train.slice(model);
+        dataset.fingerprint = dataset.fingerprint_of(&dataset.train);
+        states = None;
+    }
+    Ok(Parts { dataset, pretrain, states })
+}
+
+/// The training states of a log that are for the model.
+///
+/// # Errors
+/// If there are none.
+pub fn model_rows(study: &Study, times: &[Timestamp]) -> Result<Range<usize>, StepError> {
+    Ok(divide(&study.partition(), times)?.model)
+}
+
+/// Rows of the training range.
+#[derive(Debug, PartialEq, Eq)]
+struct Division {
+    /// For pre-training, if there is any.
+    pretrain: Option<Range<usize>>,
+    /// For the model.
+    model: Range<usize>,
+}
+
+fn divide(partition: &Partition, times: &[Timestamp]) -> Result<Division, StepError> {
+    match partition {
+        Partition::Model(None) => Ok(Division { pretrain: None, model: 0..times.len() }),
+        Partition::Model(Some(period)) => {
+            let model = Span::of_all(times).given(period).rows("model.period", times)?;
+            Ok(Division { pretrain: None, model })
+        }
+        Partition::Divided { fraction, pretrain, model } => {
+            in_two(*fraction, [pretrain.as_ref(), model.as_ref()], times)
+        }
+    }
+}
+
+/// A stretch of time in microseconds, without its end.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    start: i64,
+    end: i64,
+}
+
+impl Span {
+    fn of_all(times: &[Timestamp]) -> Self {
+        let micros = |row: usize| times[row].as_micros();
+        Self { start: micros(0), end: micros(times.len() - 1) + 1 }
+    }
+
+    /// The range of the study, which has the ends of this one unless it says otherwise.
+    fn given(self, range: &TimeRange) -> Self {
+        let instant = |at: Option<&calib_data::Moment>, otherwise: i64| {
+            at.map_or(otherwise, |at| at.instant().as_micros())
+        };
+        Self {
+            start: instant(range.start.as_ref(), self.start),
+            end: instant(range.end.as_ref(), self.end),
+        }
+    }
+
+    /// The rows in it, which `key` of the study asks for.
+    fn rows(self, key: &str, times: &[Timestamp]) -> Result<Range<usize>, StepError> {
+        let before = |limit: i64| times.partition_point(|time| time.as_micros() < limit);
+        let rows = before(self.start)..before(self.end.max(self.start));
+        ensure!(
+            rows.len() > 1,
+            "{key} ({self}) has {} states of the training range, which runs from {}; \
+             change it, or data.train",
+            rows.len(),
+            Self::of_all(times)
+        );
+        Ok(rows)
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let at = |micros| format_time(Timestamp::from_micros(micros));
+        write!(f, "{} .. {}", at(self.start), at(self.end))
+    }
+}
+
+/// Rows for pre-training and rows for the model, by their periods or else by a share of the time.
+fn in_two(
+    fraction: f64,
+    periods: [Option<&TimeRange>; 2],
+    times: &[Timestamp],
+) -> Result<Division, StepError> {
+    let all = Span::of_all(times);
+    let (pretrain, model) = match periods.map(|period| period.map(|period| all.given(period))) {
+        [None, None] => {
+            let boundary = all.start + ((all.end - all.start) as f64 * fraction).round() as i64;
+            (Span { end: boundary, ..all }, Span { start: boundary, ..all })
+        }
+        [Some(pretrain), None] => (pretrain, Span { start: pretrain.end, ..all }),
+        [None, Some(model)] => (Span { end: model.start, ..all }, model),
+        [Some(pretrain), Some(model)] => (pretrain, model),
+    };
+    ensure!(
+        pretrain.end <= model.start || model.end <= pretrain.start,
+        "pretrain.period ({pretrain}) and model.period ({model}) overlap: agents must not be pre-trained on the data \
+         that their settings are chosen on; move one of them"
+    );
+    let keys = match periods {
+        [None, None] => [
+            "the part for pre-training, by pretrain.fraction,",
+            "the part that is not for pre-training, by pretrain.fraction,",
+        ],
+        _ => ["pretrain.period", "model.period"],
+    };
+    Ok(Division {
+        pretrain: Some(pretrain.rows(keys[0], times)?),
+        model: model.rows(keys[1], times)?,
+    })
+}
+
+/// The time from the first to the last state of a part, for people.
+///
+/// # Errors
+/// If it has no states.
+pub fn span(frames: &Frames) -> Result<String, StepError> {
+    let times = frames.timestamps();
+    let (first, last) = times.first().zip(times.last()).context("a part has states")?;
+    Ok(format!("{} .. {}", format_time(*first), format_time(*last)))
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_data::Moment;
+
+    use super::*;
+
+    const DAY: i64 = 86_400_000_000;
+
+    fn times() -> Vec<Timestamp> {
+        (0..100).map(|hour| Timestamp::from_micros(hour * DAY / 24)).collect()
+    }
+
+    fn range(start: &str, end: &str) -> TimeRange {
+        let moment = |text: &str| (!text.is_empty()).then(|| Moment::new(text).expect("a time"));
+        TimeRange { start: moment(start), end: moment(end) }
+    }
+
+    fn divided(
+        fraction: f64,
+        pretrain: Option<TimeRange>,
+        model: Option<TimeRange>,
+    ) -> Result<(Range<usize>, Range<usize>), StepError> {
+        let partition = Partition::Divided { fraction, pretrain, model };
+        let Division { pretrain, model } = divide(&partition, &times())?;
+        Ok((pretrain.context("agents are pre-trained")?, model))
+    }
+
+    #[test]
+    fn a_model_may_have_a_part_of_the_training_range() {
+        let of = |period| divide(&Partition::Model(period), &times());
+        assert_eq!(of(None).expect("all"), Division { pretrain: None, model: 0..100 });
+        let day = of(Some(range("1970-01-02", "1970-01-03"))).expect("a day");
+        assert_eq!(day, Division { pretrain: None, model: 24..48 });
+        let late = of(Some(range("1970-02-01", ""))).expect_err("too late").to_string();
+        assert!(late.starts_with("model.period") && late.contains("has 0 states"), "{late}");
+    }
+
+    #[test]
+    fn the_first_part_is_for_pre_training() {
+        assert_eq!(divided(0.5, None, None).expect("valid"), (0..50, 50..100));
+        assert_eq!(divided(0.25, None, None).expect("valid"), (0..25, 25..100));
+    }
+
+    #[test]
+    fn one_period_leaves_the_rest_to_the_other() {
+        let day = range("1970-01-01", "1970-01-02");
+        assert_eq!(divided(0.5, Some(day.clone()), None).expect("valid"), (0..24, 24..100));
+        let late = range("1970-01-04", "");
+        assert_eq!(divided(0.5, None, Some(late)).expect("valid"), (0..72, 72..100));
+        let last = range("1970-01-03", "1970-01-04");
+        let first = divided(0.5, Some(last), Some(day)).expect("valid");
+        assert_eq!(first, (48..72, 0..24), "the model may come first");
+    }
+
+    #[test]
+    fn overlaps_and_empty_parts_are_refused() {
+        let refused = |period, model| divided(0.5, period, model).expect_err("refused").to_string();
+        let overlap = refused(
+            Some(range("1970-01-01", "1970-01-03")),
+            Some(range("1970-01-02", "1970-01-04")),
+        );
+        assert!(
+            overlap.contains("(1970-01-01 00:00:00 .. 1970-01-03 00:00:00)")
+                && overlap.contains("(1970-01-02 00:00:00 .. 1970-01-04 00:00:00) overlap"),
+            "{overlap}"
+        );
+        let nothing = refused(Some(range("1970-01-01", "")), None);
+        assert!(nothing.starts_with("model.period") && nothing.contains("0 states"));
+    }
+}

@@ -1,0 +1,106 @@
+//! The log that a study reads, where `[simulate]` says how it is made.
+
+use std::path::PathBuf;
+
+use calib_data::DataConfig;
+use calib_plant::PlantOptions;
+use calib_study::{Job, StepKind, StudyError};
+
+use crate::{
+    Context as _, StepError, bail,
+    log::simulate::{self, Found, Simulated},
+    memory,
+    output::Printer,
+};
+
+/// The plant of a study, where its log goes, and what there is of it.
+pub struct PlantOfStudy {
+    /// Where the log goes.
+    pub directory: PathBuf,
+    /// The plant.
+    pub options: PlantOptions,
+    /// What is there.
+    pub found: Found,
+}
+
+impl PlantOfStudy {
+    /// What `[simulate]` describes; nothing if the study has no such section.
+    ///
+    /// # Errors
+    /// If the section is wrong, the folder of the log cannot be named, or what is there cannot be read.
+    pub fn of(job: &Job) -> Result<Option<Self>, StepError> {
+        let Some(config) = &job.study().simulate else { return Ok(None) };
+        let options = config.plant().context("[simulate]")?;
+        let folder = data_to_read(job)?.path.0.into_iter().next();
+        let directory = PathBuf::from(folder.context("data.path is empty")?);
+        let found = simulate::find(&directory, &options)?;
+        Ok(Some(Self { directory, options, found }))
+    }
+
+    /// Write what is missing of the log; `force` begins anew.
+    ///
+    /// # Errors
+    /// As [`simulate`](simulate::simulate).
+    pub fn make(self, force: bool, printer: &Printer) -> Result<Simulated, StepError> {
+        simulate::simulate(&self.directory, self.options, force, printer)
+    }
+}
+
+/// The `[data]` section to read with, once the log is there.
+///
+/// # Errors
+/// As [`PlantOfStudy::of`]; also if the log of the plant is not there, or is another one.
+pub fn data(job: &Job) -> Result<DataConfig, StepError> {
+    if let Some(PlantOfStudy { directory, found, .. }) = PlantOfStudy::of(job)? {
+        let (directory, command) = (directory.display(), job.command(StepKind::Simulate));
+        match found {
+            // Somebody's own logs are read as they are.
+            Found::Whole | Found::NotSimulated => {}
+            Found::Unfinished => {
+                bail!(
+                    "the log of the plant that [simulate] describes is not in {directory}; run `{command}` first"
+                )
+            }
+            Found::Another => bail!(
+                "{directory} holds another simulation than [simulate] describes; run `{command} --force` to replace it"
+            ),
+        }
+    }
+    Ok(data_to_read(job)?)
+}
+
+/// Refuse a log that is not what `[simulate]` wrote, where the study has such a section.
+pub(crate) fn check_days(job: &Job) -> Result<(), StepError> {
+    match PlantOfStudy::of(job)? {
+        Some(PlantOfStudy { directory, found: Found::Whole, .. }) => {
+            simulate::check_days(&directory)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The `[data]` section with the variables of the environment.
+///
+/// # Errors
+/// If a variable of the environment is not set.
+pub fn data_to_read(job: &Job) -> Result<DataConfig, StudyError> {
+    let data = job.data_to_read(|name| std::env::var(name).ok())?;
+    Ok(memory::on_this_machine(data))
+}
+
+/// The plant that a study describes, and the folder where its log goes; nothing if it describes none.
+///
+/// # Errors
+/// If the description is not valid, or the folder cannot be named.
+pub fn plant_of(job: &Job) -> Result<Option<(PathBuf, PlantOptions)>, StepError> {
+    let plant = PlantOfStudy::of(job)?;
+    Ok(plant.map(|PlantOfStudy { directory, options, .. }| (directory, options)))
+}
+
+/// The `[data]` section of a study to read a log with, which must be there if the study says how it is simulated.
+///
+/// # Errors
+/// If the log of the plant that the study describes is not there, or a variable of the environment is not set.
+pub fn data_of(job: &Job) -> Result<DataConfig, StepError> {
+    data(job)
+}

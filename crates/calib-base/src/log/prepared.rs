@@ -1,0 +1,443 @@
+//! The log of a study, read and prepared once: every later step, of this command or another, maps what the first one wrote.
+
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use calib_core::{Frames, Normaliser, Period};
+use calib_data::{DataConfig, Dataset, Paths, PreprocessConfig, Profile, Surveyed, without_times};
+use calib_files::{
+    FileStat, Fingerprint, ScratchPlace, read_sealed_json, remove_empty_folder, remove_file,
+    write_sealed_json,
+};
+use calib_study::{Job, Scope, StepKind};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    Context as _, StepError,
+    artefact::{self, Artefact, Below, Claim, Facts, MANIFEST, TOOL},
+    bail, clock, frames,
+    log::{context::RunContext, plant_of_study},
+    memory,
+    output::{Printer, bytes, count, counted},
+};
+
+/// `manifest.json` of a prepared log.
+type LogManifest = Artefact<LogFacts>;
+
+/// What is told of a prepared log.
+#[derive(Serialize, Deserialize)]
+struct LogFacts {
+    /// Fingerprint of what it follows from, beside the content of the log.
+    key: String,
+    data: DataConfig,
+    preprocess: PreprocessConfig,
+    normaliser: Normaliser,
+    period: Period,
+    profile: Profile,
+    /// Fingerprint of the training states.
+    train: Fingerprint,
+    /// The same of the held-out ones.
+    held_out: Option<Fingerprint>,
+}
+
+impl Facts for LogFacts {
+    const FORMAT: u32 = 2;
+    const STEP: StepKind = StepKind::Prepare;
+
+    fn key(&self) -> &str {
+        &self.key
+    }
+}
+
+/// What the file system said of the log when it was read. It differs from one preparation of the same log to the next,
+/// and so lies apart.
+const SOURCES: &str = "sources.json";
+const TRAIN: &str = "train";
+const HELD_OUT: &str = "held-out";
+/// Digits of a key that a folder is called by.
+const KEY_DIGITS: usize = 12;
+
+/// A prepared log.
+#[derive(Clone)]
+pub struct Prepared {
+    /// Its states, divided as the study says.
+    pub dataset: Dataset,
+    /// The file of the training states; none if it could not be written.
+    pub(crate) states: Option<PathBuf>,
+}
+
+/// What there is of a log before its states are asked for.
+pub enum Known {
+    /// Its states are there.
+    Prepared(Box<Prepared>),
+    /// It was looked at, and its states are not there. Making them takes this much memory, in bytes.
+    Surveyed(Box<Surveyed>, u64),
+}
+
+/// The states of a log, as they were prepared before, or else from its files. `data` is the section of the study, or
+/// less of it; `memory` is how much there is, in bytes, if somebody says so.
+///
+/// # Errors
+/// If the log cannot be read or does not fit into memory, is not what `[simulate]` wrote, or the observer asks to stop.
+pub fn open(
+    job: &Job,
+    data: &DataConfig,
+    memory: Option<u64>,
+    context: &RunContext,
+) -> Result<Prepared, StepError> {
+    let place = Place::of(job, data)?;
+    if let Some(known) = place.opened(context) {
+        return Ok(known);
+    }
+    let prepared = match place.kept(job) {
+        Some(kept) => kept,
+        None => place.prepare(job, data, memory, context)?,
+    };
+    place.remember(context, &prepared);
+    Ok(prepared)
+}
+
+/// Whether the states of a log are there, and the log is what it was.
+pub fn is_there(job: &Job, data: &DataConfig, context: &RunContext) -> bool {
+    let Ok(place) = Place::of(job, data) else { return false };
+    if place.opened(context).is_some() {
+        return true;
+    }
+    let kept = place.kept(job);
+    if let Some(kept) = &kept {
+        place.remember(context, kept);
+    }
+    kept.is_some()
+}
+
+/// As [`open`], but where states would have to be made they are not: for a plan of what they are needed for.
+///
+/// # Errors
+/// As [`open`].
+pub fn look(
+    job: &Job,
+    data: &DataConfig,
+    memory: Option<u64>,
+    context: &RunContext,
+) -> Result<Known, StepError> {
+    let place = Place::of(job, data)?;
+    if let Some(known) = place.opened(context).or_else(|| place.kept(job)) {
+        return Ok(Known::Prepared(Box::new(known)));
+    }
+    plant_of_study::check_days(job)?;
+    memory::check_log(data)?;
+    let there = memory.or_else(memory::available);
+    tell(data, context);
+    let surveyed = calib_data::survey(data, &job.study().preprocess, &context.progress())?;
+    let (_, needed) = place.scratch(&surveyed, there, Writable::Yes)?;
+    Ok(Known::Surveyed(Box::new(surveyed), needed))
+}
+
+/// What of a log has to be known before anything follows from it.
+fn warn(profile: &Profile, printer: &Printer) {
+    printer.say_all(&profile.read_as);
+    if profile.without_times {
+        printer.warn(&without_times(profile.period_secs, profile.files));
+    }
+    if !profile.bad_rows.is_none() {
+        printer.warn(&format!(
+            "{} cannot be read and are left out, such as {}",
+            counted(profile.bad_rows.count as usize, "line"),
+            profile.bad_rows.examples.first().map_or("", String::as_str)
+        ));
+    }
+}
+
+fn tell(data: &DataConfig, printer: &Printer) {
+    printer.say(&format!("reading {}", data.path.0.join(", ")));
+}
+
+/// Whether the results of the study can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Writable {
+    Yes,
+    No,
+}
+
+/// Where a log is kept once it is prepared.
+struct Place {
+    /// Of all logs of the study.
+    root: PathBuf,
+    directory: PathBuf,
+    key: String,
+    sources: Sources,
+}
+
+/// The files of a log.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct Sources {
+    files: Vec<Source>,
+}
+
+/// A file of a log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Source {
+    path: PathBuf,
+    #[serde(flatten)]
+    stamp: Option<FileStat>,
+}
+
+impl Place {
+    fn of(job: &Job, data: &DataConfig) -> Result<Self, StepError> {
+        let (root, key) = (job.layout().dataset(), key(data, &job.study().preprocess)?);
+        let directory = root.join(folder(&key));
+        Ok(Self { directory, root, key, sources: sources(data)? })
+    }
+
+    fn opened(&self, context: &RunContext) -> Option<Prepared> {
+        context.opened(&self.root, &self.directory)
+    }
+
+    fn remember(&self, context: &RunContext, prepared: &Prepared) {
+        context.remember(&self.root, &self.directory, prepared);
+    }
+
+    /// What was prepared before, if the log is still what it was and no file is damaged.
+    fn kept(&self, job: &Job) -> Option<Prepared> {
+        if job.policy().redoes() {
+            return None;
+        }
+        let directory = &self.directory;
+        let manifest = LogManifest::find(directory, &self.key)?;
+        let sources: Sources = read_sealed_json(&directory.join(SOURCES)).ok()?;
+        let written = FileStat::of(&directory.join(MANIFEST)).ok()??;
+        let is_same = sources == self.sources
+            && sources.files.iter().all(|source| source.was_older_than(&written));
+        if is_same { self.map(manifest.facts).ok() } else { None }
+    }
+
+    fn map(&self, facts: LogFacts) -> Result<Prepared, StepError> {
+        let open = |name: &str| -> Result<Frames, StepError> {
+            let states = frames::map_states(&self.states(name))?;
+            frames::open(&self.rows(name), states)
+        };
+        let dataset = Dataset {
+            normaliser: facts.normaliser,
+            train: open(TRAIN)?,
+            held_out: facts.held_out.as_ref().map(|_| open(HELD_OUT)).transpose()?,
+            period: facts.period,
+            profile: facts.profile,
+            fingerprint: facts.train,
+            held_out_fingerprint: facts.held_out,
+        };
+        Ok(Prepared { dataset, states: Some(self.states(TRAIN)) })
+    }
+
+    fn states(&self, name: &str) -> PathBuf {
+        self.directory.join(format!("{name}.npy"))
+    }
+
+    fn rows(&self, name: &str) -> PathBuf {
+        self.directory.join(format!("{name}.parquet"))
+    }
+
+    /// Read the log, and keep what it becomes where that can be written.
+    fn prepare(
+        &self,
+        job: &Job,
+        data: &DataConfig,
+        memory: Option<u64>,
+        printer: &Printer,
+    ) -> Result<Prepared, StepError> {
+        plant_of_study::check_days(job)?;
+        memory::check_log(data)?;
+        // A log that was simulated just now is not changed unseen while it is read, and known again next time.
+        clock::settle(self.sources.files.iter().filter_map(|source| source.stamp));
+        // Before anything is read: what is held of the log by then is a part of what it takes.
+        let there = memory.or_else(memory::available);
+        let study = job.study();
+        tell(data, printer);
+        let surveyed = calib_data::survey(data, &study.preprocess, &printer.progress())?;
+        warn(surveyed.profile(), printer);
+        // Refused before anything is written.
+        self.scratch(&surveyed, there, Writable::Yes)?;
+        let claim = if job.policy().is_dry() { None } else { self.claim()? };
+        let writable = if claim.is_some() { Writable::Yes } else { Writable::No };
+        let (place, _) = self.scratch(&surveyed, there, writable)?;
+        let dataset = surveyed.load(&place, &printer.progress())?;
+        let Some(claim) = claim else { return Ok(Prepared { dataset, states: None }) };
+        self.keep(&claim, job, dataset)
+    }
+
+    /// None where nothing can be written, or where another calib is preparing the same: this one then reads for itself.
+    fn claim(&self) -> Result<Option<Claim>, StepError> {
+        match Claim::of_nobody(&self.directory, Below::Ours) {
+            Err(error) if artefact::is_refusal(&error) => Ok(None),
+            claim => claim,
+        }
+    }
+
+    /// Where states are while they are made, and the memory that it takes, in bytes: they are in memory if they take no
+    /// more than half of what there is.
+    fn scratch(
+        &self,
+        surveyed: &Surveyed,
+        there: Option<u64>,
+        writable: Writable,
+    ) -> Result<(ScratchPlace, u64), StepError> {
+        let (states, working) = (surveyed.state_bytes(), surveyed.working_bytes());
+        let fits = there.is_none_or(|there| states <= there / 2);
+        let (place, taken) = if fits || writable == Writable::No {
+            (ScratchPlace::Memory, states + working)
+        } else {
+            (ScratchPlace::Disk(self.directory.clone()), working)
+        };
+        if let Some(there) = there.filter(|there| taken > *there) {
+            bail!(
+                "reading {} states of {} columns takes {} of memory, and {} is there; raise `preprocess.subsample`, shorten \
+                 `data.train`, leave channels out with `data.exclude`, or say with `calib build-model … --memory SIZE` that there is more",
+                count(surveyed.rows() + surveyed.held_out_rows()),
+                surveyed.columns(),
+                bytes(taken),
+                bytes(there),
+            );
+        }
+        Ok((place, taken))
+    }
+
+    fn keep(&self, claim: &Claim, job: &Job, dataset: Dataset) -> Result<Prepared, StepError> {
+        let directory = &self.directory;
+        claim.begin()?;
+        remove_file(&directory.join(SOURCES))?;
+        let held_out = dataset.held_out.as_ref().map(|frames| (HELD_OUT, frames));
+        let parts = [(TRAIN, &dataset.train)].into_iter().chain(held_out);
+        for (name, frames) in parts {
+            self.write_states(name, frames, &dataset)?;
+            artefact::write_table(frames::rows_table(frames), &self.rows(name))?;
+        }
+        let names =
+            [TRAIN, HELD_OUT].map(|name| [format!("{name}.npy"), format!("{name}.parquet")]);
+        let written = if dataset.held_out.is_some() { &names[..] } else { &names[..1] };
+        let study = job.study();
+        let facts = LogFacts {
+            key: self.key.clone(),
+            data: study.data.clone(),
+            preprocess: study.preprocess.clone(),
+            normaliser: dataset.normaliser,
+            period: dataset.period,
+            profile: dataset.profile,
+            train: dataset.fingerprint,
+            held_out: dataset.held_out_fingerprint,
+        };
+        // A log that was written to while it was read is read again next time.
+        if self.sources.files.iter().all(Source::is_same) {
+            write_sealed_json(&directory.join(SOURCES), &self.sources)?;
+        }
+        let kept = claim.finish(facts, written.iter().flatten().map(String::as_str))?;
+        self.remove_others(job)?;
+        self.map(kept.facts)
+    }
+
+    /// Write states, or give those of another log of the study, which may differ in what it holds out, a second name.
+    fn write_states(
+        &self,
+        name: &str,
+        frames: &Frames,
+        dataset: &Dataset,
+    ) -> Result<(), StepError> {
+        let path = self.states(name);
+        if name == TRAIN {
+            for other in folders(&self.root).filter(|other| *other != self.directory) {
+                let is_same = artefact::read::<LogManifest>(&other)
+                    .is_some_and(|kept| kept.train == dataset.fingerprint && kept.is_whole(&other));
+                if is_same {
+                    return Ok(calib_files::link_or_copy(&other.join("train.npy"), &path)?);
+                }
+            }
+        }
+        frames::write_states(&path, frames)
+    }
+
+    /// Remove the logs that no part of the study reads any more.
+    fn remove_others(&self, job: &Job) -> Result<(), StepError> {
+        let mut read = BTreeSet::from([self.directory.clone()]);
+        for model in job.choose(None, None)?.models()? {
+            for part in model.parts(Scope::Deployment)?.iter().chain([&model]) {
+                let study = part.study();
+                let training = DataConfig { held_out: None, ..study.data.clone() };
+                for data in [&study.data, &training] {
+                    read.insert(self.root.join(folder(&key(data, &study.preprocess)?)));
+                }
+            }
+        }
+        for other in folders(&self.root).filter(|other| !read.contains(other)) {
+            if let Ok(Some(claim)) = Claim::of_nobody(&other, Below::Ours) {
+                claim.begin()?;
+                forget(&other)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Source {
+    fn is_same(&self) -> bool {
+        self.stamp.is_some() && FileStat::of(&self.path).is_ok_and(|stamp| stamp == self.stamp)
+    }
+
+    /// Whether any later change must have given it another stamp.
+    fn was_older_than(&self, other: &FileStat) -> bool {
+        self.stamp.is_some_and(|stamp| {
+            stamp.changed_ns.saturating_add(stamp.tick_ns()) < other.changed_ns
+        })
+    }
+}
+
+/// Fingerprint of what a prepared log follows from, beside the content of its files.
+fn key(data: &DataConfig, preprocess: &PreprocessConfig) -> Result<String, StepError> {
+    let data = DataConfig { path: Paths::default(), ..data.clone() };
+    artefact::key(&(LogFacts::FORMAT, TOOL, data, preprocess))
+}
+
+/// The folder of a prepared log.
+fn folder(key: &str) -> &str {
+    &key[..key.len().min(KEY_DIGITS)]
+}
+
+fn sources(data: &DataConfig) -> Result<Sources, StepError> {
+    let files = calib_data::log_files(data)?.into_iter();
+    let source = |path: PathBuf| {
+        let path =
+            fs::canonicalize(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        Ok(Source { stamp: FileStat::of(&path)?, path })
+    };
+    Ok(Sources { files: files.map(source).collect::<Result<_, StepError>>()? })
+}
+
+/// Remove the files of a prepared log, and its folder if nothing of anybody's is left in it.
+fn forget(directory: &Path) -> Result<(), StepError> {
+    for name in [MANIFEST, SOURCES].map(str::to_owned).into_iter().chain(parts()) {
+        remove_file(&directory.join(name))?;
+    }
+    remove_file(&directory.join(".lock"))?;
+    remove_empty_folder(directory);
+    Ok(())
+}
+
+/// The files of states and of their rows.
+fn parts() -> impl Iterator<Item = String> {
+    [TRAIN, HELD_OUT]
+        .into_iter()
+        .flat_map(|name| [format!("{name}.npy"), format!("{name}.parquet")])
+}
+
+fn folders(root: &Path) -> impl Iterator<Item = PathBuf> {
+    let entries = fs::read_dir(root).into_iter().flatten().flatten();
+    let is_own = |entry: &fs::DirEntry| {
+        let name = entry.file_name();
+        let is_key = name.len() == KEY_DIGITS
+            && name.to_string_lossy().bytes().all(|digit| digit.is_ascii_hexdigit());
+        is_key && entry.file_type().is_ok_and(|kind| kind.is_dir())
+    };
+    let mut found: Vec<PathBuf> = entries.filter(is_own).map(|entry| entry.path()).collect();
+    found.sort();
+    found.into_iter()
+}

@@ -1,0 +1,239 @@
+//! How much memory there is. Used to refuse work that would not fit, never for results.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    str::FromStr,
+};
+
+use calib_data::{DataConfig, table::declared_bytes};
+use calib_files::ScratchPlace;
+
+use crate::{
+    StepError, ensure,
+    output::{bytes, count},
+};
+
+/// A log as this machine reads it: text files are kept, column by column, in the system's folder for temporary files while they
+/// are read, and what would not fit into memory is refused.
+#[must_use]
+pub fn on_this_machine(data: DataConfig) -> DataConfig {
+    let scratch = ScratchPlace::Disk(std::env::temp_dir());
+    DataConfig { scratch, memory: available(), ..data }
+}
+
+/// A size as people type it: `16GiB`, `500M`, `2.5 GB`; without a unit, bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemorySize(pub u64);
+
+impl FromStr for MemorySize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let expected = || format!("expected a size such as 16GiB or 500M, got '{text}'");
+        let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.').trim();
+        let number = text[..text.len() - unit.len()].trim();
+        let number: f64 = number.parse().map_err(|_| expected())?;
+        let factor = match unit.to_ascii_lowercase().as_str() {
+            "" | "b" => 1.0,
+            "k" | "kib" => 1024.0,
+            "m" | "mib" => 1024.0 * 1024.0,
+            "g" | "gib" => 1024.0 * 1024.0 * 1024.0,
+            "t" | "tib" => 1024.0 * 1024.0 * 1024.0 * 1024.0,
+            "kb" => 1e3,
+            "mb" => 1e6,
+            "gb" => 1e9,
+            "tb" => 1e12,
+            _ => return Err(expected()),
+        };
+        let bytes = number * factor;
+        if bytes >= 1.0 { Ok(Self(bytes as u64)) } else { Err(expected()) }
+    }
+}
+
+/// Bytes that this process may still take: what the system has available, or less where a control group
+/// (a container, a batch job) allows less. None where the system does not say.
+pub fn available() -> Option<u64> {
+    let system = fs::read_to_string("/proc/meminfo").ok().and_then(|text| of_meminfo(&text));
+    let groups = of_process("cgroup").unwrap_or_default();
+    let allowed = limits(Path::new("/sys/fs/cgroup"), &groups);
+    let addresses = of_process("limits").and_then(|text| {
+        let mapped = of_process("status")?;
+        of_limits(&text, &mapped)
+    });
+    system.into_iter().chain(allowed).chain(addresses).min()
+}
+
+/// What Linux says of this process in `/proc/self`; none elsewhere.
+pub(super) fn of_process(file: &str) -> Option<String> {
+    fs::read_to_string(Path::new("/proc/self").join(file)).ok()
+}
+
+/// `/proc/PID/stat` of another process; none if it has ended, or where the system is not Linux.
+pub(super) fn stat_of(process: u32) -> Option<String> {
+    fs::read_to_string(format!("/proc/{process}/stat")).ok()
+}
+
+/// What is left of the limit on addresses (`ulimit -v`), from `/proc/self/limits` and `/proc/self/status`; none if there
+/// is no limit.
+fn of_limits(limits: &str, status: &str) -> Option<u64> {
+    let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+    let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmSize:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(limit.saturating_sub(kib * 1024))
+}
+
+/// Refuse what would take more memory than there is. `what` would take `needed` bytes; `remedy` says what takes less.
+///
+/// # Errors
+/// If it would.
+pub fn require(needed: u64, what: &str, remedy: &str) -> Result<(), NoRoom> {
+    match available() {
+        Some(available) if needed > available => {
+            Err(NoRoom { what: what.to_owned(), needed, available, remedy: remedy.to_owned() })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Work that would take more memory than there is.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what} may take {} of memory and {} are available; {remedy}", bytes(*needed), bytes(*available))]
+pub struct NoRoom {
+    /// The work.
+    what: String,
+    /// Bytes that it would take.
+    needed: u64,
+    /// Bytes that there are.
+    available: u64,
+    /// What takes less.
+    remedy: String,
+}
+
+/// Refuse a log that memory cannot hold, by what its footers say: a small file may declare any number of rows.
+///
+/// # Errors
+/// If it cannot, or a footer cannot be read.
+pub fn check_log(data: &DataConfig) -> Result<(), StepError> {
+    let calib_data::Declared { rows, least_bytes } = calib_data::Declared::of(data)?;
+    if let Some(available) = available() {
+        ensure!(
+            least_bytes <= available,
+            "the log in {} declares {} rows, which take {} of memory at least, and {} are available; \
+             choose fewer files with data.path, or use a machine with more memory",
+            data.path.0.join(", "),
+            count(rows as usize),
+            bytes(least_bytes),
+            bytes(available)
+        );
+    }
+    Ok(())
+}
+
+/// Refuse a table that memory cannot hold, by what its footer says; `names` are the columns to be read, or all.
+///
+/// # Errors
+/// If it cannot, or the footer cannot be read.
+pub fn check_table(path: &Path, names: Option<&[&str]>) -> Result<(), StepError> {
+    let what = format!("reading {}", path.display());
+    Ok(require(declared_bytes(path, names)?, &what, "take fewer rows of it, or fewer columns")?)
+}
+
+/// `MemAvailable`, which counts what the system would free if asked.
+fn of_meminfo(text: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024)
+}
+
+/// What is left of the limit of each group that the process is in and of the groups around it, in both versions
+/// of the interface. `groups` is the text of `/proc/self/cgroup`.
+fn limits(root: &Path, groups: &str) -> Vec<u64> {
+    let mut left = Vec::new();
+    for line in groups.lines() {
+        let mut fields = line.splitn(3, ':').skip(1);
+        let (Some(controllers), Some(path)) = (fields.next(), fields.next()) else { continue };
+        let (base, limit, usage) = match controllers {
+            "" => (root.to_owned(), "memory.max", "memory.current"),
+            memory if memory.split(',').any(|one| one == "memory") => {
+                (root.join("memory"), "memory.limit_in_bytes", "memory.usage_in_bytes")
+            }
+            _ => continue,
+        };
+        let group: PathBuf = base.join(path.trim_start_matches('/'));
+        // Inside a container the path may be the host's; the container's own group is then the root.
+        for directory in group.ancestors().take_while(|directory| directory.starts_with(&base)) {
+            let number = |name| fs::read_to_string(directory.join(name)).ok()?.trim().parse().ok();
+            let (Some(limit), Some(used)): (Option<u64>, Option<u64>) =
+                (number(limit), number(usage))
+            else {
+                continue;
+            };
+            // Pages of files count as used, but give way, those that were used lately among them: a log that was just
+            // prepared is nothing else.
+            let told = fs::read_to_string(directory.join("memory.stat")).unwrap_or_default();
+            let pages = |line: &str| -> Option<u64> {
+                let of = |name| line.strip_prefix(name);
+                of("inactive_file ").or_else(|| of("active_file "))?.trim().parse().ok()
+            };
+            let cached: u64 = told.lines().filter_map(pages).sum();
+            left.push(limit.saturating_sub(used.saturating_sub(cached)));
+        }
+    }
+    left
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_as_people_write_them() {
+        let read = |text: &str| text.parse::<MemorySize>().map(|size| size.0);
+        assert_eq!(read("16GiB"), Ok(16 << 30));
+        assert_eq!(read("1.5g"), Ok(3 << 29));
+        assert_eq!(read("500 MB"), Ok(500_000_000));
+        assert_eq!(read("4096"), Ok(4096));
+        for bad in ["", "much", "12 apples", "-3G", "0", "nanG"] {
+            assert!(read(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn the_systems_own_figure_is_read() {
+        let text = "MemTotal:       16 kB\nMemAvailable:    1024 kB\n";
+        assert_eq!(of_meminfo(text), Some(1 << 20));
+        assert_eq!(of_meminfo("MemTotal: 16 kB\n"), None);
+    }
+
+    #[test]
+    fn a_limit_on_addresses_counts_what_is_taken() {
+        let limits =
+            "Limit  Soft Limit  Hard Limit  Units\nMax address space  4096000  unlimited  bytes\n";
+        let status = "Name:\tcalib\nVmSize:\t    1000 kB\n";
+        assert_eq!(of_limits(limits, status), Some(3_072_000));
+        let none = "Max address space         unlimited            unlimited            bytes\n";
+        assert_eq!(of_limits(none, status), None);
+    }
+
+    #[test]
+    fn a_group_and_those_around_it_may_allow_less() {
+        let root = tempfile::tempdir().expect("a directory");
+        let write = |name: &str, text: &str| {
+            let path = root.path().join(name);
+            fs::create_dir_all(path.parent().expect("below the root")).expect("writable");
+            fs::write(path, text).expect("writable");
+        };
+        write("job/memory.max", "1000\n");
+        write("job/memory.current", "600\n");
+        write("job/memory.stat", "anon 300\ninactive_file 150\nactive_file 100\n");
+        write("job/step/memory.max", "max\n");
+        write("job/step/memory.current", "10\n");
+        assert_eq!(limits(root.path(), "0::/job/step\n"), [650]);
+        write("memory/old/memory.limit_in_bytes", "500");
+        write("memory/old/memory.usage_in_bytes", "600");
+        assert_eq!(limits(root.path(), "3:cpu:/x\n4:cpu,memory:/old\n"), [0]);
+        assert!(limits(root.path(), "0::/elsewhere\n").is_empty());
+    }
+}

@@ -1,0 +1,115 @@
+//! How a step ended, and what it came to.
+
+use calib_study::Job;
+
+use crate::{StepError, output::Printer};
+
+/// How a step ended that did what it should.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Done.
+    Done,
+    /// Done, but the answer is negative or partial.
+    Negative,
+    /// A check found what no correct calib writes.
+    Faulty,
+    /// Parts that others are to make are missing.
+    Incomplete,
+}
+
+/// A result that can be told.
+pub trait Told {
+    /// How the step ended that has it.
+    fn outcome(&self) -> Outcome {
+        Outcome::Done
+    }
+
+    /// Tell it: lines and tables for people, JSON for machines; then what to type next on the `job` that it is of.
+    ///
+    /// # Errors
+    /// If it cannot be passed on.
+    fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError>;
+}
+
+/// What a step came to: `T` is what it makes, `P` what it knows of that in a dry run.
+#[derive(Debug)]
+pub enum StepResult<T, P = NoPlan> {
+    /// What it made, or found as it would make it.
+    Made(T),
+    /// What it would make: in a dry run nothing is.
+    Planned(P),
+    /// Nothing, which is no error, and why was said: a deployment that cannot be scored, a share of work that others finish.
+    Nothing(Outcome),
+}
+
+/// Nothing is known of what would be made but what was said.
+#[derive(Clone, Copy, Debug)]
+pub struct NoPlan;
+
+impl Told for NoPlan {
+    fn tell(&self, _job: &Job, _printer: &Printer) -> Result<(), StepError> {
+        Ok(())
+    }
+}
+
+impl<P: Told> Told for Option<P> {
+    fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
+        self.as_ref().map_or(Ok(()), |plan| plan.tell(job, printer))
+    }
+}
+
+impl<T, P> StepResult<T, P> {
+    /// The same with what was made as another type.
+    pub fn map<U>(self, into: impl FnOnce(T) -> U) -> StepResult<U, P> {
+        match self {
+            Self::Made(result) => StepResult::Made(into(result)),
+            Self::Planned(plan) => StepResult::Planned(plan),
+            Self::Nothing(outcome) => StepResult::Nothing(outcome),
+        }
+    }
+
+    /// What was made or found, if anything was.
+    pub fn made(self) -> Option<T> {
+        match self {
+            Self::Made(result) => Some(result),
+            Self::Planned(_) | Self::Nothing(_) => None,
+        }
+    }
+}
+
+impl<T: Told, P: Told> Told for StepResult<T, P> {
+    fn outcome(&self) -> Outcome {
+        match self {
+            Self::Made(result) => result.outcome(),
+            Self::Planned(plan) => plan.outcome(),
+            Self::Nothing(outcome) => *outcome,
+        }
+    }
+
+    fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
+        match self {
+            Self::Made(result) => result.tell(job, printer),
+            Self::Planned(plan) => plan.tell(job, printer),
+            Self::Nothing(_) => Ok(()),
+        }
+    }
+}
+
+/// Whether a result was there already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Freshness {
+    /// It was, and is what would be made now.
+    Kept,
+    /// It was made just now.
+    Made,
+}
+
+impl Freshness {
+    /// The words before the place of a result.
+    pub fn verb(self) -> &'static str {
+        match self {
+            Self::Kept => "up to date:",
+            Self::Made => "wrote",
+        }
+    }
+}

@@ -1,0 +1,165 @@
+use std::time::Duration;
+
+use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+
+use super::harmless::{Lines, harmless};
+
+/// `1234567` as `1,234,567`.
+pub fn count(number: usize) -> String {
+    calib_report::count(number as u64)
+}
+
+/// `1536` as `1.5 KiB`.
+pub fn bytes(bytes: u64) -> String {
+    const UNITS: [&str; 5] = ["B", "KiB", "MiB", "GiB", "TiB"];
+    let mut size = bytes as f64;
+    let mut unit = 0;
+    while size >= 1024.0 && unit + 1 < UNITS.len() {
+        size /= 1024.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{bytes} B") } else { format!("{size:.1} {}", UNITS[unit]) }
+}
+
+/// A span of time in the largest two units.
+pub fn duration(span: Duration) -> String {
+    let secs = span.as_secs_f64();
+    if secs < 10.0 {
+        format!("{secs:.1} s")
+    } else if secs < 60.0 {
+        format!("{secs:.0} s")
+    } else if secs < 3600.0 {
+        format!("{:.0} min {:.0} s", (secs / 60.0).floor(), secs % 60.0)
+    } else if secs < 86_400.0 {
+        format!("{:.0} h {:.0} min", (secs / 3600.0).floor(), (secs % 3600.0) / 60.0)
+    } else {
+        format!("{:.1} days", secs / 86_400.0)
+    }
+}
+
+/// So many seconds as [`duration`] tells them; what is too long for one is as long as one can be.
+pub fn duration_of_secs(secs: f64) -> String {
+    duration(Duration::try_from_secs_f64(secs.max(0.0)).unwrap_or(Duration::MAX))
+}
+
+/// A span of the log in the largest two units, whole numbers where they are: `5 d 10 h`, `1 min`, `0.5 s`.
+pub fn span(secs: f64) -> String {
+    const UNITS: [(f64, &str); 4] = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "min"), (1.0, "s")];
+    let secs = if secs < 60.0 { secs } else { secs.round() };
+    let Some(largest) = UNITS.iter().position(|(size, _)| secs >= *size) else {
+        return format!("{} s", significant(secs));
+    };
+    let (size, unit) = UNITS[largest];
+    let whole = (secs / size).floor();
+    let Some(&(smaller, smaller_unit)) = UNITS.get(largest + 1) else {
+        let text = format!("{secs:.2}");
+        return format!("{} {unit}", text.trim_end_matches('0').trim_end_matches('.'));
+    };
+    let rest = ((secs - whole * size) / smaller).floor();
+    if rest > 0.0 {
+        format!("{whole} {unit} {rest} {smaller_unit}")
+    } else {
+        format!("{whole} {unit}")
+    }
+}
+
+/// "1 segment", "2 segments".
+pub fn counted(number: usize, noun: &str) -> String {
+    format!("{} {noun}{}", count(number), if number == 1 { "" } else { "s" })
+}
+
+/// `0.0123` as `1.2 %`.
+pub fn percent(share: f64) -> String {
+    if share.is_infinite() {
+        return "diverged".to_owned();
+    }
+    let percent = 100.0 * share;
+    if percent == 0.0 || percent.abs() >= 10.0 {
+        format!("{percent:.0} %")
+    } else {
+        format!("{percent:.1} %")
+    }
+}
+
+/// Three significant digits; scientific where plain digits would be long.
+pub fn significant(number: f64) -> String {
+    if number.is_infinite() {
+        return "diverged".to_owned();
+    }
+    if number == 0.0 {
+        return "0".to_owned();
+    }
+    let magnitude = number.abs().log10().floor();
+    if !(-3.0..6.0).contains(&magnitude) {
+        return format!("{number:.2e}");
+    }
+    let decimals = (2.0 - magnitude).max(0.0) as usize;
+    format!("{number:.decimals$}")
+}
+
+/// `number` to so many significant digits, at least one.
+pub fn rounded(number: f64, digits: usize) -> f64 {
+    format!("{number:.*e}", digits - 1).parse().unwrap_or(number)
+}
+
+/// A number of which only the first two digits are known: `12518` as `13,000`.
+pub fn about(number: f64) -> String {
+    if number < 100.0 {
+        significant(rounded(number, 2))
+    } else {
+        count(rounded(number, 2) as usize)
+    }
+}
+
+/// A table for a terminal: the first column is text, the others are numbers.
+pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING).set_content_arrangement(ContentArrangement::Disabled);
+    table.set_header(header.iter().copied());
+    for row in rows {
+        table.add_row(row.iter().map(|cell| harmless(cell, Lines::One)));
+    }
+    for (position, column) in table.column_iter_mut().enumerate() {
+        if position > 0 {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_written_for_people() {
+        assert_eq!(count(1_234_567), "1,234,567");
+        assert_eq!(count(12), "12");
+        assert_eq!(bytes(1536), "1.5 KiB");
+        assert_eq!([1, 2].map(|of| counted(of, "plant")), ["1 plant", "2 plants"]);
+        assert_eq!(duration(Duration::from_secs(3725)), "1 h 2 min");
+        let spans = [0.0, 0.5, 1.25, 59.9, 60.0, 90.0, 3_599.7, 468_012.0, 86_400.0].map(span);
+        assert_eq!(
+            spans,
+            ["0 s", "0.500 s", "1.25 s", "59.9 s", "1 min", "1 min 30 s", "1 h", "5 d 10 h", "1 d"]
+        );
+        assert_eq!(percent(0.0123), "1.2 %");
+        assert_eq!(significant(0.012_345), "0.0123");
+        assert_eq!(significant(123.4), "123");
+        assert_eq!(significant(1.0e-5), "1.00e-5");
+        assert_eq!(significant(f64::INFINITY), "diverged");
+        assert_eq!([12_518.3, 4096.0, 99.6, 0.0].map(about), ["13,000", "4,100", "100", "0"]);
+        assert_eq!((rounded(0.253, 1), rounded(2_600.0, 1)), (0.3, 3000.0));
+    }
+
+    #[test]
+    fn tables_align() {
+        let text = table(
+            &["name", "n"],
+            &[vec!["a".into(), "1".into()], vec!["bcd".into(), "200".into()]],
+        );
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 3);
+        assert!(lines[1].ends_with('1') && lines[2].ends_with("200"), "{text}");
+    }
+}

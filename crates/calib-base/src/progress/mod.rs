@@ -1,0 +1,7 @@
+//! Notes of commands that are at work, beside what they write: how far each is, for whoever looks from outside.
+
+mod note;
+mod recorder;
+
+pub use note::{Note, Standing, running};
+pub use recorder::recorded;

@@ -1,0 +1,158 @@
+//! `.progress/HOST-PROCESS-0.json`: how far a command is.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use calib_files::host_name;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    artefact::TOOL,
+    clock::{process_began, unix_secs},
+};
+
+/// The folder of notes, in that of all results.
+pub(super) const FOLDER: &str = ".progress";
+
+/// Version of a note.
+const FORMAT: u32 = 1;
+
+/// A note is written every second. One of another machine that is older than this is of a command that was killed.
+const STALE_SECS: f64 = 30.0;
+
+/// What a command is doing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Note {
+    pub(super) format: u32,
+    pub(super) tool: String,
+    /// Such as `run`.
+    pub command: String,
+    /// The study, as it was named.
+    pub(crate) study: PathBuf,
+    /// The machine.
+    pub host: String,
+    /// The number of the process there.
+    pub process: u32,
+    /// When the process began, as Linux says it, which tells it from a later one of the same number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) process_began: Option<u64>,
+    /// Seconds since 1970.
+    pub began: f64,
+    /// Seconds since 1970.
+    pub(crate) written: f64,
+    /// Which stage of the command it is at, counted from 1, and how many there are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) stage: Option<[usize; 2]>,
+    /// The stage that was begun last, as it is called: `[3/5] sweep`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doing: Option<String>,
+    /// The model and deployment that it is at, of several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
+    /// The long work in it, with the units that are done and all units.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub task: Option<Task>,
+    /// Seconds until the whole command ends, as far as that can be told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub secs_left: Option<f64>,
+}
+
+/// Long work.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Task {
+    pub name: String,
+    pub done: u64,
+    pub total: u64,
+    /// Seconds until it is done.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub secs_left: Option<f64>,
+}
+
+/// Whether the command of a note is at work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Standing {
+    /// It is.
+    Running,
+    /// It was killed: a command that ends removes its note.
+    Killed,
+}
+
+impl Note {
+    /// The note of a command of this process that begins now.
+    pub(super) fn begun(command: &str, study: &Path) -> Self {
+        let process = std::process::id();
+        let now = unix_secs();
+        Self {
+            format: FORMAT,
+            tool: TOOL.to_owned(),
+            command: command.to_owned(),
+            study: study.to_owned(),
+            host: host_name().to_owned(),
+            process,
+            process_began: process_began(process),
+            began: now,
+            written: now,
+            stage: None,
+            doing: None,
+            part: None,
+            task: None,
+            secs_left: None,
+        }
+    }
+
+    /// Whether its command is at work.
+    pub fn standing(&self) -> Standing {
+        let is_here = self.host == host_name();
+        let is_running = match (is_here, self.process_began) {
+            (true, Some(began)) => process_began(self.process) == Some(began),
+            _ => unix_secs() - self.written < STALE_SECS,
+        };
+        if is_running { Standing::Running } else { Standing::Killed }
+    }
+}
+
+/// The notes of commands that write to `results`, each with its file, in the order in which the commands began. What is no
+/// note is left out.
+pub(super) fn notes(results: &Path) -> Vec<(PathBuf, Note)> {
+    let entries = fs::read_dir(results.join(FOLDER)).into_iter().flatten().flatten();
+    let paths = entries.map(|entry| entry.path());
+    let read = |path: PathBuf| {
+        let text = calib_files::read_regular(&path).ok()?;
+        let note: Note = serde_json::from_slice(&text).ok()?;
+        (note.format == FORMAT).then_some((path, note))
+    };
+    let mut notes: Vec<(PathBuf, Note)> = paths.filter_map(read).collect();
+    notes.sort_by(|a, b| a.1.began.total_cmp(&b.1.began).then_with(|| a.0.cmp(&b.0)));
+    notes
+}
+
+/// The same, without their files.
+pub fn running(results: &Path) -> Vec<Note> {
+    notes(results).into_iter().map(|(_, note)| note).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_note_of_a_process_that_is_gone_is_of_a_killed_one() {
+        let note = Note::begun("run", Path::new("study.toml"));
+        assert_eq!(note.standing(), Standing::Running);
+        let other = Note { host: "another machine".to_owned(), ..note.clone() };
+        assert_eq!(other.standing(), Standing::Running);
+        let old = Note { written: unix_secs() - 2.0 * STALE_SECS, ..other };
+        assert_eq!(old.standing(), Standing::Killed);
+        if let Some(began) = note.process_began {
+            // The number was given to another process.
+            let killed = Note { process_began: Some(began + 1), ..note.clone() };
+            assert_eq!(killed.standing(), Standing::Killed);
+            let long = Note { written: 0.0, ..note };
+            assert_eq!(long.standing(), Standing::Running, "stopped in a debugger, say");
+        }
+    }
+}

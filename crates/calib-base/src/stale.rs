@@ -1,0 +1,93 @@
+//! Results of another study than the one at hand: which keys differ, and what to run.
+
+use std::path::Path;
+
+use calib_study::{Difference, Job, StepKind, Study};
+
+use crate::StepError;
+
+/// Differences that are told one by one.
+const TOLD: usize = 3;
+
+/// A result of a step that is there.
+#[derive(Clone, Copy)]
+pub struct Kept<'a> {
+    /// The step that made it.
+    pub step: StepKind,
+    /// What it was made of.
+    pub study: &'a Study,
+    /// Where it is.
+    pub directory: &'a Path,
+}
+
+impl Kept<'_> {
+    /// Refuse it where it follows from other keys than those of the job.
+    ///
+    /// # Errors
+    /// [`StepError::Stale`], with the keys that differ.
+    pub fn check(self, job: &Job) -> Result<(), StepError> {
+        let differences = job.study().differences(self.step, self.study);
+        if differences.is_empty() {
+            return Ok(());
+        }
+        Err(StepError::Stale(format!(
+            "the {} in {} {} made with {}; run `{}` again",
+            self.step.result(),
+            self.directory.display(),
+            if self.step.is_plural() { "were" } else { "was" },
+            told(&differences),
+            job.command(self.step)
+        )))
+    }
+}
+
+/// What decides which other keys a result follows from at all, and so is told first.
+const DECISIVE: &str = "model.kind";
+
+/// The keys that differ, with both values.
+fn told(differences: &[Difference]) -> String {
+    let (decisive, others): (Vec<&Difference>, Vec<&Difference>) =
+        differences.iter().partition(|of| of.key == DECISIVE);
+    let all = decisive.into_iter().chain(others);
+    let mut told: Vec<String> = all.take(TOLD).map(ToString::to_string).collect();
+    match differences.len().saturating_sub(TOLD) {
+        0 => {}
+        1 => told.push("and one more key".to_owned()),
+        more => told.push(format!("and {more} more keys")),
+    }
+    told.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_study::Request;
+
+    use super::*;
+
+    fn job(text: &str) -> Job {
+        Job::of_text(Request::new("s.toml"), text.to_owned()).expect("valid")
+    }
+
+    #[test]
+    fn what_differs_is_told_with_both_values() {
+        let made = job("");
+        let refused = |text: &str| {
+            let kept =
+                Kept { step: StepKind::Sweep, study: made.study(), directory: Path::new("x") };
+            kept.check(&job(text)).expect_err("other keys").to_string()
+        };
+        assert_eq!(
+            refused("[agent]\ngamma = 0.5\n"),
+            "the sweep in x was made with agent.gamma = 0.99, now 0.5; run `calib sweep s.toml` again"
+        );
+        let without = refused("[model]\nkind = \"none\"\n");
+        assert!(
+            without
+                .starts_with("the sweep in x was made with model.kind = \"knn\", now \"none\"; "),
+            "{without}"
+        );
+        let many =
+            refused("seed = 4\n[agent]\ngamma = 0.5\nbatch_size = 9\nbeta1 = 0.1\nbeta2 = 0.2\n");
+        assert!(many.contains("agent.beta2 = 0.999, now 0.2; and 2 more keys; run"), "{many}");
+    }
+}

@@ -1,0 +1,137 @@
+//! What is done through libtorch, and what is said where it is not there.
+
+use calib_agent::Accelerator;
+use calib_core::{Monitor, Seed};
+use calib_dynamics::{Dynamics, DynamicsConfig, Trainer, Transitioning};
+use calib_files::{Tensors, Unfinished};
+use calib_model::ModelKind;
+use calib_represent::{LaplacianConfig, Task, Trained};
+
+use crate::{StepError, options::Device};
+
+/// Check that this program has libtorch, or say that `what` wants it.
+///
+/// # Errors
+/// [`StepError::Unavailable`] if it has not.
+pub fn require(what: &str) -> Result<(), StepError> {
+    if cfg!(feature = "torch") { Ok(()) } else { Err(StepError::Unavailable(what.to_owned())) }
+}
+
+/// A trainer of a network on a device, going on from a checkpoint if there is one, and what it computes with.
+#[cfg(feature = "torch")]
+pub(crate) fn trainer(
+    kind: ModelKind,
+    data: &Transitioning<'_>,
+    config: &DynamicsConfig,
+    seed: Seed,
+    device: Device,
+    checkpoint: Option<&Tensors>,
+) -> Result<(Box<dyn Trainer>, String), StepError> {
+    use calib_torch::{FeedForwardTrainer, RecurrentTrainer};
+    let device = calib_torch::device(choice(device))?;
+    let trainer: Box<dyn Trainer> = match (kind, checkpoint) {
+        (ModelKind::Nn, None) => Box::new(FeedForwardTrainer::new(data, config, seed, device)),
+        (ModelKind::Nn, Some(found)) => {
+            Box::new(FeedForwardTrainer::resume(data, config, seed, device, found)?)
+        }
+        (ModelKind::Gru, None) => Box::new(RecurrentTrainer::new(data, config, seed, device)?),
+        (ModelKind::Gru, Some(found)) => {
+            Box::new(RecurrentTrainer::resume(data, config, seed, device, found)?)
+        }
+        _ => {
+            return Err(StepError::message("such a model is not trained"));
+        }
+    };
+    let device = if device.is_cuda() { "GPU" } else { "processor" };
+    Ok((trainer, format!("libtorch on the {device}")))
+}
+
+/// A trainer of a network on a device: not without libtorch.
+///
+/// # Errors
+/// [`StepError::Unavailable`].
+#[cfg(not(feature = "torch"))]
+pub fn trainer(
+    _kind: ModelKind,
+    _data: &Transitioning<'_>,
+    _config: &DynamicsConfig,
+    _seed: Seed,
+    _device: Device,
+    _checkpoint: Option<&Tensors>,
+) -> Result<(Box<dyn Trainer>, String), StepError> {
+    Err(StepError::Unavailable("such training".to_owned()))
+}
+
+/// What trains agents side by side on a device.
+#[cfg(feature = "torch")]
+pub(crate) fn accelerator(device: Device) -> Result<Box<dyn Accelerator>, StepError> {
+    Ok(Box::new(calib_torch::Populations::new(calib_torch::device(choice(device))?)))
+}
+
+/// What trains agents side by side on a device: not without libtorch.
+///
+/// # Errors
+/// [`StepError::Unavailable`].
+#[cfg(not(feature = "torch"))]
+pub fn accelerator(_device: Device) -> Result<Box<dyn Accelerator>, StepError> {
+    Err(StepError::Unavailable("--device".to_owned()))
+}
+
+/// Train an encoder on a device, going on from a checkpoint if there is one.
+#[cfg(feature = "torch")]
+pub(crate) fn represent(
+    config: &LaplacianConfig,
+    task: Task<'_>,
+    checkpoint: &Unfinished,
+    device: Device,
+    monitor: &dyn Monitor,
+) -> Result<Trained, StepError> {
+    let device = calib_torch::device(choice(device))?;
+    let mut training = calib_torch::LaplacianTraining::new(config, task, device)?;
+    Ok(calib_represent::train_with(&mut training, config, task, Some(checkpoint), monitor)?)
+}
+
+/// Train an encoder on a device: not without libtorch.
+///
+/// # Errors
+/// [`StepError::Unavailable`].
+#[cfg(not(feature = "torch"))]
+pub fn represent(
+    _config: &LaplacianConfig,
+    _task: Task<'_>,
+    _checkpoint: &Unfinished,
+    _device: Device,
+    _monitor: &dyn Monitor,
+) -> Result<Trained, StepError> {
+    Err(StepError::Unavailable("such training".to_owned()))
+}
+
+/// A model that was exported from PyTorch, for states of `columns` values; it runs on the processor.
+#[cfg(feature = "torch")]
+pub(crate) fn open_script(
+    path: &std::path::Path,
+    columns: usize,
+) -> Result<Box<dyn Dynamics>, StepError> {
+    Ok(Box::new(calib_torch::Script::open(path, columns, calib_torch::Device::Cpu)?))
+}
+
+/// A model that was exported from PyTorch: not without libtorch.
+///
+/// # Errors
+/// [`StepError::Unavailable`].
+#[cfg(not(feature = "torch"))]
+pub fn open_script(
+    _path: &std::path::Path,
+    _columns: usize,
+) -> Result<Box<dyn Dynamics>, StepError> {
+    Err(StepError::Unavailable("model.kind = \"torchscript\"".to_owned()))
+}
+
+#[cfg(feature = "torch")]
+fn choice(device: Device) -> calib_torch::DeviceChoice {
+    match device {
+        Device::Cpu => calib_torch::DeviceChoice::Cpu,
+        Device::Cuda => calib_torch::DeviceChoice::Cuda,
+        Device::Auto => calib_torch::DeviceChoice::Auto,
+    }
+}

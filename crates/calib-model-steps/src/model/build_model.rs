@@ -1,0 +1,380 @@
+//! The step that builds the calibration model of a study.
+
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use calib_base::{
+    StepError,
+    artefact::{Below, Claim},
+    bail,
+    clock::Stopwatch,
+    log::{
+        context::RunContext,
+        partition::{self, span},
+        plant_of_study,
+        prepared::{self, Known},
+    },
+    options::BuildOptions,
+    outcome::{Freshness, Outcome, StepResult},
+    output::Printer,
+};
+use calib_core::{Seed, Silent, States, Transitions};
+use calib_data::Dataset;
+use calib_files::{ScratchPlace, write_json};
+use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
+use calib_model::{JumpStatistics, ModelFamily, StartSource, rollout, start_states};
+use calib_study::{Job, Study};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::{
+    model::{
+        build_check::{check_against_brute_force, recall_of},
+        build_network,
+        build_plan::{BuildPlan, Spilled, Training},
+        jumps,
+        model_files::{self, MemberSummary, ModelFacts, ModelManifest, model_key},
+        recurrence::{self, MemberRecurrence},
+    },
+    represent::{self, Representation},
+};
+
+/// Where a build keeps what it has found until the tables are written, below the model's directory.
+const PARTIAL: &str = "partial";
+/// Steps of the rollout that shows how often each member jumps.
+const PROBE_STEPS: usize = 10_000;
+
+/// The calibration model of a study.
+#[derive(Debug)]
+pub struct BuiltModel {
+    /// What is told of it.
+    pub manifest: ModelManifest,
+    pub(crate) directory: PathBuf,
+    pub(crate) freshness: Freshness,
+    pub(crate) took: Duration,
+    /// What came of comparing it with brute force, if that was asked for.
+    pub(crate) verified: Outcome,
+}
+
+impl BuiltModel {
+    /// Rows of the states that it was built from.
+    pub fn rows(&self) -> usize {
+        self.manifest.rows
+    }
+
+    /// Transitions of each of its members.
+    pub fn transitions(&self) -> Vec<usize> {
+        self.manifest.members.iter().map(|member| member.transitions).collect()
+    }
+
+    /// Whether it was there already.
+    pub fn freshness(&self) -> Freshness {
+        self.freshness
+    }
+
+    /// Where it is.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// What whoever uses it should know: how far walks of its members get.
+    pub fn warnings(&self) -> Vec<String> {
+        warnings(&self.manifest)
+    }
+}
+
+/// Build the model of a study.
+///
+/// # Errors
+/// If the study has no model or asks for what its kind cannot do, the log cannot be read, memory or disk do not suffice, or the
+/// observer asks to stop.
+pub fn run(
+    job: &Job,
+    options: &BuildOptions,
+    context: &RunContext,
+) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
+    let clock = Stopwatch::start();
+    model_files::require_model(job)?;
+    let (study, paths) = (job.study(), job.layout());
+    if study.model.kind.family() == ModelFamily::Network {
+        return build_network::run(job, options, context);
+    }
+    if options.device.is_some() {
+        bail!("--device is for networks, and model.kind is \"knn\"; leave it out");
+    }
+    let directory = paths.model();
+    let data = plant_of_study::data(job)?;
+    let is_dry = job.policy().is_dry();
+    let memory = options.memory;
+    let known = if is_dry {
+        prepared::look(job, &data, memory, context)?
+    } else {
+        Known::Prepared(Box::new(prepared::open(job, &data, memory, context)?))
+    };
+    let training = Training::of(&known);
+    let config = ModelConfig { index: options.index.unwrap_or(study.model.index), ..*study.model };
+    let model_rows = partition::model_rows(study, &training.timestamps)?;
+    let width = represent::width(study, paths, training.columns);
+    let plan = BuildPlan::new(&training, model_rows, &config, width, options)?;
+    drop(training);
+    context.say(&plan.sentence());
+    let Known::Prepared(prepared) = known else {
+        return Ok(planned(plan, &directory, context));
+    };
+    if is_dry {
+        return Ok(planned(plan, &directory, context));
+    }
+    let partition::Parts { dataset, pretrain, states } = partition::parts(study, *prepared)?;
+    if study.model.period.is_some() && pretrain.is_none() {
+        context.say(&format!("the model is built from {} alone", span(&dataset.train)?));
+    }
+    // Taken apart here: states that nobody holds any more can be mapped from files.
+    if let Some(part) = pretrain {
+        context.say(&format!(
+            "the model is built from {}; {} is for pre-training",
+            span(&dataset.train)?,
+            span(&part.frames)?
+        ));
+    }
+    model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+    let representation = represent::open(job, &dataset)?;
+    let key = model_key(&dataset.fingerprint, &study.model, representation.as_ref())?;
+    let existing = ModelManifest::of_job(job, &key, context)?;
+    let (manifest, freshness) = if let Some(manifest) = existing
+        && is_still_there(&directory, &key)?
+    {
+        let representation = representation.as_ref();
+        (refresh(manifest, study, &dataset, representation, &directory)?, Freshness::Kept)
+    } else {
+        let representation = representation.as_ref();
+        let how = How { key, config, plan, states, force: job.policy().redoes() };
+        let built = build(study, dataset, representation, &how, &directory, clock, context)?;
+        (built, Freshness::Made)
+    };
+    let verified = if options.verify > 0 {
+        check_against_brute_force(job, options.verify, context)?
+    } else {
+        Outcome::Done
+    };
+    let took = clock.elapsed();
+    Ok(StepResult::Made(BuiltModel { manifest, directory, freshness, took, verified }))
+}
+
+/// Say what would be built.
+fn planned(
+    plan: BuildPlan,
+    directory: &Path,
+    printer: &Printer,
+) -> StepResult<BuiltModel, Option<BuildPlan>> {
+    printer.say(&format!("dry run: nothing written to {}", directory.display()));
+    StepResult::Planned(Some(plan))
+}
+
+/// Remove the parts that are left of a build that was killed at its very end, and say whether the model is still
+/// there: another calib may have begun another one, whose parts they then are.
+fn is_still_there(directory: &Path, key: &str) -> Result<bool, StepError> {
+    let parts = directory.join(PARTIAL);
+    if !parts.exists() {
+        return Ok(true);
+    }
+    let _claim = Claim::new(directory, Below::Ours)?;
+    let is_there = ModelManifest::find(directory, key).is_some();
+    if is_there {
+        Parts::new(parts, key).remove()?;
+    }
+    Ok(is_there)
+}
+
+/// How a model is built; nothing but the key tells of its tables.
+struct How {
+    /// Fingerprint of all that the tables follow from.
+    key: String,
+    /// The settings, with the search structure of the command line.
+    config: ModelConfig,
+    plan: BuildPlan,
+    /// The file of the states, if they have one.
+    states: Option<PathBuf>,
+    force: bool,
+}
+
+impl How {
+    fn workplace(&self, directory: &Path, parts: Parts) -> Workplace {
+        let mut workplace = Workplace { parts: Some(parts), ..Workplace::default() };
+        if self.plan.spill == Spilled::Everything {
+            workplace.scratch = ScratchPlace::Disk(directory.to_owned());
+        }
+        workplace
+    }
+}
+
+fn build(
+    study: &Study,
+    mut dataset: Dataset,
+    representation: Option<&Representation>,
+    how: &How,
+    directory: &Path,
+    clock: Stopwatch,
+    printer: &Printer,
+) -> Result<ModelManifest, StepError> {
+    let transitions = Transitions::new(dataset.train.segments().clone());
+    if let Some(representation) = representation {
+        // The plan could not always know how many coordinates ψ has. Nothing is given up for what cannot be built.
+        KnnModel::check(Some(representation.psi.columns()), &transitions, &how.config)?;
+    }
+    let claim = Claim::begun(directory)?;
+    // Not needed any more, and a part of the memory.
+    dataset.held_out = None;
+    let read = clock.elapsed();
+    model_files::write_states(directory, &dataset.train, how.states.as_deref())?;
+    if how.plan.spill != Spilled::Nothing {
+        dataset.train = model_files::map_states(directory, &dataset.train)?;
+    }
+    let parts = Parts::new(directory.join(PARTIAL), &how.key);
+    if how.force {
+        parts.remove()?;
+    }
+    let workplace = how.workplace(directory, parts.clone());
+    let kept = clock.elapsed();
+    let states = metric(&dataset, representation);
+    let progress = printer.progress();
+    let (knn, built) = KnnModel::build_in(states, transitions, &how.config, &workplace, &progress)?;
+    drop(progress);
+    printer.detail(&format!("search structure: {}", built.choice));
+    let searched = clock.elapsed();
+    model_files::write(directory, &dataset, Some(&knn))?;
+    let copied = representation.map(|own| represent::copy_to(directory, own)).transpose()?;
+    let summarised = |member: usize| {
+        let (classes, ends) = (built.recurrence[member].clone(), &built.ends[member]);
+        let weights = study.model.weights()?;
+        let (frames, seed) = (&dataset.train, study.seed);
+        let walks = MemberRecurrence::new(&knn, member, classes, ends, frames, weights, seed);
+        summary(study, &knn, member, walks)
+    };
+    let members: Vec<MemberSummary> =
+        (0..knn.members()).into_par_iter().map(summarised).collect::<Result<_, _>>()?;
+    let recall = recall_of(study, &knn, &printer.progress())?;
+    let facts = ModelFacts {
+        key: how.key.clone(),
+        study: study.clone(),
+        data: dataset.fingerprint.clone(),
+        period: dataset.period,
+        rows: dataset.train.rows(),
+        transitions: knn.transitions().len(),
+        segments: dataset.train.segments().len(),
+        times: model_files::first_and_last(&dataset.train),
+        normaliser: dataset.normaliser.clone(),
+        search: Some(built.choice.without_share()),
+        recall,
+        members,
+        training: None,
+    };
+    write_json(
+        &directory.join("timings.json"),
+        &Timings {
+            reading_secs: read.as_secs_f64(),
+            searching_secs: searched.saturating_sub(kept).as_secs_f64(),
+            writing_secs: (clock.elapsed().saturating_sub(searched) + kept.saturating_sub(read))
+                .as_secs_f64(),
+        },
+    )?;
+    let files = file_names(knn.members(), &copied.unwrap_or_default());
+    let manifest = claim.finish(facts, files.iter().map(String::as_str))?;
+    // Until now a build that was killed could go on from them; the directory is still claimed.
+    parts.remove()?;
+    Ok(manifest)
+}
+
+/// A model that is up to date, under a study that may differ in what does not change its tables.
+fn refresh(
+    mut manifest: ModelManifest,
+    study: &Study,
+    dataset: &Dataset,
+    representation: Option<&Representation>,
+    directory: &Path,
+) -> Result<ModelManifest, StepError> {
+    if manifest.study == *study && model_files::has_profile(&manifest, directory) {
+        return Ok(manifest);
+    }
+    let knn = KnnModel::open(
+        directory,
+        metric(dataset, representation),
+        Transitions::new(dataset.train.segments().clone()),
+        study.model.members,
+        study.model.exclusion(),
+    )?;
+    let weights = study.model.weights()?;
+    let refreshed = |(member, old): (usize, &MemberSummary)| {
+        let mut classes =
+            old.recurrence.as_ref().map(|known| known.classes.clone()).unwrap_or_default();
+        let (now, ends) = closed_classes(&knn, member, weights, classes.candidates, &Silent)?;
+        if !study.model.recurrent {
+            classes.before = now.clone();
+        }
+        classes.after = now;
+        let (frames, seed) = (&dataset.train, study.seed);
+        let walks = MemberRecurrence::new(&knn, member, classes, &ends, frames, weights, seed);
+        summary(study, &knn, member, walks)
+    };
+    manifest.members = manifest
+        .members
+        .par_iter()
+        .enumerate()
+        .map(refreshed)
+        .collect::<Result<Vec<MemberSummary>, StepError>>()?;
+    manifest.study = study.clone();
+    let claim = Claim::new(directory, Below::Ours)?;
+    model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+/// What distances are measured in: the states, or their representation.
+fn metric(dataset: &Dataset, representation: Option<&Representation>) -> States {
+    representation
+        .map_or_else(|| dataset.train.states().clone(), |representation| representation.psi.clone())
+}
+
+/// Wall times: the only file of a model that differs from one build to the next.
+#[derive(Serialize)]
+#[expect(clippy::struct_field_names, reason = "every number carries its unit")]
+struct Timings {
+    reading_secs: f64,
+    searching_secs: f64,
+    writing_secs: f64,
+}
+
+fn summary(
+    study: &Study,
+    knn: &KnnModel,
+    member: usize,
+    recurrence: MemberRecurrence,
+) -> Result<MemberSummary, StepError> {
+    let tables = knn.member(member);
+    let seed = Seed::new(study.seed).child("jump probe").number(member as u64);
+    let starts = start_states(&tables, StartSource::Random, 1, seed)?;
+    let probe = rollout(&tables, &starts[0], PROBE_STEPS, study.model.weights()?, seed);
+    let jumps = Some(JumpStatistics::of([probe.rows()]));
+    Ok(MemberSummary { transitions: tables.len(), jumps, recurrence: Some(recurrence) })
+}
+
+/// A model's files: those of every kind, the tables of its members, and `further` ones.
+pub(crate) fn file_names(members: usize, further: &[&str]) -> Vec<String> {
+    let own = ["states.npy", "rows.parquet", "profile.json"];
+    let mut names: Vec<String> = own.iter().chain(further).map(|&name| name.to_owned()).collect();
+    for member in 0..members {
+        for table in ["neighbors", "distances", "left_out"] {
+            names.push(format!("members/{member}/{table}.npy"));
+        }
+    }
+    names
+}
+
+/// What the reader of anything that follows from a model should know: how far walks of its members get.
+pub fn warnings(manifest: &ModelFacts) -> Vec<String> {
+    let ModelFacts { members, study, .. } = manifest;
+    let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));
+    let walks = recurrence::warnings(members, study.model.recurrent);
+    [walks, jumps::warnings(jumps, &study.model, study.sweep.steps)].concat()
+}

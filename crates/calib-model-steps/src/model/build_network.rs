@@ -1,0 +1,142 @@
+//! `build-model` where the model is a network.
+
+use std::path::Path;
+
+use calib_base::{
+    StepError,
+    artefact::{self, Below, Claim},
+    bail,
+    clock::Stopwatch,
+    log::{context::RunContext, partition},
+    options::BuildOptions,
+    outcome::{Freshness, Outcome, StepResult},
+    output::Printer,
+};
+use calib_core::Transitions;
+use calib_data::Dataset;
+use calib_files::write_json;
+use calib_model::ModelKind;
+use calib_study::{Job, Study};
+use serde::Serialize;
+
+use crate::model::{
+    build_model::{BuiltModel, file_names},
+    build_plan::BuildPlan,
+    model_files::{self, MemberSummary, ModelFacts, ModelManifest},
+    train_model,
+};
+
+/// Train the network of a study.
+pub(crate) fn run(
+    job: &Job,
+    options: &BuildOptions,
+    context: &RunContext,
+) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
+    let clock = Stopwatch::start();
+    let (study, directory) = (job.study(), job.layout().model());
+    // What another calib has trained can be used by one that cannot train it.
+    let may_be_there = options.device.is_none()
+        && !job.policy().redoes()
+        && artefact::read::<ModelManifest>(&directory)
+            .is_some_and(|there| there.study.model.kind == study.model.kind);
+    let mut cannot_train = train_model::check_available(study, options.device).err();
+    if let Some(reason) = cannot_train.take_if(|_| !may_be_there) {
+        return Err(reason);
+    }
+    if options.verify > 0 {
+        bail!("--verify compares neighbour tables, and model.kind is not \"knn\"; leave it out");
+    }
+    let partition::Parts { dataset, states, .. } = partition::load(job, context)?;
+    model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+    let key = train_model::key(&dataset.fingerprint, job)?;
+    train_model::announce(study, &dataset, context);
+    if job.policy().is_dry() {
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(None));
+    }
+    let existing = ModelManifest::of_job(job, &key, context)?;
+    let freshness = if existing.is_some() { Freshness::Kept } else { Freshness::Made };
+    let manifest = if let Some(manifest) = existing {
+        refresh(manifest, study, &dataset, &directory)?
+    } else if let Some(reason) = cannot_train {
+        return Err(reason);
+    } else {
+        build(job, options, (&dataset, states.as_deref()), key, (clock, context))?
+    };
+    let (took, verified) = (clock.elapsed(), Outcome::Done);
+    Ok(StepResult::Made(BuiltModel { manifest, directory, freshness, took, verified }))
+}
+
+fn build(
+    job: &Job,
+    options: &BuildOptions,
+    (dataset, states): (&Dataset, Option<&Path>),
+    key: String,
+    (clock, printer): (Stopwatch, &Printer),
+) -> Result<ModelManifest, StepError> {
+    let (study, directory) = (job.study(), &job.layout().model());
+    let claim = Claim::begun(directory)?;
+    if job.policy().redoes() {
+        train_model::remove_checkpoint(directory)?;
+    }
+    let read = clock.elapsed();
+    let training = if study.model.kind == ModelKind::Torchscript {
+        train_model::import(job, dataset, directory)?;
+        None
+    } else {
+        Some(train_model::train(study, dataset, &key, directory, options.device, printer)?)
+    };
+    let trained = clock.elapsed();
+    model_files::write_states(directory, &dataset.train, states)?;
+    model_files::write(directory, dataset, None)?;
+    let transitions = Transitions::new(dataset.train.segments().clone()).len();
+    let facts = ModelFacts {
+        key,
+        study: study.clone(),
+        data: dataset.fingerprint.clone(),
+        period: dataset.period,
+        rows: dataset.train.rows(),
+        transitions,
+        segments: dataset.train.segments().len(),
+        times: model_files::first_and_last(&dataset.train),
+        normaliser: dataset.normaliser.clone(),
+        search: None,
+        recall: None,
+        members: vec![MemberSummary { transitions, jumps: None, recurrence: None }],
+        training,
+    };
+    let timings = Timings {
+        reading_secs: read.as_secs_f64(),
+        training_secs: trained.saturating_sub(read).as_secs_f64(),
+        writing_secs: clock.elapsed().saturating_sub(trained).as_secs_f64(),
+    };
+    write_json(&directory.join("timings.json"), &timings)?;
+    let files = file_names(0, train_model::files(study.model.kind));
+    claim.finish(facts, files.iter().map(String::as_str))
+}
+
+/// A model that is up to date, under a study that may differ in what does not change its weights.
+fn refresh(
+    mut manifest: ModelManifest,
+    study: &Study,
+    dataset: &Dataset,
+    directory: &Path,
+) -> Result<ModelManifest, StepError> {
+    if manifest.study == *study && model_files::has_profile(&manifest, directory) {
+        return Ok(manifest);
+    }
+    let claim = Claim::new(directory, Below::Ours)?;
+    manifest.study = study.clone();
+    model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
+    claim.complete(&manifest)?;
+    Ok(manifest)
+}
+
+/// Wall times.
+#[derive(Serialize)]
+#[expect(clippy::struct_field_names, reason = "every number carries its unit")]
+struct Timings {
+    reading_secs: f64,
+    training_secs: f64,
+    writing_secs: f64,
+}

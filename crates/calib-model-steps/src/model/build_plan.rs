@@ -1,0 +1,236 @@
+//! What building a model will take, and whether there is as much.
+
+use std::ops::Range;
+
+use calib_base::{
+    StepError, bail,
+    log::prepared::Known,
+    memory,
+    options::{BuildOptions, Spill},
+    output::{bytes, count, counted},
+};
+use calib_core::{Segment, Segments, Timestamp, Transitions};
+use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::represent::Width;
+
+/// The training states of a log, as far as a plan asks for them.
+pub(crate) struct Training {
+    pub(crate) timestamps: Vec<Timestamp>,
+    segments: Segments,
+    pub(crate) columns: usize,
+    /// Memory that making them takes, in bytes.
+    making_bytes: u64,
+}
+
+impl Training {
+    pub(crate) fn of(known: &Known) -> Self {
+        match known {
+            Known::Prepared(prepared) => {
+                let train = &prepared.dataset.train;
+                Self {
+                    timestamps: train.timestamps().to_vec(),
+                    segments: train.segments().clone(),
+                    columns: train.states().columns(),
+                    making_bytes: 0,
+                }
+            }
+            Known::Surveyed(surveyed, making_bytes) => Self {
+                timestamps: surveyed.timestamps(),
+                segments: surveyed.segment_rows().clone(),
+                columns: surveyed.columns(),
+                making_bytes: *making_bytes,
+            },
+        }
+    }
+}
+
+/// What is mapped from files while a model is built, so that it takes memory only while there is some.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Spilled {
+    Nothing,
+    States,
+    /// States, images and tables.
+    Everything,
+}
+
+impl Spilled {
+    /// What is mapped if this was asked for: with [`Spill::Auto`] as little as `fits`, or else everything.
+    fn chosen(asked: Spill, fits: impl Fn(Self) -> bool) -> Self {
+        match asked {
+            Spill::Auto if fits(Self::Nothing) => Self::Nothing,
+            Spill::Auto if fits(Self::States) => Self::States,
+            Spill::Never => Self::Nothing,
+            Spill::Auto | Spill::Always => Self::Everything,
+        }
+    }
+}
+
+/// What is going to be done, and what it needs.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct BuildPlan {
+    rows: usize,
+    columns: usize,
+    segments: usize,
+    members: usize,
+    neighbors: usize,
+    /// The structure that was asked for.
+    index: IndexKind,
+    /// What is mapped from files.
+    pub(crate) spill: Spilled,
+    /// The most memory that cannot be given back at any moment, predicted.
+    memory_bytes: u64,
+    /// What there is, or what `--memory` says.
+    available_bytes: Option<u64>,
+    /// What the model takes on disk, and what building it takes there meanwhile.
+    disk_bytes: u64,
+}
+
+impl BuildPlan {
+    /// The plan for a model that is built from `part` of the training states. `width` is that of what is searched.
+    ///
+    /// # Errors
+    /// If no such model can be built of so many columns and these segments, or there is too little memory.
+    pub(crate) fn new(
+        data: &Training,
+        part: Range<usize>,
+        model: &ModelConfig,
+        width: Width,
+        options: &BuildOptions,
+    ) -> Result<Self, StepError> {
+        let (rows, columns) = (part.len(), data.columns);
+        // Before any state is read, and anything of an older model given up.
+        let segments = segments_of(&data.segments, &part);
+        let transitions = Transitions::new(Segments::from_lengths(segments.iter().copied())?);
+        let (known, psi) = match width {
+            Width::OfStates => (Some(columns), None),
+            Width::Exactly(coordinates) => (Some(coordinates), Some(coordinates)),
+            Width::Perhaps(coordinates) => (None, Some(coordinates)),
+        };
+        KnnModel::check(known, &transitions, model)?;
+        drop(transitions);
+        // What is searched is ψ where there is one: mapped from its file, so that only its copy takes more, of the disk.
+        let threads = rayon::current_num_threads();
+        let mut need = MemoryNeed::predict(rows, psi.unwrap_or(columns), model, threads);
+        need.states = 4 * (rows * columns) as u64;
+        let copy = 4 * (rows * psi.unwrap_or(0)) as u64;
+        let taken = |spill: Spilled| {
+            data.making_bytes.max(match spill {
+                Spilled::Nothing => need.peak(),
+                // Some of the states should stay in memory, or each is read from the disk again and again.
+                Spilled::States => need.working.saturating_add(need.states / 3),
+                Spilled::Everything => need.least,
+            })
+        };
+        let available = options.memory.or_else(memory::available);
+        let fits = |bytes: u64| available.is_none_or(|available| bytes <= available);
+        let spill = Spilled::chosen(options.spill, |spilled| fits(taken(spilled)));
+        let memory_bytes = taken(spill);
+        if let (false, Some(available)) = (fits(memory_bytes), available) {
+            // Tables have as many numbers a row as there are neighbours in all members.
+            let tables = model.neighbors.saturating_mul(model.members) > columns;
+            bail!(
+                "building this model of {} states of {} columns takes {} of memory, and {} is there; \
+                 {}raise `preprocess.subsample`, shorten `data.train`, leave channels out with `data.exclude`{}, \
+                 or say with --memory SIZE that there is more",
+                count(rows),
+                columns,
+                bytes(memory_bytes),
+                bytes(available),
+                if tables { "lower `model.neighbors` or `model.members`, " } else { "" },
+                if options.spill == Spill::Never {
+                    ", let it work on disk with --spill auto"
+                } else {
+                    ""
+                },
+            );
+        }
+        let working = if spill == Spilled::Everything { need.working } else { 0 };
+        let tables = bytes_of_tables(rows, model);
+        let on_disk = [need.states, copy, tables, tables, working];
+        Ok(Self {
+            rows,
+            columns,
+            segments: segments.len(),
+            members: model.members,
+            neighbors: model.neighbors,
+            index: model.index,
+            spill,
+            memory_bytes,
+            available_bytes: available,
+            disk_bytes: on_disk.into_iter().fold(0, u64::saturating_add),
+        })
+    }
+
+    /// The plan in a sentence.
+    pub(crate) fn sentence(&self) -> String {
+        let available = self
+            .available_bytes
+            .map_or_else(String::new, |available| format!(" of {} there", bytes(available)));
+        let spill = match self.spill {
+            Spilled::Nothing => "",
+            Spilled::States => ", with states mapped from their file",
+            Spilled::Everything => ", with states, images and tables mapped from files",
+        };
+        format!(
+            "{} rows x {} columns in {}; {}, k = {}; expecting {} of memory{available} and up to {} on disk{spill}",
+            count(self.rows),
+            self.columns,
+            counted(self.segments, "segment"),
+            counted(self.members, "ensemble member"),
+            self.neighbors,
+            bytes(self.memory_bytes),
+            bytes(self.disk_bytes),
+        )
+    }
+}
+
+/// What the tables of all members take; the most that can be said where they take more.
+fn bytes_of_tables(rows: usize, model: &ModelConfig) -> u64 {
+    // The check lets through nearly as many neighbours as rows in half as many members as rows.
+    let factors = [rows, model.neighbors, model.members];
+    factors.into_iter().fold(8, |bytes, factor| bytes.saturating_mul(factor as u64))
+}
+
+/// Rows of each segment, as far as they are in `part`.
+fn segments_of(segments: &Segments, part: &Range<usize>) -> Vec<usize> {
+    let rows = segments.iter().map(Segment::rows);
+    let inside = rows.map(|of| of.start.max(part.start)..of.end.min(part.end));
+    inside.filter(|of| !of.is_empty()).map(|of| of.len()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_beyond_all_numbers_are_not_small() {
+        let of = |rows, neighbors, members| {
+            bytes_of_tables(rows, &ModelConfig { neighbors, members, ..ModelConfig::default() })
+        };
+        assert_eq!(of(1000, 3, 5), 120_000);
+        // 3.2e19, which is 1.4e19 more than a u64 can say.
+        assert_eq!(of(4_000_000, 1_000_000, 1_000_000), u64::MAX);
+    }
+
+    #[test]
+    fn plans_spill_states_before_images() {
+        let takes = |spilled| match spilled {
+            Spilled::Nothing => 100,
+            Spilled::States => 60,
+            Spilled::Everything => 20,
+        };
+        let chosen =
+            |asked, available| Spilled::chosen(asked, |spilled| takes(spilled) <= available);
+        assert_eq!(chosen(Spill::Auto, 100), Spilled::Nothing);
+        assert_eq!(chosen(Spill::Auto, 99), Spilled::States);
+        assert_eq!(chosen(Spill::Auto, 59), Spilled::Everything);
+        // The plan refuses what does not fit even so.
+        assert_eq!(chosen(Spill::Auto, 19), Spilled::Everything);
+        assert_eq!(chosen(Spill::Never, 0), Spilled::Nothing);
+        assert_eq!(chosen(Spill::Always, 1000), Spilled::Everything);
+    }
+}

@@ -1,0 +1,64 @@
+//! Jump statistics in words.
+
+use calib_base::output::{count, percent};
+use calib_knn::ModelConfig;
+use calib_model::JumpStatistics;
+
+use crate::model::recurrence::named;
+
+/// How a member's rollouts move through the log.
+pub fn line(jumps: &JumpStatistics) -> String {
+    format!(
+        "{} of steps jump, {} to another time of the log; mean run {:.1} steps, {} distinct rows",
+        percent(jumps.jump_rate),
+        percent(jumps.departure_rate),
+        jumps.mean_run_length,
+        count(jumps.distinct_rows),
+    )
+}
+
+/// What is wrong with a member's rollouts for runs of so many steps, if anything is.
+pub fn note(jumps: &JumpStatistics, transitions: usize, run: usize) -> Option<&'static str> {
+    // A rollout that circles departs from nowhere, so it would pass for a replay as well.
+    if jumps.circling(transitions) {
+        Some("circles within few rows")
+    } else if jumps.near_verbatim(run) {
+        Some("replays the log nearly verbatim")
+    } else {
+        None
+    }
+}
+
+/// What to know of members whose rollouts are no good for runs of so many steps, with what to try.
+pub(crate) fn warnings<'a>(
+    members: impl Iterator<Item = (Option<&'a JumpStatistics>, usize)>,
+    model: &ModelConfig,
+    run: usize,
+) -> Vec<String> {
+    let (mut circling, mut verbatim) = (Vec::new(), Vec::new());
+    for (member, (jumps, transitions)) in members.enumerate() {
+        let Some(jumps) = jumps else { continue };
+        match note(jumps, transitions, run) {
+            Some(_) if jumps.circling(transitions) => circling.push(member),
+            Some(_) => verbatim.push(member),
+            None => {}
+        }
+    }
+    let advice = if model.exclude_self || model.theiler > 0 {
+        "try model.exclude_self = false and model.theiler = 0"
+    } else {
+        "try a larger preprocess.subsample, and look for frozen sensors with `calib inspect`"
+    };
+    let circling = named(circling.into_iter()).map(|members| {
+        format!(
+            "rollouts of {members} circle within few rows, which is no model of the plant; {advice}"
+        )
+    });
+    let verbatim = named(verbatim.into_iter()).map(|members| {
+        format!(
+            "rollouts of {members} replay the log nearly verbatim: a run of {} steps goes to another time of the log fewer than three times; try longer runs (sweep.steps), a larger preprocess.subsample, or more neighbors",
+            count(run)
+        )
+    });
+    circling.into_iter().chain(verbatim).collect()
+}

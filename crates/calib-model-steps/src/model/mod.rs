@@ -1,0 +1,13 @@
+//! Calibration models: neighbours and networks, built, kept, opened, rolled out alike.
+
+pub(crate) mod build_check;
+pub mod build_model;
+pub(crate) mod build_network;
+pub mod build_plan;
+pub mod calibration;
+pub mod jumps;
+pub mod kinds;
+pub mod model_files;
+pub mod recurrence;
+pub mod starts;
+pub(crate) mod train_model;

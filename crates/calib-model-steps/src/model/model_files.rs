@@ -1,0 +1,405 @@
+//! The model directory: what `build-model` writes and the later commands read.
+
+use std::path::Path;
+
+use calib_base::{
+    Context as _, StepError,
+    artefact::{self, Artefact, Facts, Files},
+    bail, ensure, frames,
+    log::profile_file::{self, PROFILE},
+    stale::Kept,
+};
+use calib_core::{Frames, Normaliser, Period, States, Timestamp, TransitionIndex};
+use calib_data::{Dataset, Profile, table::Table};
+use calib_files::{Fingerprint, fingerprint_file, link_or_copy};
+use calib_knn::{KnnModel, ModelConfig, Recall, SEARCH_VERSION, Shortcuts, WeightsKind};
+use calib_model::JumpStatistics;
+use calib_nn::Mlp;
+use calib_represent::encode;
+use calib_study::{Job, StepKind, Study};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    model::{
+        kinds::{self, OpenedModel},
+        recurrence::MemberRecurrence,
+        train_model::TrainingSummary,
+    },
+    represent::{self, Representation},
+};
+
+/// The states of a model, in its directory.
+const STATES: &str = "states.npy";
+
+/// `manifest.json` of a model directory.
+pub type ModelManifest = Artefact<ModelFacts>;
+
+/// What is told of a model.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct ModelFacts {
+    /// Fingerprint of data and configuration.
+    pub(crate) key: String,
+    /// The study as it was resolved.
+    #[schemars(with = "calib_base::resolved::ResolvedStudy")]
+    pub study: Study,
+    /// Fingerprint of the states, timestamps and columns that the model was built from.
+    pub(crate) data: Fingerprint,
+    /// From one state to the next.
+    pub period: Period,
+    /// States.
+    pub rows: usize,
+    pub(crate) transitions: usize,
+    /// Stretches without a gap.
+    pub segments: usize,
+    /// Times of the first and the last row.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<[Timestamp; 2]>,
+    pub(crate) normaliser: Normaliser,
+    /// The search structure that found the tables, and why it was taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) search: Option<String>,
+    /// How good the tables are, if they are approximate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) recall: Option<Recall>,
+    /// One entry for each member of the ensemble.
+    pub members: Vec<MemberSummary>,
+    /// How the network was trained, if it is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) training: Option<TrainingSummary>,
+}
+
+/// Times of the first and the last row.
+pub fn first_and_last(frames: &Frames) -> Option<[Timestamp; 2]> {
+    let times = frames.timestamps();
+    Some([*times.first()?, *times.last()?])
+}
+
+/// One member of the ensemble.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct MemberSummary {
+    /// Transitions that it was built from.
+    pub transitions: usize,
+    /// Of one rollout from a random start; none for models that leave the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub jumps: Option<JumpStatistics>,
+    /// Whether its walks are trapped, and how far they get; none for models that leave the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) recurrence: Option<MemberRecurrence>,
+}
+
+impl Facts for ModelFacts {
+    /// 2: models leave out what walks would be trapped in. 3: manifests carry fingerprints of themselves.
+    const FORMAT: u32 = 3;
+    const STEP: StepKind = StepKind::BuildModel;
+
+    fn key(&self) -> &str {
+        &self.key
+    }
+
+    fn lasts(name: &str) -> bool {
+        name != PROFILE
+    }
+}
+
+/// Fingerprint of all that later results follow from: of the inputs and of what was written, weights and tables to the
+/// last bit.
+///
+/// # Errors
+/// If they cannot be written as JSON.
+pub fn content(model: &ModelManifest) -> Result<String, StepError> {
+    // The profile tells of the held-out range too, which nothing that follows from the model does.
+    artefact::key(&(&model.key, model.lasting_files()))
+}
+
+/// Whether the profile beside a model is what was written.
+pub fn has_profile(model: &ModelManifest, directory: &Path) -> bool {
+    profile_file::is_whole(directory, model.files.get(PROFILE))
+}
+
+/// Fingerprint of what a model of neighbours follows from.
+pub(crate) fn model_key(
+    data: &Fingerprint,
+    model: &ModelConfig,
+    representation: Option<&Representation>,
+) -> Result<String, StepError> {
+    key_of(SEARCH_VERSION, data, model, representation)
+}
+
+/// As [`model_key`], of tables that this version of the search found. Every version finds the same exact ones.
+fn key_of(
+    search: u32,
+    data: &Fingerprint,
+    model: &ModelConfig,
+    representation: Option<&Representation>,
+) -> Result<String, StepError> {
+    // The search structure does not change the tables. Weights change what is drawn from them, and so also what walks are trapped in.
+    let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
+    let softmax = model.weights == WeightsKind::Softmax;
+    let drawn = model.recurrent.then(|| (model.weights, softmax.then_some(model.temperature)));
+    let tables = (ModelFacts::FORMAT, data, members, neighbors, exclude_self, theiler, drawn);
+    let exact = match representation {
+        None => artefact::key(&tables)?,
+        Some(representation) => artefact::key(&(tables, &representation.key))?,
+    };
+    let shortcuts = model.shortcuts();
+    if shortcuts.is_exact() {
+        return Ok(exact);
+    }
+    let Shortcuts { prototypes, prototype_kind, components, leaf_budget } = shortcuts;
+    artefact::key(&(exact, search, prototypes, prototype_kind, components, leaf_budget))
+}
+
+/// A model that was opened from its directory.
+pub struct OpenModel {
+    /// What is told of it.
+    pub manifest: ModelManifest,
+    /// What it was built from.
+    pub frames: Frames,
+    /// The model itself.
+    pub model: OpenedModel,
+    /// What computes the representation that neighbours are searched in, where there is one and it can.
+    encoder: Option<Mlp>,
+}
+
+impl OpenModel {
+    /// States that were not recorded with the model's, as they are compared with them: ψ of them where neighbours
+    /// are searched in a representation.
+    pub(crate) fn in_metric(&self, states: &States) -> Result<States, StepError> {
+        match &self.encoder {
+            Some(encoder) => Ok(encode(encoder, states)?),
+            None if !self.manifest.study.has_representation() => Ok(states.clone()),
+            None => bail!(
+                "the representation was imported without an encoder, so the states nearest to others than \
+                 its own cannot be found; use another rollout.start than \"nearest\", or \
+                 representation.kind = \"laplacian\""
+            ),
+        }
+    }
+}
+
+/// Write the states, or give those that are in the file `prepared` a second name.
+pub(crate) fn write_states(
+    directory: &Path,
+    frames: &Frames,
+    prepared: Option<&Path>,
+) -> Result<(), StepError> {
+    let path = directory.join(STATES);
+    match prepared {
+        Some(prepared) => Ok(link_or_copy(prepared, &path)?),
+        None => frames::write_states(&path, frames),
+    }
+}
+
+/// The same frames over the states that were written.
+pub(crate) fn map_states(directory: &Path, frames: &Frames) -> Result<Frames, StepError> {
+    let states = frames::map_states(&directory.join(STATES))?;
+    Ok(Frames::new(frames.timestamps().to_vec(), frames.segments().clone(), states)?)
+}
+
+/// Write rows, profile and, for neighbours, the members; states come before, and the manifest is the caller's to
+/// write last.
+pub(crate) fn write(
+    directory: &Path,
+    dataset: &Dataset,
+    knn: Option<&KnnModel>,
+) -> Result<(), StepError> {
+    let frames = &dataset.train;
+    artefact::write_table(rows_table(frames, knn), &directory.join("rows.parquet"))?;
+    profile_file::write(directory, &dataset.profile)?;
+    Ok(knn.map_or(Ok(()), |knn| knn.write_members(directory))?)
+}
+
+/// Write the profile again: it tells of the held-out range, which the model does not follow from. The fingerprints
+/// of all other files stay, so that what was damaged since is still told from what was written.
+pub(crate) fn rewrite_profile(
+    directory: &Path,
+    dataset: &Dataset,
+    files: &mut Files,
+) -> Result<(), StepError> {
+    profile_file::write(directory, &dataset.profile)?;
+    files.insert(PROFILE.to_owned(), fingerprint_file(&directory.join(PROFILE))?);
+    Ok(())
+}
+
+/// Row → timestamp, segment and, for neighbours, block.
+fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
+    let table = frames::rows_table(frames);
+    let Some(knn) = knn else { return table };
+    let transitions = knn.transitions();
+    let block = |row: usize| {
+        let row = calib_core::RowIndex::new(row);
+        let transition: Option<TransitionIndex> =
+            transitions.starting_at(row).or_else(|| transitions.ending_in(row));
+        transition.map(|transition| knn.blocks().block_of(transition) as u32)
+    };
+    table.with_optional("block", (0..frames.rows()).map(block).collect())
+}
+
+/// Refuse what is about the model of a study, where it has none.
+pub(crate) fn require_model(job: &Job) -> Result<(), StepError> {
+    ensure!(
+        job.study().has_model(),
+        "the study has no model (model.kind = \"none\"): the replayed log decides alone; go on with `{}`, or set model.kind = \"knn\" for a model",
+        job.command(StepKind::Sweep)
+    );
+    Ok(())
+}
+
+/// What all results of the model follow from, if the study has one and it is there.
+///
+/// # Errors
+/// As [`content`].
+pub fn content_of(job: &Job) -> Result<Option<String>, StepError> {
+    if !job.study().has_model() {
+        return Ok(None);
+    }
+    artefact::read::<ModelManifest>(&job.layout().model()).map(|model| content(&model)).transpose()
+}
+
+/// Open the model of a job, if its study has one.
+///
+/// # Errors
+/// If it is not there, damaged, or made of another study ([`StepError::Stale`]).
+pub fn open_if_any(job: &Job) -> Result<Option<OpenModel>, StepError> {
+    if job.study().has_model() { open(job).map(Some) } else { Ok(None) }
+}
+
+/// Open the model of a job; tables and states are mapped, and checked.
+pub(crate) fn open(job: &Job) -> Result<OpenModel, StepError> {
+    require_model(job)?;
+    let directory = &job.layout().model();
+    let build = job.command(StepKind::BuildModel);
+    let manifest: ModelManifest = artefact::require(directory, &build)?;
+    Kept { step: StepKind::BuildModel, study: &manifest.study, directory }.check(job)?;
+    opened(directory, manifest, &build)
+}
+
+/// Open the model in a folder, whatever study it is of.
+pub(crate) fn open_directory(directory: &Path) -> Result<OpenModel, StepError> {
+    let build = "calib build-model STUDY";
+    ensure!(
+        !directory.join(artefact::CONTROL_VERDICT).exists(),
+        "{} has the verdict of `calib control`, which keeps no model: one with actions is made when it is asked for",
+        directory.display()
+    );
+    opened(directory, artefact::require(directory, build)?, build)
+}
+
+/// What the folder of this manifest holds, checked; `build` makes it again.
+fn opened(directory: &Path, manifest: ModelManifest, build: &str) -> Result<OpenModel, StepError> {
+    artefact::check_files(directory, &manifest.files, build)?;
+    let again =
+        || format!("the model in {} is damaged; run `{build} --force`", directory.display());
+    let states = frames::map_states(&directory.join(STATES)).with_context(again)?;
+    let frames =
+        frames::open(&directory.join("rows.parquet"), states.clone()).with_context(again)?;
+    let (psi, encoder) = represent::of_model(directory, &manifest.files).with_context(again)?;
+    let metric = psi.unwrap_or(states);
+    let model = kinds::open(directory, &manifest.study, &frames, metric, None);
+    let model = model.with_context(again)?;
+    Ok(OpenModel { manifest, frames, model, encoder })
+}
+
+/// Check that the model was built from `dataset`.
+///
+/// # Errors
+/// If it was built from other data.
+pub fn check_data(job: &Job, manifest: &ModelManifest, dataset: &Dataset) -> Result<(), StepError> {
+    if dataset.fingerprint != manifest.data {
+        bail!(
+            "the model in {} was built from other data (fingerprint {}, the study's data has {}); run `{}` again",
+            job.layout().model().display(),
+            manifest.data.short(),
+            dataset.fingerprint.short(),
+            job.command(StepKind::BuildModel),
+        );
+    }
+    Ok(())
+}
+
+/// The profile of the data that the model was built from.
+///
+/// # Errors
+/// As [`profile_file::read`].
+pub fn read_profile(directory: &Path) -> Result<Profile, StepError> {
+    profile_file::read(directory, "calib build-model STUDY")
+}
+
+/// The sensors to predict, each with its column of the states.
+///
+/// # Errors
+/// If a sensor is no column of the states, with the reason.
+pub fn sensor_columns(
+    study: &Study,
+    normaliser: &Normaliser,
+    profile: &Profile,
+) -> Result<Vec<(String, usize)>, StepError> {
+    let column = |sensor: &String| {
+        let column = sensor_column(sensor, normaliser, profile).context("sweep.sensors")?;
+        Ok((sensor.clone(), column))
+    };
+    study.sweep.sensors.iter().map(column).collect()
+}
+
+/// The column of a sensor in the states, or why it has none.
+fn sensor_column(
+    sensor: &str,
+    normaliser: &Normaliser,
+    profile: &Profile,
+) -> Result<usize, StepError> {
+    if let Some(column) = normaliser.position(sensor) {
+        return Ok(column);
+    }
+    profile.require_sensor(sensor)?;
+    bail!("sensor {sensor} is not a column of the states")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_without_traps_are_those_of_the_weights() {
+        let data = Fingerprint::of(b"states");
+        let key = |model: &ModelConfig| key_of(1, &data, model, None).expect("a fingerprint");
+        let drawn = |weights, temperature, recurrent| ModelConfig {
+            weights,
+            temperature,
+            recurrent,
+            ..ModelConfig::default()
+        };
+        let linear = drawn(WeightsKind::Linear, 1.0, true);
+        assert_eq!(key(&linear), key(&drawn(WeightsKind::Linear, 2.0, true)));
+        for other in [
+            drawn(WeightsKind::Uniform, 1.0, true),
+            drawn(WeightsKind::Softmax, 1.0, true),
+            drawn(WeightsKind::Softmax, 2.0, true),
+            drawn(WeightsKind::Linear, 1.0, false),
+        ] {
+            assert_ne!(key(&linear), key(&other), "{other:?}");
+        }
+        let as_found = |weights, temperature| key(&drawn(weights, temperature, false));
+        assert_eq!(as_found(WeightsKind::Linear, 1.0), as_found(WeightsKind::Softmax, 2.0));
+        let soft = |temperature| key(&drawn(WeightsKind::Softmax, temperature, true));
+        assert_ne!(soft(1.0), soft(2.0));
+    }
+
+    #[test]
+    fn approximate_tables_are_those_of_one_version_of_the_search() {
+        let data = Fingerprint::of(b"states");
+        let key = |search: u32, model: &ModelConfig| {
+            key_of(search, &data, model, None).expect("a fingerprint")
+        };
+        let exact = ModelConfig::default();
+        assert_eq!(key(1, &exact), key(2, &exact));
+        for approximate in [
+            ModelConfig { prototypes: 4, ..exact },
+            ModelConfig { components: 4, ..exact },
+            ModelConfig { leaf_budget: 4, ..exact },
+        ] {
+            assert_ne!(key(1, &approximate), key(2, &approximate), "{approximate:?}");
+            assert_ne!(key(1, &approximate), key(1, &exact), "{approximate:?}");
+        }
+    }
+}

@@ -1,0 +1,353 @@
+//! Whether walks of a member return to where they were: what is said of it, and where.
+
+use std::ops::Range;
+
+use calib_base::output::{about, count, percent, rounded};
+use calib_core::{Frames, Seed, Timestamp, TransitionIndex};
+use calib_data::format_time;
+use calib_knn::{ClosedClasses, Ends, KnnModel, Recurrence, Weights};
+use calib_model::WalkStatistics;
+use calib_report::{Cell, Table};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::model::model_files::{MemberSummary, ModelManifest};
+
+/// Stretches of time that are told.
+const TOLD: usize = 10;
+/// Stretches that are no further apart than so many transitions are one.
+const APART: u32 = 10;
+/// A larger share of candidates that are lost is worth a warning (our choice).
+const MUCH: f64 = 0.05;
+/// Closed classes that hold less than this share of a member's transitions are worth one (our choice).
+const MOST: f64 = 0.5;
+/// Walks that are spread over less than this share of them are, too (our choice; members of the studies in `configs/` have 0.03 to 0.5).
+const LITTLE: f64 = 0.02;
+
+/// Members of fewer transitions have few to walk among anyway.
+const MANY: usize = 1000;
+
+/// What is known of the walks of a member; in the manifest of its model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct MemberRecurrence {
+    #[serde(flatten)]
+    pub(crate) classes: Recurrence,
+    /// Where what is left out lies: the ten longest stretches, in order of time.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) left_out_times: Vec<Stretch>,
+    /// Where walks are led out of traps: up to ten times.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) exit_times: Vec<Timestamp>,
+    #[serde(flatten)]
+    pub(crate) walks: WalkStatistics,
+}
+
+/// A stretch of the log.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct Stretch {
+    /// Times of the states that its first and its last transition start from.
+    pub(crate) times: [Timestamp; 2],
+    /// Candidates in it that are left out.
+    pub(crate) candidates: usize,
+}
+
+impl MemberRecurrence {
+    /// What is known of `member`, whose walks end in `ends`.
+    pub(crate) fn new(
+        knn: &KnnModel,
+        member: usize,
+        classes: Recurrence,
+        ends: &Ends,
+        frames: &Frames,
+        weights: Weights,
+        seed: u64,
+    ) -> Self {
+        let seed = Seed::new(seed).child("walks").number(member as u64);
+        let time = |transition: u32| {
+            let row = knn.transitions().source(TransitionIndex(transition));
+            frames.timestamps()[row.get()]
+        };
+        let stretch = |(run, candidates): (Range<u32>, usize)| Stretch {
+            times: [time(run.start), time(run.end - 1)],
+            candidates,
+        };
+        let left_out = knn.left_out(member);
+        let mut walks = WalkStatistics::of(&knn.member(member), ends, weights, seed);
+        if classes.after.count > 1 {
+            // Parts that do not meet do not mix, wherever they lie.
+            walks.mixing_steps = None;
+        }
+        Self {
+            classes,
+            left_out_times: longest(left_out.runs()).into_iter().map(stretch).collect(),
+            exit_times: left_out.exits().take(TOLD).map(|(row, _)| time(row)).collect(),
+            walks,
+        }
+    }
+
+    /// The share of the member's rows that walks are effectively spread over.
+    fn covered(&self, transitions: usize) -> Option<f64> {
+        self.walks.effective_rows.map(|rows| (rows / transitions as f64).min(1.0))
+    }
+}
+
+/// The longest of these runs, where near ones are one, with how many each had; in order.
+fn longest(runs: impl Iterator<Item = Range<u32>>) -> Vec<(Range<u32>, usize)> {
+    let mut joined: Vec<(Range<u32>, usize)> = Vec::new();
+    for run in runs {
+        match joined.last_mut() {
+            Some((last, count)) if run.start - last.end <= APART => {
+                *count += run.len();
+                last.end = run.end;
+            }
+            _ => joined.push((run.clone(), run.len())),
+        }
+    }
+    joined.sort_by_key(|(run, count)| (std::cmp::Reverse(*count), run.start));
+    joined.truncate(TOLD);
+    joined.sort_by_key(|(run, _)| run.start);
+    joined
+}
+
+/// What was done so that walks are not trapped, and how far they get.
+pub(crate) fn lines(of: &MemberRecurrence, transitions: usize) -> [String; 2] {
+    let MemberRecurrence { classes, walks, .. } = of;
+    let spread = match of.covered(transitions) {
+        None => "an unknown share of the rows".to_owned(),
+        // How many of the walks end in which class is chance: twice as many, or half of them, are as likely.
+        Some(share) if classes.after.count > 1 => {
+            format!("roughly {} of the rows", percent(rounded(share, 1)))
+        }
+        Some(share) => format!("{} of the rows", percent(share)),
+    };
+    let mix = match walks.mixing_steps {
+        // Walks of a trap are soon anywhere in it.
+        _ if classes.after.traps > 0 => String::new(),
+        Some(steps) => format!(", and forget their start after about {} steps", count(steps)),
+        None => ", and do not forget their start in a million steps".to_owned(),
+    };
+    let end = match walks.steps_to_end {
+        Some(steps) if classes.after.traps > 0 => {
+            format!(", are trapped after about {} steps", about(steps))
+        }
+        // Nearly every start lies there.
+        Some(steps) if steps < 1.0 => String::new(),
+        Some(steps) => {
+            format!(", and settle there after about {} steps", about(steps))
+        }
+        None => ", and settle nowhere in 30,000 steps".to_owned(),
+    };
+    [
+        format!("{}{}", closed(&classes.after), done(of)),
+        format!("rollouts are spread over {spread}{mix}{end}"),
+    ]
+}
+
+fn closed(classes: &ClosedClasses) -> String {
+    let sizes: Vec<String> = classes.largest.iter().take(3).map(|&size| count(size)).collect();
+    let more = if classes.count > 3 { ", …" } else { "" };
+    let noun = if classes.count == 1 { "part of the log" } else { "separate parts of the log" };
+    format!("rollouts end in {} {noun} ({}{more} transitions)", classes.count, sizes.join(", "))
+}
+
+fn done(of: &MemberRecurrence) -> String {
+    let Recurrence { candidates, before, after, left_out, exits, .. } = &of.classes;
+    if before.traps == 0 {
+        return String::new();
+    }
+    let traps = if before.traps == 1 { "trap" } else { "traps" };
+    if after.traps > 0 {
+        return format!(", with {} {traps}", after.traps);
+    }
+    let share = *left_out as f64 / (*candidates).max(1) as f64;
+    let most = of.left_out_times.iter().max_by_key(|stretch| stretch.candidates);
+    let times = most.map_or_else(String::new, |most| {
+        let [first, last] = most.times.map(format_time);
+        format!(", most of them from {first} to {last}")
+    });
+    let exits = match exits {
+        0 => String::new(),
+        1 => "; 1 exit added".to_owned(),
+        many => format!("; {} exits added", count(*many)),
+    };
+    let (traps_before, left_out) = (before.traps, count(*left_out));
+    format!(
+        "; {traps_before} {traps} removed: {left_out} neighbours left out ({}){times}{exits}",
+        percent(share)
+    )
+}
+
+/// Whether a warning concerns a member, of so many transitions.
+type Concerns = dyn Fn(&MemberRecurrence, usize) -> bool;
+
+/// What to know of members that walks cannot get far in.
+pub(crate) fn warnings(members: &[MemberSummary], recurrent: bool) -> Vec<String> {
+    let those = |which: &Concerns| {
+        let all = members.iter().enumerate();
+        let which = all.filter(|(_, member)| {
+            member.recurrence.as_ref().is_some_and(|of| which(of, member.transitions))
+        });
+        named(which.map(|(number, _)| number))
+    };
+    let warnings: [(&Concerns, String); 7] = [
+        (
+            &|of, _| of.classes.after.traps > 0,
+            format!(
+                "rollouts of MEMBERS end in a few rows that they never leave{}",
+                if recurrent {
+                    ", because the log hardly returns to where it was; try a larger preprocess.subsample or more model.neighbors, and leave totals and counters out with data.exclude"
+                } else {
+                    "; set model.recurrent = true"
+                }
+            ),
+        ),
+        (
+            &|of, all| of.classes.after.traps == 0 && of.walks.trapped > 0 && all >= MANY,
+            "some rollouts of MEMBERS stay among fewer than 100 rows for 10,000 steps before they leave them; try a larger preprocess.subsample (`trapped` in the model's manifest.json counts them)"
+                .to_owned(),
+        ),
+        (
+            &|of, _| of.classes.lost as f64 > MUCH * of.classes.candidates as f64,
+            format!(
+                "calib left more than {} of the possible neighbours out of MEMBERS, so that no rollout is trapped among them: there the log does not return to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude",
+                percent(MUCH)
+            ),
+        ),
+        (
+            &|of, _| of.classes.exits > 0,
+            "rollouts of MEMBERS leave traps by jumps to distant states, because too much of the log never returns to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude"
+                .to_owned(),
+        ),
+        (
+            &|of, _| of.classes.after.count > 1 && of.classes.after.traps == 0,
+            "rollouts of MEMBERS never move between separate parts of the log, each a tenth of it or more; let rollouts start in all of them (rollout.start = \"random\"), or try a larger preprocess.subsample"
+                .to_owned(),
+        ),
+        (
+            &|of, all| {
+                of.classes.after.traps == 0
+                    && (of.classes.after.transitions as f64) < MOST * all as f64
+            },
+            format!(
+                "rollouts of MEMBERS end up in less than {} of the rows and stay there, so agents hardly see the others; try a larger preprocess.subsample, and leave totals and counters out with data.exclude",
+                percent(MOST)
+            ),
+        ),
+        (
+            &|of, all| {
+                of.classes.after.traps == 0 && of.covered(all).is_some_and(|share| share < LITTLE)
+            },
+            format!("rollouts of MEMBERS are spread over less than {} of the rows; try a larger preprocess.subsample, or fewer channels (data.exclude)", percent(LITTLE)),
+        ),
+    ];
+    let told = |(which, text): (&Concerns, String)| Some(text.replace("MEMBERS", &those(which)?));
+    warnings.into_iter().filter_map(told).collect()
+}
+
+/// "ensemble member 2", "ensemble members 0, 3"; none of none.
+pub(crate) fn named(members: impl Iterator<Item = usize>) -> Option<String> {
+    let numbers: Vec<String> = members.map(|number| number.to_string()).collect();
+    let noun = if numbers.len() == 1 { "ensemble member" } else { "ensemble members" };
+    (!numbers.is_empty()).then(|| format!("{noun} {}", numbers.join(", ")))
+}
+
+/// What the report says of the walks of a model; nothing of networks.
+pub fn report_table(model: &ModelManifest) -> Option<Table> {
+    let row = |(number, member): (usize, &MemberSummary)| {
+        let of = member.recurrence.as_ref()?;
+        let number_or = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
+        let Recurrence { candidates, before, after, left_out, exits, .. } = &of.classes;
+        let text = |classes: &ClosedClasses| {
+            let size = |&size: &usize| count(size);
+            let sizes: Vec<String> = classes.largest.iter().take(5).map(size).collect();
+            let more = if classes.count > 5 { ", …" } else { "" };
+            Cell::Text(format!("{} ({}{more})", classes.count, sizes.join("; ")))
+        };
+        Some(vec![
+            Cell::Text(format!("ensemble member {number}")),
+            text(before),
+            text(after),
+            Cell::Number(100.0 * *left_out as f64 / (*candidates).max(1) as f64),
+            Cell::Count(*exits as u64),
+            number_or(of.covered(member.transitions).map(|share| match after.count {
+                0 | 1 => 100.0 * share,
+                _ => rounded(100.0 * share, 1),
+            })),
+            number_or(of.walks.mixing_steps.map(|steps| steps as f64)),
+            number_or(of.walks.steps_to_end),
+            Cell::Count(of.walks.trapped as u64),
+        ])
+    };
+    let rows: Vec<Vec<Cell>> = model.members.iter().enumerate().filter_map(row).collect();
+    if rows.is_empty() {
+        return None;
+    }
+    let columns = [
+        "",
+        "parts as found (transitions in each)",
+        "parts (transitions in each)",
+        "left out (%)",
+        "exits",
+        "rows that rollouts are spread over (%)",
+        "mixing (steps)",
+        "steps to the end",
+        "trapped, of 32",
+    ];
+    Some(Table {
+        title: "Where rollouts end".to_owned(),
+        caption: format!(
+            "{}: a part (a closed class) is a set of transitions that a rollout never leaves. The table has how many there are and, in brackets, how large the largest five are. A part with less than a tenth of the transitions is a trap: calib leaves it out, or gives it an exit. The other columns are from 32 rollouts of 30,000 steps from random states. With several parts, the rows that rollouts are spread over have one digit, and may be half as many, or twice.",
+            model.study.model_name()
+        ),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows,
+        best: None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_member_is_no_plural() {
+        assert_eq!(named([2].into_iter()).as_deref(), Some("ensemble member 2"));
+        assert_eq!(named([0, 3].into_iter()).as_deref(), Some("ensemble members 0, 3"));
+        assert_eq!(named([].into_iter()), None);
+    }
+
+    #[test]
+    fn what_several_closed_classes_say_is_told_to_one_digit() {
+        let told = |classes: usize| {
+            let after = ClosedClasses { count: classes, ..ClosedClasses::default() };
+            let of = MemberRecurrence {
+                classes: Recurrence { after, ..Recurrence::default() },
+                left_out_times: Vec::new(),
+                exit_times: Vec::new(),
+                walks: WalkStatistics {
+                    distinct_rows: 2000,
+                    trapped: 0,
+                    effective_rows: Some(2530.0),
+                    steps_to_end: Some(12_518.3),
+                    mixing_steps: None,
+                },
+            };
+            lines(&of, 10_000)[1].clone()
+        };
+        let one = told(1);
+        assert!(one.starts_with("rollouts are spread over 25 % of the rows"), "{one}");
+        assert!(one.ends_with("settle there after about 13,000 steps"), "{one}");
+        let two = told(2);
+        assert!(two.contains("over roughly 30 % of the rows"), "{two}");
+    }
+
+    #[test]
+    fn near_stretches_are_one_and_the_longest_are_told() {
+        let runs = [0..3, 5..6, 40..50, 61..62];
+        let all = longest(runs.into_iter());
+        assert_eq!(all, [(0..6, 4), (40..50, 10), (61..62, 1)]);
+        let many = (0..30_u32).map(|number| 100 * number..100 * number + number + 1);
+        let told = longest(many);
+        assert_eq!((told.len(), told[0].1, told[9].1), (10, 21, 30));
+    }
+}

@@ -1,0 +1,257 @@
+//! Start states as a study asks for them.
+
+use calib_base::{Context as _, StepError, bail, output::significant};
+use calib_core::{Frames, RowIndex, Seed, States, Timestamp};
+use calib_data::{DataConfig, Moment};
+use calib_files::Fingerprint;
+use calib_model::{
+    ModelStart, RequestedStart, RolloutConfig, Search, StartKind, StartSource, month_of, year_of,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::model::model_files::OpenModel;
+
+/// What start states follow from, beside the model and `[rollout]`. Streams are shared by deployments in which it is
+/// the same.
+#[derive(Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// A month, of calendar years before this one.
+    Month {
+        /// From 1, January.
+        month: u8,
+        /// The year of the deployment, if there is one.
+        before: Option<i64>,
+    },
+    /// So many rows of the model's data, which are those before the deployment.
+    Rows(usize),
+    /// The states of a deployment.
+    States(Option<Fingerprint>),
+}
+
+/// Where the rollouts of a study start.
+pub struct Starts<'a> {
+    config: &'a RolloutConfig,
+    model: &'a OpenModel,
+    seed: Seed,
+    /// When the deployment begins.
+    deployed: Option<Timestamp>,
+    /// Rows that the study lists.
+    listed: Vec<RowIndex>,
+    /// States of the deployment, as the model compares them.
+    metric: Option<States>,
+}
+
+impl<'a> Starts<'a> {
+    /// As `config` asks for, on the clock of `data`, for the deployment `held_out`.
+    ///
+    /// # Errors
+    /// If a row that the study lists is not in the data, or states of the deployment cannot be compared with the model's.
+    pub fn new(
+        config: &'a RolloutConfig,
+        data: &DataConfig,
+        model: &'a OpenModel,
+        held_out: Option<&Frames>,
+        seed: Seed,
+    ) -> Result<Self, StepError> {
+        let listed = match config.start {
+            StartKind::Rows => listed_rows(config, data, &model.frames)?,
+            _ => Vec::new(),
+        };
+        let metric = match config.start {
+            StartKind::Nearest => held_out.map(|held_out| model.in_metric(held_out.states())),
+            _ => None,
+        };
+        let deployed = held_out.and_then(|held_out| held_out.timestamps().first().copied());
+        Ok(Self { config, model, seed, deployed, listed, metric: metric.transpose()? })
+    }
+
+    /// `count` start states for each member.
+    ///
+    /// # Errors
+    /// If there are too few, the study asks for those of a deployment and has none, or the monitor of the `search` asks to stop.
+    pub fn of_members(
+        &self,
+        count: usize,
+        search: Search<'_>,
+    ) -> Result<Vec<Vec<ModelStart>>, StepError> {
+        self.model.model.starts(self.source()?, count, self.seed, search).context("[rollout]")
+    }
+
+    /// What starts follow from, with the fingerprint of the deployment's states; none if they do from the model alone.
+    ///
+    /// # Errors
+    /// If the study asks for a calendar month, and neither names one nor holds anything out.
+    pub fn origin(&self, deployment: Option<&Fingerprint>) -> Result<Option<Origin>, StepError> {
+        Ok(match self.config.start {
+            StartKind::Random | StartKind::Rows => None,
+            StartKind::Nearest => Some(Origin::States(deployment.cloned())),
+            StartKind::CalendarMonth => {
+                Some(Origin::Month { month: self.month()?, before: self.deployed.map(year_of) })
+            }
+            StartKind::Recent => {
+                let timestamps = self.model.frames.timestamps();
+                let before = |before| timestamps.partition_point(|&time| time < before);
+                Some(Origin::Rows(self.deployed.map_or(timestamps.len(), before)))
+            }
+        })
+    }
+
+    fn month(&self) -> Result<u8, StepError> {
+        self.config
+            .month
+            .or_else(|| self.deployed.map(month_of))
+            .context("rollout.start = \"calendar_month\" needs rollout.month, or a held-out period")
+    }
+
+    fn source(&self) -> Result<StartSource<'_>, StepError> {
+        let (timestamps, before) = (self.model.frames.timestamps(), self.deployed);
+        Ok(match self.config.start {
+            StartKind::Random => StartSource::Random,
+            StartKind::Recent => {
+                let window = self.config.recent_window;
+                StartSource::Recent { timestamps, before, window }
+            }
+            StartKind::Rows => {
+                StartSource::Rows { rows: &self.listed, absent: self.config.absent }
+            }
+            StartKind::Nearest => StartSource::Nearest {
+                states: self.metric.as_ref().context(
+                    "rollout.start = \"nearest\" needs a held-out period; set data.held_out, or [deployments]",
+                )?,
+            },
+            StartKind::CalendarMonth => {
+                StartSource::CalendarMonth { timestamps, month: self.month()?, before }
+            }
+        })
+    }
+}
+
+/// How many of a member's start states stand for others, and how far from them they are; in the manifest of rollouts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct StartSummary {
+    /// Start states in all.
+    pub starts: usize,
+    /// Those that the member lacks, because they lie in the block that it leaves out: its nearest stands for them.
+    pub replaced: usize,
+    /// From the states that were asked for to those that stand for them, in the metric of the model; none if all were
+    /// there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean_distance: Option<f64>,
+    /// The largest of these distances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub largest_distance: Option<f64>,
+}
+
+/// Summaries of all members, from what was asked for and, where another state stands for it, how far that is. States of
+/// a deployment are in no member: one lacks their nearest where another member has a nearer one.
+pub fn summaries(members: &[Vec<(RequestedStart, Option<f32>)>]) -> Vec<StartSummary> {
+    let nearest = |number: usize| {
+        let of_all = members.iter().filter_map(|starts| starts.get(number)?.1);
+        of_all.fold(f32::INFINITY, f32::min)
+    };
+    let of = |starts: &Vec<(RequestedStart, Option<f32>)>| {
+        let lacks =
+            |&(number, &(wanted, replaced)): &(usize, &(RequestedStart, Option<f32>))| match wanted
+            {
+                RequestedStart::Recorded(_) => replaced.is_some(),
+                RequestedStart::Deployment(_) => {
+                    replaced.is_some_and(|distance| distance > nearest(number))
+                }
+            };
+        let distances: Vec<f64> =
+            starts.iter().filter_map(|(_, replaced)| replaced.map(f64::from)).collect();
+        let mean = || distances.iter().sum::<f64>() / distances.len() as f64;
+        StartSummary {
+            starts: starts.len(),
+            replaced: starts.iter().enumerate().filter(lacks).count(),
+            mean_distance: (!distances.is_empty()).then(mean),
+            largest_distance: distances.iter().copied().reduce(f64::max),
+        }
+    };
+    members.iter().map(of).collect()
+}
+
+impl StartSummary {
+    /// What people read; nothing where all start states were there.
+    pub fn text(&self) -> Option<String> {
+        let Self { starts, replaced, mean_distance, largest_distance } = self;
+        let (mean, largest) = mean_distance.zip(*largest_distance)?;
+        let away =
+            format!("{} away on average, {} at most", significant(mean), significant(largest));
+        Some(match replaced {
+            0 => format!(
+                "all {starts} start states are the model's nearest to those asked for ({away})"
+            ),
+            replaced => format!(
+                "{replaced} of {starts} start states lie in the block that it leaves out, and the nearest states replace them ({away})"
+            ),
+        })
+    }
+}
+
+/// The rows that the study lists, by number or by time.
+fn listed_rows(
+    config: &RolloutConfig,
+    data: &DataConfig,
+    frames: &Frames,
+) -> Result<Vec<RowIndex>, StepError> {
+    let mut rows = config.rows.clone();
+    for text in &config.timestamps {
+        let moment = Moment::new(text)
+            .map_err(|reason| StepError::message(format!("rollout.timestamps: {reason}")))?;
+        rows.push(row_at(frames, data.instant(&moment), text)?);
+    }
+    Ok(rows)
+}
+
+/// The row that is nearest in time, if it lies within two seconds or two rows.
+fn row_at(frames: &Frames, instant: Timestamp, text: &str) -> Result<RowIndex, StepError> {
+    let timestamps = frames.timestamps();
+    let after = timestamps.partition_point(|&time| time < instant);
+    let candidates = [after.checked_sub(1), Some(after).filter(|&row| row < timestamps.len())];
+    let distance = |row: usize| timestamps[row].micros_since(instant).abs();
+    let Some(row) = candidates.into_iter().flatten().min_by_key(|&row| distance(row)) else {
+        bail!("rollout.timestamps: the training range has no rows");
+    };
+    let neighbour = if row + 1 < timestamps.len() { row + 1 } else { row.saturating_sub(1) };
+    let spacing = timestamps[neighbour].micros_since(timestamps[row]).abs();
+    if distance(row) > 2 * spacing.max(1_000_000) {
+        bail!(
+            "rollout.timestamps: no row of the training range is near {text}; \
+             the nearest is {:.0} s away",
+            distance(row) as f64 / 1e6
+        );
+    }
+    Ok(RowIndex::new(row))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_member_lacks_what_others_have() {
+        let recorded = |replaced| (RequestedStart::Recorded(RowIndex(1)), replaced);
+        let all = summaries(&[vec![recorded(None), recorded(Some(0.5))], vec![recorded(None); 2]]);
+        let first = StartSummary {
+            starts: 2,
+            replaced: 1,
+            mean_distance: Some(0.5),
+            largest_distance: Some(0.5),
+        };
+        assert_eq!(all, [first, StartSummary { starts: 2, ..StartSummary::default() }]);
+        assert!(
+            first.text().expect("replaced").starts_with("1 of 2 start states lie in the block")
+        );
+        assert_eq!(all[1].text(), None);
+        // States of the deployment are nobody's: what counts is who has the nearest.
+        let deployed = |distance| (RequestedStart::Deployment(RowIndex(1)), Some(distance));
+        let all =
+            summaries(&[vec![deployed(0.5), deployed(0.25)], vec![deployed(0.5), deployed(1.0)]]);
+        let told = |of: &StartSummary| (of.replaced, of.mean_distance, of.largest_distance);
+        assert_eq!(told(&all[0]), (0, Some(0.375), Some(0.5)));
+        assert_eq!(told(&all[1]), (1, Some(0.75), Some(1.0)));
+    }
+}

@@ -1,0 +1,310 @@
+//! Models that are networks: trained, stored as weights, opened.
+
+use std::{
+    fmt,
+    io::Write as _,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use calib_base::{
+    Context as _, StepError,
+    artefact::{self, Manifest as _},
+    bail,
+    clock::Stopwatch,
+    ensure, memory,
+    options::Device,
+    output::{Printer, bytes, count, counted, significant},
+    torch,
+};
+use calib_core::{Monitor as _, Seed, Transitions};
+use calib_data::Dataset;
+use calib_dynamics::{
+    Dynamics, DynamicsConfig, FeedForward, FeedForwardTrainer, Recurrent, RecurrentTrainer,
+    Residuals, Trainer, TrainingRecord, Transitioning,
+};
+use calib_files::{
+    Fingerprint, Unfinished, fingerprint_file, read_regular, read_tensors, remove_file,
+    write_atomically, write_json, write_tensors,
+};
+use calib_model::ModelKind;
+use calib_study::{Job, Study};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::model::model_files::ModelManifest;
+
+/// The weights that are kept.
+const WEIGHTS: &str = "weights.safetensors";
+/// The user's own network.
+const SCRIPT: &str = "model.pt";
+/// What its predictions leave unexplained.
+const RESIDUALS: &str = "residuals.safetensors";
+/// Losses of every epoch.
+const TRAINING: &str = "training.json";
+/// Where interrupted training goes on; gone when it is complete.
+const CHECKPOINT: &str = "checkpoint.safetensors";
+
+/// Arithmetic of this program's own.
+const NATIVE: &str = "native arithmetic";
+
+/// How a network was trained, in the manifest of its model.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct TrainingSummary {
+    /// What did the arithmetic.
+    pub(crate) backend: String,
+    pub(crate) epochs: usize,
+    pub(crate) updates: u64,
+    /// The epoch whose weights are kept, from 1.
+    pub(crate) kept_epoch: usize,
+    /// Mean squared errors of that epoch, normalised units.
+    pub(crate) training_loss: f64,
+    pub(crate) validation_loss: f64,
+    /// The validation loss of predicting that nothing changes.
+    pub(crate) persistence_loss: f64,
+}
+
+impl fmt::Display for TrainingSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "weights of epoch {} of {}, one-step validation loss {} (no change at all: {}); {}",
+            count(self.kept_epoch),
+            count(self.epochs),
+            significant(self.validation_loss),
+            significant(self.persistence_loss),
+            self.backend,
+        )
+    }
+}
+
+/// Files of the model directory that only networks of this kind have.
+pub(crate) fn files(kind: ModelKind) -> &'static [&'static str] {
+    match kind {
+        ModelKind::Knn | ModelKind::None => &[],
+        ModelKind::Nn | ModelKind::Gru => &[WEIGHTS, TRAINING, RESIDUALS],
+        ModelKind::Torchscript => &[SCRIPT, RESIDUALS],
+    }
+}
+
+/// Check that this program can train such models on such a device, before anything is done.
+pub(crate) fn check_available(study: &Study, device: Option<Device>) -> Result<(), StepError> {
+    match study.model.kind {
+        ModelKind::Torchscript => {
+            ensure!(
+                study.dynamics.path.is_some(),
+                "model.kind = \"torchscript\" wants dynamics.path, a file that torch.jit.save wrote"
+            );
+            torch::require("model.kind = \"torchscript\"")
+        }
+        _ if device.is_some() => torch::require("--device"),
+        ModelKind::Knn | ModelKind::Nn | ModelKind::Gru | ModelKind::None => Ok(()),
+    }
+}
+
+/// Fingerprint of what a network follows from: what its kind does not use is left out.
+pub(crate) fn key(data: &Fingerprint, job: &Job) -> Result<String, StepError> {
+    let study = job.study();
+    let kind = study.model.kind;
+    if kind == ModelKind::Torchscript {
+        let script = fingerprint_file(&script_path(job)?)?;
+        return artefact::key(&(ModelManifest::FORMAT, data, kind, script, RESIDUALS));
+    }
+    let unused = DynamicsConfig::default();
+    let mut used = DynamicsConfig { path: None, noise: unused.noise, ..study.dynamics.clone() };
+    if kind == ModelKind::Nn {
+        used.sequence_length = unused.sequence_length;
+        used.sequence_stride = unused.sequence_stride;
+    }
+    artefact::key(&(ModelManifest::FORMAT, data, kind, used, study.seed, RESIDUALS))
+}
+
+/// Where the study's `TorchScript` file is; relative paths start from the study file.
+fn script_path(job: &Job) -> Result<PathBuf, StepError> {
+    let path = job.study().dynamics.path.as_ref().context("dynamics.path is not set")?;
+    Ok(job.beside(path))
+}
+
+/// Copy the study's `TorchScript` file to the model, once it is known to fit the states.
+pub(crate) fn import(job: &Job, dataset: &Dataset, directory: &Path) -> Result<(), StepError> {
+    let path = script_path(job)?;
+    torch::open_script(&path, dataset.train.states().columns())?;
+    let content = read_regular(&path)?;
+    write_atomically(&directory.join(SCRIPT), |file| file.write_all(&content))?;
+    let transitions = Transitions::new(dataset.train.segments().clone());
+    let fraction = job.study().dynamics.validation_fraction;
+    let data = Transitioning::new(dataset.train.states(), &transitions, fraction)?;
+    write_residuals(directory, ModelKind::Torchscript, &data)
+}
+
+/// Write what a network that was just written leaves unexplained.
+fn write_residuals(
+    directory: &Path,
+    kind: ModelKind,
+    data: &Transitioning<'_>,
+) -> Result<(), StepError> {
+    let residuals = Residuals::of(&*open(directory, kind, data.columns())?, data)?;
+    Ok(write_tensors(&directory.join(RESIDUALS), &residuals.to_tensors())?)
+}
+
+/// Open what [`write_residuals`] wrote.
+pub(crate) fn open_residuals(directory: &Path, columns: usize) -> Result<Residuals, StepError> {
+    Ok(Residuals::from_tensors(&read_tensors(&directory.join(RESIDUALS))?, columns)?)
+}
+
+/// Say what is going to be trained.
+pub(crate) fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
+    let config = &study.dynamics;
+    let columns = dataset.train.states().columns();
+    printer.say(&format!(
+        "{} rows x {columns} columns in {}; {} with {} x {} units, {} epochs of mini-batches of {}; \
+         expecting {} of memory",
+        count(dataset.train.rows()),
+        counted(dataset.train.segments().len(), "segment"),
+        study.model_name(),
+        config.hidden_layers,
+        count(config.hidden_units),
+        count(config.epochs),
+        count(config.batch_size),
+        bytes(training_bytes(study, dataset)),
+    ));
+}
+
+/// What training takes, on the processor: the states twice, copies of the weights, and a mini-batch.
+fn training_bytes(study: &Study, dataset: &Dataset) -> u64 {
+    let config = &study.dynamics;
+    let columns = dataset.train.states().columns();
+    let layers = std::iter::repeat_n(config.hidden_units, config.hidden_layers);
+    let sizes: Vec<usize> = [columns].into_iter().chain(layers).chain([columns]).collect();
+    let states = 8 * (dataset.train.rows() * columns) as u64;
+    let network = match study.model.kind {
+        ModelKind::Nn => calib_nn::training_bytes(&sizes, config.batch_size),
+        ModelKind::Gru => calib_dynamics::recurrent_training_bytes(config, columns),
+        ModelKind::Knn | ModelKind::Torchscript | ModelKind::None => 0,
+    };
+    states.saturating_add(network)
+}
+
+/// Refuse a training that memory cannot hold. What libtorch takes depends on the device.
+fn check_memory(study: &Study, dataset: &Dataset, device: Option<Device>) -> Result<(), StepError> {
+    let is_native = matches!(study.model.kind, ModelKind::Nn | ModelKind::Gru) && device.is_none();
+    if !is_native {
+        return Ok(());
+    }
+    Ok(memory::require(
+        training_bytes(study, dataset),
+        "training the network",
+        "lower dynamics.hidden_units, dynamics.hidden_layers or dynamics.batch_size",
+    )?)
+}
+
+/// Train the network of the study, going on from a checkpoint if there is one, and write its weights.
+pub(crate) fn train(
+    study: &Study,
+    dataset: &Dataset,
+    key: &str,
+    directory: &Path,
+    device: Option<Device>,
+    printer: &Printer,
+) -> Result<TrainingSummary, StepError> {
+    check_memory(study, dataset, device)?;
+    let transitions = Transitions::new(dataset.train.segments().clone());
+    let config = &study.dynamics;
+    let fraction = config.validation_fraction;
+    let data = Transitioning::new(dataset.train.states(), &transitions, fraction)?;
+    let seed = Seed::new(study.seed).child("dynamics");
+    let checkpoint = Unfinished::new(directory.join(CHECKPOINT), key.to_owned());
+    let found = checkpoint.read();
+    let (mut trainer, backend): (Box<dyn Trainer + '_>, String) = match (study.model.kind, device) {
+        (ModelKind::Nn, None) => {
+            let trainer = match &found {
+                Some(found) => FeedForwardTrainer::resume(&data, config, seed, found)?,
+                None => FeedForwardTrainer::new(&data, config, seed),
+            };
+            (Box::new(trainer), NATIVE.to_owned())
+        }
+        (ModelKind::Gru, None) => {
+            let trainer = match &found {
+                Some(found) => RecurrentTrainer::resume(&data, config, seed, found)?,
+                None => RecurrentTrainer::new(&data, config, seed)?,
+            };
+            (Box::new(trainer), NATIVE.to_owned())
+        }
+        (kind, device) => {
+            let device = device.unwrap_or(Device::Auto);
+            torch::trainer(kind, &data, config, seed, device, found.as_ref())?
+        }
+    };
+    let done = trainer.record().epochs.len();
+    if done > 0 {
+        printer.say(&format!("going on after epoch {} of {}", count(done), count(config.epochs)));
+    }
+    run_epochs(&mut *trainer, config, &checkpoint, printer)?;
+    write_tensors(&directory.join(WEIGHTS), &trainer.weights()?)?;
+    write_json(&directory.join(TRAINING), trainer.record())?;
+    write_residuals(directory, study.model.kind, &data)?;
+    remove_checkpoint(directory)?;
+    summary(trainer.record(), &data, backend)
+}
+
+/// All epochs that are left.
+fn run_epochs(
+    trainer: &mut dyn Trainer,
+    config: &DynamicsConfig,
+    checkpoint: &Unfinished,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    let progress = printer.progress();
+    let left = config.epochs.saturating_sub(trainer.record().epochs.len());
+    progress.begin("training", (left * trainer.updates_per_epoch()) as u64);
+    let mut since_checkpoint = Stopwatch::start();
+    let mut cost = Duration::ZERO;
+    while !trainer.record().is_complete(config) {
+        trainer.epoch(&progress)?;
+        // Checkpoints take at most a few percent of the time.
+        if since_checkpoint.elapsed() > cost * 30 {
+            let clock = Stopwatch::start();
+            checkpoint.write(trainer.checkpoint()?)?;
+            cost = clock.elapsed();
+            since_checkpoint = Stopwatch::start();
+        }
+    }
+    Ok(())
+}
+
+fn summary(
+    record: &TrainingRecord,
+    data: &Transitioning<'_>,
+    backend: String,
+) -> Result<TrainingSummary, StepError> {
+    let kept = record.epochs.get(record.kept.wrapping_sub(1)).context("no epoch was run")?;
+    Ok(TrainingSummary {
+        backend,
+        epochs: record.epochs.len(),
+        updates: record.updates,
+        kept_epoch: record.kept,
+        training_loss: kept.training,
+        validation_loss: kept.validation,
+        persistence_loss: data.persistence_loss(),
+    })
+}
+
+/// Forget training that was put aside.
+pub(crate) fn remove_checkpoint(directory: &Path) -> Result<(), StepError> {
+    Ok(remove_file(&directory.join(CHECKPOINT))?)
+}
+
+/// Open the network in a model directory, for states of `columns` values.
+pub(crate) fn open(
+    directory: &Path,
+    kind: ModelKind,
+    columns: usize,
+) -> Result<Box<dyn Dynamics>, StepError> {
+    let weights = || read_tensors(&directory.join(WEIGHTS));
+    Ok(match kind {
+        ModelKind::Nn => Box::new(FeedForward::from_tensors(&weights()?)?),
+        ModelKind::Gru => Box::new(Recurrent::from_tensors(&weights()?)?),
+        ModelKind::Torchscript => torch::open_script(&directory.join(SCRIPT), columns)?,
+        ModelKind::Knn | ModelKind::None => bail!("only a network has weights"),
+    })
+}

@@ -1,0 +1,5 @@
+//! Results as whoever asked for them reads them: lines and tables, or JSON.
+
+mod models;
+mod representations;
+mod rollouts;

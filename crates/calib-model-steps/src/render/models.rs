@@ -1,0 +1,74 @@
+use calib_base::{
+    StepError,
+    outcome::{Outcome, Told},
+    output::{Printer, count, duration},
+};
+use calib_model::ModelFamily;
+use calib_study::{Job, StepKind};
+
+use crate::model::{
+    build_check::recall_line,
+    build_model::BuiltModel,
+    build_plan::BuildPlan,
+    jumps,
+    model_files::{MemberSummary, ModelManifest},
+    recurrence,
+};
+
+impl Told for BuildPlan {
+    fn tell(&self, _job: &Job, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_for_machines() { printer.json(self) } else { Ok(()) }
+    }
+}
+
+impl Told for BuiltModel {
+    fn outcome(&self) -> Outcome {
+        self.verified
+    }
+
+    fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
+        let Self { manifest, directory, freshness, took, .. } = self;
+        if printer.is_for_machines() {
+            printer.json(manifest)?;
+        } else {
+            let (verb, place, time) = (freshness.verb(), directory.display(), duration(*took));
+            printer.result(&format!("{verb} {place} in {time}"))?;
+            if let Some(recall) = &manifest.recall {
+                let line = recall_line(recall, manifest.study.model.neighbors);
+                printer.result(&format!("  {line}"))?;
+            }
+            for (number, member) in manifest.members.iter().enumerate() {
+                show_member(number, member, manifest, printer)?;
+            }
+            if manifest.study.model.kind.family() == ModelFamily::Neighbors {
+                for warning in self.warnings() {
+                    printer.warn(&warning);
+                }
+            }
+        }
+        printer.next(&job.next_commands(StepKind::BuildModel));
+        Ok(())
+    }
+}
+
+fn show_member(
+    number: usize,
+    member: &MemberSummary,
+    manifest: &ModelManifest,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    let how = match (manifest.study.model.kind.family(), &manifest.training) {
+        (ModelFamily::Neighbors, _) => member.jumps.as_ref().map(jumps::line).unwrap_or_default(),
+        (ModelFamily::Network, Some(training)) => training.to_string(),
+        (ModelFamily::Network, None) => "imported".to_owned(),
+        (ModelFamily::None, _) => String::new(),
+    };
+    let transitions = count(member.transitions);
+    printer.result(&format!("  ensemble member {number}: {transitions} transitions; {how}"))?;
+    for line in
+        member.recurrence.iter().flat_map(|walks| recurrence::lines(walks, member.transitions))
+    {
+        printer.detail(&format!("    {line}"));
+    }
+    Ok(())
+}

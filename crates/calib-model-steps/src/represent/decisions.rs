@@ -1,0 +1,71 @@
+//! The representation of a log of decisions, which `calib control` trains itself.
+
+use calib_base::{
+    StepError,
+    artefact::{self, Facts as _},
+    output::Printer,
+};
+use calib_core::States;
+use calib_study::{Job, StepKind};
+
+use super::{Material, RepresentationFacts, RepresentationManifest, made, read, trained};
+
+/// Fingerprint of what the representation of the states of `material` follows from. What kind of representation a model without actions has does not
+/// matter.
+fn key(job: &Job, material: Material<'_>) -> Result<String, StepError> {
+    let study = job.study();
+    let candidates = study.representation.candidates();
+    let format = RepresentationFacts::FORMAT;
+    artefact::key(&("decisions", format, material.fingerprint, candidates, study.seed))
+}
+
+/// ψ of every state: what is there, or trained as `[representation]` says on pairs along the episodes, and chosen as for prediction.
+///
+/// # Errors
+/// If none qualifies, it cannot be trained or written, or the observer asks to stop.
+pub fn of(job: &Job, material: Material<'_>, printer: &Printer) -> Result<States, StepError> {
+    let directory = &job.layout().control_representation();
+    let key = key(job, material)?;
+    let kept =
+        if job.policy().redoes() { None } else { RepresentationManifest::find(directory, &key) };
+    let manifest = match kept {
+        Some(manifest) => manifest,
+        None => made(job, directory, material, key, |split| {
+            trained(job, None, (material, split), directory, printer)
+        })?,
+    };
+    Ok(read(directory, &manifest, &job.command(StepKind::Control))?.psi)
+}
+
+/// Make what was trained again if it is there and damaged; what is the same is the same to the byte.
+///
+/// # Errors
+/// If it cannot be trained, or written.
+pub fn mend(job: &Job, material: Material<'_>, printer: &Printer) -> Result<(), StepError> {
+    let directory = &job.layout().control_representation();
+    if directory.exists() && RepresentationManifest::find(directory, &key(job, material)?).is_none()
+    {
+        of(job, material, printer)?;
+    }
+    Ok(())
+}
+
+/// ψ of every state, if it was trained and one qualified.
+///
+/// # Errors
+/// If its files are not what was written.
+pub fn kept(job: &Job, material: Material<'_>) -> Result<Option<States>, StepError> {
+    let directory = &job.layout().control_representation();
+    let Some(manifest) = RepresentationManifest::find(directory, &key(job, material)?) else {
+        return Ok(None);
+    };
+    if manifest.chosen.is_none() {
+        return Ok(None);
+    }
+    Ok(Some(read(directory, &manifest, &job.command(StepKind::Control))?.psi))
+}
+
+/// What `calib control` trained, for the report.
+pub fn manifest(job: &Job) -> Option<RepresentationManifest> {
+    artefact::read(&job.layout().control_representation())
+}

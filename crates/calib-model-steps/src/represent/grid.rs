@@ -1,0 +1,179 @@
+//! Training of a grid of representations, several side by side, each on one core.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use calib_base::{StepError, artefact, options::Device, output::Printer, torch};
+use calib_core::{Monitor as _, Seed};
+use calib_files::{
+    FileError, Fingerprint, Unfinished, fingerprint_file, is_temporary, read_sealed_json,
+    remove_known, write_sealed_json,
+};
+use calib_nn::Mlp;
+use calib_represent::{
+    Divergence, LaplacianConfig, Point, Split, Task, read_encoder, train as train_one,
+    write_encoder,
+};
+use calib_study::{Share, Study};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{Candidate, ENCODER, Material};
+
+/// Version of the training: greater when the same configuration and seed lead to other weights.
+const TRAINING: u32 = 1;
+
+/// Where the candidates are, below the directory of the representation.
+const CANDIDATES: &str = "candidates";
+
+/// `training.json` of a candidate: written last.
+#[derive(Debug, Serialize, Deserialize)]
+struct TrainingRecord {
+    key: String,
+    config: LaplacianConfig,
+    divergence: Option<Divergence>,
+    points: Vec<Point>,
+    /// Fingerprint of the encoder's file.
+    encoder: Fingerprint,
+}
+
+const RECORD: &str = "training.json";
+/// Where a training is put aside.
+const CHECKPOINT: &str = "checkpoint.safetensors";
+/// Digits of the name of a candidate's directory.
+const KEY_DIGITS: usize = 16;
+
+/// Train what is missing of the grid; every candidate, still without scores, and its encoder unless it diverged.
+pub(super) fn train(
+    study: &Study,
+    material: Material<'_>,
+    task: (&Split, Seed, Option<Device>),
+    directory: &Path,
+    printer: &Printer,
+) -> Result<Vec<(Candidate, Option<Mlp>)>, StepError> {
+    let grid = keyed(study, material)?;
+    train_missing(&grid, material, task, directory, printer)?;
+    grid.iter().map(|(key, _)| finished(&place(directory, key), key)).collect()
+}
+
+/// Train what is missing of a share of the grid; how many candidates it has.
+pub(super) fn train_share(
+    study: &Study,
+    material: Material<'_>,
+    task: (&Split, Seed, Option<Device>),
+    directory: &Path,
+    share: Share,
+    printer: &Printer,
+) -> Result<usize, StepError> {
+    artefact::own(directory)?;
+    let grid = keyed(study, material)?.into_iter().enumerate();
+    let own: Vec<Keyed> =
+        grid.filter(|(place, _)| share.has(*place)).map(|(_, keyed)| keyed).collect();
+    train_missing(&own, material, task, directory, printer)?;
+    Ok(own.len())
+}
+
+/// A candidate, and the fingerprint of what it follows from.
+type Keyed = (String, LaplacianConfig);
+
+fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<Keyed>, StepError> {
+    let keyed = |config: LaplacianConfig| {
+        Ok((artefact::key(&(TRAINING, material.fingerprint, &config, study.seed))?, config))
+    };
+    study.representation.candidates().into_iter().map(keyed).collect()
+}
+
+/// Where a candidate is.
+fn place(directory: &Path, key: &str) -> PathBuf {
+    directory.join(CANDIDATES).join(short(key))
+}
+
+fn train_missing(
+    grid: &[Keyed],
+    material: Material<'_>,
+    (split, seed, device): (&Split, Seed, Option<Device>),
+    directory: &Path,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    let Material { states, segments, .. } = material;
+    let task = Task { states, segments, split, seed };
+    let at = |key: &str| place(directory, key);
+    let (there, missing): (Vec<_>, Vec<_>) =
+        grid.iter().partition(|(key, _)| read(&at(key), key).is_some());
+    // Who was killed between the record and the end of a training has left what it would have gone on from.
+    there.iter().try_for_each(|(key, _)| checkpoint(&at(key), key).remove())?;
+    let progress = printer.progress();
+    progress.begin("training", missing.iter().map(|(_, config)| config.steps as u64).sum());
+    missing.into_par_iter().try_for_each(|(key, config)| -> Result<(), StepError> {
+        let directory = at(key);
+        let checkpoint = checkpoint(&directory, key);
+        let trained = match device {
+            None => train_one(config, task, Some(&checkpoint), &progress)?,
+            Some(device) => torch::represent(config, task, &checkpoint, device, &progress)?,
+        };
+        write_encoder(&directory.join(ENCODER), &trained.encoder, BTreeMap::new())?;
+        let record = TrainingRecord {
+            key: key.clone(),
+            config: *config,
+            divergence: trained.divergence,
+            points: trained.points,
+            encoder: fingerprint_file(&directory.join(ENCODER))?,
+        };
+        write_sealed_json(&directory.join(RECORD), &record)?;
+        Ok(checkpoint.remove()?)
+    })
+}
+
+/// Where the training of a candidate is put aside.
+fn checkpoint(directory: &Path, key: &str) -> Unfinished {
+    Unfinished::new(directory.join(CHECKPOINT), key.to_owned())
+}
+
+/// Forget every candidate and every training that was put aside; what else lies beside them stays.
+pub(super) fn remove(directory: &Path) -> Result<(), FileError> {
+    let is_ours = |path: &Path| {
+        let folder = path.parent().and_then(Path::to_str).unwrap_or_default();
+        let is_key = folder.len() == KEY_DIGITS && folder.bytes().all(|of| of.is_ascii_hexdigit());
+        let is_named = [ENCODER, RECORD, CHECKPOINT].iter().any(|name| path.ends_with(name));
+        is_key && (is_named || is_temporary(path))
+    };
+    remove_known(&directory.join(CANDIDATES), &mut { is_ours })
+}
+
+/// The directory of a candidate is named after what it follows from, so that a grid that grows keeps what it has.
+fn short(key: &str) -> &str {
+    &key[..KEY_DIGITS]
+}
+
+/// Whether what was trained of a candidate is what was written, as far as it is there: a representation that was taken
+/// over from another model comes without.
+pub(super) fn is_whole(directory: &Path, candidate: &Candidate) -> bool {
+    let Some(name) = &candidate.directory else { return true };
+    let own = directory.join(CANDIDATES).join(name);
+    let record = |record: TrainingRecord| read(&own, &record.key).is_some();
+    !own.exists() || read_sealed_json(&own.join(RECORD)).is_ok_and(record)
+}
+
+fn read(directory: &Path, key: &str) -> Option<TrainingRecord> {
+    let record: TrainingRecord = read_sealed_json(&directory.join(RECORD)).ok()?;
+    let encoder = fingerprint_file(&directory.join(ENCODER)).ok()?;
+    (record.key == key && record.encoder == encoder).then_some(record)
+}
+
+fn finished(directory: &Path, key: &str) -> Result<(Candidate, Option<Mlp>), StepError> {
+    let record: TrainingRecord = read_sealed_json(&directory.join(RECORD))?;
+    let encoder = match record.divergence {
+        Some(_) => None,
+        None => Some(read_encoder(&directory.join(ENCODER))?),
+    };
+    let candidate = Candidate {
+        config: Some(record.config),
+        directory: Some(short(key).to_owned()),
+        scores: None,
+        divergence: record.divergence,
+        points: record.points,
+    };
+    Ok((candidate, encoder))
+}

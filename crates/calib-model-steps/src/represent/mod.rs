@@ -1,0 +1,495 @@
+//! Representations of the states: trained or imported, scored, chosen.
+
+pub mod decisions;
+mod grid;
+mod import;
+mod table;
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Duration,
+};
+
+use calib_base::{
+    Context as _, StepError,
+    artefact::{self, Artefact, Claim, Facts, Files},
+    bail,
+    clock::Stopwatch,
+    ensure,
+    log::{context::RunContext, partition},
+    memory,
+    options::Device,
+    outcome::{Freshness, NoPlan, Outcome, StepResult},
+    output::{Printer, bytes, count, counted},
+    stale::Kept,
+    torch,
+};
+use calib_core::{Seed, Segments, States};
+use calib_data::Dataset;
+use calib_files::{Fingerprint, fingerprint_file, map_npy, write_npy};
+use calib_nn::Mlp;
+use calib_represent::{
+    Divergence, LaplacianConfig, Point, RepresentationKind, Scores, Split, encode, read_encoder,
+    score, select, write_encoder,
+};
+use calib_study::{Job, Layout, Share, StepKind, Study};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use table::report_table;
+pub(crate) use table::show;
+
+/// `manifest.json` of a representation directory.
+pub type RepresentationManifest = Artefact<RepresentationFacts>;
+
+/// What is told of representations and their scores.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct RepresentationFacts {
+    /// Fingerprint of data and configuration.
+    pub(crate) key: String,
+    /// What it was made with.
+    #[schemars(with = "calib_base::resolved::ResolvedStudy")]
+    pub study: Study,
+    /// Fingerprint of the data that it was trained or imported for.
+    pub(crate) data: Fingerprint,
+    /// Rows that ψ was scored on: the last fifth.
+    pub(crate) validation_rows: usize,
+    pub(crate) candidates: Vec<Candidate>,
+    /// Position of the chosen one; none if none qualifies.
+    pub(crate) chosen: Option<usize>,
+}
+
+/// A representation that could be used.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct Candidate {
+    /// Hyperparameters; none of an imported one.
+    pub(crate) config: Option<LaplacianConfig>,
+    /// The directory of its encoder, below `candidates/`; none of an imported one.
+    pub(crate) directory: Option<String>,
+    /// None if its training diverged.
+    pub(crate) scores: Option<Scores>,
+    pub(crate) divergence: Option<Divergence>,
+    /// The learning curve.
+    pub(crate) points: Vec<Point>,
+}
+
+impl Facts for RepresentationFacts {
+    const FORMAT: u32 = 2;
+    const STEP: StepKind = StepKind::Represent;
+
+    fn key(&self) -> &str {
+        &self.key
+    }
+
+    fn has_all_parts(&self, directory: &Path) -> bool {
+        self.candidates.iter().all(|candidate| grid::is_whole(directory, candidate))
+    }
+}
+
+/// What representations are trained on.
+#[derive(Clone, Copy)]
+pub struct Material<'a> {
+    /// One row per state.
+    pub states: &'a States,
+    /// Stretches of them without a gap.
+    pub segments: &'a Segments,
+    /// Of all of it.
+    pub fingerprint: &'a Fingerprint,
+}
+
+impl<'a> Material<'a> {
+    /// The training range.
+    fn of(dataset: &'a Dataset) -> Self {
+        let (states, segments) = (dataset.train.states(), dataset.train.segments());
+        Self { states, segments, fingerprint: &dataset.fingerprint }
+    }
+
+    fn shape(&self) -> (usize, usize) {
+        (self.states.rows(), self.states.columns())
+    }
+}
+
+const ENCODER: &str = "encoder.safetensors";
+const PSI: &str = "representation.npy";
+
+/// The representations of a study.
+#[derive(Debug)]
+pub struct Representations {
+    pub(crate) manifest: RepresentationManifest,
+    pub(crate) directory: PathBuf,
+    pub(crate) freshness: Freshness,
+    pub(crate) took: Duration,
+}
+
+impl Representations {
+    /// Position of the chosen one among those that were tried; none if none qualifies.
+    pub fn chosen(&self) -> Option<usize> {
+        self.manifest.chosen
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
+/// Train or import the representations of a study, and choose one.
+///
+/// # Errors
+/// If the study has no representation, the log or what is imported cannot be read, or the observer asks to stop.
+pub fn run(
+    job: &Job,
+    device: Option<Device>,
+    context: &RunContext,
+) -> Result<StepResult<Representations>, StepError> {
+    let clock = Stopwatch::start();
+    let study = job.study();
+    ensure!(
+        study.has_model(),
+        "the study has no model (model.kind = \"none\"), so nothing is searched in a representation; go on with `{}`, or set model.kind = \"knn\"",
+        job.command(StepKind::Sweep)
+    );
+    if device.is_some() {
+        torch::require("--device")?;
+    }
+    if study.representation.kind == RepresentationKind::None {
+        bail!(
+            "representation.kind is \"none\": there is nothing to train; \
+             set it to \"laplacian\" or \"import\""
+        );
+    }
+    let dataset = partition::load(job, context)?.dataset;
+    let key = key(job, &dataset)?;
+    let directory = job.layout().representation();
+    announce(study, &dataset, context);
+    if job.policy().is_dry() {
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(NoPlan));
+    }
+    if let Some(share) = job.policy().share {
+        train_share(job, device, &dataset, share, context)?;
+        return Ok(StepResult::Nothing(Outcome::Done));
+    }
+    let (manifest, freshness) = match RepresentationManifest::of_job(job, &key, context)? {
+        Some(manifest) => (manifest, Freshness::Kept),
+        None => (make(job, device, &dataset, key, context)?, Freshness::Made),
+    };
+    let took = clock.elapsed();
+    Ok(StepResult::Made(Representations { manifest, directory, freshness, took }))
+}
+
+/// Train the share of the grid that this process has. Every candidate is a directory of its own, so that shares have nothing in
+/// common that one could claim.
+fn train_share(
+    job: &Job,
+    device: Option<Device>,
+    dataset: &Dataset,
+    share: Share,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    let (study, directory) = (job.study(), job.layout().representation());
+    if study.representation.kind == RepresentationKind::Import {
+        printer.say("an imported representation is not trained: there is nothing to share");
+        return Ok(());
+    }
+    let material = Material::of(dataset);
+    if device.is_none() {
+        memory::require(needed_bytes(study, material), "training the representations", LESS)?;
+    }
+    let split = Split::in_time(material.segments)?;
+    let task = (&split, seed(study), device);
+    let trained = grid::train_share(study, material, task, &directory, share, printer)?;
+    printer.result(&format!(
+        "share {share}: {} trained, of {} in all",
+        counted(trained, "representation"),
+        study.representation.candidates().len()
+    ))?;
+    printer.next(&[job.command(StepKind::Represent)]);
+    Ok(())
+}
+
+/// What to do where memory does not suffice.
+const LESS: &str =
+    "lower representation.hidden_units or representation.batch_size, or use fewer --threads";
+
+/// What to do where no candidate may be used.
+pub(crate) const NONE_QUALIFIES: &str = "no representation tells more than 95 % of the distinct states apart; \
+    try a greater `zeta` or `dimension`, more `steps`, or a smaller `learning_rate` in [representation]";
+
+/// Fingerprint of what the representations follow from.
+fn key(job: &Job, dataset: &Dataset) -> Result<String, StepError> {
+    let study = job.study();
+    let imported = match study.representation.kind {
+        RepresentationKind::Import => Some(fingerprint_file(&import::file(job)?)?),
+        _ => None,
+    };
+    artefact::key(&(
+        RepresentationFacts::FORMAT,
+        &dataset.fingerprint,
+        &study.representation,
+        study.seed,
+        imported,
+    ))
+}
+
+fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
+    let (rows, columns) = (dataset.train.rows(), dataset.train.states().columns());
+    if study.representation.kind == RepresentationKind::Import {
+        let path = study.representation.path.as_deref().unwrap_or_default();
+        printer.say(&format!("{} rows x {columns} columns; importing {path}", count(rows)));
+        return;
+    }
+    let candidates = study.representation.candidates();
+    let steps: usize = candidates.iter().map(|candidate| candidate.steps).sum();
+    let widest = candidates.iter().map(|candidate| candidate.dimension).max().unwrap_or(0);
+    let at_once = rayon::current_num_threads().min(candidates.len());
+    printer.say(&format!(
+        "{} rows x {columns} columns; {} of up to {widest} dimensions, {} steps in all, \
+         {at_once} at a time; expecting {} of memory",
+        count(rows),
+        counted(candidates.len(), "representation"),
+        count(steps),
+        bytes(needed_bytes(study, Material::of(dataset))),
+    ));
+}
+
+/// What training takes: the states, the representation of all of them, and the encoders that are trained at a time.
+fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
+    let (rows, columns) = material.shape();
+    let candidates = study.representation.candidates();
+    let widest = candidates.iter().map(|candidate| candidate.dimension).max().unwrap_or(0);
+    let at_once = rayon::current_num_threads().min(candidates.len()) as u64;
+    let mut largest = 0;
+    for LaplacianConfig { hidden_units, hidden_layers, dimension, batch_size, .. } in &candidates {
+        let mut sizes = vec![columns];
+        sizes.extend(std::iter::repeat_n(*hidden_units, *hidden_layers));
+        sizes.push(*dimension);
+        // A batch has u, v and x.
+        largest = largest.max(calib_nn::training_bytes(&sizes, batch_size.saturating_mul(3)));
+    }
+    let states = (rows * (2 * columns + widest) * 4) as u64;
+    states.saturating_add(largest.saturating_mul(at_once))
+}
+
+/// Representations, and which of them is used.
+struct Tried {
+    candidates: Vec<Candidate>,
+    chosen: Option<usize>,
+    /// Of the chosen one.
+    psi: Option<States>,
+    encoder: Option<Mlp>,
+}
+
+fn make(
+    job: &Job,
+    device: Option<Device>,
+    dataset: &Dataset,
+    key: String,
+    printer: &Printer,
+) -> Result<RepresentationManifest, StepError> {
+    let directory = &job.layout().representation();
+    let material = Material::of(dataset);
+    made(job, directory, material, key, |split| {
+        if job.study().representation.kind == RepresentationKind::Import {
+            return imported(job, dataset, split);
+        }
+        trained(job, device, (material, split), directory, printer)
+    })
+}
+
+/// Make what is in `directory` anew: what `try_all` tries, on the split that it is given.
+fn made(
+    job: &Job,
+    directory: &Path,
+    material: Material<'_>,
+    key: String,
+    try_all: impl FnOnce(&Split) -> Result<Tried, StepError>,
+) -> Result<RepresentationManifest, StepError> {
+    let split = Split::in_time(material.segments)?;
+    let claim = Claim::begun(directory)?;
+    if job.policy().redoes() {
+        // Everything is made again from here on, so that an interrupted run goes on without `--force`.
+        grid::remove(directory)?;
+    }
+    let Tried { candidates, chosen, psi, encoder } = try_all(&split)?;
+    let mut files = vec!["candidates.parquet", "curves.parquet"];
+    if let Some(encoder) = encoder {
+        write_encoder(&directory.join(ENCODER), &encoder, BTreeMap::new())?;
+        files.push(ENCODER);
+    }
+    if let Some(psi) = psi {
+        write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
+        files.push(PSI);
+    }
+    table::write(directory, &candidates, chosen)?;
+    let facts = RepresentationFacts {
+        key,
+        study: job.study().clone(),
+        data: material.fingerprint.clone(),
+        validation_rows: split.validation.len(),
+        candidates,
+        chosen,
+    };
+    claim.finish(facts, files)
+}
+
+/// Where a study's representations begin to draw from.
+fn seed(study: &Study) -> Seed {
+    Seed::new(study.seed).child("representation")
+}
+
+fn score_of(study: &Study, material: Material<'_>, split: &Split, psi: &States) -> Scores {
+    score(material.states, psi, material.segments, &split.validation, seed(study))
+}
+
+fn imported(job: &Job, dataset: &Dataset, split: &Split) -> Result<Tried, StepError> {
+    let psi = import::read(job, dataset)?;
+    let scores = Some(score_of(job.study(), Material::of(dataset), split, &psi));
+    let candidate =
+        Candidate { config: None, directory: None, scores, divergence: None, points: vec![] };
+    let chosen = select(&[scores]);
+    Ok(Tried { candidates: vec![candidate], chosen, psi: chosen.map(|_| psi), encoder: None })
+}
+
+fn trained(
+    job: &Job,
+    device: Option<Device>,
+    (material, split): (Material<'_>, &Split),
+    directory: &Path,
+    printer: &Printer,
+) -> Result<Tried, StepError> {
+    let study = job.study();
+    if device.is_none() {
+        memory::require(needed_bytes(study, material), "training the representations", LESS)?;
+    }
+    let trained = grid::train(study, material, (split, seed(study), device), directory, printer)?;
+    let encoded = |encoder: &Mlp| encode(encoder, material.states);
+    let candidates: Vec<Candidate> = trained
+        .iter()
+        .map(|(candidate, encoder)| {
+            // ψ of a state that the training did not see may overflow.
+            let psi = encoder.as_ref().and_then(|encoder| encoded(encoder).ok());
+            let scores = psi.as_ref().map(|psi| score_of(study, material, split, psi));
+            Candidate { scores, ..candidate.clone() }
+        })
+        .collect();
+    let scores: Vec<Option<Scores>> = candidates.iter().map(|candidate| candidate.scores).collect();
+    let chosen = select(&scores);
+    let encoder = chosen.and_then(|chosen| trained[chosen].1.clone());
+    let psi = encoder.as_ref().map(encoded).transpose()?;
+    Ok(Tried { candidates, chosen, psi, encoder })
+}
+
+/// The chosen representation of the training states.
+pub(crate) struct Representation {
+    /// Names all that it follows from, and what it is.
+    pub(crate) key: String,
+    /// ψ of every state.
+    pub(crate) psi: States,
+    /// What computes ψ of other states; an imported representation has none.
+    pub(crate) encoder: Option<Mlp>,
+}
+
+/// What `calib represent` left for the study; none if neighbours are searched among the states themselves.
+pub(crate) fn open(job: &Job, dataset: &Dataset) -> Result<Option<Representation>, StepError> {
+    let (study, paths) = (job.study(), job.layout());
+    if study.representation.kind == RepresentationKind::None {
+        return Ok(None);
+    }
+    let (directory, command) = (paths.representation(), job.command(StepKind::Represent));
+    let manifest: RepresentationManifest = artefact::require(&directory, &command)?;
+    Kept { step: StepKind::Represent, study: &manifest.study, directory: &directory }.check(job)?;
+    if manifest.key != key(job, dataset)? {
+        bail!(
+            "the representation in {} was made from other data; run `{command}` again",
+            directory.display()
+        );
+    }
+    read(&directory, &manifest, &command).map(Some)
+}
+
+/// What `command` left in `directory`.
+fn read(
+    directory: &Path,
+    manifest: &RepresentationManifest,
+    command: &str,
+) -> Result<Representation, StepError> {
+    if manifest.chosen.is_none() {
+        bail!("{}: {NONE_QUALIFIES}; then run `{command}`", directory.display());
+    }
+    let again = || format!("{} is damaged; run `{command} --force`", directory.display());
+    let used = [PSI, ENCODER].into_iter();
+    let used = used.filter_map(|name| Some((name.to_owned(), manifest.files.get(name)?.clone())));
+    let used: Files = used.collect();
+    artefact::check_files(directory, &used, command)?;
+    let psi = mapped(&directory.join(PSI)).with_context(again)?;
+    let encoder = manifest
+        .files
+        .contains_key(ENCODER)
+        .then(|| read_encoder(&directory.join(ENCODER)))
+        .transpose()
+        .with_context(again)?;
+    Ok(Representation { key: artefact::key(&(&manifest.key, used))?, psi, encoder })
+}
+
+/// How many coordinates neighbours are searched in, as far as it is known before the representation is opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Width {
+    /// They are the columns of the states.
+    OfStates,
+    /// ψ has so many, whichever it will be.
+    Exactly(usize),
+    /// ψ has about so many, unless it is yet to be made, or made again.
+    Perhaps(usize),
+}
+
+/// The width of what the study searches, whose states have so many columns.
+pub(crate) fn width(study: &Study, paths: &Layout, columns: usize) -> Width {
+    let config = &study.representation;
+    let candidates = match config.kind {
+        RepresentationKind::None => return Width::OfStates,
+        RepresentationKind::Laplacian => config.candidates(),
+        RepresentationKind::Import => Vec::new(),
+    };
+    let dimensions = || candidates.iter().map(|candidate| candidate.dimension);
+    let widest = dimensions().max();
+    if let Some(only) = widest.filter(|_| dimensions().min() == widest) {
+        return Width::Exactly(only);
+    }
+    let directory = paths.representation();
+    let made = artefact::read::<RepresentationManifest>(&directory)
+        .filter(|found| found.study.representation == *config)
+        .and_then(|_| map_npy::<f32>(&directory.join(PSI)).ok());
+    Width::Perhaps(made.map(|psi| psi.columns()).or(widest).unwrap_or(columns))
+}
+
+/// Put the representation into a model's directory, which then needs nothing else; names of the files.
+pub(crate) fn copy_to(
+    directory: &Path,
+    representation: &Representation,
+) -> Result<Vec<&'static str>, StepError> {
+    let Representation { psi, encoder, .. } = representation;
+    write_npy(&directory.join(PSI), psi.as_slice(), psi.rows(), psi.columns())?;
+    let Some(encoder) = encoder else { return Ok(vec![PSI]) };
+    write_encoder(&directory.join(ENCODER), encoder, BTreeMap::new())?;
+    Ok(vec![PSI, ENCODER])
+}
+
+/// What a model's directory holds of the representation that its neighbours were searched in.
+pub(crate) fn of_model(
+    directory: &Path,
+    files: &Files,
+) -> Result<(Option<States>, Option<Mlp>), StepError> {
+    let has = |name: &str| files.contains_key(name).then(|| directory.join(name));
+    let psi = has(PSI).map(|path| mapped(&path)).transpose()?;
+    let encoder = has(ENCODER).map(|path| read_encoder(&path)).transpose()?;
+    Ok((psi, encoder))
+}
+
+fn mapped(path: &Path) -> Result<States, StepError> {
+    let mapped = map_npy::<f32>(path)?;
+    let (rows, columns) = (mapped.rows(), mapped.columns());
+    Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
+}

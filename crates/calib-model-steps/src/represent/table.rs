@@ -1,0 +1,195 @@
+//! The candidates: as files, on the terminal, and in the report.
+
+use std::path::Path;
+
+use calib_base::{
+    StepError, artefact,
+    output::{Printer, significant, table},
+};
+use calib_data::table::Table;
+use calib_report::{Best, Cell, Table as ReportTable};
+use calib_represent::{LEAST_UNIQUENESS, LaplacianConfig, RepresentationKind};
+use calib_stats::Direction;
+
+use super::{Candidate, RepresentationManifest};
+
+/// A hyperparameter: its name as in a study, and its value.
+type Field = (&'static str, fn(&LaplacianConfig) -> f64);
+
+const FIELDS: [Field; 11] = [
+    ("attraction", |of| of.loss.attraction),
+    ("beta", |of| of.loss.beta),
+    ("zeta", |of| of.loss.zeta),
+    ("kappa", |of| of.kappa),
+    ("trajectory", |of| of.trajectory as f64),
+    ("dimension", |of| of.dimension as f64),
+    ("hidden_layers", |of| of.hidden_layers as f64),
+    ("hidden_units", |of| of.hidden_units as f64),
+    ("learning_rate", |of| of.learning_rate),
+    ("batch_size", |of| of.batch_size as f64),
+    ("steps", |of| of.steps as f64),
+];
+
+/// `candidates.parquet`, one row a candidate, and `curves.parquet`, one row a point of a learning curve.
+pub(super) fn write(
+    directory: &Path,
+    candidates: &[Candidate],
+    chosen: Option<usize>,
+) -> Result<(), StepError> {
+    let numbers = || (0..candidates.len() as u32).collect::<Vec<u32>>();
+    let mut of = Table::new()
+        .with("candidate", numbers())
+        .with("chosen", (0..candidates.len()).map(|at| Some(at) == chosen).collect())
+        .with_optional(
+            "form",
+            candidates.iter().map(|of| Some(format!("{:?}", of.config?.loss.form))).collect(),
+        );
+    for (name, value) in FIELDS {
+        let values = candidates.iter().map(|of| of.config.as_ref().map(value));
+        of = of.with_optional(name, values.collect());
+    }
+    let score = |value: fn(&calib_represent::Scores) -> f64| {
+        candidates.iter().map(|of| of.scores.as_ref().map(value)).collect::<Vec<Option<f64>>>()
+    };
+    let of = of
+        .with_optional("dynamics_awareness", score(|of| of.dynamics_awareness))
+        .with_optional("uniqueness", score(|of| of.uniqueness))
+        .with_optional("live_dimensions", score(|of| of.live_dimensions as f64))
+        .with_optional("successive_distance", score(|of| of.successive_distance))
+        .with_optional("random_distance", score(|of| of.random_distance))
+        .with_optional("loss", candidates.iter().map(|of| Some(of.points.last()?.loss)).collect())
+        .with_optional(
+            "divergence",
+            candidates.iter().map(|of| Some(of.divergence?.to_string())).collect(),
+        )
+        .with_optional("directory", candidates.iter().map(|of| of.directory.clone()).collect());
+    artefact::write_table(of, &directory.join("candidates.parquet"))?;
+    let points: Vec<_> = candidates
+        .iter()
+        .enumerate()
+        .flat_map(|(number, of)| of.points.iter().map(move |point| (number as u32, point)))
+        .collect();
+    let curves = Table::new()
+        .with("candidate", points.iter().map(|(number, _)| *number).collect())
+        .with("step", points.iter().map(|(_, of)| of.step as u32).collect())
+        .with("loss", points.iter().map(|(_, of)| of.loss).collect())
+        .with(
+            "dynamics_awareness",
+            points.iter().map(|(_, of)| of.scores.dynamics_awareness).collect(),
+        )
+        .with("uniqueness", points.iter().map(|(_, of)| of.scores.uniqueness).collect())
+        .with(
+            "live_dimensions",
+            points.iter().map(|(_, of)| of.scores.live_dimensions as u32).collect(),
+        );
+    artefact::write_table(curves, &directory.join("curves.parquet"))
+}
+
+/// Hyperparameters in which the candidates differ, or else what is most often asked for.
+fn telling(candidates: &[Candidate]) -> Vec<Field> {
+    let differs = |(_, value): &Field| {
+        let mut values = candidates.iter().filter_map(|of| of.config.as_ref().map(value));
+        values.next().is_some_and(|first| values.any(|other| other != first))
+    };
+    FIELDS.into_iter().filter(differs).collect()
+}
+
+/// Print all candidates with both scores, and which is chosen.
+pub(crate) fn show(manifest: &RepresentationManifest, printer: &Printer) -> Result<(), StepError> {
+    let fields = telling(&manifest.candidates);
+    let mut header = vec!["candidate"];
+    header.extend(fields.iter().map(|(name, _)| *name));
+    header.extend(["awareness", "uniqueness", "live dims", "loss", ""]);
+    let rows: Vec<Vec<String>> = manifest
+        .candidates
+        .iter()
+        .enumerate()
+        .map(|(number, of)| {
+            let value = |(_, value): &Field| {
+                of.config.as_ref().map_or_else(String::new, |config| plain(value(config)))
+            };
+            let mut row = vec![number.to_string()];
+            row.extend(fields.iter().map(value));
+            match &of.scores {
+                Some(scores) => row.extend([
+                    format!("{:.3}", scores.dynamics_awareness),
+                    format!("{:.3}", scores.uniqueness),
+                    scores.live_dimensions.to_string(),
+                    of.points.last().map_or_else(String::new, |point| significant(point.loss)),
+                ]),
+                None => row.extend([const { String::new() }; 4]),
+            }
+            row.push(verdict(number, of, manifest.chosen));
+            row
+        })
+        .collect();
+    printer.lines(&table(&header, &rows))
+}
+
+fn verdict(number: usize, of: &Candidate, chosen: Option<usize>) -> String {
+    match (&of.scores, &of.divergence) {
+        (_, Some(divergence)) => format!("diverged: {divergence}"),
+        (None, None) => "diverged: not finite".to_owned(),
+        _ if Some(number) == chosen => "chosen".to_owned(),
+        (Some(scores), None) if scores.uniqueness <= LEAST_UNIQUENESS => {
+            format!("uniqueness not above {LEAST_UNIQUENESS}")
+        }
+        _ => String::new(),
+    }
+}
+
+/// A hyperparameter as a study has it.
+fn plain(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e7).contains(&value.abs()) {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
+}
+
+/// The candidates for the report.
+pub fn report_table(manifest: &RepresentationManifest) -> ReportTable {
+    let fields = telling(&manifest.candidates);
+    let columns = ["candidate"].into_iter().chain(fields.iter().map(|(name, _)| *name));
+    let columns = columns.chain([
+        "dynamics awareness",
+        "uniqueness",
+        "live dimensions",
+        "loss at the end",
+        "verdict",
+    ]);
+    let rows = manifest.candidates.iter().enumerate().map(|(number, of)| {
+        let value = |(_, value): &Field| {
+            of.config.as_ref().map_or(Cell::Missing, |config| Cell::Text(plain(value(config))))
+        };
+        let mut row = vec![Cell::Text(number.to_string())];
+        row.extend(fields.iter().map(value));
+        match &of.scores {
+            Some(scores) => row.extend([
+                Cell::Number(scores.dynamics_awareness),
+                Cell::Number(scores.uniqueness),
+                Cell::Count(scores.live_dimensions as u64),
+                of.points.last().map_or(Cell::Missing, |point| Cell::Text(significant(point.loss))),
+            ]),
+            None => row.extend([const { Cell::Missing }; 4]),
+        }
+        row.push(Cell::Text(verdict(number, of, manifest.chosen)));
+        row
+    });
+    let imported = manifest.study.representation.kind == RepresentationKind::Import;
+    ReportTable {
+        title: "Representations".to_owned(),
+        caption: format!(
+            "Scored on the last {} training states{}. calib uses the one with the highest \
+             dynamics awareness of those with a uniqueness above {LEAST_UNIQUENESS}. Bold: the largest of a column; \
+             scores have no intervals, so small differences may be chance.",
+            calib_report::count(manifest.validation_rows as u64),
+            // What an imported one was trained on is not known.
+            if imported { "" } else { ", which they were not trained on" },
+        ),
+        columns: columns.map(str::to_owned).collect(),
+        rows: rows.collect(),
+        best: Some(Best::OfColumn(Direction::HigherIsBetter)),
+    }
+    .without_empty_columns()
+}

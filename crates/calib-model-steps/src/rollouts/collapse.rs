@@ -1,0 +1,203 @@
+//! Rollouts that run into a fixed point, or out of the numbers.
+
+use calib_base::{
+    StepError,
+    output::{Printer, count},
+};
+use calib_core::States;
+use calib_model::{LeftFinite, Trajectory};
+use calib_report::{Cell, Table};
+use calib_stats::{collapse_step, median};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{model::model_files::OpenModel, rollouts::truth::Record};
+
+/// How many rollouts stop moving, sensor by sensor, and how many end early; in the manifest of the rollouts.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub struct Collapse {
+    /// Rollouts of all members.
+    pub rollouts: usize,
+    /// One entry for each sensor.
+    pub sensors: Vec<SensorCollapse>,
+    /// Rollouts that ended because a state was not finite.
+    pub(crate) ended: Vec<EndedEarly>,
+}
+
+/// One sensor.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub struct SensorCollapse {
+    /// What it is called.
+    pub sensor: String,
+    /// Rollouts whose sensor has less than a tenth of the data's spread over the last quarter.
+    pub collapsed: usize,
+    /// Median over these of the step from which on it stays near where it ends.
+    pub median_step: Option<f64>,
+    /// The same of what was recorded after the same starts, of those that are recorded to the end.
+    pub(crate) recorded: usize,
+    pub(crate) recorded_collapsed: usize,
+    /// Rollouts that are outside the range of the training data by more than its width at their end.
+    pub(crate) escaped: usize,
+}
+
+/// A rollout that ended before its last step.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct EndedEarly {
+    pub(crate) member: usize,
+    pub(crate) rollout: usize,
+    /// The step whose state would not have been finite.
+    pub(crate) step: usize,
+    /// The first column that would not.
+    pub(crate) column: String,
+}
+
+/// Look for collapse in every rollout and sensor.
+pub(crate) fn of(
+    model: &OpenModel,
+    record: Record<'_>,
+    all: &[Vec<Trajectory>],
+    sensors: &[(String, usize)],
+) -> Result<Collapse, StepError> {
+    let states = model.frames.states();
+    let rollouts: Vec<&Trajectory> = all.iter().flatten().collect();
+    let columns = model.manifest.normaliser.columns();
+    let mut ended = Vec::new();
+    for (member, rollouts) in all.iter().enumerate() {
+        for (number, rollout) in rollouts.iter().enumerate() {
+            if let Some(LeftFinite { step, column }) = rollout.left_finite() {
+                let column = columns[column].name.clone();
+                ended.push(EndedEarly { member, rollout: number, step, column });
+            }
+        }
+    }
+    let sensors =
+        sensors.iter().map(|(name, column)| sensor(record, &rollouts, name, *column, states));
+    let sensors = sensors.collect::<Result<_, StepError>>()?;
+    Ok(Collapse { rollouts: rollouts.len(), sensors, ended })
+}
+
+fn sensor(
+    record: Record<'_>,
+    rollouts: &[&Trajectory],
+    name: &str,
+    column: usize,
+    states: &States,
+) -> Result<SensorCollapse, StepError> {
+    let data = Spread::of(states, column);
+    let mut steps = Vec::new();
+    let (mut recorded, mut recorded_collapsed, mut escaped) = (0, 0, 0);
+    for rollout in rollouts {
+        let values = rollout.values(states, column, rollout.steps() + 1);
+        let values: Vec<f64> = values.into_iter().map(f64::from).collect();
+        escaped += usize::from(data.is_far_out(values[values.len() - 1]));
+        steps.extend(collapse_step(&values, data.variance)?.map(|step| step as f64));
+        let truth = record.after(rollout.start().0, rollout.steps());
+        if truth.len() == values.len() {
+            recorded += 1;
+            let truth: Vec<f64> = truth.values(column).map(f64::from).collect();
+            recorded_collapsed += usize::from(collapse_step(&truth, data.variance)?.is_some());
+        }
+    }
+    Ok(SensorCollapse {
+        sensor: name.to_owned(),
+        collapsed: steps.len(),
+        median_step: if steps.is_empty() { None } else { Some(median(&steps)?) },
+        recorded,
+        recorded_collapsed,
+        escaped,
+    })
+}
+
+/// How a column of the training data is spread.
+struct Spread {
+    variance: f64,
+    low: f64,
+    high: f64,
+}
+
+impl Spread {
+    fn of(states: &States, column: usize) -> Self {
+        let values = || (0..states.rows()).map(|row| f64::from(states.row(row)[column]));
+        let n = states.rows() as f64;
+        let mean = values().sum::<f64>() / n;
+        Self {
+            variance: values().map(|value| (value - mean).powi(2)).sum::<f64>() / n,
+            low: values().fold(f64::INFINITY, f64::min),
+            high: values().fold(f64::NEG_INFINITY, f64::max),
+        }
+    }
+
+    fn is_far_out(&self, value: f64) -> bool {
+        let width = self.high - self.low;
+        value < self.low - width || value > self.high + width
+    }
+}
+
+/// Say what was found; silent where nothing is wrong.
+pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepError> {
+    let all = collapse.rollouts;
+    for ended in &collapse.ended {
+        printer.warn(&format!(
+            "rollout {} of ensemble member {} ends before step {}: {} would not be finite there; train the network for longer or with a smaller dynamics.learning_rate, or use model.kind = \"knn\"",
+            ended.rollout,
+            ended.member,
+            count(ended.step),
+            ended.column
+        ));
+    }
+    for of in &collapse.sensors {
+        if let Some(step) = of.median_step {
+            let recorded = match of.recorded {
+                0 => String::new(),
+                recorded => {
+                    format!(", and in {} of {recorded} recorded stretches", of.recorded_collapsed)
+                }
+            };
+            printer.result(&format!(
+                "  {} freezes in {} of {all} rollouts, from step {} on (median){recorded}",
+                of.sensor,
+                of.collapsed,
+                count(step as usize),
+            ))?;
+        }
+        if of.escaped > 0 {
+            printer.result(&format!(
+                "  {} ends far outside the range of the data in {} of {all} rollouts",
+                of.sensor, of.escaped
+            ))?;
+        }
+    }
+    Ok(())
+}
+
+/// A table for the report; none where nothing is wrong.
+pub fn report_table(model: &str, collapse: &Collapse) -> Option<Table> {
+    let wrong = |of: &SensorCollapse| of.collapsed > 0 || of.escaped > 0;
+    if collapse.ended.is_empty() && !collapse.sensors.iter().any(wrong) {
+        return None;
+    }
+    let ended = match collapse.ended.len() {
+        0 => String::new(),
+        number => format!(" {number} rollouts ended early because a state was not finite."),
+    };
+    let rows = collapse.sensors.iter().map(|of| {
+        vec![
+            Cell::Text(of.sensor.clone()),
+            Cell::Count(of.collapsed as u64),
+            of.median_step.map_or(Cell::Missing, |step| Cell::Count(step as u64)),
+            Cell::Text(format!("{} of {}", of.recorded_collapsed, of.recorded)),
+            Cell::Count(of.escaped as u64),
+        ]
+    });
+    let columns = ["sensor", "frozen", "from step (median)", "recorded ones", "far outside"];
+    Some(Table {
+        title: "Rollouts that freeze".to_owned(),
+        caption: format!(
+            "{model}, {} rollouts. A sensor freezes if over the last quarter of a rollout it has less than a tenth of the data's spread. It does so from the step after which it stays within a fifth of that spread. The log after the same start states is judged alike. Far outside: beyond the data's range by more than its width, at the end.{ended}",
+            collapse.rollouts
+        ),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+        best: None,
+    })
+}

@@ -1,0 +1,133 @@
+//! The comparison on the terminal.
+
+use calib_base::{
+    StepError,
+    output::{Printer, count, significant, table},
+};
+use calib_stats::{ClusterSummary, Interval};
+
+use super::{Against, Comparison, PairedModels, SensorComparison};
+use crate::STEP_PATTERNS;
+
+/// Sensors that the terminal shows.
+const LISTED: usize = 12;
+
+/// Print means over rollouts: warping distances, then the other measures.
+pub(crate) fn show(comparison: &Comparison, printer: &Printer) -> Result<(), StepError> {
+    for (number, why) in left_out(comparison) {
+        let all = comparison.rollouts + comparison.left_out + comparison.ended_early;
+        printer.result(&format!("  {number} of {all} rollouts not compared: {why}"))?;
+    }
+    if comparison.sensors.is_empty() {
+        return Ok(());
+    }
+    printer.result("")?;
+    printer.result(&format!("rollouts against what was recorded, {}:", basis(comparison)))?;
+    printer.result("normalised warping distance")?;
+    let header = [&["sensor"], STEP_PATTERNS.as_slice()].concat();
+    let warping = |sensor: &SensorComparison| {
+        let of = sensor.dtw.iter().map(|of| of.normalized_distance.as_ref().or(Some(&of.distance)));
+        of.map(mean_and_half).collect::<Vec<_>>()
+    };
+    list(comparison, &header, warping, printer)?;
+    printer.result("other distances")?;
+    let header = ["sensor", "values", "changes", "autocorr.", "spectrum (dB)", "edit"];
+    let others = |sensor: &SensorComparison| {
+        let of = sensor.measures.iter().map(|of| of.value.as_ref());
+        of.map(mean_and_half).collect::<Vec<_>>()
+    };
+    list(comparison, &header, others, printer)
+}
+
+/// How many rollouts were left out for each reason there is.
+pub(super) fn left_out(comparison: &Comparison) -> impl Iterator<Item = (usize, &'static str)> {
+    let reasons = [
+        (comparison.left_out, "what was recorded after their start ends too soon"),
+        (comparison.ended_early, "they ended before the steps to compare did"),
+    ];
+    reasons.into_iter().filter(|(number, _)| *number > 0)
+}
+
+fn list(
+    comparison: &Comparison,
+    header: &[&str],
+    cells: impl Fn(&SensorComparison) -> Vec<String>,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    let row = |sensor: &SensorComparison| [vec![sensor.sensor.clone()], cells(sensor)].concat();
+    let rows: Vec<Vec<String>> = comparison.sensors.iter().take(LISTED).map(row).collect();
+    printer.lines(&table(header, &rows))?;
+    let more = comparison.sensors.len().saturating_sub(LISTED);
+    if more > 0 {
+        printer.result(&format!("… and {} more in the files", count(more)))?;
+    }
+    Ok(())
+}
+
+/// What the means are over.
+pub(super) fn basis(comparison: &Comparison) -> String {
+    let Comparison { rollouts, start_states, fewest_steps: fewest, most_steps: most, .. } =
+        comparison;
+    let against = match comparison.against {
+        Against::Model => "",
+        Against::Deployment => ", against the deployment",
+    };
+    let steps = if fewest == most {
+        count(*most)
+    } else {
+        format!("{} to {}", count(*fewest), count(*most))
+    };
+    let starts = match start_states {
+        1 => "1 start state, too few for an interval".to_owned(),
+        many => format!("{} start states", count(*many)),
+    };
+    let overlapping = match comparison.overlapping {
+        0 => String::new(),
+        number => format!(
+            " ({} of which share recorded steps with others, so that the interval may be too narrow)",
+            count(number)
+        ),
+    };
+    format!(
+        "mean ± 95 % interval over {rollouts} rollouts of {steps} steps from {starts}{overlapping}{against}"
+    )
+}
+
+/// Half the width of an interval around a mean.
+pub(super) fn plus_minus(interval: Interval) -> String {
+    format!("± {}", significant((interval.high - interval.low) / 2.0))
+}
+
+fn mean_and_half(summary: Option<&ClusterSummary>) -> String {
+    let Some(summary) = summary else { return "–".to_owned() };
+    let half = summary.interval.map(|of| format!(" {}", plus_minus(of)));
+    format!("{}{}", significant(summary.mean), half.unwrap_or_default())
+}
+
+/// Every two models by their warping distance with the first step pattern, sensor by sensor; nothing where there are no two.
+///
+/// # Errors
+/// If they cannot be passed on.
+pub fn show_pairs(pairs: &[&PairedModels], printer: &Printer) -> Result<(), StepError> {
+    let mut rows = Vec::new();
+    for place in 0..LISTED {
+        for PairedModels { models: [one, other], sensors } in pairs {
+            let Some(sensor) = sensors.get(place) else { continue };
+            let pattern = sensor.dtw.first();
+            let known = pattern.and_then(|of| of.normalized_distance.or(of.distance));
+            let Some(difference) = known else { continue };
+            let half = difference.interval.map(|of| format!(" {}", plus_minus(of)));
+            let mean = format!("{}{}", significant(difference.mean), half.unwrap_or_default());
+            let nearer = difference.smaller.map(|[one, other]| format!("{one} : {other}"));
+            let nearer = nearer.unwrap_or_else(|| "–".to_owned());
+            rows.push(vec![sensor.sensor.clone(), format!("{one} − {other}"), mean, nearer]);
+        }
+    }
+    if rows.is_empty() {
+        return Ok(());
+    }
+    printer.result(
+        "models two by two: warping distance of the first minus that of the second, by start state",
+    )?;
+    printer.lines(&table(&["sensor", "models", "mean ± 95 %", "starts nearer"], &rows))
+}

@@ -1,0 +1,185 @@
+//! Means of distances over start states.
+
+use std::collections::BTreeMap;
+
+use calib_base::StepError;
+use calib_core::Timestamp;
+use calib_stats::{ClusterSummary, summarise_clusters};
+
+use super::{
+    Against, Comparison, MEASURES, MeasureSummary, PatternSummary, SensorComparison,
+    pair::{Distance, Pair},
+};
+use crate::STEP_PATTERNS;
+
+/// Rollouts that were compared, and those that were left out for each reason.
+#[derive(Clone, Copy)]
+pub(super) struct Counts {
+    pub(super) rollouts: usize,
+    pub(super) left_out: usize,
+    pub(super) ended_early: usize,
+}
+
+/// What the pairs of all sensors say together.
+pub(super) fn summary(
+    pairs: &[Pair],
+    counts: Counts,
+    against: Against,
+) -> Result<Comparison, StepError> {
+    let steps = || pairs.iter().map(|pair| pair.steps as usize);
+    let stretches = stretches(pairs);
+    let own = |name: &str| pairs.iter().filter(|pair| pair.sensor == name).collect::<Vec<_>>();
+    let sensors = sensors(pairs).into_iter().map(|name| of_sensor(name, &own(name)));
+    Ok(Comparison {
+        rollouts: counts.rollouts,
+        start_states: stretches.len(),
+        overlapping: overlapping(&stretches),
+        left_out: counts.left_out,
+        ended_early: counts.ended_early,
+        fewest_steps: steps().min().unwrap_or(0),
+        most_steps: steps().max().unwrap_or(0),
+        against,
+        sensors: sensors.collect::<Result<_, StepError>>()?,
+    })
+}
+
+/// The sensors of the pairs, in their order.
+fn sensors(pairs: &[Pair]) -> Vec<&str> {
+    let mut names: Vec<&str> = Vec::new();
+    for pair in pairs {
+        if !names.contains(&pair.sensor.as_str()) {
+            names.push(&pair.sensor);
+        }
+    }
+    names
+}
+
+/// The recorded stretch after each start state: its first row and its steps.
+fn stretches(pairs: &[Pair]) -> Vec<(u32, u32)> {
+    let starts: BTreeMap<Timestamp, (u32, u32)> =
+        pairs.iter().map(|pair| (pair.start, (pair.wanted, pair.steps))).collect();
+    starts.into_values().collect()
+}
+
+/// How many of these stretches, in order of time, share steps with another.
+fn overlapping(stretches: &[(u32, u32)]) -> usize {
+    let mut shares = vec![false; stretches.len()];
+    // The stretch that reaches farthest, of those that began before: the longest one need not be the last.
+    let mut farthest: Option<usize> = None;
+    for (place, &(row, steps)) in stretches.iter().enumerate() {
+        let end = |place: usize| stretches[place].0 + stretches[place].1;
+        match farthest {
+            Some(before) if row < end(before) => {
+                shares[before] = true;
+                shares[place] = true;
+                if row + steps > end(before) {
+                    farthest = Some(place);
+                }
+            }
+            _ => farthest = Some(place),
+        }
+    }
+    shares.into_iter().filter(|&shares| shares).count()
+}
+
+fn of_sensor(name: &str, pairs: &[&Pair]) -> Result<SensorComparison, StepError> {
+    let dtw = STEP_PATTERNS.iter().enumerate().filter_map(|(place, pattern)| {
+        let summary = || {
+            let Some(distance) = of_distance(pairs, Distance::Raw(place))? else {
+                return Ok(None);
+            };
+            let normalized_distance = of_distance(pairs, Distance::Normalised(place))?;
+            let step_pattern = (*pattern).to_owned();
+            Ok(Some(PatternSummary { step_pattern, distance, normalized_distance }))
+        };
+        summary().transpose()
+    });
+    let measures = MEASURES.iter().enumerate().map(|(place, measure)| {
+        let value = of_distance(pairs, Distance::Measure(place))?;
+        Ok(MeasureSummary { measure: measure.column.to_owned(), value })
+    });
+    Ok(SensorComparison {
+        sensor: name.to_owned(),
+        dtw: dtw.collect::<Result<_, StepError>>()?,
+        measures: measures.collect::<Result<_, StepError>>()?,
+    })
+}
+
+/// Over the start states of the pairs for which the distance is defined; nothing where there are none.
+fn of_distance(pairs: &[&Pair], distance: Distance) -> Result<Option<ClusterSummary>, StepError> {
+    let known = pairs.iter().filter_map(|pair| Some((pair.start, distance.of(pair)?)));
+    let (starts, values): (Vec<Timestamp>, Vec<f64>) = known.unzip();
+    if values.is_empty() {
+        return Ok(None);
+    }
+    Ok(Some(summarise_clusters(&starts, &values)?))
+}
+
+/// As if all rollouts had been compared at once; nothing where there are none.
+///
+/// # Errors
+/// If an interval cannot be computed.
+pub fn pool(all: &[(&Comparison, &[Pair])]) -> Result<Option<(Comparison, Vec<Pair>)>, StepError> {
+    let Some((first, _)) = all.iter().find(|(own, _)| !own.sensors.is_empty()) else {
+        return Ok(None);
+    };
+    let sum =
+        |part: fn(&Comparison) -> usize| all.iter().map(|(comparison, _)| part(comparison)).sum();
+    let counts = Counts {
+        rollouts: sum(|own| own.rollouts),
+        left_out: sum(|own| own.left_out),
+        ended_early: sum(|own| own.ended_early),
+    };
+    let pairs: Vec<Pair> = all.iter().flat_map(|(_, pairs)| pairs.iter().cloned()).collect();
+    let whole = summary(&pairs, counts, first.against)?;
+    // Rows of each deployment are counted from its own begin.
+    let overlapping = sum(|own| own.overlapping);
+    Ok(Some((Comparison { overlapping, ..whole }, pairs)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rollouts::comparison::pair::tests::pair;
+
+    fn of(pairs: &[Pair]) -> Comparison {
+        let counts = Counts { rollouts: pairs.len(), left_out: 0, ended_early: 0 };
+        summary(pairs, counts, Against::Model).expect("valid")
+    }
+
+    #[test]
+    fn members_of_a_start_are_one_observation() {
+        let pairs = [pair(0, 5, 1.0), pair(1, 5, 3.0), pair(0, 90, 4.0), pair(1, 90, 6.0)];
+        let told = of(&pairs);
+        assert_eq!((told.rollouts, told.start_states, told.overlapping), (4, 2, 0));
+        let warping = told.sensors[0].dtw[0].distance;
+        assert_eq!((warping.runs, warping.clusters, warping.mean), (4, 2, 3.5));
+        assert!(warping.interval.is_some());
+        let one = of(&pairs[..2]);
+        assert_eq!(one.sensors[0].dtw[0].distance.interval, None, "one start says nothing");
+        let none = of(&[]);
+        assert!(none.sensors.is_empty() && none.start_states == 0);
+    }
+
+    #[test]
+    fn what_is_not_defined_does_not_count() {
+        let mut pairs = [pair(0, 5, 1.0), pair(1, 5, 3.0), pair(0, 90, 4.0)];
+        pairs[1].measures = vec![None; MEASURES.len()];
+        let told = of(&pairs);
+        let measure = told.sensors[0].measures[0].value.expect("two are");
+        assert_eq!((measure.runs, measure.clusters), (2, 2));
+        for pair in &mut pairs {
+            pair.measures = vec![None; MEASURES.len()];
+        }
+        assert!(of(&pairs).sensors[0].measures[0].value.is_none());
+    }
+
+    #[test]
+    fn stretches_that_share_steps_are_counted() {
+        // Ten steps each: rows 5 to 15, 14 to 24, 24 to 34: the last begins where the second ends.
+        assert_eq!(overlapping(&[(5, 10), (14, 10), (24, 10)]), 2);
+        // One that lies inside a longer one, which reaches over the next as well.
+        assert_eq!(overlapping(&[(0, 100), (5, 10), (50, 10), (100, 10)]), 3);
+        assert_eq!(overlapping(&[]), 0);
+    }
+}

@@ -1,0 +1,307 @@
+//! Figures of a study, as files.
+
+use std::{cmp::Reverse, io::Write as _, path::Path};
+
+use calib_base::StepError;
+use calib_core::Timestamp;
+use calib_data::table::Table;
+use calib_files::{file_name, write_atomically};
+use calib_report::{Figure, RolloutFigure, RolloutGrid, RolloutRow, Trajectory};
+
+use crate::rollouts::trajectory_columns::Columns;
+
+/// Write a figure as `NAME.svg` and `NAME.png`; what the two files are called.
+///
+/// # Errors
+/// If it cannot be drawn or written.
+pub fn write(directory: &Path, name: &str, figure: &Figure) -> Result<[String; 2], StepError> {
+    let (svg, png) = (figure.svg(), figure.png()?);
+    let names = names(name);
+    write_atomically(&directory.join(&names[0]), |file| file.write_all(svg.as_bytes()))?;
+    write_atomically(&directory.join(&names[1]), |file| file.write_all(&png))?;
+    Ok(names)
+}
+
+/// What the files of a figure are called.
+pub fn names(name: &str) -> [String; 2] {
+    ["svg", "png"].map(|kind| format!("{}.{kind}", file_name(name)))
+}
+
+/// Sensors as parts of the names of files: "T inlet (°C)" is `T-inlet-C`. Those that would then be called alike keep the names that
+/// they have, in which [`file_name`] writes such characters as numbers.
+pub fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let sensors: Vec<&str> = sensors.collect();
+    let alike = |sensor: &str, name: &str| {
+        sensors.iter().any(|other| *other != sensor && (readable(other) == name || *other == name))
+    };
+    let name = |&sensor: &&str| {
+        let name = readable(sensor);
+        if name.is_empty() || alike(sensor, &name) { sensor.to_owned() } else { name }
+    };
+    sensors.iter().map(name).collect()
+}
+
+/// `name` with a hyphen for what is neither a letter nor a digit.
+fn readable(name: &str) -> String {
+    let mut readable = String::new();
+    for letter in name.chars() {
+        match letter {
+            'ä' => readable.push_str("ae"),
+            'ö' => readable.push_str("oe"),
+            'ü' => readable.push_str("ue"),
+            'Ä' => readable.push_str("Ae"),
+            'Ö' => readable.push_str("Oe"),
+            'Ü' => readable.push_str("Ue"),
+            'ß' => readable.push_str("ss"),
+            letter if letter.is_alphanumeric() || matches!(letter, '_' | '.') => {
+                readable.push(letter);
+            }
+            _ if readable.ends_with('-') => {}
+            _ => readable.push('-'),
+        }
+    }
+    readable.trim_matches(['-', '.']).to_owned()
+}
+
+/// One figure a sensor: rollouts over the recorded trajectory from the same start, in physical units.
+///
+/// Rollouts that start elsewhere cannot be laid over the same truth. Shown is the start that most members share (they
+/// start there, or from what stands for it), of these the one whose recorded trajectory is longest, with every
+/// member's first rollout from it.
+///
+/// # Errors
+/// If the table lacks a column.
+pub fn rollouts(
+    trajectories: &Table,
+    sensors: &[String],
+    period_secs: f64,
+) -> Result<Vec<RolloutFigure>, StepError> {
+    let groups = groups(trajectories)?;
+    let mut figures = Vec::with_capacity(sensors.len());
+    for (sensor, named) in sensors.iter().zip(Columns::of(sensors)) {
+        let values = trajectories.column::<f64>(&named.physical)?;
+        let recorded = trajectories.optional::<f64>(&named.recorded)?;
+        let known = |group: &Group| recorded[group.rows.clone()].iter().flatten().count();
+        let sharing = |group: &Group| {
+            let all = groups.iter().filter(|of| of.wanted == group.wanted);
+            let mut members: Vec<u32> = all.map(|of| of.member).collect();
+            members.dedup();
+            members.len()
+        };
+        // Of equally long ones the first, so that the figure does not depend on anything else.
+        let best = |group: &&Group| (sharing(group), known(group));
+        let Some(shown) = groups.iter().rev().max_by_key(best) else { continue };
+        let truth = recorded[shown.rows.clone()].iter().flatten().copied().collect();
+        let mut members: Vec<u32> = Vec::new();
+        let mut lines = Vec::new();
+        for group in groups.iter().filter(|group| group.wanted == shown.wanted) {
+            if !members.contains(&group.member) {
+                members.push(group.member);
+                lines.push(Trajectory {
+                    label: format!("member {}", group.member),
+                    period_secs,
+                    values: values[group.rows.clone()].to_vec(),
+                });
+            }
+        }
+        figures.push(RolloutFigure {
+            sensor: sensor.clone(),
+            unit: None,
+            truth: Some(Trajectory { label: "recorded".to_owned(), period_secs, values: truth }),
+            rollouts: lines,
+        });
+    }
+    Ok(figures)
+}
+
+/// Starts that a grid of small plots shows.
+const GRID_STARTS: usize = 4;
+
+/// The first rollout from each start, for one sensor: what was recorded, and what the model did.
+pub struct Starts {
+    /// The sensor.
+    pub sensor: String,
+    /// What stands in brackets behind it.
+    pub unit: Option<String>,
+    period_secs: f64,
+    pairs: Vec<Start>,
+}
+
+struct Start {
+    /// When it was recorded: models that learned from other rows number them otherwise.
+    time: Option<Timestamp>,
+    recorded: Vec<f64>,
+    values: Vec<f64>,
+}
+
+/// All starts of `trajectories`, sensor by sensor, in the order in which they were rolled out.
+///
+/// # Errors
+/// If the table lacks a column.
+pub fn starts(
+    trajectories: &Table,
+    sensors: &[String],
+    period_secs: f64,
+) -> Result<Vec<Starts>, StepError> {
+    let groups = groups(trajectories)?;
+    let mut all = Vec::with_capacity(sensors.len());
+    for (sensor, named) in sensors.iter().zip(Columns::of(sensors)) {
+        let values = trajectories.column::<f64>(&named.physical)?;
+        let recorded = trajectories.optional::<f64>(&named.recorded)?;
+        let mut seen: Vec<u32> = Vec::new();
+        let mut pairs = Vec::new();
+        for Group { wanted, time, rows, .. } in &groups {
+            if !seen.contains(wanted) {
+                seen.push(*wanted);
+                pairs.push(Start {
+                    time: *time,
+                    recorded: recorded[rows.clone()].iter().flatten().copied().collect(),
+                    values: values[rows.clone()].to_vec(),
+                });
+            }
+        }
+        all.push(Starts { sensor: sensor.clone(), unit: None, period_secs, pairs });
+    }
+    Ok(all)
+}
+
+impl Starts {
+    /// The rollout from the same start.
+    fn from(&self, start: &Start) -> Option<&[f64]> {
+        let same = |of: &&Start| of.time.is_some() && of.time == start.time;
+        self.pairs.iter().find(same).map(|of| of.values.as_slice())
+    }
+}
+
+/// Small plots of one sensor: the starts that most models share, of these those with the longest recorded
+/// trajectories, and each model's rollout from there. Models that share no start with the first have figures of their
+/// own, called after them.
+pub fn grids(models: &[(&str, &Starts)]) -> Vec<RolloutGrid> {
+    let mut grids: Vec<RolloutGrid> = Vec::new();
+    let mut left = models.to_vec();
+    while let Some(&(_, first)) = left.first() {
+        let usable = || first.pairs.iter().filter(|of| of.recorded.len() > 1);
+        let shares = |(_, of): &(&str, &Starts)| usable().any(|start| of.from(start).is_some());
+        let (together, apart): (Vec<_>, Vec<_>) = left.iter().partition(|model| shares(model));
+        if together.is_empty() {
+            // Nothing was recorded after any start of this model.
+            left.remove(0);
+            continue;
+        }
+        let sharing =
+            |start: &Start| together.iter().filter(|(_, of)| of.from(start).is_some()).count();
+        let mut shown: Vec<(usize, &Start)> = usable().enumerate().collect();
+        shown.sort_by_key(|(_, start)| Reverse((sharing(start), start.recorded.len())));
+        shown.truncate(GRID_STARTS);
+        shown.sort_unstable_by_key(|(place, _)| *place);
+        let shown: Vec<&Start> = shown.into_iter().map(|(_, start)| start).collect();
+        let mut next = grid(first, &together, &shown);
+        if !grids.is_empty() {
+            next.sensor = format!("{}, {}", next.sensor, next.models.join(", "));
+        }
+        grids.push(next);
+        left = apart;
+    }
+    grids
+}
+
+fn grid(first: &Starts, models: &[(&str, &Starts)], starts: &[&Start]) -> RolloutGrid {
+    let trajectory = |label: &str, values: &[f64]| Trajectory {
+        label: label.to_owned(),
+        period_secs: first.period_secs,
+        values: values.to_vec(),
+    };
+    let row = |(number, start): (usize, &&Start)| RolloutRow {
+        label: format!("start {}", number + 1),
+        truth: trajectory("recorded", &start.recorded),
+        rollouts: models.iter().map(|(name, of)| Some(trajectory(name, of.from(start)?))).collect(),
+    };
+    RolloutGrid {
+        sensor: first.sensor.clone(),
+        unit: first.unit.clone(),
+        models: models.iter().map(|(name, _)| (*name).to_owned()).collect(),
+        rows: starts.iter().enumerate().map(row).collect(),
+    }
+}
+
+/// The rows of one rollout in the table of trajectories.
+struct Group {
+    member: u32,
+    /// The row that was asked for as the start, and its time.
+    wanted: u32,
+    time: Option<Timestamp>,
+    rows: std::ops::Range<usize>,
+}
+
+fn groups(trajectories: &Table) -> Result<Vec<Group>, StepError> {
+    let members = trajectories.column::<u32>("member")?;
+    let numbers = trajectories.column::<u32>("rollout")?;
+    let wanted = trajectories.column::<u32>("wanted_row")?;
+    let times = trajectories.optional::<Timestamp>("wanted_timestamp")?;
+    let mut groups = Vec::new();
+    let mut first = 0;
+    for next in 1..=members.len() {
+        let ends = next == members.len()
+            || (members[next], numbers[next]) != (members[first], numbers[first]);
+        if ends {
+            let (member, wanted, time) = (members[first], wanted[first], times[first]);
+            groups.push(Group { member, wanted, time, rows: first..next });
+            first = next;
+        }
+    }
+    Ok(groups)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of a sensor that stands still: starts are told apart by their times alone.
+    fn starts(times: &[i64]) -> Starts {
+        let start = |&time: &i64| Start {
+            time: Some(Timestamp::from_micros(time)),
+            recorded: vec![5.0; 3],
+            values: vec![time as f64, 9.0],
+        };
+        let pairs = times.iter().map(start).collect();
+        Starts { sensor: "PIT300".to_owned(), unit: None, period_secs: 1.0, pairs }
+    }
+
+    #[test]
+    fn models_stand_beside_each_other_where_they_start_alike() {
+        let year = starts(&[1, 4]);
+        let week = starts(&[4, 7]);
+        let other = starts(&[0]);
+        let grids = grids(&[("year", &year), ("network", &other), ("week", &week)]);
+        let told: Vec<_> = grids.iter().map(|of| (of.sensor.as_str(), of.rows.len())).collect();
+        assert_eq!(told, [("PIT300", 2), ("PIT300, network", 1)]);
+        assert_eq!(grids[0].models, ["year", "week"]);
+        let shown = |row: usize| grids[0].rows[row].rollouts.iter().map(Option::is_some).collect();
+        let both: [Vec<bool>; 2] = [shown(0), shown(1)];
+        assert_eq!(both, [vec![true, false], vec![true, true]]);
+        let of_week = grids[0].rows[1].rollouts[1].as_ref().map(|of| of.values[0]);
+        assert_eq!(
+            of_week,
+            Some(4.0),
+            "the rollout from that start, not from one that looks like it"
+        );
+        assert!(super::grids(&[]).is_empty());
+        let none = starts(&[]);
+        assert!(super::grids(&[("year", &none), ("week", &none)]).is_empty());
+    }
+
+    #[test]
+    fn figures_of_sensors_have_readable_names_of_their_own() {
+        let named = |sensors: &[&str]| placed(sensors.iter().copied());
+        assert_eq!(
+            named(&["PIT300 (april)", "PIT300 (july)", "PIT300 (july, week)"]),
+            ["PIT300-april", "PIT300-july", "PIT300-july-week"]
+        );
+        assert_eq!(named(&["T (degC)", "Zulauf Öl [ / °C]"]), ["T-degC", "Zulauf-Oel-C"]);
+        assert_eq!(names(&named(&["T (degC)"])[0])[0], "T-degC.svg");
+        let names = named(&["X (1)", "X-1", "X, 1", "X 1", "X (1"]);
+        for (place, name) in names.iter().enumerate() {
+            assert!(!names[..place].contains(name), "{names:?}");
+        }
+    }
+}

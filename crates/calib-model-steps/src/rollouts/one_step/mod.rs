@@ -1,0 +1,219 @@
+//! How well a model predicts the next state on held-out data.
+
+mod steps;
+mod tables;
+
+use calib_base::{
+    Context as _, StepError,
+    artefact::{self, Below, Claim, TOOL},
+    output::Printer,
+};
+use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
+use calib_data::TimeRange;
+use calib_files::{
+    Fingerprint, fingerprint_file, read_sealed_json, remove_file, write_sealed_json,
+};
+use calib_model::{Search, Unseen};
+use calib_stats::{Interval, StepErrors};
+use calib_study::{Job, Layout};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::model::{
+    kinds::search_place,
+    model_files::{self, OpenModel},
+};
+
+use steps::Steps;
+pub(crate) use tables::show;
+pub use tables::{PairedErrors, Predicting, all_pairs, report_tables};
+
+/// Transitions that are predicted at most, evenly spaced over the held-out range: more would hardly change the error.
+const MOST_TRANSITIONS: usize = 4000;
+
+/// Its file, in the directory of rollouts.
+const FILE: &str = "one_step.json";
+
+const FORMAT: u32 = 4;
+
+/// `one_step.json`: errors of predictions one step ahead, of all members taken together.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub struct OneStep {
+    pub(crate) format: u32,
+    pub(crate) tool: String,
+    pub(crate) key: String,
+    /// The model's key.
+    pub(crate) model: String,
+    /// The held-out range as the study has it.
+    pub(crate) window: Option<TimeRange>,
+    /// Held-out transitions, and how many of them were predicted in each member.
+    pub(crate) held_out: usize,
+    pub(crate) transitions: usize,
+    pub(crate) members: usize,
+    /// Over all columns of the states.
+    pub all_columns: PredictionError,
+    /// One entry for each sensor.
+    pub sensors: Vec<SensorError>,
+    /// Fingerprint of the errors of every transition.
+    steps: Fingerprint,
+}
+
+/// One sensor.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub struct SensorError {
+    /// What it is called.
+    pub sensor: String,
+    /// Of its predictions.
+    #[serde(flatten)]
+    pub error: PredictionError,
+}
+
+/// Normalised units.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
+pub struct PredictionError {
+    /// None if a prediction was not finite.
+    pub rmse: Option<f64>,
+    /// Of predicting that nothing changes.
+    pub(crate) no_change_rmse: f64,
+    /// One divided by the other; none if nothing ever changes.
+    pub relative: Option<f64>,
+    /// 95 % interval of the quotient, over stretches of time.
+    pub(crate) relative_interval: Option<Interval>,
+}
+
+impl PredictionError {
+    /// Of a sensor, or of all columns.
+    fn new(
+        (rmse, no_change_rmse): (f64, f64),
+        steps: &Steps,
+        sensor: Option<&str>,
+    ) -> Result<Self, StepError> {
+        let rmse = Some(rmse).filter(|rmse| rmse.is_finite());
+        let relative = rmse.filter(|_| no_change_rmse > 0.0).map(|rmse| rmse / no_change_rmse);
+        let beside = steps.beside_no_change(sensor)?.filter(|_| relative.is_some());
+        let relative_interval = beside.and_then(|of| of.interval);
+        Ok(Self { rmse, no_change_rmse, relative, relative_interval })
+    }
+}
+
+/// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study, and
+/// what was written.
+pub fn read(job: &Job, model: &str) -> Option<OneStep> {
+    let (study, paths) = (job.study(), job.layout());
+    let stored: OneStep = read_sealed_json(&paths.rollout().join(FILE)).ok()?;
+    let steps = fingerprint_file(&Steps::file(&paths.rollout())).ok()?;
+    let same =
+        stored.model == model && stored.window == study.data.held_out && stored.steps == steps;
+    (stored.format == FORMAT && same).then_some(stored)
+}
+
+/// Whether there are one-step errors that cannot be used: they are of another model or range, or damaged.
+pub fn is_stale(job: &Job, model: &str) -> bool {
+    let directory = job.layout().rollout();
+    let is_there = directory.join(FILE).exists() || Steps::file(&directory).exists();
+    is_there && read(job, model).is_none()
+}
+
+/// Nothing is known one step ahead.
+pub(crate) fn remove(paths: &Layout) -> Result<(), StepError> {
+    for path in [paths.rollout().join(FILE), Steps::file(&paths.rollout())] {
+        remove_file(&path)?;
+    }
+    Ok(())
+}
+
+/// The one-step errors on `held_out`: those that are stored if they are up to date, else new ones, stored.
+/// `None`, with the reason told, where the model cannot predict states that it was not built from.
+pub(crate) fn ensure(
+    job: &Job,
+    model: &OpenModel,
+    (held_out, fingerprint): &(Frames, Fingerprint),
+    sensors: &[(String, usize)],
+    printer: &Printer,
+) -> Result<Option<OneStep>, StepError> {
+    let (study, paths) = (job.study(), job.layout());
+    let weights = (study.model.weights, study.model.temperature);
+    let content = model_files::content(&model.manifest)?;
+    let inputs = (FORMAT, MOST_TRANSITIONS, &content, weights, fingerprint, sensors);
+    let key = artefact::key(&inputs)?;
+    let stored = read(job, &content);
+    if let Some(stored) = stored.filter(|stored| stored.key == key && !job.policy().redoes()) {
+        return Ok(Some(stored));
+    }
+    if let Err(reason) = model.in_metric(&rows_of(held_out.states(), &[])?) {
+        printer.say(&format!("no one-step errors: {reason}"));
+        return Ok(None);
+    }
+    let transitions = Transitions::new(held_out.segments().clone());
+    let rows = spaced(&transitions);
+    let progress = printer.progress();
+    let (errors, steps) = errors(job, model, held_out, &rows, sensors, &progress)?;
+    let of_sensor = |(sensor, column): &(String, usize)| {
+        let error = PredictionError::new(errors.of_column(*column), &steps, Some(sensor))?;
+        Ok(SensorError { sensor: sensor.clone(), error })
+    };
+    // What a killed process left half-written goes.
+    let _claim = Claim::new(&paths.rollout(), Below::Unknown)?;
+    steps.write(&paths.rollout())?;
+    let one_step = OneStep {
+        format: FORMAT,
+        tool: TOOL.to_owned(),
+        key,
+        model: content,
+        window: study.data.held_out.clone(),
+        held_out: transitions.len(),
+        transitions: rows.len(),
+        members: model.model.members(),
+        all_columns: PredictionError::new(errors.of_all(), &steps, None)?,
+        sensors: sensors.iter().map(of_sensor).collect::<Result<_, StepError>>()?,
+        steps: fingerprint_file(&Steps::file(&paths.rollout()))?,
+    };
+    write_sealed_json(&paths.rollout().join(FILE), &one_step)?;
+    Ok(Some(one_step))
+}
+
+/// Source rows of at most [`MOST_TRANSITIONS`] transitions, evenly spaced.
+fn spaced(transitions: &Transitions) -> Vec<RowIndex> {
+    let (all, taken) = (transitions.len(), transitions.len().min(MOST_TRANSITIONS));
+    let place = |number: usize| TransitionIndex::new(number * all / taken);
+    (0..taken).map(|number| transitions.source(place(number))).collect()
+}
+
+fn errors(
+    job: &Job,
+    model: &OpenModel,
+    held_out: &Frames,
+    rows: &[RowIndex],
+    sensors: &[(String, usize)],
+    monitor: &dyn Monitor,
+) -> Result<(StepErrors, Steps), StepError> {
+    let states = held_out.states();
+    let columns = states.columns();
+    let mut errors = StepErrors::new(columns);
+    let times = rows.iter().map(|row| held_out.timestamps()[row.get()]).collect();
+    let mut steps = Steps::new(times, sensors.iter().map(|(name, _)| name));
+    let of_sensors: Vec<usize> = sensors.iter().map(|(_, column)| *column).collect();
+    let members = model.model.members();
+    let mut add = |predicted: &[f64], (step, row): (usize, &RowIndex)| {
+        let [from, to] = [0, 1].map(|after| states.row(row.get() + after));
+        errors.add(predicted, from, to);
+        steps.add(step, members, predicted, [from, to], &of_sensors);
+    };
+    let in_metric = model.in_metric(&rows_of(states, rows)?)?;
+    let unseen = Unseen { frames: held_out, rows, in_metric: &in_metric };
+    let place = search_place(&*model.model, &job.layout().rollout());
+    let search = Search { place: &place, monitor };
+    let weights = job.study().model.weights()?;
+    for expected in model.model.expected_next(unseen, weights, search)? {
+        for (predicted, row) in expected.chunks_exact(columns).zip(rows.iter().enumerate()) {
+            add(predicted, row);
+        }
+    }
+    Ok((errors, steps))
+}
+
+/// Some rows of the states.
+fn rows_of(states: &States, rows: &[RowIndex]) -> Result<States, StepError> {
+    let values: Vec<f32> = rows.iter().flat_map(|row| states.row(row.get())).copied().collect();
+    States::new(values, rows.len(), states.columns()).context("held-out states")
+}

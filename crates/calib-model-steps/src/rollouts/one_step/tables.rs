@@ -1,0 +1,226 @@
+//! Errors one step ahead for people: on the terminal, in the report, and of every two models.
+
+use calib_base::{
+    Context as _, StepError,
+    output::{Printer, count, significant, table},
+};
+use calib_report::{Best, Cell, Table};
+use calib_stats::{ErrorRatio, Interval};
+use calib_study::{Job, StepKind};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::{OneStep, PredictionError, read, steps::Steps};
+
+/// A model whose one-step errors are known.
+pub struct Predicting {
+    name: String,
+    one_step: OneStep,
+    steps: Steps,
+}
+
+/// Two models, in the summary of several: RMSE of the first / RMSE of the second.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct PairedErrors {
+    models: [String; 2],
+    all_columns: Option<ErrorRatio>,
+    sensors: Vec<SensorRatio>,
+}
+
+/// One sensor.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+struct SensorRatio {
+    sensor: String,
+    /// None where the quotient is not defined.
+    ratio: Option<ErrorRatio>,
+}
+
+/// Print them, beside those of no change.
+pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepError> {
+    printer.result("")?;
+    printer.result(&format!(
+        "one-step error on held-out data, RMSE of {} transitions, normalised; a quotient above 1 is normal for a model that recombines the log",
+        count(one_step.transitions)
+    ))?;
+    let rows: Vec<Vec<String>> = named(one_step)
+        .map(|(name, error)| {
+            let or_none = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
+            let no_change = significant(error.no_change_rmse);
+            let range = error.relative_interval.map(|of| format!(" ({})", range(of)));
+            let relative = or_none(error.relative) + &range.unwrap_or_default();
+            vec![label(name), or_none(error.rmse), no_change, relative]
+        })
+        .collect();
+    printer.lines(&table(&["sensor", "model", "no change", "model / no change (95 %)"], &rows))
+}
+
+/// Sensors, and last all columns together, which have no name.
+fn named(one_step: &OneStep) -> impl Iterator<Item = (Option<&str>, &PredictionError)> {
+    let sensors = one_step.sensors.iter().map(|of| (Some(of.sensor.as_str()), &of.error));
+    sensors.chain([(None, &one_step.all_columns)])
+}
+
+fn label(sensor: Option<&str>) -> String {
+    sensor.unwrap_or("all columns").to_owned()
+}
+
+fn range(interval: Interval) -> String {
+    format!("{} to {}", significant(interval.low), significant(interval.high))
+}
+
+/// Every two of the models.
+///
+/// # Errors
+/// If an interval cannot be computed.
+pub fn all_pairs(models: &[&Predicting]) -> Result<Vec<PairedErrors>, StepError> {
+    let of_two = |(one, other): (&Predicting, &Predicting)| {
+        let sensors = one.one_step.sensors.iter().map(|of| {
+            let ratio = one.steps.beside(&other.steps, Some(&of.sensor))?;
+            Ok(SensorRatio { sensor: of.sensor.clone(), ratio })
+        });
+        Ok(PairedErrors {
+            models: [one, other].map(|of| of.name.clone()),
+            all_columns: one.steps.beside(&other.steps, None)?,
+            sensors: sensors.collect::<Result<_, StepError>>()?,
+        })
+    };
+    two_by_two(models).map(of_two).collect()
+}
+
+fn two_by_two<'a>(
+    models: &'a [&Predicting],
+) -> impl Iterator<Item = (&'a Predicting, &'a Predicting)> {
+    models
+        .iter()
+        .enumerate()
+        .flat_map(move |(place, &one)| models[place + 1..].iter().map(move |&other| (one, other)))
+}
+
+/// Tables for the report: the models side by side, with the best of a row and all that cannot be told apart from it in bold where
+/// there are several; then every two of them.
+///
+/// # Errors
+/// If an interval cannot be computed.
+pub fn report_tables(models: &[&Predicting]) -> Result<Vec<Table>, StepError> {
+    let Some(first) = models.first() else { return Ok(Vec::new()) };
+    let several = models.len() > 1;
+    let (mut rows, mut bold) = (Vec::new(), Vec::new());
+    for (place, (sensor, error)) in named(&first.one_step).enumerate() {
+        let mut row = vec![Cell::Text(label(sensor))];
+        row.extend(models.iter().flat_map(|of| cells(of.error(sensor))));
+        row.push(Cell::Text(significant(error.no_change_rmse)));
+        rows.push(row);
+        let best = if several { not_worse(models, sensor)? } else { Vec::new() };
+        bold.extend(best.into_iter().map(|model| (place, 1 + 3 * model)));
+    }
+    let mut columns = vec!["sensor".to_owned()];
+    for Predicting { name, .. } in models {
+        columns.extend([name.clone(), format!("{name} / no change"), "95 %".to_owned()]);
+    }
+    columns.push("no change".to_owned());
+    let marked = if several {
+        " Bold: the smallest error of a row, and every other without a clear difference from it, because the 95 % interval of \
+         their quotient contains 1 or there is none."
+    } else {
+        ""
+    };
+    let caption = format!(
+        "RMSE of predictions of the next state, normalised units, over {} of {} held-out transitions in each ensemble member. \
+         Neighbours predict the mean of what a step would draw. No change predicts that the plant stays as it is; \
+         a model above 1 beside it predicts worse than that, and may recombine the log well all the same. \
+         Intervals are over stretches of time.{marked}",
+        count(first.one_step.transitions),
+        count(first.one_step.held_out)
+    );
+    let title = "One-step error".to_owned();
+    let side_by_side = Table { title, caption, columns, rows, best: Some(Best::Cells(bold)) };
+    Ok([side_by_side].into_iter().chain(quotients(models)?).collect())
+}
+
+impl Predicting {
+    /// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study.
+    ///
+    /// # Errors
+    /// If the errors of single transitions, which are in a table of their own, cannot be read.
+    pub fn read(name: &str, job: &Job, model: &str) -> Result<Option<Self>, StepError> {
+        let Some(one_step) = read(job, model) else { return Ok(None) };
+        let steps = Steps::read(&job.layout().rollout())
+            .with_context(|| format!("run `{} --force`", job.command(StepKind::Rollout)))?;
+        Ok(Some(Self { name: name.to_owned(), one_step, steps }))
+    }
+
+    fn error(&self, sensor: Option<&str>) -> Option<&PredictionError> {
+        named(&self.one_step).find(|(name, _)| *name == sensor).map(|(_, error)| error)
+    }
+}
+
+fn cells(error: Option<&PredictionError>) -> [Cell; 3] {
+    let number = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
+    let interval = error.and_then(|of| of.relative_interval);
+    [
+        number(error.and_then(|of| of.rmse)),
+        number(error.and_then(|of| of.relative)),
+        interval.map_or(Cell::Missing, |of| Cell::Text(range(of))),
+    ]
+}
+
+/// The model with the smallest error, and all that cannot be told apart from it.
+fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> Result<Vec<usize>, StepError> {
+    let known = || {
+        let own = models.iter().enumerate();
+        own.filter_map(|(place, of)| Some((place, of.error(sensor)?.rmse?)))
+    };
+    let Some((best, _)) = known().min_by(|(_, one), (_, other)| one.total_cmp(other)) else {
+        return Ok(Vec::new());
+    };
+    let mut all = Vec::new();
+    for (place, _) in known() {
+        let ratio = || models[place].steps.beside(&models[best].steps, sensor);
+        if place == best || !ratio()?.is_some_and(|of| of.is_told()) {
+            all.push(place);
+        }
+    }
+    Ok(all)
+}
+
+/// Quotients of the errors of every two models, if there are several.
+fn quotients(models: &[&Predicting]) -> Result<Option<Table>, StepError> {
+    let pairs: Vec<(&Predicting, &Predicting)> = two_by_two(models).collect();
+    let Some((first, _)) = pairs.first() else { return Ok(None) };
+    let (mut rows, mut bold) = (Vec::new(), Vec::new());
+    for (sensor, _) in named(&first.one_step) {
+        let mut row = vec![Cell::Text(label(sensor))];
+        for (one, other) in &pairs {
+            let ratio = one.steps.beside(&other.steps, sensor)?;
+            if ratio.is_some_and(|of| of.is_told()) {
+                bold.push((rows.len(), row.len()));
+            }
+            row.extend(of_two(ratio));
+        }
+        rows.push(row);
+    }
+    let headings = pairs.iter().flat_map(|(one, other)| {
+        let (one, other) = (&one.name, &other.name);
+        [format!("{one} / {other}"), format!("nearer, {one} : {other}")]
+    });
+    Ok(Some(Table {
+        title: "One-step error, models two by two".to_owned(),
+        caption: "RMSE of the first model / RMSE of the second over the same transitions, with its 95 % interval over stretches of time; \
+                  below 1 the first is more accurate. Bold: the interval does not contain 1. Then at how many transitions the first \
+                  is nearer and at how many the second, each by the mean square over its ensemble members."
+            .to_owned(),
+        columns: ["sensor".to_owned()].into_iter().chain(headings).collect(),
+        rows,
+        best: Some(Best::Cells(bold)),
+    }))
+}
+
+fn of_two(ratio: Option<ErrorRatio>) -> [Cell; 2] {
+    let Some(ratio) = ratio else { return [Cell::Missing, Cell::Missing] };
+    let range = ratio.interval.map(|of| format!(" ({})", range(of))).unwrap_or_default();
+    let [one, other] = ratio.smaller;
+    [
+        Cell::Text(format!("{}{range}", significant(ratio.ratio))),
+        Cell::Text(format!("{} : {}", count(one), count(other))),
+    ]
+}

@@ -1,0 +1,400 @@
+//! The step that rolls a model out, and compares with what was recorded.
+
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use calib_base::{
+    StepError,
+    artefact::{self, Artefact, Claim, Facts},
+    clock::Stopwatch,
+    log::{context::RunContext, partition},
+    memory,
+    outcome::{Freshness, NoPlan, Outcome, StepResult},
+    output::{Printer, bytes, count},
+};
+use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
+use calib_data::table::Table;
+use calib_files::Fingerprint;
+use calib_model::{JumpStatistics, ModelStart, Rolling, RolloutConfig, Search, Trajectory};
+use calib_study::{Job, StepKind, Study};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    model::{
+        kinds::search_place,
+        model_files::{self, OpenModel},
+        starts::{StartSummary, Starts, summaries},
+    },
+    rollouts::{
+        collapse::{self, Collapse},
+        comparison::{self, Comparison},
+        figures,
+        one_step::{self, OneStep},
+        trajectory_columns::Columns,
+        truth::{self, Record},
+    },
+};
+
+/// `manifest.json` of a rollout directory.
+pub type RolloutManifest = Artefact<RolloutFacts>;
+
+/// What is told of rollouts.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct RolloutFacts {
+    pub(crate) key: String,
+    /// Fingerprint of what the model is, as [`model_files::content`] has it.
+    pub model: String,
+    /// What it was made with.
+    #[schemars(with = "calib_base::resolved::ResolvedStudy")]
+    pub study: Study,
+    /// The sensors that trajectories are written of.
+    pub sensors: Vec<String>,
+    /// From one state to the next, in seconds.
+    pub period_secs: f64,
+    /// One entry a member.
+    pub members: Vec<MemberRollouts>,
+    /// Rollouts that stop moving, or end early.
+    pub collapse: Collapse,
+    /// Distances from what was recorded after the same starts, unless they are switched off.
+    pub comparison: Option<Comparison>,
+}
+
+/// What the rollouts of one member were like.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+pub struct MemberRollouts {
+    /// Transitions of the member.
+    pub(crate) transitions: usize,
+    /// None for models that leave the data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) jumps: Option<JumpStatistics>,
+    /// How many start states the member lacks, and how far what stands for them is.
+    pub starts: StartSummary,
+}
+
+impl Facts for RolloutFacts {
+    const FORMAT: u32 = 7;
+    const STEP: StepKind = StepKind::Rollout;
+
+    fn key(&self) -> &str {
+        &self.key
+    }
+}
+
+/// The rollouts of `model` that were made as `study` says; nothing where they were not, or for another deployment, or there is no model.
+///
+/// # Errors
+/// If a table is not what was written.
+pub fn finished(job: &Job, model: Option<&str>) -> Result<Option<RolloutManifest>, StepError> {
+    let Some(model) = model else { return Ok(None) };
+    let paths = job.layout();
+    let found = artefact::read::<RolloutManifest>(&paths.rollout()).filter(|found| {
+        found.model == *model && job.study().differences(StepKind::Rollout, &found.study).is_empty()
+    });
+    if let Some(found) = &found {
+        artefact::check_files(&paths.rollout(), &found.files, &job.command(StepKind::Rollout))?;
+    }
+    Ok(found)
+}
+
+/// Rollouts of the model of a study.
+#[derive(Debug)]
+pub struct Rollouts {
+    pub(crate) manifest: RolloutManifest,
+    /// How well the model predicts the next state, where something is held out and it can.
+    pub(crate) one_step: Option<OneStep>,
+    pub(crate) directory: PathBuf,
+    pub(crate) freshness: Freshness,
+    pub(crate) took: Duration,
+}
+
+impl Rollouts {
+    /// The sensors that trajectories are written of.
+    pub fn sensors(&self) -> &[String] {
+        &self.manifest.sensors
+    }
+
+    /// Members of the model, each of which was rolled out.
+    pub fn members(&self) -> usize {
+        self.manifest.members.len()
+    }
+
+    /// Whether they were there already.
+    pub fn freshness(&self) -> Freshness {
+        self.freshness
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
+/// Roll every member out and set the trajectories beside the recorded ones.
+///
+/// # Errors
+/// If the model is not there or not of this study, the deployment cannot be read, or the observer asks to stop.
+pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, StepError> {
+    let clock = Stopwatch::start();
+    let (study, paths) = (job.study(), job.layout());
+    let model = model_files::open(job)?;
+    let sensors = sensors(study, &model, &paths.model())?;
+    let directory = paths.rollout();
+    let deployment = match held_out(job, &model, context) {
+        Err(reason) if job.deployment().is_some() && partition::is_outside(&reason) => {
+            let name = job.deployment().unwrap_or_default();
+            context.error(&format!("deployment {name} is left out: {reason}"));
+            return Ok(StepResult::Nothing(Outcome::Negative));
+        }
+        deployment => deployment?,
+    };
+    let seed = Seed::new(study.seed).child("rollout");
+    let (held_out, fingerprint) = deployment
+        .as_ref()
+        .filter(|_| study.starts_follow_from_deployment())
+        .map(|(frames, fingerprint)| (frames, fingerprint))
+        .unzip();
+    let starts = Starts::new(&study.rollout, &study.data, &model, held_out, seed)?;
+    let inputs = (
+        RolloutFacts::FORMAT,
+        starts.origin(fingerprint)?,
+        model_files::content(&model.manifest)?,
+        study.model.of_any_index().config,
+        &study.rollout,
+        study.seed,
+        &sensors,
+        comparison::settings(),
+    );
+    let key = match study.rollout_noise() {
+        Some(noise) => artefact::key(&(inputs, noise))?,
+        None => artefact::key(&inputs)?,
+    };
+    let needed = announce(study, &model, sensors.len(), context);
+    if job.policy().is_dry() {
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(NoPlan));
+    }
+    let existing = RolloutManifest::of_job(job, &key, context)?;
+    let (manifest, freshness) = if let Some(manifest) = existing {
+        (manifest, Freshness::Kept)
+    } else {
+        let remedy = "lower rollout.steps or rollout.rollouts, or name fewer sweep.sensors";
+        memory::require(needed, "the rollouts", remedy)?;
+        let record = Record { model: &model.frames, deployment: held_out };
+        let from = (&starts, record);
+        let made = roll_out(study, &model, from, &sensors, key, &directory, context)?;
+        (made, Freshness::Made)
+    };
+    let one_step = match deployment.as_ref().filter(|_| study.rollout.dtw_steps > 0) {
+        Some(held_out) => one_step::ensure(job, &model, held_out, &sensors, context)?,
+        None => None,
+    };
+    if one_step.is_none() {
+        one_step::remove(paths)?;
+    }
+    let took = clock.elapsed();
+    Ok(StepResult::Made(Rollouts { manifest, one_step, directory, freshness, took }))
+}
+
+/// The sensors of the sweep, or all, with their columns.
+fn sensors(
+    study: &Study,
+    model: &OpenModel,
+    directory: &Path,
+) -> Result<Vec<(String, usize)>, StepError> {
+    let normaliser = &model.manifest.normaliser;
+    if study.sweep.sensors.is_empty() {
+        let columns = normaliser.columns().iter().enumerate();
+        return Ok(columns.map(|(column, known)| (known.name.clone(), column)).collect());
+    }
+    model_files::sensor_columns(study, normaliser, &model_files::read_profile(directory)?)
+}
+
+/// Bytes that a row of the trajectories takes beside its state, and for each sensor: the table, its copy that is written,
+/// and its figure. As measured, rounded up.
+const ROW_BYTES: u64 = 88;
+const SENSOR_BYTES: u64 = 56;
+
+/// Say what is going to be rolled out; bytes that it takes.
+fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer) -> u64 {
+    let RolloutConfig { steps, rollouts, .. } = study.rollout;
+    let members = model.model.members();
+    let rows = (members * rollouts * (steps + 1)) as u64;
+    let per_state = model.model.state_bytes();
+    let needed = rows.saturating_mul(per_state + ROW_BYTES + SENSOR_BYTES * sensors as u64);
+    printer.say(&format!(
+        "rollout: {members} ensemble members x {rollouts} rollouts of {} steps; about {} of memory",
+        count(steps),
+        bytes(needed),
+    ));
+    needed
+}
+
+fn roll_out(
+    study: &Study,
+    model: &OpenModel,
+    (starts, record): (&Starts<'_>, Record<'_>),
+    sensors: &[(String, usize)],
+    key: String,
+    directory: &Path,
+    printer: &Printer,
+) -> Result<RolloutManifest, StepError> {
+    let claim = Claim::begun(directory)?;
+    let config = &study.rollout;
+    let progress = printer.progress();
+    let place = search_place(&*model.model, directory);
+    let search = Search { place: &place, monitor: &progress };
+    let given = starts.of_members(config.rollouts, search)?;
+    let seed = Seed::new(study.seed).child("rollout");
+    let rolling = Rolling { steps: config.steps, weights: study.model.weights()?, seed };
+    let of_member = |(member, starts): (usize, &Vec<ModelStart>)| {
+        model.model.roll_out(member, starts, &rolling, &progress)
+    };
+    let all: Vec<Vec<Trajectory>> =
+        given.iter().enumerate().map(of_member).collect::<Result<_, _>>()?;
+    drop(progress);
+    let trajectories = artefact::marked(trajectories(model, record, &all, sensors));
+    trajectories.write_parquet(&directory.join("trajectories.parquet"))?;
+    let names: Vec<String> = sensors.iter().map(|(name, _)| name.clone()).collect();
+    let period_secs = model.manifest.period.as_secs();
+    let mut files = vec!["trajectories.parquet".to_owned()];
+    let rollouts = figures::rollouts(&trajectories, &names, period_secs)?;
+    let placed = figures::placed(rollouts.iter().map(|of| of.sensor.as_str()));
+    for (figure, name) in rollouts.iter().zip(placed) {
+        let drawn = figures::write(&directory.join("figures"), &name, &figure.figure()?)?;
+        files.extend(drawn.map(|name| format!("figures/{name}")));
+    }
+    let collapse = collapse::of(model, record, &all, sensors)?;
+    let steps = config.dtw_steps.min(config.steps);
+    let comparison = compare(model, record, &all, sensors, directory, steps, printer)?;
+    let of_member = |rollouts: &Vec<Trajectory>| rollouts.iter().map(Trajectory::start).collect();
+    let starts = summaries(&all.iter().map(of_member).collect::<Vec<_>>());
+    let members = all.iter().zip(starts).enumerate();
+    let members = members
+        .map(|(member, (rollouts, starts))| MemberRollouts {
+            transitions: model.manifest.members[member].transitions,
+            jumps: jumps_of(rollouts),
+            starts,
+        })
+        .collect();
+    let compared = comparison.is_some().then_some(comparison::FILES);
+    files.extend(compared.into_iter().flatten().map(str::to_owned));
+    let facts = RolloutFacts {
+        key,
+        model: model_files::content(&model.manifest)?,
+        study: study.clone(),
+        sensors: names,
+        period_secs,
+        members,
+        collapse,
+        comparison,
+    };
+    claim.finish(facts, files.iter().map(String::as_str))
+}
+
+fn jumps_of(rollouts: &[Trajectory]) -> Option<JumpStatistics> {
+    let rows: Option<Vec<&[RowIndex]>> = rollouts.iter().map(Trajectory::rows).collect();
+    rows.map(JumpStatistics::of)
+}
+
+/// Compare the rollouts with what was recorded, and write the tables; nothing for 0 steps.
+fn compare(
+    model: &OpenModel,
+    record: Record<'_>,
+    all: &[Vec<Trajectory>],
+    sensors: &[(String, usize)],
+    directory: &Path,
+    steps: usize,
+    printer: &Printer,
+) -> Result<Option<Comparison>, StepError> {
+    if steps == 0 {
+        comparison::remove(directory)?;
+        return Ok(None);
+    }
+    let compared = comparison::compare(model, record, all, sensors, steps, printer)?;
+    comparison::write(directory, &compared.pairs)?;
+    Ok(Some(compared.summary))
+}
+
+/// The held-out range, where start states follow from it or one-step errors are wanted. What is recorded before it is
+/// read, and let go.
+fn held_out(
+    job: &Job,
+    model: &OpenModel,
+    context: &RunContext,
+) -> Result<Option<(Frames, Fingerprint)>, StepError> {
+    let (study, paths) = (job.study(), job.layout());
+    // A model that deployments share was built without what is held out of one of them.
+    let is_held_out = study.data.held_out.is_some()
+        || model_files::read_profile(&paths.model())?.held_out.is_some();
+    let is_in_place = job.reads_the_log_of(&model.manifest.study);
+    let is_used = is_held_out && study.rollout.dtw_steps > 0;
+    if !study.starts_follow_from_deployment() && !is_used && is_in_place {
+        return Ok(None);
+    }
+    let dataset = partition::load(job, context)?.dataset;
+    model_files::check_data(job, &model.manifest, &dataset)?;
+    Ok(dataset.held_out.zip(dataset.held_out_fingerprint))
+}
+
+/// One row a step: member, rollout, step, the recorded row and its time, the row that was asked for as the start; per
+/// sensor the value in physical and in normalised units, and the recorded trajectory from the row that was asked for.
+/// Predictions have no row and no time but at their start.
+fn trajectories(
+    model: &OpenModel,
+    record: Record<'_>,
+    all: &[Vec<Trajectory>],
+    sensors: &[(String, usize)],
+) -> Table {
+    let flat = || {
+        all.iter().enumerate().flat_map(|(member, rollouts)| {
+            rollouts.iter().enumerate().map(move |(number, rollout)| (member, number, rollout))
+        })
+    };
+    let mut visited: Vec<Option<RowIndex>> = Vec::new();
+    let (mut wanted, mut wanted_times) = (Vec::new(), Vec::new());
+    let (mut members, mut numbers, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+    for (member, number, rollout) in flat() {
+        for step in 0..=rollout.steps() {
+            members.push(member as u32);
+            numbers.push(number as u32);
+            steps.push(step as u32);
+            visited.push(rollout.row(step));
+            wanted.push(truth::row(rollout.start().0).0);
+            wanted_times.push(record.time(rollout.start().0));
+        }
+    }
+    let time = |row: &Option<RowIndex>| row.map(|row| model.frames.timestamps()[row.get()]);
+    let timestamps: Vec<Option<Timestamp>> = visited.iter().map(time).collect();
+    let states = model.frames.states();
+    let mut table = Table::new()
+        .with("member", members)
+        .with("rollout", numbers)
+        .with("step", steps)
+        .with_optional("row", visited.iter().map(|row| row.map(|row| row.0)).collect())
+        .with_optional("timestamp", timestamps)
+        .with("wanted_row", wanted)
+        .with_optional("wanted_timestamp", wanted_times);
+    let names: Vec<&str> = sensors.iter().map(|(name, _)| name.as_str()).collect();
+    for ((_, column), named) in sensors.iter().zip(Columns::of(&names)) {
+        let normalised: Vec<f32> = flat()
+            .flat_map(|(_, _, rollout)| rollout.values(states, *column, rollout.steps() + 1))
+            .collect();
+        let physical =
+            |value: f32| model.manifest.normaliser.physical(*column, Normalised(value)).0;
+        let recorded = |(_, _, rollout): (usize, usize, &Trajectory)| {
+            let truth = record.after(rollout.start().0, rollout.steps());
+            let known: Vec<Option<f64>> =
+                truth.values(*column).map(|value| Some(physical(value))).collect();
+            let unknown = rollout.steps() + 1 - known.len();
+            known.into_iter().chain(std::iter::repeat_n(None, unknown))
+        };
+        table = table
+            .with(named.physical, normalised.iter().copied().map(physical).collect::<Vec<f64>>())
+            .with(named.normalised, normalised)
+            .with_optional(named.recorded, flat().flat_map(recorded).collect::<Vec<Option<f64>>>());
+    }
+    table
+}

@@ -1,0 +1,105 @@
+//! What the columns of a sensor are called in `trajectories.parquet`.
+
+use std::collections::BTreeSet;
+
+/// Columns that are not of a sensor.
+const OTHERS: [&str; 7] =
+    ["member", "rollout", "step", "row", "timestamp", "wanted_row", "wanted_timestamp"];
+
+/// Put before the name of a sensor whose columns would be called like others.
+const PREFIX: &str = "sensor:";
+
+/// The columns of one sensor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Columns {
+    /// Values in physical units.
+    pub physical: String,
+    /// The same, normalised.
+    pub(crate) normalised: String,
+    /// What was recorded, in physical units.
+    pub recorded: String,
+}
+
+impl Columns {
+    /// The columns of each of `sensors`: `NAME`, `NAME.normalised`, `NAME.recorded`. A name that would make one of them
+    /// another's has `sensor:` before it, as often as it takes.
+    pub fn of<S: AsRef<str>>(sensors: &[S]) -> Vec<Self> {
+        let plain: Vec<Self> = sensors.iter().map(|name| Self::called(name.as_ref())).collect();
+        let is_plain = |place: usize| {
+            let others = plain.iter().enumerate().filter(|(other, _)| *other != place);
+            let taken: BTreeSet<&str> =
+                OTHERS.into_iter().chain(others.flat_map(|(_, of)| of.names())).collect();
+            !plain[place].names().iter().any(|name| taken.contains(name))
+        };
+        let unusual: Vec<bool> = (0..plain.len()).map(|place| !is_plain(place)).collect();
+        let mut taken: BTreeSet<String> = OTHERS.map(str::to_owned).into();
+        // Whatever keeps its name has it before others are given theirs.
+        for (columns, _) in plain.iter().zip(&unusual).filter(|(_, unusual)| !**unusual) {
+            taken.extend(columns.names().map(str::to_owned));
+        }
+        let named = |(columns, unusual): (Self, bool)| {
+            if !unusual {
+                return columns;
+            }
+            let mut name = columns.physical;
+            loop {
+                name.insert_str(0, PREFIX);
+                let own = Self::called(&name);
+                if !own.names().iter().any(|name| taken.contains(*name)) {
+                    taken.extend(own.names().map(str::to_owned));
+                    return own;
+                }
+            }
+        };
+        plain.clone().into_iter().zip(unusual).map(named).collect()
+    }
+
+    fn called(name: &str) -> Self {
+        Self {
+            physical: name.to_owned(),
+            normalised: format!("{name}.normalised"),
+            recorded: format!("{name}.recorded"),
+        }
+    }
+
+    fn names(&self) -> [&str; 3] {
+        [&self.physical, &self.normalised, &self.recorded]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn physical(sensors: &[&str]) -> Vec<String> {
+        Columns::of(sensors).into_iter().map(|columns| columns.physical).collect()
+    }
+
+    #[test]
+    fn names_stay_unless_they_are_taken() {
+        assert_eq!(physical(&["PIT300", "steps"]), ["PIT300", "steps"]);
+        assert_eq!(physical(&["step", "row", "A"]), ["sensor:step", "sensor:row", "A"]);
+        let nested = ["sensor:A", "sensor:sensor:A.normalised"];
+        assert_eq!(physical(&["A", "A.normalised"]), nested);
+    }
+
+    #[test]
+    fn every_column_has_a_name_of_its_own() {
+        let parts = ["A", "step", "row", "sensor:", ".normalised", ".recorded"];
+        let mut names: Vec<String> = Vec::new();
+        for one in parts {
+            for other in parts {
+                for third in ["", "sensor:", ".recorded"] {
+                    names.push(format!("{third}{one}{other}"));
+                }
+                names.push(one.to_owned());
+            }
+        }
+        names.sort();
+        names.dedup();
+        let all = Columns::of(&names);
+        let different: BTreeSet<&str> =
+            OTHERS.into_iter().chain(all.iter().flat_map(Columns::names)).collect();
+        assert_eq!(different.len(), OTHERS.len() + 3 * names.len());
+    }
+}

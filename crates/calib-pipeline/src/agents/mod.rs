@@ -1,5 +1,0 @@
-//! Pre-trained agents.
-
-pub(crate) mod pretrain;
-pub(crate) mod pretrain_files;
-mod shares;

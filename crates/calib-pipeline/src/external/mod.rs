@@ -1,7 +1,0 @@
-//! Agents that calib does not know: the streams of a sweep for them, and judgements of what they came to.
-
-mod read;
-pub(crate) mod runs;
-mod streams;
-
-pub use streams::{ExternalCandidate, ExternalResult, StreamRun, SweepStreams};

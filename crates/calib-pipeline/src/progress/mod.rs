@@ -1,7 +1,0 @@
-//! Notes of commands that are at work, beside what they write: how far each is, for whoever looks from outside.
-
-mod note;
-mod recorder;
-
-pub(crate) use note::{Note, Standing, running};
-pub(crate) use recorder::recorded;

@@ -1,0 +1,5 @@
+//! Pre-trained agents.
+
+pub mod pretrain;
+pub mod pretrain_files;
+mod shares;

@@ -1,0 +1,329 @@
+//! The step that pre-trains one agent for each sensor.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use calib_agent::{
+    AgentConfig, FittedPredictor, Fitter, Learner, Pretraining, PretrainingDiverged, StateFile,
+    parameter_count, pretrain, pretraining_bytes, with_traces,
+};
+use calib_base::{
+    Context as _, StepError,
+    artefact::{self, Below, Claim},
+    bail,
+    clock::Stopwatch,
+    log::{
+        context::RunContext,
+        partition::{self, Parts, span},
+    },
+    memory,
+    outcome::{NoPlan, StepResult},
+    output::{Printer, bytes, count},
+};
+use calib_core::{RowStream, Seed};
+use calib_files::write_json;
+use calib_model_steps::model::model_files::sensor_columns;
+use calib_study::{Job, Study};
+use serde::Serialize;
+
+use crate::agents::{
+    pretrain_files::{
+        self, PretrainFacts, PretrainManifest, PretrainedAgent, TrainedAgent, agent_key,
+        write_agent,
+    },
+    shares::{self, OfShares},
+};
+
+/// A sensor to pre-train for, and the key of its agent.
+pub(super) struct Wanted {
+    pub(super) sensor: String,
+    pub(super) column: usize,
+    pub(super) key: String,
+}
+
+/// Agents that have learnt from the log.
+#[derive(Debug)]
+pub struct PretrainedAgents {
+    pub(crate) manifest: PretrainManifest,
+    pub(crate) directory: PathBuf,
+    /// How many were trained just now.
+    pub(crate) trained: usize,
+    pub(crate) took: Duration,
+}
+
+impl PretrainedAgents {
+    /// The sensors that have an agent.
+    pub fn sensors(&self) -> Vec<&str> {
+        self.manifest.agents.iter().map(|agent| agent.sensor.as_str()).collect()
+    }
+
+    /// Sensors whose agents diverged, and the epoch in which they did.
+    pub fn diverged(&self) -> &BTreeMap<String, usize> {
+        &self.manifest.diverged
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
+/// Pre-train one agent a sensor.
+///
+/// # Errors
+/// If the study has no pre-training, the log cannot be read, the disk refuses, or the observer asks to stop.
+pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgents>, StepError> {
+    let clock = Stopwatch::start();
+    let (study, paths) = (job.study(), job.layout());
+    check(study)?;
+    let parts = partition::load(job, context)?;
+    let wanted = wanted(study, &parts)?;
+    let directory = paths.pretrain();
+    let mut done =
+        if job.policy().redoes() { BTreeMap::new() } else { finished(&directory, &wanted) };
+    let of_shares = if job.policy().redoes() {
+        OfShares::default()
+    } else {
+        shares::finished(&directory, &wanted, &done)
+    };
+    let is_missing =
+        |wanted: &Wanted| !done.contains_key(&wanted.sensor) && !of_shares.has(&wanted.sensor);
+    let missing: Vec<&Wanted> = wanted.iter().filter(|wanted| is_missing(wanted)).collect();
+    announce(study, &parts, &wanted, missing.len(), context)?;
+    if job.policy().is_dry() {
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(NoPlan));
+    }
+    if let Some(share) = job.policy().share {
+        let ended = shares::run(share, job, &parts, (&wanted, &missing), context)?;
+        return Ok(StepResult::Nothing(ended));
+    }
+    if missing.is_empty()
+        && of_shares.is_empty()
+        && let Some(manifest) = up_to_date(&directory, study, &parts)
+    {
+        let (trained, took) = (0, clock.elapsed());
+        return Ok(StepResult::Made(PretrainedAgents { manifest, directory, trained, took }));
+    }
+    let claim = Claim::new(&directory, Below::Ours)?;
+    let width = parts.dataset.train.states().columns();
+    let file = state_file(&directory, &missing)?;
+    if job.policy().redoes() {
+        // Everything is made again from here on, so that an interrupted run goes on without `--force`.
+        claim.begin()?;
+        file.remove();
+        shares::remove(&directory, &wanted)?;
+    }
+    let trained = missing.len() + of_shares.len();
+    let pretrained = train(study, &parts, &missing, &file, context)?;
+    claim.begin()?;
+    shares::take(&directory, &of_shares)?;
+    let mut diverged = of_shares.diverged;
+    done.extend(of_shares.agents);
+    for (Wanted { sensor, column, key }, pretrained) in missing.iter().zip(pretrained) {
+        let pretrained = match pretrained {
+            Ok(pretrained) => pretrained,
+            Err(PretrainingDiverged { epoch }) => {
+                diverged.insert(sensor.clone(), epoch);
+                continue;
+            }
+        };
+        let config = study.pretrain.agent(&study.agent);
+        let agent =
+            write_agent(&directory, (sensor, *column), key.clone(), config, width, pretrained)?;
+        done.insert(sensor.clone(), agent);
+    }
+    let agents = wanted.iter().filter_map(|wanted| done.remove(&wanted.sensor)).collect();
+    let facts = facts(study, &parts, agents, diverged)?;
+    artefact::write_table(pretrain_files::curves(&facts.agents), &directory.join(CURVES))?;
+    if !missing.is_empty() {
+        let wall_secs = clock.elapsed().as_secs_f64();
+        write_json(&directory.join("timings.json"), &Timings { agents: missing.len(), wall_secs })?;
+    }
+    let manifest = claim.finish(facts, [CURVES])?;
+    file.remove();
+    shares::remove(&directory, &wanted)?;
+    let took = clock.elapsed();
+    Ok(StepResult::Made(PretrainedAgents { manifest, directory, trained, took }))
+}
+
+/// What is told of these agents.
+fn facts(
+    study: &Study,
+    parts: &Parts,
+    agents: Vec<PretrainedAgent>,
+    diverged: BTreeMap<String, usize>,
+) -> Result<PretrainFacts, StepError> {
+    let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
+    Ok(PretrainFacts {
+        study: study.clone(),
+        data: part.fingerprint.clone(),
+        span: span(&part.frames)?,
+        period: parts.dataset.period,
+        normaliser: parts.dataset.normaliser.clone(),
+        agents,
+        diverged,
+    })
+}
+
+#[derive(Serialize)]
+struct Timings {
+    agents: usize,
+    wall_secs: f64,
+}
+
+fn check(study: &Study) -> Result<(), StepError> {
+    if let Some(checkpoint) = &study.pretrain.checkpoint {
+        bail!(
+            "pretrain.checkpoint takes the agents from {}: there is nothing to pre-train",
+            checkpoint.display()
+        );
+    }
+    if study.pretrain.epochs == 0 {
+        bail!("pretrain.epochs is 0: say how many passes over the log to make, such as 20");
+    }
+    if study.sweep.sensors.is_empty() {
+        bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
+    }
+    Ok(())
+}
+
+fn wanted(study: &Study, parts: &Parts) -> Result<Vec<Wanted>, StepError> {
+    let Parts { dataset, pretrain, .. } = parts;
+    let part = pretrain.as_ref().context("agents are pre-trained")?;
+    let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?.into_iter();
+    let wanted = sensors.map(|(sensor, column)| {
+        let key = agent_key(study, &part.fingerprint, &sensor, column)?;
+        Ok(Wanted { sensor, column, key })
+    });
+    wanted.collect()
+}
+
+/// The learning curves of all agents.
+const CURVES: &str = "curves.parquet";
+
+/// The manifest, where nothing of what it tells has changed and nothing is to be written.
+fn up_to_date(directory: &Path, study: &Study, parts: &Parts) -> Option<PretrainManifest> {
+    let part = parts.pretrain.as_ref()?;
+    artefact::read::<PretrainManifest>(directory).filter(|kept| {
+        kept.study == *study
+            && kept.data == part.fingerprint
+            && kept.normaliser == parts.dataset.normaliser
+            && kept.is_whole(directory)
+    })
+}
+
+/// The wanted agents that are there already.
+fn finished(directory: &Path, wanted: &[Wanted]) -> BTreeMap<String, PretrainedAgent> {
+    let Some(manifest) = artefact::read::<PretrainManifest>(directory) else {
+        return BTreeMap::new();
+    };
+    let is_wanted = |agent: &PretrainedAgent| {
+        wanted.iter().any(|wanted| wanted.key == agent.key)
+            && artefact::are_whole(directory, &agent.files)
+    };
+    let agents = manifest.facts.agents.into_iter().filter(is_wanted);
+    agents.map(|agent| (agent.sensor.clone(), agent)).collect()
+}
+
+/// Where unfinished training is kept.
+fn state_file(directory: &Path, missing: &[&Wanted]) -> Result<StateFile, StepError> {
+    let keys: Vec<&str> = missing.iter().map(|wanted| wanted.key.as_str()).collect();
+    Ok(StateFile::new(directory.join(".unfinished.safetensors"), artefact::key(&keys)?))
+}
+
+fn announce(
+    study: &Study,
+    parts: &Parts,
+    wanted: &[Wanted],
+    missing: usize,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    let part = parts.pretrain.as_ref().context("agents are pre-trained")?;
+    let width = part.frames.states().columns();
+    let parameters = parameter_count(&study.agent, study.agent.seen_width(width));
+    printer.say(&format!(
+        "{} states from {} for pre-training, the last {:.0} % of them for validation; {} from {} are left for {}; \
+         the normaliser is fitted on both",
+        count(part.frames.rows()),
+        span(&part.frames)?,
+        100.0 * study.pretrain.validation_fraction,
+        count(parts.dataset.train.rows()),
+        span(&parts.dataset.train)?,
+        if study.has_model() { "the model" } else { "log replay" },
+    ));
+    let memory = pretraining_bytes(
+        &study.agent,
+        study.pretrain.settings(),
+        missing,
+        width,
+        part.frames.rows(),
+        rayon::current_num_threads(),
+    );
+    printer.say(&format!(
+        "{} of {} agents left to train, {} parameters each, at most {} epochs; \
+         expecting {} of memory beside the states and {} on disk",
+        missing,
+        wanted.len(),
+        count(parameters),
+        count(study.pretrain.epochs),
+        bytes(memory),
+        bytes((parameters * 4 * 3 * wanted.len()) as u64),
+    ));
+    match memory::available() {
+        Some(available) if missing > 0 && memory > available => bail!(
+            "pre-training may take {} beside the states and {} are available; use fewer --threads or sensors, \
+             a smaller agent.hidden_units, or a larger preprocess.subsample",
+            bytes(memory),
+            bytes(available)
+        ),
+        _ => Ok(()),
+    }
+}
+
+pub(super) fn train(
+    study: &Study,
+    parts: &Parts,
+    missing: &[&Wanted],
+    file: &StateFile,
+    printer: &Printer,
+) -> Result<Vec<Result<TrainedAgent, PretrainingDiverged>>, StepError> {
+    if missing.is_empty() {
+        return Ok(Vec::new());
+    }
+    let frames = &parts.pretrain.as_ref().context("agents are pre-trained")?.frames;
+    let stream = RowStream::replay(frames.states().clone(), frames.segments());
+    let config: AgentConfig = study.pretrain.agent(&study.agent);
+    let seen = with_traces(&stream, &config.traces);
+    // What agents are validated on is new to their baselines as well.
+    let validated = (frames.rows() as f64 * study.pretrain.validation_fraction).round() as usize;
+    let validated = frames.rows() - validated.max(1)..frames.rows();
+    let fitter = Fitter::new(&*seen, config.gamma, std::slice::from_ref(&validated));
+    let fitted: Vec<Option<FittedPredictor>> =
+        missing.iter().map(|wanted| Some(fitter.fit(config.baseline?, wanted.column))).collect();
+    let baselines: Vec<Option<Vec<f32>>> =
+        fitted.iter().map(|fitted| Some(fitted.as_ref()?.predictions(&*seen))).collect();
+    let learners: Vec<Learner<'_>> = missing
+        .iter()
+        .zip(&baselines)
+        .map(|(wanted, baseline)| Learner {
+            config: &config,
+            cumulant: wanted.column,
+            start: None,
+            baseline: baseline.as_deref(),
+        })
+        .collect();
+    let training = Pretraining {
+        stream: &stream,
+        settings: study.pretrain.settings(),
+        seed: Seed::new(study.seed).child("pretrain"),
+    };
+    let trained = pretrain(training, &learners, Some(file), &printer.progress());
+    let trained = trained.context("pre-training")?.into_iter().zip(fitted);
+    Ok(trained
+        .map(|(pretrained, baseline)| Ok(TrainedAgent { pretrained: pretrained?, baseline }))
+        .collect())
+}

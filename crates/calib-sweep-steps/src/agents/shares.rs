@@ -1,0 +1,196 @@
+//! Agents that several processes pre-train, each for some of the sensors, and what they have made.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::Path,
+};
+
+use calib_agent::{PretrainingDiverged, StateFile};
+use calib_base::{
+    StepError, artefact,
+    log::partition::Parts,
+    outcome::Outcome,
+    output::{Printer, counted},
+};
+use calib_files::{
+    FileError, file_name, is_temporary, link_or_copy, read_sealed_json, remove_known,
+    write_sealed_json,
+};
+use calib_study::{Job, Share, StepKind};
+use serde::{Deserialize, Serialize};
+
+use crate::agents::{
+    pretrain::{Wanted, train},
+    pretrain_files::{self, PretrainedAgent, write_agent},
+};
+
+/// Where shares say what they have made, below the directory of the agents; gone when all of them are put together.
+const SHARES: &str = "shares";
+
+/// What the name of a training that was put aside ends with, and digits of its key before that.
+const UNFINISHED: &str = ".unfinished.safetensors";
+const KEY_DIGITS: usize = 16;
+
+/// What became of a sensor.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Ended {
+    Trained(Box<PretrainedAgent>),
+    Diverged { key: String, epoch: usize },
+}
+
+/// What shares have made.
+#[derive(Default)]
+pub(super) struct OfShares {
+    pub(super) agents: BTreeMap<String, PretrainedAgent>,
+    /// The epoch in which the agent of a sensor diverged.
+    pub(super) diverged: BTreeMap<String, usize>,
+}
+
+impl OfShares {
+    pub(super) fn has(&self, sensor: &str) -> bool {
+        self.agents.contains_key(sensor) || self.diverged.contains_key(sensor)
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.agents.len() + self.diverged.len()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What shares have made of what is `wanted` and not `done`. What is damaged or of other training is nothing.
+pub(super) fn finished(
+    directory: &Path,
+    wanted: &[Wanted],
+    done: &BTreeMap<String, PretrainedAgent>,
+) -> OfShares {
+    let mut found = OfShares::default();
+    for Wanted { sensor, key, .. } in wanted.iter().filter(|of| !done.contains_key(&of.sensor)) {
+        match read_sealed_json(&record(directory, sensor)) {
+            Ok(Ended::Trained(agent))
+                if agent.key == *key
+                    && artefact::are_whole(&directory.join(SHARES), &agent.files) =>
+            {
+                found.agents.insert(sensor.clone(), *agent);
+            }
+            Ok(Ended::Diverged { key: own, epoch }) if own == *key => {
+                found.diverged.insert(sensor.clone(), epoch);
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+/// Pre-train agents for the sensors of a share that are `missing`. Every agent has files of its own, so that shares have
+/// nothing in common that one could claim.
+pub(super) fn run(
+    share: Share,
+    job: &Job,
+    parts: &Parts,
+    (wanted, missing): (&[Wanted], &[&Wanted]),
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
+    let (study, directory) = (job.study(), job.layout().pretrain());
+    artefact::own(&directory)?;
+    let own: Vec<&str> = wanted
+        .iter()
+        .enumerate()
+        .filter(|(place, _)| share.has(*place))
+        .map(|(_, wanted)| wanted.sensor.as_str())
+        .collect();
+    let left: Vec<&Wanted> =
+        missing.iter().filter(|of| own.contains(&of.sensor.as_str())).copied().collect();
+    let keys: Vec<&str> = left.iter().map(|wanted| wanted.key.as_str()).collect();
+    // Called by what it follows from: other shares keep theirs beside it.
+    let key = artefact::key(&keys)?;
+    let name = format!("{}{UNFINISHED}", &key[..KEY_DIGITS]);
+    let file = StateFile::new(directory.join(SHARES).join(name), key);
+    let width = parts.dataset.train.states().columns();
+    for (Wanted { sensor, column, key }, ended) in
+        left.iter().zip(train(study, parts, &left, &file, printer)?)
+    {
+        let ended = match ended {
+            Ok(pretrained) => {
+                let config = study.pretrain.agent(&study.agent);
+                let of = (sensor.as_str(), *column);
+                // Beside the agents that the manifest tells of, until all are there.
+                let place = directory.join(SHARES);
+                let agent = write_agent(&place, of, key.clone(), config, width, pretrained)?;
+                Ended::Trained(Box::new(agent))
+            }
+            Err(PretrainingDiverged { epoch }) => {
+                printer.warn(&format!("pre-training for {sensor} diverged in epoch {epoch}"));
+                Ended::Diverged { key: key.clone(), epoch }
+            }
+        };
+        write_sealed_json(&record(&directory, sensor), &ended)?;
+    }
+    file.remove();
+    let made = finished(&directory, wanted, &BTreeMap::new());
+    let diverged: Vec<&str> =
+        own.iter().copied().filter(|sensor| made.diverged.contains_key(*sensor)).collect();
+    printer.result(&format!(
+        "share {share}: {} pre-trained, of {} in all",
+        counted(own.len() - diverged.len(), "agent"),
+        wanted.len()
+    ))?;
+    printer.next(&[job.command(StepKind::Pretrain)]);
+    if diverged.is_empty() {
+        return Ok(Outcome::Done);
+    }
+    printer.error(&format!("the agents for {} diverged", diverged.join(", ")));
+    Ok(Outcome::Negative)
+}
+
+/// Put what shares have made where the manifest will look for it.
+pub(super) fn take(directory: &Path, found: &OfShares) -> Result<(), StepError> {
+    for name in found.agents.values().flat_map(|agent| agent.files.keys()) {
+        link_or_copy(&directory.join(SHARES).join(name), &directory.join(name))?;
+    }
+    Ok(())
+}
+
+/// All of it is in the manifest; what else lies beside it stays.
+pub(super) fn remove(directory: &Path, wanted: &[Wanted]) -> Result<(), FileError> {
+    let shares = directory.join(SHARES);
+    let mut own: BTreeSet<String> = BTreeSet::new();
+    for Wanted { sensor, .. } in wanted {
+        own.extend(pretrain_files::names(sensor));
+        own.insert(record_name(sensor));
+    }
+    own.extend(of_others(&shares));
+    let is_ours = |path: &Path| {
+        let name = path.to_str().unwrap_or_default();
+        let is_state = name.strip_suffix(UNFINISHED).is_some_and(|key| {
+            key.len() == KEY_DIGITS && key.bytes().all(|digit| digit.is_ascii_hexdigit())
+        });
+        is_state || is_temporary(path) || own.contains(name)
+    };
+    remove_known(&shares, &mut { is_ours })
+}
+
+/// Files of sensors that the study pre-trained for before, by what is recorded of them.
+fn of_others(shares: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(shares).into_iter().flatten().flatten() {
+        let Ok(ended) = read_sealed_json::<Ended>(&entry.path()) else { continue };
+        found.push(entry.file_name().to_string_lossy().into_owned());
+        if let Ended::Trained(agent) = ended {
+            found.extend(agent.files.into_keys());
+        }
+    }
+    found
+}
+
+fn record(directory: &Path, sensor: &str) -> std::path::PathBuf {
+    directory.join(SHARES).join(record_name(sensor))
+}
+
+fn record_name(sensor: &str) -> String {
+    format!("{}.json", file_name(sensor))
+}

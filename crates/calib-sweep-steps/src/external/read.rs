@@ -1,0 +1,433 @@
+//! A table of runs that something else made.
+
+use std::{collections::BTreeMap, path::Path};
+
+use calib_agent::{AgentConfig, Part, PartScore, Scores};
+use calib_base::{Context as _, StepError, bail, ensure, memory::check_table};
+use calib_data::table::{Table, read_parquet};
+use calib_sweep::{Candidate, EnvironmentId, RunRow, Unit, UnitResult};
+use serde_json::Value;
+
+/// More values than anybody compares.
+const MOST_CANDIDATES: usize = 100_000;
+
+/// What a table holds.
+pub(super) struct Runs {
+    /// Sensors in the order in which they come.
+    pub(super) sensors: Vec<String>,
+    pub(super) candidates: Vec<Candidate>,
+    pub(super) results: Vec<UnitResult>,
+}
+
+/// A column of which every row has a value, or its default where there is no such column.
+struct Columns<'a> {
+    table: &'a Table,
+    rows: usize,
+}
+
+impl Columns<'_> {
+    fn numbers(&self, name: &str, default: f64) -> Result<Vec<f64>, StepError> {
+        match self.table.values(name) {
+            None => Ok(vec![default; self.rows]),
+            Some(_) => Ok(self.table.numbers(name)?),
+        }
+    }
+
+    fn counts(&self, name: &str, default: Option<u64>) -> Result<Vec<u64>, StepError> {
+        if let (None, Some(default)) = (self.table.values(name), default) {
+            return Ok(vec![default; self.rows]);
+        }
+        let numbers = self.table.numbers(name)?;
+        let count = |(row, number): (usize, f64)| {
+            ensure!(
+                number >= 0.0 && number.fract() == 0.0 && number < 9e15,
+                "row {row}, column {name}: {number} is no count"
+            );
+            Ok(number as u64)
+        };
+        numbers.into_iter().enumerate().map(count).collect()
+    }
+
+    fn truths(&self, name: &str) -> Result<Vec<bool>, StepError> {
+        match self.table.values(name) {
+            None => Ok(vec![false; self.rows]),
+            Some(_) => Ok(self.table.column::<bool>(name)?.to_vec()),
+        }
+    }
+}
+
+/// Read a table of runs, whose errors count for `part`.
+pub(super) fn read(path: &Path, part: Part) -> Result<Runs, StepError> {
+    check_table(path, None)?;
+    let table = read_parquet(path)?;
+    of_table(&table, part).with_context(|| format!("{} is no table of runs", path.display()))
+}
+
+fn of_table(table: &Table, part: Part) -> Result<Runs, StepError> {
+    let environments = table.column::<String>("environment")?;
+    let sensors = table.column::<String>("sensor")?;
+    let rows = environments.len();
+    ensure!(rows > 0, "it has no rows");
+    let columns = Columns { table, rows };
+    let numbers = columns.counts("candidate", None)?;
+    let candidates = candidates(&columns, &numbers)?;
+    let runs = columns.counts("run", None)?;
+    let measured = Measured::of(&columns)?;
+    let mut units: BTreeMap<(String, EnvironmentId, u64), UnitResult> = BTreeMap::new();
+    let mut order: Vec<String> = Vec::new();
+    let mut scales: BTreeMap<(&String, usize), f64> = BTreeMap::new();
+    for row in 0..rows {
+        let at = || format!("row {row}");
+        let (environment, sensor) =
+            (environment(&environments[row]).with_context(at)?, &sensors[row]);
+        if !order.contains(sensor) {
+            order.push(sensor.clone());
+        }
+        let unit = Unit { sensor: sensor.clone(), environment, run: runs[row] as usize };
+        let result = units.entry((sensor.clone(), environment, runs[row]));
+        let result = result.or_insert_with(|| measured.unit(row, unit.clone()));
+        let candidate = numbers[row] as usize;
+        let start_row = measured.start_row[row];
+        ensure!(
+            u64::from(result.start_row) == start_row,
+            "row {row}: {unit} starts at row {start_row}, and at {} in a row before",
+            result.start_row
+        );
+        let scale = *scales.entry((sensor, candidate)).or_insert(measured.error_scale[row]);
+        ensure!(
+            scale.total_cmp(&measured.error_scale[row]).is_eq(),
+            "row {row}: the error_scale of {sensor} is {}, and {scale} in a row before",
+            measured.error_scale[row]
+        );
+        ensure!(
+            result.rows.iter().all(|other| other.candidate != candidate),
+            "row {row}: candidate {candidate} has another row for {unit}"
+        );
+        result.rows.push(measured.row(row, candidate, part).with_context(at)?);
+    }
+    for result in units.values_mut() {
+        result.rows.sort_by_key(|row| row.candidate);
+    }
+    Ok(Runs { sensors: order, candidates, results: units.into_values().collect() })
+}
+
+/// What is told of each run.
+struct Measured {
+    rmse: Vec<f64>,
+    error_scale: Vec<f64>,
+    mean_return: Vec<f64>,
+    return_std: Vec<f64>,
+    steps: Vec<u64>,
+    scored_steps: Vec<u64>,
+    start_row: Vec<u64>,
+    updates: Vec<u64>,
+}
+
+impl Measured {
+    fn of(columns: &Columns<'_>) -> Result<Self, StepError> {
+        let start_row = columns.counts("start_row", Some(0))?;
+        let far = start_row.iter().position(|&start| start > u64::from(u32::MAX));
+        if let Some(row) = far {
+            bail!("row {row}: start_row is {}, expected at most {}", start_row[row], u32::MAX);
+        }
+        Ok(Self {
+            rmse: columns.table.numbers("rmse")?,
+            error_scale: columns.numbers("error_scale", 1.0)?,
+            mean_return: columns.numbers("mean_return", 0.0)?,
+            return_std: columns.numbers("return_std", 0.0)?,
+            steps: columns.counts("steps", Some(0))?,
+            scored_steps: columns.counts("scored_steps", Some(1))?,
+            start_row,
+            updates: columns.counts("updates", Some(1))?,
+        })
+    }
+
+    fn unit(&self, row: usize, unit: Unit) -> UnitResult {
+        UnitResult {
+            key: String::new(),
+            unit,
+            seed: 0,
+            // Checked to fit.
+            start_row: self.start_row[row] as u32,
+            not_finite: None,
+            rows: Vec::new(),
+        }
+    }
+
+    /// One run; errors in units of the scale.
+    fn row(&self, row: usize, candidate: usize, part: Part) -> Result<RunRow, StepError> {
+        let (rmse, scale) = (self.rmse[row], self.error_scale[row]);
+        ensure!(rmse >= 0.0, "rmse is {rmse}; expected an error, or +∞ where the run diverged");
+        ensure!(
+            scale > 0.0 && scale.is_finite(),
+            "error_scale is {scale}; expected a positive number"
+        );
+        // Where a run diverged, nothing is said of its returns.
+        let over = |value: f64| if value.is_finite() { value / scale } else { 0.0 };
+        let score = PartScore {
+            scored_steps: self.scored_steps[row].max(1) as usize,
+            rmse: rmse / scale,
+            mean_return: over(self.mean_return[row]),
+            return_std: over(self.return_std[row]),
+        };
+        Ok(RunRow {
+            candidate,
+            steps: self.steps[row] as usize,
+            updates: self.updates[row],
+            scores: scores(part, score),
+            diverged_at: rmse.is_infinite().then_some(0),
+            curve: Vec::new(),
+        })
+    }
+}
+
+fn scores(part: Part, score: PartScore) -> Scores {
+    let mut scores = Scores::default();
+    *match part {
+        Part::WholeRun => &mut scores.whole_run,
+        Part::AfterFirstQuarter => &mut scores.after_first_quarter,
+        Part::FinalQuarter => &mut scores.final_quarter,
+    } = Some(score);
+    scores
+}
+
+/// `member:3`, `online`, `log-replay`.
+fn environment(text: &str) -> Result<EnvironmentId, StepError> {
+    match text.split_once(':') {
+        None if text == "online" => return Ok(EnvironmentId::Online),
+        None if text == "log-replay" => return Ok(EnvironmentId::LogReplay),
+        Some(("member", number)) => {
+            if let Ok(number) = number.parse() {
+                return Ok(EnvironmentId::Member(number));
+            }
+        }
+        _ => {}
+    }
+    bail!(
+        "environment is \"{text}\"; expected \"member:0\" and so on, \"online\" or \"log-replay\""
+    )
+}
+
+/// The candidates, by what their rows say of them.
+fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, StepError> {
+    let count = numbers.iter().max().map_or(0, |most| *most as usize + 1);
+    ensure!(count <= MOST_CANDIDATES, "candidate {} is not numbered from 0 on", count - 1);
+    let mut firsts: Vec<Option<usize>> = vec![None; count];
+    for (row, &candidate) in numbers.iter().enumerate() {
+        firsts[candidate as usize].get_or_insert(row);
+    }
+    let labels = match columns.table.values("label") {
+        None => None,
+        Some(_) => Some(columns.table.column::<String>("label")?),
+    };
+    let defaults = columns.truths("is_default")?;
+    let gamma = columns.numbers("gamma", AgentConfig::default().gamma)?;
+    for (row, &candidate) in numbers.iter().enumerate() {
+        let first = firsts[candidate as usize].unwrap_or(row);
+        let told = |what: String, before: String| {
+            format!("row {row}: candidate {candidate} {what}, and {before} in row {first}")
+        };
+        if let Some(labels) = labels {
+            let (here, there) = (&labels[row], &labels[first]);
+            ensure!(here == there, told(format!("is called \"{here}\""), format!("\"{there}\"")));
+        }
+        let (here, there) = (defaults[row], defaults[first]);
+        ensure!(here == there, told(format!("has is_default = {here}"), there.to_string()));
+        let (here, there) = (gamma[row], gamma[first]);
+        ensure!(
+            here.total_cmp(&there).is_eq(),
+            told(format!("has gamma = {here}"), there.to_string())
+        );
+    }
+    let fields = fields(columns, numbers, count);
+    let candidate = |index: usize| {
+        let row = firsts[index].with_context(|| {
+            format!("candidate {index} of {count} has no row; number them from 0 on")
+        })?;
+        let values = match labels {
+            Some(labels) => labelled(&labels[row]),
+            None if fields.is_empty() => vec![("candidate".to_owned(), index.into())],
+            None => fields.iter().map(|(name, of)| (name.clone(), of[index].clone())).collect(),
+        };
+        let mut agent = AgentConfig::default();
+        if (0.0..1.0).contains(&gamma[row]) {
+            agent.gamma = gamma[row];
+        }
+        Ok(Candidate { index, is_default: defaults[row], values, agent })
+    };
+    let all = (0..count).map(candidate).collect::<Result<Vec<Candidate>, StepError>>()?;
+    let mut names: BTreeMap<String, usize> = BTreeMap::new();
+    for candidate in &all {
+        if let Some(other) = names.insert(candidate.label(), candidate.index) {
+            bail!(
+                "candidates {other} and {} are both \"{}\"; give each a label of its own",
+                candidate.index,
+                candidate.label()
+            );
+        }
+    }
+    let defaults: Vec<usize> = all.iter().filter(|of| of.is_default).map(|of| of.index).collect();
+    ensure!(
+        defaults.len() <= 1,
+        "candidates {} and {} are both the default (is_default); one can be",
+        defaults[0],
+        defaults[1]
+    );
+    Ok(all)
+}
+
+/// The values that a label tells: `learning_rate = 0.1, optimiser = adam`; one that tells none is a value itself.
+fn labelled(label: &str) -> Vec<(String, Value)> {
+    let number = |text: &str| text.parse::<f64>().ok().and_then(serde_json::Number::from_f64);
+    let value = |text: &str| number(text).map_or_else(|| Value::from(text), Value::Number);
+    let pair = |part: &str| {
+        let (name, told) = part.split_once(" = ")?;
+        Some((name.to_owned(), value(told)))
+    };
+    let pairs: Option<Vec<_>> = label.split(", ").map(pair).collect();
+    pairs.unwrap_or_else(|| vec![("value".to_owned(), value(label))])
+}
+
+/// Columns that no run of calib has by itself, in which each candidate has one number and not all the same: what was swept.
+fn fields(columns: &Columns<'_>, numbers: &[u64], count: usize) -> Vec<(String, Vec<Value>)> {
+    let mut fields = Vec::new();
+    for name in columns.table.names().filter(|name| !OWN.contains(name)) {
+        let Ok(values) = columns.table.numbers(name) else { continue };
+        let mut of_candidates: Vec<Option<f64>> = vec![None; count];
+        let alike = values.iter().zip(numbers).all(|(value, candidate)| {
+            let known = of_candidates[*candidate as usize].get_or_insert(*value);
+            known.to_bits() == value.to_bits()
+        });
+        let known: Vec<f64> = of_candidates.into_iter().flatten().collect();
+        let differ = known.windows(2).any(|pair| pair[0] != pair[1]);
+        if alike && differ && known.len() == count {
+            let values = known.into_iter().map(Value::from).collect();
+            fields.push((name.to_owned(), values));
+        }
+    }
+    fields
+}
+
+/// Columns that describe runs.
+pub(super) const OWN: [&str; 22] = [
+    "environment",
+    "sensor",
+    "run",
+    "candidate",
+    "label",
+    "is_default",
+    "seed",
+    "start_row",
+    "steps",
+    "updates",
+    "diverged",
+    "scored_steps",
+    "rmse",
+    "nrmse",
+    "skill",
+    "mean_return",
+    "return_std",
+    "error_scale",
+    "rmse_whole_run",
+    "rmse_after_first_quarter",
+    "rmse_final_quarter",
+    "agent",
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(environments: [&str; 4], candidates: [u32; 4], rmse: [f64; 4]) -> Table {
+        Table::new()
+            .with("environment", environments.map(str::to_owned).to_vec())
+            .with("sensor", vec!["A".to_owned(); 4])
+            .with("run", vec![0_u32; 4])
+            .with("candidate", candidates.to_vec())
+            .with("rmse", rmse.to_vec())
+            .with("step_size", candidates.map(|of| f64::from(of) / 4.0).to_vec())
+    }
+
+    fn refused(table: &Table) -> String {
+        match of_table(table, Part::WholeRun) {
+            Ok(_) => unreachable!("refused"),
+            Err(error) => format!("{error}"),
+        }
+    }
+
+    const MEMBERS: [&str; 4] = ["member:0", "member:0", "member:1", "member:1"];
+
+    #[test]
+    fn rows_become_units() {
+        let rmse = [1.0, 2.0, f64::INFINITY, 0.5];
+        let runs = of_table(&table(MEMBERS, [0, 1, 1, 0], rmse), Part::FinalQuarter);
+        let runs = runs.expect("valid");
+        assert_eq!(runs.sensors, ["A"]);
+        let labels: Vec<String> = runs.candidates.iter().map(Candidate::label).collect();
+        assert_eq!(labels, ["step_size = 0", "step_size = 0.25"]);
+        assert_eq!(runs.results.len(), 2);
+        let errors = |of: usize| -> Vec<Option<f64>> {
+            runs.results[of].rows.iter().map(|row| row.rmse(Part::FinalQuarter)).collect()
+        };
+        assert_eq!(errors(0), [Some(1.0), Some(2.0)]);
+        assert_eq!(errors(1), [Some(0.5), Some(f64::INFINITY)]);
+    }
+
+    #[test]
+    fn contradictions_are_refused() {
+        let fine = || table(MEMBERS, [0, 1, 0, 1], [1.0, 2.0, 1.5, 0.5]);
+        let texts = |texts: [&str; 4]| texts.map(str::to_owned).to_vec();
+        assert!(
+            of_table(&fine().with("label", texts(["a", "b", "a", "b"])), Part::WholeRun).is_ok()
+        );
+        for (bad, told) in [
+            (
+                fine().with("label", texts(["a", "b", "a", "c"])),
+                "row 3: candidate 1 is called \"c\"",
+            ),
+            (fine().with("label", texts(["a", "a", "a", "a"])), "0 and 1 are both \"value = a\""),
+            (fine().with("is_default", vec![true, false, false, false]), "row 2: candidate 0 has"),
+            (fine().with("is_default", vec![true; 4]), "are both the default"),
+            (fine().with("gamma", vec![0.9, 0.9, 0.8, 0.9]), "row 2: candidate 0 has gamma = 0.8"),
+            (fine().with("error_scale", vec![1.0, 1.0, 2.0, 1.0]), "the error_scale of A is 2"),
+            (fine().with("start_row", vec![5_u32, 6, 7, 7]), "starts at row 6, and at 5"),
+            (fine().with("start_row", vec![5_i64, 5, 7, 1 << 40]), "expected at most 4294967295"),
+        ] {
+            assert!(refused(&bad).contains(told), "{told}: {}", refused(&bad));
+        }
+    }
+
+    #[test]
+    fn labels_tell_values() {
+        let of = |label: &str| Candidate {
+            index: 0,
+            is_default: false,
+            values: labelled(label),
+            agent: AgentConfig::default(),
+        };
+        for label in ["learning_rate = 0.1, optimiser = adam", "value = forest", "a = 1e-3"] {
+            assert_eq!(of(label).label(), label);
+        }
+        assert_eq!(of("forest, deep").label(), "value = forest, deep");
+        assert_eq!(of("a = 0.001").values[0].1.as_f64(), Some(0.001));
+    }
+
+    #[test]
+    fn mistakes_are_located() {
+        let fine = [1.0; 4];
+        let far = table(["member:0", "member:0", "member:1", "membre:1"], [0, 1, 0, 1], fine);
+        assert!(refused(&far).contains("row 3: environment is \"membre:1\""), "{}", refused(&far));
+        let twice = table(MEMBERS, [0, 0, 0, 1], fine);
+        assert!(
+            refused(&twice).contains("row 1: candidate 0 has another row"),
+            "{}",
+            refused(&twice)
+        );
+        let holes = table(MEMBERS, [0, 2, 0, 2], fine);
+        assert!(refused(&holes).contains("candidate 1 of 3 has no row"), "{}", refused(&holes));
+        let nan = table(MEMBERS, [0, 1, 0, 1], [1.0, f64::NAN, 1.0, 1.0]);
+        assert!(refused(&nan).contains("row 1: rmse is NaN"), "{}", refused(&nan));
+        let none = Table::new().with("environment", vec![String::new()]);
+        assert!(refused(&none).contains("sensor"), "{}", refused(&none));
+    }
+}

@@ -1,0 +1,180 @@
+//! Judging runs that something else made.
+
+use std::{collections::BTreeSet, io::Write as _, path::Path};
+
+use calib_base::{
+    Context as _, StepError,
+    artefact::{Below, Claim, TOOL},
+    ensure,
+};
+use calib_core::{Period, Seed};
+use calib_files::{Fingerprint, fingerprint_file, write_atomically, write_json};
+use calib_model_steps::rollouts::figures;
+use calib_report::{Report, Reproduction, Score, caveats};
+use calib_study::Study;
+use calib_sweep::{Candidate, EnvironmentId, Judging, Rule, Span, UnitResult, verdict};
+
+use super::read::{Runs, read};
+use crate::{
+    sweep::{
+        SweepFacts,
+        simple::{self, SimpleErrors},
+    },
+    verdict::{
+        evaluate::{self, Judgement, Summary},
+        report::{FIGURES, SUMMARY},
+        verdict_rows::{self, sensitivity, verdict_row},
+    },
+};
+
+/// Judge the runs in the table at `path` by the `[evaluate]` of `study`, and write `summary.json`, figures and `report.html` to `output`, if
+/// it is given.
+///
+/// # Errors
+/// If the table cannot be read, lacks a column or has too few runs for the rule; or a file cannot be written.
+pub fn run(path: &Path, study: &Study, output: Option<&Path>) -> Result<Judgement, StepError> {
+    let part = study.part();
+    let Runs { sensors, candidates, results } = read(path, part)?;
+    let mut sweep = manifest(study, candidates);
+    sweep.simple = simple_beside(path)?;
+    let judging = Judging {
+        part,
+        rule: study.evaluate.rule,
+        top_k: study.evaluate.top_k,
+        scales: &[],
+        simple: &sweep.simple.scores,
+        stands_still: false,
+        resamples: study.evaluate.resamples,
+        seed: Seed::new(study.seed).child("verdict"),
+    };
+    let mut verdicts = Vec::new();
+    for sensor in &sensors {
+        check_evidence(sensor, &results, judging.rule)
+            .with_context(|| path.display().to_string())?;
+        verdicts.push(verdict(sensor, &sweep.candidates, &results, &judging)?);
+    }
+    let rows: Vec<calib_report::Verdict> = verdicts
+        .iter()
+        .map(|verdict| verdict_row(verdict, None, &sweep, study, study.model_name()))
+        .collect();
+    let title = study.evaluate.title.clone();
+    let stem = || path.file_stem().map_or_else(String::new, |of| of.to_string_lossy().into_owned());
+    let summary = Summary {
+        format: 2,
+        tool: TOOL,
+        title: title.unwrap_or_else(stem),
+        choices: evaluate::choices(&verdicts, &rows, &sweep.candidates),
+        advice: rows.iter().map(verdict_rows::advice).collect(),
+        predicts: None,
+        plain: rows.iter().map(calib_report::Verdict::plain).collect(),
+        caveats: caveats(&rows),
+        candidates: sweep.candidates.iter().map(Candidate::label).collect(),
+        verdicts,
+        notes: Vec::new(),
+    };
+    if let Some(directory) = output {
+        let report = report(&summary, rows, &sweep, study, path)?;
+        write(directory, &summary, &report)?;
+    }
+    Ok(Judgement { summary, report: output.map(|directory| directory.join(REPORT)) })
+}
+
+/// Whether the runs of a sensor are such as the rule looks at.
+fn check_evidence(sensor: &str, results: &[UnitResult], rule: Rule) -> Result<(), StepError> {
+    let own = results.iter().filter(|of| of.unit.sensor == *sensor);
+    let environments: BTreeSet<EnvironmentId> = own.map(|of| of.unit.environment).collect();
+    let has_members = environments.iter().any(|of| matches!(of, EnvironmentId::Member(_)));
+    let has_log = environments.contains(&EnvironmentId::LogReplay);
+    ensure!(
+        has_members || has_log || !rule.works_without_model(),
+        "sensor {sensor} has no run on the replayed log, \"log-replay\", nor in a member of a model, such as \"member:0\""
+    );
+    ensure!(
+        has_members || rule.works_without_model(),
+        "sensor {sensor} has no run in a member of a model, such as \"member:0\"{}",
+        if has_log { "; without a model set evaluate.rule = \"log_replay\"" } else { "" }
+    );
+    Ok(())
+}
+
+/// What simple predictors came to on the windows of these runs, where calib wrote both.
+fn simple_beside(path: &Path) -> Result<SimpleErrors, StepError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if !folder.join(simple::FILE).is_file() {
+        return Ok(SimpleErrors::default());
+    }
+    let beside = SimpleErrors::read(folder)?;
+    let is_of_these = beside.runs.is_some() && beside.runs == fingerprint_file(path).ok();
+    Ok(if is_of_these { beside } else { SimpleErrors::default() })
+}
+
+/// The page beside the summary.
+const REPORT: &str = "report.html";
+
+/// What is known of runs that calib did not make: how errors follow from values, and what that says.
+fn report(
+    summary: &Summary,
+    verdicts: Vec<calib_report::Verdict>,
+    sweep: &SweepFacts,
+    study: &Study,
+    path: &Path,
+) -> Result<Report, StepError> {
+    let of = |verdict| sensitivity(verdict, &sweep.candidates, study.model_name());
+    Ok(Report {
+        title: summary.title.clone(),
+        subtitle: Some(format!("Runs of {}, which calib did not make.", path.display())),
+        predicts: None,
+        score: Score::nrmse(),
+        decision: None,
+        verdicts,
+        warnings: Vec::new(),
+        sensitivities: summary.verdicts.iter().map(of).collect(),
+        learning: Vec::new(),
+        recorded: Vec::new(),
+        rollouts: Vec::new(),
+        rollout_grids: Vec::new(),
+        jumps: Vec::new(),
+        tables: Vec::new(),
+        data: None,
+        reproduction: reproduction(path, study)?,
+    })
+}
+
+fn reproduction(path: &Path, study: &Study) -> Result<Reproduction, StepError> {
+    let runs = calib_study::shell_words([path.display().to_string()]);
+    // A table is judged as it lies there; one that is a pipe has no content that could be read twice.
+    let fingerprint =
+        fingerprint_file(path).as_ref().map_or_else(|_| String::new(), Fingerprint::to_string);
+    Ok(Reproduction {
+        command: format!("calib evaluate --runs {runs}"),
+        study_toml: toml::to_string(&study.evaluate).map(|text| format!("[evaluate]\n{text}"))?,
+        versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
+        seeds: vec![("study".to_owned(), study.seed)],
+        fingerprint,
+    })
+}
+
+fn write(directory: &Path, summary: &Summary, report: &Report) -> Result<(), StepError> {
+    let sensors = report.sensitivities.iter().map(|of| of.sensor.as_str());
+    let named: Vec<String> =
+        figures::placed(sensors).into_iter().map(|of| format!("sensitivity-{of}")).collect();
+    let drawn = named.iter().flat_map(|name| figures::names(name));
+    let drawn = drawn.map(|name| format!("{FIGURES}/{name}"));
+    // The folder may be the user's.
+    let mut claim = Claim::new(directory, Below::Unknown)?;
+    claim.record().note([SUMMARY, REPORT].map(str::to_owned).into_iter().chain(drawn))?;
+    for (sensitivity, name) in report.sensitivities.iter().zip(&named) {
+        figures::write(&directory.join(FIGURES), name, &sensitivity.figure()?)?;
+    }
+    write_json(&directory.join(SUMMARY), summary)?;
+    let html = report.html()?;
+    Ok(write_atomically(&directory.join(REPORT), |file| file.write_all(html.as_bytes()))?)
+}
+
+/// Of a sweep that calib did not make.
+fn manifest(study: &Study, candidates: Vec<Candidate>) -> SweepFacts {
+    let second = Period::from_micros(1_000_000);
+    let period = second.unwrap_or_else(|| unreachable!("a second is positive"));
+    let span = Span { steps: study.sweep.steps, tail: 1 };
+    SweepFacts::of_no_data(study, period, span, candidates)
+}

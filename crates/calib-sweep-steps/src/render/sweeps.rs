@@ -1,0 +1,45 @@
+use calib_base::{
+    StepError,
+    outcome::Told,
+    output::{Printer, counted, duration, table},
+};
+use calib_study::{Job, StepKind};
+
+use crate::sweep::{Swept, plan::SweepPlan};
+
+impl Told for SweepPlan {
+    fn tell(&self, _job: &Job, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_for_machines() {
+            return printer.json(self);
+        }
+        let mut rows = Vec::new();
+        for candidate in &self.candidates {
+            let note = if candidate.is_default { "the default" } else { "" };
+            rows.push(vec![candidate.label(), candidate.index.to_string(), note.to_owned()]);
+        }
+        printer.lines(&table(&["setting", "number", ""], &rows))
+    }
+}
+
+impl Told for Swept {
+    fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_for_machines() {
+            printer.json(&self.manifest)?;
+        } else {
+            let did = match self.ran {
+                0 => "up to date".to_owned(),
+                ran if self.ran_runs < ran * self.candidates().len() => format!(
+                    "{} made in {} ({}, of the settings that had none)",
+                    counted(ran, "training run"),
+                    duration(self.took),
+                    counted(self.ran_runs, "agent")
+                ),
+                ran => format!("{} made in {}", counted(ran, "training run"), duration(self.took)),
+            };
+            let runs = self.directory.join("runs.parquet");
+            printer.result(&format!("{did}; results in {}", runs.display()))?;
+        }
+        printer.next(&job.next_commands(StepKind::Sweep));
+        Ok(())
+    }
+}

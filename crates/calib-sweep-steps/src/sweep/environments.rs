@@ -1,0 +1,236 @@
+//! The environments of a sweep: members if there is a model, Online and log replay. What each is made of is described first, so that other
+//! processes can open it.
+
+use calib_base::{Context as _, StepError, output::Printer};
+use calib_core::{Frames, Seed};
+use calib_data::Dataset;
+use calib_files::Fingerprint;
+use calib_model::{CalibrationModel, ModelStart, RequestedStart, Search, Weights};
+use calib_model_steps::model::{
+    kinds::search_place,
+    model_files::{self, OpenModel},
+    starts::{StartSummary, Starts, summaries},
+};
+use calib_study::{Job, Study};
+use calib_sweep::{
+    Environment, EnvironmentId, MemberEnvironment, ReplayEnvironment, RolloutOptions, Span, Windows,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::sweep::streams::Streams;
+
+/// What an environment is made of, beside states and tables.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Described {
+    /// A member of a calibration model.
+    Member {
+        /// Counted from 0.
+        number: usize,
+        /// Where each run starts.
+        starts: Vec<ModelStart>,
+        /// What streams follow from, beside their start.
+        inputs: Fingerprint,
+    },
+    /// What is held out.
+    Online {
+        /// Where streams begin.
+        windows: Windows,
+        /// How many there are.
+        runs: usize,
+        /// The held-out states.
+        inputs: Fingerprint,
+    },
+    /// The training range.
+    LogReplay {
+        /// Where streams begin, one for each run.
+        windows: Windows,
+        /// The training states.
+        inputs: Fingerprint,
+    },
+}
+
+/// What environments read: those parts that are there.
+#[derive(Clone, Copy)]
+pub struct Sources<'a> {
+    /// States of the model.
+    pub states: Option<&'a Frames>,
+    /// The model, opened.
+    pub model: Option<&'a dyn CalibrationModel>,
+    /// What log replay replays.
+    pub train: Option<&'a Frames>,
+    /// What is held out.
+    pub held_out: Option<&'a Frames>,
+}
+
+/// How rollouts are made.
+#[derive(Clone, Copy, Debug)]
+pub struct Streaming {
+    pub(crate) span: Span,
+    pub(crate) weights: Weights,
+    pub(crate) seed: Seed,
+}
+
+impl Streaming {
+    /// As a job asks for.
+    ///
+    /// # Errors
+    /// If the weights of neighbours are not valid.
+    pub fn of(study: &Study, span: Span) -> Result<Self, StepError> {
+        let seed = Seed::new(study.seed).child("rollout");
+        Ok(Self { span, weights: study.model.weights()?, seed })
+    }
+}
+
+impl Described {
+    /// Which environment it is.
+    pub fn id(&self) -> EnvironmentId {
+        match self {
+            Self::Member { number, .. } => EnvironmentId::Member(*number),
+            Self::Online { .. } => EnvironmentId::Online,
+            Self::LogReplay { .. } => EnvironmentId::LogReplay,
+        }
+    }
+
+    /// What the stream of each run is made from, as the opened environment says.
+    pub fn inputs(&self) -> Vec<Fingerprint> {
+        match self {
+            Self::Member { starts, inputs, .. } => vec![inputs.clone(); starts.len()],
+            Self::Online { windows, runs, inputs } if !windows.starts.is_empty() => {
+                (0..*runs).map(|run| windows.inputs(inputs, run)).collect()
+            }
+            Self::Online { .. } => Vec::new(),
+            Self::LogReplay { windows, inputs } => {
+                (0..windows.starts.len()).map(|run| windows.inputs(inputs, run)).collect()
+            }
+        }
+    }
+
+    /// The environment.
+    ///
+    /// # Errors
+    /// If what it is made of is not among the `sources`.
+    pub fn open<'a>(
+        &self,
+        sources: Sources<'a>,
+        Streaming { span, weights, seed }: Streaming,
+    ) -> Result<Box<dyn Environment + 'a>, StepError> {
+        let lacks = || format!("what {} is made of is not there", self.id());
+        Ok(match self {
+            Self::Member { number, starts, inputs } => {
+                let (frames, model) = sources.states.zip(sources.model).with_context(lacks)?;
+                let (states, starts) = (frames.states(), starts.clone());
+                let options = RolloutOptions { span, weights, seed, inputs: inputs.clone() };
+                Box::new(MemberEnvironment::new(model, *number, states, starts, options))
+            }
+            Self::Online { windows, runs, inputs } => {
+                let held_out = sources.held_out.with_context(lacks)?;
+                let (windows, inputs) = (windows.clone(), inputs.clone());
+                Box::new(ReplayEnvironment::online(held_out, windows, *runs, inputs))
+            }
+            Self::LogReplay { windows, inputs } => {
+                let train = sources.train.with_context(lacks)?;
+                Box::new(ReplayEnvironment::log_replay(train, windows.clone(), inputs.clone()))
+            }
+        })
+    }
+}
+
+/// Everything that agents are trained in.
+#[derive(Default)]
+pub struct Environments {
+    /// What each is made of, in the order of the sweep.
+    pub described: Vec<Described>,
+    /// What the reader should know of start states.
+    pub(crate) starts: Vec<String>,
+}
+
+impl Environments {
+    /// As long as `streams` says.
+    pub(crate) fn describe(
+        job: &Job,
+        model: Option<&OpenModel>,
+        dataset: &Dataset,
+        streams: &Streams,
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
+        let members =
+            model.map(|model| Self::of_model(job, model, dataset, printer)).transpose()?;
+        let mut all = members.unwrap_or_default();
+        all.described.extend(replayed(job, dataset, streams));
+        Ok(all)
+    }
+
+    /// The members of a model.
+    fn of_model(
+        job: &Job,
+        model: &OpenModel,
+        dataset: &Dataset,
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
+        let (study, paths) = (job.study(), job.layout());
+        let mut described = Vec::new();
+        let configured = study.sweep_starts();
+        let rollout_seed = Seed::new(study.seed).child("rollout");
+        let starts =
+            Starts::new(&configured, &study.data, model, dataset.held_out.as_ref(), rollout_seed)?;
+        let inputs = (
+            model_files::content(&model.manifest)?,
+            (study.model.weights, study.model.temperature),
+            &configured,
+            // Not the deployment itself: where start states are the same for several, so are the streams.
+            starts.origin(dataset.held_out_fingerprint.as_ref())?,
+        );
+        let inputs = match study.rollout_noise() {
+            Some(noise) => serde_json::to_vec(&(inputs, noise))?,
+            None => serde_json::to_vec(&inputs)?,
+        };
+        let inputs = Fingerprint::of(&inputs);
+        // Beside the states that are searched: what the sweep writes need not be there yet.
+        let place = search_place(&*model.model, &paths.model());
+        let progress = printer.progress();
+        let search = Search { place: &place, monitor: &progress };
+        let all = starts.of_members(study.member_runs(), search)?;
+        drop(progress);
+        let given: Vec<Vec<(RequestedStart, Option<f32>)>> =
+            all.iter().map(|starts| starts.iter().map(ModelStart::given).collect()).collect();
+        for (number, starts) in all.into_iter().enumerate() {
+            described.push(Described::Member { number, starts, inputs: inputs.clone() });
+        }
+        Ok(Self { described, starts: notes(&summaries(&given)) })
+    }
+}
+
+/// The logs that are replayed.
+fn replayed(job: &Job, dataset: &Dataset, streams: &Streams) -> Vec<Described> {
+    let mut described = Vec::new();
+    if let (Some(inputs), Some(windows)) = (&dataset.held_out_fingerprint, &streams.online) {
+        let (windows, inputs) = (windows.clone(), inputs.clone());
+        described.push(Described::Online { windows, runs: job.study().sweep.online_runs, inputs });
+    }
+    if !streams.log.starts.is_empty() {
+        let (windows, inputs) = (streams.log.clone(), dataset.fingerprint.clone());
+        described.push(Described::LogReplay { windows, inputs });
+    }
+    described
+}
+
+/// All of them, opened.
+pub(crate) fn open_all<'a>(
+    described: &[Described],
+    sources: Sources<'a>,
+    rolling: Streaming,
+) -> Result<Vec<Box<dyn Environment + 'a>>, StepError> {
+    described.iter().map(|one| one.open(sources, rolling)).collect()
+}
+
+/// One sentence a member whose start states are not those that were asked for.
+fn notes(summaries: &[StartSummary]) -> Vec<String> {
+    let lacking = summaries.iter().enumerate().filter(|(_, summary)| summary.replaced > 0);
+    lacking
+        .filter_map(|(member, summary)| {
+            Some(format!("ensemble member {member}: {}", summary.text()?))
+        })
+        .collect()
+}

@@ -1,0 +1,111 @@
+//! How long a sweep will take, before it does.
+
+use std::collections::BTreeMap;
+
+use calib_base::{
+    StepError,
+    log::context::RunContext,
+    output::{bytes, count, duration_of_secs},
+};
+use calib_core::{RowIndex, RowStream};
+use calib_model_steps::model::model_files;
+use calib_study::{Job, Study};
+use calib_sweep::RunStream;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::sweep::{
+    cost::{Cost, MEASURED_STEPS, Trained},
+    plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
+    setting::{candidates_of, scorable},
+};
+
+/// Bytes of one value's result in the file of a unit, and of each point of its learning curve.
+const ROW_BYTES: u64 = 750;
+const POINT_BYTES: u64 = 82;
+
+/// What is left of a sweep, by the time that some of its steps took on this machine.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Expected {
+    /// Passes over streams, each by all values for all sensors.
+    pub(crate) passes: usize,
+    /// Threads that share them.
+    pub(crate) threads: usize,
+    /// Until the last one ends, if nothing else runs.
+    pub(crate) secs: f64,
+    /// Of all threads together.
+    pub(crate) processor_secs: f64,
+    /// Bytes of results.
+    pub(crate) disk: u64,
+}
+
+impl Expected {
+    /// Of a sweep that was planned, with `passes` left.
+    pub(crate) fn of(
+        cost: Cost,
+        plan: &SweepPlan,
+        passes: usize,
+        sensors: usize,
+        study: &Study,
+    ) -> Self {
+        // Passes train those settings alone that have no run yet.
+        let share = plan.runs_left as f64 / (plan.left * plan.candidates.len()).max(1) as f64;
+        Self::new(cost.of_share(sensors, share), passes, plan.threads, plan.runs_left as u64, study)
+    }
+
+    fn new(pass_secs: f64, passes: usize, threads: usize, results: u64, study: &Study) -> Self {
+        let rounds = passes.div_ceil(threads.max(1));
+        Self {
+            passes,
+            threads: threads.min(passes),
+            secs: pass_secs * rounds as f64,
+            processor_secs: pass_secs * passes as f64,
+            disk: results * (ROW_BYTES + POINT_BYTES * study.sweep.curve_points as u64),
+        }
+    }
+
+    pub(crate) fn line(&self) -> String {
+        format!(
+            "expecting about {} on {} threads ({} passes over the data, {} of processor time); up to {} on disk",
+            duration_of_secs(self.secs),
+            self.threads,
+            count(self.passes),
+            duration_of_secs(self.processor_secs),
+            bytes(self.disk)
+        )
+    }
+}
+
+/// Say what a sweep will take that waits for the steps before it: as much as on the log itself, replayed.
+///
+/// # Errors
+/// If the log cannot be read, or has not what the study sweeps.
+pub fn before_model(job: &Job, counted: &Counted, context: &RunContext) -> Result<(), StepError> {
+    let study = job.study();
+    let candidates = candidates_of(study)?;
+    let (parts, streams) = scorable(job, &candidates, &context.silent())?;
+    let Ok(streams) = streams else { return Ok(()) };
+    let dataset = &parts.dataset;
+    let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+    let starts = BTreeMap::new();
+    let steps = streams.demand.span.steps;
+    let trained =
+        Trained { study, candidates: &candidates, sensors: &sensors, starts: &starts, steps };
+    let online = if dataset.held_out.is_some() { study.sweep.online_runs } else { 0 };
+    let passes = study.members() * study.member_runs() + online + study.sweep.log_replay_runs;
+    let units = passes * sensors.len();
+    let sizes = Sizes::of(study, dataset, streams.demand.span, [units, passes]);
+    let threads = rayon::current_num_threads();
+    Memory::of(&sizes, &agents_of(&candidates), threads).check()?;
+    let frames = &dataset.train;
+    let states = streams.demand.span.states().min(frames.rows()).min(MEASURED_STEPS);
+    let replayed = RowStream::looped(frames.states().clone(), frames.segments(), 0, states);
+    let streamed = RunStream::complete(replayed, RowIndex::new(0));
+    let progress = context.silent().progress();
+    let cost = Cost::over(trained, &streamed, 0.0, counted.measured(), &progress)?;
+    let results = (units * candidates.len()) as u64;
+    let expected = Expected::new(cost.of(sensors.len()), passes, threads, results, study);
+    context.say(&expected.line());
+    counted.expect(job, expected);
+    Ok(())
+}

@@ -1,0 +1,160 @@
+use calib_base::artefact::{Artefact, Facts};
+use calib_core::{Period, Timestamp};
+use calib_data::Dataset;
+use calib_files::Fingerprint;
+use calib_model_steps::model::model_files;
+use calib_study::{StepKind, Study};
+use calib_sweep::{Candidate, ErrorScale, PlannedUnit, Span};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{simple::SimpleErrors, streams::OnlineWindow};
+
+/// `manifest.json` of a sweep directory.
+pub type SweepManifest = Artefact<SweepFacts>;
+
+/// What is told of a sweep.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub struct SweepFacts {
+    /// Fingerprint of all units.
+    pub(crate) key: String,
+    #[schemars(with = "calib_base::resolved::ResolvedStudy")]
+    pub study: Study,
+    pub(crate) data: Fingerprint,
+    /// Fingerprint of the model; none without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
+    /// What log replay replayed, and agents learned from; of a study without a model, whose manifest says it elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) learned: Option<LearnedStates>,
+    pub(crate) period: Period,
+    /// What Online replays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) held_out: Option<HeldOut>,
+    /// How long streams are.
+    pub span: Span,
+    /// What trained the agents, if not calib's own arithmetic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arithmetic: Option<String>,
+    /// The windows of it that are replayed, in the order of time.
+    #[serde(default)]
+    pub windows: Vec<OnlineWindow>,
+    /// What errors are divided by.
+    pub scales: Vec<ErrorScale>,
+    /// Sensors that stand still in all of these windows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) standing_still: Vec<String>,
+    /// Why nothing was trained, if nothing was: the deployment cannot be scored.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) left_out: Option<String>,
+    pub candidates: Vec<Candidate>,
+    /// The key of each candidate's setting, by which its runs are found in every unit.
+    pub(crate) settings: Vec<String>,
+    pub(crate) units: Vec<PlannedUnit>,
+    /// What the reader of the results should know.
+    pub(crate) notes: Vec<String>,
+    /// What simple predictors came to, from a file beside the manifest.
+    #[serde(skip)]
+    pub(crate) simple: SimpleErrors,
+}
+
+/// The training states of a sweep.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct LearnedStates {
+    pub(crate) rows: usize,
+    pub(crate) segments: usize,
+    /// Times of the first and the last.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) times: Option<[Timestamp; 2]>,
+}
+
+impl LearnedStates {
+    fn of(dataset: &Dataset) -> Self {
+        let frames = &dataset.train;
+        let (rows, segments) = (frames.rows(), frames.segments().len());
+        Self { rows, segments, times: model_files::first_and_last(frames) }
+    }
+}
+
+/// The states of a deployment.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct HeldOut {
+    pub(crate) rows: u64,
+    /// Times of the first and the last.
+    pub(crate) times: [Timestamp; 2],
+    /// Their fingerprint.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) data: Option<Fingerprint>,
+}
+
+impl HeldOut {
+    fn of(dataset: &Dataset) -> Option<Self> {
+        let frames = dataset.held_out.as_ref()?;
+        let times = model_files::first_and_last(frames)?;
+        let data = dataset.held_out_fingerprint.clone();
+        Some(Self { rows: frames.rows() as u64, times, data })
+    }
+}
+
+impl SweepFacts {
+    /// Of a sweep that has trained nothing yet.
+    pub(crate) fn of_nothing(
+        study: &Study,
+        dataset: &Dataset,
+        model: Option<String>,
+        span: Span,
+        candidates: Vec<Candidate>,
+    ) -> Self {
+        Self {
+            data: dataset.fingerprint.clone(),
+            learned: (!study.has_model()).then(|| LearnedStates::of(dataset)),
+            model,
+            held_out: HeldOut::of(dataset),
+            ..Self::of_no_data(study, dataset.period, span, candidates)
+        }
+    }
+
+    /// This `command`, on the device that the sweep was made on, if it was one.
+    pub(crate) fn again(&self, command: &str) -> String {
+        let device = self.arithmetic.as_deref().and_then(|class| class.strip_prefix("libtorch-"));
+        device.map_or_else(|| command.to_owned(), |device| format!("{command} --device {device}"))
+    }
+
+    /// Of runs that calib did not make, of whose data it knows nothing.
+    pub(crate) fn of_no_data(
+        study: &Study,
+        period: Period,
+        span: Span,
+        candidates: Vec<Candidate>,
+    ) -> Self {
+        Self {
+            key: String::new(),
+            study: study.clone(),
+            data: Fingerprint::of(b""),
+            model: None,
+            learned: None,
+            period,
+            held_out: None,
+            span,
+            arithmetic: None,
+            windows: Vec::new(),
+            scales: Vec::new(),
+            standing_still: Vec::new(),
+            left_out: None,
+            candidates,
+            settings: Vec::new(),
+            units: Vec::new(),
+            notes: Vec::new(),
+            simple: SimpleErrors::default(),
+        }
+    }
+}
+
+impl Facts for SweepFacts {
+    const FORMAT: u32 = 5;
+    const STEP: StepKind = StepKind::Sweep;
+
+    fn key(&self) -> &str {
+        &self.key
+    }
+}

@@ -1,0 +1,22 @@
+//! Sweeps: what agents are trained in, and what is left to run.
+
+pub mod cost;
+pub mod environments;
+pub mod expected;
+mod manifest;
+pub(crate) mod notes;
+pub mod plan;
+pub mod planned;
+pub(crate) mod recorded;
+mod run;
+pub mod setting;
+pub mod simple;
+pub(crate) mod standing_still;
+pub mod streams;
+pub(crate) mod tables;
+
+pub use manifest::SweepManifest;
+pub(crate) use manifest::{LearnedStates, SweepFacts};
+pub use run::{
+    Found, Pool, Source, SweepResult, Swept, on_device, put_together, run, unit_store, wall_secs,
+};

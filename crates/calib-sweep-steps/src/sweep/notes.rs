@@ -1,0 +1,98 @@
+//! What the reader of a sweep's results should know of its streams and runs.
+
+use std::collections::BTreeMap;
+
+use calib_base::output::{Printer, percent};
+use calib_core::Normaliser;
+use calib_data::Dataset;
+use calib_sweep::{EnvironmentId, NotFinite, UnitResult};
+
+use crate::sweep::{
+    standing_still::{self, Still},
+    streams::Streams,
+};
+
+/// The sensors that stand still in a window of what is held out, with a warning of each.
+pub(crate) fn standing_still(
+    dataset: &Dataset,
+    streams: &Streams,
+    sensors: &[(String, usize)],
+    printer: &Printer,
+) -> Vec<Still> {
+    let still = match (&streams.online, &dataset.held_out) {
+        (Some(windows), Some(held_out)) => standing_still::all(held_out.states(), windows, sensors),
+        _ => Vec::new(),
+    };
+    for of in &still {
+        printer.warn(&of.note());
+    }
+    still
+}
+
+/// The runs of each environment whose rollout left the finite numbers, and where, with a warning of each.
+pub(crate) fn failed_rollouts(
+    results: &[UnitResult],
+    normaliser: &Normaliser,
+    printer: &Printer,
+) -> Vec<String> {
+    let mut environments: BTreeMap<EnvironmentId, BTreeMap<usize, NotFinite>> = BTreeMap::new();
+    for result in results {
+        if let Some(not_finite) = result.not_finite {
+            let runs = environments.entry(result.unit.environment).or_default();
+            runs.insert(result.unit.run, not_finite);
+        }
+    }
+    let note = |(environment, runs): (EnvironmentId, BTreeMap<usize, NotFinite>)| {
+        let told = |(run, NotFinite { step, column }): (&usize, &NotFinite)| {
+            format!("run {run} at step {step} in {}", normaliser.columns()[*column].name)
+        };
+        format!(
+            "the model's rollout left the finite numbers in {environment}: {}; every setting has an infinite error there",
+            runs.iter().map(told).collect::<Vec<_>>().join(", ")
+        )
+    };
+    let notes: Vec<String> = environments.into_iter().map(note).collect();
+    for note in &notes {
+        printer.warn(note);
+    }
+    notes
+}
+
+/// What a race saved of `all` runs of a setting, in words; nothing where it dropped none.
+pub(crate) fn saved(results: &[UnitResult], all: usize) -> Option<String> {
+    let made: usize = results.iter().map(|result| result.rows.len()).sum();
+    (made < all).then(|| {
+        let share = percent((all - made) as f64 / all as f64);
+        format!("the race dropped settings early, which saved {share} of the runs; the verdict names them")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_sweep::{RunRow, Unit};
+
+    use super::*;
+
+    #[test]
+    fn what_a_race_saved_is_counted_in_runs() {
+        let row = |candidate| RunRow {
+            candidate,
+            steps: 10,
+            updates: 1,
+            scores: calib_agent::Scores::default(),
+            diverged_at: None,
+            curve: Vec::new(),
+        };
+        let result = |run, values: usize| UnitResult {
+            key: String::new(),
+            unit: Unit { sensor: "A".to_owned(), environment: EnvironmentId::Member(0), run },
+            seed: 0,
+            start_row: 0,
+            not_finite: None,
+            rows: (0..values).map(row).collect(),
+        };
+        assert_eq!(saved(&[result(0, 4), result(1, 4)], 8), None);
+        let told = saved(&[result(0, 4), result(1, 2)], 8).expect("two runs were not made");
+        assert!(told.contains("saved 25 % of the runs"), "{told}");
+    }
+}

@@ -1,0 +1,313 @@
+//! What a sweep would do, before it does it.
+
+use std::{cell::RefCell, collections::BTreeSet};
+
+use calib_agent::{Accelerator, AgentConfig, MOST_TOGETHER, training_bytes};
+use calib_base::{
+    StepError, bail, memory,
+    output::{Printer, bytes, count},
+};
+use calib_data::Dataset;
+use calib_model::ModelFamily;
+use calib_study::{Job, Study};
+use calib_sweep::{Candidate, Span};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::sweep::{cost::MeasuredPasses, expected::Expected};
+
+/// Units that a dry run of several models and deployments has counted: those that are the same are run once.
+#[derive(Debug, Default)]
+pub struct Counted {
+    units: RefCell<BTreeSet<String>>,
+    expected: RefCell<Vec<OfPart>>,
+    measured: MeasuredPasses,
+}
+
+/// What the sweep of one model in one deployment will take.
+#[derive(Clone, Debug)]
+pub struct OfPart {
+    /// The model, of several.
+    pub model: Option<String>,
+    /// The deployment, of several.
+    pub deployment: Option<String>,
+    /// Time and memory.
+    pub expected: Expected,
+}
+
+impl Counted {
+    /// Count these units, and say how many had been counted before.
+    pub(crate) fn again(&self, keys: impl Iterator<Item = String>) -> usize {
+        let mut counted = self.units.borrow_mut();
+        keys.filter(|key| !counted.insert(key.clone())).count()
+    }
+
+    /// Remember what the sweep of a job will take.
+    pub(crate) fn expect(&self, job: &Job, expected: Expected) {
+        let (model, deployment) = (job.model(), job.deployment());
+        let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
+        self.expected.borrow_mut().push(OfPart { model, deployment, expected });
+    }
+
+    /// What passes of models and deployments before took.
+    pub(crate) fn measured(&self) -> &MeasuredPasses {
+        &self.measured
+    }
+
+    /// What was remembered.
+    pub fn expected(&self) -> Vec<OfPart> {
+        self.expected.borrow().clone()
+    }
+}
+
+/// What is to be done: the result of a dry run.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct SweepPlan {
+    /// Every value, in the order of the results.
+    pub(crate) candidates: Vec<Candidate>,
+    /// Units (sensor, environment, run) in all.
+    pub(crate) units: usize,
+    /// Units that have no result yet.
+    pub(crate) left: usize,
+    /// Runs that have no result yet: of each of these units, one for each setting that was not trained on it.
+    pub(crate) runs_left: usize,
+    /// Of these units, those that an earlier model or deployment of the same command runs already.
+    pub(crate) shared: usize,
+    /// Steps of every stream.
+    pub(crate) steps: usize,
+    /// Threads that share the work.
+    pub(crate) threads: usize,
+    /// What it takes.
+    pub(crate) memory: Memory,
+    /// How long it will take, if something is left.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) expected: Option<Expected>,
+}
+
+/// Bytes that a sweep takes at most.
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+pub(crate) struct Memory {
+    /// Recorded states, shared by all threads.
+    pub(crate) data: u64,
+    /// One stream with its agents, on each thread that has a unit to run.
+    pub(crate) thread: u64,
+    /// Rollouts of a network, which are kept because every sensor sees them: all states of all runs.
+    pub(crate) predictions: u64,
+    /// Results and learning curves of all units.
+    pub(crate) results: u64,
+    /// All of it.
+    pub(crate) total: u64,
+    /// What the system has, where it says so.
+    pub(crate) available: Option<u64>,
+}
+
+/// The agents of all values.
+pub fn agents_of(candidates: &[Candidate]) -> Vec<AgentConfig> {
+    candidates.iter().map(|candidate| candidate.agent.clone()).collect()
+}
+
+/// What agents take that learn along one stream. A program's own are its own: calib has one prediction of each for every state, and returns.
+pub(crate) fn agents_bytes(
+    agents: &[AgentConfig],
+    sensors: usize,
+    width: usize,
+    states: usize,
+) -> u64 {
+    if agents.iter().any(AgentConfig::is_external) {
+        (states * (4 * agents.len() + 8) * sensors) as u64
+    } else {
+        training_bytes(agents, sensors, width, states)
+    }
+}
+
+/// What the memory of a sweep depends on.
+pub(crate) struct Sizes {
+    /// Recorded states: of the training range, once more of the model if there is one, and held out.
+    rows: usize,
+    /// Values in a state.
+    width: usize,
+    /// How long streams are.
+    span: Span,
+    sensors: usize,
+    curve_points: usize,
+    /// Units in all: one a sensor, environment and run.
+    units: usize,
+    /// Passes over streams that are left, each for all sensors.
+    passes: usize,
+    /// Runs of a model whose rollouts are kept.
+    predicted_runs: usize,
+}
+
+impl Sizes {
+    /// Of a sweep of `units` units of `steps` steps, of which `passes` passes over streams are still to be made.
+    pub(crate) fn of(
+        study: &Study,
+        dataset: &Dataset,
+        span: Span,
+        [units, passes]: [usize; 2],
+    ) -> Self {
+        let held_out = dataset.held_out.as_ref().map_or(0, calib_core::Frames::rows);
+        Self {
+            rows: (1 + usize::from(study.has_model())) * dataset.train.rows() + held_out,
+            width: dataset.train.states().columns(),
+            span,
+            sensors: study.sweep.sensors.len(),
+            curve_points: study.sweep.curve_points,
+            units,
+            passes,
+            predicted_runs: match study.model.kind.family() {
+                ModelFamily::Network => study.member_runs(),
+                ModelFamily::Neighbors | ModelFamily::None => 0,
+            },
+        }
+    }
+}
+
+impl Memory {
+    /// Of a sweep of `agents` on so many threads.
+    pub(crate) fn of(sizes: &Sizes, agents: &[AgentConfig], threads: usize) -> Self {
+        let &Sizes { rows, width, span, sensors, curve_points, units, passes, predicted_runs } =
+            sizes;
+        let states = span.states();
+        // States are f32, timestamps 8 bytes.
+        let data = (rows * (4 * width + 8)) as u64;
+        // A stream is a list of row numbers.
+        let thread = 4 * states as u64 + agents_bytes(agents, sensors, width, states);
+        let predictions = 4 * (predicted_runs * states * width) as u64;
+        let row = 200 + 24 * curve_points as u64;
+        let results = (units * agents.len()) as u64 * row;
+        let total = data + threads.min(passes) as u64 * thread + predictions + results;
+        Self { data, thread, predictions, results, total, available: memory::available() }
+    }
+
+    /// The same of runs that an accelerator trains side by side, on this machine: their streams, twice on the way there, and networks where it is no other device.
+    pub(crate) fn side_by_side(self, sizes: &Sizes, accelerator: &dyn Accelerator) -> Self {
+        let (states, runs) = (sizes.span.states(), sizes.passes.min(MOST_TOGETHER));
+        // Beside the states: returns of each sensor, the course, the draws.
+        let of_run = (states * (8 * sizes.width + 8 * sizes.sensors + 32)) as u64;
+        let thread = accelerator.memory() + runs as u64 * of_run;
+        let total = self.data + thread + self.predictions + self.results;
+        Self { thread, total, ..self }
+    }
+
+    /// Whether there is as much.
+    pub(crate) fn fits(&self) -> bool {
+        self.available.is_none_or(|available| self.total <= available)
+    }
+
+    /// Refuse what would not fit.
+    ///
+    /// # Errors
+    /// If there is less memory, with what to do.
+    pub(crate) fn check(&self) -> Result<(), StepError> {
+        let Some(available) = self.available.filter(|_| !self.fits()) else { return Ok(()) };
+        let shared = self.data + self.predictions + self.results;
+        let fit = available.saturating_sub(shared) / self.thread.max(1);
+        let advice = if fit > 0 {
+            format!("use --threads {fit}, or fewer or smaller settings")
+        } else if self.thread > shared {
+            "sweep fewer or smaller settings (hidden_units, batch_size), or set a smaller sweep.steps"
+                .to_owned()
+        } else {
+            "use a shorter data.train or a larger preprocess.subsample, or set a smaller sweep.curve_points"
+                .to_owned()
+        };
+        bail!(
+            "the sweep may take {} of memory and {} are available; {advice}",
+            bytes(self.total),
+            bytes(available)
+        )
+    }
+
+    fn text(&self) -> String {
+        let available = self
+            .available
+            .map_or_else(String::new, |available| format!("; {} are available", bytes(available)));
+        let predictions = match self.predictions {
+            0 => String::new(),
+            predictions => format!(", {} of predicted states", bytes(predictions)),
+        };
+        format!(
+            "memory: up to {} ({} of data, {} a thread{predictions}, {} of results){available}",
+            bytes(self.total),
+            bytes(self.data),
+            bytes(self.thread),
+            bytes(self.results)
+        )
+    }
+}
+
+impl SweepPlan {
+    /// Say what will be done, and refuse what would not fit.
+    pub(crate) fn announce(&self, study: &Study, printer: &Printer) -> Result<(), StepError> {
+        let shared = match self.shared {
+            0 => String::new(),
+            shared => format!(", {} of them with an earlier model or deployment", count(shared)),
+        };
+        let of_all = self.left * self.candidates.len();
+        let runs = if self.runs_left < of_all {
+            format!(" ({} of their {} agents)", count(self.runs_left), count(of_all))
+        } else {
+            String::new()
+        };
+        printer.say(&format!(
+            "{} settings x {} training runs (sensor, environment, run) of {} steps, for {}; {}{runs} left to make on {} threads{shared}",
+            self.candidates.len(),
+            count(self.units),
+            count(self.steps),
+            study.sweep.sensors.join(", "),
+            if self.left == self.units { "all runs are".to_owned() } else { format!("{} runs are", count(self.left)) },
+            self.threads,
+        ));
+        if self.left == 0 {
+            return Ok(());
+        }
+        let memory = &self.memory;
+        printer.say(&memory.text());
+        memory.check()?;
+        if let Some(expected) = &self.expected {
+            printer.say(&expected.line());
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_units_are_counted_once() {
+        let counted = Counted::default();
+        let keys = ["a", "b", "c"].map(str::to_owned);
+        assert_eq!(counted.again(keys[..2].iter().cloned()), 0);
+        assert_eq!(counted.again(keys.iter().cloned()), 2);
+        assert_eq!(counted.again(keys.iter().cloned()), 3);
+    }
+
+    #[test]
+    fn every_array_counts_once() {
+        let sizes = Sizes {
+            rows: 1000,
+            width: 10,
+            span: Span { steps: 99, tail: 1 },
+            sensors: 3,
+            curve_points: 50,
+            units: 60,
+            passes: 20,
+            predicted_runs: 16,
+        };
+        let agents =
+            [AgentConfig::default(), AgentConfig { learning_rate: 0.5, ..AgentConfig::default() }];
+        let memory = Memory::of(&sizes, &agents, 4);
+        assert_eq!(memory.data, 1000 * 48);
+        assert_eq!(memory.predictions, 16 * 100 * 10 * 4);
+        // One row a unit and value: units are of one sensor already.
+        assert_eq!(memory.results, 60 * 2 * (200 + 24 * 50));
+        assert_eq!(memory.thread, 4 * 100 + training_bytes(&agents, 3, 10, 100));
+        assert_eq!(memory.total, 48_000 + 4 * memory.thread + 64_000 + 168_000);
+        // Two passes keep no more than two threads busy, however many units they make.
+        let few = Memory::of(&Sizes { passes: 2, predicted_runs: 0, ..sizes }, &agents, 4);
+        assert_eq!(few.total, 48_000 + 2 * memory.thread + 168_000);
+    }
+}

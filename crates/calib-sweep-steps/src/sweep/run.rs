@@ -1,0 +1,457 @@
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use calib_agent::{Accelerator, check_accelerated};
+use calib_base::{
+    StepError,
+    artefact::{self, Artefact, Claim},
+    clock::Stopwatch,
+    log::{
+        context::RunContext,
+        profile_file::{self, PROFILE},
+    },
+    options::Device,
+    outcome::{Outcome, StepResult},
+    output::Printer,
+    torch,
+};
+use calib_data::Dataset;
+use calib_files::{read_json, write_json};
+use calib_model_steps::model::model_files;
+use calib_study::{Job, Layout, Study};
+use calib_sweep::{
+    Baselines, Candidate, Completed, Plan, Span, Stored, Unit, UnitResult, UnitRuns, UnitStore,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::sweep::{
+    expected::Expected,
+    manifest::{SweepFacts, SweepManifest},
+    notes::{failed_rollouts, saved},
+    plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
+    planned::PlannedSweep,
+    recorded,
+    setting::{Setting, Unsettled, candidates_of},
+    simple,
+    standing_still::Still,
+    streams::{OnlineWindow, Streams, error_scales, online_windows},
+    tables as sweep_tables,
+};
+
+/// Where a sweep keeps its finished units; those of another arithmetic than calib's own lie apart.
+pub fn unit_store(directory: &Path, arithmetic: Option<&str>) -> UnitStore {
+    let apart = arithmetic.map_or_else(String::new, |class| format!("-{class}"));
+    UnitStore::new(directory.join(format!("units{apart}")))
+}
+
+/// What a sweep came to.
+pub type SweepResult = StepResult<Swept, SweepPlan>;
+
+/// A finished sweep.
+#[derive(Debug)]
+pub struct Swept {
+    pub(crate) manifest: SweepManifest,
+    pub(crate) directory: PathBuf,
+    /// Of how many units something was run just now.
+    pub(crate) ran: usize,
+    /// Runs that were made just now.
+    pub(crate) ran_runs: usize,
+    pub(crate) took: Duration,
+}
+
+impl Swept {
+    /// Every value that agents were trained for, in the order of the results.
+    pub fn candidates(&self) -> &[Candidate] {
+        &self.manifest.candidates
+    }
+
+    /// Units (sensor, environment, run) of it.
+    pub fn units(&self) -> usize {
+        self.manifest.units.len()
+    }
+
+    /// Of how many of them something was run just now; the others were there.
+    pub fn ran(&self) -> usize {
+        self.ran
+    }
+
+    /// Runs that were made just now: of each of those units, one for each setting that had none.
+    pub fn ran_runs(&self) -> usize {
+        self.ran_runs
+    }
+
+    /// What the reader of the results should know.
+    pub fn notes(&self) -> &[String] {
+        &self.manifest.notes
+    }
+
+    /// Where they are.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+}
+
+/// Runs of units by unit and key, as other processes made them.
+pub type Pool = BTreeMap<(Unit, String), UnitRuns>;
+
+/// Train every candidate in every environment, on a device if one is named. A dry run says what was `counted` before.
+///
+/// # Errors
+/// If the study, the model or the log is not what it should be, training fails, or the observer asks to stop.
+pub fn run(
+    job: &Job,
+    counted: &Counted,
+    device: Option<Device>,
+    context: &RunContext,
+) -> Result<SweepResult, StepError> {
+    let accelerator = on_device(device, job.study())?;
+    sweep(job, counted, Source { pool: None, accelerator: accelerator.as_deref() }, context)
+}
+
+/// What trains the agents of a study on a device, if one is named, before anything is read or made.
+///
+/// # Errors
+/// If this calib has no libtorch, the device is not there, or agents are not such as are trained side by side.
+pub fn on_device(
+    device: Option<Device>,
+    study: &Study,
+) -> Result<Option<Box<dyn Accelerator>>, StepError> {
+    let Some(device) = device else { return Ok(None) };
+    for candidate in candidates_of(study)? {
+        check_accelerated(&candidate.agent)?;
+    }
+    Ok(Some(torch::accelerator(device)?))
+}
+
+/// Write the results that other processes made, where nothing is left to train.
+///
+/// # Errors
+/// [`SweepError::Incomplete`] if something is, before anything is written.
+pub fn put_together(
+    job: &Job,
+    pool: &Pool,
+    context: &RunContext,
+) -> Result<SweepResult, StepError> {
+    sweep(job, &Counted::default(), Source { pool: Some(pool), accelerator: None }, context)
+}
+
+/// Where results come from, if not from this program's own arithmetic.
+#[derive(Clone, Copy, Default)]
+pub struct Source<'a> {
+    /// Other processes.
+    pool: Option<&'a Pool>,
+    /// What trains.
+    accelerator: Option<&'a dyn Accelerator>,
+}
+
+fn sweep(
+    job: &Job,
+    counted: &Counted,
+    Source { pool, accelerator }: Source<'_>,
+    context: &RunContext,
+) -> Result<SweepResult, StepError> {
+    let clock = Stopwatch::start();
+    let (study, directory) = (job.study(), job.layout().sweep());
+    let setting = match Setting::of(job, context)? {
+        Ok(setting) => setting,
+        Err(unsettled) => return leave_out(job, unsettled, context),
+    };
+    let span = setting.streams.demand.span;
+    let environments = setting.open(study)?;
+    let baselines = Baselines::new(&setting.dataset.train);
+    let plan = setting.plan(study, &environments, &baselines, accelerator)?;
+    let arithmetic = accelerator.map(Accelerator::class);
+    let store = unit_store(&directory, arithmetic);
+    let Found { own, stored } = Found::of(&plan, &store, job, Source { pool, accelerator })?;
+    let missing = plan.left(&stored)?;
+    if pool.is_some() && missing > 0 {
+        plan.collected(&stored)?;
+    }
+    let passes = plan.passes(&stored)?;
+    let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), passes]);
+    let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
+    let left = Left { units: missing, runs: plan.runs_left(&stored)?, shared };
+    let mut preview = preview(&setting.candidates, &sizes, plan.count(), left, span);
+    if let Some(accelerator) = accelerator {
+        preview.memory = preview.memory.side_by_side(&sizes, accelerator);
+    }
+    // Of a program, and of another arithmetic, it is not known.
+    let is_own = setting.program.is_none() && accelerator.is_none();
+    let is_timed = is_own && missing > shared && preview.memory.fits();
+    if job.policy().is_dry() && is_timed {
+        preview.expected = Some(expected(job, &setting, &preview, passes, counted, context)?);
+    }
+    preview.announce(study, context)?;
+    if job.policy().is_dry() {
+        context.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(preview));
+    }
+    // Nothing is given up, nor need the disk be writable, before there is something to write.
+    let is_done = missing == 0 && stored.whole().keys().all(|unit| own.whole().contains_key(unit));
+    let kept = if is_done { finished(&directory, job) } else { None };
+    let planned = PlannedSweep::of(study, &setting.candidates, &plan, arithmetic);
+    let claim = kept.is_none().then(|| begun(&directory, &planned)).transpose()?;
+    if job.policy().redoes() {
+        store.clear()?;
+    }
+    put_shared(&plan, &own, &stored, &store)?;
+    let Completed { results, ran, runs: ran_runs } =
+        plan.complete(stored, &store, &context.progress())?;
+    let mut manifest = Artefact::new(facts(study, &setting, &plan, &results, context)?);
+    if let Some(class) = arithmetic {
+        note_arithmetic(&mut manifest, class);
+    }
+    manifest.files = kept.as_ref().map(|kept| kept.files.clone()).unwrap_or_default();
+    let is_the_same = match kept {
+        Some(kept) => serde_json::to_value(&kept)? == serde_json::to_value(&manifest)?,
+        None => false,
+    };
+    if !is_the_same {
+        let claim = match claim {
+            Some(claim) => claim,
+            None => begun(&directory, &planned)?,
+        };
+        sweep_tables::write(&directory, &manifest, &results)?;
+        let simple = setting.simple_errors(&environments, &baselines)?;
+        context.say_all(simple.starts().as_slice());
+        simple.write(&directory)?;
+        write_data(&directory, study, &setting)?;
+        if ran > 0 {
+            write_timings(&directory, ran, &clock)?;
+        }
+        manifest = claim.finish(manifest.facts, tables(study))?;
+    }
+    Ok(StepResult::Made(Swept { manifest, directory, ran, ran_runs, took: clock.elapsed() }))
+}
+
+/// Note that agents were trained by something that rounds in its own way.
+fn note_arithmetic(facts: &mut SweepFacts, class: &str) {
+    facts.arithmetic = Some(class.to_owned());
+    facts.notes.push(format!(
+        "agents were trained by {class}, which rounds differently from calib, so compare only runs that were trained alike"
+    ));
+}
+
+/// How long what was planned takes, with `passes` left, by some steps of one.
+fn expected(
+    job: &Job,
+    setting: &Setting,
+    plan: &SweepPlan,
+    passes: usize,
+    counted: &Counted,
+    context: &RunContext,
+) -> Result<Expected, StepError> {
+    let cost = setting.cost(job.study(), counted.measured(), &context.silent().progress())?;
+    let expected = Expected::of(cost, plan, passes, setting.sensors.len(), job.study());
+    counted.expect(job, expected.clone());
+    Ok(expected)
+}
+
+/// What is told of these results.
+fn facts(
+    study: &Study,
+    setting: &Setting,
+    plan: &Plan<'_>,
+    results: &[UnitResult],
+    printer: &Printer,
+) -> Result<SweepFacts, StepError> {
+    let Setting { model, dataset, candidates, streams, sensors, still, .. } = setting;
+    let units = plan.planned(results);
+    let settings: Vec<String> = plan.settings().iter().map(ToString::to_string).collect();
+    printer.say_all(saved(results, setting.runs()).as_slice());
+    let failed = failed_rollouts(results, &dataset.normaliser, printer);
+    let notes = [
+        setting.notes.clone(),
+        streams.notes.clone(),
+        still.iter().map(Still::note).collect(),
+        setting.environments.starts.clone(),
+        failed,
+    ];
+    let content = model.as_ref().map(|model| model_files::content(&model.manifest)).transpose()?;
+    let span = streams.demand.span;
+    Ok(SweepFacts {
+        key: artefact::key(&(&units, &settings))?,
+        windows: windows(dataset, streams),
+        standing_still: still.iter().filter_map(Still::everywhere).collect(),
+        scales: error_scales(dataset, sensors, candidates),
+        settings,
+        units,
+        notes: notes.concat(),
+        ..SweepFacts::of_nothing(study, dataset, content, span, candidates.clone())
+    })
+}
+
+/// Write what a report shows of the data, which it does not read.
+fn write_data(directory: &Path, study: &Study, setting: &Setting) -> Result<(), StepError> {
+    let Setting { dataset, pretrain, sensors, .. } = setting;
+    recorded::write(directory, dataset, pretrain.as_ref(), sensors)?;
+    if study.has_model() {
+        return Ok(());
+    }
+    // A model has a profile beside it.
+    profile_file::write(directory, &dataset.profile)
+}
+
+/// What of a sweep is left to be trained.
+#[derive(Clone, Copy)]
+struct Left {
+    units: usize,
+    runs: usize,
+    /// Of the units, those that an earlier part of the same command runs.
+    shared: usize,
+}
+
+/// What it takes to train all `candidates` on so many `units`.
+fn preview(
+    candidates: &[Candidate],
+    sizes: &Sizes,
+    units: usize,
+    left: Left,
+    span: Span,
+) -> SweepPlan {
+    let threads = rayon::current_num_threads();
+    let memory = Memory::of(sizes, &agents_of(candidates), threads);
+    SweepPlan {
+        candidates: candidates.to_vec(),
+        units,
+        left: left.units,
+        runs_left: left.runs,
+        shared: left.shared,
+        steps: span.steps,
+        threads,
+        memory,
+        expected: None,
+    }
+}
+
+/// What a sweep writes beside its units; of a study without a model also what its data looked like.
+fn tables(study: &Study) -> impl Iterator<Item = &'static str> {
+    let profile = (!study.has_model()).then_some(PROFILE);
+    sweep_tables::FILES.into_iter().chain([recorded::RECORDED, simple::FILE]).chain(profile)
+}
+
+/// Claim the directory of a sweep, and say what its runs are known by.
+fn begun(directory: &Path, planned: &PlannedSweep) -> Result<Claim, StepError> {
+    let claim = Claim::begun(directory)?;
+    planned.write(directory)?;
+    Ok(claim)
+}
+
+/// The manifest of a sweep whose tables are what was written.
+fn finished(directory: &Path, job: &Job) -> Option<SweepManifest> {
+    let kept = artefact::read::<SweepManifest>(directory)?;
+    (!job.policy().redoes() && kept.is_whole(directory)).then_some(kept)
+}
+
+/// What Online replays.
+fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
+    match (&streams.online, &dataset.held_out) {
+        (Some(windows), Some(held_out)) => online_windows(windows, held_out),
+        _ => Vec::new(),
+    }
+}
+
+/// Write down why nothing can be scored in a deployment, so that the other ones are judged without it.
+fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<SweepResult, StepError> {
+    let Unsettled { dataset, model, candidates, reason } = unsettled;
+    let study = job.study();
+    let name = job.deployment().unwrap_or_default();
+    printer.error(&format!("deployment {name} is left out: {reason}"));
+    if job.policy().is_dry() {
+        return Ok(StepResult::Nothing(Outcome::Negative));
+    }
+    let span =
+        Span::new(study.sweep.steps, candidates.iter().map(|candidate| candidate.agent.gamma));
+    let facts = SweepFacts {
+        key: artefact::key(&reason)?,
+        left_out: Some(reason),
+        ..SweepFacts::of_nothing(study, &dataset, model, span, candidates)
+    };
+    Claim::begun(&job.layout().sweep())?.finish(facts, [])?;
+    Ok(StepResult::Nothing(Outcome::Negative))
+}
+
+/// Units that are left to run, and that another part of the same command runs before.
+fn shared_units(plan: &Plan<'_>, stored: &Stored, counted: &Counted) -> usize {
+    let units = plan.units();
+    let left = units.iter().filter(|planned| !stored.whole().contains_key(&planned.unit));
+    counted.again(left.map(|planned| planned.fingerprint(plan.settings())))
+}
+
+/// Put the runs that others have beside a sweep's own.
+fn put_shared(
+    plan: &Plan<'_>,
+    own: &Stored,
+    stored: &Stored,
+    store: &UnitStore,
+) -> Result<(), StepError> {
+    for (unit, result) in stored.whole() {
+        if !own.whole().contains_key(unit) {
+            store.put(&plan.runs_of(result))?;
+        }
+    }
+    for (unit, runs) in stored.begun() {
+        if own.begun().get(unit) != Some(runs) {
+            store.put(runs)?;
+        }
+    }
+    Ok(())
+}
+
+/// Units that need not be run.
+#[derive(Default)]
+pub struct Found {
+    /// What this sweep has.
+    own: Stored,
+    /// The same and what others of the study have: Online and log replay are the same for all models, members for all
+    /// deployments that give the same start states. And what other processes made.
+    pub stored: Stored,
+}
+
+impl Found {
+    /// Look in the `store` of a job, in those of other models and deployments, and in the pool.
+    ///
+    /// # Errors
+    /// If a key cannot be made.
+    pub fn of(
+        plan: &Plan<'_>,
+        store: &UnitStore,
+        job: &Job,
+        Source { pool, accelerator }: Source<'_>,
+    ) -> Result<Self, StepError> {
+        if job.policy().redoes() {
+            return Ok(Self::default());
+        }
+        let arithmetic = accelerator.map(Accelerator::class);
+        let others = job.layout().other_sweeps();
+        let others = others.iter().map(|sweep| unit_store(sweep, arithmetic)).collect();
+        let store = store.clone();
+        let own = plan.stored(&store)?;
+        let all = store.beside(others);
+        let stored = plan.known(&|unit, key| {
+            let made = pool.and_then(|pool| pool.get(&(unit.clone(), key.to_owned())));
+            UnitRuns::merged(made.cloned().into_iter().chain(all.get(unit, key)))
+        })?;
+        Ok(Self { own, stored })
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+struct Timings {
+    units: usize,
+    wall_secs: f64,
+}
+
+fn write_timings(directory: &Path, units: usize, clock: &Stopwatch) -> Result<(), StepError> {
+    let wall_secs = clock.elapsed().as_secs_f64();
+    Ok(write_json(&directory.join("timings.json"), &Timings { units, wall_secs })?)
+}
+
+/// How long the sweep took when it last ran anything.
+pub fn wall_secs(paths: &Layout) -> Option<f64> {
+    let timings: Timings = read_json(&paths.sweep().join("timings.json")).ok()?;
+    Some(timings.wall_secs)
+}

@@ -1,0 +1,241 @@
+//! What a sweep follows from, before anything is trained.
+
+use std::collections::BTreeMap;
+
+use calib_agent::Accelerator;
+use calib_base::{
+    StepError, bail,
+    log::{
+        context::RunContext,
+        partition::{self, Parts, PretrainPart},
+    },
+};
+use calib_core::{Monitor, Seed};
+use calib_data::Dataset;
+use calib_model_steps::model::model_files::{self, OpenModel};
+use calib_study::{Job, Study};
+use calib_sweep::{
+    Baselines, Candidate, Environment, Plan, PlanOptions, Program, Span, Start, SweepError,
+    candidates, recorded_windows,
+};
+
+use crate::{
+    agents::pretrain_files,
+    program::ExternalAgents,
+    sweep::{
+        cost::{Cost, MEASURED_STEPS, MeasuredPasses, Trained},
+        environments::{Environments, Sources, Streaming, open_all},
+        notes::standing_still,
+        simple::SimpleErrors,
+        standing_still::Still,
+        streams::Streams,
+    },
+};
+
+/// A sweep that can be planned.
+pub struct Setting {
+    /// None for a study without one.
+    pub model: Option<OpenModel>,
+    /// The log.
+    pub dataset: Dataset,
+    pub(crate) pretrain: Option<PretrainPart>,
+    /// What agents are trained with, in the order of the results.
+    pub candidates: Vec<Candidate>,
+    /// How long streams are, and which windows of the log they are.
+    pub streams: Streams,
+    /// What they are trained in.
+    pub environments: Environments,
+    /// Name and column of each.
+    pub sensors: Vec<(String, usize)>,
+    pub(crate) still: Vec<Still>,
+    /// What agents start from, by sensor, if they were pre-trained.
+    pub starts: BTreeMap<String, Start>,
+    /// What trains agents, if not calib.
+    pub(crate) program: Option<ExternalAgents>,
+    /// What is to be told of them.
+    pub(crate) notes: Vec<String>,
+}
+
+/// A deployment in which nothing can be trained, and why.
+pub struct Unsettled {
+    pub(crate) dataset: Dataset,
+    pub(crate) model: Option<String>,
+    pub(crate) candidates: Vec<Candidate>,
+    /// Why.
+    pub reason: String,
+}
+
+impl Setting {
+    /// Read and check everything that the sweep of a job follows from.
+    ///
+    /// # Errors
+    /// If the study is wrong, the model is not there or of other data, the log cannot be read, or the observer asks to stop.
+    pub fn of(job: &Job, context: &RunContext) -> Result<Result<Self, Unsettled>, StepError> {
+        let study = job.study();
+        let candidates = candidates_of(study)?;
+        let model = model_files::open_if_any(job)?;
+        let (Parts { dataset, pretrain, .. }, streams) = scorable(job, &candidates, context)?;
+        if let Some(model) = &model {
+            model_files::check_data(job, &model.manifest, &dataset)?;
+        }
+        let streams = match streams {
+            Ok(streams) => streams,
+            Err(reason) => {
+                let model = model.map(|model| model_files::content(&model.manifest)).transpose()?;
+                return Ok(Err(Unsettled { dataset, model, candidates, reason }));
+            }
+        };
+        let environments =
+            Environments::describe(job, model.as_ref(), &dataset, &streams, context)?;
+        let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+        let still = standing_still(&dataset, &streams, &sensors, context);
+        let (starts, notes) =
+            pretrain_files::starts(job, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
+        context.say_all(&notes);
+        Ok(Ok(Self {
+            model,
+            dataset,
+            pretrain,
+            candidates,
+            streams,
+            environments,
+            sensors,
+            still,
+            starts,
+            program: ExternalAgents::of(job)?,
+            notes,
+        }))
+    }
+
+    /// The environments, opened.
+    ///
+    /// # Errors
+    /// As [`Described::open`](super::environments::Described::open).
+    pub fn open(&self, study: &Study) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
+        self.open_of(study, self.streams.demand.span)
+    }
+
+    /// What their passes take, by some steps of one.
+    ///
+    /// # Errors
+    /// As [`Cost::measure`].
+    pub fn cost(
+        &self,
+        study: &Study,
+        measured: &MeasuredPasses,
+        monitor: &dyn Monitor,
+    ) -> Result<Cost, StepError> {
+        let span = self.streams.demand.span;
+        let short = Span { steps: span.steps.min(MEASURED_STEPS), ..span };
+        let environments = self.open_of(study, short)?;
+        Cost::measure(Trained::of(study, self), &environments, measured, monitor)
+    }
+
+    fn open_of(
+        &self,
+        study: &Study,
+        span: Span,
+    ) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
+        let sources = Sources {
+            states: self.model.as_ref().map(|model| &model.frames),
+            model: self.model.as_ref().map(|model| &*model.model),
+            train: Some(&self.dataset.train),
+            held_out: self.dataset.held_out.as_ref(),
+        };
+        let rolling = Streaming::of(study, span)?;
+        open_all(&self.environments.described, sources, rolling)
+    }
+
+    /// What simple predictors come to over the recorded windows of the environments.
+    pub(crate) fn simple_errors(
+        &self,
+        environments: &[Box<dyn Environment + '_>],
+        baselines: &Baselines<'_>,
+    ) -> Result<SimpleErrors, StepError> {
+        let environments: Vec<&dyn Environment> =
+            environments.iter().map(|environment| &**environment).collect();
+        let windows = recorded_windows(&environments)?;
+        let predicted = (&self.sensors[..], &self.dataset.normaliser);
+        let (agent, span) = (&self.candidates[0].agent, self.streams.demand.span);
+        SimpleErrors::measure(baselines, &windows, predicted, agent, span)
+    }
+
+    /// Runs in all: of every value, for every sensor, in every environment.
+    pub(crate) fn runs(&self) -> usize {
+        let of_each: usize =
+            self.environments.described.iter().map(|environment| environment.inputs().len()).sum();
+        of_each * self.sensors.len() * self.candidates.len()
+    }
+
+    /// The plan of a sweep in these environments.
+    ///
+    /// # Errors
+    /// As [`raced`]; also if what the sweep asks for cannot be trained so.
+    pub fn plan<'a>(
+        &'a self,
+        study: &Study,
+        environments: &'a [Box<dyn Environment + 'a>],
+        baselines: &'a Baselines<'a>,
+        accelerator: Option<&'a dyn Accelerator>,
+    ) -> Result<Plan<'a>, SweepError> {
+        let as_dyn = environments.iter().map(|environment| &**environment).collect();
+        let options = PlanOptions {
+            part: self.streams.demand.part,
+            span: self.streams.demand.span,
+            curve_points: study.sweep.curve_points,
+            seed: agent_seed(study),
+        };
+        let plan = Plan::new(&self.candidates, as_dyn, self.sensors.clone(), options);
+        let program = self.program.as_ref().map(|program| program as &dyn Program);
+        let plan = plan.starting_from(self.starts.clone()).with_baselines(Some(baselines));
+        raced(plan.by(program).on(accelerator), study)
+    }
+}
+
+/// Root of the agents' seeds.
+pub fn agent_seed(study: &Study) -> Seed {
+    Seed::new(study.seed).child("agent")
+}
+
+/// The plan as a race, where the study has one.
+///
+/// # Errors
+/// If the study asks for a race that cannot be held.
+pub fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, SweepError> {
+    match study.sweep.race_rule() {
+        Some(rule) => plan.race(rule),
+        None => Ok(plan),
+    }
+}
+
+/// The values that a study sweeps.
+pub(crate) fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> {
+    if study.sweep.sensors.is_empty() {
+        bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
+    }
+    let seed = Seed::new(study.seed).child("sweep");
+    Ok(candidates(&study.sweep, &study.agent, seed)?)
+}
+
+/// What is read, and the streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
+pub(crate) fn scorable(
+    job: &Job,
+    candidates: &[Candidate],
+    context: &RunContext,
+) -> Result<(Parts, Result<Streams, String>), StepError> {
+    let is_one_of_several = job.deployment().is_some();
+    let parts = match partition::load(job, context) {
+        Err(reason) if is_one_of_several && partition::is_outside(&reason) => {
+            let rest = partition::load_training(job, context)?;
+            return Ok((rest, Err(format!("{reason}"))));
+        }
+        parts => parts?,
+    };
+    let streams = match Streams::of(job.study(), &parts.dataset, candidates, context) {
+        Err(reason) if is_one_of_several && matches!(reason.root(), StepError::Unscorable(_)) => {
+            Err(reason.to_string())
+        }
+        streams => Ok(streams?),
+    };
+    Ok((parts, streams))
+}

@@ -1,0 +1,189 @@
+//! How long the streams of a sweep are, and which windows of the log they replay.
+
+use calib_agent::{Part, ReturnMoments};
+use calib_base::{
+    StepError,
+    artefact::MANIFEST,
+    log::{
+        context::RunContext,
+        partition::{self, Parts},
+    },
+    output::{Printer, count},
+};
+use calib_core::{Frames, RowStream, Seed, Timestamp};
+use calib_data::Dataset;
+use calib_study::{Job, Study};
+use calib_sweep::{Candidate, Demand, ErrorScale, Span, Windows, candidates};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What streams a sweep has, and why they are not what the study says.
+pub struct Streams {
+    /// Steps of a stream, and the part of them that counts.
+    pub demand: Demand,
+    /// Windows of the held-out range; none without one.
+    pub(crate) online: Option<Windows>,
+    /// Windows of the log.
+    pub(crate) log: Windows,
+    pub(crate) notes: Vec<String>,
+}
+
+impl Streams {
+    /// # Errors
+    /// [`StepError::Unscorable`] if no step of the held-out range could be scored, which is better known before any is trained on.
+    pub(crate) fn of(
+        study: &Study,
+        dataset: &Dataset,
+        candidates: &[Candidate],
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
+        let sweep = &study.sweep;
+        let mut notes = Vec::new();
+        let mut steps = sweep.steps;
+        match &dataset.held_out {
+            Some(held_out) if held_out.rows() <= steps => {
+                steps = held_out.rows().saturating_sub(1);
+                notes.push(format!(
+                    "training runs have {} steps, not {}, because the held-out period has no more; hold out more, or lower sweep.steps",
+                    count(steps),
+                    count(sweep.steps)
+                ));
+            }
+            Some(_) => {}
+            None => notes
+                .push("no held-out period, so the choice cannot be checked; set data.held_out or data.train_fraction".to_owned()),
+        }
+        let gammas = candidates.iter().map(|candidate| candidate.agent.gamma);
+        let gamma = gammas.clone().fold(0.0, f64::max);
+        let demand = Demand { span: Span::new(steps, gammas), gamma, part: study.part() };
+        let online = match &dataset.held_out {
+            Some(held_out) => Some(held_out_windows(study, held_out, demand, &mut notes)?),
+            None => None,
+        };
+        let log = Windows::log(dataset.train.segments(), demand, sweep.log_replay_runs);
+        if log.starts.is_empty() && !study.has_model() {
+            return Err(nothing_decides(demand));
+        }
+        if log.left_out > 0 {
+            notes.push(format!(
+                "{} of {} windows of the log are not replayed, because gaps leave hardly a step to score in them",
+                log.left_out, sweep.log_replay_runs
+            ));
+        }
+        for note in &notes {
+            printer.warn(note);
+        }
+        Ok(Self { demand, online, log, notes })
+    }
+}
+
+/// Why a study without a model has nothing to choose by.
+fn nothing_decides(demand: Demand) -> StepError {
+    let Demand { span, gamma, .. } = demand;
+    StepError::Unscorable(format!(
+        "no window of the training range can be replayed, and without a model (model.kind = \"none\") nothing else would decide: runs have \
+         {} steps, and scoring a prediction at gamma = {gamma} needs the {} states after it, in stretches without a gap; use a longer \
+         data.train, a smaller sweep.steps or gamma, or set model.kind = \"knn\"",
+        count(span.steps),
+        span.tail
+    ))
+}
+
+/// Refuse a study whose only held-out range could not be scored, before a model is built. What there are several of is left out one by one.
+///
+/// # Errors
+/// [`StepError::Unscorable`], or a log that cannot be read.
+pub fn check(job: &Job, context: &RunContext) -> Result<(), StepError> {
+    let study = job.study();
+    if !study.deployments.is_empty() || job.layout().model().join(MANIFEST).exists() {
+        return Ok(());
+    }
+    // The steps that follow say again what there is to say.
+    let silent = &context.silent();
+    let Parts { dataset, .. } = partition::load(job, silent)?;
+    let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
+    Streams::of(study, &dataset, &candidates, silent).map(|_| ())
+}
+
+fn held_out_windows(
+    study: &Study,
+    held_out: &Frames,
+    demand: Demand,
+    notes: &mut Vec<String>,
+) -> Result<Windows, StepError> {
+    let asked = study.sweep.online_windows.min(study.sweep.online_runs);
+    let windows = Windows::held_out(held_out.segments(), demand, asked);
+    if windows.starts.is_empty() {
+        let longest = held_out.segments().iter().map(calib_core::Segment::len).max().unwrap_or(0);
+        let range = study.data.held_out.as_ref().map_or_else(String::new, |of| format!(" ({of})"));
+        let other = match demand.part {
+            Part::WholeRun => "or a smaller gamma",
+            _ => "a smaller gamma, or sweep.scored = \"whole_run\"",
+        };
+        return Err(StepError::Unscorable(format!(
+            "the held-out period{range} is too short for gamma = {}: scoring a prediction needs the {} states after it, the longest stretch without a gap has {} states, and {} of runs of {} steps are scored; hold out a longer period, {other}",
+            demand.gamma,
+            demand.span.tail,
+            count(longest),
+            part_name(demand.part),
+            count(demand.span.steps),
+        )));
+    }
+    if windows.left_out > 0 {
+        notes.push(format!(
+            "{} windows of the held-out period are left out, because gaps leave hardly a step to score in them",
+            windows.left_out
+        ));
+    }
+    Ok(windows)
+}
+
+/// What is scored, in words.
+pub(crate) const fn part_name(part: Part) -> &'static str {
+    match part {
+        Part::WholeRun => "all steps",
+        Part::AfterFirstQuarter => "the last three quarters",
+        Part::FinalQuarter => "the last quarter",
+    }
+}
+
+/// What a sweep replays as Online.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub struct OnlineWindow {
+    /// First row of the held-out range.
+    pub(crate) start_row: usize,
+    /// Times of the first state and the last.
+    pub(crate) times: [Timestamp; 2],
+}
+
+/// The windows of the held-out range, with their times.
+pub(crate) fn online_windows(windows: &Windows, held_out: &Frames) -> Vec<OnlineWindow> {
+    let time = |row: usize| held_out.timestamps()[row];
+    let of = |&start: &usize| {
+        let times = [time(start), time(start + windows.states - 1)];
+        OnlineWindow { start_row: start, times }
+    };
+    windows.starts.iter().map(of).collect()
+}
+
+/// The scale of every sensor's errors: what its return spreads over the training range, for each discount factor.
+pub(crate) fn error_scales(
+    dataset: &Dataset,
+    sensors: &[(String, usize)],
+    candidates: &[Candidate],
+) -> Vec<ErrorScale> {
+    let mut gammas: Vec<f64> = candidates.iter().map(|candidate| candidate.agent.gamma).collect();
+    gammas.sort_by(f64::total_cmp);
+    gammas.dedup();
+    let train = &dataset.train;
+    let replay = RowStream::replay(train.states().clone(), train.segments());
+    let of = |(sensor, column): &(String, usize)| {
+        let scale = |&gamma: &f64| ErrorScale {
+            sensor: sensor.clone(),
+            gamma,
+            returns: ReturnMoments::of(&replay, *column, gamma),
+        };
+        gammas.iter().map(scale).collect::<Vec<_>>()
+    };
+    sensors.iter().flat_map(of).collect()
+}

@@ -1,0 +1,191 @@
+//! A sweep's results as tidy tables.
+
+use std::{collections::BTreeSet, path::Path};
+
+use calib_agent::{Part, PartScore};
+use calib_base::{StepError, artefact::write_table, ensure};
+use calib_data::table::Table;
+use calib_sweep::{Candidate, ErrorScale, RunRow, UnitResult};
+use serde_json::Value;
+
+use crate::sweep::SweepFacts;
+
+/// Where runs and learning curves are written.
+pub(crate) const FILES: [&str; 2] = ["runs.parquet", "curves.parquet"];
+
+/// `runs.parquet`, one row a run, and `curves.parquet`, one row a point of a learning curve.
+pub(crate) fn write(
+    directory: &Path,
+    sweep: &SweepFacts,
+    results: &[UnitResult],
+) -> Result<(), StepError> {
+    let candidates = &sweep.candidates;
+    let [runs, curves] = FILES.map(|name| directory.join(name));
+    write_table(runs_table(sweep, results), &runs)?;
+    write_table(curves_table(candidates, results), &curves)
+}
+
+fn runs_table(sweep: &SweepFacts, results: &[UnitResult]) -> Table {
+    let rows = rows_of(results);
+    let of_rows = rows.iter().map(|(_, row)| row.candidate);
+    let table = with_agent_columns(named(&rows), &sweep.candidates, &of_rows);
+    with_errors(table, sweep, sweep.study.part(), &rows)
+}
+
+/// The same of agents that calib does not know: labels, and the values that were swept in the place of calib's agent.
+///
+/// # Errors
+/// If a swept field has the name of another column.
+pub(crate) fn external_runs(
+    sweep: &SweepFacts,
+    part: Part,
+    results: &[UnitResult],
+) -> Result<Table, StepError> {
+    let (rows, candidates) = (rows_of(results), &sweep.candidates);
+    let of_rows = || rows.iter().map(|(_, row)| &candidates[row.candidate]);
+    let mut table = named(&rows)
+        .with("label", of_rows().map(Candidate::label).collect())
+        .with("is_default", of_rows().map(|of| of.is_default).collect());
+    let fields = candidates.iter().flat_map(|of| &of.values).map(|(field, _)| field);
+    let gamma = sweep.study.agent.gamma;
+    for field in fields.collect::<BTreeSet<_>>() {
+        let values: Vec<Option<&Value>> = of_rows()
+            .map(|of| of.values.iter().find_map(|(name, value)| (name == field).then_some(value)))
+            .collect();
+        ensure!(
+            !(OWN.contains(&field.as_str()) || table.values(field).is_some()),
+            "a swept value cannot be called `{field}`: runs have a column of that name"
+        );
+        table = if values.iter().flatten().all(|value| value.is_number()) {
+            table.with_optional(field, values.iter().map(|of| of.and_then(Value::as_f64)).collect())
+        } else {
+            let texts = values.iter().map(|of| of.map(calib_sweep::written));
+            table.with_optional(field, texts.collect())
+        };
+    }
+    let table = table.with("gamma", vec![gamma; rows.len()]);
+    Ok(with_errors(table, sweep, part, &rows))
+}
+
+/// Columns that every table of runs has.
+const OWN: [&str; 17] = [
+    "gamma",
+    "seed",
+    "start_row",
+    "steps",
+    "updates",
+    "diverged",
+    "scored_steps",
+    "rmse",
+    "nrmse",
+    "skill",
+    "mean_return",
+    "return_std",
+    "error_scale",
+    "rmse_whole_run",
+    "rmse_after_first_quarter",
+    "rmse_final_quarter",
+    "agent",
+];
+
+type Row<'a> = (&'a UnitResult, &'a RunRow);
+
+fn rows_of(results: &[UnitResult]) -> Vec<Row<'_>> {
+    results.iter().flat_map(|result| result.rows.iter().map(move |row| (result, row))).collect()
+}
+
+/// Which run each row is of.
+fn named(rows: &[Row<'_>]) -> Table {
+    Table::new()
+        .with("environment", rows.iter().map(|(r, _)| r.unit.environment.to_string()).collect())
+        .with("sensor", rows.iter().map(|(r, _)| r.unit.sensor.clone()).collect())
+        .with("run", rows.iter().map(|(r, _)| r.unit.run as u32).collect())
+        .with("candidate", rows.iter().map(|(_, row)| row.candidate as u32).collect())
+}
+
+/// What each run came to.
+fn with_errors(table: Table, sweep: &SweepFacts, part: Part, rows: &[Row<'_>]) -> Table {
+    let candidates = &sweep.candidates;
+    let table = table
+        .with("seed", rows.iter().map(|(r, _)| r.seed).collect())
+        .with("start_row", rows.iter().map(|(r, _)| r.start_row).collect())
+        .with("steps", rows.iter().map(|(_, row)| row.steps as u32).collect())
+        .with("updates", rows.iter().map(|(_, row)| row.updates).collect())
+        .with("diverged", rows.iter().map(|(_, row)| row.diverged_at.is_some()).collect());
+    let scale = |(result, row): &Row<'_>| {
+        ErrorScale::find(&sweep.scales, &result.unit.sensor, &candidates[row.candidate])
+    };
+    let scores = |of: &dyn Fn(&PartScore) -> f64, part| -> Vec<Option<f64>> {
+        rows.iter().map(|(_, row)| row.scores.of(part).as_ref().map(of)).collect()
+    };
+    let rmse = |part| -> Vec<f64> {
+        rows.iter().map(|(_, row)| row.rmse(part).unwrap_or(f64::NAN)).collect()
+    };
+    let errors = rmse(part);
+    let nrmse = errors.iter().zip(rows).map(|(rmse, of)| rmse / scale(of)).collect();
+    let skill = errors.iter().zip(rows).map(|(rmse, (_, row))| {
+        let std = row.scores.of(part)?.return_std;
+        (std > 0.0 && rmse.is_finite()).then(|| 1.0 - rmse / std)
+    });
+    let steps = rows.iter().map(|(_, row)| row.scores.of(part).map_or(0, |of| of.scored_steps));
+    let mut table = table
+        .with("scored_steps", steps.map(|steps| steps as u32).collect())
+        .with("rmse", errors.clone())
+        .with("nrmse", nrmse)
+        .with_optional("skill", skill.collect())
+        .with_optional("mean_return", scores(&|of| of.mean_return, part))
+        .with_optional("return_std", scores(&|of| of.return_std, part))
+        .with("error_scale", rows.iter().map(scale).collect());
+    for (name, part) in PARTS {
+        table = table.with(name, rmse(part));
+    }
+    table
+}
+
+/// The error of each part of a run, whichever is scored.
+const PARTS: [(&str, Part); 3] = [
+    ("rmse_whole_run", Part::WholeRun),
+    ("rmse_after_first_quarter", Part::AfterFirstQuarter),
+    ("rmse_final_quarter", Part::FinalQuarter),
+];
+
+/// Every field of the agent as a column of its own.
+fn with_agent_columns(
+    mut table: Table,
+    candidates: &[Candidate],
+    rows: &(impl Iterator<Item = usize> + Clone),
+) -> Table {
+    let agents: Vec<_> = candidates.iter().map(|candidate| candidate.agent.fields()).collect();
+    let fields: Vec<String> =
+        agents.first().map_or_else(Vec::new, |agent| agent.keys().cloned().collect());
+    for field in fields {
+        let of = |candidate: usize| &agents[candidate][&field];
+        table = if agents.iter().all(|agent| agent[&field].is_number()) {
+            let values = rows.clone().map(|row| of(row).as_f64().unwrap_or(f64::NAN));
+            table.with(&field, values.collect())
+        } else {
+            let values = rows.clone().map(|row| calib_sweep::written(of(row)));
+            table.with(&field, values.collect::<Vec<String>>())
+        };
+    }
+    table
+}
+
+/// One row a point of a learning curve.
+pub(crate) fn curves_table(candidates: &[Candidate], results: &[UnitResult]) -> Table {
+    let mut points = Vec::new();
+    for result in results {
+        for row in &result.rows {
+            points.extend(row.curve.iter().map(|point| (result, row.candidate, *point)));
+        }
+    }
+    let label = |candidate: usize| candidates[candidate].label();
+    Table::new()
+        .with("environment", points.iter().map(|(r, ..)| r.unit.environment.to_string()).collect())
+        .with("sensor", points.iter().map(|(r, ..)| r.unit.sensor.clone()).collect())
+        .with("run", points.iter().map(|(r, ..)| r.unit.run as u32).collect())
+        .with("candidate", points.iter().map(|(_, candidate, _)| *candidate as u32).collect())
+        .with("label", points.iter().map(|(_, candidate, _)| label(*candidate)).collect())
+        .with("step", points.iter().map(|(.., point)| point.step as u32).collect())
+        .with("rmse", points.iter().map(|(.., point)| point.rmse).collect())
+}

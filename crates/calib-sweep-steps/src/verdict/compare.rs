@@ -1,0 +1,439 @@
+//! One report on several models and deployments of the same study.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use calib_base::{
+    StepError,
+    artefact::{self, TOOL},
+    ensure,
+    log::context::RunContext,
+    outcome::{NoPlan, Outcome, StepResult},
+};
+use calib_core::Monitor;
+use calib_files::write_json;
+use calib_model_steps::rollouts::{
+    comparison::{self, Comparison, Pair},
+    figures::{self, Starts},
+    one_step::Predicting,
+    rollout::{self, RolloutManifest},
+};
+use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
+use calib_study::{Job, Layout, Study};
+use calib_sweep::SensorVerdict;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::verdict::{
+    compare_choices::choices,
+    compare_pairs::{self, Comparisons},
+    compare_tables,
+    deployed::{self, Deployed},
+    evaluate::{self, Judged, Summary, judge, told},
+    kept_report, learning, recorded_together, report, report_data,
+};
+
+/// The verdicts on several models and deployments, beside each other.
+#[derive(Debug)]
+pub struct Compared {
+    pub(crate) summaries: Summaries,
+    /// In the order in which they were judged.
+    pub(crate) places: Vec<Place>,
+    /// What models chose, as a table for a terminal.
+    pub(crate) choices: String,
+    pub(crate) notes: Vec<String>,
+    pub(crate) report: PathBuf,
+    pub(crate) outcome: Outcome,
+}
+
+/// Where the summary of a model in a deployment is, and what the two are called together.
+#[derive(Debug)]
+pub(crate) struct Place {
+    pub(crate) name: String,
+    model: String,
+    deployment: Option<String>,
+}
+
+impl Compared {
+    /// What is said of each sensor for one model in one deployment, of several.
+    pub fn verdicts(&self, model: &str, deployment: Option<&str>) -> &[SensorVerdict] {
+        self.summary(model, deployment).map_or(&[], |summary| &summary.verdicts)
+    }
+
+    /// The verdicts as `summary.json` has them, which is what `--json` prints.
+    pub fn summaries(&self) -> &Summaries {
+        &self.summaries
+    }
+
+    /// The report on all of them.
+    pub fn report(&self) -> &Path {
+        &self.report
+    }
+
+    /// The summary of a place.
+    pub(crate) fn at(&self, place: &Place) -> Option<&Summary> {
+        self.summary(&place.model, place.deployment.as_deref())
+    }
+
+    fn summary(&self, model: &str, deployment: Option<&str>) -> Option<&Summary> {
+        let Summaries { models, deployments, .. } = &self.summaries;
+        match deployment {
+            None => models.get(model),
+            Some(name) => deployments.iter().find(|own| own.deployment == name)?.models.get(model),
+        }
+    }
+}
+
+/// `summary.json` of several models and deployments.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Summaries {
+    format: u32,
+    tool: &'static str,
+    title: String,
+    /// Of a study without deployments.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    models: BTreeMap<String, Summary>,
+    /// One entry a deployment, in the order of time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    deployments: Vec<DeploymentSummary>,
+    /// What to deploy, sensor by sensor, where there are several deployments.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) what_to_deploy: Vec<Deployed>,
+    /// Every two models.
+    pub(crate) comparisons: Comparisons,
+}
+
+/// One deployment of a study.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct DeploymentSummary {
+    deployment: String,
+    /// Its window, as the study has it.
+    window: String,
+    /// By the name of the model; a study's only model has the name of its kind.
+    models: BTreeMap<String, Summary>,
+}
+
+/// A model in a deployment, with all that is known of it.
+pub(crate) struct Part {
+    pub(crate) model: Option<String>,
+    pub(crate) deployment: Option<String>,
+    pub(crate) judged: Judged,
+    pub(crate) report: Report,
+    pub(crate) rollouts: Option<RolloutManifest>,
+    /// Distances of its rollouts from what was recorded.
+    pub(crate) pairs: Vec<Pair>,
+    pub(crate) one_step: Option<Predicting>,
+    starts: Vec<Starts>,
+}
+
+impl Part {
+    fn new(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<Self, StepError> {
+        let judged = judge(job, context, monitor)?;
+        let (paths, manifest) = (job.layout(), &judged.manifest);
+        let report = report::assemble(&judged)?;
+        let rollouts = rollout::finished(job, manifest.model.as_deref())?;
+        let owned = |name: Option<&str>| name.map(str::to_owned);
+        let (model, deployment) = (owned(job.model()), owned(job.deployment()));
+        let mut starts = match &rollouts {
+            Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
+            None => Vec::new(),
+        };
+        for own in &mut starts {
+            let known = report.recorded.iter().find(|figure| figure.sensor == own.sensor);
+            own.unit = known.and_then(|figure| figure.unit.clone());
+        }
+        let compared = rollouts.as_ref().and_then(|made| made.comparison.as_ref());
+        let pairs = match compared {
+            Some(_) => comparison::read(job)?,
+            None => Vec::new(),
+        };
+        let one_step = match &rollouts {
+            Some(rollouts) => Predicting::read(job.model_name(), job, &rollouts.model)?,
+            None => None,
+        };
+        Ok(Self { model, deployment, judged, report, rollouts, pairs, one_step, starts })
+    }
+
+    pub(crate) fn comparison(&self) -> Option<&Comparison> {
+        self.rollouts.as_ref()?.comparison.as_ref()
+    }
+
+    /// What its model is called.
+    pub(crate) fn model_name(&self) -> &str {
+        self.judged.job.model_name()
+    }
+
+    /// What its deployment is called; nothing where there is only one.
+    pub(crate) fn deployment_name(&self) -> &str {
+        self.deployment.as_deref().unwrap_or_default()
+    }
+
+    /// A sensor in its deployment.
+    pub(crate) fn in_deployment(&self, sensor: &str) -> String {
+        match &self.deployment {
+            Some(deployment) => format!("{sensor} ({deployment})"),
+            None => sensor.to_owned(),
+        }
+    }
+}
+
+/// Judge the finished sweeps of `parts`, each by itself and all in one report, which warns of models that were
+/// `left_out`.
+pub(crate) fn run(
+    job: &Job,
+    parts: &[Job],
+    left_out: &[String],
+    context: &RunContext,
+) -> Result<StepResult<Compared>, StepError> {
+    // The study without any model says where the common results lie.
+    let paths = job.layout();
+    if job.policy().is_dry() {
+        context.say(&format!("dry run: would write {}", paths.report().display()));
+        return Ok(StepResult::Planned(NoPlan));
+    }
+    let mut left_out = left_out.to_vec();
+    let mut judged = Vec::with_capacity(parts.len());
+    for part in parts {
+        match evaluate::left_out(part, context)? {
+            Some(reason) if !left_out.contains(&reason) => left_out.push(reason),
+            Some(_) => {}
+            None => judged.push(part.clone()),
+        }
+    }
+    let mut outcome = if left_out.is_empty() { Outcome::Done } else { Outcome::Negative };
+    let parts = judged;
+    ensure!(!parts.is_empty(), "nothing is left to judge: {}", left_out.join("; "));
+    let names: Vec<String> = parts.iter().map(Job::name).collect();
+    let monitor = context.progress();
+    let mut judged = Vec::with_capacity(parts.len());
+    for job in &parts {
+        judged.push(Part::new(job, context, &*monitor)?);
+    }
+    let parts = judged;
+    same_arithmetic(&names, &parts)?;
+    let mut places = Vec::with_capacity(parts.len());
+    for (name, part) in names.into_iter().zip(&parts) {
+        let Part { judged, report, .. } = part;
+        let written = report::write(&judged.job, report, &judged.summary, &*monitor);
+        artefact::or_read_only(written, &judged.paths().report(), context)?;
+        match told(&judged.summary) {
+            Outcome::Done => {}
+            other => outcome = other,
+        }
+        let (model, deployment) = (part.model_name().to_owned(), part.deployment.clone());
+        places.push(Place { name, model, deployment });
+    }
+    let what_to_deploy = deployed::all(&parts)?;
+    let mut whole = whole(job, &parts, &what_to_deploy)?;
+    whole.warnings.extend_from_slice(&left_out);
+    let choices = choices(&parts);
+    let comparisons = compare_pairs::comparisons(&by_deployment(&parts))?;
+    let title = whole.title.clone();
+    let summaries = summaries(title, parts, what_to_deploy, comparisons);
+    artefact::or_read_only(write(job, &whole, &summaries), &paths.report(), context)?;
+    let notes = [caveats(&whole.verdicts), whole.warnings].concat();
+    let report = paths.report();
+    Ok(StepResult::Made(Compared { summaries, places, choices, notes, report, outcome }))
+}
+
+/// Refuse sweeps of which one was made on a device and another one was not: they round otherwise.
+fn same_arithmetic(names: &[String], parts: &[Part]) -> Result<(), StepError> {
+    let trained_by = |part: &Part| {
+        let class = part.judged.manifest.arithmetic.clone();
+        class.unwrap_or_else(|| "calib itself".to_owned())
+    };
+    let first = trained_by(&parts[0]);
+    for (name, part) in names.iter().zip(parts) {
+        ensure!(
+            trained_by(part) == first,
+            "{} was swept by {first}, {name} by {}; sweep all of them with the same --device, or all without",
+            names[0],
+            trained_by(part)
+        );
+    }
+    Ok(())
+}
+
+/// Write the figures, the page and the summary, unless they are there and show the same.
+fn write(job: &Job, whole: &Report, summaries: &Summaries) -> Result<(), StepError> {
+    let paths = job.layout();
+    kept_report::keep(job, whole, summaries, || {
+        let figures = write_figures(paths, whole)?;
+        report::write_page(paths, whole)?;
+        write_json(&paths.evaluate().join(report::SUMMARY), summaries)?;
+        Ok(report::names(figures))
+    })
+}
+
+/// Sensitivity figures with all models: one a sensor and deployment, and all of them; rollouts of all models.
+/// The names of the files.
+fn write_figures(paths: &Layout, whole: &Report) -> Result<Vec<String>, StepError> {
+    let directory = paths.evaluate().join(report::FIGURES);
+    let mut written = Vec::new();
+    let names = figures::placed(whole.sensitivities.iter().map(|figure| figure.sensor.as_str()));
+    for (sensitivity, name) in whole.sensitivities.iter().zip(names) {
+        let name = format!("sensitivity-{name}");
+        written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
+    }
+    written.extend(report::write_comparisons(&directory, whole)?);
+    Ok(written)
+}
+
+fn summaries(
+    title: String,
+    parts: Vec<Part>,
+    what_to_deploy: Vec<Deployed>,
+    comparisons: Comparisons,
+) -> Summaries {
+    let (mut models, mut deployments) = (BTreeMap::new(), Vec::<DeploymentSummary>::new());
+    for part in parts {
+        let name = part.model_name().to_owned();
+        let Some(deployment) = part.deployment else {
+            models.insert(name, part.judged.summary);
+            continue;
+        };
+        let window = part.judged.study().data.held_out.as_ref().map(ToString::to_string);
+        let place = deployments.iter().position(|known| known.deployment == deployment);
+        let place = place.unwrap_or_else(|| {
+            let (window, models) = (window.unwrap_or_default(), BTreeMap::new());
+            deployments.push(DeploymentSummary { deployment, window, models });
+            deployments.len() - 1
+        });
+        deployments[place].models.insert(name, part.judged.summary);
+    }
+    Summaries { format: 3, tool: TOOL, title, models, deployments, what_to_deploy, comparisons }
+}
+
+/// The parts of each deployment, in the order in which deployments come first.
+pub(crate) fn by_deployment(parts: &[Part]) -> Vec<Vec<&Part>> {
+    let mut groups: Vec<Vec<&Part>> = Vec::new();
+    for part in parts {
+        match groups.iter_mut().find(|group| group[0].deployment == part.deployment) {
+            Some(group) => group.push(part),
+            None => groups.push(vec![part]),
+        }
+    }
+    groups
+}
+
+/// Verdicts sensor by sensor, all rank curves over the same Online errors, distances side by side.
+fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> Result<Report, StepError> {
+    let study = job.study();
+    let deployments = by_deployment(parts);
+    let first = &parts[0].report;
+    let mut verdicts = Vec::new();
+    for sensor in &study.sweep.sensors {
+        for part in deployments.iter().flatten() {
+            for verdict in part.report.verdicts.iter().filter(|own| own.sensor == *sensor) {
+                verdicts.push(Verdict { sensor: part.in_deployment(sensor), ..verdict.clone() });
+            }
+        }
+    }
+    let sensitivities = study
+        .sweep
+        .sensors
+        .iter()
+        .flat_map(|sensor| deployments.iter().filter_map(|group| sensitivity(sensor, group)));
+    let mut whole = Report {
+        title: job.title(),
+        verdicts,
+        sensitivities: sensitivities.collect(),
+        learning: learning::of_several(study, parts, &deployments),
+        decision: deployed::report_table(what_to_deploy),
+        recorded: recorded_together::of_parts(&study.sweep.sensors, &deployments),
+        rollouts: Vec::new(),
+        rollout_grids: rollout_grids(study, &deployments),
+        jumps: Vec::new(),
+        warnings: compare_tables::warnings(parts),
+        ..first.clone()
+    };
+    let mut seen: Vec<PathBuf> = Vec::new();
+    for part in parts {
+        let directory = part.judged.paths().rollout();
+        if !seen.contains(&directory) {
+            seen.push(directory);
+            whole.rollouts.extend(part.report.rollouts.iter().map(|figure| {
+                let mut figure = figure.clone();
+                if part.judged.study().starts_follow_from_deployment() {
+                    figure.sensor = part.in_deployment(&figure.sensor);
+                }
+                if let Some(name) = &part.model {
+                    figure.sensor = format!("{}, {name}", figure.sensor);
+                }
+                figure
+            }));
+        }
+    }
+    // Parts that learned from, or were judged by, different times have no line in common.
+    if parts.iter().any(|part| part.report.subtitle != whole.subtitle) {
+        whole.subtitle = None;
+    }
+    // A model is one thing, in however many deployments.
+    for part in &deployments[0] {
+        whole.jumps.extend(part.report.jumps.clone());
+    }
+    whole.tables = compare_tables::tables(&deployments)?;
+    (whole.data, whole.reproduction.fingerprint) = compare_tables::data_of_models(&deployments[0]);
+    if let Some(data) = &mut whole.data {
+        data.facts.retain(|(name, _)| !report_data::is_of_deployment(name));
+        for group in &deployments {
+            let windows = report_data::deployment_facts(&group[0].judged);
+            let told = |(name, value)| (format!("{}: {name}", group[0].deployment_name()), value);
+            let plain = group[0].deployment.is_none();
+            data.facts
+                .extend(windows.into_iter().map(|fact| if plain { fact } else { told(fact) }));
+        }
+    }
+    let studies: Vec<&Study> = parts.iter().map(|part| part.judged.study()).collect();
+    whole.reproduction.command =
+        report::command_lines(job, &report::steps(&studies), &parts[0].judged.manifest);
+    Ok(whole)
+}
+
+/// Every model's rollouts from the same starts: a figure a sensor, and a deployment where starts follow from it.
+fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> {
+    let mut grids = Vec::new();
+    for sensor in &study.sweep.sensors {
+        for (number, group) in deployments.iter().enumerate() {
+            // Rollouts that deployments share stand in the first one's place only, without its name.
+            for follows in [true, false] {
+                let own = group.iter().filter(|part| {
+                    part.judged.study().starts_follow_from_deployment() == follows
+                        && (follows || number == 0)
+                });
+                let own = own.filter_map(|part| {
+                    let starts = part.starts.iter().find(|starts| starts.sensor == *sensor)?;
+                    Some((part.model_name(), starts))
+                });
+                let own: Vec<(&str, &Starts)> = own.collect();
+                grids.extend(figures::grids(&own).into_iter().map(|mut grid| {
+                    if let (true, Some(deployment)) = (follows, &group[0].deployment) {
+                        grid.sensor = format!("{} ({deployment})", grid.sensor);
+                    }
+                    grid
+                }));
+            }
+        }
+    }
+    grids
+}
+
+/// The panel of one sensor in one deployment: Online, and the worst ranks of all models.
+fn sensitivity(sensor: &str, group: &[&Part]) -> Option<Sensitivity> {
+    let own = |part: &&Part| {
+        part.report.sensitivities.iter().find(|figure| figure.sensor == sensor).cloned()
+    };
+    let all: Vec<Sensitivity> = group.iter().filter_map(own).collect();
+    let mut whole = all.first()?.clone();
+    whole.sensor = group[0].in_deployment(sensor);
+    whole.worst_ranks = all.iter().flat_map(|figure| figure.worst_ranks.clone()).collect();
+    // Online and the log are the same for all; what models chose by is not.
+    let is_evidence = |curve: &&ErrorCurve| curve.source == ErrorSource::Evidence;
+    whole.errors.retain(|curve| !is_evidence(&curve));
+    whole.errors.extend(all.iter().flat_map(|figure| &figure.errors).filter(is_evidence).cloned());
+    // No model's choice is marked before others'.
+    whole.chosen = whole.chosen.filter(|_| all.iter().all(|figure| figure.chosen == whole.chosen));
+    Some(whole)
+}

@@ -1,0 +1,57 @@
+//! What models chose in each deployment, beside each other in the terminal.
+
+use calib_base::output::{percent, significant, table};
+
+use crate::verdict::compare::{Part, by_deployment};
+
+/// What each model chose, how that did Online, and how far its rollouts are from what was recorded; what was chosen in each deployment
+/// where there is no model.
+pub(crate) fn choices(parts: &[Part]) -> String {
+    let deployments = by_deployment(parts);
+    let has_models = parts.iter().any(|part| part.judged.study().has_model());
+    let named = parts.iter().any(|part| part.deployment.is_some());
+    let mut rows = Vec::new();
+    for first in &parts[0].report.verdicts {
+        for part in deployments.iter().flatten() {
+            let own = part.report.verdicts.iter().find(|of| of.sensor == first.sensor);
+            let Some(verdict) = own else { continue };
+            let online = verdict.online.as_ref();
+            let or_none = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
+            let distances = part.comparison().map_or(&[][..], |of| &of.sensors);
+            let own = distances.iter().find(|of| of.sensor == first.sensor);
+            let warping = own.and_then(|of| {
+                let pattern = of.dtw.first()?;
+                Some(pattern.normalized_distance.as_ref().unwrap_or(&pattern.distance).mean)
+            });
+            let deployment = named.then(|| part.deployment_name().to_owned());
+            let model = has_models.then(|| part.model_name().to_owned());
+            let chosen = [
+                verdict.chosen.to_string(),
+                verdict.grade.word().to_owned(),
+                or_none(online.and_then(|online| Some(percent(online.regret?.value)))),
+                or_none(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
+            ];
+            let of_rollouts = [warping.map(significant), collapse(part, &first.sensor)];
+            let of_rollouts = of_rollouts.map(or_none).into_iter().filter(|_| has_models);
+            let row = [first.sensor.clone()].into_iter().chain(deployment).chain(model);
+            rows.push(row.chain(chosen).chain(of_rollouts).collect());
+        }
+    }
+    let of_rollouts = ["DTW", "freezes"].into_iter().filter(|_| has_models);
+    let header: Vec<&str> = ["sensor"]
+        .into_iter()
+        .chain(named.then_some("deployment"))
+        .chain(has_models.then_some("model"))
+        .chain(["choice", "grade", "regret", "Spearman"])
+        .chain(of_rollouts)
+        .collect();
+    table(&header, &rows)
+}
+
+/// How many rollouts stop moving, and half of them by which step.
+fn collapse(part: &Part, sensor: &str) -> Option<String> {
+    let collapse = &part.rollouts.as_ref()?.collapse;
+    let own = collapse.sensors.iter().find(|of| of.sensor == sensor)?;
+    let at = own.median_step.map_or_else(String::new, |step| format!(" at {step:.0}"));
+    Some(format!("{} of {}{at}", own.collapsed, collapse.rollouts))
+}

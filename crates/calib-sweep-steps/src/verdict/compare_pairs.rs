@@ -1,0 +1,140 @@
+//! Every two models of a study, deployment by deployment and over all of them.
+
+use std::path::PathBuf;
+
+use calib_base::StepError;
+use calib_model_steps::rollouts::{
+    comparison::{self, ComparedModel, Comparison, Pair, PairedModels},
+    one_step::{self, PairedErrors, Predicting},
+};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::verdict::compare::Part;
+
+/// In `summary.json` of several.
+#[derive(Debug, Default, Serialize, JsonSchema)]
+pub(crate) struct Comparisons {
+    /// Distances of rollouts, paired by start state.
+    rollouts: Vec<In<PairedModels>>,
+    /// Errors one step ahead, paired by transition.
+    one_step: Vec<In<PairedErrors>>,
+}
+
+impl Comparisons {
+    /// Those of rollouts, of all deployments together where there are several.
+    pub(crate) fn of_all_rollouts(&self) -> Vec<&PairedModels> {
+        let most = self.rollouts.iter().map(|of| of.deployments.len()).max();
+        let widest = self.rollouts.iter().filter(|of| Some(of.deployments.len()) == most);
+        widest.map(|of| &of.of).collect()
+    }
+}
+
+/// Where two models are compared.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct In<T> {
+    /// Deployments that share it; none in a study without deployments.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    deployments: Vec<String>,
+    #[serde(flatten)]
+    of: T,
+}
+
+/// The parts of deployments that share all rollouts, which are compared once.
+pub(crate) struct Group<'a> {
+    pub(crate) parts: &'a [&'a Part],
+    /// Their deployments.
+    deployments: Vec<String>,
+}
+
+/// The groups of all parts, by deployment.
+pub(crate) fn groups<'a>(deployments: &'a [Vec<&'a Part>]) -> Vec<Group<'a>> {
+    let mut groups: Vec<(Vec<PathBuf>, Group<'a>)> = Vec::new();
+    for parts in deployments {
+        let directories: Vec<PathBuf> =
+            parts.iter().map(|part| part.judged.paths().rollout()).collect();
+        let name = parts[0].deployment.clone();
+        if let Some((_, group)) = groups.iter_mut().find(|(of, _)| *of == directories) {
+            group.deployments.extend(name);
+        } else {
+            let deployments = name.into_iter().collect();
+            groups.push((directories, Group { parts, deployments }));
+        }
+    }
+    groups.into_iter().map(|(_, group)| group).collect()
+}
+
+impl<'a> Group<'a> {
+    /// Its models whose rollouts were compared.
+    pub(crate) fn compared(&self) -> Vec<ComparedModel<'a>> {
+        let own = |part: &&'a Part| {
+            let members = part.rollouts.as_ref()?.members.len();
+            let name = part.model_name();
+            Some(ComparedModel::new(name, members, part.comparison()?, &part.pairs))
+        };
+        self.parts.iter().filter_map(own).collect()
+    }
+
+    /// Its models whose one-step errors are known.
+    pub(crate) fn predicting(&self) -> Vec<&Predicting> {
+        self.parts.iter().filter_map(|part| part.one_step.as_ref()).collect()
+    }
+}
+
+/// The rollouts of a model in all deployments.
+pub(crate) struct Pooled {
+    name: String,
+    members: usize,
+    comparison: Comparison,
+    pairs: Vec<Pair>,
+}
+
+impl Pooled {
+    pub(crate) fn compared(&self) -> ComparedModel<'_> {
+        ComparedModel::new(&self.name, self.members, &self.comparison, &self.pairs)
+    }
+}
+
+/// The rollouts of each model in all deployments; those that deployments share count once.
+pub(crate) fn pooled(deployments: &[Vec<&Part>]) -> Result<Vec<Pooled>, StepError> {
+    let mut models: Vec<Vec<&Part>> = Vec::new();
+    let compared = |part: &&&Part| part.comparison().is_some();
+    for part in deployments.iter().flatten().filter(compared) {
+        let directory = |of: &Part| of.judged.paths().rollout();
+        match models.iter_mut().find(|parts| parts[0].model_name() == part.model_name()) {
+            Some(parts) if parts.iter().any(|of| directory(of) == directory(part)) => {}
+            Some(parts) => parts.push(part),
+            None => models.push(vec![part]),
+        }
+    }
+    let mut all = Vec::new();
+    for parts in models {
+        let compared = parts.iter().filter_map(|part| Some((part.comparison()?, &*part.pairs)));
+        let Some((comparison, pairs)) = comparison::pool(&compared.collect::<Vec<_>>())? else {
+            continue;
+        };
+        let members = parts[0].rollouts.as_ref().map_or(0, |of| of.members.len());
+        all.push(Pooled { name: parts[0].model_name().to_owned(), members, comparison, pairs });
+    }
+    Ok(all)
+}
+
+/// Every two models in every group, and in all deployments where there are several groups.
+pub(crate) fn comparisons(deployments: &[Vec<&Part>]) -> Result<Comparisons, StepError> {
+    let (mut all, groups) = (Comparisons::default(), groups(deployments));
+    for group in &groups {
+        let placed = |of| In { deployments: group.deployments.clone(), of };
+        all.rollouts.extend(comparison::all_pairs(&group.compared())?.into_iter().map(placed));
+        let placed = |of| In { deployments: group.deployments.clone(), of };
+        all.one_step.extend(one_step::all_pairs(&group.predicting())?.into_iter().map(placed));
+    }
+    if groups.len() > 1 {
+        let pooled = pooled(deployments)?;
+        let models: Vec<ComparedModel<'_>> = pooled.iter().map(Pooled::compared).collect();
+        let names: Vec<String> =
+            groups.iter().flat_map(|group| group.deployments.clone()).collect();
+        let placed = |of| In { deployments: names.clone(), of };
+        all.rollouts.extend(comparison::all_pairs(&models)?.into_iter().map(placed));
+    }
+    Ok(all)
+}

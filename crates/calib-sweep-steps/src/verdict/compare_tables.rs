@@ -1,0 +1,139 @@
+//! Tables of several models and deployments, beside each other.
+
+use std::path::PathBuf;
+
+use calib_base::StepError;
+use calib_model_steps::rollouts::{
+    collapse,
+    comparison::{self, ComparedModel},
+    one_step,
+};
+use calib_report::{DataProfile, Table};
+
+use crate::verdict::{
+    compare::Part,
+    compare_pairs::{Pooled, groups, pooled},
+    report,
+};
+
+/// Distances of rollouts, start states, collapse and representations; `deployments` are all parts, by deployment.
+pub(crate) fn tables(deployments: &[Vec<&Part>]) -> Result<Vec<Table>, StepError> {
+    let mut tables = Vec::new();
+    // Deployments that share all rollouts have one table.
+    let groups = groups(deployments);
+    let several = groups.len() > 1;
+    let placed = |mut tables: Vec<Table>, place: &str| {
+        for table in tables.iter_mut().filter(|_| several) {
+            table.title = format!("{} ({place})", table.title);
+        }
+        tables
+    };
+    for group in &groups {
+        let mut own = one_step::report_tables(&group.predicting())?;
+        own.extend(comparison::report_tables(&group.compared())?);
+        tables.extend(placed(own, group.parts[0].deployment_name()));
+    }
+    if several {
+        let pooled = pooled(deployments)?;
+        let models: Vec<ComparedModel<'_>> = pooled.iter().map(Pooled::compared).collect();
+        tables.extend(placed(comparison::report_tables(&models)?, "all deployments"));
+    }
+    let mut shown: Vec<PathBuf> = Vec::new();
+    for group in &groups {
+        for part in group.parts {
+            let Some(rollouts) = &part.rollouts else { continue };
+            let directory = part.judged.paths().rollout();
+            if shown.contains(&directory) {
+                continue;
+            }
+            shown.push(directory);
+            let name = if several && part.judged.study().starts_follow_from_deployment() {
+                part.in_deployment(part.model_name())
+            } else {
+                part.model_name().to_owned()
+            };
+            tables.extend(report::starts_table(&name, rollouts));
+            tables.extend(collapse::report_table(&name, &rollouts.collapse));
+        }
+    }
+    for part in &deployments[0] {
+        let own = report::representation_table(part.judged.study(), part.judged.paths());
+        tables.extend(own.into_iter().map(|mut table| {
+            if let Some(name) = &part.model {
+                table.title = format!("{} of {name}", table.title);
+            }
+            table
+        }));
+    }
+    Ok(tables)
+}
+
+/// What to know before relying on any of it; each once, with where it holds unless that is everywhere.
+pub(crate) fn warnings(parts: &[Part]) -> Vec<String> {
+    let mut all: Vec<&String> = Vec::new();
+    for warning in parts.iter().flat_map(|part| &part.report.warnings) {
+        if !all.contains(&warning) {
+            all.push(warning);
+        }
+    }
+    let placed = |warning: &String| {
+        let holds = |part: &&Part| part.report.warnings.contains(warning);
+        match places(parts, holds).as_str() {
+            "" => warning.clone(),
+            places => format!("{places}: {warning}"),
+        }
+    };
+    all.into_iter().map(placed).collect()
+}
+
+/// The parts for which something holds: nothing to say if these are all; else deployments or models where it holds for
+/// all of one or for none.
+fn places(parts: &[Part], holds: impl Fn(&&Part) -> bool) -> String {
+    if parts.iter().all(|part| holds(&part)) {
+        return String::new();
+    }
+    for name in [|part: &Part| part.deployment.clone(), |part: &Part| part.model.clone()] {
+        let differ =
+            |(one, other): (&Part, &Part)| name(one) == name(other) && holds(&one) != holds(&other);
+        let mut pairs = parts.iter().flat_map(|one| parts.iter().map(move |other| (one, other)));
+        if !pairs.any(differ) {
+            let mut names: Vec<String> = Vec::new();
+            for name in parts.iter().filter(&holds).filter_map(name) {
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+            }
+            return names.join(", ");
+        }
+    }
+    let name = |part: &Part| {
+        let names: Vec<&str> =
+            part.model.iter().chain(&part.deployment).map(String::as_str).collect();
+        names.join(" in ")
+    };
+    parts.iter().filter(&holds).map(name).collect::<Vec<_>>().join("; ")
+}
+
+/// The data that the models of one deployment were built from: that of the model that saw most, with what each saw where
+/// they differ; and fingerprints.
+pub(crate) fn data_of_models(group: &[&Part]) -> (Option<DataProfile>, String) {
+    let most = group.iter().filter_map(|part| part.report.data.as_ref()).max_by_key(|of| of.rows);
+    let mut data = most.cloned();
+    let same = |part: &&&Part| {
+        part.report.reproduction.fingerprint == group[0].report.reproduction.fingerprint
+    };
+    if group.iter().all(|part| same(&part)) {
+        return (data, group[0].report.reproduction.fingerprint.clone());
+    }
+    let mut fingerprints = Vec::new();
+    for part in group {
+        let name = part.model_name();
+        fingerprints.push(format!("{name}: {}", part.report.reproduction.fingerprint));
+        if let (Some(whole), Some(own)) = (&mut data, &part.report.data) {
+            let states =
+                format!("{}, {} to {}", calib_report::count(own.rows), own.first, own.last);
+            whole.facts.push((format!("{name}: states"), states));
+        }
+    }
+    (data, fingerprints.join("; "))
+}

@@ -1,0 +1,194 @@
+//! The evidence of several deployments together, and what the study's rule chooses from it.
+
+use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
+
+use calib_base::StepError;
+use calib_core::Seed;
+use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, verdict};
+
+use crate::verdict::compare::Part;
+
+/// What the study's rule chooses from the members of all deployments and the replayed log.
+pub(super) fn choice(
+    sensor: &str,
+    parts: &[&Part],
+    verdicts: &[SensorVerdict],
+) -> Result<usize, StepError> {
+    let (study, manifest) = (parts[0].judged.study(), &parts[0].judged.manifest);
+    let judging = Judging {
+        part: study.part(),
+        rule: study.evaluate.rule,
+        top_k: study.evaluate.top_k,
+        scales: &manifest.scales,
+        simple: &[],
+        stands_still: false,
+        resamples: 0,
+        seed: Seed::new(study.seed),
+    };
+    let results: Vec<&[UnitResult]> = parts.iter().map(|part| &part.judged.results[..]).collect();
+    let raced: BTreeSet<usize> = verdicts
+        .iter()
+        .flat_map(|verdict| verdict.dropped.iter().map(|dropped| dropped.candidate))
+        .collect();
+    let evidence = evidence(&results, &raced, manifest.candidates.len());
+    Ok(verdict(sensor, &manifest.candidates, &evidence, &judging)?.chosen)
+}
+
+/// The results of several deployments as of one: members are members of their own, what deployments share counts once, and what was
+/// held out is left out. A value that a race dropped in one of them made too few runs to be compared, unless all values were dropped
+/// somewhere.
+fn evidence(
+    deployments: &[&[UnitResult]],
+    raced: &BTreeSet<usize>,
+    values: usize,
+) -> Vec<UnitResult> {
+    let mut seen = BTreeMap::new();
+    let mut members = 0;
+    let mut all: Vec<UnitResult> = Vec::new();
+    for results in deployments {
+        let mut next = members;
+        for result in *results {
+            let unit = &result.unit;
+            if unit.environment == EnvironmentId::Online {
+                continue;
+            }
+            let mut own = result.clone();
+            if raced.len() < values {
+                own.rows.retain(|row| !raced.contains(&row.candidate));
+            }
+            // Not by keys: a race may have left other values in it, which are trained on the same stream.
+            match seen.entry((unit, result.seed, result.start_row)) {
+                Entry::Occupied(same) => {
+                    let place: &usize = same.get();
+                    let rows = &mut all[*place].rows;
+                    own.rows.retain(|row| rows.iter().all(|of| of.candidate != row.candidate));
+                    rows.extend(own.rows);
+                    rows.sort_by_key(|row| row.candidate);
+                    continue;
+                }
+                Entry::Vacant(first) => first.insert(all.len()),
+            };
+            if let EnvironmentId::Member(member) = &mut own.unit.environment {
+                *member += members;
+                next = next.max(*member + 1);
+            }
+            all.push(own);
+        }
+        members = next;
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_agent::{AgentConfig, Part as RunPart, PartScore, Scores};
+    use calib_sweep::{Candidate, Rule, RunRow, Unit};
+
+    use super::*;
+
+    /// One run of each of three values in a member, with these errors.
+    ///
+    /// What starts elsewhere is another stream: rows are told by the key here.
+    fn result(member: usize, key: &str, errors: [f64; 3]) -> UnitResult {
+        let row = |(candidate, &rmse): (usize, &f64)| {
+            let score = PartScore { scored_steps: 10, rmse, mean_return: 0.0, return_std: 1.0 };
+            RunRow {
+                candidate,
+                steps: 10,
+                updates: 1,
+                scores: Scores { whole_run: Some(score), ..Scores::default() },
+                diverged_at: None,
+                curve: Vec::new(),
+            }
+        };
+        UnitResult {
+            key: key.to_owned(),
+            unit: Unit {
+                sensor: "A".to_owned(),
+                environment: EnvironmentId::Member(member),
+                run: 0,
+            },
+            seed: 0,
+            start_row: u32::from(key.as_bytes()[0]),
+            not_finite: None,
+            rows: errors.iter().enumerate().map(row).collect(),
+        }
+    }
+
+    fn chosen(rule: Rule, results: &[UnitResult]) -> usize {
+        let candidate = |index| Candidate {
+            index,
+            is_default: index == 0,
+            values: vec![("learning_rate".to_owned(), (index + 1).into())],
+            agent: AgentConfig::default(),
+        };
+        let candidates: Vec<Candidate> = (0..3).map(candidate).collect();
+        let (part, seed) = (RunPart::WholeRun, Seed::new(0));
+        let judging = Judging {
+            part,
+            rule,
+            top_k: 1,
+            scales: &[],
+            simple: &[],
+            stands_still: false,
+            resamples: 0,
+            seed,
+        };
+        verdict("A", &candidates, results, &judging).expect("judged").chosen
+    }
+
+    #[test]
+    fn one_value_for_all_is_what_the_rule_chooses_from_all_evidence() {
+        // The best of the first is bad in the second, and the other way round.
+        let first = [result(0, "a", [0.1, 0.2, 0.3])];
+        let second = [result(0, "b", [0.3, 0.2, 0.1])];
+        let both = evidence(&[&first, &second], &BTreeSet::new(), 3);
+        assert_eq!(
+            both.iter().map(|of| of.unit.environment).collect::<Vec<_>>(),
+            [0, 1].map(EnvironmentId::Member)
+        );
+        assert_eq!(chosen(Rule::WorstRank, &both), 1, "second in both, never third");
+        // By logarithms: ln 0.1 + ln 0.3 is less than 2 ln 0.2, so that the first and the last are better, and the first comes first.
+        assert_eq!(chosen(Rule::Pooled, &both), 0);
+        let second = [result(0, "b", [0.3, 0.2, 0.05])];
+        let both = evidence(&[&first, &second], &BTreeSet::new(), 3);
+        assert_eq!(chosen(Rule::Pooled, &both), 2);
+        assert_eq!(chosen(Rule::WorstRank, &both), 1);
+    }
+
+    #[test]
+    fn what_deployments_share_counts_once_and_what_was_held_out_not_at_all() {
+        let mut online = result(0, "o", [0.5, 0.1, 0.9]);
+        online.unit.environment = EnvironmentId::Online;
+        let mut log = result(0, "l", [0.5, 0.1, 0.9]);
+        log.unit.environment = EnvironmentId::LogReplay;
+        let first = [result(0, "a", [0.1, 0.2, 0.3]), log.clone(), online];
+        let second = [result(0, "a", [0.1, 0.2, 0.3]), log, result(1, "c", [0.1, 0.2, 0.3])];
+        let both = evidence(&[&first, &second], &BTreeSet::new(), 3);
+        let environments: Vec<_> = both.iter().map(|of| of.unit.environment).collect();
+        let [own, other] = [0, 2].map(EnvironmentId::Member);
+        assert_eq!(environments, [own, EnvironmentId::LogReplay, other]);
+    }
+
+    #[test]
+    fn a_stream_on_which_races_left_different_values_counts_once() {
+        let mut log = result(0, "l", [0.5, 0.1, 0.9]);
+        log.unit.environment = EnvironmentId::LogReplay;
+        let mut raced = UnitResult { key: "of fewer".to_owned(), ..log.clone() };
+        raced.rows.remove(0);
+        let both = evidence(&[&[raced], &[log.clone()]], &BTreeSet::new(), 3);
+        assert_eq!(both.len(), 1);
+        assert_eq!(both[0].rows, log.rows, "with the rows of both");
+    }
+
+    #[test]
+    fn what_a_race_dropped_anywhere_is_not_compared() {
+        let results = [result(0, "a", [0.1, 0.2, 0.3])];
+        let left = |raced: &[usize]| {
+            let all = evidence(&[&results], &raced.iter().copied().collect(), 3);
+            all[0].rows.iter().map(|row| row.candidate).collect::<Vec<_>>()
+        };
+        assert_eq!(left(&[0]), [1, 2]);
+        assert_eq!(left(&[0, 1, 2]), [0, 1, 2], "something has to be left");
+    }
+}

@@ -1,0 +1,295 @@
+//! What to deploy where a study has several deployments: a choice for each, and one for all of them.
+
+mod evidence;
+
+use calib_agent::SimplePredictor;
+use calib_base::{
+    StepError,
+    output::{Printer, percent, table},
+};
+use calib_report::{Cell, Table};
+use calib_sweep::{Candidate, Grade, SensorVerdict};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use crate::verdict::{
+    compare::{Part, by_deployment},
+    verdict_rows,
+};
+
+/// What one model says of one sensor in all deployments; in `summary.json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub(crate) struct Deployed {
+    pub(crate) sensor: String,
+    /// What chose: a model, or "log replay" without one.
+    pub(crate) model: String,
+    /// Whether that is a model.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub(crate) is_by_model: bool,
+    /// The choice for each deployment, in the order of time.
+    pub(crate) choices: Vec<Choice>,
+    /// What the study's rule chooses from the evidence of all deployments together.
+    pub(crate) for_all: String,
+    /// Its swept keys of the agent, and their values.
+    pub(crate) for_all_values: Map<String, Value>,
+    /// What it costs in each deployment.
+    pub(crate) regrets: Vec<Option<f64>>,
+}
+
+/// The choice for one deployment.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub(crate) struct Choice {
+    pub(crate) deployment: String,
+    /// The value, as the report names it.
+    pub(crate) chosen: String,
+    /// The swept keys of the agent, and their values.
+    pub(crate) values: Map<String, Value>,
+    /// What it costs Online.
+    pub(crate) regret: Option<f64>,
+    /// How well held-out data supports it.
+    pub(crate) grade: Grade,
+    /// The simple predictor to use instead, if the agent is not known to match it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) simple_predictor: Option<SimplePredictor>,
+}
+
+impl Deployed {
+    /// Whether deployments want different values.
+    fn disagrees(&self) -> bool {
+        self.choices.iter().any(|choice| choice.chosen != self.choices[0].chosen)
+    }
+
+    /// Whether no value learns the sensor anywhere.
+    fn is_not_learnt(&self) -> bool {
+        self.choices.iter().all(Choice::is_not_learnt)
+    }
+}
+
+impl Choice {
+    fn is_not_learnt(&self) -> bool {
+        self.grade == Grade::NotLearnt
+    }
+
+    /// "1e-4 (2.3 %, good)": the value, what it costs, and how far it can be relied on.
+    fn text(&self) -> String {
+        let word = self.grade.word();
+        match (self.grade, self.regret) {
+            (Grade::NotLearnt, _) => word.to_owned(),
+            (Grade::Simpler, _) => match self.simple_predictor {
+                Some(predictor) => format!("no agent: {}", predictor.label()),
+                None => word.to_owned(),
+            },
+            (_, None) => self.chosen.clone(),
+            (Grade::Unchecked, Some(_)) => format!("{} ({word})", self.chosen),
+            (_, Some(regret)) => format!("{} ({}, {word})", self.chosen, percent(regret)),
+        }
+    }
+}
+
+/// Sensor by sensor and model by model; nothing where there are no several deployments.
+pub(crate) fn all(parts: &[Part]) -> Result<Vec<Deployed>, StepError> {
+    let deployments = by_deployment(parts);
+    if deployments.len() < 2 {
+        return Ok(Vec::new());
+    }
+    let mut rows = Vec::new();
+    for sensor in &parts[0].judged.study().sweep.sensors {
+        for model in &deployments[0] {
+            let own = deployments.iter().flatten().copied();
+            let own: Vec<&Part> =
+                own.filter(|part| part.model_name() == model.model_name()).collect();
+            rows.extend(of_sensor(sensor, &own)?);
+        }
+    }
+    Ok(rows)
+}
+
+fn of_sensor(sensor: &str, parts: &[&Part]) -> Result<Option<Deployed>, StepError> {
+    let judged = |part: &Part| {
+        let mut verdicts = part.judged.summary.verdicts.iter();
+        verdicts.find(|verdict| verdict.sensor == sensor).cloned()
+    };
+    let verdicts: Option<Vec<SensorVerdict>> = parts.iter().map(|part| judged(part)).collect();
+    let Some(verdicts) = verdicts else { return Ok(None) };
+    let candidates = &parts[0].judged.manifest.candidates;
+    let label = |index: usize| verdict_rows::setting(&candidates[index]).to_string();
+    let choices = parts.iter().zip(&verdicts).map(|(part, verdict)| Choice {
+        deployment: part.deployment_name().to_owned(),
+        chosen: label(verdict.chosen),
+        values: values(&candidates[verdict.chosen]),
+        regret: verdict.truth.as_ref().and_then(|truth| Some(truth.choice.regret?.value)),
+        grade: verdict.grade,
+        simple_predictor: verdict.simpler().map(|simpler| simpler.predictor),
+    });
+    let for_all = evidence::choice(sensor, parts, &verdicts)?;
+    let regrets = verdicts.iter().map(|verdict| {
+        verdict.truth.as_ref().and_then(|truth| Some(truth.regrets.as_ref()?[for_all]))
+    });
+    Ok(Some(Deployed {
+        sensor: sensor.to_owned(),
+        model: parts[0].model_name().to_owned(),
+        is_by_model: parts[0].judged.study().has_model(),
+        choices: choices.collect(),
+        for_all: label(for_all),
+        for_all_values: values(&candidates[for_all]),
+        regrets: regrets.collect(),
+    }))
+}
+
+/// What the agent of a candidate is given.
+fn values(candidate: &Candidate) -> Map<String, Value> {
+    candidate.values.iter().cloned().collect()
+}
+
+/// The largest cost, if all are known.
+fn largest(regrets: &[Option<f64>]) -> Option<f64> {
+    let all: Option<Vec<f64>> = regrets.iter().copied().collect();
+    all?.into_iter().reduce(f64::max)
+}
+
+fn header(rows: &[Deployed]) -> Vec<String> {
+    let deployments = rows[0].choices.iter().map(|choice| choice.deployment.clone());
+    let model = rows[0].is_by_model.then(|| "model".to_owned());
+    let leading = ["sensor".to_owned()].into_iter().chain(model);
+    leading.chain(deployments).chain(["for all".to_owned()]).collect()
+}
+
+fn row(of: &Deployed) -> Vec<String> {
+    let choices = of.choices.iter().map(Choice::text);
+    [of.sensor.clone()]
+        .into_iter()
+        .chain(of.is_by_model.then(|| of.model.clone()))
+        .chain(choices)
+        .chain([for_all_text(of)])
+        .collect()
+}
+
+/// "1e-4 (at most 25 %; not learned in july)".
+fn for_all_text(of: &Deployed) -> String {
+    if of.is_not_learnt() {
+        return Grade::NotLearnt.word().to_owned();
+    }
+    // What stands still has a regret, of 0, that says nothing.
+    let says_nothing = |choice: &Choice| {
+        let stands_still = choice.grade == Grade::Unchecked && choice.regret.is_some();
+        choice.is_not_learnt() || stands_still
+    };
+    let learnt = of.choices.iter().zip(&of.regrets).filter(|(choice, _)| !says_nothing(choice));
+    let regrets: Vec<Option<f64>> = learnt.map(|(_, regret)| *regret).collect();
+    let cost = largest(&regrets).map(|regret| format!("at most {}", percent(regret)));
+    let without: Vec<&str> = of
+        .choices
+        .iter()
+        .filter(|choice| choice.is_not_learnt())
+        .map(|choice| choice.deployment.as_str())
+        .collect();
+    let without = (!without.is_empty()).then(|| format!("not learned in {}", without.join(", ")));
+    let told: Vec<String> = cost.into_iter().chain(without).collect();
+    if told.is_empty() {
+        of.for_all.clone()
+    } else {
+        format!("{} ({})", of.for_all, told.join("; "))
+    }
+}
+
+/// Print the choices side by side; nothing where there are no several deployments.
+pub(crate) fn show(rows: &[Deployed], printer: &Printer) -> Result<(), StepError> {
+    if rows.is_empty() {
+        return Ok(());
+    }
+    printer.result("")?;
+    printer.result(match rows.iter().any(Deployed::disagrees) {
+        _ if rows.iter().all(Deployed::is_not_learnt) => {
+            "what to deploy: nothing, as no setting learns any sensor in any deployment"
+        }
+        false => {
+            "what to deploy (regret on held-out data, grade): every choice is the same for all deployments"
+        }
+        true => "what to deploy (regret on held-out data, grade): choices differ between deployments",
+    })?;
+    let header = header(rows);
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    printer.lines(&table(&header, &rows.iter().map(row).collect::<Vec<_>>()))
+}
+
+/// The same for the report.
+pub(crate) fn report_table(rows: &[Deployed]) -> Option<Table> {
+    let evidence = if rows.first()?.is_by_model {
+        "from the models of all deployments and the replayed log"
+    } else {
+        "from the replayed log"
+    };
+    let cells = |of: &Deployed| row(of).into_iter().map(Cell::Text).collect();
+    Some(Table {
+        title: "What to deploy".to_owned(),
+        caption: format!(
+            "The choice for each deployment, in brackets its regret on held-out data and its grade. The setting for all is what the study's rule chooses {evidence}, with the largest of its regrets."
+        ),
+        columns: header(rows),
+        rows: rows.iter().map(cells).collect(),
+        best: None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn choice(deployment: &str, chosen: &str, regret: Option<f64>, grade: Grade) -> Choice {
+        Choice {
+            deployment: deployment.to_owned(),
+            chosen: chosen.to_owned(),
+            values: Map::new(),
+            regret,
+            grade,
+            simple_predictor: None,
+        }
+    }
+
+    fn deployed(choices: Vec<Choice>, regrets: Vec<Option<f64>>) -> Deployed {
+        Deployed {
+            sensor: "PIT300".to_owned(),
+            model: "year".to_owned(),
+            is_by_model: true,
+            choices,
+            for_all: "1e-4".to_owned(),
+            for_all_values: Map::new(),
+            regrets,
+        }
+    }
+
+    #[test]
+    fn costs_and_grades_stand_beside_values() {
+        let choices = vec![
+            choice("april", "1e-4", Some(0.0), Grade::Good),
+            choice("july", "1e-3", None, Grade::Unchecked),
+        ];
+        let of = deployed(choices, vec![Some(0.0), Some(0.25)]);
+        assert!(of.disagrees());
+        let still =
+            deployed(vec![choice("may", "0.1", Some(0.0), Grade::Unchecked)], vec![Some(0.0)]);
+        assert_eq!(row(&still)[2..], ["0.1 (not checked)", "1e-4"]);
+        assert_eq!(row(&of), ["PIT300", "year", "1e-4 (0 %, good)", "1e-3", "1e-4 (at most 25 %)"]);
+        let alone = Deployed { is_by_model: false, ..of.clone() };
+        assert_eq!(header(&[of]), ["sensor", "model", "april", "july", "for all"]);
+        assert_eq!(row(&alone), ["PIT300", "1e-4 (0 %, good)", "1e-3", "1e-4 (at most 25 %)"]);
+        let table = report_table(std::slice::from_ref(&alone)).expect("a row");
+        assert_eq!(table.columns, ["sensor", "april", "july", "for all"]);
+        assert!(!table.caption.contains("model"), "{}", table.caption);
+    }
+
+    #[test]
+    fn what_is_not_learnt_is_not_recommended() {
+        let not_learnt = |name| choice(name, "1e-4", Some(0.0), Grade::NotLearnt);
+        let of = deployed(vec![not_learnt("april"), not_learnt("july")], vec![Some(0.0); 2]);
+        assert_eq!(row(&of)[2..], ["not learned", "not learned", "not learned"]);
+        let fair = choice("april", "1e-4", Some(0.1), Grade::Fair);
+        let of = deployed(vec![fair, not_learnt("july")], vec![Some(0.1), Some(0.0)]);
+        assert_eq!(
+            row(&of)[2..],
+            ["1e-4 (10 %, fair)", "not learned", "1e-4 (at most 10 %; not learned in july)"]
+        );
+    }
+}

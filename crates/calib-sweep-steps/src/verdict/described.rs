@@ -1,0 +1,76 @@
+//! What people call sensors, and what these are measured in.
+
+use std::collections::BTreeMap;
+
+use calib_base::{Context as _, StepError};
+use calib_data::{Description, Profile, read_tags};
+use calib_report::Report;
+use calib_study::Job;
+
+/// What is known of each channel: what the study says in `[sensors]`, or else the list of tags, or else the header of the log.
+#[derive(Clone, Debug, Default)]
+pub struct Descriptions(BTreeMap<String, Description>);
+
+impl Descriptions {
+    /// Of the channels of a log.
+    ///
+    /// # Errors
+    /// A list of tags that cannot be read.
+    pub fn of(job: &Job, profile: &Profile) -> Result<Self, StepError> {
+        let study = job.study();
+        let tags = match &study.evaluate.tags {
+            Some(path) => {
+                let path = job.beside(path);
+                read_tags(&path).with_context(|| format!("evaluate.tags = {}", path.display()))?
+            }
+            None => BTreeMap::new(),
+        };
+        let nothing = Description::default();
+        let of = |channel: &calib_data::ChannelProfile| {
+            let of = |all: &BTreeMap<String, Description>| all.get(&channel.name).cloned();
+            let given = of(&study.sensors).unwrap_or_default();
+            // A list of tags knows the angle, and not the two channels that are made of it.
+            let tag = tags.get(&channel.name).cloned().or_else(|| {
+                let angle = channel.angle.as_ref()?;
+                Some(angle.described(tags.get(&angle.channel)?))
+            });
+            let given = given.or(tag.as_ref().unwrap_or(&nothing));
+            (channel.name.clone(), given.or(&channel.description))
+        };
+        Ok(Self(profile.channels.iter().map(of).filter(|(_, of)| !of.is_empty()).collect()))
+    }
+
+    /// What the header of a log says of its channels.
+    pub fn of_log(profile: &Profile) -> Self {
+        let all = profile.channels.iter().map(|of| (of.name.clone(), of.description.clone()));
+        Self(all.filter(|(_, of)| !of.is_empty()).collect())
+    }
+
+    /// What stands in brackets behind the name of a sensor: its label and its unit.
+    pub fn words(&self, sensor: &str) -> Option<String> {
+        let Description { unit, label } = self.0.get(sensor)?;
+        match (label, unit) {
+            (Some(label), Some(unit)) => Some(format!("{label}, {unit}")),
+            (one, other) => one.clone().or_else(|| other.clone()),
+        }
+    }
+
+    /// Put it into the figures and the table of channels of a report on one model and deployment.
+    pub(crate) fn put_into(&self, report: &mut Report) {
+        for figure in &mut report.recorded {
+            figure.unit = self.words(&figure.sensor);
+        }
+        for figure in &mut report.rollouts {
+            figure.unit = self.words(&figure.sensor);
+        }
+        for channel in report.data.iter_mut().flat_map(|data| &mut data.channels) {
+            channel.unit = self.words(&channel.name);
+        }
+    }
+}
+
+/// Names in `[sensors]` that the log does not have.
+pub fn unknown<'a>(sensors: &'a BTreeMap<String, Description>, profile: &Profile) -> Vec<&'a str> {
+    let is_known = |name: &str| profile.channels.iter().any(|channel| channel.name == name);
+    sensors.keys().map(String::as_str).filter(|name| !is_known(name)).collect()
+}

@@ -1,0 +1,375 @@
+//! Verdicts on a finished sweep of one model in one deployment.
+
+use std::path::{Path, PathBuf};
+
+use calib_agent::Part;
+use calib_base::{
+    Context as _, StepError,
+    artefact::{self, MANIFEST, TOOL},
+    bail, ensure,
+    log::{context::RunContext, partition},
+    outcome::{NoPlan, Outcome, StepResult},
+    output::span,
+    stale::Kept,
+};
+use calib_core::{Monitor, Seed};
+use calib_model::StartKind;
+use calib_model_steps::{
+    model::model_files,
+    rollouts::{one_step, rollout},
+};
+use calib_report::{RecordedFigure, caveats};
+use calib_study::{Job, Layout, StepKind, Study};
+use calib_sweep::{
+    Candidate, Grade, Judging, Recommendation, SensorVerdict, SimpleComparison, SweepError,
+    UnitResult, verdict,
+};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use crate::{
+    sweep::{SweepFacts, SweepManifest, recorded, simple::SimpleErrors, unit_store},
+    verdict::{
+        learned, report,
+        verdict_rows::{self, verdict_row},
+    },
+};
+
+/// `summary.json`: the verdict for machines.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Summary {
+    pub(crate) format: u32,
+    pub(crate) tool: &'static str,
+    pub(crate) title: String,
+    /// What agents predict, and how far ahead; none of runs that calib did not make.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) predicts: Option<String>,
+    /// What is chosen for each sensor.
+    pub(crate) choices: Vec<SensorChoice>,
+    /// The advice in words, one list of lines a sensor.
+    pub(crate) advice: Vec<Vec<String>>,
+    /// What each choice would have cost in the held-out data, and what to do where it will not do.
+    pub(crate) plain: Vec<String>,
+    /// Labels of the candidates that the verdicts count.
+    pub(crate) candidates: Vec<String>,
+    /// One entry for each sensor.
+    pub verdicts: Vec<SensorVerdict>,
+    /// What the reader must know before relying on the verdicts.
+    pub(crate) caveats: Vec<String>,
+    /// What else is worth knowing of the sweep.
+    pub(crate) notes: Vec<String>,
+}
+
+/// What is chosen for a sensor.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct SensorChoice {
+    sensor: String,
+    /// The swept keys of the agent, and their values.
+    values: Map<String, Value>,
+    /// Whether that is what the study gives as its default.
+    is_default: bool,
+    /// How well held-out data supports it.
+    grade: Grade,
+    /// What to do: the same as the report says.
+    recommendation: Recommendation,
+    /// The simple predictor to use instead: one that the agent is not known to match, or the one that it starts from where learning
+    /// on is not shown to help.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    simple_predictor: Option<SimpleComparison>,
+}
+
+impl SensorChoice {
+    /// Whether a simple predictor is to be used.
+    pub(crate) fn is_simple(&self) -> bool {
+        self.recommendation == Recommendation::UseSimplePredictor
+    }
+}
+
+/// The choices of these verdicts, whose numbers count `candidates`; `rows` are the same verdicts in words.
+pub(crate) fn choices(
+    verdicts: &[SensorVerdict],
+    rows: &[calib_report::Verdict],
+    candidates: &[Candidate],
+) -> Vec<SensorChoice> {
+    let choices = verdicts.iter().zip(rows).map(|(verdict, row)| {
+        let candidate = &candidates[verdict.chosen];
+        let instead = |frozen| verdict.simple.iter().find(|simple| simple.predictor == frozen);
+        SensorChoice {
+            sensor: verdict.sensor.clone(),
+            values: candidate.values.iter().cloned().collect(),
+            is_default: candidate.is_default,
+            grade: verdict.grade,
+            recommendation: verdict.recommendation(),
+            simple_predictor: verdict
+                .simpler()
+                .or_else(|| row.without_learning().and_then(instead))
+                .cloned(),
+        }
+    });
+    choices.collect()
+}
+
+/// A finished sweep, and what follows from it.
+pub struct Judged {
+    /// What was judged.
+    pub job: Job,
+    /// What is told of its sweep.
+    pub manifest: SweepManifest,
+    /// The results of all units.
+    pub results: Vec<UnitResult>,
+    /// What `summary.json` says of it.
+    pub summary: Summary,
+    /// What was recorded of each sensor.
+    pub(crate) recorded: Vec<RecordedFigure>,
+    /// The verdicts in words.
+    pub(crate) rows: Vec<calib_report::Verdict>,
+}
+
+impl Judged {
+    /// The study of the model and deployment that are judged.
+    pub fn study(&self) -> &Study {
+        self.job.study()
+    }
+
+    /// Where its results lie.
+    pub(crate) fn paths(&self) -> &Layout {
+        self.job.layout()
+    }
+}
+
+/// The verdicts on one model in one deployment.
+#[derive(Debug)]
+pub struct Judgement {
+    pub(crate) summary: Summary,
+    /// The report, if one was to be written.
+    pub(crate) report: Option<PathBuf>,
+}
+
+impl Judgement {
+    /// What is said of each sensor.
+    pub fn verdicts(&self) -> &[SensorVerdict] {
+        &self.summary.verdicts
+    }
+
+    /// The verdicts as `summary.json` has them, which is what `--json` prints.
+    pub fn summary(&self) -> &Summary {
+        &self.summary
+    }
+
+    /// The report, if one was to be written.
+    pub fn report(&self) -> Option<&Path> {
+        self.report.as_deref()
+    }
+}
+
+/// Judge a finished sweep and write the report; nothing is written in a dry run.
+///
+/// # Errors
+/// As [`judge`]; also if the report cannot be written.
+pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Judgement>, StepError> {
+    let monitor = context.progress();
+    let judged = judge(job, context, &*monitor)?;
+    let page = job.layout().report();
+    if job.policy().is_dry() {
+        context.say(&format!("dry run: would write {}", page.display()));
+        return Ok(StepResult::Planned(NoPlan));
+    }
+    let report = report::assemble(&judged)?;
+    let written = report::write(job, &report, &judged.summary, &*monitor);
+    artefact::or_read_only(written, &page, context)?;
+    Ok(StepResult::Made(Judgement { summary: judged.summary, report: Some(page) }))
+}
+
+/// Whether what decides prefers some value to another for every sensor.
+pub(crate) fn told(summary: &Summary) -> Outcome {
+    if summary.verdicts.iter().all(SensorVerdict::tells_apart) {
+        Outcome::Done
+    } else {
+        Outcome::Negative
+    }
+}
+
+/// Why a deployment is not judged, if it is not.
+///
+/// # Errors
+/// If the sweep is not finished, or not of this study.
+pub fn left_out(job: &Job, context: &RunContext) -> Result<Option<String>, StepError> {
+    let name = job.deployment().unwrap_or_default();
+    let reason = finished_sweep(job, context)?.facts.left_out;
+    Ok(reason.map(|reason| format!("deployment {name} is left out: {reason}")))
+}
+
+/// Judge a finished sweep; nothing is written.
+///
+/// # Errors
+/// If the sweep is not finished, not of this study or damaged, nothing of it can be judged, or the `monitor` asks to stop.
+pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<Judged, StepError> {
+    let (study, paths) = (job.study(), job.layout());
+    let manifest = finished_sweep(job, context)?;
+    if let Some(reason) = &manifest.left_out {
+        bail!("there is nothing to judge: {reason}");
+    }
+    let store = unit_store(&paths.sweep(), manifest.arithmetic.as_deref());
+    let results = store.collect(&manifest.units, &manifest.settings).with_context(|| {
+        format!(
+            "the sweep is not complete; run `{}` again",
+            manifest.again(&job.command(StepKind::Sweep))
+        )
+    })?;
+    let sensors = study.sweep.sensors.iter();
+    let profile = learned::profile(job)?;
+    let doubts = profile.value_doubts();
+    let verdicts = sensors
+        .map(|sensor| {
+            monitor.check()?;
+            let mut verdict = verdict_of(sensor, study.part(), study, &manifest, &results)?;
+            let of_it = doubts.iter().filter(|(name, _)| name == sensor);
+            verdict.warnings.extend(of_it.map(|(_, doubt)| doubt.clone()));
+            let recorded = profile.recorded_name(sensor);
+            let mut sentinels = profile.sentinels.iter().flat_map(|sentinel| &sentinel.channels);
+            if sentinels.any(|channel| channel == recorded) {
+                verdict.warnings.extend(profile.sentinel_doubt());
+            }
+            Ok(verdict)
+        })
+        .collect::<Result<Vec<_>, StepError>>()
+        .with_context(|| {
+            format!(
+                "{} cannot be judged; if they were edited, `{} --force` makes them again",
+                paths.sweep().display(),
+                manifest.again(&job.command(StepKind::Sweep))
+            )
+        })?;
+    let periods = recorded::Periods {
+        beside_pretraining: if study.has_model() { "model" } else { "log replay" },
+        held_out: job.deployment().unwrap_or("held out"),
+    };
+    let kept = recorded::figures(&paths.sweep(), &study.sweep.sensors, periods)?;
+    let rows: Vec<calib_report::Verdict> = verdicts
+        .iter()
+        .zip(&kept)
+        .map(|(verdict, kept)| {
+            let outside = kept.outside_training();
+            verdict_row(verdict, outside, &manifest, study, job.model_name())
+        })
+        .collect();
+    let summary = Summary {
+        format: 2,
+        tool: TOOL,
+        title: job.title(),
+        choices: choices(&verdicts, &rows, &manifest.candidates),
+        advice: rows.iter().map(verdict_rows::advice).collect(),
+        predicts: Some(predicts(study.agent.gamma, profile.sampled_period_secs)),
+        plain: rows.iter().map(calib_report::Verdict::plain).collect(),
+        caveats: caveats(&rows),
+        candidates: manifest.candidates.iter().map(Candidate::label).collect(),
+        verdicts,
+        notes: [manifest.notes.clone(), stale_rollouts(job, manifest.model.as_deref())?].concat(),
+    };
+    Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
+}
+
+/// What an agent with this discount predicts of states that are so far apart.
+fn predicts(gamma: f64, state_secs: f64) -> String {
+    let state = span(state_secs);
+    if gamma == 0.0 {
+        return format!("Agents predict the next value of their sensor, {state} ahead.");
+    }
+    let horizon = span(state_secs / (1.0 - gamma));
+    format!(
+        "Agents predict the mean of their sensor over about the next {horizon} (gamma = {gamma}, one state every {state})."
+    )
+}
+
+/// What a finished sweep says about a sensor by the errors over `part` of each run.
+///
+/// # Errors
+/// If the results do not have the runs that the rule looks at.
+pub fn verdict_of(
+    sensor: &str,
+    part: Part,
+    study: &Study,
+    manifest: &SweepFacts,
+    results: &[UnitResult],
+) -> Result<SensorVerdict, SweepError> {
+    let judging = Judging {
+        part,
+        rule: study.evaluate.rule,
+        top_k: study.evaluate.top_k,
+        scales: &manifest.scales,
+        simple: &manifest.simple.scores,
+        stands_still: manifest.standing_still.iter().any(|still| still == sensor),
+        resamples: study.evaluate.resamples,
+        seed: Seed::new(study.seed).child("verdict"),
+    };
+    let mut verdict = verdict(sensor, &manifest.candidates, results, &judging)?;
+    if study.has_model() && study.sweep_starts().start == StartKind::Nearest {
+        verdict.warnings.insert(0, LOOKED_AHEAD.to_owned());
+    }
+    Ok(verdict)
+}
+
+/// What a choice is that was made from rollouts that start at the nearest states to those of the deployment.
+const LOOKED_AHEAD: &str = "the sweep's rollouts start at the recorded states that are nearest to those of the deployment: this \
+     choice has looked into what it is judged on, as no choice can that is made before; sweep.start = \"recent\" is what is \
+     known beforehand";
+
+/// Whether a sweep was finished with the study as it is now.
+pub fn is_swept(job: &Job, context: &RunContext) -> bool {
+    finished_sweep(job, context).is_ok()
+}
+
+/// Rollouts that another study made are left out of the report, which is no reason to refuse the verdict.
+fn stale_rollouts(job: &Job, model: Option<&str>) -> Result<Vec<String>, StepError> {
+    let Some(model) = model else { return Ok(Vec::new()) };
+    let directory = job.layout().rollout();
+    let finished = rollout::finished(job, Some(model))?;
+    let stale = if finished.is_none() && directory.join(MANIFEST).exists() {
+        "rollouts"
+    } else if finished.is_some() && one_step::is_stale(job, model) {
+        "one-step errors"
+    } else {
+        return Ok(Vec::new());
+    };
+    Ok(vec![format!(
+        "the {stale} in {} were made with other settings, or are damaged, and are not shown; run `{}` again",
+        directory.display(),
+        job.command(StepKind::Rollout)
+    )])
+}
+
+/// The manifest of a sweep that was made with this study and the model as it is now.
+fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, StepError> {
+    let (paths, again) = (job.layout(), job.command(StepKind::Sweep));
+    let mut manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
+    let directory = &paths.sweep();
+    Kept { step: StepKind::Sweep, study: &manifest.study, directory }.check(job)?;
+    check_log(job, &manifest, context)?;
+    let model = model_files::content_of(job)?;
+    if model.is_some() && model != manifest.model {
+        bail!("the model was built again after the sweep; run `{again}` again");
+    }
+    artefact::check_files(&paths.sweep(), &manifest.files, &again)?;
+    if manifest.left_out.is_none() {
+        manifest.simple = SimpleErrors::read(&paths.sweep())?;
+    }
+    Ok(manifest)
+}
+
+/// Whether a log that may be another than the one that was swept holds the same states.
+fn check_log(job: &Job, swept: &SweepFacts, context: &RunContext) -> Result<(), StepError> {
+    if job.reads_the_log_of(&swept.study) {
+        return Ok(());
+    }
+    let dataset = partition::load(job, &context.silent())?.dataset;
+    let held_out = swept.held_out.as_ref().and_then(|states| states.data.as_ref());
+    ensure!(
+        dataset.fingerprint == swept.data && dataset.held_out_fingerprint.as_ref() == held_out,
+        "the sweep in {} is of other data than those in {}; run `{}` again",
+        job.layout().sweep().display(),
+        job.study().data.path.0.join(", "),
+        job.command(StepKind::Sweep)
+    );
+    Ok(())
+}

@@ -1,0 +1,61 @@
+//! What `evaluate` comes to.
+
+use calib_base::{StepError, log::context::RunContext, outcome::StepResult};
+use calib_study::Job;
+use calib_sweep::SensorVerdict;
+use serde::{Serialize, Serializer};
+
+use crate::verdict::{
+    compare::{self, Compared},
+    evaluate::{self, Judgement},
+};
+
+/// The verdicts on a study; as JSON, what `summary.json` has.
+#[derive(Debug)]
+pub enum Evaluation {
+    /// It has one model and one deployment, or one of each was chosen.
+    Judged(Box<Judgement>),
+    /// It has several.
+    Compared(Box<Compared>),
+}
+
+/// Judge the finished sweeps of the `parts` of a job, and write the reports, which warn of models that were `left_out`.
+///
+/// # Errors
+/// If a sweep is not finished, not of this study or damaged, a report cannot be written, or the observer asks to stop.
+pub fn run(
+    job: &Job,
+    parts: &[Job],
+    left_out: &[String],
+    context: &RunContext,
+) -> Result<StepResult<Evaluation>, StepError> {
+    Ok(match parts {
+        [only] if only.is_same_part(job) => {
+            evaluate::run(job, context)?.map(|judged| Evaluation::Judged(Box::new(judged)))
+        }
+        parts => compare::run(job, parts, left_out, context)?
+            .map(|compared| Evaluation::Compared(Box::new(compared))),
+    })
+}
+
+impl Evaluation {
+    /// What is said of each sensor, of all models and deployments in the order in which they were judged.
+    pub fn verdicts(&self) -> Vec<&SensorVerdict> {
+        match self {
+            Self::Judged(judged) => judged.verdicts().iter().collect(),
+            Self::Compared(compared) => {
+                let summaries = compared.places.iter().filter_map(|place| compared.at(place));
+                summaries.flat_map(|summary| &summary.verdicts).collect()
+            }
+        }
+    }
+}
+
+impl Serialize for Evaluation {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Judged(judged) => judged.summary.serialize(serializer),
+            Self::Compared(compared) => compared.summaries.serialize(serializer),
+        }
+    }
+}

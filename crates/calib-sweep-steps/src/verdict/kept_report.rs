@@ -1,0 +1,76 @@
+//! A report is written when what it shows has changed, and not otherwise: drawing takes longer than judging.
+
+use std::path::{Path, PathBuf};
+
+use calib_base::{
+    Context as _, StepError,
+    artefact::{self, Artefact, Below, Claim, Facts, MANIFEST, TOOL},
+};
+use calib_report::Report;
+use calib_study::{Job, StepKind};
+use serde::{Deserialize, Serialize};
+
+/// `manifest.json` of the verdicts and figures of a study.
+type ReportManifest = Artefact<ReportFacts>;
+
+/// What is told of a report. The page beside the directory is one of its files.
+#[derive(Serialize, Deserialize)]
+struct ReportFacts {
+    /// Fingerprint of all that the report shows.
+    key: String,
+}
+
+impl Facts for ReportFacts {
+    const FORMAT: u32 = 1;
+    const STEP: StepKind = StepKind::Evaluate;
+
+    fn key(&self) -> &str {
+        &self.key
+    }
+}
+
+/// Whether a study was judged after the sweeps in `folders` were finished.
+pub fn is_judged_since(job: &Job, folders: &[PathBuf]) -> bool {
+    let finished =
+        |folder: &Path| folder.join(MANIFEST).metadata().and_then(|of| of.modified()).ok();
+    let directory = job.layout().evaluate();
+    let judged = artefact::read::<ReportManifest>(&directory).and_then(|_| finished(&directory));
+    judged.is_some_and(|judged| {
+        folders.iter().all(|folder| finished(folder).is_some_and(|finished| finished <= judged))
+    })
+}
+
+/// Let `write` write the figures and the `summary` of a report, whose names in the directory it returns, and the page beside
+/// the directory, unless they are there and show the same.
+pub(crate) fn keep(
+    job: &Job,
+    report: &Report,
+    summary: &impl Serialize,
+    write: impl FnOnce() -> Result<Vec<String>, StepError>,
+) -> Result<(), StepError> {
+    let directory = job.layout().evaluate();
+    // Rows of a report are shown to the last digit, and so are they here.
+    let key = artefact::key(&(ReportFacts::FORMAT, TOOL, format!("{report:?}"), summary))?;
+    let page = job.layout().report();
+    let page_name = page.file_name().map(|name| format!("../{}", name.to_string_lossy()));
+    let kept = artefact::read::<ReportManifest>(&directory);
+    let is_kept = kept.as_ref().is_some_and(|kept| kept.key == key && kept.is_whole(&directory));
+    if is_kept && !job.policy().redoes() {
+        return Ok(());
+    }
+    let mut claim = Claim::new(&directory, Below::Ours)?;
+    if let Some(kept) = kept {
+        // A calib that noted nothing has written the page as well.
+        claim.record().add(kept.files.into_keys().filter(|name| name.starts_with("../")))?;
+    }
+    claim.record().note(page_name.clone())?;
+    claim.begin()?;
+    let written = write().with_context(|| {
+        format!(
+            "{} cannot be written; if results were edited, the steps with --force make them again",
+            page.display()
+        )
+    })?;
+    let names: Vec<String> = written.into_iter().chain(page_name).collect();
+    claim.finish(ReportFacts { key }, names.iter().map(String::as_str)).map(drop)
+}

@@ -1,0 +1,81 @@
+//! What the agents of a sweep learned from: the states of its model, or of the replayed log where there is none.
+
+use calib_base::{
+    Context as _, StepError, artefact, ensure,
+    log::profile_file::{self, PROFILE},
+};
+use calib_core::{Period, Timestamp};
+use calib_data::Profile;
+use calib_model_steps::model::model_files::{self, ModelManifest};
+use calib_study::{Job, StepKind};
+
+use crate::sweep::{LearnedStates, SweepManifest};
+
+/// What the data looked like.
+pub(crate) fn profile(job: &Job) -> Result<Profile, StepError> {
+    let paths = job.layout();
+    if job.study().has_model() {
+        model_files::read_profile(&paths.model())
+    } else {
+        profile_file::read(&paths.sweep(), &job.command(StepKind::Sweep))
+    }
+}
+
+/// The data, and what was kept of it.
+pub(crate) struct Learned {
+    pub(crate) profile: Profile,
+    /// None for a study without one.
+    pub(crate) model: Option<ModelManifest>,
+    pub(crate) rows: usize,
+    pub(crate) segments: usize,
+    pub(crate) period: Period,
+    /// Times of the first and the last state, if they are known.
+    times: Option<[Timestamp; 2]>,
+}
+
+impl Learned {
+    /// Of a finished sweep.
+    ///
+    /// # Errors
+    /// If the model is not there, or the profile is not what was written.
+    pub(crate) fn of(job: &Job, sweep: &SweepManifest) -> Result<Self, StepError> {
+        if job.study().has_model() { Self::of_model(job) } else { Self::of_log(job, sweep) }
+    }
+
+    fn of_model(job: &Job) -> Result<Self, StepError> {
+        let (directory, build) = (job.layout().model(), job.command(StepKind::BuildModel));
+        let model: ModelManifest = artefact::require(&directory, &build)?;
+        ensure!(
+            model_files::has_profile(&model, &directory),
+            "profile.json of the model in {} is not what was written; run `{build}` to make it again",
+            directory.display()
+        );
+        Ok(Self {
+            profile: profile(job)?,
+            rows: model.rows,
+            segments: model.segments,
+            period: model.period,
+            times: model.times,
+            model: Some(model),
+        })
+    }
+
+    fn of_log(job: &Job, sweep: &SweepManifest) -> Result<Self, StepError> {
+        let (directory, again) = (job.layout().sweep(), job.command(StepKind::Sweep));
+        ensure!(
+            profile_file::is_whole(&directory, sweep.files.get(PROFILE)),
+            "{PROFILE} of the sweep in {} is not what was written; run `{again} --force` to make it again",
+            directory.display()
+        );
+        let LearnedStates { rows, segments, times } =
+            sweep.learned.context("the sweep does not say what it learned from")?;
+        let (profile, period) = (profile(job)?, sweep.period);
+        Ok(Self { profile, model: None, rows, segments, period, times })
+    }
+
+    /// Times of the first and the last state: agents may be pre-trained on the rest of the training range.
+    pub(crate) fn times(&self) -> [Timestamp; 2] {
+        let train = &self.profile.train;
+        self.times.unwrap_or([train.start, train.end])
+    }
+}

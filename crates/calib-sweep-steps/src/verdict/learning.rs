@@ -1,0 +1,159 @@
+//! Learning curves of a sweep, summarised over runs.
+
+use std::collections::BTreeMap;
+
+use calib_base::StepError;
+use calib_report::{Environment, LearningCurve, LearningCurves};
+use calib_stats::{Summary, summarise};
+use calib_study::{Job, Study};
+use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
+
+use crate::verdict::{
+    compare::Part,
+    verdict_rows::{field, setting},
+};
+
+/// One figure for each sensor and environment in which values were swept: Online, then the members.
+pub(crate) fn curves(
+    job: &Job,
+    candidates: &[Candidate],
+    results: &[UnitResult],
+) -> Result<Vec<LearningCurves>, StepError> {
+    let mut environments: Vec<EnvironmentId> =
+        results.iter().map(|result| result.unit.environment).collect();
+    environments
+        .sort_unstable_by_key(|&environment| (environment != EnvironmentId::Online, environment));
+    environments.dedup();
+    let mut figures = Vec::new();
+    for sensor in &job.study().sweep.sensors {
+        for &environment in &environments {
+            let rows: Vec<&RunRow> = results
+                .iter()
+                .filter(|result| {
+                    result.unit.sensor == *sensor && result.unit.environment == environment
+                })
+                .flat_map(|result| &result.rows)
+                .collect();
+            let mut curves = Vec::new();
+            for candidate in candidates {
+                let runs: Vec<&RunRow> =
+                    rows.iter().copied().filter(|row| row.candidate == candidate.index).collect();
+                curves.push(LearningCurve {
+                    value: setting(candidate),
+                    points: points(&runs, &rows)?,
+                });
+            }
+            let figure = LearningCurves {
+                sensor: sensor.clone(),
+                field: field(candidates),
+                environment: shown(environment, job.model()),
+                steps: rows.iter().map(|row| row.steps).max().unwrap_or(0),
+                curves,
+            };
+            if figure.curves.iter().any(|curve| !curve.points.is_empty()) {
+                figures.push(figure);
+            }
+        }
+    }
+    Ok(figures)
+}
+
+/// An environment as the report has it; `model` is what the model is called where there are several.
+fn shown(environment: EnvironmentId, model: Option<&str>) -> Environment {
+    match environment {
+        EnvironmentId::Online => Environment::Online,
+        EnvironmentId::Member(number) => {
+            Environment::Member { number, model: model.map(str::to_owned) }
+        }
+        EnvironmentId::LogReplay => Environment::LogReplay,
+    }
+}
+
+/// What is run once for all models is the first one's; every other curve is that of a model. With several deployments
+/// the report shows Online only: members' curves are in the report of each.
+pub(crate) fn of_several(
+    study: &Study,
+    parts: &[Part],
+    deployments: &[Vec<&Part>],
+) -> Vec<LearningCurves> {
+    let of_sensor = |sensor: &String| -> Vec<LearningCurves> {
+        if deployments.len() == 1 {
+            let all = parts.iter().enumerate().flat_map(|(number, part)| {
+                let own = part.report.learning.iter();
+                own.filter(move |of| number == 0 || !of.environment.is_shared())
+            });
+            return all.filter(|of| of.sensor == *sensor).cloned().collect();
+        }
+        let online = deployments.iter().flat_map(|group| {
+            let own = group[0].report.learning.iter();
+            let own =
+                own.filter(|of| of.sensor == *sensor && of.environment == Environment::Online);
+            own.map(|of| LearningCurves { sensor: group[0].in_deployment(sensor), ..of.clone() })
+                .collect::<Vec<_>>()
+        });
+        online.collect()
+    };
+    study.sweep.sensors.iter().flat_map(of_sensor).collect()
+}
+
+/// The points of one value over its `runs`. A run that diverged has an infinite error from then on; where its curve
+/// would have gone on is told by `all` runs in the same environment.
+fn points(runs: &[&RunRow], all: &[&RunRow]) -> Result<Vec<(usize, Summary)>, StepError> {
+    let mut steps: Vec<usize> =
+        all.iter().flat_map(|row| &row.curve).map(|point| point.step).collect();
+    steps.sort_unstable();
+    steps.dedup();
+    let errors: Vec<(BTreeMap<usize, f64>, usize)> = runs
+        .iter()
+        .map(|row| {
+            let curve = row.curve.iter().map(|point| (point.step, point.rmse)).collect();
+            (curve, row.diverged_at.unwrap_or(usize::MAX))
+        })
+        .collect();
+    let mut points = Vec::with_capacity(steps.len());
+    for step in steps {
+        let at = |(curve, diverged): &(BTreeMap<usize, f64>, usize)| {
+            curve.get(&step).copied().or((step > *diverged).then_some(f64::INFINITY))
+        };
+        let known: Vec<f64> = errors.iter().filter_map(at).collect();
+        if !known.is_empty() {
+            points.push((step, summarise(&known)?));
+        }
+    }
+    Ok(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_agent::Scores;
+    use calib_sweep::CurvePoint;
+
+    use super::*;
+
+    fn run(curve: &[(usize, f64)], diverged_at: Option<usize>) -> RunRow {
+        RunRow {
+            candidate: 0,
+            steps: 30,
+            updates: 1,
+            scores: Scores::default(),
+            diverged_at,
+            curve: curve.iter().map(|&(step, rmse)| CurvePoint { step, rmse }).collect(),
+        }
+    }
+
+    #[test]
+    fn runs_are_averaged_step_by_step_and_one_that_diverges_makes_the_rest_infinite() {
+        let (first, second) =
+            (run(&[(10, 3.0), (20, 1.0), (30, 1.0)], None), run(&[(10, 5.0)], Some(14)));
+        let other = run(&[(10, 1.0), (20, 1.0), (30, 1.0)], None);
+        let all = [&first, &second, &other];
+        let points = points(&[&first, &second], &all).expect("summarised");
+        let told: Vec<_> =
+            points.iter().map(|(step, of)| (*step, of.mean, of.runs, of.diverged)).collect();
+        let infinite = f64::INFINITY;
+        assert_eq!(told, [(10, 4.0, 2, 0), (20, infinite, 2, 1), (30, infinite, 2, 1)]);
+        let lost = super::points(&[&second], &all).expect("summarised");
+        assert_eq!(lost.len(), 3, "the curve goes on where others do");
+        assert!(super::points(&[], &all).expect("none").is_empty());
+    }
+}

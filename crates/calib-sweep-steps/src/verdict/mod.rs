@@ -1,0 +1,17 @@
+//! Verdicts, of one model and of several, and the report that shows them.
+
+pub mod compare;
+pub(crate) mod compare_choices;
+pub(crate) mod compare_pairs;
+pub(crate) mod compare_tables;
+pub(crate) mod deployed;
+pub mod described;
+pub mod evaluate;
+pub mod evaluation;
+pub mod kept_report;
+pub(crate) mod learned;
+mod learning;
+pub(crate) mod recorded_together;
+pub mod report;
+pub(crate) mod report_data;
+pub(crate) mod verdict_rows;

@@ -1,0 +1,318 @@
+//! The report: results as typed rows for the page.
+
+use std::{io::Write as _, path::Path};
+
+use calib_base::{
+    Context as _, StepError,
+    artefact::{self, Below},
+};
+use calib_core::Monitor;
+use calib_data::table::read_parquet_columns;
+use calib_files::{write_atomically, write_json};
+use calib_model_steps::{
+    model::{
+        build_model, jumps as jump_text,
+        model_files::{self, ModelManifest},
+        recurrence,
+    },
+    represent::{self, RepresentationManifest},
+    rollouts::{
+        collapse,
+        comparison::{self, ComparedModel},
+        figures::{self, Starts},
+        one_step::{self, Predicting},
+        rollout::{self, RolloutManifest},
+        trajectory_columns::Columns,
+    },
+};
+use calib_report::{
+    Cell, JumpStatistics, Report, Reproduction, RolloutFigure, Score, Sensitivity, Table,
+};
+use calib_represent::RepresentationKind;
+use calib_study::{Job, Layout, StepKind, Study};
+use calib_sweep::Rule;
+
+use crate::{
+    sweep::SweepFacts,
+    verdict::{
+        described::Descriptions,
+        evaluate::{Judged, Summary},
+        kept_report,
+        learned::Learned,
+        learning,
+        report_data::{data_profile, subtitle},
+        verdict_rows,
+    },
+};
+
+/// Write the summary, the figures and `report.html`, unless they are there and show the same.
+pub(crate) fn write(
+    job: &Job,
+    report: &Report,
+    summary: &Summary,
+    monitor: &dyn Monitor,
+) -> Result<(), StepError> {
+    kept_report::keep(job, report, summary, || write_all(job.layout(), report, summary, monitor))
+}
+
+fn write_all(
+    paths: &Layout,
+    report: &Report,
+    summary: &Summary,
+    monitor: &dyn Monitor,
+) -> Result<Vec<String>, StepError> {
+    write_json(&paths.evaluate().join(SUMMARY), summary)?;
+    let directory = paths.evaluate().join(FIGURES);
+    let mut written = write_comparisons(&directory, report)?;
+    let names_of = figures::placed(report.sensitivities.iter().map(|of| of.sensor.as_str()));
+    for (sensitivity, name) in report.sensitivities.iter().zip(names_of) {
+        monitor.check()?;
+        let name = format!("sensitivity-{name}");
+        written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
+    }
+    let names_of = figures::placed(report.learning.iter().map(|of| of.sensor.as_str()));
+    for (curves, name) in report.learning.iter().zip(names_of) {
+        monitor.check()?;
+        let name = format!("learning-{name}-{}", curves.environment.file_name());
+        written.extend(figures::write(&directory, &name, &curves.figure()?)?);
+    }
+    let names_of = figures::placed(report.rollouts.iter().map(|of| of.sensor.as_str()));
+    for (rollout, name) in report.rollouts.iter().zip(names_of) {
+        monitor.check()?;
+        let name = format!("rollout-{name}");
+        written.extend(figures::write(&directory, &name, &rollout.figure()?)?);
+    }
+    write_page(paths, report)?;
+    Ok(names(written))
+}
+
+/// What is written beside the figures.
+pub(crate) const SUMMARY: &str = "summary.json";
+/// The folder of the figures.
+pub(crate) const FIGURES: &str = "figures";
+
+/// The names of the summary and of these figures.
+pub(crate) fn names(figures: Vec<String>) -> Vec<String> {
+    let figures = figures.into_iter().map(|name| format!("{FIGURES}/{name}"));
+    figures.chain([SUMMARY.to_owned()]).collect()
+}
+
+/// Write `report.html`.
+pub(crate) fn write_page(paths: &Layout, report: &Report) -> Result<(), StepError> {
+    let html = report.html()?;
+    if let Some(directory) = paths.report().parent().filter(|directory| directory.is_dir()) {
+        calib_files::remove_temporaries(directory, Below::Unknown)?;
+    }
+    Ok(write_atomically(&paths.report(), |file| file.write_all(html.as_bytes()))?)
+}
+
+/// Write the figures that show all sensors, or all models, beside each other; the names of the files.
+pub(crate) fn write_comparisons(
+    directory: &Path,
+    report: &Report,
+) -> Result<Vec<String>, StepError> {
+    let mut written = Vec::new();
+    if !report.sensitivities.is_empty() {
+        let panels = Sensitivity::panels(&report.sensitivities)?;
+        written.extend(figures::write(directory, "sensitivity", &panels)?);
+    }
+    let names = figures::placed(report.recorded.iter().map(|of| of.sensor.as_str()));
+    for (recorded, name) in report.recorded.iter().zip(names) {
+        let name = format!("recorded-{name}");
+        written.extend(figures::write(directory, &name, &recorded.figure()?)?);
+    }
+    let names = figures::placed(report.rollout_grids.iter().map(|grid| grid.sensor.as_str()));
+    for (grid, name) in report.rollout_grids.iter().zip(names) {
+        written.extend(figures::write(directory, &format!("rollouts-{name}"), &grid.figure()?)?);
+    }
+    Ok(written)
+}
+
+/// Everything that is known of a finished sweep and its model.
+pub(crate) fn assemble(judged: &Judged) -> Result<Report, StepError> {
+    let cannot = || {
+        let page = judged.paths().report();
+        let page = page.display();
+        format!(
+            "{page} cannot be written; if results were edited, the steps with --force make them again"
+        )
+    };
+    assembled(judged).with_context(cannot)
+}
+
+fn assembled(judged: &Judged) -> Result<Report, StepError> {
+    let Judged { job, manifest: sweep, summary, results, .. } = judged;
+    let (study, paths, name) = (job.study(), job.layout(), job.model_name());
+    let learned = Learned::of(job, sweep)?;
+    let model = learned.model.as_ref();
+    let content = model.map(model_files::content).transpose()?;
+    let rollouts = rollout::finished(job, content.as_deref())?;
+    let descriptions = Descriptions::of(job, &learned.profile)?;
+    let (shown, mut starts) = match &rollouts {
+        Some(rollouts) => rollout_figures(paths, rollouts)?,
+        None => (Vec::new(), Vec::new()),
+    };
+    for own in &mut starts {
+        own.unit = descriptions.words(&own.sensor);
+    }
+    let grids = starts.iter().flat_map(|own| figures::grids(&[(name, own)]));
+    let mut report = Report {
+        title: summary.title.clone(),
+        subtitle: Some(subtitle(&learned, judged)),
+        predicts: summary.predicts.clone(),
+        score: Score::nrmse(),
+        decision: None,
+        verdicts: judged.rows.clone(),
+        warnings: [summary.notes.clone(), warnings_of_model(study, model)].concat(),
+        sensitivities: summary
+            .verdicts
+            .iter()
+            .map(|verdict| verdict_rows::sensitivity(verdict, &sweep.candidates, name))
+            .collect(),
+        learning: learning::curves(job, &sweep.candidates, results)?,
+        recorded: judged.recorded.clone(),
+        rollouts: shown,
+        rollout_grids: grids.collect(),
+        jumps: model.map_or_else(Vec::new, |model| jumps(name, model, study.sweep.steps)),
+        tables: tables(job, model, rollouts.as_ref())?,
+        data: Some(data_profile(&learned, judged)),
+        reproduction: reproduction(job, &steps(&[study]), sweep)?,
+    };
+    descriptions.put_into(&mut report);
+    Ok(report)
+}
+
+/// What the reader must know of the model, where the choice follows from it.
+fn warnings_of_model(study: &Study, model: Option<&ModelManifest>) -> Vec<String> {
+    let model = model.filter(|_| study.evaluate.rule != Rule::LogReplay);
+    model.map_or_else(Vec::new, |model| build_model::warnings(model))
+}
+
+/// What the rollouts were like, and the representations that could be used.
+fn tables(
+    job: &Job,
+    model: Option<&ModelManifest>,
+    rollouts: Option<&RolloutManifest>,
+) -> Result<Vec<Table>, StepError> {
+    let (study, paths) = (job.study(), job.layout());
+    let name = job.model_name();
+    let mut tables = Vec::new();
+    if let Some(rollouts) = rollouts {
+        tables.extend(collapse::report_table(name, &rollouts.collapse));
+        let one_step = Predicting::read(name, job, &rollouts.model)?;
+        tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
+        let members = rollouts.members.len();
+        // Beside no other model the means are all there is to show.
+        let compared = rollouts.comparison.as_ref();
+        let compared = compared.map(|own| ComparedModel::new(name, members, own, &[]));
+        tables.extend(comparison::report_tables(compared.as_slice())?);
+        tables.extend(starts_table(name, rollouts));
+    }
+    tables.extend(model.and_then(recurrence::report_table));
+    tables.extend(representation_table(study, paths));
+    Ok(tables)
+}
+
+/// How many start states each member lacks, and how far what stands for them is; none where all are there.
+pub(crate) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Table> {
+    let all = rollouts.members.iter().map(|member| &member.starts);
+    if all.clone().all(|starts| starts.mean_distance.is_none()) {
+        return None;
+    }
+    let cell = |distance: Option<f64>| distance.map_or(Cell::Missing, Cell::Number);
+    let rows = all.enumerate().map(|(member, starts)| {
+        vec![
+            Cell::Text(format!("ensemble member {member}")),
+            Cell::Count(starts.starts as u64),
+            Cell::Count(starts.replaced as u64),
+            cell(starts.mean_distance),
+            cell(starts.largest_distance),
+        ]
+    });
+    let columns = ["", "start states", "in the block left out", "mean distance", "largest"];
+    Some(Table {
+        title: "Start states".to_owned(),
+        caption: format!(
+            "{model}: each ensemble member lacks one block of the log. A start state in that block, or one of the held-out period, is replaced by the nearest state that the ensemble member has. Distances are from the state that was asked for to the one that replaces it, in the metric of the model."
+        ),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+        best: None,
+    })
+}
+
+/// The representations that could be used, if the study has any.
+pub(crate) fn representation_table(study: &Study, paths: &Layout) -> Option<Table> {
+    (study.has_model() && study.representation.kind != RepresentationKind::None)
+        .then(|| artefact::read::<RepresentationManifest>(&paths.representation()))
+        .flatten()
+        .map(|manifest| represent::report_table(&manifest))
+}
+
+/// The rollouts over what was recorded, and all starts that they were made from.
+pub(crate) fn rollout_figures(
+    paths: &Layout,
+    manifest: &RolloutManifest,
+) -> Result<(Vec<RolloutFigure>, Vec<Starts>), StepError> {
+    let mut columns =
+        ["member", "rollout", "wanted_row", "wanted_timestamp"].map(str::to_owned).to_vec();
+    let of_sensors = Columns::of(&manifest.sensors).into_iter();
+    columns.extend(of_sensors.flat_map(|named| [named.physical, named.recorded]));
+    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let path = paths.rollout().join("trajectories.parquet");
+    let trajectories = read_parquet_columns(&path, &columns)?;
+    let (sensors, period_secs) = (&manifest.sensors, manifest.period_secs);
+    let shown = figures::rollouts(&trajectories, sensors, period_secs)?;
+    Ok((shown, figures::starts(&trajectories, sensors, period_secs)?))
+}
+
+fn jumps(name: &str, model: &ModelManifest, run: usize) -> Vec<JumpStatistics> {
+    let members = model.members.iter().enumerate();
+    members
+        .filter_map(|(member, summary)| {
+            let jumps = summary.jumps.as_ref()?;
+            Some(JumpStatistics {
+                model: name.to_owned(),
+                member,
+                steps: jumps.steps as u64,
+                jump_rate: jumps.jump_rate,
+                departure_rate: jumps.departure_rate,
+                mean_run_length: jumps.mean_run_length,
+                note: jump_text::note(jumps, summary.transitions, run).map(str::to_owned),
+            })
+        })
+        .collect()
+}
+
+/// The steps that make the report of studies that differ in their models only, but for the log.
+pub fn steps(models: &[&Study]) -> Vec<StepKind> {
+    let made_of_log = StepKind::ALL.into_iter().filter(|step| *step > StepKind::Prepare);
+    made_of_log.filter(|step| models.iter().any(|study| study.needs(*step))).collect()
+}
+
+fn reproduction(
+    job: &Job,
+    steps: &[StepKind],
+    sweep: &SweepFacts,
+) -> Result<Reproduction, StepError> {
+    let written = job.whole()?;
+    let laid_over = job.profile().map_or_else(String::new, |name| {
+        format!("# with [profiles.{name}] laid over the rest: as a file of its own it is run without --profile\n")
+    });
+    Ok(Reproduction {
+        command: command_lines(job, steps, sweep),
+        study_toml: laid_over + &toml::to_string(&written)?,
+        versions: vec![("calib".to_owned(), env!("CARGO_PKG_VERSION").to_owned())],
+        seeds: vec![("study".to_owned(), written.seed)],
+        fingerprint: sweep.data.to_string(),
+    })
+}
+
+/// What to type, one command a line.
+pub(crate) fn command_lines(job: &Job, steps: &[StepKind], sweep: &SweepFacts) -> String {
+    let lines = steps.iter().map(|step| match step {
+        StepKind::Sweep => sweep.again(&job.reproduction(*step)),
+        step => job.reproduction(*step),
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
