@@ -35,6 +35,11 @@ impl RunContext {
         Self { printer: self.printer.talking(), ..self.clone() }
     }
 
+    /// The same for a step that is up to date.
+    pub(crate) fn in_detail(&self) -> Self {
+        Self { printer: self.printer.in_detail(), ..self.clone() }
+    }
+
     /// The same for what is done twice: nothing is said.
     pub(crate) fn silent(&self) -> Self {
         Self { printer: self.printer.silent(), ..self.clone() }

@@ -2,7 +2,7 @@ use calib_study::{Job, StepKind};
 
 use crate::{
     StepError,
-    base::outcome::Told,
+    base::outcome::{Freshness, Told},
     model::jumps,
     output::{Printer, duration},
     rollouts::{
@@ -13,6 +13,9 @@ use crate::{
 
 impl Told for Rollouts {
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_on_the_way() && self.freshness == Freshness::Kept {
+            return Ok(());
+        }
         let Self { manifest, one_step, directory, freshness, took } = self;
         if printer.is_for_machines() {
             printer.json(manifest)?;
