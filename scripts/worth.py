@@ -76,6 +76,30 @@ def percent(count, total):
     return f"{count} of {total} ({100 * count / max(total, 1):.0f} %)"
 
 
+def deployed(choice, verdict):
+    """The simple predictor to deploy, the place of an agent's setting in the grid, or what to do instead."""
+    if choice["recommendation"] == "deploy":
+        return verdict["chosen"]
+    return choice.get("simple_predictor", {}).get("predictor", choice["recommendation"])
+
+
+def by_parts(calib, study, summary):
+    """What is deployed for each sensor, by each part of the runs."""
+    parts = []
+    for scored in ("after_first_quarter", "final_quarter", "whole_run"):
+        subprocess.run([calib, "evaluate", "-q", str(study), "--set", f"sweep.scored={scored}"], stdout=subprocess.DEVNULL)
+        found = json.loads(summary.read_text())
+        parts.append([deployed(choice, verdict) for choice, verdict in zip(found["choices"], found["verdicts"])])
+    return list(zip(*parts))
+
+
+def is_alike(parts):
+    """The same predictor, or neighbouring settings of an agent."""
+    if any(isinstance(part, str) for part in parts):
+        return len(set(parts)) == 1
+    return max(parts) - min(parts) <= 1
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--within", default="60s")
@@ -104,7 +128,7 @@ def main():
         studies.append((name, study))
     print("| log | sensor | to deploy | its error by the best simple predictor's (95 %) | agent's NRMSE | best simple predictor | its NRMSE | agent / predictor (95 %) | whole run, later |")
     print("|---|---|---|---|---|---|---|---|---|")
-    sensors = fine = named = agree = misled = agents = 0
+    sensors = fine = named = chosen_alike = deployed_alike = misled = agents = 0
     for name, study in studies:
         if study is None:
             folder = place / "quickstart"
@@ -119,7 +143,8 @@ def main():
             continue
         summary = json.loads(summaries[0].read_text())
         simple = json.loads((summaries[0].parent.parent / "sweep" / "simple.json").read_text())
-        for choice, verdict in zip(summary["choices"], summary["verdicts"]):
+        parts = by_parts(calib, study or folder / "calib-quickstart" / "study.toml", summaries[0])
+        for choice, verdict, of_parts in zip(summary["choices"], summary["verdicts"], parts):
             best = best_simple(verdict)
             if best is None:
                 continue
@@ -129,9 +154,6 @@ def main():
             agent = (best["ratio"]["value"], interval)
             agents += (interval[1] if interval else agent[0]) <= NO_WORSE
             instead = choice.get("simple_predictor", {}).get("predictor")
-            # Nothing is learnt after the log: what is deployed is the predictor that agents start from.
-            if instead is None and verdict.get("learning_off") is not None:
-                instead = simple["best"].get(choice["sensor"])
             ratio = agent
             if instead:
                 ratio = against_best(instead, best["predictor"], choice["sensor"], verdict["part"], simple["scores"])
@@ -139,14 +161,15 @@ def main():
             named += instead is not None
             misled += instead is None and choice["recommendation"] == "deploy" and bool(interval and interval[0] > 1)
             chosen = [part["chosen"] for part in verdict["parts"]]
-            near = max(chosen) - min(chosen) <= 1
-            agree += near
+            chosen_alike += max(chosen) - min(chosen) <= 1
+            alike = is_alike(of_parts)
+            deployed_alike += alike
             own = verdict["truth"]["choice"]["online_error"]
             values = ", ".join(f"{key} = {value}" for key, value in choice["values"].items())
             advised = instead or (values if choice["recommendation"] == "deploy" else f"({values})")
             print(
                 f"| {name} | {choice['sensor']} | {advised} | {ratio_text(*ratio)} | {own:.3g} | {best['predictor']} "
-                f"| {best['online_error']:.3g} | {ratio_text(*agent)} | {'alike' if near else 'differ'} |",
+                f"| {best['online_error']:.3g} | {ratio_text(*agent)} | {'alike' if alike else 'differ: ' + ', '.join(map(str, of_parts))} |",
                 flush=True,
             )
     print()
@@ -154,7 +177,8 @@ def main():
     print(f"It is a simple predictor: {percent(named, sensors)}.")
     print(f"Agents no worse than the best simple predictor (upper end at most {NO_WORSE}): {percent(agents, sensors)}.")
     print(f"Told to deploy what a simple predictor beats beyond chance: {misled}.")
-    print(f"Choices by the whole run and by its later parts are alike, or neighbours: {percent(agree, sensors)}.")
+    print(f"What is deployed is alike by the whole run and by its later parts: {percent(deployed_alike, sensors)}.")
+    print(f"The settings that are chosen for the agent are alike, or neighbours: {percent(chosen_alike, sensors)}.")
 
 
 if __name__ == "__main__":

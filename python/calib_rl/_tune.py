@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from . import _calib
 from ._acting import ActionModel
 from ._checks import LARGEST_SEED, position, whole
 from ._kinds import ModelKind
@@ -119,6 +120,70 @@ class Tuned:
         """
         names = ["setting", "kind", "member", "run", "mean_return", "episodes", "terminals", "uncovered"]
         return _frame({name: [label(run[name]) if name == "setting" else run[name] for run in self.runs] for name in names})
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write what was found as one HTML page that loads nothing from anywhere.
+
+        Args:
+            path: The file. One that is there is replaced.
+
+        Returns:
+            The path.
+
+        Raises:
+            CalibError: It cannot be written.
+            ValueError: Every setting failed, so that there is nothing to show.
+
+        Examples:
+            >>> tuned.report("tuned.html")  # doctest: +SKIP
+            PosixPath('tuned.html')
+        """
+        if self.chosen is None:
+            raise ValueError("every setting failed: `failures` says why")
+        kinds = list(dict.fromkeys(run["kind"] for run in self.runs))
+        members = sorted({run["member"] for run in self.runs})
+        returns: dict[tuple[str, str, int], list[float]] = {}
+        for run in self.runs:
+            returns.setdefault((label(run["setting"]), run["kind"], run["member"]), []).append(run["mean_return"])
+
+        def mean(setting: str, kind: str, member: int) -> float | None:
+            value = float(np.mean(returns.get((setting, kind, member), [np.nan])))
+            return value if np.isfinite(value) else None
+
+        roles = {label(self.default): "default"} if self.default is not None else {}
+        settings = [
+            {
+                **row,
+                "name": row["setting"],
+                "mean_return": row["mean_return"] if np.isfinite(row["mean_return"]) else None,
+                "role": "chosen" if row["setting"] == label(self.chosen) else roles.get(row["setting"], ""),
+                "returns": [[mean(row["setting"], kind, member) for member in members] for kind in kinds],
+            }
+            for row in self._rows()
+        ]
+        support, badge = self._support()
+        headline, *plain = self.advice[0].split(". ", 1)
+        runs = len(self.runs) // max(1, len(self.settings) * len(kinds) * len(members))
+        page = {
+            "title": "Agents that act",
+            "subtitle": f"{len(settings)} settings in {len(members)} ensemble members of {len(kinds)} kinds of models, {runs} {'run' if runs == 1 else 'runs'} each",
+            "decision": {"support": support, "badge": badge, "headline": headline.rstrip(".") + ".", "plain": " ".join(plain)},
+            "findings": [line for line in self.advice[1:] if line not in self.doubts],
+            "warnings": [*self.doubts, *map(str, self.failures)],
+            "settings": settings,
+            "kinds": kinds,
+            "command": f"tuned.report({os.fspath(path)!r})",
+        }
+        _calib.write_tuned_page(os.fspath(path), json.dumps(page))
+        return Path(path)
+
+    def _support(self) -> tuple[str, str]:
+        """How far the advice can be relied on, and that in a few words."""
+        if self.is_supported:
+            return "supported", "Supported by the log"
+        if self.advice[0].startswith("Keep the default"):
+            return "keep_default", "No clear difference"
+        return "unsupported", "Not supported by the log"
 
     def _rows(self) -> list[dict[str, Any]]:
         if not self.verdict:

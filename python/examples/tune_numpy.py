@@ -46,3 +46,4 @@ if __name__ == "__main__":
     )
     print(tuned)
     print(tuned.frame())
+    print(tuned.report(f"{folder}/report.html"))

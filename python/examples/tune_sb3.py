@@ -17,4 +17,6 @@ model = calib_rl.build_model(
 )
 grid = {"learning_rate": [1e-4, 1e-3], "exploration_fraction": [0.1, 0.5]}
 steps = int(steps[0]) if steps else 10_000
-print(calib_rl.tune(make_agent, grid, model, total_timesteps=steps, folder=f"{folder}/units", progress=True))
+tuned = calib_rl.tune(make_agent, grid, model, total_timesteps=steps, folder=f"{folder}/units", progress=True)
+print(tuned)
+print(tuned.report(f"{folder}/report.html"))

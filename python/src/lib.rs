@@ -22,6 +22,7 @@ mod observer;
 mod simulate;
 mod streams;
 mod study;
+mod tuned_page;
 mod walkers;
 mod work;
 
@@ -52,6 +53,7 @@ fn _calib(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(streams::evaluate_runs, module)?)?;
     module.add_function(wrap_pyfunction!(join::knn_join, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(tuned_page::write_tuned_page, module)?)?;
     module.add_function(wrap_pyfunction!(work::set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(main, module)?)
 }

@@ -273,6 +273,20 @@ def test_settings_are_ranked(tuned: calib_rl.Tuned) -> None:
     assert constant["over"]["mean"] > 0 and "Best constant action: always " in str(tuned)
 
 
+def test_what_was_found_is_a_page(tuned: calib_rl.Tuned, tmp_path: Path) -> None:
+    path = tuned.report(tmp_path / "tuned.html")
+    page = path.read_text(encoding="utf-8")
+    headline = tuned.advice[0].split(". ", 1)[0].rstrip(".")
+    for text in [headline, "neighbors", "increments", "network", "the agent&#39;s own default", "step_size=0.3", "Return in the models"]:
+        assert text in page or text.replace("&#39;", "'") in page, text
+    assert "src=\"http" not in page and "NaN" not in page
+    failed = calib_rl.Tuned([], None, {}, ["Deploy nothing: every setting failed."], [], [], [], {}, [])
+    with pytest.raises(ValueError, match="every setting failed"):
+        failed.report(tmp_path / "failed.html")
+    with pytest.raises(calib_rl.CalibError):
+        tuned.report(tmp_path / "missing" / "tuned.html")
+
+
 def test_processes_and_a_stop_change_nothing(acting: calib_rl.ActionModel, tuned: calib_rl.Tuned, tmp_path: Path) -> None:
     def call(**arguments: Any) -> calib_rl.Tuned:
         return calib_rl.tune(Sarsa, GRID, acting, total_timesteps=3000, folder=tmp_path / "units", **arguments)

@@ -52,7 +52,7 @@ def test_views_are_read_only_and_keep_the_model(model: calib_rl.Model) -> None:
 
 
 def test_neighbours_are_the_nearest() -> None:
-    model = random_model(120, members=3, neighbors=2, recurrent=False)
+    model = random_model(120, members=3, neighbors=2, remove_traps=False)
     for member in range(3):
         own = model.transitions(member)
         sources = model.sources.astype(int)

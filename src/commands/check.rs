@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use calib_pipeline::{CheckedResults, Damage, Logs, Outcome, Printer, StepError, output::count};
+use calib_pipeline::{
+    CheckedResults, Damage, Logs, Outcome, Printer, StepError,
+    output::{count, counted},
+};
 
 use crate::cli::CheckArgs;
 
@@ -30,10 +33,10 @@ fn show(checked: &CheckedResults, root: &Path, printer: &Printer) -> Result<(), 
     }
     let damaged = checked.damages.len();
     printer.result(&format!(
-        "{} files in {} are what was written, {} {} damaged",
+        "{} of {} in {} are as they were written; damaged: {}",
         count(checked.files.saturating_sub(damaged)),
+        counted(checked.files, "file"),
         root.display(),
-        count(damaged),
-        if damaged == 1 { "is" } else { "are" }
+        count(damaged)
     ))
 }

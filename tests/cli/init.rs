@@ -461,3 +461,54 @@ fn few_windows_and_short_horizons_are_told() {
     assert!(told.contains("--horizon 30 s is shorter than one state, which is 2 min"), "{told}");
     assert!(study.contains("subsample = 1 "), "{study}");
 }
+
+#[test]
+fn steps_back_and_rows_without_values_are_said() {
+    let place = Place::new();
+    // Midnight has the date of the day that ends, and TIT200 has no value for eight hours.
+    let mut text = String::new();
+    for (row, line) in log().lines().enumerate() {
+        let at = row.saturating_sub(2);
+        let cells: Vec<&str> = line.split(';').collect();
+        let day = 12 + 2 * at / 1_440;
+        let is_midnight = row > 2 && 2 * at % 1_440 == 0;
+        let time =
+            if is_midnight { format!("2024-03-{day} 00:00:00") } else { cells[0].to_owned() };
+        let missing = (400..640).contains(&at);
+        let level = if missing { "" } else { cells[2] };
+        writeln!(text, "{time};{};{level};{}", cells[1], cells[3..].join(";")).expect("memory");
+    }
+    place.write("log.csv", &text);
+    let init = ["init", "log.csv", "--within", "5s", "--set", "data.contradictions=first"];
+    let ran = place.calib(&init);
+    let (out, warned) = (ran.succeeds(), ran.stderr());
+    assert!(out.contains("(less about 240 that lack TIT200 for long)"), "{out}");
+    assert!(!warned.contains("times go back"), "three nights are no rule: {warned}");
+    let days = 9;
+    let rows = (0..days * 96).map(|row| {
+        let (day, quarter) = (1 + row / 96, row % 96);
+        let day = if quarter == 0 && day > 1 { day - 1 } else { day };
+        let value = f64::from(row);
+        format!(
+            "{day:02}.03.2024 {:02}:{:02};{:.3};{:.3}\n",
+            quarter / 4,
+            quarter % 4 * 15,
+            (value / 7.0).sin() + 0.1 * (value * 1.7).cos(),
+            (value / 11.0).cos()
+        )
+    });
+    let rows: String = rows.collect();
+    place.write("late.csv", &format!("time;A;B\n{rows}"));
+    let ran = place.calib(&[
+        "init",
+        "late.csv",
+        "late.toml",
+        "--within",
+        "5s",
+        "--set",
+        "data.contradictions=first",
+    ]);
+    let warned = ran.stderr();
+    assert!(warned.contains("times go back 8 times, first in"), "{warned}");
+    assert!(warned.contains("from 2024-03-01 23:45:00 to 2024-03-01 00:00:00"), "{warned}");
+}

@@ -31,12 +31,12 @@ fn sum(manifest: &Value, value: impl Fn(&Value) -> &Value) -> u64 {
 #[test]
 fn traps_are_left_out_unless_the_study_says_otherwise() {
     let place = place();
-    let as_found = ["build-model", "study.toml", "-v", "--set", "model.recurrent=false"];
+    let as_found = ["build-model", "study.toml", "-v", "--set", "model.remove_traps=false"];
     let built = place.calib(&as_found);
     built.succeeds();
     let told = built.stderr();
     assert!(told.contains("trap") && told.contains("are trapped after about"), "{told}");
-    assert!(built.stderr().contains("set model.recurrent = true"), "{}", built.stderr());
+    assert!(built.stderr().contains("set model.remove_traps = true"), "{}", built.stderr());
     let found = manifest(&place);
     assert!(sum(&found, |of| &of["after"]["traps"]) > 0);
     assert_eq!(sum(&found, |of| &of["left_out"]), 0);

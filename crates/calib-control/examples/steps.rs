@@ -40,7 +40,7 @@ fn run<T: Task>(kind: TaskKind, task: &T, what: &str, steps: usize) -> Result<()
     let log = recorded.decisions(world.actions())?;
     let metric = log.states().clone();
     if what == "join-passive" {
-        let config = ModelConfig { recurrent: false, ..ModelConfig::default() };
+        let config = ModelConfig { remove_traps: false, ..ModelConfig::default() };
         KnnModel::build(metric, log.transitions().clone(), &config, &Silent)?;
         return Ok(());
     }

@@ -3,7 +3,7 @@
 use calib_core::Timestamp;
 
 use crate::{
-    BackwardStep, BackwardSteps, ContradictionsFound, Duplicates, Gaps, PartProfile, Profile,
+    ContradictionsFound, Duplicates, Gaps, PartProfile, Profile,
     log::{EXAMPLES, Log},
 };
 
@@ -21,7 +21,6 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
     times.sort_unstable();
     times.dedup();
     times.truncate(EXAMPLES);
-    let backward_steps = irregular.first_backward_steps.iter();
     let (start, end) = (rows.timestamps[0], rows.timestamps[rows.timestamps.len() - 1]);
     Profile {
         shape: log.shape,
@@ -50,16 +49,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
             examples: times,
         },
         merged_rows,
-        backward_steps: BackwardSteps {
-            count: irregular.backward_steps,
-            examples: backward_steps
-                .map(|&(file, from, to)| BackwardStep {
-                    file: log.files[file].path.display().to_string(),
-                    from,
-                    to,
-                })
-                .collect(),
-        },
+        backward_steps: log.backward_steps(),
         overlapping_files: irregular.overlaps.len() as u64,
         short_steps: log.steps.short,
         gaps: Gaps {

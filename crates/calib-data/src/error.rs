@@ -110,7 +110,7 @@ pub enum DataError {
     },
     /// Times can be read in two ways.
     #[error(
-        "the times of {} can be read in several ways: {example:?} is {readings}. Say which is meant",
+        "the times of {} can be read in several ways: {example:?} is {readings}. Choose one of them in the study, or with --set on the command line",
         path.display()
     )]
     AmbiguousTimes {

@@ -11,7 +11,7 @@ impl Survey {
     /// Refuse a log that says two things of one time, unless the study says which counts.
     pub(crate) fn refuse_contradictions(&self, keep: Contradictions) -> Result<(), DataError> {
         let found = &self.profile.contradictions;
-        if found.count == 0 || keep != Contradictions::Refuse {
+        if found.count == 0 || !keep.refuses() {
             return Ok(());
         }
         Err(DataError::Contradictions {

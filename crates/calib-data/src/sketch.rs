@@ -6,8 +6,8 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    AngleOf, BadRowsFound, BridgedStops, Contradictions, ContradictionsFound, DataConfig,
-    DataError, Sentinel, Shape,
+    AngleOf, BackwardSteps, BadRowsFound, BridgedStops, ContradictionsFound, DataConfig, DataError,
+    Sentinel, Shape,
     channel::{Moments, Movement, is_same},
     log::{Batch, Channel, ChannelValues, Contradicting, Log, Seldom},
     outliers::Fences,
@@ -42,6 +42,8 @@ pub struct Sketch {
     pub utc: bool,
     /// The median step, or the period that was given, in seconds.
     pub period_secs: f64,
+    /// Steps back in time inside a file.
+    pub backward_steps: BackwardSteps,
     /// Time of each row.
     pub timestamps: Vec<Timestamp>,
     /// Where the rows are cut into bins of equally many rows.
@@ -126,7 +128,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         channels.extend(sketched.collect::<Vec<_>>());
     }
     let found = log.contradictions_of(&contradicting);
-    if found.count > 0 && log.keeps() == Contradictions::Refuse {
+    if found.count > 0 && log.keeps().refuses() {
         let cause = log.cause_of_contradictions(monitor)?;
         let found = ContradictionsFound { cause, ..found };
         // Exports that overlap may differ in a few rows.
@@ -137,6 +139,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     }
     let sentinels = sentinels(&log.by_recorded_name(&extremes));
     Ok(Sketch {
+        backward_steps: log.backward_steps(),
         without_times: log.without_times,
         read_as: log.read_as,
         files: log.files.len(),

@@ -100,7 +100,7 @@ fn calib(log: Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
     let config = ModelConfig {
         neighbors: k,
         exclude_self: true,
-        recurrent: false,
+        remove_traps: false,
         ..ModelConfig::default()
     };
     let model = KnnModel::build(states, transitions, &config, &Silent)?;

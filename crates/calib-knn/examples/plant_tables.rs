@@ -9,7 +9,7 @@
 //! `simulate` streams the 142 live channels of a 480-channel plant, scaled to the range that they have over the
 //! whole time, so that logs longer than the memory can be made. `build` maps the file, builds the
 //! tables of five members with k = 3, checks VERIFY rows of each member (20) against brute force, and prints one line of JSON.
-//! `as-found` does the same with `recurrent = false`.
+//! `as-found` does the same with `remove_traps = false`.
 //! `disk` puts images and tables in files beside the states, and PARTS is a folder for partial results.
 
 #![expect(clippy::print_stdout, reason = "a program prints")]
@@ -171,7 +171,7 @@ fn build(how: &str, path: &Path, workplace: &Workplace, sample: usize) -> Outcom
             let states = States::from_shared(Arc::new(mapped), rows, columns)?;
             let transitions = Transitions::new(Segments::from_lengths([rows])?);
             let (clock, processor) = (Instant::now(), processor_secs());
-            let config = ModelConfig { recurrent: how == "build", ..ModelConfig::default() };
+            let config = ModelConfig { remove_traps: how == "build", ..ModelConfig::default() };
             let need = MemoryNeed::predict(rows, columns, &config, rayon::current_num_threads());
             let (model, built) =
                 KnnModel::build_in(states, transitions, &config, workplace, &Silent)?;

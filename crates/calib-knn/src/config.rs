@@ -17,7 +17,7 @@ use crate::{Exclusion, KnnError, PrototypeKind, SelfMatch, Shortcuts, Weights};
 /// | `prototype_kind` | `"every"` | which ones: `"every"` in time order, or those that cover the states, `"k_centre"` |
 /// | `components` | 0 | principal components in which neighbours are searched; 0 for all columns |
 /// | `leaf_budget` | 0 | most leaves that the join visits for a band of queries beside their own; 0 for as many as it takes |
-/// | `recurrent` | true | leave out what rollouts would be trapped in |
+/// | `remove_traps` | true | leave out what rollouts would be trapped in |
 /// | `index` | `"auto"` | search structure: `"auto"`, `"kd_tree"`, `"join"`, `"scan"`; the tables are the same |
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -42,8 +42,9 @@ pub struct ModelConfig {
     pub components: usize,
     /// Most leaves that the join visits for a band of queries beside their own; 0 for as many as it takes.
     pub leaf_budget: usize,
-    /// Leave out what rollouts would be trapped in.
-    pub recurrent: bool,
+    /// Leave out what rollouts would be trapped in. Once called `recurrent`.
+    #[serde(alias = "recurrent")]
+    pub remove_traps: bool,
     /// Search structure.
     pub index: IndexKind,
 }
@@ -61,7 +62,7 @@ impl Default for ModelConfig {
             prototype_kind: PrototypeKind::Every,
             components: 0,
             leaf_budget: 0,
-            recurrent: true,
+            remove_traps: true,
             index: IndexKind::Auto,
         }
     }

@@ -196,7 +196,7 @@ mod tests {
         let states = States::new(values, rows, columns).expect("finite");
         let transitions = Transitions::new(Segments::from_lengths([60, rows - 60]).expect("two"));
         let config =
-            ModelConfig { theiler: 2, members: 3, recurrent: false, ..ModelConfig::default() };
+            ModelConfig { theiler: 2, members: 3, remove_traps: false, ..ModelConfig::default() };
         KnnModel::build(states, transitions, &config, &calib_core::Silent).expect("built")
     }
 

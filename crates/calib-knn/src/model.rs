@@ -102,8 +102,11 @@ impl KnnModel {
         let place = &workplace.scratch;
         let (planned_by, sources) = (&planned, &sources);
         let made = Made { planned: planned_by, sources, k, exclusion, weights, place, monitor };
-        let members =
-            if config.recurrent { made.without_traps(&mut tables) } else { made.as_found(&tables) };
+        let members = if config.remove_traps {
+            made.without_traps(&mut tables)
+        } else {
+            made.as_found(&tables)
+        };
         let mut built = Built { choice: planned.choice, recurrence: Vec::new(), ends: Vec::new() };
         let mut left_out = Vec::new();
         for member in members? {

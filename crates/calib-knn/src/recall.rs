@@ -113,7 +113,7 @@ mod tests {
         let states = States::new(values, 1200, 1).expect("finite");
         let transitions = Transitions::new(Segments::from_lengths([1200]).expect("one"));
         let recall_with = |prototypes| {
-            let config = ModelConfig { prototypes, recurrent: false, ..ModelConfig::default() };
+            let config = ModelConfig { prototypes, remove_traps: false, ..ModelConfig::default() };
             let model = KnnModel::build(states.clone(), transitions.clone(), &config, &Silent);
             recall(&model.expect("built"), 50, Seed::new(3), &Silent).expect("not interrupted")
         };

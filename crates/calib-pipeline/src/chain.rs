@@ -140,7 +140,8 @@ pub(crate) fn run_to(
     let mut plan = Plan::of(job, &jobs, arithmetic, context)?;
     talk.say_all(&plan.lines());
     let plant = PlantOfStudy::of(job)?;
-    let course = Course::new(talk, stages(&models, plant.as_ref(), extent, job), &plan, &jobs)?;
+    let stages = stages(&models, plant.as_ref(), extent, &plan, job);
+    let course = Course::new(talk, stages, &plan, &jobs)?;
     if let Some(plant) = plant
         && !simulate(plant, job, &course, talk)?
     {
@@ -151,7 +152,8 @@ pub(crate) fn run_to(
     }
     streams::check(&models[0].job.before_deployment()?, talk)?;
     if is_pretrained(&models) {
-        course.stage(StepKind::Pretrain.label());
+        let talk =
+            &begun(StepKind::Pretrain, StepKind::Pretrain.label(), job, &plan, &course, talk);
         ended.and(taken(&job.before_deployment()?, talk, |job| pretrain::run(job, talk))?);
     }
     let counted = Counted::default();
@@ -201,18 +203,41 @@ fn is_pretrained(models: &[Model]) -> bool {
     models[0].job.study().needs(StepKind::Pretrain)
 }
 
-/// How many stages a run has that goes to `extent`.
-fn stages(models: &[Model], plant: Option<&PlantOfStudy>, extent: Extent, job: &Job) -> usize {
+/// How many stages a run has that goes to `extent`: the steps that are up to date are none.
+fn stages(
+    models: &[Model],
+    plant: Option<&PlantOfStudy>,
+    extent: Extent,
+    plan: &Plan,
+    job: &Job,
+) -> usize {
     let steps = models.iter().flat_map(|model| {
-        let study = model.job.study();
-        StepKind::OF_MODELS.into_iter().filter(move |step| is_wanted(*step, study, extent))
+        StepKind::OF_MODELS.into_iter().filter(move |step| {
+            is_wanted(*step, model.job.study(), extent) && plan.has_to_do(*step, &model.job)
+        })
     });
     let once = [
         plant.is_some_and(|plant| is_made(plant, job)),
-        is_pretrained(models),
+        is_pretrained(models) && plan.has_to_do(StepKind::Pretrain, job),
         extent == Extent::Report,
     ];
     steps.count() + once.into_iter().filter(|wanted| *wanted).count()
+}
+
+/// Begin a step under its `title`, and return what it talks to: one that is up to date is no stage, and hardly worth a word.
+fn begun(
+    step: StepKind,
+    title: &str,
+    job: &Job,
+    plan: &Plan,
+    course: &Course<'_>,
+    talk: &RunContext,
+) -> RunContext {
+    if !plan.has_to_do(step, job) {
+        return talk.in_detail();
+    }
+    course.stage(title);
+    talk.clone()
 }
 
 /// Whether the log of a simulated plant is made, and not there already.
@@ -314,18 +339,19 @@ impl Model {
         extent: Extent,
         going: &Going<'_>,
     ) -> Result<Outcome, StepError> {
-        let Going { course, counted, talk, .. } = going;
+        let Going { plan, course, counted, talk, .. } = *going;
         if !is_wanted(step, self.job.study(), extent) {
             return Ok(Outcome::Done);
         }
         if self.left_out.is_some() {
-            course.skip(1);
+            course.skip(usize::from(plan.has_to_do(step, &self.job)));
             return Ok(Outcome::Done);
         }
         let of_model =
             self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
-        course.stage(&format!("{}{of_model}", step.label()));
-        match take(step, &self.job, going) {
+        let title = format!("{}{of_model}", step.label());
+        let talk = &begun(step, &title, &self.job, plan, course, talk);
+        match take(step, &self.job, &Going { talk, ..*going }) {
             Err(reason)
                 if matches!(reason.root(), StepError::Unavailable(_)) && self.name.is_some() =>
             {

@@ -47,7 +47,7 @@ impl Inspection {
     /// Why a study of the log would be refused, if it would.
     pub fn refusal(&self) -> Option<DataError> {
         let found = &self.profile.contradictions;
-        let is_refused = found.count > 0 && self.contradictions == Contradictions::Refuse;
+        let is_refused = found.count > 0 && self.contradictions.refuses();
         is_refused.then(|| DataError::Contradictions {
             count: found.count,
             examples: found.examples.clone(),

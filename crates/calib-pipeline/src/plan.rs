@@ -108,6 +108,15 @@ impl Plan {
             .is_some_and(|planned| planned.state == State::ToDo)
     }
 
+    /// Whether a step is to be done for any deployment of a model, or for the study.
+    pub(crate) fn has_to_do(&self, step: StepKind, model: &Job) -> bool {
+        self.steps.iter().any(|planned| {
+            planned.step == step
+                && planned.state == State::ToDo
+                && (planned.model.is_none() || planned.model.as_deref() == model.model())
+        })
+    }
+
     /// Say what sweeps will take.
     pub(crate) fn expect(&mut self, all: &[OfPart]) {
         for OfPart { model, deployment, expected } in all {

@@ -118,7 +118,7 @@ fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<(&'static str, Strin
 pub fn many_left_out(sketch: &Sketch, scope: &Scope) -> Option<String> {
     let found = Contradicting::of(sketch, scope).filter(|found| found.share > FEW_CONTRADICT)?;
     Some(format!(
-        "{}, and data.contradictions leaves them out: they may be of several machines, of which data.where chooses one, or of a clock that lost its seconds",
+        "{}, and data.contradictions leaves them out: they may be of several machines, of which data.where chooses one, or of an export that cut its times, which data.contradictions = \"spread\" mends",
         found.told()
     ))
 }

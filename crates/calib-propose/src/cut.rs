@@ -91,10 +91,10 @@ impl Cut {
         }
     }
 
-    /// The range of the rows in both, of a log with these `timestamps`.
-    pub fn span(&self, timestamps: &[Timestamp]) -> Range<usize> {
+    /// The rows of each, of a log with these `timestamps`.
+    pub fn ranges(&self, timestamps: &[Timestamp]) -> [Range<usize>; 2] {
         let at = |moment: Timestamp| timestamps.partition_point(|time| *time < moment);
-        at(self.train[0])..at(self.held_out[1])
+        [&self.train, &self.held_out].map(|[start, end]| at(*start)..at(*end))
     }
 
     /// A range as a study has it.
@@ -182,7 +182,8 @@ mod tests {
         let cut = Cut::of(&log, &scope(3_000)).expect("enough");
         assert_eq!(cut.rows, [1_900, 1_100], "by rows, not by the months between");
         assert_eq!(cut.held_out[0], log.timestamps[1_900]);
-        assert_eq!(cut.span(&log.timestamps), 0..3_000);
+        let [train, held_out] = cut.ranges(&log.timestamps);
+        assert_eq!((train.start, train.end, held_out.end), (0, held_out.start, 3_000));
         let latest = cut.shortened(&log.timestamps, 500);
         assert_eq!((latest.rows, latest.train[0]), ([500, 1_100], log.timestamps[1_400]));
         let inside = latest.inside(&log.timestamps);

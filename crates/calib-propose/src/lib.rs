@@ -48,7 +48,7 @@ pub use error::ProposeError;
 pub use given::with_given;
 pub use horizon::{Horizon, horizon};
 pub use model::ProposedModel;
-pub use scope::{LeftOut, Scope, Why};
+pub use scope::{Lacking, LeftOut, Scope, Why};
 pub use sensors::Sensors;
 pub use size::{Costs, MOST_RUNS, Size};
 pub use spacing::{SPACINGS, spacing_by_log, spacings};

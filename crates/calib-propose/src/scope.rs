@@ -141,6 +141,42 @@ impl Scope {
     }
 }
 
+/// Rows of a range that lack a value of a channel for a long time, and are left out therefore.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lacking {
+    /// About how many.
+    pub rows: usize,
+    /// The channel that lacks most.
+    pub channel: String,
+}
+
+/// A bin that misses a smaller share of a channel's values misses them here and there: these are filled.
+const HERE_AND_THERE: f64 = 0.1;
+/// Fewer rows of a range, as a share, are not worth a word.
+const WORTH_A_WORD: f64 = 0.05;
+
+impl Lacking {
+    /// Of the rows `range` of a sketch; `None` where hardly any lacks a value.
+    pub fn of(sketch: &Sketch, scope: &Scope, range: &Range<usize>) -> Option<Self> {
+        let missing = |channel: usize| -> f64 {
+            let present = sketch.bins.iter().zip(&sketch.channels[channel].present);
+            present
+                .filter(|(_, present)| 1.0 - **present >= HERE_AND_THERE)
+                .map(|(bin, present)| {
+                    let inside = bin.end.min(range.end).saturating_sub(bin.start.max(range.start));
+                    (1.0 - present) * inside as f64
+                })
+                .sum()
+        };
+        let most = scope.channels.iter().map(|&channel| (missing(channel), channel));
+        let (rows, channel) = most.max_by(|left, right| left.0.total_cmp(&right.0))?;
+        (rows >= WORTH_A_WORD * range.len() as f64).then(|| Self {
+            rows: rows.round() as usize,
+            channel: sketch.channels[channel].name.clone(),
+        })
+    }
+}
+
 /// Why no channel of any part can be used.
 fn nothing(sketch: &Sketch) -> ProposeError {
     let rows = sketch.timestamps.len();

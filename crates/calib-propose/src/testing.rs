@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use calib_core::Timestamp;
-use calib_data::{ChannelSketch, Shape, Sketch};
+use calib_data::{BackwardSteps, ChannelSketch, Shape, Sketch};
 
 /// Its value in each row.
 pub(crate) type Channel = Box<dyn Fn(usize) -> f64>;
@@ -26,6 +26,7 @@ pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
         bad_rows: calib_data::BadRowsFound::default(),
         sentinels: Vec::new(),
         period_secs: 60.0,
+        backward_steps: BackwardSteps::default(),
         timestamps: (0..rows as i64).map(|row| Timestamp::from_micros(row * 60_000_000)).collect(),
         channels: channels.iter().map(|(name, of)| channel(name, of, rows, &bins)).collect(),
         bins,

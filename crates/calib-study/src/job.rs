@@ -5,7 +5,8 @@ use std::{
 };
 
 use crate::{
-    Layout, Policy, Request, Rollouts, Study, StudyError, profiles::Results, written::Written,
+    Layout, Place, Policy, Request, Rollouts, Study, StudyError, profiles::Results,
+    written::Written,
 };
 
 /// A study that was resolved: the file as it was read once, the model and deployment that are chosen of it, where
@@ -63,6 +64,14 @@ impl Job {
     ) -> Result<Self, StudyError> {
         let owned = |name: Option<&str>| name.map(str::to_owned);
         Self::choose_of(Arc::clone(&self.written), owned(model), owned(deployment))
+    }
+
+    /// What to write instead of keys that have a new name, a sentence each with its place.
+    pub fn renamed_keys(&self) -> Vec<String> {
+        let told = |(place, new): (Place, &str)| {
+            format!("{place}: this key is now called {new}; the old name still works")
+        };
+        self.written.source.renamed().into_iter().map(told).collect()
     }
 
     /// The same under another policy.

@@ -70,13 +70,13 @@ impl JsonSchema for ModelSection {
 
 /// Every key of the section as it is written: flattening would lose what is said of unknown keys, and where they are.
 macro_rules! written_keys {
-    ($($key:ident: $kind:ty),* $(,)?) => {
+    ($($(#[$attribute:meta])* $key:ident: $kind:ty),* $(,)?) => {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields, default)]
         struct Written {
             period: Option<TimeRange>,
             kind: ModelKind,
-            $($key: $kind,)*
+            $($(#[$attribute])* $key: $kind,)*
         }
 
         impl Default for Written {
@@ -106,7 +106,8 @@ written_keys! {
     prototype_kind: PrototypeKind,
     components: usize,
     leaf_budget: usize,
-    recurrent: bool,
+    #[serde(alias = "recurrent")]
+    remove_traps: bool,
     index: IndexKind,
 }
 

@@ -82,12 +82,27 @@ impl Source {
         }
     }
 
+    /// Where keys stand that have a new name, each with what to write.
+    pub(crate) fn renamed(&self) -> Vec<(Place, &'static str)> {
+        let is = |key: &str, old: &str| {
+            key.strip_suffix(old).is_some_and(|above| above.is_empty() || above.ends_with('.'))
+        };
+        let renamed = self.keys.iter().flat_map(|(key, span)| {
+            let new = RENAMED.iter().filter(|(old, _)| is(key, old));
+            new.map(|(_, new)| (self.place(span.clone()), *new))
+        });
+        renamed.collect()
+    }
+
     /// Where a key stands, if it does.
     pub(crate) fn place_of(&self, key: &str) -> Option<Place> {
         let (_, span) = self.keys.iter().find(|(known, _)| known == key)?;
         Some(self.place(span.clone()))
     }
 }
+
+/// Keys that had another name, and are read by it all the same.
+const RENAMED: [(&str, &str); 1] = [("model.recurrent", "model.remove_traps")];
 
 fn collect(table: &DeTable<'_>, above: &str, keys: &mut Vec<(String, Range<usize>)>) {
     for (key, value) in table {
@@ -118,6 +133,11 @@ mod tests {
         assert_eq!(at("models.a.model.members"), Some((5, 7)));
         assert_eq!(at("models.a.x.y"), Some((6, 7)));
         assert_eq!(at("agent.beta"), None);
+        assert!(of.renamed().is_empty());
+        let old = source("[model]\nrecurrent = false\n[models.a.model]\nrecurrent = true\n");
+        let told: Vec<(usize, &str)> =
+            old.renamed().iter().map(|(place, new)| (place.line, *new)).collect();
+        assert_eq!(told, [(2, "model.remove_traps"), (4, "model.remove_traps")]);
     }
 
     #[test]

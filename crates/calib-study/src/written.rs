@@ -24,7 +24,7 @@ pub(crate) struct Written {
     pub(crate) table: Table,
     /// Where the results of the profile go.
     pub(crate) results: Results,
-    source: Source,
+    pub(crate) source: Source,
 }
 
 impl Written {

@@ -36,6 +36,12 @@ impl RunContext {
         Self { printer: self.printer.talking(), ..self.clone() }
     }
 
+    /// The same for a step that is up to date.
+    #[must_use]
+    pub fn in_detail(&self) -> Self {
+        Self { printer: self.printer.in_detail(), ..self.clone() }
+    }
+
     /// The same for what is done twice: nothing is said.
     #[must_use]
     pub fn silent(&self) -> Self {

@@ -28,6 +28,8 @@ impl fmt::Debug for Printer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Voice {
     Audible,
+    /// What calib is doing is said only to those who ask for more: the step is up to date.
+    InDetail,
     Quiet,
 }
 
@@ -98,6 +100,17 @@ impl Printer {
     #[must_use]
     pub fn silent(&self) -> Self {
         self.talking().quiet()
+    }
+
+    /// The same printer for a step that is up to date: what is done is for those who ask for more, and warnings stay.
+    #[must_use]
+    pub fn in_detail(&self) -> Self {
+        Self { voice: Voice::InDetail, ..self.clone() }
+    }
+
+    /// Whether the result is a step on the way to another one.
+    pub fn is_on_the_way(&self) -> bool {
+        self.results == Results::Talk
     }
 
     fn is_quiet(&self) -> bool {
@@ -212,8 +225,12 @@ impl Printer {
     }
 
     fn remark(&self, remark: Remark<'_>) {
-        if !self.is_quiet() {
-            self.observer.remark(remark);
+        match (self.voice, remark) {
+            (Voice::Quiet, _) => {}
+            (Voice::InDetail, Remark::Talk(text) | Remark::Heading(text)) => {
+                self.observer.remark(Remark::Detail(text));
+            }
+            (Voice::InDetail | Voice::Audible, remark) => self.observer.remark(remark),
         }
     }
 

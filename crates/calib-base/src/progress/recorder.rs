@@ -40,6 +40,7 @@ pub fn recorded<T>(
     printer: &Printer,
     work: impl FnOnce(&Printer) -> Result<T, StepError>,
 ) -> Result<T, StepError> {
+    job.renamed_keys().iter().for_each(|told| printer.warn(told));
     if job.policy().is_dry() {
         return work(printer);
     }

@@ -162,6 +162,9 @@ pub enum Contradictions {
     First,
     /// The last value is kept.
     Last,
+    /// The rows of a wide file that share a time are put evenly behind it, up to the next time: the export cut times to whole
+    /// minutes or hours. What contradicts itself all the same is refused.
+    Spread,
 }
 
 /// What happens to lines of text files that cannot be read.
@@ -186,6 +189,11 @@ impl Contradictions {
     #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants a reference")]
     fn are_refused(&self) -> bool {
         *self == Self::Refuse
+    }
+
+    /// Whether a log is refused in which values contradict each other.
+    pub fn refuses(self) -> bool {
+        matches!(self, Self::Refuse | Self::Spread)
     }
 }
 

@@ -12,6 +12,7 @@ use super::{
     known::{TAGS, plain},
     read::Labels,
     rows::Rows,
+    shared_times::SharedTimes,
     tag_of_path::prefixes,
 };
 use crate::DataError;
@@ -29,7 +30,7 @@ const PLANT_NAMES: [&str; 18] = [
 ];
 
 /// Why rows of the same time contradict each other.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ContradictionCause {
     /// They are of several plants, which a column tells apart.
@@ -43,6 +44,13 @@ pub enum ContradictionCause {
     Files {
         /// What the channels of the first files would be called after.
         prefixes: Vec<String>,
+    },
+    /// Most times are shared by as many rows of one file: the export may have cut them to whole minutes or hours.
+    SharedTimes {
+        /// Rows of a time.
+        rows: u64,
+        /// From one time to the next, in seconds.
+        step_secs: f64,
     },
 }
 
@@ -65,6 +73,13 @@ impl ContradictionCause {
                  If the files are exports of the same sensors, data.contradictions = \"first\" or \"last\" keeps one of the values",
                 named(prefixes)
             ),
+            Some(Self::SharedTimes { rows, step_secs }) => {
+                let spacing = (1e3 * step_secs / *rows as f64).round() / 1e3;
+                format!(
+                    "About {rows} rows share each time, and times are {step_secs} s apart. If the export cut the times, data.contradictions = \"spread\" puts these rows {spacing} s apart \
+                     (on the command line, --set data.contradictions=spread). If the rows are of different machines, export the column that names them, and choose one with data.where"
+                )
+            }
             None => "If several rows of one time are of different sensors, the log is a long table: name the column that tells them apart with data.tag. \
                  If they are of different plants, choose one with data.where. If a clock was set back, data.time_zone may tell the two hours apart. \
                  Else data.contradictions = \"first\" or \"last\" keeps one of them"
@@ -138,7 +153,19 @@ impl Log {
         prefixes.dedup();
         let explains = others as f64 >= EXPLAINED * rows.duplicates.len() as f64;
         let is_named = prefixes.len() > 1 && prefixes.iter().all(|name| !name.is_empty());
-        Ok((explains && is_named).then_some(ContradictionCause::Files { prefixes }))
+        if explains && is_named {
+            return Ok(Some(ContradictionCause::Files { prefixes }));
+        }
+        let mut counts = vec![1; rows.timestamps.len()];
+        for duplicate in rows.duplicates.iter().filter(|duplicate| !is_other(duplicate)) {
+            counts[duplicate.row as usize] += 1;
+        }
+        let times: Vec<i64> = rows.timestamps.iter().map(|time| time.as_micros()).collect();
+        let shared = SharedTimes::of(&times, counts);
+        Ok(shared.map(|SharedTimes { rows, step }| ContradictionCause::SharedTimes {
+            rows,
+            step_secs: step as f64 / 1e6,
+        }))
     }
 
     /// The values of a channel, if they tell the rows of the same time apart.

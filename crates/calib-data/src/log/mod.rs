@@ -21,6 +21,7 @@ mod rows;
 mod seldom;
 mod series;
 mod shape;
+mod shared_times;
 mod source;
 mod split;
 mod tag_of_path;
@@ -52,7 +53,8 @@ pub(crate) use self::{
     values::{LARGEST, NotNumbers},
 };
 use crate::{
-    AngleOf, Contradictions, ContradictionsFound, DataConfig, DataError, Description, Shape,
+    AngleOf, BackwardStep, BackwardSteps, Contradictions, ContradictionsFound, DataConfig,
+    DataError, Description, Shape,
     names::{Chosen, Names},
     time::format_time,
 };
@@ -197,11 +199,25 @@ impl Log {
         monitor: &dyn Monitor,
     ) -> Result<(), DataError> {
         let ContradictionsFound { count, examples, .. } = self.contradictions_of(found);
-        if count == 0 || self.contradictions != Contradictions::Refuse {
+        if count == 0 || !self.contradictions.refuses() {
             return Ok(());
         }
         let cause = self.cause_of_contradictions(monitor)?;
         Err(DataError::Contradictions { count, examples, cause })
+    }
+
+    /// Steps back in time inside a file.
+    pub(crate) fn backward_steps(&self) -> BackwardSteps {
+        let irregular = &self.recorded().irregularities;
+        let step = |&(file, from, to): &(usize, Timestamp, Timestamp)| BackwardStep {
+            file: self.files[file].path.display().to_string(),
+            from,
+            to,
+        };
+        BackwardSteps {
+            count: irregular.backward_steps,
+            examples: irregular.first_backward_steps.iter().map(step).collect(),
+        }
     }
 
     /// What happens to contradictions.

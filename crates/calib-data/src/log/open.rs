@@ -17,11 +17,13 @@ use super::{
     long::{stream_annotated, stream_parquet, stream_text},
     series::Sink,
     shape::{Recognised, Roles, recognise, time_column},
+    shared_times::{self, SharedTimes},
     source::{self, Source},
     times,
 };
 use crate::{
-    DataConfig, DataError, Description, Shape, TimestampUnit, text::Notation, time::Stamp,
+    Contradictions, DataConfig, DataError, Description, Shape, TimestampUnit, text::Notation,
+    time::Stamp,
 };
 
 /// What the files hold, before rows and ranges are known.
@@ -243,10 +245,14 @@ fn tables(
     let (mut instants, mut left_out, mut next) = (Vec::with_capacity(files.len()), 0, 0);
     let period = data.period_secs.and_then(Period::from_secs).map_or(1, Period::as_micros);
     let mut without_times = false;
+    let mut spread = BTreeSet::new();
     for (file, &time) in files.iter().zip(&times) {
         monitor.check()?;
         if time < file.fields.len() {
-            let read = times::read_timestamps(file, time, data)?;
+            let mut read = times::read_timestamps(file, time, data)?;
+            if data.contradictions == Contradictions::Spread {
+                spread.extend(shared_times::spread(&mut read.instants).map(SharedTimes::told));
+            }
             instants.push(read.instants);
             undecided += read.undecided;
             left_out += read.left_out;
@@ -267,7 +273,7 @@ fn tables(
         left_out,
         bad_rows,
         without_times,
-        read_as: read_as.into_iter().collect(),
+        read_as: read_as.into_iter().chain(spread).collect(),
     }))
 }
 

@@ -499,7 +499,7 @@ impl Log {
         found: &Contradicting,
         label: impl Fn(f64) -> String,
     ) -> Result<(), DataError> {
-        if found.count == 0 || self.contradictions != Contradictions::Refuse {
+        if found.count == 0 || !self.contradictions.refuses() {
             return Ok(());
         }
         let name = &self.channels[channel].name;

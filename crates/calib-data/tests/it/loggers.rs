@@ -4,8 +4,8 @@ use std::{fmt::Write as _, fs};
 
 use calib_core::Silent;
 use calib_data::{
-    BadRows, ContradictionCause, DataConfig, PreprocessConfig, Profile, format_time, inspect, load,
-    sketch,
+    BadRows, ContradictionCause, Contradictions, DataConfig, PreprocessConfig, Profile,
+    format_time, inspect, load, sketch,
 };
 
 use crate::support::{Folder, log_at};
@@ -387,4 +387,50 @@ fn times_in_parts_are_joined() {
     let error = refused(&data);
     assert!(error.contains("The columns year to hour look like parts of a date"), "{error}");
     assert!(error.contains("--set data.timestamp=NAME") && !error.contains("DEWP"), "{error}");
+}
+
+/// Three rows a minute, whose times an export cut to the minute. The first minute lacks a row.
+fn without_seconds() -> String {
+    let mut text = String::from("date,flow,level\n");
+    for row in 1..ROWS {
+        let (hour, minute) = (row / 180, row / 3 % 60);
+        writeln!(
+            text,
+            "2017-03-10 {hour:02}:{minute:02},{:.3},{:.3}",
+            wave(row, 9.0, 10.0, 20.0),
+            wave(row, 50.0, 0.0, 1.0)
+        )
+        .expect("memory");
+    }
+    text
+}
+
+#[test]
+fn rows_whose_seconds_were_lost_are_spread() {
+    let folder = Folder::new();
+    write(&folder, "plant.csv", &without_seconds());
+    let mut data = folder.data();
+    let expected = "About 3 rows share each time, and times are 60 s apart. If the export cut the times, data.contradictions = \"spread\" puts these rows 20 s apart \
+                    (on the command line, --set data.contradictions=spread)";
+    let told = refused(&data);
+    assert!(told.contains(expected), "{told}");
+    let told = sketch(&data, &Silent).expect_err("refused").to_string();
+    assert!(told.contains(expected), "{told}");
+    data.contradictions = Contradictions::Spread;
+    let found = profile(&data);
+    assert_eq!((found.rows, found.duplicates.identical), (u64::from(ROWS) - 1, 0));
+    assert_eq!((found.period_secs, found.contradictions.count), (20.0, 0));
+    assert_eq!(
+        [found.start, found.end].map(format_time),
+        ["2017-03-10 00:00:00", "2017-03-10 01:39:40"]
+    );
+    assert_eq!(found.read_as, ["rows that share a time (about 3 of each) are put 20 s apart"]);
+    let read = sketch(&data, &Silent).expect("a log");
+    assert_eq!(read.read_as, found.read_as);
+
+    // What repeats without a rhythm is refused as before.
+    let twice = "date,flow\n2017-03-10 00:00,1\n2017-03-10 00:01,2\n2017-03-10 00:01,3\n2017-03-10 00:02,4\n";
+    write(&folder, "plant.csv", twice);
+    let told = refused(&data);
+    assert!(told.contains("contradict each other in 1 values"), "{told}");
 }

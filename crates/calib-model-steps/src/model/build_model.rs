@@ -309,7 +309,7 @@ fn refresh(
         let mut classes =
             old.recurrence.as_ref().map(|known| known.classes.clone()).unwrap_or_default();
         let (now, ends) = closed_classes(&knn, member, weights, classes.candidates, &Silent)?;
-        if !study.model.recurrent {
+        if !study.model.remove_traps {
             classes.before = now.clone();
         }
         classes.after = now;
@@ -375,6 +375,6 @@ pub(crate) fn file_names(members: usize, further: &[&str]) -> Vec<String> {
 pub fn warnings(manifest: &ModelFacts) -> Vec<String> {
     let ModelFacts { members, study, .. } = manifest;
     let jumps = members.iter().map(|member| (member.jumps.as_ref(), member.transitions));
-    let walks = recurrence::warnings(members, study.model.recurrent);
+    let walks = recurrence::warnings(members, study.model.remove_traps);
     [walks, jumps::warnings(jumps, &study.model, study.sweep.steps)].concat()
 }

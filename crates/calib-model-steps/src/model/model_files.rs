@@ -136,7 +136,7 @@ fn key_of(
     // The search structure does not change the tables. Weights change what is drawn from them, and so also what walks are trapped in.
     let ModelConfig { members, neighbors, exclude_self, theiler, .. } = *model;
     let softmax = model.weights == WeightsKind::Softmax;
-    let drawn = model.recurrent.then(|| (model.weights, softmax.then_some(model.temperature)));
+    let drawn = model.remove_traps.then(|| (model.weights, softmax.then_some(model.temperature)));
     let tables = (ModelFacts::FORMAT, data, members, neighbors, exclude_self, theiler, drawn);
     let exact = match representation {
         None => artefact::key(&tables)?,
@@ -363,10 +363,10 @@ mod tests {
     fn tables_without_traps_are_those_of_the_weights() {
         let data = Fingerprint::of(b"states");
         let key = |model: &ModelConfig| key_of(1, &data, model, None).expect("a fingerprint");
-        let drawn = |weights, temperature, recurrent| ModelConfig {
+        let drawn = |weights, temperature, remove_traps| ModelConfig {
             weights,
             temperature,
-            recurrent,
+            remove_traps,
             ..ModelConfig::default()
         };
         let linear = drawn(WeightsKind::Linear, 1.0, true);

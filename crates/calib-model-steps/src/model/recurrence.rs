@@ -181,7 +181,7 @@ fn done(of: &MemberRecurrence) -> String {
 type Concerns = dyn Fn(&MemberRecurrence, usize) -> bool;
 
 /// What to know of members that walks cannot get far in.
-pub(crate) fn warnings(members: &[MemberSummary], recurrent: bool) -> Vec<String> {
+pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<String> {
     let those = |which: &Concerns| {
         let all = members.iter().enumerate();
         let which = all.filter(|(_, member)| {
@@ -194,10 +194,10 @@ pub(crate) fn warnings(members: &[MemberSummary], recurrent: bool) -> Vec<String
             &|of, _| of.classes.after.traps > 0,
             format!(
                 "rollouts of MEMBERS end in a few rows that they never leave{}",
-                if recurrent {
+                if remove_traps {
                     ", because the log hardly returns to where it was; try a larger preprocess.subsample or more model.neighbors, and leave totals and counters out with data.exclude"
                 } else {
-                    "; set model.recurrent = true"
+                    "; set model.remove_traps = true"
                 }
             ),
         ),

@@ -1,10 +1,11 @@
 use calib_base::{
     StepError,
-    outcome::{Outcome, Told},
+    outcome::{Freshness, Outcome, Told},
     output::{Printer, count, duration},
 };
 use calib_model::ModelFamily;
 use calib_study::{Job, StepKind};
+use calib_sweep::Rule;
 
 use crate::model::{
     build_check::recall_line,
@@ -27,6 +28,9 @@ impl Told for BuiltModel {
     }
 
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_on_the_way() && self.freshness == Freshness::Kept {
+            return Ok(());
+        }
         let Self { manifest, directory, freshness, took, .. } = self;
         if printer.is_for_machines() {
             printer.json(manifest)?;
@@ -41,8 +45,10 @@ impl Told for BuiltModel {
                 show_member(number, member, manifest, printer)?;
             }
             if manifest.study.model.kind.family() == ModelFamily::Neighbors {
+                // Where log replay decides, what a model cannot do concerns its rollouts alone.
+                let decides = job.study().evaluate.rule != Rule::LogReplay;
                 for warning in self.warnings() {
-                    printer.warn(&warning);
+                    if decides { printer.warn(&warning) } else { printer.detail(&warning) }
                 }
             }
         }

@@ -1,6 +1,6 @@
 use calib_base::{
     StepError,
-    outcome::Told,
+    outcome::{Freshness, Told},
     output::{Printer, duration},
 };
 use calib_study::{Job, StepKind};
@@ -15,6 +15,9 @@ use crate::{
 
 impl Told for Rollouts {
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_on_the_way() && self.freshness == Freshness::Kept {
+            return Ok(());
+        }
         let Self { manifest, one_step, directory, freshness, took } = self;
         if printer.is_for_machines() {
             printer.json(manifest)?;

@@ -16,11 +16,14 @@ fn rounded_up(secs: f64) -> f64 {
     (secs / unit).ceil() * unit
 }
 
-/// A time as an argument has it, not longer than this.
-fn argument(secs: f64) -> String {
+/// The longest horizon in whole units, as an argument, that is at most so many states as `calib init` rounds it.
+fn within_states(states: f64, state_secs: f64) -> Option<String> {
+    let secs = states * state_secs;
     let units = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "m")];
     let (size, unit) = units.into_iter().find(|of| secs >= 10.0 * of.0).unwrap_or((1.0, "s"));
-    format!("{}{unit}", (secs / size).floor())
+    let whole = (secs / size).floor() as u64;
+    let is_within = |count: &u64| Horizon::new(*count as f64 * size, state_secs).states <= states;
+    (1..=whole).rev().find(is_within).map(|count| format!("{count}{unit}"))
 }
 
 /// What all drafts of a study have in common.
@@ -111,9 +114,8 @@ impl Drafting<'_> {
         // The next proposal cuts the log a little differently.
         let nearer = Size::longest_horizon_of_four_windows(held_out).map(|states| 0.9 * states);
         let nearer = nearer.filter(|states| *states >= 1.0 && *states < horizon.states);
-        let shorter = nearer.map_or_else(String::new, |states| {
-            format!(", or --horizon {}", argument(states * state_secs))
-        });
+        let shorter = nearer.and_then(|states| within_states(states, state_secs));
+        let shorter = shorter.map_or_else(String::new, |nearer| format!(", or --horizon {nearer}"));
         let counted = if windows == 1 {
             "1 held-out window".to_owned()
         } else {

@@ -9,10 +9,10 @@ use calib_base::{
     output::{Printer, count, span},
 };
 use calib_data::{
-    ChannelSketch, ContradictionCause, DataConfig, DataError, FEW_CONTRADICT, Resample, Sentinel,
-    Sketch, format_time, sketch,
+    BackwardSteps, ChannelSketch, ContradictionCause, DataConfig, DataError, FEW_CONTRADICT,
+    Resample, Sentinel, Sketch, format_time, sketch,
 };
-use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors};
+use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors, many_left_out};
 
 use super::{gives, gives_any};
 
@@ -91,6 +91,11 @@ impl Look {
         } else {
             Sensors { proposed: wanted, others: Vec::new() }
         };
+        if gives(args, "data.contradictions")
+            && let Some(left_out) = many_left_out(&sketch, &scope)
+        {
+            printer.warn(&left_out);
+        }
         let cut = Cut::of(&sketch, &scope).map_err(StepError::other)?;
         if !args.sensors.is_empty() && scope.is_part {
             let rows = &sketch.timestamps[scope.rows.clone()];
@@ -157,8 +162,30 @@ fn doubts(sketch: &Sketch) -> Vec<String> {
         doubts.push(calib_data::long_gap(from, step));
     }
     doubts.extend(sketch.timestamps.last().and_then(|last| clock::in_future(*last)));
+    doubts.extend(backward(sketch));
     doubts
 }
+
+/// What is said of rows that step back in time again and again, as where midnight has the date of the day that ends. A clock that is set back does so
+/// once a year, and where most rows step back the newest come first.
+fn backward(sketch: &Sketch) -> Option<String> {
+    let BackwardSteps { count: steps, examples } = &sketch.backward_steps;
+    let first = examples.first()?;
+    let is_order = 2 * *steps >= sketch.timestamps.len() as u64;
+    (*steps >= BACKWARD && !is_order).then(|| {
+        format!(
+            "times go back {} times, first in {} from {} to {}: rows are put in order of time. If they were recorded in the order of the file, \
+             the times of some are wrong: correct these, or the states around them mix",
+            count(*steps as usize),
+            first.file,
+            format_time(first.from),
+            format_time(first.to)
+        )
+    })
+}
+
+/// Fewer steps back are those of a clock that was set back.
+const BACKWARD: u64 = 5;
 
 /// A gap that is longer is said.
 const YEAR_MICROS: i64 = 365 * 86_400 * 1_000_000;

@@ -22,8 +22,7 @@ use calib_base::{
 use calib_core::Timestamp;
 use calib_files::{TemporaryFolder, check_output, write_output};
 use calib_propose::{
-    Cut, Horizon, ProposedAgent, ProposedModel, Sensors, Size, many_left_out, spacing_by_log,
-    spacings,
+    Cut, Horizon, Lacking, ProposedAgent, ProposedModel, Sensors, Size, spacing_by_log, spacings,
 };
 use calib_study::{Job, Request};
 use schemars::JsonSchema;
@@ -97,11 +96,6 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Outcome
         context.warn(&format!(
             "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
         ));
-    }
-    if gives(args, "data.contradictions")
-        && let Some(left_out) = many_left_out(&look.sketch, &look.scope)
-    {
-        context.warn(&left_out);
     }
     if let Some(bridged) = bridged(&look) {
         context.warn(&bridged);
@@ -341,12 +335,20 @@ fn show(
         });
     }
     let [train, held_out] = chosen.cut.rows.map(count);
+    let lacking = chosen.cut.ranges(&sketch.timestamps).map(|range| {
+        let lacking = Lacking::of(sketch, scope, &range);
+        lacking.map_or_else(String::new, |Lacking { rows, channel }| {
+            format!(" (less about {} that lack {channel} for long)", count(rows))
+        })
+    });
     let lines = [
         format!(
-            "{}: {} of {} channels, {train} rows to learn from, {held_out} held out",
+            "{}: {} of {} channels, {train} rows to learn from{}, {held_out} held out{}",
             args.study.display(),
             scope.channels.len(),
-            sketch.channels.len()
+            sketch.channels.len(),
+            lacking[0],
+            lacking[1]
         ),
         format!(
             "a state every {}; {} predicted {} ahead (gamma {})",

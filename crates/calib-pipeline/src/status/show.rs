@@ -94,20 +94,19 @@ fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepErro
             if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) };
         let [runs, all] = ranking.runs;
         let provisional = if runs < all { "provisional, " } else { "" };
-        let models = if ranking.by_rule {
-            ""
-        } else {
-            "; of those that the rule looks at there are none yet"
-        };
-        printer.result(&format!(
-            "{}{part}: {provisional}by {} of {} runs{models}",
-            ranking.sensor,
-            count(runs),
-            count(all)
-        ))?;
-        let shown = ranking.settings.iter().take(SHOWN);
-        let rows: Vec<Vec<String>> = shown
-            .map(|of| {
+        let by = format!("{} of {} runs", count(runs), count(all));
+        if !ranking.by_rule {
+            printer.result(&format!(
+                "{}{part}: no ranking yet: {by} are done, and none of those that decide",
+                ranking.sensor
+            ))?;
+            continue;
+        }
+        printer.result(&format!("{}{part}: {provisional}by {by}", ranking.sensor))?;
+        let placed = ranking.settings.iter().enumerate();
+        let rows: Vec<Vec<String>> = placed
+            .filter(|(place, of)| *place < SHOWN || of.is_default)
+            .map(|(_, of)| {
                 let number = |number: f64| format!("{number:.3}");
                 let ratio = of.ratio.map_or_else(|| "diverged".to_owned(), number);
                 let interval = of.interval.filter(|[low, high]| low < high);
@@ -125,7 +124,8 @@ fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepErro
             .collect();
         let header = ["setting", "error / first", "95 %", "runs", "diverged"];
         printer.lines(&table(&header, &rows))?;
-        if let Some(more) = ranking.settings.len().checked_sub(SHOWN).filter(|more| *more > 0) {
+        let more = ranking.settings.len() - rows.len();
+        if more > 0 {
             printer.result(&format!("  and {} more: --json has all", count(more)))?;
         }
     }

@@ -17,6 +17,9 @@ pub(super) fn prose(text: &str) -> Markup {
     }
 }
 
+/// A name of so many bytes may need more than a line: it breaks between its parts, and not within one.
+const LONG_NAME: usize = 16;
+
 fn unbroken(text: &str) -> Markup {
     let text = text.replace(" %", "\u{a0}%");
     let is_breakable = |word: &str| {
@@ -28,7 +31,16 @@ fn unbroken(text: &str) -> Markup {
     html! {
         @for (place, word) in text.split(' ').enumerate() {
             @if place > 0 { " " }
-            @if is_breakable(word) { span.nowrap { (word) } } @else { (word) }
+            @if is_breakable(word) {
+                span.nowrap { (word) }
+            } @else if word.len() >= LONG_NAME {
+                @for (place, part) in word.split_inclusive(['_', '/', '-']).enumerate() {
+                    @if place > 0 { wbr; }
+                    (part)
+                }
+            } @else {
+                (word)
+            }
         }
     }
 }
@@ -45,6 +57,7 @@ mod tests {
             "use <code>sweep.steps</code>, 5\u{a0}% of <span class=\"nowrap\">1e-4</span>"
         );
         assert_eq!(shown("`a` and `b`"), "<code>a</code> and <code>b</code>");
+        assert_eq!(shown("Lagging_Current_Power"), "Lagging_<wbr>Current_<wbr>Power");
         assert_eq!(shown("one ` alone"), "one  alone");
         assert_eq!(shown("`<b>`"), "<code>&lt;b&gt;</code>");
     }

@@ -48,7 +48,7 @@ pub(super) fn verdicts(report: &Report) -> Section {
         }
         @if report.verdicts.iter().any(Verdict::is_simpler_better) {
             p.caption {
-                "NRMSE: the prediction error on held-out data, divided by the spread of returns in the training range. A bar is full at 1, the error of always predicting their mean. The simple predictor to use was chosen on windows of the log. Another one may have less error here, which nobody knew beforehand."
+                "NRMSE: the prediction error on held-out data, divided by the spread of returns in the training range. A bar is full at 1, the error of always predicting their mean. The chosen simple predictor did best on windows of the log. Another one may have less error here, which nobody knew beforehand."
             }
         }
         @if !warnings.is_empty() {
@@ -118,10 +118,18 @@ fn costs(verdict: &Verdict) -> Markup {
 /// The errors of the chosen agent and of simple predictors, where one of these is to be used.
 fn errors(verdict: &Verdict) -> Markup {
     let agent = verdict.online.as_ref().map(|online| online.chosen_error);
+    let used = verdict.simple_to_use();
     html! {
         dl.costs {
             @if let Some(agent) = agent { (error("Chosen agent", agent)) }
-            @for row in &verdict.simple { (error(row.predictor.label(), row.error)) }
+            @for row in &verdict.simple {
+                @let label = row.predictor.label();
+                @if used == Some(row.predictor) {
+                    (error(&format!("{label} (chosen)"), row.error))
+                } @else {
+                    (error(label, row.error))
+                }
+            }
         }
     }
 }

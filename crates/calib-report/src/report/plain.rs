@@ -114,7 +114,7 @@ impl Verdict {
         let default = self.alternative(Way::Default)?;
         let value = default.value.as_ref()?;
         if *value == self.chosen {
-            return Some("The default is the same setting.".to_owned());
+            return Some(self.chosen_is_default());
         }
         Some(match default.regret?.value {
             0.0 => format!("Keeping the default, {value}, would have cost nothing."),

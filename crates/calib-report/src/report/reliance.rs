@@ -56,6 +56,12 @@ impl Verdict {
         self.grade == Grade::Simpler || self.without_learning().is_some()
     }
 
+    /// The simple predictor to use, where one is.
+    pub(crate) fn simple_to_use(&self) -> Option<SimplePredictor> {
+        let simpler = self.simpler.as_ref().filter(|_| self.grade == Grade::Simpler);
+        self.without_learning().or(simpler.map(|simpler| simpler.predictor))
+    }
+
     /// Its name in the style sheet.
     pub(crate) fn class(&self) -> &'static str {
         match self.grade {

@@ -34,7 +34,10 @@ impl Verdict {
             },
             Grade::Good | Grade::Fair => match self.frozen {
                 Some(predictor) => {
-                    format!("Use {} for {sensor}: learning on adds nothing.", predictor.label())
+                    format!(
+                        "Use {} for {sensor}: further learning adds nothing.",
+                        predictor.label()
+                    )
                 }
                 None => format!("Use {choice} for {sensor}."),
             },
@@ -103,6 +106,11 @@ impl Verdict {
     /// The choice as one would type it.
     pub(super) fn assigned(&self) -> String {
         assigned(&self.field, &self.chosen)
+    }
+
+    /// That keeping the default is the choice.
+    pub(super) fn chosen_is_default(&self) -> String {
+        format!("The chosen setting, {}, is the default.", self.assigned())
     }
 
     /// The default, if held-out data says that it is better than the choice.
@@ -292,7 +300,7 @@ impl Verdict {
         let default = self.alternative(Way::Default)?;
         let value = default.value.as_ref()?;
         if *value == self.chosen {
-            return Some("The default is the same setting.".to_owned());
+            return Some(self.chosen_is_default());
         }
         let Some(against) = online.against_default else {
             return self.alternative_sentence(Way::Default);

@@ -1,0 +1,148 @@
+//! Rows that share a time, because an export cut times to whole minutes or hours.
+
+use super::rows::NO_TIME;
+
+/// Fewer different times do not tell how far they are apart.
+const FEWEST: usize = 3;
+/// The share of the times that have about as many rows as most: the first and the last of a log are rarely whole.
+const ALIKE: f64 = 0.9;
+/// By what share the number of rows of such a time may differ.
+const TOLERANCE: f64 = 0.1;
+
+/// How the times of a file repeat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct SharedTimes {
+    /// Rows that have the same time, as most times have them.
+    pub(crate) rows: u64,
+    /// From one time to the next, in microseconds.
+    pub(crate) step: i64,
+}
+
+/// Rows of a file that follow each other and have the same time.
+struct Run {
+    first: usize,
+    end: usize,
+    time: i64,
+    /// Rows of the run that have a time.
+    rows: u64,
+}
+
+impl SharedTimes {
+    /// Of different times, in microseconds, in the order of the file, and how many rows have each. `None` where most times are of
+    /// one row, or their numbers of rows differ.
+    pub(crate) fn of(times: &[i64], mut counts: Vec<u64>) -> Option<Self> {
+        if times.len() < FEWEST {
+            return None;
+        }
+        let steps = times.windows(2).map(|pair| pair[1].saturating_sub(pair[0]));
+        let mut steps: Vec<i64> = steps.filter(|&step| step > 0).collect();
+        counts.sort_unstable();
+        steps.sort_unstable();
+        let rows = counts[counts.len() / 2];
+        let is_alike = |&&count: &&u64| count.abs_diff(rows) as f64 <= TOLERANCE * rows as f64;
+        let alike = counts.iter().filter(is_alike).count();
+        let step = *steps.get(steps.len() / 2)?;
+        let is_regular = rows > 1 && alike as f64 >= ALIKE * counts.len() as f64;
+        is_regular.then_some(Self { rows, step })
+    }
+
+    /// How such rows are read, in a sentence.
+    pub(crate) fn told(self) -> String {
+        format!(
+            "rows that share a time (about {} of each) are put {} s apart",
+            self.rows,
+            self.spacing() as f64 / 1e6
+        )
+    }
+
+    /// From one row to the next, in microseconds.
+    pub(crate) fn spacing(self) -> i64 {
+        (self.step / self.rows as i64).max(1)
+    }
+}
+
+/// Put the rows of a file that share a time evenly behind it, in the order of the file, and never up to the next time. Returns how
+/// times repeated, or `None` where they do not and nothing was changed.
+pub(crate) fn spread(times: &mut [i64]) -> Option<SharedTimes> {
+    let runs = runs(times);
+    let different: Vec<i64> = runs.iter().map(|run| run.time).collect();
+    let shared = SharedTimes::of(&different, runs.iter().map(|run| run.rows).collect())?;
+    for (at, run) in runs.iter().enumerate() {
+        let ahead = runs.get(at + 1).map_or(shared.step, |next| next.time.saturating_sub(run.time));
+        let room = if ahead > 0 { ahead } else { shared.step };
+        let spacing = shared.spacing().min(room / run.rows as i64).max(1);
+        let there = times[run.first..run.end].iter_mut().filter(|time| **time != NO_TIME);
+        for (row, time) in there.enumerate() {
+            *time = time.saturating_add(spacing.saturating_mul(row as i64));
+        }
+    }
+    Some(shared)
+}
+
+fn runs(times: &[i64]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for (row, &time) in times.iter().enumerate().filter(|(_, time)| **time != NO_TIME) {
+        match runs.last_mut() {
+            Some(run) if run.time == time => {
+                run.end = row + 1;
+                run.rows += 1;
+            }
+            _ => runs.push(Run { first: row, end: row + 1, time, rows: 1 }),
+        }
+    }
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HOUR: i64 = 3_600_000_000;
+
+    /// 180 rows an hour, of which the first hour lacks six.
+    fn hours(count: i64) -> Vec<i64> {
+        let mut times: Vec<i64> =
+            (0..count).flat_map(|hour| std::iter::repeat_n(hour * HOUR, 180)).collect();
+        times.drain(..6);
+        times
+    }
+
+    #[test]
+    fn rows_of_an_hour_are_spread_over_it() {
+        let mut times = hours(24);
+        times[400] = NO_TIME;
+        let found = spread(&mut times).expect("180 rows an hour");
+        assert_eq!(found, SharedTimes { rows: 180, step: HOUR });
+        assert_eq!(found.spacing(), 20_000_000);
+        assert_eq!(times[..3], [0, 20_000_000, 40_000_000]);
+        assert_eq!(times[174..177], [HOUR, HOUR + 20_000_000, HOUR + 40_000_000]);
+        assert_eq!(
+            (times[399], times[400], times[401]),
+            (2 * HOUR + 45 * 20_000_000, NO_TIME, 2 * HOUR + 46 * 20_000_000)
+        );
+        assert!(times.windows(2).all(|pair| pair.contains(&NO_TIME) || pair[0] < pair[1]));
+    }
+
+    #[test]
+    fn an_hour_with_more_rows_than_others_stays_in_its_hour() {
+        let mut times = hours(20);
+        times.splice(174..174, std::iter::repeat_n(HOUR, 10));
+        spread(&mut times).expect("as most hours");
+        assert!(times.windows(2).all(|pair| pair[0] < pair[1]));
+    }
+
+    #[test]
+    fn times_of_one_row_and_uneven_repeats_stay_as_they_are() {
+        let mut single: Vec<i64> = (0..50).map(|hour| hour * HOUR).collect();
+        single[10] = single[9];
+        let mut uneven: Vec<i64> = (0..40)
+            .flat_map(|hour| std::iter::repeat_n(hour * HOUR, 1 + hour as usize % 7))
+            .collect();
+        for times in [&mut single, &mut uneven] {
+            let before = times.clone();
+            assert_eq!(spread(times), None);
+            assert_eq!(*times, before);
+        }
+        assert_eq!(spread(&mut [0, 0, HOUR, HOUR]), None, "two times tell no rhythm");
+    }
+}

@@ -1,0 +1,208 @@
+//! The page on agents that were tuned from Python.
+
+use std::{io::Write as _, path::PathBuf};
+
+use calib_files::write_atomically;
+use calib_report::{
+    Axis, Cell, Chart, Colour, Dash, Decision, Marker, Overview, OverviewFigure, Point, Rule,
+    Scale, Series, Side, Support, Table,
+};
+use calib_stats::jackknife;
+use pyo3::prelude::*;
+use serde::Deserialize;
+
+use crate::errors;
+
+/// Settings whose returns are drawn; the table has all.
+const DRAWN: usize = 12;
+const MARKERS: [Marker; 3] = [Marker::Circle, Marker::Square, Marker::Triangle];
+
+/// What stands on the page.
+#[derive(Deserialize)]
+struct TunedPage {
+    title: String,
+    subtitle: String,
+    decision: PageDecision,
+    findings: Vec<String>,
+    warnings: Vec<String>,
+    /// The best first.
+    settings: Vec<PageSetting>,
+    /// The kinds of models that agents learned in.
+    kinds: Vec<String>,
+    command: String,
+}
+
+#[derive(Deserialize)]
+struct PageDecision {
+    support: PageSupport,
+    badge: String,
+    headline: String,
+    plain: String,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum PageSupport {
+    Supported,
+    KeepDefault,
+    Unsupported,
+}
+
+#[derive(Deserialize)]
+struct PageSetting {
+    name: String,
+    /// "chosen", "default", or nothing.
+    role: String,
+    mean_rank: f64,
+    worst_rank: f64,
+    /// None where it diverged.
+    mean_return: Option<f64>,
+    uncovered: f64,
+    chosen_again: f64,
+    /// For each kind of model, the mean return in each ensemble member; none where it diverged.
+    returns: Vec<Vec<Option<f64>>>,
+}
+
+impl PageSetting {
+    fn label(&self) -> String {
+        if self.role.is_empty() {
+            self.name.clone()
+        } else {
+            format!("{} ({})", self.name, self.role)
+        }
+    }
+}
+
+/// Write a page on tuned agents, given as JSON.
+#[pyfunction]
+pub(crate) fn write_tuned_page(py: Python<'_>, path: PathBuf, page: &str) -> PyResult<()> {
+    let page: TunedPage =
+        serde_json::from_str(page).map_err(|error| errors::value(error.to_string()))?;
+    let html = page.overview().html();
+    write_atomically(&path, |file| file.write_all(html.as_bytes()))
+        .map_err(|error| errors::of_any(py, &error))
+}
+
+impl TunedPage {
+    fn overview(self) -> Overview {
+        let (figures, tables) = (vec![self.returns()], vec![self.table()]);
+        let PageDecision { support, badge, headline, plain } = self.decision;
+        Overview {
+            title: self.title,
+            subtitle: Some(self.subtitle),
+            decision: Some(Decision {
+                support: match support {
+                    PageSupport::Supported => Support::Supported,
+                    PageSupport::KeepDefault => Support::KeepDefault,
+                    PageSupport::Unsupported => Support::Unsupported,
+                },
+                badge,
+                headline,
+                plain,
+            }),
+            findings: self.findings,
+            warnings: self.warnings,
+            figures,
+            tables,
+            command: self.command,
+        }
+    }
+
+    /// Every setting, in the order of the rule.
+    fn table(&self) -> Table {
+        let row = |setting: &PageSetting| {
+            vec![
+                Cell::Text(setting.name.clone()),
+                Cell::Text(setting.role.clone()),
+                Cell::Number(setting.mean_rank),
+                Cell::Number(setting.worst_rank),
+                Cell::Number(setting.mean_return.unwrap_or(f64::NAN)),
+                Cell::Percent(setting.uncovered),
+                Cell::Percent(setting.chosen_again),
+            ]
+        };
+        let columns = [
+            "setting",
+            "",
+            "mean rank",
+            "worst rank",
+            "model return",
+            "not covered",
+            "chosen again",
+        ];
+        Table {
+            title: "Settings".to_owned(),
+            caption: "By mean rank over the ensemble members of all kinds of models. The return in the model ranks settings, and is not what the plant will give. Not covered: steps for which the log has no such action near. Chosen again: the share of resamples of the runs in which the setting is chosen."
+                .to_owned(),
+            columns: columns.map(str::to_owned).to_vec(),
+            rows: self.settings.iter().map(row).collect(),
+            best: None,
+        }
+    }
+
+    /// Mean return of each setting in each kind of model, with intervals over ensemble members.
+    fn returns(&self) -> OverviewFigure {
+        let is_drawn =
+            |(place, setting): &(usize, &PageSetting)| *place < DRAWN || setting.role == "default";
+        let placed = self.settings.iter().enumerate().filter(is_drawn);
+        let drawn: Vec<&PageSetting> = placed.map(|(_, setting)| setting).collect();
+        let mut series = Vec::with_capacity(self.kinds.len());
+        for (kind, name) in self.kinds.iter().enumerate() {
+            let points = drawn.iter().enumerate().map(|(place, setting)| {
+                let members = setting.returns[kind].iter();
+                let members: Vec<f64> = members.map(|of| of.unwrap_or(f64::NAN)).collect();
+                let mean = members.iter().sum::<f64>() / members.len() as f64;
+                let interval = jackknife(mean, &members).map(|of| (of.low, of.high));
+                Point { x: place as f64, y: mean, interval }
+            });
+            series.push(Series {
+                label: name.clone(),
+                side: Side::Left,
+                colour: Colour::Curve(kind),
+                dash: Dash::Solid,
+                width: 1.6,
+                marker: Some(MARKERS[kind % MARKERS.len()]),
+                points: points.collect(),
+            });
+        }
+        let ends = series.iter().flat_map(|series| &series.points).flat_map(|point| {
+            let (low, high) = point.interval.unwrap_or((point.y, point.y));
+            [point.y, low, high]
+        });
+        let scale = Scale::linear_around(&ends.filter(|end| end.is_finite()).collect::<Vec<_>>());
+        let marks = [("chosen", Dash::Solid), ("default", Dash::Dashed)];
+        let rules = marks.into_iter().filter_map(|(role, dash)| {
+            let place = drawn.iter().position(|setting| setting.role == role)?;
+            Some(Rule { x: place as f64, label: role.to_owned(), dash })
+        });
+        let title = "Return in the models".to_owned();
+        let rows = drawn.iter().enumerate().map(|(place, setting)| {
+            let returns = series.iter().map(|series| Cell::Number(series.points[place].y));
+            std::iter::once(Cell::Text(setting.label())).chain(returns).collect()
+        });
+        let rows = rows.collect();
+        OverviewFigure {
+            caption: "Mean return per episode, learning included, in each kind of model, with 95 % intervals over blocks of the log. The best setting by mean rank is on the left. Returns rank settings and do not say what the plant will give."
+                .to_owned(),
+            table: Table {
+                title: title.clone(),
+                columns: std::iter::once("setting".to_owned()).chain(self.kinds.clone()).collect(),
+                rows,
+                ..Table::default()
+            },
+            chart: Chart {
+                description: "Mean return per episode of each setting, in each kind of model."
+                    .to_owned(),
+                title,
+                x: Axis {
+                    label: "setting".to_owned(),
+                    scale: Scale::names(drawn.iter().map(|of| of.name.clone()).collect()),
+                },
+                left: Axis { label: "return per episode, in the model".to_owned(), scale },
+                right: None,
+                rules: rules.collect(),
+                series,
+            },
+        }
+    }
+}
