@@ -320,5 +320,5 @@ fn nothing_but_calib_files_changes_a_disk() {
 #[test]
 fn nothing_but_calib_files_opens_a_file() {
     // What the system says of memory and of processes is no file of a user's.
-    assert_eq!(callers(&OPENS, "crates/calib-pipeline/src/base/memory.rs"), []);
+    assert_eq!(callers(&OPENS, "crates/calib-base/src/memory.rs"), []);
 }
