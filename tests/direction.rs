@@ -1,4 +1,4 @@
-//! Dependencies point one way: between crates, and between the rooms of those that hold the steps.
+//! Dependencies point one way: between crates, and between the modules of those that hold the steps.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -91,23 +91,23 @@ fn a_circle_is_found() {
 const STEPS: [&str; 4] = ["calib-base", "calib-model-steps", "calib-sweep-steps", "calib-pipeline"];
 
 #[test]
-fn rooms_of_the_steps_have_no_circles() {
+fn modules_of_the_steps_have_no_circles() {
     for name in STEPS {
-        let graph = rooms(&root().join("crates").join(name).join("src"));
+        let graph = modules(&root().join("crates").join(name).join("src"));
         assert!(graph.len() > 3, "{name}: {graph:?}");
         assert_eq!(circle(&graph), None, "{name}");
     }
 }
 
-/// The rooms of a crate, which are the modules of its `lib.rs`, and which of them each uses.
-fn rooms(folder: &Path) -> Graph {
+/// The modules of a crate, as its `lib.rs` has them, and which of them each uses.
+fn modules(folder: &Path) -> Graph {
     let mut graph = Graph::new();
     for path in sources(folder) {
         let inside = path.strip_prefix(folder).expect("inside");
         let mut parts = inside.iter().map(|part| part.to_string_lossy().into_owned());
-        let room = parts.next().expect("a file").trim_end_matches(".rs").to_owned();
-        // What others call, and what they may see, stand above all rooms.
-        if room == "lib" || room == "steps" {
+        let module = parts.next().expect("a file").trim_end_matches(".rs").to_owned();
+        // What others call, and what they may see, stand above all modules.
+        if module == "lib" || module == "steps" {
             continue;
         }
         let text = read(&path);
@@ -119,10 +119,10 @@ fn rooms(folder: &Path) -> Graph {
                 Some(list) => outer_names(list),
                 None => vec![first_name(rest)],
             };
-            used.extend(names.into_iter().filter(|name| *name != room && !name.is_empty()));
+            used.extend(names.into_iter().filter(|name| *name != module && !name.is_empty()));
         }
         used.retain(|name| name.chars().next().is_some_and(char::is_lowercase));
-        graph.entry(room).or_default().extend(used);
+        graph.entry(module).or_default().extend(used);
     }
     graph
 }

@@ -19,6 +19,7 @@ mod interruption;
 mod json;
 mod models;
 mod networks;
+mod outputs;
 mod paper;
 mod pretrain;
 mod real_data;

@@ -477,7 +477,10 @@ impl Profile {
         let found = self.channels.iter().find(|channel| channel.name == name);
         found.ok_or_else(|| {
             let names = self.channels.iter().map(|channel| channel.name.as_str());
-            let hint = self.angle_hint(name).unwrap_or_else(|| hint(name, names));
+            let mut hint = self.angle_hint(name).unwrap_or_else(|| hint(name, names));
+            if hint.is_empty() {
+                hint.push_str("; `calib inspect` shows all channels");
+            }
             DataError::NoSuchSensor { name: name.to_owned(), hint }
         })
     }

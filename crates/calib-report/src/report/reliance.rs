@@ -41,7 +41,7 @@ impl Verdict {
         }
     }
 
-    /// The simple predictor to use although the choice is a good one, because learning on adds nothing to it.
+    /// The simple predictor to use although the choice is a good one, because further learning adds nothing to it.
     pub fn without_learning(&self) -> Option<SimplePredictor> {
         self.frozen.filter(|_| matches!(self.grade, Grade::Good | Grade::Fair))
     }

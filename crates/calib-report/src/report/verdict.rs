@@ -47,7 +47,7 @@ pub struct Verdict {
     pub simpler: Option<Simpler>,
     /// The simple predictor that the log prefers, where the agent is known to match it.
     pub matched: Option<Simpler>,
-    /// The simple predictor to use because learning on adds nothing: the choice is that and learns nothing, or it is not shown
+    /// The simple predictor to use because further learning adds nothing: the choice is that and learns nothing, or it is not shown
     /// to improve on a default that is.
     pub frozen: Option<SimplePredictor>,
     /// What would be chosen by each part of the runs.
