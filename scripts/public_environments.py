@@ -1,0 +1,371 @@
+"""How well `calib_rl.tune` chooses on environments that nobody of calib wrote: the tables of docs/control.md, "Public environments".
+
+    pip install calib-rl[gym,frames,tune] pcgym gymchem box2d
+    python3 scripts/public_environments.py DIR [--environments cstr,lunar] [--logs FIRST END]
+    python3 scripts/public_environments.py DIR --report
+
+For each environment and each number of a log: a rule of the plant acts, a quarter of its actions are at random, and what
+happened is a log of 1,000 to 20,000 steps. A linear Q-learning agent has 16 settings. `calib_rl.tune` lets each learn in the
+models of the log and chooses one. The truth is what each setting gets while it learns in the environment itself, as a mean over
+five runs. Everything is kept in DIR as it is made, and the same call goes on from there.
+
+--report prints Markdown: regret of the choice in % of that of a random choice, beside the agent's default and the setting
+that is best in the other environments, with 95 % intervals by a bootstrap over logs, environments weighted equally.
+"""
+
+import argparse
+import json
+import os
+import random
+import statistics
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+STEPS = 5_000
+RUNS = 5
+LENGTHS = [1_000, 2_000, 5_000, 10_000, 20_000]
+RANDOM_SHARE = 0.25
+GRID = {"learning_rate": [0.003, 0.03, 0.1, 0.5], "epsilon": [0.02, 0.1, 0.3, 0.8]}
+DEFAULT = {"learning_rate": 0.1, "epsilon": 0.1}
+SETTINGS = [{"learning_rate": rate, "epsilon": epsilon} for rate in GRID["learning_rate"] for epsilon in GRID["epsilon"]]
+DRAWS = 10_000
+
+
+class Levels:
+    """An environment with a few levels of its actions in place of numbers, observations scaled to about -1 to 1, and a limit of steps."""
+
+    def __init__(self, env, levels, low, high, limit):
+        import gymnasium
+
+        self.env, self.levels, self.limit = env, levels, limit
+        self.low, self.high = np.asarray(low, float), np.asarray(high, float)
+        self.observation_space = gymnasium.spaces.Box(-10.0, 10.0, (len(low),))
+        self.action_space = gymnasium.spaces.Discrete(len(levels))
+
+    def scaled(self, seen):
+        return (2.0 * (np.asarray(seen, float).ravel() - self.low) / (self.high - self.low) - 1.0).clip(-10, 10)
+
+    def reset(self, seed=None):
+        self.taken = 0
+        return self.scaled(self.env.reset(seed=seed)[0]), {}
+
+    def step(self, action):
+        seen, reward, over, cut, _ = self.env.step(self.levels[int(action)])
+        self.taken += 1
+        return self.scaled(seen), float(np.asarray(reward).ravel()[0]), bool(over), bool(cut) or self.taken >= self.limit, {}
+
+
+class Reactor:
+    """pc-gym's stirred-tank reactor or its four tanks, whose episodes end with a flag of their own after a fixed number of steps."""
+
+    def __init__(self, parameters):
+        from pcgym import make_env
+
+        self.env, self.length = make_env(parameters), parameters["N"]
+
+    def reset(self, seed=None):
+        if seed is not None:
+            np.random.seed(seed)
+        self.taken = 0
+        return self.env.reset()
+
+    def step(self, action):
+        seen, reward, _, _, info = self.env.step(action)
+        self.taken += 1
+        # The end of the time is no terminal state.
+        return seen, reward, False, self.taken >= self.length, info
+
+
+def cstr():
+    points = {"Ca": [0.85] * 30 + [0.9] * 31}
+    parameters = {
+        "N": 60, "tsim": 15.6, "SP": points, "x0": np.array([0.8, 330, 0.8]), "r_scale": {"Ca": 1e3}, "model": "cstr",
+        "o_space": {"low": np.array([0.7, 300, 0.8]), "high": np.array([1, 350, 0.9])},
+        "a_space": {"low": np.array([295]), "high": np.array([302])},
+        "normalise_a": True, "normalise_o": True, "noise": True, "noise_percentage": 0.001, "integration_method": "casadi",
+    }  # fmt: skip
+    levels = [np.array([level]) for level in np.linspace(-1, 1, 7)]
+    return Levels(Reactor(parameters), levels, [-1] * 3, [1] * 3, 60)
+
+
+def cstr_rule(seen, _):
+    # Concentration in [0.7, 1], set-point in [0.8, 0.9]: colder where there is too little.
+    error = (0.8 + 0.05 * (seen[2] + 1)) - (0.7 + 0.15 * (seen[0] + 1))
+    return int(np.clip(round(3 - 40 * error), 0, 6))
+
+
+def four_tank():
+    points = {"h3": [0.5] * 30 + [0.1] * 31, "h4": [0.2] * 30 + [0.3] * 31}
+    parameters = {
+        "N": 60, "tsim": 1000, "SP": points, "x0": np.array([0.141, 0.112, 0.072, 0.42, 0.5, 0.2]), "model": "four_tank",
+        "o_space": {"low": np.zeros(6), "high": np.full(6, 0.6)},
+        "a_space": {"low": np.array([0.1, 0.1]), "high": np.array([10, 10])}, "r_scale": {"h3": 1e3, "h4": 1e3},
+        "normalise_a": True, "normalise_o": True, "noise": True, "noise_percentage": 0.001, "integration_method": "casadi",
+    }  # fmt: skip
+    pumps = [-0.8, 0.0, 0.8]
+    return Levels(Reactor(parameters), [np.array([first, second]) for first in pumps for second in pumps], [-1] * 6, [1] * 6, 60)
+
+
+def four_tank_rule(seen, _):
+    # The second pump fills the third tank, and the first the fourth.
+    def wanted(error):
+        return 0 if error < -0.1 else 2 if error > 0.1 else 1
+
+    return 3 * wanted(seen[5] - seen[3]) + wanted(seen[4] - seen[2])
+
+
+def gymchem():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import gymchem as package
+    levels = [np.array([level], np.float32) for level in (-10, -5, 0, 5, 10)]
+    return Levels(package.CSTREnv(), levels, [250, 0, 280], [500, 1500, 350], 100)
+
+
+def gymchem_rule(seen, _):
+    # Coolant warmer where the reactor is below the middle of its range.
+    return int(np.clip(round(2 - 4 * (seen[0] + 0.2)), 0, 4))
+
+
+def lunar():
+    import gymnasium
+
+    env = gymnasium.make("LunarLander-v3").unwrapped
+    return Levels(env, [0, 1, 2, 3], [-1.5, -1.5, -2, -2, -1, -2, -1, -1], [1.5, 1.5, 2, 2, 1, 2, 1, 1], 400)
+
+
+def lunar_rule(_, env):
+    from gymnasium.envs.box2d.lunar_lander import heuristic
+
+    return heuristic(env.env, (env.env_seen if hasattr(env, "env_seen") else np.zeros(8)))
+
+
+ENVIRONMENTS = {"cstr": (cstr, cstr_rule), "four_tank": (four_tank, four_tank_rule), "gymchem": (gymchem, gymchem_rule), "lunar": (lunar, lunar_rule)}
+
+
+class Agent:
+    """Linear Q-learning on random features of the state."""
+
+    def __init__(self, env, learning_rate=DEFAULT["learning_rate"], epsilon=DEFAULT["epsilon"], seed=0):
+        self.env, self.learning_rate, self.epsilon = env, learning_rate, epsilon
+        self.rng = np.random.default_rng(seed)
+        width = env.observation_space.shape[0]
+        self.directions, self.offsets = self.rng.normal(0.0, 1.5, (100, width)), self.rng.uniform(0.0, 2 * np.pi, 100)
+        self.weights = np.zeros((int(env.action_space.n), 100))
+
+    def features(self, seen):
+        return np.cos(self.directions @ seen + self.offsets) * 0.14
+
+    def learn(self, total_timesteps):
+        here, over = self.features(self.env.reset()[0]), False
+        for _ in range(total_timesteps):
+            if over:
+                here = self.features(self.env.reset()[0])
+            values = self.weights @ here
+            explores = self.rng.random() < self.epsilon
+            action = int(self.rng.integers(len(values)) if explores else values.argmax())
+            seen, reward, terminated, truncated, _ = self.env.step(action)
+            after, over = self.features(seen), terminated or truncated
+            target = reward + (0.0 if terminated else 0.97 * (self.weights @ after).max())
+            self.weights[action] += self.learning_rate * (target - values[action]) * here
+            here = after
+
+
+class Counted:
+    """An environment that notes the return of each episode."""
+
+    def __init__(self, env, seed):
+        self.env, self.seed, self.returns, self.sum = env, seed, [], 0.0
+        self.observation_space, self.action_space = env.observation_space, env.action_space
+
+    def reset(self):
+        seen = self.env.reset(seed=self.seed)
+        self.seed, self.sum = None, 0.0
+        return seen
+
+    def step(self, action):
+        came = self.env.step(action)
+        self.sum += came[1]
+        if came[2] or came[3]:
+            self.returns.append(self.sum)
+        return came
+
+
+def truth_of(name):
+    """Mean return an episode of each setting, learning included, in each run."""
+    env = ENVIRONMENTS[name][0]()
+    returns = []
+    for setting in SETTINGS:
+        of_runs = []
+        for run in range(RUNS):
+            counted = Counted(env, 1_000 + run)
+            Agent(counted, seed=run, **setting).learn(STEPS)
+            of_runs.append(statistics.fmean(counted.returns))
+        returns.append(of_runs)
+        print(f"{name}: {setting} gets {statistics.fmean(of_runs):.4g}", file=sys.stderr, flush=True)
+    return returns
+
+
+def log_of(name, number):
+    """A frame of what the rule of the plant did, a quarter of its actions at random."""
+    import datetime
+
+    import polars as pl
+
+    make, rule = ENVIRONMENTS[name]
+    env, rng = make(), np.random.default_rng([7, number])
+    length = LENGTHS[number % len(LENGTHS)]
+    rows, time = [], datetime.datetime(2024, 1, 1)
+    second = datetime.timedelta(seconds=1)
+    seen, reward, terminal, over = None, None, 0.0, True
+    taken = 0
+    while taken < length:
+        if over:
+            if seen is not None:
+                rows.append((time, *seen, None, reward, terminal))
+                time += 100 * second
+            (seen, _), reward, terminal = env.reset(seed=int(rng.integers(2**31))), None, 0.0
+            env.env_seen = recorded(env, seen)
+        action = int(rng.integers(len(env.levels))) if rng.random() < RANDOM_SHARE else rule(seen, env)
+        rows.append((time, *seen, float(action), reward, terminal))
+        seen, reward, end, cut, _ = env.step(action)
+        env.env_seen = recorded(env, seen)
+        terminal, over, time, taken = float(end), end or cut, time + second, taken + 1
+    rows.append((time, *seen, None, reward, terminal))
+    columns = [f"o{column}" for column in range(len(seen))]
+    return pl.DataFrame(rows, schema=["time", *columns, "action", "reward", "terminal"], orient="row"), columns
+
+
+def recorded(env, seen):
+    """An observation as the environment gave it."""
+    return (seen + 1.0) / 2.0 * (env.high - env.low) + env.low
+
+
+def choice_of(name, number, folder):
+    """What `calib_rl.tune` says of a log."""
+    import calib_rl
+
+    frame, columns = log_of(name, number)
+    env = ENVIRONMENTS[name][0]()
+    has_terminals = frame["terminal"].sum() > 0
+    model = calib_rl.build_model(
+        frame, folder / f"{name}-{number}", actions=["action"], reward="reward", terminal="terminal" if has_terminals else None, timeout=env.limit,
+        **({} if has_terminals else {"data": {"exclude": ["terminal"]}}),
+    )  # fmt: skip
+    tuned = calib_rl.tune(
+        Agent, SETTINGS, model, total_timesteps=STEPS, default=DEFAULT, seed=number,
+        folder=folder / f"{name}-{number}" / "units", environment={"observe": columns, "units": "physical"},
+    )  # fmt: skip
+    places = [SETTINGS.index(setting) for setting in tuned.settings]
+    selection = tuned.verdict["selection"]
+    returns = [[unit["kind"], unit["member"], SETTINGS.index(unit["setting"]), unit["mean_return"]] for unit in tuned.runs]
+    return {
+        "steps": LENGTHS[number % len(LENGTHS)],
+        "chosen": SETTINGS.index(tuned.chosen),
+        "advice": tuned.advice[0],
+        "reasons": [doubt["reason"] for doubt in tuned.verdict["doubts"]],
+        "mean_ranks": {place: rank for place, rank in zip(places, selection["mean_ranks"])},
+        "returns": returns,
+    }
+
+
+def make(args, folder):
+    folder.mkdir(parents=True, exist_ok=True)
+    names = args.environments.split(",") if args.environments else list(ENVIRONMENTS)
+    for name in names:
+        path = folder / f"truth-{name}.json"
+        if not path.exists():
+            write(path, truth_of(name))
+    for number in range(*args.logs):
+        for name in names:
+            path = folder / f"{name}-{number}.json"
+            if not path.exists():
+                write(path, choice_of(name, number, folder / "work"))
+                print(f"{name} {number}: done", file=sys.stderr, flush=True)
+
+
+def write(path, what):
+    unfinished = path.with_suffix(".tmp")
+    unfinished.write_text(json.dumps(what))
+    os.replace(unfinished, path)
+
+
+def spearman(left, right):
+    def ranked(values):
+        order = sorted(range(len(values)), key=values.__getitem__)
+        found = [0.0] * len(values)
+        for rank, place in enumerate(order):
+            found[place] = rank
+        return found
+
+    return float(np.corrcoef(ranked(left), ranked(right))[0, 1])
+
+
+def interval(of_logs):
+    """Mean over environments of means over logs, and a bootstrap over logs."""
+    rng = random.Random(1)
+    names = sorted(of_logs)
+    mean = statistics.fmean(statistics.fmean(of_logs[name]) for name in names)
+    draws = sorted(statistics.fmean(statistics.fmean(rng.choices(of_logs[name], k=len(of_logs[name]))) for name in names) for _ in range(DRAWS))
+    return f"{mean:.1f} ({draws[DRAWS // 40]:.1f} to {draws[-DRAWS // 40]:.1f})"
+
+
+def report(folder):
+    truths = {name: [statistics.fmean(runs) for runs in json.loads((folder / f"truth-{name}.json").read_text())] for name in ENVIRONMENTS if (folder / f"truth-{name}.json").exists()}
+
+    def regret(name, place):
+        truth = truths[name]
+        return 100.0 * (max(truth) - truth[place]) / (max(truth) - statistics.fmean(truth))
+
+    default = SETTINGS.index(DEFAULT)
+    rows = {way: {} for way in ("choice", "default", "best of the other environments", "difference to the default")}
+    correlations, kept, refused = {}, {}, {}
+    print("| environment | logs | random | best | choice: regret | default: regret | best setting of the others: regret | Spearman | not refused |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for name, truth in truths.items():
+        found = [json.loads(path.read_text()) for path in sorted(folder.glob(f"{name}-[0-9]*.json"))]
+        if not found:
+            continue
+        others = [other for other in truths if other != name]
+        fixed = min(range(len(SETTINGS)), key=lambda place: statistics.fmean(regret(other, place) for other in others)) if others else default
+        regrets = [regret(name, one["chosen"]) for one in found]
+        rows["choice"][name] = regrets
+        rows["default"][name] = [regret(name, default)] * len(found)
+        rows["best of the other environments"][name] = [regret(name, fixed)] * len(found)
+        rows["difference to the default"][name] = [regret(name, default) - one for one in regrets]
+        correlations[name] = [
+            spearman([-one["mean_ranks"][str(place)] for place in range(len(SETTINGS)) if str(place) in one["mean_ranks"]], [truth[place] for place in range(len(SETTINGS)) if str(place) in one["mean_ranks"]])
+            for one in found
+        ]
+        supported = [not one["advice"].startswith("Deploy nothing") for one in found]
+        for one, is_kept in zip(regrets, supported):
+            (kept if is_kept else refused).setdefault(name, []).append(one)
+        print(
+            f"| {name} | {len(found)} | {statistics.fmean(truth):.4g} | {max(truth):.4g} | {statistics.fmean(regrets):.1f} % (worst {max(regrets):.0f}) | {regret(name, default):.1f} % "
+            f"| {regret(name, fixed):.1f} % | {statistics.fmean(correlations[name]):.2f} | {sum(supported)} of {len(found)} |"
+        )
+    print()
+    for way, of_logs in rows.items():
+        print(f"- {way}: {interval(of_logs)} % of a random choice's regret")
+    print(f"- Spearman's correlation of ranks with the truth: {interval(correlations)}")
+    for what, of_logs in (("not refused", kept), ("refused", refused)):
+        count = sum(map(len, of_logs.values()))
+        if count:
+            print(f"- {what}: {count} logs, regret {statistics.fmean(one for logs in of_logs.values() for one in logs):.1f} % on average, at most {max(one for logs in of_logs.values() for one in logs):.0f} %")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--environments")
+    parser.add_argument("--logs", type=int, nargs=2, default=[0, 10])
+    parser.add_argument("--report", action="store_true")
+    args = parser.parse_args()
+    report(args.folder) if args.report else make(args, args.folder)
+
+
+if __name__ == "__main__":
+    main()
