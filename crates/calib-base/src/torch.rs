@@ -18,8 +18,11 @@ pub fn require(what: &str) -> Result<(), StepError> {
 }
 
 /// A trainer of a network on a device, going on from a checkpoint if there is one, and what it computes with.
+///
+/// # Errors
+/// If the device is not there, the checkpoint is of another network, or such a model is not trained.
 #[cfg(feature = "torch")]
-pub(crate) fn trainer(
+pub fn trainer(
     kind: ModelKind,
     data: &Transitioning<'_>,
     config: &DynamicsConfig,
@@ -63,8 +66,11 @@ pub fn trainer(
 }
 
 /// What trains agents side by side on a device.
+///
+/// # Errors
+/// If the device is not there.
 #[cfg(feature = "torch")]
-pub(crate) fn accelerator(device: Device) -> Result<Box<dyn Accelerator>, StepError> {
+pub fn accelerator(device: Device) -> Result<Box<dyn Accelerator>, StepError> {
     Ok(Box::new(calib_torch::Populations::new(calib_torch::device(choice(device))?)))
 }
 
@@ -78,8 +84,11 @@ pub fn accelerator(_device: Device) -> Result<Box<dyn Accelerator>, StepError> {
 }
 
 /// Train an encoder on a device, going on from a checkpoint if there is one.
+///
+/// # Errors
+/// If the device is not there, training fails, or the monitor asks to stop.
 #[cfg(feature = "torch")]
-pub(crate) fn represent(
+pub fn represent(
     config: &LaplacianConfig,
     task: Task<'_>,
     checkpoint: &Unfinished,
@@ -107,11 +116,11 @@ pub fn represent(
 }
 
 /// A model that was exported from PyTorch, for states of `columns` values; it runs on the processor.
+///
+/// # Errors
+/// If it cannot be read, or is for other states.
 #[cfg(feature = "torch")]
-pub(crate) fn open_script(
-    path: &std::path::Path,
-    columns: usize,
-) -> Result<Box<dyn Dynamics>, StepError> {
+pub fn open_script(path: &std::path::Path, columns: usize) -> Result<Box<dyn Dynamics>, StepError> {
     Ok(Box::new(calib_torch::Script::open(path, columns, calib_torch::Device::Cpu)?))
 }
 

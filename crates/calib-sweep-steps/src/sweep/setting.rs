@@ -118,7 +118,7 @@ impl Setting {
     /// What their passes take, by some steps of one.
     ///
     /// # Errors
-    /// As [`Cost::measure`].
+    /// If the sweep has no environments, agents cannot be trained, or the `monitor` asks to stop.
     pub fn cost(
         &self,
         study: &Study,
