@@ -85,9 +85,11 @@ struct Contradicting {
 }
 
 impl Contradicting {
-    fn of(sketch: &Sketch, scope: &Scope) -> Option<Self> {
-        let found = scope.channels.iter().map(|&channel| &sketch.channels[channel]);
-        let mut found: Vec<&ChannelSketch> = found.filter(|of| of.contradicting > 0).collect();
+    fn of<'a>(
+        sketch: &Sketch,
+        channels: impl Iterator<Item = &'a ChannelSketch>,
+    ) -> Option<Self> {
+        let mut found: Vec<&ChannelSketch> = channels.filter(|of| of.contradicting > 0).collect();
         found.sort_by_key(|of| std::cmp::Reverse(of.contradicting));
         let rows = found.first()?.contradicting;
         let more = if found.len() > NAMED { " …" } else { "" };
@@ -108,15 +110,17 @@ impl Contradicting {
 /// A few rows of the same time that say different things, as where a clock was set back or recordings overlap, are no reason to have no study; many are a log
 /// that is read wrongly, and stay refused.
 fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<(&'static str, String)> {
-    let found = Contradicting::of(sketch, scope).filter(|found| found.share <= FEW_CONTRADICT)?;
+    let channels = scope.channels.iter().map(|&channel| &sketch.channels[channel]);
+    let found = Contradicting::of(sketch, channels).filter(|found| found.share <= FEW_CONTRADICT)?;
     let why = format!("{}, as where a clock was set back or recordings overlap", found.told());
     Some(("first", why))
 }
 
 /// What is said where so many rows were left out, because `data.contradictions` was given, that they are hardly a mistake of the
 /// logger.
-pub fn many_left_out(sketch: &Sketch, scope: &Scope) -> Option<String> {
-    let found = Contradicting::of(sketch, scope).filter(|found| found.share > FEW_CONTRADICT)?;
+pub fn many_left_out(sketch: &Sketch) -> Option<String> {
+    let found = Contradicting::of(sketch, sketch.channels.iter());
+    let found = found.filter(|found| found.share > FEW_CONTRADICT)?;
     Some(format!(
         "{}, and data.contradictions leaves them out: they may be of several machines, of which data.where chooses one, or of an export that cut its times, which data.contradictions = \"spread\" mends",
         found.told()
@@ -205,13 +209,13 @@ mod tests {
         );
         log.channels[0].contradicting = 11;
         assert_eq!(found(&log), None, "as many are a table that is read wrongly");
-        let said = many_left_out(&log, &scope).expect("more than a percent");
+        let said = many_left_out(&log).expect("more than a percent");
         assert!(
             said.starts_with("11 rows contradict another of the same time (1.09 %) in A, B, and"),
             "{said}"
         );
         log.channels[0].contradicting = 10;
-        assert_eq!(many_left_out(&log, &scope), None);
+        assert_eq!(many_left_out(&log), None);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use calib_report::{Reason, Report, Way};
 use fixture::{HOSTILE, report};
 
 /// Elements that have no end tag.
-const VOID: [&str; 3] = ["meta", "link", "br"];
+const VOID: [&str; 4] = ["meta", "link", "br", "wbr"];
 
 /// Calls `visit` with every tag of `html`, without its angle brackets; skips the content of scripts and styles.
 fn for_each_tag(html: &str, mut visit: impl FnMut(&str)) {

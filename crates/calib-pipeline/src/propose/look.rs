@@ -84,6 +84,11 @@ impl Look {
             data.max_age_secs = Some(clock.max_age_secs);
             sketch = calib_data::sketch(&data, &printer.progress())?;
         }
+        if gives(args, "data.contradictions")
+            && let Some(left_out) = many_left_out(&sketch)
+        {
+            printer.warn(&left_out);
+        }
         let wanted = named(&args.sensors, &sketch)?;
         let scope = Scope::with(&sketch, &wanted).map_err(StepError::other)?;
         let sensors = if wanted.is_empty() {
@@ -91,11 +96,6 @@ impl Look {
         } else {
             Sensors { proposed: wanted, others: Vec::new() }
         };
-        if gives(args, "data.contradictions")
-            && let Some(left_out) = many_left_out(&sketch, &scope)
-        {
-            printer.warn(&left_out);
-        }
         let cut = Cut::of(&sketch, &scope).map_err(StepError::other)?;
         if !args.sensors.is_empty() && scope.is_part {
             let rows = &sketch.timestamps[scope.rows.clone()];

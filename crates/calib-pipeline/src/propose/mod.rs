@@ -338,7 +338,7 @@ fn show(
     let lacking = chosen.cut.ranges(&sketch.timestamps).map(|range| {
         let lacking = Lacking::of(sketch, scope, &range);
         lacking.map_or_else(String::new, |Lacking { rows, channel }| {
-            format!(" (less about {} that lack {channel} for long)", count(rows))
+            format!(" (less about {} that lack {channel:?} for long)", count(rows))
         })
     });
     let lines = [
