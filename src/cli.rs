@@ -10,7 +10,7 @@ mod study;
 
 use std::{path::PathBuf, sync::LazyLock};
 
-use calib_pipeline::Answer;
+use calib_pipeline::OutputFormat;
 use clap::{Args, Parser, Subcommand, ValueEnum, builder::ArgPredicate};
 use clap_complete::Shell;
 use study::NO_STUDY;
@@ -143,7 +143,7 @@ pub(crate) enum Command {
 
 impl Command {
     /// Whom the result is for.
-    pub(crate) fn answer(&self) -> Answer {
+    pub(crate) fn answer(&self) -> OutputFormat {
         let json = match self {
             Self::Run(RunArgs { study: DeviceArgs { study: args, .. }, .. })
             | Self::Rollout(args)
@@ -167,6 +167,6 @@ impl Command {
             Self::Cluster { command: ClusterCommand::Plan { study, .. } } => study.json,
             Self::Cluster { .. } | Self::Completions { .. } | Self::Man { .. } => false,
         };
-        if json { Answer::ForMachines } else { Answer::ForPeople }
+        if json { OutputFormat::Json } else { OutputFormat::Text }
     }
 }

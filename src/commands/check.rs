@@ -13,7 +13,7 @@ use crate::cli::CheckArgs;
 pub(super) fn run(args: &CheckArgs, printer: &Printer) -> Result<Outcome, StepError> {
     let logs = if args.read_data { Logs::Read } else { Logs::Leave };
     let checked = calib_pipeline::check(&args.directory, logs, printer)?;
-    if printer.is_for_machines() {
+    if printer.is_json() {
         printer.json(&checked)?;
     } else {
         show(&checked, &args.directory, printer)?;

@@ -69,7 +69,7 @@ pub(super) fn run(args: &DtwArgs, printer: &Printer) -> Result<Outcome, StepErro
         Some(path) => vec![aligned(args, settings, query, reference, (path, standing), printer)?],
         None => compared(args, settings, query, reference)?,
     };
-    if printer.is_for_machines() {
+    if printer.is_json() {
         printer.json(&Results { results })?;
     } else {
         show(&results, printer)?;

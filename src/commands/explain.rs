@@ -37,7 +37,7 @@ pub(super) fn run(key: Option<&str>, printer: &Printer) -> Result<Outcome, StepE
         };
         bail!("no key `{path}`; {hint}");
     };
-    if printer.is_for_machines() {
+    if printer.is_json() {
         printer.json(&Explained { key: path.to_owned(), schema: resolved(&schema, found) })?;
     } else {
         printer.lines(&describe(&schema, found, path))?;

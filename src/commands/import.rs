@@ -21,7 +21,7 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> Result<Outcome, StepE
     check_log(&data)?;
     let standing = if args.force { Standing::Replaced } else { Standing::Kept };
     let imported = calib_data::import(&data, &args.out, standing, &printer.progress())?;
-    if printer.is_for_machines() {
+    if printer.is_json() {
         printer.json(&imported)?;
         return Ok(Outcome::Done);
     }

@@ -13,7 +13,7 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
     let Settings { data, preprocess, deployments, job } = settings(args)?;
     let inspection = Inspection::of(&data, &preprocess, job.as_ref(), printer)?;
     let profile = &inspection.profile;
-    if printer.is_for_machines() {
+    if printer.is_json() {
         printer.json(&inspection)?;
     } else {
         show_log(profile, printer)?;

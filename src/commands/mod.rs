@@ -52,7 +52,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
     if !matches!(cli.command, Command::Dtw(_)) {
         watch_for_interrupts();
     }
-    let printer = &printer.answering(cli.command.answer());
+    let printer = &printer.in_format(cli.command.answer());
     Ok(match cli.command {
         Command::Quickstart(args) => quickstart::run(&args, printer)?,
         Command::Simulate(args) => simulate::run(&args, printer)?,

@@ -32,7 +32,7 @@ pub(super) fn run(args: &SimulateArgs, printer: &Printer) -> Result<Outcome, Ste
         (args.target.clone(), config(&args.plant)?.plant()?, next)
     };
     let simulated = calib_pipeline::simulate_plant(&directory, plant, args.force, printer)?;
-    if printer.is_for_machines() {
+    if printer.is_json() {
         printer.json(&simulated)?;
     } else {
         printer.result(&format!("{} in {}", simulated.line(), duration(clock.elapsed())))?;
@@ -66,7 +66,7 @@ fn of_task(args: &SimulateArgs, task: Task, printer: &Printer) -> Result<Outcome
         },
         printer,
     )?;
-    if printer.is_for_machines() {
+    if printer.is_json() {
         printer.json(&simulated)?;
     } else {
         printer.result(&simulated.line())?;

@@ -1,7 +1,6 @@
 //! The command line as users meet it: one binary, so that it links once.
 
 mod build;
-mod chain;
 mod change;
 mod cluster;
 mod comparisons;
@@ -17,6 +16,7 @@ mod init;
 mod inputs;
 mod interruption;
 mod json;
+mod messages;
 mod models;
 mod networks;
 mod outputs;
@@ -26,7 +26,7 @@ mod real_data;
 mod recorded;
 mod recurrent;
 mod represent;
-mod said;
+mod run_study;
 mod shares;
 mod simple_predictors;
 mod status;

@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use crate::{
     AgentConfig, Checkpoint, Learner, Precision, ValueFunction,
-    keeper::ValueState,
+    checkpointer::ValueState,
     linear::LinearValues,
     mlp::MlpValues,
     values::{Batch, Learned, Values},

@@ -12,7 +12,7 @@
 //! - [`train`]: a population of agents over one [`Stream`](calib_core::Stream); each agent's result is
 //!   to the byte what it would be alone.
 //! - [`train_learners`]: the same for agents that predict several sensors, start from a [`Checkpoint`], or run
-//!   so long that a [`Keeper`] keeps their state.
+//!   so long that a [`Checkpointer`] keeps their state.
 //! - [`train_together`]: many runs side by side, their networks on an [`Accelerator`].
 //! - [`pretrain`]: epochs over recorded transitions, validated and stopped early, before any of that.
 //! - [`StateFile`]: unfinished training in a file.
@@ -45,15 +45,16 @@
 //! ```
 
 mod accelerator;
+mod checkpointer;
 mod config;
 mod curve;
 mod error;
 #[cfg(test)]
 mod golden;
-mod keeper;
 mod kernels;
 mod learner;
 mod linear;
+mod lockstep;
 mod memory;
 mod mlp;
 mod network;
@@ -67,20 +68,20 @@ mod returns;
 mod scoring;
 mod simple;
 mod state_file;
-mod together;
 mod traces;
 mod train;
 mod validation;
 mod values;
 
 pub use accelerator::{Accelerator, Lockstep, Made, Networks, Steps};
+pub use checkpointer::{Checkpointer, NoKeeper, RunProgress, RunState, ValueState};
 pub use config::{
     AgentConfig, AgentKind, ConfigError, OptimiserKind, Precision, ReplayKind, ValueFunction,
 };
 pub use curve::{CurvePoint, CurveRule};
 pub use error::AgentError;
-pub use keeper::{Keeper, NoKeeper, RunProgress, RunState, ValueState};
 pub use learner::{Checkpoint, Learner, layer_sizes, parameter_count};
+pub use lockstep::{MOST_TOGETHER, check_accelerated, runs_together, train_together};
 pub use memory::{pretraining_bytes, training_bytes};
 pub use outcome::RunOutcome;
 pub use predictions::score_predictions;
@@ -91,6 +92,5 @@ pub use returns::{ReturnMoments, discounted_returns, truncation_horizon};
 pub use scoring::{Part, PartScore, Scores};
 pub use simple::{FittedPredictor, Fitter, Mixture, SimplePredictor};
 pub use state_file::StateFile;
-pub use together::{MOST_TOGETHER, check_accelerated, runs_together, train_together};
 pub use traces::with_traces;
 pub use train::{Run, train, train_learners};

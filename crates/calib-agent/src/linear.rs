@@ -4,7 +4,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::{
     AgentConfig, Checkpoint, Learner,
-    keeper::ValueState,
+    checkpointer::ValueState,
     kernels::{LANES, add_scaled, dot_products},
     learner::Cumulants,
     values::{Batch, Learned, TargetClock, Values, optimiser, parameter_seed},

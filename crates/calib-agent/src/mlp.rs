@@ -5,7 +5,7 @@ use calib_nn::{Mlp, Optimiser};
 
 use crate::{
     AgentConfig, Checkpoint, Learner,
-    keeper::ValueState,
+    checkpointer::ValueState,
     layer_sizes,
     learner::Cumulants,
     network::{Network, Pass},

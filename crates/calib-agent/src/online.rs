@@ -2,7 +2,7 @@ use calib_core::Stream;
 
 use crate::{
     AgentConfig, Checkpoint, Learner, OptimiserKind,
-    keeper::ValueState,
+    checkpointer::ValueState,
     learner::Cumulants,
     values::{Batch, Learned, Values},
 };

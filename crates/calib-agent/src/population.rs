@@ -2,7 +2,7 @@ use calib_core::{Monitor, Seed, Stream};
 
 use crate::{
     AgentConfig, AgentError, Learner, ReplayKind, ValueFunction,
-    keeper::ValueState,
+    checkpointer::ValueState,
     linear::LinearValues,
     mlp::MlpValues,
     online::OnlineValues,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     AgentError, Checkpoint, Learner, StateFile,
-    keeper::ValueState,
+    checkpointer::ValueState,
     population::{can_share, values_of, work_per_step},
     traces::TracedStream,
     validation::Validation,

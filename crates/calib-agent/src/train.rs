@@ -1,7 +1,7 @@
 use calib_core::{Monitor, Seed, Stream};
 
 use crate::{
-    AgentConfig, AgentError, CurveRule, Keeper, Learner, NoKeeper, RunOutcome, RunProgress,
+    AgentConfig, AgentError, Checkpointer, CurveRule, Learner, NoKeeper, RunOutcome, RunProgress,
     RunState,
     outcome::Tracker,
     population::{Population, Task, Truth, WORK_PER_LOOK, can_share, work_per_step},
@@ -108,7 +108,7 @@ impl Run<'_> {
 pub fn train_learners(
     run: Run<'_>,
     learners: &[Learner<'_>],
-    keeper: &dyn Keeper,
+    keeper: &dyn Checkpointer,
     monitor: &dyn Monitor,
 ) -> Result<Vec<RunOutcome>, AgentError> {
     let Run { stream, steps, curve, seed } = run;

@@ -3,7 +3,7 @@ use std::ops::Range;
 use calib_core::{Seed, Stream};
 use calib_nn::{AdamRule, Optimiser, SgdRule};
 
-use crate::{AgentConfig, OptimiserKind, keeper::ValueState};
+use crate::{AgentConfig, OptimiserKind, checkpointer::ValueState};
 
 /// The transitions of one update, by the steps they start from.
 #[derive(Clone, Copy)]

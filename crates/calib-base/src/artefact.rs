@@ -124,7 +124,7 @@ impl<T: Facts> Artefact<T> {
             let Some(found) = Self::find(&other, key) else { continue };
             let (result, place) = (T::STEP.result(), other.display());
             printer.say(&format!("the {result} is that in {place}, and is copied"));
-            let claim = Claim::begun(&directory)?;
+            let claim = DirectoryLock::begun(&directory)?;
             for name in found.files.keys() {
                 link_or_copy(&other.join(name), &directory.join(name))?;
             }
@@ -247,14 +247,14 @@ pub fn require<M: Manifest>(directory: &Path, command: &str) -> Result<M, StepEr
 ///
 /// It saves work and spares confusion; no result rests on it. Where two processes write one directory, as they can
 /// without locks, both write the same bytes, file by file as a whole.
-pub struct Claim {
+pub struct DirectoryLock {
     directory: PathBuf,
     record: FolderRecord,
     /// Locked while it is open.
     _lock: Lock,
 }
 
-impl Claim {
+impl DirectoryLock {
     /// Claim `directory`, and remove what a killed process left half-written in it.
     ///
     /// # Errors
@@ -264,10 +264,10 @@ impl Claim {
         Self::of_nobody(directory, below)?.with_context(|| taken(directory))
     }
 
-    /// As [`Claim::new`], of a directory that need not be written: none if another process has claimed it.
+    /// As [`DirectoryLock::new`], of a directory that need not be written: none if another process has claimed it.
     ///
     /// # Errors
-    /// As [`Claim::new`].
+    /// As [`DirectoryLock::new`].
     pub(crate) fn of_nobody(directory: &Path, below: Below) -> Result<Option<Self>, StepError> {
         let record = match below {
             Below::Ours => own(directory)?,
@@ -276,10 +276,10 @@ impl Claim {
         Self::with(directory, record, below)
     }
 
-    /// As [`Claim::new`], of a directory of which calib owns what its record names, and in which nothing else may be.
+    /// As [`DirectoryLock::new`], of a directory of which calib owns what its record names, and in which nothing else may be.
     ///
     /// # Errors
-    /// As [`Claim::new`].
+    /// As [`DirectoryLock::new`].
     pub fn of_named(directory: &Path) -> Result<Self, StepError> {
         let record = FolderRecord::open_own(directory)?;
         Self::with(directory, record, Below::Unknown)?.with_context(|| taken(directory))
@@ -316,7 +316,7 @@ impl Claim {
     /// Claim a directory, which does not count as a result until [`finish`](Self::finish) completes it.
     ///
     /// # Errors
-    /// As [`Claim::new`].
+    /// As [`DirectoryLock::new`].
     pub fn begun(directory: &Path) -> Result<Self, StepError> {
         let claim = Self::new(directory, Below::Ours)?;
         claim.begin()?;
@@ -465,13 +465,13 @@ mod tests {
     #[test]
     fn a_directory_stays_claimed_when_it_is_complete() {
         let directory = tempfile::tempdir().expect("a directory");
-        let claim = Claim::new(directory.path(), Below::Ours).expect("nobody has it");
+        let claim = DirectoryLock::new(directory.path(), Below::Ours).expect("nobody has it");
         claim.begin().expect("writable");
         claim.complete(&Made { format: 1 }).expect("writable");
         assert!(read::<Made>(directory.path()).is_some());
-        let other = Claim::new(directory.path(), Below::Ours).err().expect("it is claimed");
+        let other = DirectoryLock::new(directory.path(), Below::Ours).err().expect("it is claimed");
         assert!(other.to_string().contains("another calib is writing"), "{other}");
         drop(claim);
-        assert!(Claim::new(directory.path(), Below::Ours).is_ok(), "it was given up");
+        assert!(DirectoryLock::new(directory.path(), Below::Ours).is_ok(), "it was given up");
     }
 }

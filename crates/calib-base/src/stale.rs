@@ -11,7 +11,7 @@ const TOLD: usize = 3;
 
 /// A result of a step that is there.
 #[derive(Clone, Copy)]
-pub struct Kept<'a> {
+pub struct StoredArtefact<'a> {
     /// The step that made it.
     pub step: StepKind,
     /// What it was made of.
@@ -20,7 +20,7 @@ pub struct Kept<'a> {
     pub directory: &'a Path,
 }
 
-impl Kept<'_> {
+impl StoredArtefact<'_> {
     /// Refuse it where it follows from other keys than those of the job.
     ///
     /// # Errors
@@ -72,8 +72,11 @@ mod tests {
     fn what_differs_is_told_with_both_values() {
         let made = job("");
         let refused = |text: &str| {
-            let kept =
-                Kept { step: StepKind::Sweep, study: made.study(), directory: Path::new("x") };
+            let kept = StoredArtefact {
+                step: StepKind::Sweep,
+                study: made.study(),
+                directory: Path::new("x"),
+            };
             kept.check(&job(text)).expect_err("other keys").to_string()
         };
         assert_eq!(

@@ -18,8 +18,8 @@ use std::{
 
 use calib_control::{
     ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Decisions, Extent, Grid,
-    Levels, Pendulum, Quality, Question, Simulated, Span, Starts, Support, TaskKind, judge, record,
-    regret, sweep, truth,
+    Levels, Pendulum, Quality, Question, RunLength, Simulated, Starts, Support, TaskKind, judge,
+    record, regret, sweep, truth,
 };
 use calib_core::{RowIndex, Seed, Silent, States};
 
@@ -30,7 +30,7 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 
 const KIND: TaskKind = TaskKind::Pendulum;
 const STEPS: usize = 15_000;
-const SPAN: Span = Span { steps: STEPS, timeout: KIND.timeout() };
+const SPAN: RunLength = RunLength { steps: STEPS, timeout: KIND.timeout() };
 const WEIGHTS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
 
 fn main() -> Outcome<()> {
@@ -119,7 +119,7 @@ fn log_of(
         let best = (0..truth.len()).max_by(|&a, &b| truth[a].total_cmp(&truth[b])).unwrap_or(0);
         let mut world = Simulated::new(Pendulum::default(), Begin::AsTheTask);
         let agent = Agent::new(candidates[best], 3, 5);
-        let span = Span { steps: 200_000, ..SPAN };
+        let span = RunLength { steps: 200_000, ..SPAN };
         let learnt = Behaviour::learnt(
             agent,
             &mut world,

@@ -17,7 +17,7 @@ use std::{
 
 use calib_control::{
     ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Ensemble as _, Extent,
-    Grid, Membrane, Quality, Question, Simulated, Span, Starts, Support, TaskKind,
+    Grid, Membrane, Quality, Question, RunLength, Simulated, Starts, Support, TaskKind,
     fitted_q_evaluation, judge, live, record, regret, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
@@ -98,7 +98,7 @@ impl Study {
     fn one(&self, number: usize) -> Outcome<Value> {
         let seed = Seed::new(19).child("membrane").number(number as u64);
         let make = || Simulated::new(Membrane::new(seed), Begin::AsTheTask);
-        let span = Span { steps: STEPS, timeout: KIND.timeout() };
+        let span = RunLength { steps: STEPS, timeout: KIND.timeout() };
         let mut operators = self.operators()?;
         let (model, starts) = self.model(&mut operators, &mut make(), seed)?;
         let candidates = grid().candidates(default())?;
@@ -170,7 +170,7 @@ impl Study {
         model: &ActionModel,
         config: AgentConfig,
         make: impl Fn() -> Simulated<Membrane>,
-        span: Span,
+        span: RunLength,
         seed: Seed,
     ) -> f64 {
         let mut agent = Agent::new(config, 4, 8);

@@ -21,8 +21,8 @@ use std::{
 use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
     Coverage, Decisions, Drift, Environment, Extent, Grid, IncrementModel, Increments,
-    NetworkConfig, NetworkModel, Pessimism, PuddleWorld, Quality, Question, Run, Simulated, Span,
-    Starts, Support, Task, TaskKind, fitted_q_evaluation, judge, record, sweep, truth,
+    NetworkConfig, NetworkModel, Pessimism, PuddleWorld, Quality, Question, Run, RunLength,
+    Simulated, Starts, Support, Task, TaskKind, fitted_q_evaluation, judge, record, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
 use calib_represent::{LaplacianConfig, Split, Training, encode};
@@ -153,7 +153,7 @@ impl Study<'_> {
     fn truth<T: Task>(&self, kind: TaskKind, task: &T) -> Outcome<Vec<f64>> {
         let path = self.directory.join(format!("truth-{}.json", kind.name()));
         if !path.exists() {
-            let span = Span { steps: STEPS, timeout: kind.timeout() };
+            let span = RunLength { steps: STEPS, timeout: kind.timeout() };
             let extent = Extent { runs: self.truth_runs, span };
             let make = || Simulated::new(task.clone(), Begin::AsTheTask);
             let runs = truth(make, &Self::candidates()?, extent, Seed::new(1), &Silent)?;
@@ -252,7 +252,7 @@ impl Study<'_> {
         candidates: &[AgentConfig],
         seed: Seed,
     ) -> Outcome<Vec<Run>> {
-        let extent = Extent { runs: 1, span: Span { steps: STEPS, timeout: kind.timeout() } };
+        let extent = Extent { runs: 1, span: RunLength { steps: STEPS, timeout: kind.timeout() } };
         let [metric, begin] = match self.model {
             Model::Euclidean => [log.states().clone(), starts.clone()],
             Model::Laplacian => represented(log, starts, seed.child("representation"))?,
@@ -289,7 +289,7 @@ impl Study<'_> {
         candidates: &[AgentConfig],
         seed: Seed,
     ) -> Outcome<Value> {
-        let extent = Extent { runs: 1, span: Span { steps: STEPS, timeout: kind.timeout() } };
+        let extent = Extent { runs: 1, span: RunLength { steps: STEPS, timeout: kind.timeout() } };
         let begin = Starts { observed: starts.clone(), metric: starts.clone() };
         let model = self.neighbors(kind, log, log.states(), begin)?;
         let increments = Increments::new(&model, ActionModelConfig::DEFAULT.coverage, &Silent)?;
@@ -324,7 +324,7 @@ impl Study<'_> {
         }
         let best = (0..truth.len()).max_by(|&a, &b| truth[a].total_cmp(&truth[b])).unwrap_or(0);
         let agent = Agent::new(candidates[best], world.columns(), world.actions());
-        let span = Span { steps: LEARNING, timeout: kind.timeout() };
+        let span = RunLength { steps: LEARNING, timeout: kind.timeout() };
         Behaviour::learnt(agent, world, kind.near_optimal(), span, seed.child("behaviour"))
             .perturbed(quality.random_share())
     }

@@ -5,8 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Agent, ControlError, Decisions, Ending, Environment, Rule, Span, Task, life::Episodes,
-    log::Columns,
+    Agent, ControlError, Decisions, Ending, Environment, Rule, RunLength, Task,
+    agent_run::Episodes, log::Columns,
 };
 
 /// How good the behaviour is that a log is recorded under.
@@ -92,7 +92,7 @@ impl Behaviour {
         mut agent: Agent,
         environment: &mut dyn Environment,
         wanted: f64,
-        span: Span,
+        span: RunLength,
         seed: Seed,
     ) -> Self {
         let mut episodes = Episodes::new(environment, span, seed);
@@ -312,7 +312,7 @@ mod tests {
     fn probabilities_are_how_often_an_action_is_taken() {
         let mut world = cart_pole();
         let agent = Agent::new(AgentConfig { temperature: 1.0, ..AgentConfig::default() }, 4, 2);
-        let span = Span { steps: 2000, timeout: 200 };
+        let span = RunLength { steps: 2000, timeout: 200 };
         let learnt = Behaviour::learnt(agent, &mut world, 1e9, span, Seed::new(2));
         let of = |behaviour: Behaviour| {
             record(&mut behaviour.perturbed(0.3), &mut cart_pole(), 4000, 50, Seed::new(4))
@@ -337,7 +337,7 @@ mod tests {
     #[test]
     fn what_was_learnt_is_better_than_chance() {
         let mut world = cart_pole();
-        let span = Span { steps: 20_000, timeout: 200 };
+        let span = RunLength { steps: 20_000, timeout: 200 };
         let agent = Agent::new(AgentConfig::default(), 4, 2);
         let mut learnt = Behaviour::learnt(agent, &mut world, 80.0, span, Seed::new(2));
         let of = |behaviour: &mut Behaviour| {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     ActionModelKind, ControlError, Coverage, Ensemble, Extent, Outcome, Walked as _,
-    life::{Actor, Episodes},
+    agent_run::{Actor, Episodes},
 };
 
 /// What comes of taking one action for ever, in the members of one kind of model.
@@ -82,7 +82,7 @@ mod tests {
     use calib_core::Silent;
 
     use super::*;
-    use crate::{ActionModel, ActionModelConfig, Span, Starts, evaluation::tests::corridor};
+    use crate::{ActionModel, ActionModelConfig, RunLength, Starts, evaluation::tests::corridor};
 
     #[test]
     fn only_the_action_that_leads_to_the_end_gets_there() {
@@ -91,7 +91,7 @@ mod tests {
         let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
         let config = ActionModelConfig { members: 2, ..ActionModelConfig::default() };
         let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
-        let extent = Extent { runs: 2, span: Span { steps: 200, timeout: 20 } };
+        let extent = Extent { runs: 2, span: RunLength { steps: 200, timeout: 20 } };
         let found = constant_returns(&model, 2, extent, Seed::new(3), &Silent).expect("walked");
         assert_eq!((found.kind, found.members.len()), (ActionModelKind::Neighbors, 2));
         for member in &found.members {

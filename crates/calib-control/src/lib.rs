@@ -6,6 +6,7 @@
 //! - [`Agent`], [`AgentConfig`]: Expected Sarsa(λ) and Q-learning, linear in tile coding.
 
 mod agent;
+mod agent_run;
 mod behaviour;
 mod config;
 mod constant;
@@ -16,7 +17,6 @@ mod evaluation;
 mod grid;
 mod importance;
 mod levels;
-mod life;
 mod log;
 mod model;
 mod recorded;
@@ -29,6 +29,7 @@ mod verdict;
 mod walkers;
 
 pub use agent::{Agent, AgentConfig, Algorithm};
+pub use agent_run::{AgentRun, RunLength, live};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use config::{ControlConfig, StartRows};
 pub use constant::{ConstantReturns, constant_returns};
@@ -39,7 +40,6 @@ pub use evaluation::fitted_q_evaluation;
 pub use grid::Grid;
 pub use importance::{Importance, importance_sampling};
 pub use levels::Levels;
-pub use life::{Life, Span, live};
 pub use log::{Columns, Decisions, rows_without_reward};
 pub use model::{
     ActionModel, ActionModelConfig, ActionModelKind, ActionModelRecord, At, Coverage, Covered,

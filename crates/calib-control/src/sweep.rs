@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    ActionModelKind, Agent, AgentConfig, ControlError, Coverage, Drift, Ensemble, Environment,
-    Life, Span, Walked as _, live,
+    ActionModelKind, Agent, AgentConfig, AgentRun, ControlError, Coverage, Drift, Ensemble,
+    Environment, RunLength, Walked as _, live,
 };
 
 /// What came of one candidate in one run of one member.
@@ -90,7 +90,7 @@ pub struct Extent {
     /// Runs of each setting in each ensemble member.
     pub runs: usize,
     /// Each of them.
-    pub span: Span,
+    pub span: RunLength,
 }
 
 /// Let every candidate learn anew in every member, in `extent.runs` runs; in the order of members, runs and candidates.
@@ -192,9 +192,9 @@ pub fn truth<E: Environment>(
 fn one_life(
     config: AgentConfig,
     environment: &mut dyn Environment,
-    span: Span,
+    span: RunLength,
     seed: Seed,
-) -> Life {
+) -> AgentRun {
     let mut agent =
         Agent::seeded(config, environment.columns(), environment.actions(), seed.child("agent"));
     live(&mut agent, environment, span, seed)

@@ -11,7 +11,7 @@ use polars_arrow::{
     ffi::{ArrowArrayStream, ArrowArrayStreamReader},
 };
 
-use crate::{guard::guard, table::write_frame};
+use crate::{catch_panic::catch_panic, table::write_frame};
 
 /// Why a table that was handed over could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -54,7 +54,7 @@ pub unsafe fn write_arrow_stream(
 ) -> Result<TakenOver, ArrowError> {
     // SAFETY: the caller says that it is such a stream. What is left behind is a released one, so that it is released once.
     let stream = unsafe { stream.cast::<ArrowArrayStream>().replace(ArrowArrayStream::empty()) };
-    let (fields, batches) = guard(|| {
+    let (fields, batches) = catch_panic(|| {
         // SAFETY: as above.
         let mut reader = unsafe { ArrowArrayStreamReader::try_new(Box::new(stream)) }?;
         let fields = fields_of(reader.field())?;
@@ -77,7 +77,7 @@ pub unsafe fn write_arrow_stream(
         return Err(ArrowError::NoRows);
     }
     let column = |(field, chunks): (&Field, Vec<Box<dyn Array>>)| {
-        guard(|| Ok(pl::Series::try_from((field, chunks))?.into_column()))
+        catch_panic(|| Ok(pl::Series::try_from((field, chunks))?.into_column()))
             .map_err(|reason| ArrowError::Stream(format!("column {}: {reason}", field.name)))
     };
     let columns = fields.iter().zip(batches).map(column).collect::<Result<Vec<_>, _>>()?;

@@ -17,7 +17,7 @@ use polars_parquet_format::{
 };
 use rayon::prelude::*;
 
-use crate::guard::guard;
+use crate::catch_panic::catch_panic;
 
 /// Bytes that are read at a time where only headers are looked at.
 const WINDOW: usize = 1 << 14;
@@ -47,7 +47,7 @@ pub(crate) fn verify(
     is_wanted: impl Fn(&str) -> bool,
 ) -> Result<Result<(), String>, FileError> {
     // The places of damaged chunks may lie beyond all numbers, which the reader's library answers with a panic.
-    let chunks = match guard(|| Ok(chunks(metadata, is_wanted))) {
+    let chunks = match catch_panic(|| Ok(chunks(metadata, is_wanted))) {
         Ok(chunks) => chunks,
         Err(reason) => return Ok(Err(reason)),
     };

@@ -38,6 +38,7 @@
 
 mod angle;
 mod arrow;
+mod catch_panic;
 mod channel;
 mod checksums;
 mod config;
@@ -45,7 +46,6 @@ mod dataset;
 mod describe;
 mod error;
 mod features;
-mod guard;
 mod import;
 mod impute;
 mod log;
@@ -55,7 +55,7 @@ mod names;
 mod outliers;
 mod profile;
 mod recorded;
-mod refuse;
+mod reject;
 mod sample;
 mod select;
 mod sentinels;
@@ -69,6 +69,7 @@ mod time;
 
 pub use angle::{AngleOf, AnglePart, angle_hint};
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
+pub use catch_panic::may_be_of_a_reader;
 pub use channel::is_same;
 pub use config::{
     BadRows, Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths,
@@ -76,7 +77,6 @@ pub use config::{
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
-pub use guard::may_be_of_a_reader;
 pub use import::{Dropped, Imported, import};
 pub use log::{BadRowsFound, ContradictionCause, Declared, log_files, text_left_alone};
 pub use names::{entry_of, hint};

@@ -5,14 +5,14 @@ use jiff::{civil, tz::TimeZone};
 
 /// A time as text has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Stamp {
+pub(crate) enum ParsedTime {
     /// With an offset from UTC: microseconds since 1970-01-01T00:00:00Z.
     Instant(i64),
     /// What a clock showed, without saying where: as if it were UTC.
     Wall(i64),
 }
 
-impl Stamp {
+impl ParsedTime {
     /// The instant, of a clock that shows UTC.
     pub(crate) fn as_it_stands(self) -> i64 {
         let (Self::Instant(micros) | Self::Wall(micros)) = self;
@@ -27,13 +27,13 @@ pub fn parse_time(text: &str) -> Option<Timestamp> {
 }
 
 /// The same, with whether it has an offset.
-pub(crate) fn parse_stamp(text: &str) -> Option<Stamp> {
+pub(crate) fn parse_stamp(text: &str) -> Option<ParsedTime> {
     let text = text.trim();
     if let Ok(instant) = text.parse::<jiff::Timestamp>() {
-        return Some(Stamp::Instant(instant.as_microsecond()));
+        return Some(ParsedTime::Instant(instant.as_microsecond()));
     }
     let wall: civil::DateTime = text.parse().ok()?;
-    Some(Stamp::Wall(TimeZone::UTC.to_timestamp(wall).ok()?.as_microsecond()))
+    Some(ParsedTime::Wall(TimeZone::UTC.to_timestamp(wall).ok()?.as_microsecond()))
 }
 
 /// `2022-11-01 06:00:00`, with fractions of a second where there are any.

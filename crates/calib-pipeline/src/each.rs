@@ -46,9 +46,9 @@ impl<T: Told> Results<T> {
 
 /// Whether a step is for a whole study or for one of its models and deployments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Which {
-    TheOnly,
-    OneOfSeveral,
+pub(crate) enum PartCount {
+    One,
+    Several,
 }
 
 /// Take a step on each part of the study, or on the study if it has none; each result is told when it is there.
@@ -56,11 +56,11 @@ pub(crate) fn each<T: Told>(
     step: StepKind,
     job: &Job,
     printer: &Printer,
-    run: impl Fn(&Job, Which) -> Result<T, StepError>,
+    run: impl Fn(&Job, PartCount) -> Result<T, StepError>,
 ) -> Result<Results<T>, StepError> {
     let parts = job.parts(step.scope())?;
     ensure!(
-        parts.len() == 1 || !printer.is_for_machines(),
+        parts.len() == 1 || !printer.is_json(),
         "--json prints one result, and the study has several; add {}",
         job.missing_names(&parts).join(" and ")
     );
@@ -91,12 +91,12 @@ pub(crate) fn taken<T: Told>(
 fn each_of<T: Told>(
     parts: &[Job],
     printer: &Printer,
-    run: impl Fn(&Job, Which) -> Result<T, StepError>,
+    run: impl Fn(&Job, PartCount) -> Result<T, StepError>,
 ) -> Result<Results<T>, StepError> {
-    let which = if parts.len() == 1 { Which::TheOnly } else { Which::OneOfSeveral };
+    let which = if parts.len() == 1 { PartCount::One } else { PartCount::Several };
     let mut results = Vec::with_capacity(parts.len());
     for part in parts {
-        if which == Which::OneOfSeveral {
+        if which == PartCount::Several {
             printer.heading(&part.name());
         }
         let result = run(part, which)?;

@@ -6,7 +6,7 @@ use calib_study::Job;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::control::{self, LogTold};
+use crate::control::{self, ActionLogSummary};
 
 /// What was found in a log.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -16,7 +16,7 @@ pub struct Inspection {
     pub profile: Profile,
     /// What a log of decisions did; of a study with `[control]`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub control: Option<LogTold>,
+    pub control: Option<ActionLogSummary>,
     /// What becomes of rows that contradict each other.
     #[serde(skip)]
     contradictions: Contradictions,

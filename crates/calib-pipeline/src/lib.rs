@@ -18,20 +18,25 @@
 //! [`build_model`], [`rollout`], [`sweep`], [`evaluate`]. [`check`] compares what is there with what was written, [`control`] is the whole way for agents that act,
 //! [`validity`] judges how well calib chooses over several studies.
 
-mod chain;
+mod api;
 mod check;
 mod cluster;
 mod control;
-mod course;
 mod each;
 mod inspect;
 mod plan;
 mod propose;
+mod run_progress;
+mod run_study;
 mod schemas;
 mod status;
-mod steps;
 mod validity;
 
+pub use api::{
+    build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
+    control, control_model, evaluate, evaluate_runs, pretrain, propose, represent, rollout, run,
+    simulate, simulate_plant, simulate_task, status, sweep, validity,
+};
 pub use calib_base::{
     Context, StepError, bail,
     clock::{Stopwatch, in_future},
@@ -48,7 +53,7 @@ pub use calib_base::{
         ValidityExtent, ValidityOptions,
     },
     outcome::{Freshness, NoPlan, Outcome, StepResult, Told},
-    output::{self, Announced, Answer, Observer, Printer, Remark, Shown, Unobserved},
+    output::{self, Announced, Observer, OutputFormat, Printer, Remark, Shown, Unobserved},
 };
 pub use calib_model_steps::{
     STEP_PATTERNS,
@@ -68,18 +73,13 @@ pub use calib_sweep_steps::{
         evaluation::Evaluation,
     },
 };
-pub use chain::StudyRun;
 pub use check::{CheckedResults, Damage};
 pub use control::{
-    ControlColumn, ControlEvaluation, ControlModel, ControlNames, LogTold, SimulateTask,
+    ActionLogSummary, ControlColumn, ControlEvaluation, ControlModel, ControlNames, SimulateTask,
     SimulatedTask, doubt_text,
 };
 pub use each::{PartResult, Results};
 pub use inspect::{Inspection, inspect_deployments};
+pub use run_study::StudyRun;
 pub use schemas::{JsonDocuments, json_schemas};
 pub use status::{ClusterStanding, StandingOf, StatusRequest, StudyStanding};
-pub use steps::{
-    build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
-    control, control_model, evaluate, evaluate_runs, pretrain, propose, represent, rollout, run,
-    simulate, simulate_plant, simulate_task, status, sweep, validity,
-};

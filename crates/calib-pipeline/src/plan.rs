@@ -135,9 +135,10 @@ impl Plan {
     pub(crate) fn lines(&self) -> Vec<String> {
         let told = |state: State, name: &str| {
             let own = self.steps.iter().filter(|planned| planned.state == state);
-            let mut seen = BTreeSet::new();
-            let steps = own.map(|planned| planned.step).filter(|step| seen.insert(*step));
-            let steps: Vec<String> = steps.map(|step| self.named(step, state)).collect();
+            // In the order in which they run: each step of all models before the next one.
+            let steps: BTreeSet<StepKind> = own.map(|planned| planned.step).collect();
+            let steps: Vec<String> =
+                steps.into_iter().map(|step| self.named(step, state)).collect();
             (!steps.is_empty()).then(|| format!("{name}: {}", steps.join(", ")))
         };
         [told(State::UpToDate, "up to date"), told(State::ToDo, "to do")]

@@ -85,10 +85,7 @@ struct Contradicting {
 }
 
 impl Contradicting {
-    fn of<'a>(
-        sketch: &Sketch,
-        channels: impl Iterator<Item = &'a ChannelSketch>,
-    ) -> Option<Self> {
+    fn of<'a>(sketch: &Sketch, channels: impl Iterator<Item = &'a ChannelSketch>) -> Option<Self> {
         let mut found: Vec<&ChannelSketch> = channels.filter(|of| of.contradicting > 0).collect();
         found.sort_by_key(|of| std::cmp::Reverse(of.contradicting));
         let rows = found.first()?.contradicting;
@@ -111,7 +108,8 @@ impl Contradicting {
 /// that is read wrongly, and stay refused.
 fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<(&'static str, String)> {
     let channels = scope.channels.iter().map(|&channel| &sketch.channels[channel]);
-    let found = Contradicting::of(sketch, channels).filter(|found| found.share <= FEW_CONTRADICT)?;
+    let found =
+        Contradicting::of(sketch, channels).filter(|found| found.share <= FEW_CONTRADICT)?;
     let why = format!("{}, as where a clock was set back or recordings overlap", found.told());
     Some(("first", why))
 }

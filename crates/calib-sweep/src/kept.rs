@@ -1,20 +1,20 @@
-use calib_agent::{Keeper, RunState, StateFile};
+use calib_agent::{Checkpointer, RunState, StateFile};
 use calib_files::Fingerprinter;
 
 use crate::{UnitSink, plan::Job, store::environment};
 
 /// Work between two states of a long run that are kept: about a minute of one core, some megabytes.
 ///
-/// In multiplications, as [`calib_agent::Keeper`] counts them.
+/// In multiplications, as [`calib_agent::Checkpointer`] counts them.
 pub const WORK_BETWEEN: u64 = 5_000_000_000_000;
 
 /// The state of one unfinished pass, in a file beside the finished units.
-pub(crate) struct KeptRun {
+pub(crate) struct RunCheckpoint {
     file: StateFile,
     work_between: u64,
 }
 
-impl KeptRun {
+impl RunCheckpoint {
     /// Where the pass of these jobs keeps its state. The name tells passes of other sensors, settings and inputs apart, which
     /// may run beside it.
     pub(crate) fn new(sink: &dyn UnitSink, jobs: &[&Job<'_>], work_between: u64) -> Self {
@@ -36,7 +36,7 @@ impl KeptRun {
     }
 }
 
-impl Keeper for KeptRun {
+impl Checkpointer for RunCheckpoint {
     fn work_between(&self) -> u64 {
         self.work_between
     }

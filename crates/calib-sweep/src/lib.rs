@@ -33,7 +33,6 @@
 mod axis;
 mod baselines;
 mod candidate;
-mod closed;
 mod cohorts;
 mod config;
 mod environment;
@@ -41,6 +40,7 @@ mod error;
 mod error_scale;
 mod kept;
 mod member;
+mod opaque_environment;
 mod pass;
 mod plan;
 mod program;
@@ -62,13 +62,13 @@ pub use baselines::{
     simple_scores,
 };
 pub use candidate::{Candidate, candidates, written};
-pub use closed::ClosedEnvironment;
 pub use config::{Beginning, RaceKind, SweepConfig};
 pub use environment::{Environment, EnvironmentId, NotFinite, RunStream};
 pub use error::SweepError;
 pub use error_scale::ErrorScale;
 pub use kept::WORK_BETWEEN;
 pub use member::{MemberEnvironment, RolloutOptions};
+pub use opaque_environment::ClosedEnvironment;
 pub use pass::Start;
 pub use plan::{Completed, PassId, Plan, PlanOptions, RESULT_VERSION, Ready, Stored};
 pub use program::{Predicted, Program, Stopped, Wanted};

@@ -9,7 +9,7 @@ use calib_files::Fingerprint;
 
 use crate::{
     Baselines, PlanOptions, Program, RunStream, SettingRun, SweepError, UnitRuns, UnitSink,
-    kept::KeptRun, plan::Job, program::outcomes,
+    kept::RunCheckpoint, plan::Job, program::outcomes,
 };
 
 /// What the agents of one sensor start from.
@@ -60,7 +60,7 @@ impl Pass<'_, '_> {
             learner.baseline = baseline.as_deref();
         }
         let run = self.agent_run(&**stream);
-        let kept = KeptRun::new(sink, &self.jobs, self.work_between);
+        let kept = RunCheckpoint::new(sink, &self.jobs, self.work_between);
         let outcomes =
             train_learners(run, &learners, &kept, monitor).map_err(|source| self.failed(source))?;
         let results = self.put_outcomes(sink, &streamed, outcomes)?;

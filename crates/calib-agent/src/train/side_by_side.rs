@@ -124,7 +124,7 @@ struct Memory {
     states: RefCell<Vec<RunState>>,
 }
 
-impl Keeper for Memory {
+impl Checkpointer for Memory {
     fn work_between(&self) -> u64 {
         self.work
     }

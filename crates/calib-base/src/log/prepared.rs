@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Context as _, StepError,
-    artefact::{self, Artefact, Below, Claim, Facts, MANIFEST, TOOL},
+    artefact::{self, Artefact, Below, DirectoryLock, Facts, MANIFEST, TOOL},
     bail, clock, frames,
     log::{context::RunContext, plant_of_study},
     memory,
@@ -268,8 +268,8 @@ impl Place {
     }
 
     /// None where nothing can be written, or where another calib is preparing the same: this one then reads for itself.
-    fn claim(&self) -> Result<Option<Claim>, StepError> {
-        match Claim::of_nobody(&self.directory, Below::Ours) {
+    fn claim(&self) -> Result<Option<DirectoryLock>, StepError> {
+        match DirectoryLock::of_nobody(&self.directory, Below::Ours) {
             Err(error) if artefact::is_refusal(&error) => Ok(None),
             claim => claim,
         }
@@ -303,7 +303,12 @@ impl Place {
         Ok((place, taken))
     }
 
-    fn keep(&self, claim: &Claim, job: &Job, dataset: Dataset) -> Result<Prepared, StepError> {
+    fn keep(
+        &self,
+        claim: &DirectoryLock,
+        job: &Job,
+        dataset: Dataset,
+    ) -> Result<Prepared, StepError> {
         let directory = &self.directory;
         claim.begin()?;
         remove_file(&directory.join(SOURCES))?;
@@ -369,7 +374,7 @@ impl Place {
             }
         }
         for other in folders(&self.root).filter(|other| !read.contains(other)) {
-            if let Ok(Some(claim)) = Claim::of_nobody(&other, Below::Ours) {
+            if let Ok(Some(claim)) = DirectoryLock::of_nobody(&other, Below::Ours) {
                 claim.begin()?;
                 forget(&other)?;
             }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Context as _, StepError,
-    artefact::{Below, Claim, Files, TOOL, fingerprint_once, fingerprints},
+    artefact::{Below, DirectoryLock, Files, TOOL, fingerprint_once, fingerprints},
     bail, ensure,
     log::{
         changes::{self, CHANGES, DatedChange},
@@ -141,7 +141,7 @@ pub fn simulate(
         channels: plant.schema().to_vec(),
         files: Files::new(),
     };
-    let mut claim = Claim::new(directory, Below::Unknown)?;
+    let mut claim = DirectoryLock::new(directory, Below::Unknown)?;
     let record = claim.record();
     let known = own(directory, record, &simulation, force)?;
     let changes = changes::write(directory, record, &plant)?;

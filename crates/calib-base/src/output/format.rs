@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 
-use super::harmless::{Lines, harmless};
+use super::escape::{Lines, harmless};
 
 /// `1234567` as `1,234,567`.
 pub fn count(number: usize) -> String {

@@ -32,11 +32,11 @@ pub enum Result<'a> {
 
 /// Whom results are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Answer {
+pub enum OutputFormat {
     /// Lines and tables.
-    ForPeople,
+    Text,
     /// JSON.
-    ForMachines,
+    Json,
 }
 
 /// Whether progress is shown.

@@ -4,16 +4,16 @@ use calib_core::Monitor;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{Announced, Answer, Observer, Remark, Result, Shown, Stage, Unobserved};
+use super::{Announced, Observer, OutputFormat, Remark, Result, Shown, Stage, Unobserved};
 use crate::{Context as _, StepError};
 
 /// Decides what an observer is told: results, or talk where a step is on the way to another result.
 #[derive(Clone)]
 pub struct Printer {
     observer: Arc<dyn Observer>,
-    voice: Voice,
+    voice: Verbosity,
     results: Results,
-    answer: Answer,
+    answer: OutputFormat,
     reasons: Reasons,
 }
 
@@ -26,7 +26,7 @@ impl fmt::Debug for Printer {
 
 /// Whether anything but results and errors is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Voice {
+enum Verbosity {
     Audible,
     /// What calib is doing is said only to those who ask for more: the step is up to date.
     InDetail,
@@ -52,9 +52,9 @@ enum Reasons {
 impl Printer {
     /// A printer that tells this observer everything.
     pub fn new(observer: Arc<dyn Observer>) -> Self {
-        let (voice, results) = (Voice::Audible, Results::Wanted);
+        let (voice, results) = (Verbosity::Audible, Results::Wanted);
         let reasons = Reasons::InTheReport;
-        Self { observer, voice, results, answer: Answer::ForPeople, reasons }
+        Self { observer, voice, results, answer: OutputFormat::Text, reasons }
     }
 
     /// The same printer, which gives the reasons of verdicts as well.
@@ -76,24 +76,24 @@ impl Printer {
     /// The same printer, which says nothing but results and errors.
     #[must_use]
     pub fn quiet(self) -> Self {
-        Self { voice: Voice::Quiet, ..self }
+        Self { voice: Verbosity::Quiet, ..self }
     }
 
     /// The same printer for a step on the way: its results are talk.
     #[must_use]
     pub fn talking(&self) -> Self {
-        Self { results: Results::Talk, answer: Answer::ForPeople, ..self.clone() }
+        Self { results: Results::Talk, answer: OutputFormat::Text, ..self.clone() }
     }
 
     /// The same printer for a result that is an `answer`.
     #[must_use]
-    pub fn answering(&self, answer: Answer) -> Self {
+    pub fn in_format(&self, answer: OutputFormat) -> Self {
         Self { answer, ..self.clone() }
     }
 
     /// Whether the result is to be JSON.
-    pub fn is_for_machines(&self) -> bool {
-        self.answer == Answer::ForMachines
+    pub fn is_json(&self) -> bool {
+        self.answer == OutputFormat::Json
     }
 
     /// The same printer for what is done twice: it says nothing.
@@ -102,19 +102,14 @@ impl Printer {
         self.talking().quiet()
     }
 
-    /// The same printer for a step that is up to date: what is done is for those who ask for more, and warnings stay.
+    /// The same printer for a step that is up to date: what is done, and warnings that were told before, are for those who ask for more.
     #[must_use]
     pub fn in_detail(&self) -> Self {
-        Self { voice: Voice::InDetail, ..self.clone() }
-    }
-
-    /// Whether the result is a step on the way to another one.
-    pub fn is_on_the_way(&self) -> bool {
-        self.results == Results::Talk
+        Self { voice: Verbosity::InDetail, ..self.clone() }
     }
 
     fn is_quiet(&self) -> bool {
-        self.voice == Voice::Quiet
+        self.voice == Verbosity::Quiet
     }
 
     /// A line of the result.
@@ -226,11 +221,14 @@ impl Printer {
 
     fn remark(&self, remark: Remark<'_>) {
         match (self.voice, remark) {
-            (Voice::Quiet, _) => {}
-            (Voice::InDetail, Remark::Talk(text) | Remark::Heading(text)) => {
+            (Verbosity::Quiet, _) => {}
+            (
+                Verbosity::InDetail,
+                Remark::Talk(text) | Remark::Heading(text) | Remark::Warning(text),
+            ) => {
                 self.observer.remark(Remark::Detail(text));
             }
-            (Voice::InDetail | Voice::Audible, remark) => self.observer.remark(remark),
+            (Verbosity::InDetail | Verbosity::Audible, remark) => self.observer.remark(remark),
         }
     }
 

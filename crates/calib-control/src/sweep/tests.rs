@@ -20,7 +20,7 @@ fn the_same_for_any_number_of_threads() {
     let model = small_model();
     let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
-    let extent = Extent { runs: 2, span: Span { steps: 400, timeout: 50 } };
+    let extent = Extent { runs: 2, span: RunLength { steps: 400, timeout: 50 } };
     let of = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| sweep(&model, &candidates, extent, Seed::new(5), &Silent)).expect("run")
@@ -48,7 +48,7 @@ fn whoever_interrupts_is_heard() {
             true
         }
     }
-    let extent = Extent { runs: 1, span: Span { steps: 10, timeout: 5 } };
+    let extent = Extent { runs: 1, span: RunLength { steps: 10, timeout: 5 } };
     let candidates = [AgentConfig::default()];
     let told = sweep(&small_model(), &candidates, extent, Seed::new(5), &Impatient);
     assert!(matches!(told, Err(ControlError::Cancelled(_))));
@@ -86,7 +86,7 @@ fn a_sweep_goes_on_from_what_was_kept() {
     let (model, kept) = (small_model(), Kept::default());
     let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
-    let extent = Extent { runs: 2, span: Span { steps: 200, timeout: 50 } };
+    let extent = Extent { runs: 2, span: RunLength { steps: 200, timeout: 50 } };
     let of = |keeper: &dyn RunKeeper| {
         sweep_keeping(&model, &candidates, extent, Seed::new(5), keeper, &Silent).expect("run")
     };

@@ -9,7 +9,7 @@ use super::{Moment, Paths, TimeRange};
 use crate::{
     DataError,
     text::Zone,
-    time::{Stamp, parse_stamp},
+    time::{ParsedTime, parse_stamp},
 };
 
 /// `[data]`: where the log is, and which part of it is for what.
@@ -259,8 +259,8 @@ impl TimestampUnit {
     }
 
     /// A time of so many microseconds, as the numbers have it: spreadsheets know no time zones.
-    pub(crate) fn stamp(self, micros: i64) -> Stamp {
-        if self == Self::Excel { Stamp::Wall(micros) } else { Stamp::Instant(micros) }
+    pub(crate) fn stamp(self, micros: i64) -> ParsedTime {
+        if self == Self::Excel { ParsedTime::Wall(micros) } else { ParsedTime::Instant(micros) }
     }
 
     /// What the study calls it.
@@ -432,7 +432,7 @@ impl DataConfig {
     /// The instant that `moment` is on the clock of the log.
     pub fn instant(&self, moment: &Moment) -> Timestamp {
         match (parse_stamp(&moment.to_string()), self.time_zone.as_deref().and_then(Zone::new)) {
-            (Some(Stamp::Wall(wall)), Some(zone)) => {
+            (Some(ParsedTime::Wall(wall)), Some(zone)) => {
                 zone.moment(wall).map_or(moment.instant(), Timestamp::from_micros)
             }
             _ => moment.instant(),

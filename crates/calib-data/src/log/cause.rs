@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Channel, Log, Origin,
+    column_aliases::{TAGS, plain},
     file::LogFile,
-    known::{TAGS, plain},
+    filename_tag::prefixes,
     read::Labels,
     rows::Rows,
     shared_times::SharedTimes,
-    tag_of_path::prefixes,
 };
 use crate::DataError;
 

@@ -6,7 +6,7 @@ use crate::{
     text::{
         Candidates, Decimal, Notation, Records, Signs, TextFile, Unreadable, Walls, Zone, shown,
     },
-    time::Stamp,
+    time::ParsedTime,
 };
 
 /// How the times of a file are read.
@@ -46,14 +46,14 @@ impl<Row> Instants<Row> {
     /// stand for something else; rows of an hour that comes twice as soon as it is known which of the two.
     pub(crate) fn push<E>(
         &mut self,
-        stamp: Option<Stamp>,
+        stamp: Option<ParsedTime>,
         row: Row,
         out: &mut impl FnMut(Row, i64) -> Result<(), E>,
     ) -> Result<(), E> {
         let stamp = stamp.filter(|stamp| CALENDAR.contains(&stamp.as_it_stands()));
         match &mut self.walls {
             Some(walls) => walls.push(stamp, row, out),
-            None => out(row, stamp.map_or(NO_TIME, Stamp::as_it_stands)),
+            None => out(row, stamp.map_or(NO_TIME, ParsedTime::as_it_stands)),
         }
     }
 

@@ -17,7 +17,7 @@ use crate::{
         Cell, Decimal, Notation, Records, Signs, TextFile, Words, cell_of, decode, either_way,
         plain_decimal, shown,
     },
-    time::Stamp,
+    time::ParsedTime,
 };
 
 /// What text files were read into: cells, and the words among them.
@@ -173,7 +173,7 @@ impl Imported {
 
 /// What one thread read: cells column by column.
 struct Part {
-    stamps: Vec<Option<Stamp>>,
+    stamps: Vec<Option<ParsedTime>>,
     cells: Vec<u64>,
     seen: Seen,
 }
@@ -238,7 +238,7 @@ pub(crate) fn stamp(
     records: &Records<'_>,
     column: usize,
     notation: &Notation,
-) -> Result<Option<Stamp>, DataError> {
+) -> Result<Option<ParsedTime>, DataError> {
     let text = records.time(column);
     let text = text.trim();
     if text.is_empty() {

@@ -18,9 +18,9 @@ use super::{
     values::{RawColumn, each_label},
 };
 use crate::{
-    DataConfig, DataError, Description, checksums,
-    guard::guard,
-    statistics,
+    DataConfig, DataError, Description,
+    catch_panic::catch_panic,
+    checksums, statistics,
     table::RESULTS_KEY,
     text::{TextFile, is_value},
 };
@@ -108,7 +108,7 @@ impl LogFile {
         if bytes == 0 {
             return Err(not_parquet("it is empty".to_owned()));
         }
-        let (metadata, schema) = guard(|| {
+        let (metadata, schema) = catch_panic(|| {
             let mut reader = pl::ParquetReader::new(footer);
             Ok((Arc::clone(reader.get_metadata()?), reader.schema()?))
         })
@@ -247,7 +247,7 @@ impl LogFile {
     ) -> Result<Vec<pl::Column>, DataError> {
         self.check_pages(parquet, fields)?;
         let file = parquet.file.file()?;
-        let columns = guard(|| {
+        let columns = catch_panic(|| {
             let mut reader = pl::ParquetReader::new(file);
             reader.set_metadata(Arc::clone(&parquet.metadata));
             let frame = reader

@@ -17,14 +17,14 @@ use super::{
 use crate::{
     DataConfig, DataError,
     text::{Annotated, Cell, Key, Notation, Records, Sample, TextFile, Words, annotated_names},
-    time::Stamp,
+    time::ParsedTime,
 };
 
 /// Samples that one thread read, with names of its own for tags and words.
 #[derive(Default)]
 struct Part {
     tags: Vec<u32>,
-    stamps: Vec<Option<Stamp>>,
+    stamps: Vec<Option<ParsedTime>>,
     cells: Vec<u64>,
     names: Names,
     seen: Seen,
@@ -62,7 +62,7 @@ impl<'a> Pouring<'a> {
         Self { clock, sink, instants: BTreeMap::new() }
     }
 
-    fn push(&mut self, tag: usize, stamp: Option<Stamp>, cell: u64) -> Result<(), DataError> {
+    fn push(&mut self, tag: usize, stamp: Option<ParsedTime>, cell: u64) -> Result<(), DataError> {
         let Self { clock, sink, instants } = self;
         let mut out = |cell, time| sink.push(tag, time, cell);
         if clock.has_zone() {

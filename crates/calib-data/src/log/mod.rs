@@ -1,19 +1,20 @@
 //! The log as it lies in its files: rows in time order, channels, ranges.
 
 mod angles;
+mod assemble;
 mod bad_rows;
 mod cause;
 mod clock;
+mod clock_resets;
+mod column_aliases;
 mod columns;
+mod dedup;
 mod file;
+mod filename_tag;
 mod gaps;
 mod head;
-mod known;
 mod long;
 mod open;
-mod passes;
-mod place;
-mod planned;
 mod read;
 mod resample;
 mod room;
@@ -24,7 +25,6 @@ mod shape;
 mod shared_times;
 mod source;
 mod split;
-mod tag_of_path;
 mod times;
 mod union;
 mod units;
@@ -39,12 +39,11 @@ use std::{
 use calib_core::{Monitor, Period, Timestamp};
 
 pub use self::{bad_rows::BadRowsFound, cause::ContradictionCause};
-use self::{file::LogFile, place::SHOWN, resample::Grid, rows::Rows, series::Series, split::Split};
 pub(crate) use self::{
+    column_aliases::{TAGS, plain},
+    dedup::Contradicting,
     file::{FieldKind, classify},
     gaps::{Steps, inside},
-    known::{TAGS, plain},
-    place::Contradicting,
     read::{Batch, ChannelValues, Codes},
     room::Room,
     rows::{EXAMPLES, NO_TIME},
@@ -52,6 +51,7 @@ pub(crate) use self::{
     units::units,
     values::{LARGEST, NotNumbers},
 };
+use self::{dedup::SHOWN, file::LogFile, resample::Grid, rows::Rows, series::Series, split::Split};
 use crate::{
     AngleOf, BackwardStep, BackwardSteps, Contradictions, ContradictionsFound, DataConfig,
     DataError, Description, Shape,

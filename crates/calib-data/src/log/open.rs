@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{
     Contradictions, DataConfig, DataError, Description, Shape, TimestampUnit, text::Notation,
-    time::Stamp,
+    time::ParsedTime,
 };
 
 /// What the files hold, before rows and ranges are known.
@@ -185,7 +185,7 @@ fn is_utc(
             Head::Text(_) => {
                 let sample = head.sample(time)?;
                 let stamp = sample.first().and_then(|text| notations[position].read(text));
-                matches!(stamp, Some(Stamp::Instant(_)))
+                matches!(stamp, Some(ParsedTime::Instant(_)))
             }
         };
     }

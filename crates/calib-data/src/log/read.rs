@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 use super::{
     Channel, Log, Origin,
+    dedup::{Contradicting, Contradiction, agree},
     file::LogFile,
-    place::{Contradicting, Contradiction, agree},
     resample::{Bridged, Grid},
     rows::{LEFT_OUT, RowMap, Rows},
     seldom::Seldom,

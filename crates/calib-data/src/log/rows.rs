@@ -5,7 +5,7 @@ use std::ops::Range;
 use calib_core::Timestamp;
 use rayon::prelude::*;
 
-use super::passes::Passes;
+use super::clock_resets::Passes;
 
 /// A timestamp that is missing, in a file's list of timestamps.
 pub(crate) const NO_TIME: i64 = i64::MIN;

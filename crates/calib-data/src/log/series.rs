@@ -9,7 +9,7 @@ use calib_core::Timestamp;
 
 use super::{
     columns::Store,
-    place::{Placed, place},
+    dedup::{Placed, place},
     rows::NO_TIME,
     union::Union,
 };

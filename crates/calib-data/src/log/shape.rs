@@ -6,10 +6,10 @@
 use std::collections::BTreeSet;
 
 use super::{
+    column_aliases::{ASIDES, MODES, QUALITIES, TAGS, TIMES, VALUES, plain},
     file::FieldKind,
+    filename_tag::tag_of_path,
     head::{Head, HeadColumn},
-    known::{ASIDES, MODES, QUALITIES, TAGS, TIMES, VALUES, plain},
-    tag_of_path::tag_of_path,
 };
 use crate::{DataConfig, DataError, Shape, text::Quality};
 

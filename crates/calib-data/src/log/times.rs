@@ -6,9 +6,9 @@ use polars::prelude as pl;
 
 use super::{
     clock::Clock,
+    column_aliases::{TIME_FIELDS, TIMES, plain},
     file::{FieldKind, LogFile},
     head::{Head, HeadColumn},
-    known::{TIME_FIELDS, TIMES, plain},
     rows::NO_TIME,
     units::{readings, units},
     values::RawColumn,
@@ -16,7 +16,7 @@ use super::{
 use crate::{
     DataConfig, DataError, TimestampUnit,
     text::{Candidates, Notation, compact_pattern, is_time_of_day, shown},
-    time::Stamp,
+    time::ParsedTime,
 };
 
 /// The columns of a file that may have its times, by their kind or name.
@@ -155,7 +155,7 @@ const DAMAGED: usize = 20;
 
 /// Times of a slice of a Parquet file, as its type has them.
 pub(crate) enum Times {
-    Stamps(Vec<Option<Stamp>>),
+    Stamps(Vec<Option<ParsedTime>>),
     /// Numbers of a unit that all of them tell; [`NO_TIME`] where there is none.
     Integers(Vec<i64>),
     Floats(Vec<f64>),
@@ -187,14 +187,14 @@ impl Times {
                     pl::TimeUnit::Nanoseconds => time.div_euclid(1_000),
                 };
                 let stamp = |time| match zone {
-                    Some(_) => Stamp::Instant(micros(time)),
-                    None => Stamp::Wall(micros(time)),
+                    Some(_) => ParsedTime::Instant(micros(time)),
+                    None => ParsedTime::Wall(micros(time)),
                 };
                 Self::Stamps(physical.iter().map(|time| time.map(stamp)).collect())
             }
             pl::DataType::Date => {
                 let days = column.date().map_err(damaged)?.physical();
-                let stamp = |day: i32| Stamp::Wall(i64::from(day) * 86_400_000_000);
+                let stamp = |day: i32| ParsedTime::Wall(i64::from(day) * 86_400_000_000);
                 Self::Stamps(days.iter().map(|day| day.map(stamp)).collect())
             }
             pl::DataType::String | pl::DataType::Categorical(..) | pl::DataType::Enum(..) => {
@@ -245,7 +245,7 @@ impl Times {
         unit: &mut Option<TimestampUnit>,
         file: &LogFile,
         field: usize,
-    ) -> Result<Vec<Option<Stamp>>, DataError> {
+    ) -> Result<Vec<Option<ParsedTime>>, DataError> {
         let mut known = |numbers: &dyn Fn() -> Vec<f64>| -> Result<TimestampUnit, DataError> {
             let known = unit.map_or_else(|| unit_of(&numbers(), file, field), Ok)?;
             Ok(*unit.insert(known))
@@ -295,7 +295,7 @@ fn text_stamps(
     text: &pl::StringChunked,
     data: &DataConfig,
     start: usize,
-) -> Result<Vec<Option<Stamp>>, String> {
+) -> Result<Vec<Option<ParsedTime>>, String> {
     let (notation, expected) = match &data.timestamp_format {
         Some(pattern) => (Notation::Pattern(pattern.clone()), "what data.timestamp_format says"),
         None => (Notation::Iso, "ISO 8601, such as 2022-11-01T06:00:00 or 2022-11-01T06:00:00Z"),
@@ -320,7 +320,7 @@ fn text_stamps(
 fn dates<N: ToString>(
     numbers: &[Option<N>],
     data: &DataConfig,
-) -> Result<Option<Vec<Option<Stamp>>>, String> {
+) -> Result<Option<Vec<Option<ParsedTime>>>, String> {
     if data.timestamp_unit.is_some() {
         return Ok(None);
     }

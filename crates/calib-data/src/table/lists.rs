@@ -7,8 +7,8 @@ use polars::prelude as pl;
 
 use super::TableError;
 use crate::{
+    catch_panic::catch_panic,
     checksums,
-    guard::guard,
     log::{FieldKind, classify},
 };
 
@@ -27,7 +27,7 @@ pub struct Lists {
 /// If the file cannot be read or is not Parquet.
 pub fn parquet_names(path: &Path) -> Result<Vec<String>, TableError> {
     let mut reader = open(path)?;
-    guard(|| Ok(reader.schema()?.iter_names().map(ToString::to_string).collect()))
+    catch_panic(|| Ok(reader.schema()?.iter_names().map(ToString::to_string).collect()))
         .map_err(|reason| TableError::NotParquet { path: path.to_owned(), reason })
 }
 
@@ -40,7 +40,7 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
     let refuse = |reason| TableError::NotParquet { path: path.to_owned(), reason };
     let file = HeldFile::open(path)?;
     let mut reader = pl::ParquetReader::new(file.file()?);
-    let schema = guard(|| reader.schema()).map_err(refuse)?;
+    let schema = catch_panic(|| reader.schema()).map_err(refuse)?;
     if !schema.contains(name) {
         let available = schema.iter_names().map(ToString::to_string).collect();
         return Err(TableError::NoColumn { name: name.to_owned(), available });
@@ -55,18 +55,18 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
         }
         _ => return Ok(None),
     }
-    let metadata = guard(|| Ok(Arc::clone(reader.get_metadata()?))).map_err(refuse)?;
+    let metadata = catch_panic(|| Ok(Arc::clone(reader.get_metadata()?))).map_err(refuse)?;
     checksums::verify(path, &file, &metadata, |column| column == name)?.map_err(refuse)?;
-    let frame =
-        guard(|| reader.with_columns(Some(vec![name.to_owned()])).finish()).map_err(refuse)?;
+    let frame = catch_panic(|| reader.with_columns(Some(vec![name.to_owned()])).finish())
+        .map_err(refuse)?;
     let column =
-        guard(|| Ok(frame.column(name)?.as_materialized_series().clone())).map_err(refuse)?;
+        catch_panic(|| Ok(frame.column(name)?.as_materialized_series().clone())).map_err(refuse)?;
     let Ok(lists) = column.list() else { return Ok(None) };
     let (mut values, mut width) = (Vec::new(), None);
     for row in 0..lists.len() {
         let list = lists.get_as_series(row);
         let list = list.ok_or(TableError::MissingValue { name: name.to_owned(), row })?;
-        let numbers = guard(|| {
+        let numbers = catch_panic(|| {
             let list = list.cast(&pl::DataType::Float32)?;
             Ok(list.f32()?.iter().collect::<Option<Vec<f32>>>())
         })

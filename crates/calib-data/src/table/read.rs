@@ -11,8 +11,8 @@ use polars::prelude as pl;
 
 use super::{Cells, Table, TableError, Values};
 use crate::{
+    catch_panic::catch_panic,
     checksums,
-    guard::guard,
     log::{FieldKind, classify},
     statistics,
 };
@@ -49,7 +49,7 @@ const BYTES_PER_VALUE: u64 = 3 * 8 + 8;
 /// If the file cannot be read or is not Parquet.
 pub fn declared_bytes(path: &Path, names: Option<&[&str]>) -> Result<u64, TableError> {
     let mut reader = pl::ParquetReader::new(open_regular(path)?);
-    let metadata = guard(|| Ok(Arc::clone(reader.get_metadata()?)));
+    let metadata = catch_panic(|| Ok(Arc::clone(reader.get_metadata()?)));
     let metadata =
         metadata.map_err(|reason| TableError::NotParquet { path: path.to_owned(), reason })?;
     let wanted = |column: &str| names.is_none_or(|names| names.contains(&column));
@@ -67,8 +67,9 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     let not_parquet = |reason| TableError::NotParquet { path: path.to_owned(), reason };
     let file = HeldFile::open(path)?;
     let mut reader = pl::ParquetReader::new(file.file()?);
-    let (metadata, schema) = guard(|| Ok((Arc::clone(reader.get_metadata()?), reader.schema()?)))
-        .map_err(not_parquet)?;
+    let (metadata, schema) =
+        catch_panic(|| Ok((Arc::clone(reader.get_metadata()?), reader.schema()?)))
+            .map_err(not_parquet)?;
     let texts = metadata
         .key_value_metadata
         .iter()
@@ -95,12 +96,13 @@ fn read(path: &Path, names: Option<&[&str]>) -> Result<Table, TableError> {
     let wanted: HashSet<&str> = names.iter().map(String::as_str).collect();
     checksums::verify(path, &file, &metadata, |column| wanted.contains(column))?
         .map_err(not_parquet)?;
-    let frame = guard(|| reader.with_columns(Some(names.clone())).finish()).map_err(not_parquet)?;
+    let frame =
+        catch_panic(|| reader.with_columns(Some(names.clone())).finish()).map_err(not_parquet)?;
     let mut read = Vec::with_capacity(names.len());
     for name in &names {
-        let column = guard(|| frame.column(name).cloned()).map_err(not_parquet)?;
+        let column = catch_panic(|| frame.column(name).cloned()).map_err(not_parquet)?;
         statistics::verify(&metadata, name, &(0..frame.height()), &column).map_err(not_parquet)?;
-        let values = guard(|| from_polars(&column)).map_err(not_parquet)?;
+        let values = catch_panic(|| from_polars(&column)).map_err(not_parquet)?;
         read.push((values, column.dtype().to_string()));
     }
     let columns = names.into_iter().zip(read).map(|(name, (values, got))| match values {

@@ -21,7 +21,7 @@ use super::{
 };
 use crate::{
     DataError,
-    time::{Stamp, parse_stamp},
+    time::{ParsedTime, parse_stamp},
 };
 
 const MARKS: Marks = Marks { separator: b',', quote: b'"' };
@@ -44,7 +44,7 @@ pub(crate) type Key = BTreeMap<String, String>;
 /// A value of a series.
 pub(crate) struct Sample<'a> {
     pub(crate) key: &'a Key,
-    pub(crate) time: Option<Stamp>,
+    pub(crate) time: Option<ParsedTime>,
     pub(crate) cell: Cell,
 }
 
@@ -295,7 +295,7 @@ mod tests {
 ,,2,2024-03-01T00:00:00Z,2024-03-02T00:00:00Z,2024-03-01T06:00:00Z,true,,plant\r
 ";
 
-    fn read(text: &str) -> Result<Vec<(Key, Option<Stamp>, Cell)>, DataError> {
+    fn read(text: &str) -> Result<Vec<(Key, Option<ParsedTime>, Cell)>, DataError> {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("a.csv");
         fs::write(&path, text).expect("written");

@@ -11,11 +11,11 @@ use jiff::{
 use crate::{
     TimestampUnit,
     log::units,
-    time::{Stamp, parse_stamp},
+    time::{ParsedTime, parse_stamp},
 };
 
 /// A time of the year 9999, most of which is beyond the instants that there are: in databases it stands for "never".
-const NEVER: Stamp = Stamp::Instant(i64::MAX);
+const NEVER: ParsedTime = ParsedTime::Instant(i64::MAX);
 const NEVER_YEAR: i16 = 9999;
 
 /// How the times of a column are written.
@@ -31,7 +31,7 @@ pub(crate) enum Notation {
 
 impl Notation {
     /// The instant or wall-clock time that `text` names.
-    pub(crate) fn read(&self, text: &str) -> Option<Stamp> {
+    pub(crate) fn read(&self, text: &str) -> Option<ParsedTime> {
         match self {
             Self::Iso => parse_stamp(text).or_else(|| {
                 let pieces = Pieces::parse(text).ok()?;
@@ -50,7 +50,7 @@ impl Notation {
 
     /// What it makes of `text`, and how a study asks for it.
     pub(crate) fn reading(&self, text: &str) -> String {
-        let Some(Stamp::Instant(micros) | Stamp::Wall(micros)) = self.read(text) else {
+        let Some(ParsedTime::Instant(micros) | ParsedTime::Wall(micros)) = self.read(text) else {
             return self.name();
         };
         let time = crate::format_time(calib_core::Timestamp::from_micros(micros));
@@ -71,7 +71,7 @@ impl Notation {
     }
 }
 
-fn read_pattern(pattern: &str, text: &str) -> Option<Stamp> {
+fn read_pattern(pattern: &str, text: &str) -> Option<ParsedTime> {
     let parsed = strtime::parse(pattern, text)
         .or_else(|error| {
             if text.contains(',') {
@@ -86,7 +86,7 @@ fn read_pattern(pattern: &str, text: &str) -> Option<Stamp> {
         || parsed.timestamp().is_some()
     {
         return match parsed.to_timestamp() {
-            Ok(instant) => Some(Stamp::Instant(instant.as_microsecond())),
+            Ok(instant) => Some(ParsedTime::Instant(instant.as_microsecond())),
             Err(_) => (parsed.year() == Some(NEVER_YEAR)).then_some(NEVER),
         };
     }
@@ -101,9 +101,9 @@ fn read_pattern(pattern: &str, text: &str) -> Option<Stamp> {
     // Patterns end in these words where cells do.
     let zone = pattern.to_ascii_uppercase();
     if ["Z", "UTC", "GMT"].into_iter().any(|of| zone.ends_with(of) && !zone.ends_with("%Z")) {
-        return Some(Stamp::Instant(instant));
+        return Some(ParsedTime::Instant(instant));
     }
-    Some(Stamp::Wall(instant))
+    Some(ParsedTime::Wall(instant))
 }
 
 /// The number that a cell is, whatever separates its fraction.

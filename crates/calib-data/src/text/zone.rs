@@ -7,7 +7,7 @@ use std::collections::{HashSet, VecDeque};
 
 use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
 
-use crate::{log::NO_TIME, time::Stamp};
+use crate::{log::NO_TIME, time::ParsedTime};
 
 /// The rules of a place.
 #[derive(Clone, Debug)]
@@ -94,13 +94,13 @@ impl<Row> Walls<Row> {
     /// Take the next row. `out` gets rows in this order, each with its instant or [`NO_TIME`], as soon as that is known.
     pub(crate) fn push<E>(
         &mut self,
-        stamp: Option<Stamp>,
+        stamp: Option<ParsedTime>,
         row: Row,
         out: &mut impl FnMut(Row, i64) -> Result<(), E>,
     ) -> Result<(), E> {
         let meaning = match stamp {
-            Some(Stamp::Instant(instant)) => Some(Meaning::Once(instant)),
-            Some(Stamp::Wall(wall)) => self.zone.meaning(wall),
+            Some(ParsedTime::Instant(instant)) => Some(Meaning::Once(instant)),
+            Some(ParsedTime::Wall(wall)) => self.zone.meaning(wall),
             None => None,
         };
         match meaning {
@@ -280,7 +280,7 @@ mod tests {
 
     fn wall(text: &str) -> i64 {
         match parse_stamp(text) {
-            Some(Stamp::Wall(micros)) => micros,
+            Some(ParsedTime::Wall(micros)) => micros,
             other => panic!("{other:?}"),
         }
     }
@@ -293,7 +293,7 @@ mod tests {
             Ok::<(), ()>(())
         };
         for (row, &wall) in walls.iter().enumerate() {
-            rows.push(Some(Stamp::Wall(wall)), row, &mut out).expect("taken");
+            rows.push(Some(ParsedTime::Wall(wall)), row, &mut out).expect("taken");
         }
         rows.finish(&mut out).expect("taken");
         assert!(all.iter().map(|(row, _)| *row).eq(0..walls.len()), "rows keep their order");
@@ -419,7 +419,7 @@ mod tests {
             before in 0_i64..60,
         ) {
             let (name, start) = zone;
-            let Some(Stamp::Instant(start)) = parse_stamp(start) else { panic!("an instant") };
+            let Some(ParsedTime::Instant(start)) = parse_stamp(start) else { panic!("an instant") };
             let rules = TimeZone::get(name).expect("a zone");
             let rows = (0..100).map(|row| start + (offset + (row - before) * period) * MINUTE);
             let mut truth: Vec<i64> =

@@ -7,7 +7,7 @@ use std::{
 
 use calib_base::{
     StepError,
-    artefact::{Below, Claim},
+    artefact::{Below, DirectoryLock},
     bail,
     clock::Stopwatch,
     log::{
@@ -179,7 +179,7 @@ fn is_still_there(directory: &Path, key: &str) -> Result<bool, StepError> {
     if !parts.exists() {
         return Ok(true);
     }
-    let _claim = Claim::new(directory, Below::Ours)?;
+    let _lock = DirectoryLock::new(directory, Below::Ours)?;
     let is_there = ModelManifest::find(directory, key).is_some();
     if is_there {
         Parts::new(parts, key).remove()?;
@@ -223,7 +223,7 @@ fn build(
         // The plan could not always know how many coordinates ψ has. Nothing is given up for what cannot be built.
         KnnModel::check(Some(representation.psi.columns()), &transitions, &how.config)?;
     }
-    let claim = Claim::begun(directory)?;
+    let claim = DirectoryLock::begun(directory)?;
     // Not needed any more, and a part of the memory.
     dataset.held_out = None;
     let read = clock.elapsed();
@@ -324,7 +324,7 @@ fn refresh(
         .map(refreshed)
         .collect::<Result<Vec<MemberSummary>, StepError>>()?;
     manifest.study = study.clone();
-    let claim = Claim::new(directory, Below::Ours)?;
+    let claim = DirectoryLock::new(directory, Below::Ours)?;
     model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
     claim.complete(&manifest)?;
     Ok(manifest)

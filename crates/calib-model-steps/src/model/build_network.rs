@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_base::{
     StepError,
-    artefact::{self, Below, Claim},
+    artefact::{self, Below, DirectoryLock},
     bail,
     clock::Stopwatch,
     log::{context::RunContext, partition},
@@ -75,7 +75,7 @@ fn build(
     (clock, printer): (Stopwatch, &Printer),
 ) -> Result<ModelManifest, StepError> {
     let (study, directory) = (job.study(), &job.layout().model());
-    let claim = Claim::begun(directory)?;
+    let claim = DirectoryLock::begun(directory)?;
     if job.policy().redoes() {
         train_model::remove_checkpoint(directory)?;
     }
@@ -125,7 +125,7 @@ fn refresh(
     if manifest.study == *study && model_files::has_profile(&manifest, directory) {
         return Ok(manifest);
     }
-    let claim = Claim::new(directory, Below::Ours)?;
+    let claim = DirectoryLock::new(directory, Below::Ours)?;
     manifest.study = study.clone();
     model_files::rewrite_profile(directory, dataset, &mut manifest.files)?;
     claim.complete(&manifest)?;

@@ -7,7 +7,7 @@ use calib_base::{
     artefact::{self, Artefact, Facts, Files},
     bail, ensure, frames,
     log::profile_file::{self, PROFILE},
-    stale::Kept,
+    stale::StoredArtefact,
 };
 use calib_core::{Frames, Normaliser, Period, States, Timestamp, TransitionIndex};
 use calib_data::{Dataset, Profile, table::Table};
@@ -271,7 +271,7 @@ pub(crate) fn open(job: &Job) -> Result<OpenModel, StepError> {
     let directory = &job.layout().model();
     let build = job.command(StepKind::BuildModel);
     let manifest: ModelManifest = artefact::require(directory, &build)?;
-    Kept { step: StepKind::BuildModel, study: &manifest.study, directory }.check(job)?;
+    StoredArtefact { step: StepKind::BuildModel, study: &manifest.study, directory }.check(job)?;
     opened(directory, manifest, &build)
 }
 

@@ -1,6 +1,6 @@
 use calib_base::{
     StepError,
-    outcome::{Freshness, Outcome, Told},
+    outcome::{Outcome, Told},
     output::{Printer, count, duration},
 };
 use calib_model::ModelFamily;
@@ -18,7 +18,7 @@ use crate::model::{
 
 impl Told for BuildPlan {
     fn tell(&self, _job: &Job, printer: &Printer) -> Result<(), StepError> {
-        if printer.is_for_machines() { printer.json(self) } else { Ok(()) }
+        if printer.is_json() { printer.json(self) } else { Ok(()) }
     }
 }
 
@@ -28,11 +28,8 @@ impl Told for BuiltModel {
     }
 
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
-        if printer.is_on_the_way() && self.freshness == Freshness::Kept {
-            return Ok(());
-        }
         let Self { manifest, directory, freshness, took, .. } = self;
-        if printer.is_for_machines() {
+        if printer.is_json() {
             printer.json(manifest)?;
         } else {
             let (verb, place, time) = (freshness.verb(), directory.display(), duration(*took));

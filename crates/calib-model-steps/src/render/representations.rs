@@ -14,7 +14,7 @@ impl Told for Representations {
 
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
         let Self { manifest, directory, freshness, took } = self;
-        if printer.is_for_machines() {
+        if printer.is_json() {
             printer.json(manifest)?;
         } else {
             let (verb, place, time) = (freshness.verb(), directory.display(), duration(*took));

@@ -1,6 +1,6 @@
 use calib_base::{
     StepError,
-    outcome::{Freshness, Told},
+    outcome::Told,
     output::{Printer, duration},
 };
 use calib_study::{Job, StepKind};
@@ -15,11 +15,8 @@ use crate::{
 
 impl Told for Rollouts {
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
-        if printer.is_on_the_way() && self.freshness == Freshness::Kept {
-            return Ok(());
-        }
         let Self { manifest, one_step, directory, freshness, took } = self;
-        if printer.is_for_machines() {
+        if printer.is_json() {
             printer.json(manifest)?;
         } else {
             let (verb, place, time) = (freshness.verb(), directory.display(), duration(*took));

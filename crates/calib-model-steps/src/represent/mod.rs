@@ -14,7 +14,7 @@ use std::{
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{self, Artefact, Claim, Facts, Files},
+    artefact::{self, Artefact, DirectoryLock, Facts, Files},
     bail,
     clock::Stopwatch,
     ensure,
@@ -23,7 +23,7 @@ use calib_base::{
     options::Device,
     outcome::{Freshness, NoPlan, Outcome, StepResult},
     output::{Printer, bytes, count, counted},
-    stale::Kept,
+    stale::StoredArtefact,
     torch,
 };
 use calib_core::{Seed, Segments, States};
@@ -308,7 +308,7 @@ fn made(
     try_all: impl FnOnce(&Split) -> Result<Tried, StepError>,
 ) -> Result<RepresentationManifest, StepError> {
     let split = Split::in_time(material.segments)?;
-    let claim = Claim::begun(directory)?;
+    let claim = DirectoryLock::begun(directory)?;
     if job.policy().redoes() {
         // Everything is made again from here on, so that an interrupted run goes on without `--force`.
         grid::remove(directory)?;
@@ -400,7 +400,8 @@ pub(crate) fn open(job: &Job, dataset: &Dataset) -> Result<Option<Representation
     }
     let (directory, command) = (paths.representation(), job.command(StepKind::Represent));
     let manifest: RepresentationManifest = artefact::require(&directory, &command)?;
-    Kept { step: StepKind::Represent, study: &manifest.study, directory: &directory }.check(job)?;
+    StoredArtefact { step: StepKind::Represent, study: &manifest.study, directory: &directory }
+        .check(job)?;
     if manifest.key != key(job, dataset)? {
         bail!(
             "the representation in {} was made from other data; run `{command}` again",

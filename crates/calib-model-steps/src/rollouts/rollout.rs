@@ -7,12 +7,12 @@ use std::{
 
 use calib_base::{
     StepError,
-    artefact::{self, Artefact, Claim, Facts},
+    artefact::{self, Artefact, DirectoryLock, Facts},
     clock::Stopwatch,
     log::{context::RunContext, partition},
     memory,
     outcome::{Freshness, NoPlan, Outcome, StepResult},
-    output::{Printer, bytes, count},
+    output::{Printer, bytes, count, counted},
 };
 use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
 use calib_data::table::Table;
@@ -225,7 +225,9 @@ fn announce(study: &Study, model: &OpenModel, sensors: usize, printer: &Printer)
     let per_state = model.model.state_bytes();
     let needed = rows.saturating_mul(per_state + ROW_BYTES + SENSOR_BYTES * sensors as u64);
     printer.say(&format!(
-        "rollout: {members} ensemble members x {rollouts} rollouts of {} steps; about {} of memory",
+        "rollout: {} x {} of {} steps; about {} of memory",
+        counted(members, "ensemble member"),
+        counted(rollouts, "rollout"),
         count(steps),
         bytes(needed),
     ));
@@ -241,7 +243,7 @@ fn roll_out(
     directory: &Path,
     printer: &Printer,
 ) -> Result<RolloutManifest, StepError> {
-    let claim = Claim::begun(directory)?;
+    let claim = DirectoryLock::begun(directory)?;
     let config = &study.rollout;
     let progress = printer.progress();
     let place = search_place(&*model.model, directory);

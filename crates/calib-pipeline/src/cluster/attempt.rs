@@ -24,7 +24,7 @@ pub(crate) struct Attempt {
     pub(crate) made: Vec<Made>,
     /// Units that failed, and why.
     pub(crate) failed: Vec<String>,
-    pub(crate) ended: Ended,
+    pub(crate) ended: RunOutcome,
 }
 
 /// A pass and how long it took.
@@ -39,7 +39,7 @@ pub(crate) struct Made {
 /// How an attempt ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Ended {
+pub(crate) enum RunOutcome {
     /// It runs, or was killed without a word.
     NotYet,
     Done,
@@ -67,7 +67,7 @@ impl Diary {
             doing: Vec::new(),
             made: Vec::new(),
             failed: Vec::new(),
-            ended: Ended::NotYet,
+            ended: RunOutcome::NotYet,
         };
         let diary = Self { path, attempt: Mutex::new(attempt) };
         diary.change(|_| ());
@@ -102,7 +102,7 @@ impl Diary {
     }
 
     /// The attempt ends.
-    pub(crate) fn ends(&self, ended: Ended) {
+    pub(crate) fn ends(&self, ended: RunOutcome) {
         self.change(|attempt| attempt.ended = ended);
     }
 

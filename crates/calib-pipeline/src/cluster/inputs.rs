@@ -20,8 +20,8 @@ use calib_sweep::{
     Baselines, ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, Start, UnitRuns,
 };
 use calib_sweep_steps::sweep::{
-    environments::{Described, Sources, Streaming},
-    setting::{Setting, agent_seed, raced},
+    environments::{EnvironmentSpec, Sources, StreamParameters},
+    setting::{SweepContext, agent_seed, raced},
 };
 
 use crate::cluster::{
@@ -38,7 +38,7 @@ const STARTS: &str = "starts.safetensors";
 const STORED: &str = "stored.units";
 
 /// The names of what [`write`] writes.
-pub(crate) fn names(setting: &Setting, stored: &[UnitRuns]) -> Vec<String> {
+pub(crate) fn names(setting: &SweepContext, stored: &[UnitRuns]) -> Vec<String> {
     let held_out = setting.dataset.held_out.is_some().then_some(HELD_OUT);
     let starts = (!setting.starts.is_empty()).then_some(STARTS);
     let stored = (!stored.is_empty()).then_some(STORED);
@@ -48,12 +48,12 @@ pub(crate) fn names(setting: &Setting, stored: &[UnitRuns]) -> Vec<String> {
 }
 
 /// The files of the model; none without one.
-pub(crate) fn of_model(setting: &Setting) -> Files {
+pub(crate) fn of_model(setting: &SweepContext) -> Files {
     setting.model.as_ref().map_or_else(Files::new, |model| model.manifest.lasting_files())
 }
 
 /// Bytes of the log that is replayed where there is no model, before it is written.
-pub(crate) fn log_bytes(setting: &Setting) -> u64 {
+pub(crate) fn log_bytes(setting: &SweepContext) -> u64 {
     let train = &setting.dataset.train;
     // States are f32, and a row has its time and segment.
     let of_log = (train.rows() * (4 * train.states().columns() + 12)) as u64;
@@ -65,7 +65,7 @@ pub(crate) fn log_bytes(setting: &Setting) -> u64 {
 pub(crate) fn write(
     directory: &Path,
     job: &Job,
-    setting: &Setting,
+    setting: &SweepContext,
     stored: &[UnitRuns],
     header: Header,
 ) -> Result<Files, StepError> {
@@ -115,8 +115,13 @@ pub(crate) fn stored(directory: &Path) -> Option<Units> {
 }
 
 /// Bytes of these files that a shard of one environment maps: of several members each has a table of its own.
-pub(crate) fn mapped_bytes(directory: &Path, files: &Files, environments: &[Described]) -> u64 {
-    let members = environments.iter().filter(|of| matches!(of, Described::Member { .. })).count();
+pub(crate) fn mapped_bytes(
+    directory: &Path,
+    files: &Files,
+    environments: &[EnvironmentSpec],
+) -> u64 {
+    let members =
+        environments.iter().filter(|of| matches!(of, EnvironmentSpec::Member { .. })).count();
     let size = |name: &String| directory.join(name).metadata().map_or(0, |found| found.len());
     let of_members = |name: &&String| name.starts_with("members/");
     let (tables, others): (Vec<&String>, Vec<&String>) = files.keys().partition(of_members);
@@ -204,8 +209,8 @@ impl<'p> Inputs<'p> {
             train: states,
             held_out: self.held_out.as_ref(),
         };
-        let rolling = Streaming::of(&self.part.study, self.part.span)?;
-        let open = |described: &Described| -> Result<Box<dyn Environment + '_>, StepError> {
+        let rolling = StreamParameters::of(&self.part.study, self.part.span)?;
+        let open = |described: &EnvironmentSpec| -> Result<Box<dyn Environment + '_>, StepError> {
             if self.opened.contains(&described.id()) {
                 return described.open(sources, rolling);
             }

@@ -8,7 +8,7 @@ use std::{
 use calib_agent::training_bytes;
 use calib_base::{
     StepError,
-    artefact::{Claim, Files},
+    artefact::{DirectoryLock, Files},
     bail, ensure,
     log::context::RunContext,
     options::ClusterPlanOptions,
@@ -21,8 +21,8 @@ use calib_files::{
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Stored, UnitRuns};
 use calib_sweep_steps::sweep::{
-    Found, Source, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep, setting::Setting,
-    unit_store,
+    Found, Source, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep,
+    setting::SweepContext, unit_store,
 };
 
 use crate::cluster::{
@@ -58,7 +58,7 @@ pub(crate) fn make(
     if job.policy().is_dry() {
         FolderRecord::check(directory, || false)?;
     } else {
-        claim = Some(Claim::of_named(directory)?);
+        claim = Some(DirectoryLock::of_named(directory)?);
     }
     // Another calib may have planned meanwhile.
     ensure!(!path.exists(), is_planned(directory));
@@ -68,7 +68,7 @@ pub(crate) fn make(
         most: options.max_tasks,
         exactly: options.shards,
     };
-    let mut record = claim.as_mut().map(Claim::record);
+    let mut record = claim.as_mut().map(DirectoryLock::record);
     if let Some(record) = &mut record {
         // What a planning that was killed has left is of nobody's plan.
         remove_inputs(directory, record)?;
@@ -134,7 +134,7 @@ fn remove_inputs(directory: &Path, record: &FolderRecord) -> Result<(), FileErro
 
 fn told(plan: &PlanFile, printer: &Printer) -> Result<(), StepError> {
     let summary = summary(plan);
-    if printer.is_for_machines() {
+    if printer.is_json() {
         return printer.json(&summary);
     }
     summary.lines().iter().try_for_each(|line| printer.result(line))
@@ -179,7 +179,7 @@ impl Planning<'_> {
         context: &RunContext,
     ) -> Result<Option<(SweepPart, Vec<Work>)>, StepError> {
         let study = job.study();
-        let setting = match Setting::of(job, context)? {
+        let setting = match SweepContext::of(job, context)? {
             Ok(setting) => setting,
             Err(unsettled) => {
                 let name = job.deployment().unwrap_or_default();
@@ -242,7 +242,7 @@ impl Planning<'_> {
         &mut self,
         number: usize,
         job: &Job,
-        setting: &Setting,
+        setting: &SweepContext,
         stored: &[UnitRuns],
     ) -> Result<(Files, u64), StepError> {
         let place = inputs_in(self.directory, number);

@@ -9,7 +9,7 @@ use calib_base::{Context as _, StepError, artefact::Files, bail, ensure};
 use calib_files::{Fingerprint, fingerprint_file, read_sealed_json};
 use calib_study::{Job, Request, Study};
 use calib_sweep::{Candidate, EnvironmentId, PassId, Span};
-use calib_sweep_steps::sweep::{environments::Described, planned::PlannedSweep};
+use calib_sweep_steps::sweep::{environments::EnvironmentSpec, planned::PlannedSweep};
 use serde::{Deserialize, Serialize};
 
 use crate::cluster::{maker::Maker, results::Results};
@@ -110,7 +110,7 @@ pub(crate) struct SweepPart {
     /// Sensors that share passes.
     pub(crate) groups: Vec<BTreeSet<String>>,
     pub(crate) span: Span,
-    pub(crate) environments: Vec<Described>,
+    pub(crate) environments: Vec<EnvironmentSpec>,
     /// Columns of the states.
     pub(crate) width: usize,
     /// Bytes of the files that one shard maps at most.

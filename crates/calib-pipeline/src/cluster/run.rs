@@ -19,7 +19,7 @@ use calib_sweep::{EnvironmentId, PassId, Plan, Ready, SweepError, Unit, UnitRuns
 use rayon::prelude::*;
 
 use crate::cluster::{
-    attempt::{Diary, Ended},
+    attempt::{Diary, RunOutcome},
     inputs::Inputs,
     plan_file::{Opened, PlannedPass, Shard},
     results::{self, Extent, Header, Units},
@@ -38,9 +38,9 @@ pub(crate) fn run(
     let diary = Diary::begin(&opened.attempts(number));
     let ended = Running { opened: &opened, number, shard, diary: &diary, printer }.run();
     diary.ends(match &ended {
-        Ok(_) => Ended::Done,
-        Err(error) if error.was_cancelled() => Ended::Stopped,
-        Err(error) => Ended::Failed(error.to_string()),
+        Ok(_) => RunOutcome::Done,
+        Err(error) if error.was_cancelled() => RunOutcome::Stopped,
+        Err(error) => RunOutcome::Failed(error.to_string()),
     });
     ended
 }

@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cluster::{
-    attempt::{self, Attempt, Ended},
+    attempt::{self, Attempt, RunOutcome},
     engines::queue,
     missing::ranges,
     plan_file::{Opened, PlanFile},
@@ -170,7 +170,7 @@ pub(crate) fn status(
                 printer.result(&number.to_string())?;
             }
         }
-        None if printer.is_for_machines() => printer.json(&status)?,
+        None if printer.is_json() => printer.json(&status)?,
         None => status.tell(directory, printer)?,
     }
     Ok(outcome)
@@ -208,7 +208,7 @@ fn standing(opened: &Opened, number: usize) -> Standing {
         attempts: attempts.len(),
         is_running: attempts
             .iter()
-            .any(|attempt| attempt.ended == Ended::NotYet && is_running(attempt)),
+            .any(|attempt| attempt.ended == RunOutcome::NotYet && is_running(attempt)),
         predicted_secs: shard.secs,
         // Of nothing the sum is -0.
         secs: made.map(|made| made.secs).sum::<f64>() + 0.0,
@@ -229,14 +229,14 @@ fn told(attempt: &Attempt) -> String {
         failed => format!(" ({})", failed.join("; ")),
     };
     match &attempt.ended {
-        Ended::Done => format!("{place} was done"),
-        Ended::Stopped => format!("{place} was asked to stop{doing}, and goes on from there"),
-        Ended::Failed(reason) => format!("{place}: {reason}{failed}"),
-        Ended::NotYet if is_running(attempt) => format!("{place} runs{doing}{failed}"),
-        Ended::NotYet if attempt.host == host_name() => format!(
+        RunOutcome::Done => format!("{place} was done"),
+        RunOutcome::Stopped => format!("{place} was asked to stop{doing}, and goes on from there"),
+        RunOutcome::Failed(reason) => format!("{place}: {reason}{failed}"),
+        RunOutcome::NotYet if is_running(attempt) => format!("{place} runs{doing}{failed}"),
+        RunOutcome::NotYet if attempt.host == host_name() => format!(
             "{place} was killed{doing}{failed}: it ran out of memory, time or disk, or somebody ended it"
         ),
-        Ended::NotYet => format!(
+        RunOutcome::NotYet => format!(
             "{place} runs{doing}, or was killed there{failed}: out of memory, time or disk, or the machine was lost"
         ),
     }

@@ -12,7 +12,7 @@ const PARTS: usize = 5;
 
 /// A log of decisions, as told.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub struct LogTold {
+pub struct ActionLogSummary {
     /// What the actions are called, and how the log has them.
     pub(super) actions: Vec<ActionTold>,
     /// What was set, where actions are continuous; the actions are then levels of it, each with the transitions that are nearest to it.
@@ -68,7 +68,7 @@ pub(super) fn described(
     model: &ActionModel,
     distance: Distance,
     names: &Names,
-) -> Result<LogTold, StepError> {
+) -> Result<ActionLogSummary, StepError> {
     let log = model.log();
     let own = |spreads: Vec<Spread>| -> Vec<Spread> {
         let of = |(place, spread): (usize, Spread)| spread.map(|of| names.physical(place, of));
@@ -86,7 +86,7 @@ pub(super) fn described(
         let upper = upper.into_iter().map(|of| names.physical(place, of)).collect();
         Ok(ColumnMap { column: column.clone(), upper, states, covered })
     };
-    Ok(LogTold {
+    Ok(ActionLogSummary {
         actions: names.actions.iter().zip(counted).map(told).collect(),
         settings: names.settings.clone(),
         columns: names.columns.clone(),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use calib_base::{
     StepError,
-    artefact::{self, Below, Claim, Files, Manifest, TOOL},
+    artefact::{self, Below, DirectoryLock, Files, Manifest, TOOL},
 };
 use calib_control::{AgentConfig, ControlConfig, Distance, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
@@ -13,7 +13,7 @@ use calib_study::Study;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{described::LogTold, show::name};
+use super::{described::ActionLogSummary, show::name};
 
 pub(super) use calib_base::artefact::CONTROL_VERDICT as VERDICT;
 pub(super) const RUNS: &str = "runs.parquet";
@@ -46,7 +46,7 @@ impl Manifest for ControlManifest {
 pub struct ControlEvaluation {
     /// What the log holds.
     #[serde(flatten)]
-    pub(super) log: LogTold,
+    pub(super) log: ActionLogSummary,
     /// What an episode ends with where the log does not cover a step.
     pub(super) worst_return: f64,
     /// What was compared.
@@ -128,7 +128,7 @@ pub(super) fn write(
     runs: &[Run],
     show: impl FnOnce() -> Result<Vec<String>, StepError>,
 ) -> Result<(), StepError> {
-    let claim = Claim::new(directory, Below::Ours)?;
+    let claim = DirectoryLock::new(directory, Below::Ours)?;
     claim.begin()?;
     artefact::write_table(table(runs, evaluation), &directory.join(RUNS))?;
     write_sealed_json(&directory.join(VERDICT), evaluation)?;

@@ -7,12 +7,12 @@ use calib_model_steps::represent::decisions;
 use calib_study::Job;
 
 use super::{
-    described::{LogTold, described},
+    described::{ActionLogSummary, described},
     log, show,
 };
 
 /// What the log of a study with `[control]` did, in which states, and where it says what an action does; nothing of another study.
-pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<LogTold>, StepError> {
+pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<ActionLogSummary>, StepError> {
     let Some(config) = &job.study().control else { return Ok(None) };
     let log = log::read(job, config, printer)?;
     let plain = || (Distance::Euclidean, log.decisions.states().clone());
@@ -35,7 +35,7 @@ pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<LogTold>, S
     described(&model, distance, &log.names).map(Some)
 }
 
-impl LogTold {
+impl ActionLogSummary {
     /// Show it to people.
     ///
     /// # Errors

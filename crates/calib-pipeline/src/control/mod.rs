@@ -12,7 +12,7 @@ mod show;
 mod simulate;
 mod units;
 
-pub use described::LogTold;
+pub use described::ActionLogSummary;
 pub use files::ControlEvaluation;
 pub(crate) use files::ControlSummary;
 pub(crate) use inspect::inspect;

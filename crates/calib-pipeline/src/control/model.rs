@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use calib_base::{
     StepError,
-    artefact::{self, Below, Claim, Files, Manifest, TOOL},
+    artefact::{self, Below, DirectoryLock, Files, Manifest, TOOL},
     ensure,
     output::Printer,
 };
@@ -236,7 +236,7 @@ fn write(
     model: &ActionModel,
     key: &str,
 ) -> Result<(), StepError> {
-    let claim = Claim::new(directory, Below::Ours)?;
+    let claim = DirectoryLock::new(directory, Below::Ours)?;
     claim.begin()?;
     let (mut names, record) = write_action_model(directory, model, &config.model)?;
     write_npy(&directory.join(TIMES), &log.times, log.times.len(), 1)?;

@@ -8,7 +8,7 @@ use calib_base::{
 use calib_control::{
     ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns, ControlConfig,
     ControlError, Distance, Ensemble, Extent, IncrementModel, Increments, NetworkModel, Question,
-    Run, Span, Support, constant_returns, fitted_q_evaluation, importance_sampling, judge,
+    Run, RunLength, Support, constant_returns, fitted_q_evaluation, importance_sampling, judge,
     sweep_keeping,
 };
 use calib_core::{Monitor, Seed};
@@ -226,7 +226,7 @@ fn swept(
     printer: &Printer,
 ) -> Result<Swept, StepError> {
     let progress = printer.progress();
-    let span = Span { steps: config.steps, timeout: config.timeout };
+    let span = RunLength { steps: config.steps, timeout: config.timeout };
     let extent = Extent { runs: config.runs, span };
     let question = Sweeping {
         actions: model.log().levels(),

@@ -9,7 +9,7 @@ use calib_stats::{Difference, Interval, RankRule};
 use calib_study::Job;
 
 use super::{
-    described::{ActionTold, LogTold, SettingTold},
+    described::{ActionLogSummary, ActionTold, SettingTold},
     files::{ControlEvaluation, ControlSummary},
 };
 
@@ -22,7 +22,7 @@ impl Told for ControlEvaluation {
     }
 
     fn tell(&self, _job: &Job, printer: &Printer) -> Result<(), StepError> {
-        if printer.is_for_machines() {
+        if printer.is_json() {
             printer.json(&ControlSummary::from(self))?;
         } else {
             let decision = decision(self);
@@ -52,12 +52,12 @@ pub(super) fn held(transitions: usize, episodes: usize, terminals: usize) -> Str
 }
 
 /// What the log holds.
-pub(super) fn line(log: &LogTold) -> String {
+pub(super) fn line(log: &ActionLogSummary) -> String {
     held(log.transitions, log.episodes, log.terminals)
 }
 
 /// What the log did, and where it says what an action does.
-pub(super) fn actions(log: &LogTold) -> String {
+pub(super) fn actions(log: &ActionLogSummary) -> String {
     let row = |action: &ActionTold| {
         let share = action.transitions as f64 / log.transitions as f64;
         vec![
@@ -74,7 +74,7 @@ pub(super) fn actions(log: &LogTold) -> String {
 }
 
 /// The ranges of continuous actions.
-fn settings(log: &LogTold) -> String {
+fn settings(log: &ActionLogSummary) -> String {
     let row = |of: &SettingTold| {
         let quantiles = of.quantiles.iter().map(|&value| significant(value));
         std::iter::once(of.column.clone()).chain(quantiles).collect::<Vec<_>>()
@@ -87,7 +87,7 @@ fn settings(log: &LogTold) -> String {
 const COLUMNS: usize = 6;
 
 /// In which states each action was taken: the middle of each column, and where nine of ten of its values lie.
-pub(super) fn states(log: &LogTold) -> String {
+pub(super) fn states(log: &ActionLogSummary) -> String {
     let row = |action: &ActionTold| {
         let own = action.states.iter().take(COLUMNS).map(|[low, middle, high]| {
             format!("{} ({} to {})", significant(*middle), significant(*low), significant(*high))

@@ -6,7 +6,7 @@ use std::{
 use calib_base::{Context as _, StepError, ensure, output::Printer};
 use calib_control::{
     Acrobot, Agent, Begin, Behaviour, CartPole, Ending, Environment as _, Membrane, Pendulum,
-    PuddleWorld, Quality, Recorded, Simulated, Span, Task, TaskKind, record,
+    PuddleWorld, Quality, Recorded, RunLength, Simulated, Task, TaskKind, record,
 };
 use calib_core::{Seed, Timestamp};
 use calib_data::table::write_log;
@@ -148,7 +148,7 @@ fn behaviour<T: Task>(
         return Ok(rule.perturbed(policy.random_share()));
     }
     let agent = Agent::new(kind.good_agent(), world.columns(), world.actions());
-    let span = Span { steps: LEARNING, timeout: kind.timeout() };
+    let span = RunLength { steps: LEARNING, timeout: kind.timeout() };
     let wants = kind.near_optimal();
     let learnt = Behaviour::learnt(agent, world, wants, span, seed.child("behaviour"));
     Ok(learnt.perturbed(policy.random_share()))

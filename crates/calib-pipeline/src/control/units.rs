@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use calib_base::{
     StepError,
-    artefact::{Below, Claim},
+    artefact::{Below, DirectoryLock},
 };
 use calib_control::{ActionModelKind, ControlError, Run, RunId, RunKeeper};
 use calib_files::{read_sealed_json, remove_known, write_sealed_json};
@@ -16,7 +16,7 @@ pub(super) struct Units {
     /// Of the verdict that they are for.
     key: String,
     /// Nobody else writes there meanwhile.
-    _claim: Claim,
+    _lock: DirectoryLock,
 }
 
 /// A run in its file.
@@ -32,8 +32,8 @@ impl Units {
     /// # Errors
     /// If it cannot be written, or another process does.
     pub(super) fn open(directory: &Path, key: &str) -> Result<Self, StepError> {
-        let claim = Claim::new(directory, Below::Ours)?;
-        Ok(Self { directory: directory.to_owned(), key: key.to_owned(), _claim: claim })
+        let claim = DirectoryLock::new(directory, Below::Ours)?;
+        Ok(Self { directory: directory.to_owned(), key: key.to_owned(), _lock: claim })
     }
 
     fn path(&self, id: RunId) -> PathBuf {

@@ -311,7 +311,7 @@ fn show(
     let predicted: Vec<String> =
         chosen.sensors.proposed.iter().take(chosen.size.sensors).map(name).collect();
     let state_secs = sketch.period_secs * chosen.spacing as f64;
-    if printer.is_for_machines() {
+    if printer.is_json() {
         return printer.json(&Chosen {
             study: args.study.clone(),
             channels: scope.channels.len(),

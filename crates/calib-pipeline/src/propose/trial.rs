@@ -20,7 +20,7 @@ use calib_propose::{Costs, Horizon, MOST_RUNS, ProposedModel, Size};
 use calib_study::{Job, Request};
 use calib_sweep::{Baselines, FittingRows, SensorVerdict};
 use calib_sweep_steps::{
-    sweep::{self, plan::Counted, simple::SimpleErrors},
+    sweep::{self, plan::DryRunTally, simple::SimpleErrors},
     verdict::evaluate,
 };
 
@@ -317,7 +317,7 @@ impl Trials<'_> {
             build_model::run(&study(*horizon)?, &BuildOptions::default(), silent)?;
         }
         scorable(horizon, |horizon| {
-            sweep::run(&study(horizon)?, &Counted::default(), None, silent)
+            sweep::run(&study(horizon)?, &DryRunTally::default(), None, silent)
         })?;
         let judged = evaluate::judge(&study(*horizon)?, silent, &*silent.progress())?;
         Ok(judged.summary.verdicts.iter().map(Predicted::of).collect())
@@ -332,7 +332,8 @@ impl Trials<'_> {
         let silent = self.context.silent();
         scorable(horizon, |horizon| {
             let job = self.job(text(steps, horizon).0, COSTS)?;
-            let (swept, taken) = Taken::by(|| sweep::run(&job, &Counted::default(), None, &silent));
+            let (swept, taken) =
+                Taken::by(|| sweep::run(&job, &DryRunTally::default(), None, &silent));
             swept.map(|_| taken)
         })
     }

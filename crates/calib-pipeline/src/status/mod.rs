@@ -16,7 +16,7 @@ use calib_base::{
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep_steps::{
     sweep::{SweepManifest, planned::PlannedSweep},
-    verdict::kept_report::is_judged_since,
+    verdict::report_cache::is_judged_since,
 };
 use schemars::JsonSchema;
 use serde::Serialize;

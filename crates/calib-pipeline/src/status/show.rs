@@ -20,7 +20,7 @@ impl StandingOf {
     /// # Errors
     /// If it cannot be passed on.
     pub fn tell(&self, printer: &Printer) -> Result<(), StepError> {
-        if printer.is_for_machines() {
+        if printer.is_json() {
             return printer.json(self);
         }
         match self {

@@ -21,7 +21,7 @@ use std::{
 use calib_agent::Part;
 use calib_base::{
     StepError,
-    artefact::{self, Below, Claim, TOOL},
+    artefact::{self, Below, DirectoryLock, TOOL},
     bail,
     clock::Stopwatch,
     log::context::RunContext,
@@ -34,7 +34,7 @@ use calib_validity::{Pair, Validity, judge};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::chain::Extent;
+use crate::run_study::RunUntil;
 use gather::{Gathered, Reason, gather};
 use studies::{Listed, Listing};
 use task::Task;
@@ -118,11 +118,11 @@ pub(crate) fn run(args: &ValidityOptions, context: &RunContext) -> Result<Outcom
         return run_share(share, &listing, args, context);
     }
     let judgement = judgement(all(&listing, args, context)?, &listing, args)?;
-    let _claim = Claim::new(&directory, Below::Ours)?;
+    let _lock = DirectoryLock::new(&directory, Below::Ours)?;
     files::write(&directory, &judgement)?;
     figures::write(&directory.join("figures"), &judgement)?;
     page::write(&directory.join("report.html"), &judgement)?;
-    if context.is_for_machines() {
+    if context.is_json() {
         context.json(&judgement.summary())?;
     } else {
         show::show(&judgement, context)?;
@@ -241,7 +241,7 @@ fn take(
         return Ok(Err(Reason("it has not been run".to_owned())));
     }
     if args.extent != ValidityExtent::Judge {
-        let extent = protocol.map_or(Extent::Report, protocol::Named::extent);
+        let extent = protocol.map_or(RunUntil::Report, protocol::Named::extent);
         if let Some(reason) = study.complete(extent, context)? {
             return Ok(Err(Reason(reason)));
         }

@@ -6,7 +6,7 @@ use calib_base::{StepError, bail, ensure, options::ValidityOptions};
 use calib_study::{Drawn, Protocol};
 
 use super::studies::files;
-use crate::chain::Extent;
+use crate::run_study::RunUntil;
 
 /// A protocol, its file, and where what follows from it goes.
 pub(super) struct Named {
@@ -61,8 +61,8 @@ impl Named {
     }
 
     /// How far each study is taken.
-    pub(super) fn extent(&self) -> Extent {
-        if self.protocol.rollouts { Extent::Report } else { Extent::Choice }
+    pub(super) fn extent(&self) -> RunUntil {
+        if self.protocol.rollouts { RunUntil::Report } else { RunUntil::Choice }
     }
 
     /// All studies, with `overrides` over what is drawn.

@@ -21,7 +21,7 @@ use calib_sweep::{Candidate, candidates};
 use calib_sweep_steps::{sweep, verdict::evaluate};
 
 use super::protocol::Named;
-use crate::chain::{self, Extent};
+use crate::run_study::{self, RunUntil};
 
 /// What is judged together.
 pub(super) struct Listing {
@@ -156,7 +156,7 @@ impl Listed {
     /// scored, if it cannot.
     pub(super) fn complete(
         &self,
-        extent: Extent,
+        extent: RunUntil,
         context: &RunContext,
     ) -> Result<Option<String>, StepError> {
         self.write()?;
@@ -168,7 +168,7 @@ impl Listed {
         {
             plant.make(true, &talk).context("[simulate]")?;
         }
-        match chain::run_to(extent, &self.job, None, &talk) {
+        match run_study::run_to(extent, &self.job, None, &talk) {
             Err(reason) if matches!(reason.root(), StepError::Unscorable(_)) => {
                 Ok(Some(reason.to_string()))
             }

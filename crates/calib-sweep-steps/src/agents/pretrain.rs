@@ -12,7 +12,7 @@ use calib_agent::{
 };
 use calib_base::{
     Context as _, StepError,
-    artefact::{self, Below, Claim},
+    artefact::{self, Below, DirectoryLock},
     bail,
     clock::Stopwatch,
     log::{
@@ -108,7 +108,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
         let (trained, took) = (0, clock.elapsed());
         return Ok(StepResult::Made(PretrainedAgents { manifest, directory, trained, took }));
     }
-    let claim = Claim::new(&directory, Below::Ours)?;
+    let claim = DirectoryLock::new(&directory, Below::Ours)?;
     let width = parts.dataset.train.states().columns();
     let file = state_file(&directory, &missing)?;
     if job.policy().redoes() {

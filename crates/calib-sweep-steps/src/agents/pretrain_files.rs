@@ -11,7 +11,7 @@ use calib_base::{
     artefact::{self, Artefact, Facts},
     bail, ensure,
     log::partition::{PretrainPart, span},
-    stale::Kept,
+    stale::StoredArtefact,
 };
 use calib_core::{Normaliser, Period};
 use calib_data::{Dataset, table::Table};
@@ -261,8 +261,11 @@ pub(crate) fn starts(
             })?;
         if study.pretrain.checkpoint.is_none() {
             let key = agent_key(study, &part.fingerprint, sensor, *column)?;
-            let kept =
-                Kept { step: StepKind::Pretrain, study: &manifest.study, directory: &directory };
+            let kept = StoredArtefact {
+                step: StepKind::Pretrain,
+                study: &manifest.study,
+                directory: &directory,
+            };
             kept.check(job)?;
             ensure!(
                 agent.key == key,

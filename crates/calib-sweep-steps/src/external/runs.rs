@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, io::Write as _, path::Path};
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{Below, Claim, TOOL},
+    artefact::{Below, DirectoryLock, TOOL},
     ensure,
 };
 use calib_core::{Period, Seed};
@@ -161,7 +161,7 @@ fn write(directory: &Path, summary: &Summary, report: &Report) -> Result<(), Ste
     let drawn = named.iter().flat_map(|name| figures::names(name));
     let drawn = drawn.map(|name| format!("{FIGURES}/{name}"));
     // The folder may be the user's.
-    let mut claim = Claim::new(directory, Below::Unknown)?;
+    let mut claim = DirectoryLock::new(directory, Below::Unknown)?;
     claim.record().note([SUMMARY, REPORT].map(str::to_owned).into_iter().chain(drawn))?;
     for (sensitivity, name) in report.sensitivities.iter().zip(&named) {
         figures::write(&directory.join(FIGURES), name, &sensitivity.figure()?)?;

@@ -21,7 +21,7 @@ use serde_json::Value;
 
 use crate::sweep::{
     SweepFacts,
-    environments::{Environments, Sources, Streaming, open_all},
+    environments::{Environments, Sources, StreamParameters, open_all},
     simple::{self, SimpleErrors},
     streams::{Streams, error_scales},
     tables::{FILES, curves_table, external_runs},
@@ -116,7 +116,7 @@ impl SweepStreams {
             train: Some(&dataset.train),
             held_out: dataset.held_out.as_ref(),
         };
-        let rolling = Streaming::of(study, streams.demand.span)?;
+        let rolling = StreamParameters::of(study, streams.demand.span)?;
         let environments = open_all(&made.described, sources, rolling)?;
         let seed = Seed::new(study.seed).child("agent");
         let mut runs = Vec::new();

@@ -16,7 +16,7 @@ impl Told for PretrainedAgents {
 
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
         let Self { manifest, directory, trained, took } = self;
-        if printer.is_for_machines() {
+        if printer.is_json() {
             printer.json(manifest)?;
         } else {
             let verb = if *trained == 0 { "up to date:" } else { "wrote" };

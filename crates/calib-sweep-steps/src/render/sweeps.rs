@@ -9,7 +9,7 @@ use crate::sweep::{Swept, plan::SweepPlan};
 
 impl Told for SweepPlan {
     fn tell(&self, _job: &Job, printer: &Printer) -> Result<(), StepError> {
-        if printer.is_for_machines() {
+        if printer.is_json() {
             return printer.json(self);
         }
         let mut rows = Vec::new();
@@ -23,7 +23,7 @@ impl Told for SweepPlan {
 
 impl Told for Swept {
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
-        if printer.is_for_machines() {
+        if printer.is_json() {
             printer.json(&self.manifest)?;
         } else {
             let did = match self.ran {

@@ -39,7 +39,7 @@ impl Told for Judgement {
 
     fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
         show_judgement(self, printer)?;
-        if printer.is_for_machines() {
+        if printer.is_json() {
             return Ok(());
         }
         if !printer.is_explaining() {
@@ -61,7 +61,7 @@ impl Told for Judgement {
 /// If they cannot be passed on.
 pub fn show_judgement(judged: &Judgement, printer: &Printer) -> Result<(), StepError> {
     let summary = &judged.summary;
-    if printer.is_for_machines() {
+    if printer.is_json() {
         return printer.json(summary);
     }
     show_predicted(summary, printer)?;
@@ -80,7 +80,7 @@ impl Told for Compared {
 
     fn tell(&self, _job: &Job, printer: &Printer) -> Result<(), StepError> {
         let Self { summaries, places, choices, notes, report, .. } = self;
-        if printer.is_for_machines() {
+        if printer.is_json() {
             return printer.json(summaries);
         }
         if let Some(first) = places.first().and_then(|place| self.at(place)) {

@@ -15,7 +15,7 @@ use calib_core::Monitor;
 use calib_study::Study;
 use calib_sweep::{Candidate, Environment, RunStream, Start};
 
-use crate::sweep::setting::{Setting, agent_seed};
+use crate::sweep::setting::{SweepContext, agent_seed};
 
 /// What a pass trains.
 #[derive(Clone, Copy)]
@@ -32,8 +32,8 @@ pub(crate) struct Trained<'a> {
 
 impl<'a> Trained<'a> {
     /// What the passes of a sweep train.
-    pub(crate) fn of(study: &'a Study, setting: &'a Setting) -> Self {
-        let Setting { candidates, sensors, starts, streams, .. } = setting;
+    pub(crate) fn of(study: &'a Study, setting: &'a SweepContext) -> Self {
+        let SweepContext { candidates, sensors, starts, streams, .. } = setting;
         Self { study, candidates, sensors, starts, steps: streams.demand.span.steps }
     }
 }

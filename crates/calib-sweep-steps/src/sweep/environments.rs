@@ -23,7 +23,7 @@ use crate::sweep::streams::Streams;
 /// What an environment is made of, beside states and tables.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Described {
+pub enum EnvironmentSpec {
     /// A member of a calibration model.
     Member {
         /// Counted from 0.
@@ -66,13 +66,13 @@ pub struct Sources<'a> {
 
 /// How rollouts are made.
 #[derive(Clone, Copy, Debug)]
-pub struct Streaming {
+pub struct StreamParameters {
     pub(crate) span: Span,
     pub(crate) weights: Weights,
     pub(crate) seed: Seed,
 }
 
-impl Streaming {
+impl StreamParameters {
     /// As a job asks for.
     ///
     /// # Errors
@@ -83,7 +83,7 @@ impl Streaming {
     }
 }
 
-impl Described {
+impl EnvironmentSpec {
     /// Which environment it is.
     pub fn id(&self) -> EnvironmentId {
         match self {
@@ -114,7 +114,7 @@ impl Described {
     pub fn open<'a>(
         &self,
         sources: Sources<'a>,
-        Streaming { span, weights, seed }: Streaming,
+        StreamParameters { span, weights, seed }: StreamParameters,
     ) -> Result<Box<dyn Environment + 'a>, StepError> {
         let lacks = || format!("what {} is made of is not there", self.id());
         Ok(match self {
@@ -141,7 +141,7 @@ impl Described {
 #[derive(Default)]
 pub struct Environments {
     /// What each is made of, in the order of the sweep.
-    pub described: Vec<Described>,
+    pub described: Vec<EnvironmentSpec>,
     /// What the reader should know of start states.
     pub(crate) starts: Vec<String>,
 }
@@ -196,31 +196,35 @@ impl Environments {
         let given: Vec<Vec<(RequestedStart, Option<f32>)>> =
             all.iter().map(|starts| starts.iter().map(ModelStart::given).collect()).collect();
         for (number, starts) in all.into_iter().enumerate() {
-            described.push(Described::Member { number, starts, inputs: inputs.clone() });
+            described.push(EnvironmentSpec::Member { number, starts, inputs: inputs.clone() });
         }
         Ok(Self { described, starts: notes(&summaries(&given)) })
     }
 }
 
 /// The logs that are replayed.
-fn replayed(job: &Job, dataset: &Dataset, streams: &Streams) -> Vec<Described> {
+fn replayed(job: &Job, dataset: &Dataset, streams: &Streams) -> Vec<EnvironmentSpec> {
     let mut described = Vec::new();
     if let (Some(inputs), Some(windows)) = (&dataset.held_out_fingerprint, &streams.online) {
         let (windows, inputs) = (windows.clone(), inputs.clone());
-        described.push(Described::Online { windows, runs: job.study().sweep.online_runs, inputs });
+        described.push(EnvironmentSpec::Online {
+            windows,
+            runs: job.study().sweep.online_runs,
+            inputs,
+        });
     }
     if !streams.log.starts.is_empty() {
         let (windows, inputs) = (streams.log.clone(), dataset.fingerprint.clone());
-        described.push(Described::LogReplay { windows, inputs });
+        described.push(EnvironmentSpec::LogReplay { windows, inputs });
     }
     described
 }
 
 /// All of them, opened.
 pub(crate) fn open_all<'a>(
-    described: &[Described],
+    described: &[EnvironmentSpec],
     sources: Sources<'a>,
-    rolling: Streaming,
+    rolling: StreamParameters,
 ) -> Result<Vec<Box<dyn Environment + 'a>>, StepError> {
     described.iter().map(|one| one.open(sources, rolling)).collect()
 }

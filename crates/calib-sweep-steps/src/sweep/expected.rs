@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::sweep::{
     cost::{Cost, MEASURED_STEPS, Trained},
-    plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
+    plan::{DryRunTally, Memory, Sizes, SweepPlan, agents_of},
     setting::{candidates_of, scorable},
 };
 
@@ -80,7 +80,11 @@ impl Expected {
 ///
 /// # Errors
 /// If the log cannot be read, or has not what the study sweeps.
-pub fn before_model(job: &Job, counted: &Counted, context: &RunContext) -> Result<(), StepError> {
+pub fn before_model(
+    job: &Job,
+    counted: &DryRunTally,
+    context: &RunContext,
+) -> Result<(), StepError> {
     let study = job.study();
     let candidates = candidates_of(study)?;
     let (parts, streams) = scorable(job, &candidates, &context.silent())?;

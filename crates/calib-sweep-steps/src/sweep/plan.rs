@@ -18,7 +18,7 @@ use crate::sweep::{cost::MeasuredPasses, expected::Expected};
 
 /// Units that a dry run of several models and deployments has counted: those that are the same are run once.
 #[derive(Debug, Default)]
-pub struct Counted {
+pub struct DryRunTally {
     units: RefCell<BTreeSet<String>>,
     expected: RefCell<Vec<OfPart>>,
     measured: MeasuredPasses,
@@ -35,7 +35,7 @@ pub struct OfPart {
     pub expected: Expected,
 }
 
-impl Counted {
+impl DryRunTally {
     /// Count these units, and say how many had been counted before.
     pub(crate) fn again(&self, keys: impl Iterator<Item = String>) -> usize {
         let mut counted = self.units.borrow_mut();
@@ -278,7 +278,7 @@ mod tests {
 
     #[test]
     fn the_same_units_are_counted_once() {
-        let counted = Counted::default();
+        let counted = DryRunTally::default();
         let keys = ["a", "b", "c"].map(str::to_owned);
         assert_eq!(counted.again(keys[..2].iter().cloned()), 0);
         assert_eq!(counted.again(keys.iter().cloned()), 2);

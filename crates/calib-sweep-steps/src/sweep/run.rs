@@ -7,7 +7,7 @@ use std::{
 use calib_agent::{Accelerator, check_accelerated};
 use calib_base::{
     StepError,
-    artefact::{self, Artefact, Claim},
+    artefact::{self, Artefact, DirectoryLock},
     clock::Stopwatch,
     log::{
         context::RunContext,
@@ -31,10 +31,10 @@ use crate::sweep::{
     expected::Expected,
     manifest::{SweepFacts, SweepManifest},
     notes::{failed_rollouts, saved},
-    plan::{Counted, Memory, Sizes, SweepPlan, agents_of},
+    plan::{DryRunTally, Memory, Sizes, SweepPlan, agents_of},
     planned::PlannedSweep,
     recorded,
-    setting::{Setting, Unsettled, candidates_of},
+    setting::{SkippedDeployment, SweepContext, candidates_of},
     simple,
     standing_still::Still,
     streams::{OnlineWindow, Streams, error_scales, online_windows},
@@ -103,7 +103,7 @@ pub type Pool = BTreeMap<(Unit, String), UnitRuns>;
 /// If the study, the model or the log is not what it should be, training fails, or the observer asks to stop.
 pub fn run(
     job: &Job,
-    counted: &Counted,
+    counted: &DryRunTally,
     device: Option<Device>,
     context: &RunContext,
 ) -> Result<SweepResult, StepError> {
@@ -135,7 +135,7 @@ pub fn put_together(
     pool: &Pool,
     context: &RunContext,
 ) -> Result<SweepResult, StepError> {
-    sweep(job, &Counted::default(), Source { pool: Some(pool), accelerator: None }, context)
+    sweep(job, &DryRunTally::default(), Source { pool: Some(pool), accelerator: None }, context)
 }
 
 /// Where results come from, if not from this program's own arithmetic.
@@ -149,13 +149,13 @@ pub struct Source<'a> {
 
 fn sweep(
     job: &Job,
-    counted: &Counted,
+    counted: &DryRunTally,
     Source { pool, accelerator }: Source<'_>,
     context: &RunContext,
 ) -> Result<SweepResult, StepError> {
     let clock = Stopwatch::start();
     let (study, directory) = (job.study(), job.layout().sweep());
-    let setting = match Setting::of(job, context)? {
+    let setting = match SweepContext::of(job, context)? {
         Ok(setting) => setting,
         Err(unsettled) => return leave_out(job, unsettled, context),
     };
@@ -238,10 +238,10 @@ fn note_arithmetic(facts: &mut SweepFacts, class: &str) {
 /// How long what was planned takes, with `passes` left, by some steps of one.
 fn expected(
     job: &Job,
-    setting: &Setting,
+    setting: &SweepContext,
     plan: &SweepPlan,
     passes: usize,
-    counted: &Counted,
+    counted: &DryRunTally,
     context: &RunContext,
 ) -> Result<Expected, StepError> {
     let cost = setting.cost(job.study(), counted.measured(), &context.silent().progress())?;
@@ -253,12 +253,12 @@ fn expected(
 /// What is told of these results.
 fn facts(
     study: &Study,
-    setting: &Setting,
+    setting: &SweepContext,
     plan: &Plan<'_>,
     results: &[UnitResult],
     printer: &Printer,
 ) -> Result<SweepFacts, StepError> {
-    let Setting { model, dataset, candidates, streams, sensors, still, .. } = setting;
+    let SweepContext { model, dataset, candidates, streams, sensors, still, .. } = setting;
     let units = plan.planned(results);
     let settings: Vec<String> = plan.settings().iter().map(ToString::to_string).collect();
     printer.say_all(saved(results, setting.runs()).as_slice());
@@ -285,8 +285,8 @@ fn facts(
 }
 
 /// Write what a report shows of the data, which it does not read.
-fn write_data(directory: &Path, study: &Study, setting: &Setting) -> Result<(), StepError> {
-    let Setting { dataset, pretrain, sensors, .. } = setting;
+fn write_data(directory: &Path, study: &Study, setting: &SweepContext) -> Result<(), StepError> {
+    let SweepContext { dataset, pretrain, sensors, .. } = setting;
     recorded::write(directory, dataset, pretrain.as_ref(), sensors)?;
     if study.has_model() {
         return Ok(());
@@ -334,8 +334,8 @@ fn tables(study: &Study) -> impl Iterator<Item = &'static str> {
 }
 
 /// Claim the directory of a sweep, and say what its runs are known by.
-fn begun(directory: &Path, planned: &PlannedSweep) -> Result<Claim, StepError> {
-    let claim = Claim::begun(directory)?;
+fn begun(directory: &Path, planned: &PlannedSweep) -> Result<DirectoryLock, StepError> {
+    let claim = DirectoryLock::begun(directory)?;
     planned.write(directory)?;
     Ok(claim)
 }
@@ -355,8 +355,12 @@ fn windows(dataset: &Dataset, streams: &Streams) -> Vec<OnlineWindow> {
 }
 
 /// Write down why nothing can be scored in a deployment, so that the other ones are judged without it.
-fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<SweepResult, StepError> {
-    let Unsettled { dataset, model, candidates, reason } = unsettled;
+fn leave_out(
+    job: &Job,
+    unsettled: SkippedDeployment,
+    printer: &Printer,
+) -> Result<SweepResult, StepError> {
+    let SkippedDeployment { dataset, model, candidates, reason } = unsettled;
     let study = job.study();
     let name = job.deployment().unwrap_or_default();
     printer.error(&format!("deployment {name} is left out: {reason}"));
@@ -370,12 +374,12 @@ fn leave_out(job: &Job, unsettled: Unsettled, printer: &Printer) -> Result<Sweep
         left_out: Some(reason),
         ..SweepFacts::of_nothing(study, &dataset, model, span, candidates)
     };
-    Claim::begun(&job.layout().sweep())?.finish(facts, [])?;
+    DirectoryLock::begun(&job.layout().sweep())?.finish(facts, [])?;
     Ok(StepResult::Nothing(Outcome::Negative))
 }
 
 /// Units that are left to run, and that another part of the same command runs before.
-fn shared_units(plan: &Plan<'_>, stored: &Stored, counted: &Counted) -> usize {
+fn shared_units(plan: &Plan<'_>, stored: &Stored, counted: &DryRunTally) -> usize {
     let units = plan.units();
     let left = units.iter().filter(|planned| !stored.whole().contains_key(&planned.unit));
     counted.again(left.map(|planned| planned.fingerprint(plan.settings())))

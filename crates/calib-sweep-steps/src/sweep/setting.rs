@@ -24,7 +24,7 @@ use crate::{
     program::ExternalAgents,
     sweep::{
         cost::{Cost, MEASURED_STEPS, MeasuredPasses, Trained},
-        environments::{Environments, Sources, Streaming, open_all},
+        environments::{Environments, Sources, StreamParameters, open_all},
         notes::standing_still,
         simple::SimpleErrors,
         standing_still::Still,
@@ -33,7 +33,7 @@ use crate::{
 };
 
 /// A sweep that can be planned.
-pub struct Setting {
+pub struct SweepContext {
     /// None for a study without one.
     pub model: Option<OpenModel>,
     /// The log.
@@ -57,7 +57,7 @@ pub struct Setting {
 }
 
 /// A deployment in which nothing can be trained, and why.
-pub struct Unsettled {
+pub struct SkippedDeployment {
     pub(crate) dataset: Dataset,
     pub(crate) model: Option<String>,
     pub(crate) candidates: Vec<Candidate>,
@@ -65,12 +65,15 @@ pub struct Unsettled {
     pub reason: String,
 }
 
-impl Setting {
+impl SweepContext {
     /// Read and check everything that the sweep of a job follows from.
     ///
     /// # Errors
     /// If the study is wrong, the model is not there or of other data, the log cannot be read, or the observer asks to stop.
-    pub fn of(job: &Job, context: &RunContext) -> Result<Result<Self, Unsettled>, StepError> {
+    pub fn of(
+        job: &Job,
+        context: &RunContext,
+    ) -> Result<Result<Self, SkippedDeployment>, StepError> {
         let study = job.study();
         let candidates = candidates_of(study)?;
         let model = model_files::open_if_any(job)?;
@@ -82,7 +85,7 @@ impl Setting {
             Ok(streams) => streams,
             Err(reason) => {
                 let model = model.map(|model| model_files::content(&model.manifest)).transpose()?;
-                return Ok(Err(Unsettled { dataset, model, candidates, reason }));
+                return Ok(Err(SkippedDeployment { dataset, model, candidates, reason }));
             }
         };
         let environments =
@@ -110,7 +113,7 @@ impl Setting {
     /// The environments, opened.
     ///
     /// # Errors
-    /// As [`Described::open`](super::environments::Described::open).
+    /// As [`EnvironmentSpec::open`](super::environments::Described::open).
     pub fn open(&self, study: &Study) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
         self.open_of(study, self.streams.demand.span)
     }
@@ -142,7 +145,7 @@ impl Setting {
             train: Some(&self.dataset.train),
             held_out: self.dataset.held_out.as_ref(),
         };
-        let rolling = Streaming::of(study, span)?;
+        let rolling = StreamParameters::of(study, span)?;
         open_all(&self.environments.described, sources, rolling)
     }
 

@@ -32,7 +32,7 @@ use crate::verdict::{
     compare_tables,
     deployed::{self, Deployed},
     evaluate::{self, Judged, Summary, judge, told},
-    kept_report, learning, recorded_together, report, report_data,
+    learning, recorded_together, report, report_cache, report_data,
 };
 
 /// The verdicts on several models and deployments, beside each other.
@@ -259,7 +259,7 @@ fn same_arithmetic(names: &[String], parts: &[Part]) -> Result<(), StepError> {
 /// Write the figures, the page and the summary, unless they are there and show the same.
 fn write(job: &Job, whole: &Report, summaries: &Summaries) -> Result<(), StepError> {
     let paths = job.layout();
-    kept_report::keep(job, whole, summaries, || {
+    report_cache::keep(job, whole, summaries, || {
         let figures = write_figures(paths, whole)?;
         report::write_page(paths, whole)?;
         write_json(&paths.evaluate().join(report::SUMMARY), summaries)?;

@@ -10,7 +10,7 @@ use calib_base::{
     log::{context::RunContext, partition},
     outcome::{NoPlan, Outcome, StepResult},
     output::span,
-    stale::Kept,
+    stale::StoredArtefact,
 };
 use calib_core::{Monitor, Seed};
 use calib_model::StartKind;
@@ -344,7 +344,7 @@ fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, Step
     let (paths, again) = (job.layout(), job.command(StepKind::Sweep));
     let mut manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
     let directory = &paths.sweep();
-    Kept { step: StepKind::Sweep, study: &manifest.study, directory }.check(job)?;
+    StoredArtefact { step: StepKind::Sweep, study: &manifest.study, directory }.check(job)?;
     check_log(job, &manifest, context)?;
     let model = model_files::content_of(job)?;
     if model.is_some() && model != manifest.model {

@@ -37,9 +37,8 @@ use crate::{
     verdict::{
         described::Descriptions,
         evaluate::{Judged, Summary},
-        kept_report,
         learned::Learned,
-        learning,
+        learning, report_cache,
         report_data::{data_profile, subtitle},
         verdict_rows,
     },
@@ -52,7 +51,7 @@ pub(crate) fn write(
     summary: &Summary,
     monitor: &dyn Monitor,
 ) -> Result<(), StepError> {
-    kept_report::keep(job, report, summary, || write_all(job.layout(), report, summary, monitor))
+    report_cache::keep(job, report, summary, || write_all(job.layout(), report, summary, monitor))
 }
 
 fn write_all(

@@ -14,7 +14,7 @@ fn unreadable(candidates: &Candidates) -> &str {
 
 fn reading(pattern: &str, text: &str) -> Option<String> {
     let stamp = Notation::Pattern(pattern.to_owned()).read(text)?;
-    let (Stamp::Instant(micros) | Stamp::Wall(micros)) = stamp;
+    let (ParsedTime::Instant(micros) | ParsedTime::Wall(micros)) = stamp;
     Some(crate::format_time(calib_core::Timestamp::from_micros(micros)))
 }
 
@@ -23,10 +23,13 @@ fn times_that_name_utc_are_instants() {
     for cell in ["2024-03-01 06:00:00 UTC", "01-Mar-24 06:00 GMT", "2024/03/01 06:00:00 Z"] {
         let candidates = Candidates::of(&[cell], None);
         let [one] = &candidates.left[..] else { panic!("{cell}: {:?}", candidates.left) };
-        assert!(matches!(one.read(cell), Some(Stamp::Instant(1_709_272_800_000_000))), "{cell}");
+        assert!(
+            matches!(one.read(cell), Some(ParsedTime::Instant(1_709_272_800_000_000))),
+            "{cell}"
+        );
     }
     let wall = Notation::Pattern("%d.%m.%Y %H:%M".to_owned()).read("01.03.2024 06:00");
-    assert!(matches!(wall, Some(Stamp::Wall(1_709_272_800_000_000))));
+    assert!(matches!(wall, Some(ParsedTime::Wall(1_709_272_800_000_000))));
 }
 
 #[test]
@@ -97,7 +100,7 @@ fn patterns_are_read() {
     read("%Y%m%d%H%M%S%.f", "20240313060001,25", "2024-03-13 06:00:01.25");
     assert_eq!(reading("%d.%m.%Y", "03/04/2024"), None);
     let number = Notation::Number(TimestampUnit::Nanoseconds).read("1709272800000000123");
-    assert_eq!(number, Some(Stamp::Instant(1_709_272_800_000_000)));
+    assert_eq!(number, Some(ParsedTime::Instant(1_709_272_800_000_000)));
 }
 
 #[test]
@@ -109,7 +112,7 @@ fn text_of_any_language_may_stand_before_a_colon() {
     let spaces = ["01.03.2024\u{a0}06:00", "13.03.2024\u{a0}07:00"];
     let found = Candidates::of(&spaces, None).left;
     assert_eq!(found.len(), 1, "{found:?}");
-    assert_eq!(found[0].read(spaces[0]), Some(Stamp::Wall(1_709_272_800_000_000)));
+    assert_eq!(found[0].read(spaces[0]), Some(ParsedTime::Wall(1_709_272_800_000_000)));
 }
 
 #[test]
@@ -134,10 +137,10 @@ fn days_of_a_spreadsheet_are_asked_for_and_read_when_told() {
         assert!(found.is_ambiguous());
         assert!(found.readings().contains("2024-01-01 12:00:00"), "{}", found.readings());
         let told = Candidates::of(&cells, Some(TimestampUnit::Excel)).left;
-        let noon = Stamp::Wall(1_704_110_400_000_000);
+        let noon = ParsedTime::Wall(1_704_110_400_000_000);
         assert_eq!(told[0].read(cells[0]), Some(noon), "on the clock of the log");
     }
     let excel = Notation::Number(TimestampUnit::Excel);
     let rounded = excel.read("45292.0006944444");
-    assert_eq!(rounded, Some(Stamp::Wall(1_704_067_260_000_000)), "a minute");
+    assert_eq!(rounded, Some(ParsedTime::Wall(1_704_067_260_000_000)), "a minute");
 }

@@ -5,7 +5,7 @@ mod tables;
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{self, Below, Claim, TOOL},
+    artefact::{self, Below, DirectoryLock, TOOL},
     output::Printer,
 };
 use calib_core::{Frames, Monitor, RowIndex, States, TransitionIndex, Transitions};
@@ -153,7 +153,7 @@ pub(crate) fn ensure(
         Ok(SensorError { sensor: sensor.clone(), error })
     };
     // What a killed process left half-written goes.
-    let _claim = Claim::new(&paths.rollout(), Below::Unknown)?;
+    let _lock = DirectoryLock::new(&paths.rollout(), Below::Unknown)?;
     steps.write(&paths.rollout())?;
     let one_step = OneStep {
         format: FORMAT,

@@ -22,7 +22,7 @@ use calib_plant::Plant;
 use calib_study::{Job, StepKind, Study};
 use calib_sweep_steps::{
     agents::pretrain,
-    sweep::{self, plan::Counted, streams},
+    sweep::{self, plan::DryRunTally, streams},
     verdict::{
         evaluation::{self, Evaluation},
         report,
@@ -30,14 +30,14 @@ use calib_sweep_steps::{
 };
 
 use crate::{
-    course::Course,
     each::{each_part, taken},
     plan::Plan,
+    run_progress::RunProgress,
 };
 
 /// How far a study is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Extent {
+pub(crate) enum RunUntil {
     /// To the report, with rollouts and everything.
     Report,
     /// To the end of the sweep, with nothing but what a choice follows from.
@@ -45,13 +45,13 @@ pub(crate) enum Extent {
 }
 
 /// Whether a study needs the step on the way to `extent`.
-fn is_wanted(step: StepKind, study: &Study, extent: Extent) -> bool {
-    study.needs(step) && (step != StepKind::Rollout || extent == Extent::Report)
+fn is_wanted(step: StepKind, study: &Study, extent: RunUntil) -> bool {
+    study.needs(step) && (step != StepKind::Rollout || extent == RunUntil::Report)
 }
 
 /// Take one of the steps that each model takes.
-fn take(step: StepKind, job: &Job, going: &Going<'_>) -> Result<Outcome, StepError> {
-    let &Going { plan, course, counted, device, talk } = going;
+fn take(step: StepKind, job: &Job, whole: &WholeRun<'_>) -> Result<Outcome, StepError> {
+    let &WholeRun { plan, progress, counted, device, talk } = whole;
     match step {
         // What is made before rollouts is the same for all deployments.
         StepKind::Represent => {
@@ -64,7 +64,7 @@ fn take(step: StepKind, job: &Job, going: &Going<'_>) -> Result<Outcome, StepErr
         }
         StepKind::Rollout => each_part(step, job, talk, |job| rollout::run(job, talk)),
         StepKind::Sweep => each_part(step, job, talk, |job| {
-            course.sweep(plan, job);
+            progress.sweep(plan, job);
             sweep::run(job, counted, device, talk)
         }),
         StepKind::Simulate
@@ -76,10 +76,10 @@ fn take(step: StepKind, job: &Job, going: &Going<'_>) -> Result<Outcome, StepErr
 }
 
 /// What every step of a run knows of the whole.
-struct Going<'a> {
+struct WholeRun<'a> {
     plan: &'a Plan,
-    course: &'a Course<'a>,
-    counted: &'a Counted,
+    progress: &'a RunProgress<'a>,
+    counted: &'a DryRunTally,
     /// Where networks and agents are trained, if not natively.
     device: Option<Device>,
     talk: &'a RunContext,
@@ -117,12 +117,12 @@ pub(crate) fn run(
     device: Option<Device>,
     context: &RunContext,
 ) -> Result<StudyRun, StepError> {
-    run_to(Extent::Report, job, device, context)
+    run_to(RunUntil::Report, job, device, context)
 }
 
 /// Run every step that a study needs on the way to `extent`, as far as it is not done.
 pub(crate) fn run_to(
-    extent: Extent,
+    extent: RunUntil,
     job: &Job,
     device: Option<Device>,
     context: &RunContext,
@@ -131,7 +131,7 @@ pub(crate) fn run_to(
     let mut models = models(job)?;
     // Only the verdict is the result; the steps before it just report.
     let talk = &context.talking();
-    let mut ended = Ended(Outcome::Done);
+    let mut ended = RunOutcome(Outcome::Done);
     let jobs: Vec<&Job> = models.iter().map(|model| &model.job).collect();
     // What a device cannot do is found out before anything is made.
     let on_devices = jobs.iter().map(|job| sweep::on_device(device, job.study()));
@@ -141,9 +141,9 @@ pub(crate) fn run_to(
     talk.say_all(&plan.lines());
     let plant = PlantOfStudy::of(job)?;
     let stages = stages(&models, plant.as_ref(), extent, &plan, job);
-    let course = Course::new(talk, stages, &plan, &jobs)?;
+    let progress = RunProgress::new(talk, stages, &plan, &jobs)?;
     if let Some(plant) = plant
-        && !simulate(plant, job, &course, talk)?
+        && !simulate(plant, job, &progress, talk)?
     {
         talk.say(&format!("then: {}", remaining(&models).join(", ")));
         tell(&plan, job, context)?;
@@ -153,14 +153,14 @@ pub(crate) fn run_to(
     streams::check(&models[0].job.before_deployment()?, talk)?;
     if is_pretrained(&models) {
         let talk =
-            &begun(StepKind::Pretrain, StepKind::Pretrain.label(), job, &plan, &course, talk);
+            &begun(StepKind::Pretrain, StepKind::Pretrain.label(), job, &plan, &progress, talk);
         ended.and(taken(&job.before_deployment()?, talk, |job| pretrain::run(job, talk))?);
     }
-    let counted = Counted::default();
-    let going = Going { plan: &plan, course: &course, counted: &counted, device, talk };
+    let counted = DryRunTally::default();
+    let whole = WholeRun { plan: &plan, progress: &progress, counted: &counted, device, talk };
     for step in StepKind::OF_MODELS {
         for model in &mut models {
-            ended.and(model.take(step, extent, &going)?);
+            ended.and(model.take(step, extent, &whole)?);
         }
     }
     plan.expect(&counted.expected());
@@ -170,8 +170,8 @@ pub(crate) fn run_to(
         ended.and(Outcome::Negative);
     }
     let mut evaluation = None;
-    if extent == Extent::Report {
-        let judged = judge(job, &models, &left_out, &course, context)?;
+    if extent == RunUntil::Report {
+        let judged = judge(job, &models, &left_out, &progress, context)?;
         ended.and(judged.outcome());
         evaluation = judged.made();
         for reason in &left_out {
@@ -207,7 +207,7 @@ fn is_pretrained(models: &[Model]) -> bool {
 fn stages(
     models: &[Model],
     plant: Option<&PlantOfStudy>,
-    extent: Extent,
+    extent: RunUntil,
     plan: &Plan,
     job: &Job,
 ) -> usize {
@@ -219,7 +219,7 @@ fn stages(
     let once = [
         plant.is_some_and(|plant| is_made(plant, job)),
         is_pretrained(models) && plan.has_to_do(StepKind::Pretrain, job),
-        extent == Extent::Report,
+        extent == RunUntil::Report,
     ];
     steps.count() + once.into_iter().filter(|wanted| *wanted).count()
 }
@@ -230,13 +230,13 @@ fn begun(
     title: &str,
     job: &Job,
     plan: &Plan,
-    course: &Course<'_>,
+    progress: &RunProgress<'_>,
     talk: &RunContext,
 ) -> RunContext {
     if !plan.has_to_do(step, job) {
         return talk.in_detail();
     }
-    course.stage(title);
+    progress.stage(title);
     talk.clone()
 }
 
@@ -251,7 +251,7 @@ fn is_made(plant: &PlantOfStudy, job: &Job) -> bool {
 
 /// The plan, for machines that asked for it.
 fn tell(plan: &Plan, job: &Job, printer: &Printer) -> Result<(), StepError> {
-    if job.policy().is_dry() && printer.is_for_machines() { printer.json(plan) } else { Ok(()) }
+    if job.policy().is_dry() && printer.is_json() { printer.json(plan) } else { Ok(()) }
 }
 
 /// Evaluate the models that are not left out.
@@ -259,10 +259,10 @@ fn judge(
     job: &Job,
     models: &[Model],
     left_out: &[String],
-    course: &Course<'_>,
+    progress: &RunProgress<'_>,
     context: &RunContext,
 ) -> Result<StepResult<Evaluation>, StepError> {
-    course.stage(StepKind::Evaluate.label());
+    progress.stage(StepKind::Evaluate.label());
     let remaining = models.iter().filter(|model| model.left_out.is_none());
     let all = remaining.map(|model| model.job.parts(StepKind::Evaluate.scope()));
     let all: Vec<Job> = all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
@@ -301,7 +301,7 @@ fn models(job: &Job) -> Result<Vec<Model>, StepError> {
 fn simulate(
     plant: PlantOfStudy,
     job: &Job,
-    course: &Course<'_>,
+    progress: &RunProgress<'_>,
     talk: &Printer,
 ) -> Result<bool, StepError> {
     let shown = plant.directory.display().to_string();
@@ -313,7 +313,7 @@ fn simulate(
     if !is_made(&plant, job) {
         return Ok(true);
     }
-    course.stage(StepKind::Simulate.label());
+    progress.stage(StepKind::Simulate.label());
     if job.policy().is_dry() {
         let takes = sentence(&Plant::new(plant.options.clone())?);
         talk.say(&format!("dry run: would write {takes}, to {shown}"));
@@ -336,22 +336,22 @@ impl Model {
     fn take(
         &mut self,
         step: StepKind,
-        extent: Extent,
-        going: &Going<'_>,
+        extent: RunUntil,
+        whole: &WholeRun<'_>,
     ) -> Result<Outcome, StepError> {
-        let Going { plan, course, counted, talk, .. } = *going;
+        let WholeRun { plan, progress, counted, talk, .. } = *whole;
         if !is_wanted(step, self.job.study(), extent) {
             return Ok(Outcome::Done);
         }
         if self.left_out.is_some() {
-            course.skip(usize::from(plan.has_to_do(step, &self.job)));
+            progress.skip(usize::from(plan.has_to_do(step, &self.job)));
             return Ok(Outcome::Done);
         }
         let of_model =
             self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
         let title = format!("{}{of_model}", step.label());
-        let talk = &begun(step, &title, &self.job, plan, course, talk);
-        match take(step, &self.job, &Going { talk, ..*going }) {
+        let talk = &begun(step, &title, &self.job, plan, progress, talk);
+        match take(step, &self.job, &WholeRun { talk, ..*whole }) {
             Err(reason)
                 if matches!(reason.root(), StepError::Unavailable(_)) && self.name.is_some() =>
             {
@@ -369,7 +369,7 @@ impl Model {
             {
                 not_yet(step, &reason, talk);
                 // What another arithmetic takes is not known.
-                if step == StepKind::Sweep && going.device.is_none() {
+                if step == StepKind::Sweep && whole.device.is_none() {
                     let parts = self.job.parts(step.scope())?;
                     for part in &parts {
                         if parts.len() > 1 {
@@ -391,9 +391,9 @@ fn not_yet(step: StepKind, reason: &StepError, talk: &Printer) {
 }
 
 /// How the steps ended: a negative answer of one is one of the whole.
-struct Ended(Outcome);
+struct RunOutcome(Outcome);
 
-impl Ended {
+impl RunOutcome {
     fn and(&mut self, status: Outcome) {
         if self.0 == Outcome::Done {
             self.0 = status;

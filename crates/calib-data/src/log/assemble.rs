@@ -8,6 +8,7 @@ use super::{
     BadRowsFound, Channel, FileSummary, Log, Origin,
     angles::with_angles,
     file::{FieldKind, LogFile},
+    filename_tag::prefixes,
     gaps,
     open::{Opened, Tables, refuse_pair},
     resample::{Coverage, Grid},
@@ -16,7 +17,6 @@ use super::{
     rows::{Irregularities, NO_TIME, Rows},
     series::Sink,
     split::{self, Split},
-    tag_of_path::prefixes,
 };
 use crate::{DataConfig, DataError, Description, Shape, names::Chosen, time::format_time};
 

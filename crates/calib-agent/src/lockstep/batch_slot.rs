@@ -9,8 +9,8 @@ use crate::{
 };
 
 /// One run of a cohort: what it sees, and what came of it so far.
-pub(super) struct Seat<'a> {
-    seen: Seen<'a>,
+pub(super) struct BatchSlot<'a> {
+    seen: Observations<'a>,
     pub(super) seed: Seed,
     truth: Truth<'a>,
     /// The steps that it makes, and whether their returns are known.
@@ -22,14 +22,14 @@ pub(super) struct Seat<'a> {
 }
 
 /// A run's stream, with traces where learners have them.
-enum Seen<'a> {
+enum Observations<'a> {
     Bare(&'a dyn Stream),
     Traced(TracedStream),
 }
 
 /// What a network did at a step.
 #[derive(Clone, Copy)]
-pub(super) struct Did {
+pub(super) struct StepRecord {
     /// Which step of the run.
     pub(super) at: usize,
     /// Which update of the step.
@@ -38,15 +38,15 @@ pub(super) struct Did {
     pub(super) learnt: bool,
 }
 
-impl<'a> Seat<'a> {
+impl<'a> BatchSlot<'a> {
     /// The run of learners that can share a population.
     pub(super) fn new(run: &Run<'a>, learners: &[Learner<'a>]) -> Result<Self, AgentError> {
         let Run { stream, steps, curve, seed } = *run;
         let shared = learners[0].config;
         let seen = if shared.traces.is_empty() {
-            Seen::Bare(stream)
+            Observations::Bare(stream)
         } else {
-            Seen::Traced(TracedStream::new(stream, &shared.traces))
+            Observations::Traced(TracedStream::new(stream, &shared.traces))
         };
         let task = Task { stream: seen.stream(), steps, seed };
         let truth = Truth::new(task, learners)?;
@@ -99,7 +99,7 @@ impl<'a> Seat<'a> {
     }
 
     /// Record what each learner predicted, and whether it diverged.
-    pub(super) fn settle(&mut self, did: Did, predictions: &[f32], finite: &[bool]) {
+    pub(super) fn settle(&mut self, did: StepRecord, predictions: &[f32], finite: &[bool]) {
         let Some(&(t, known)) = self.course.get(did.at) else { return };
         for (learner, tracker) in self.trackers.iter_mut().enumerate() {
             if tracker.diverged.is_some() {
@@ -132,7 +132,7 @@ impl<'a> Seat<'a> {
     }
 }
 
-impl Seen<'_> {
+impl Observations<'_> {
     fn stream(&self) -> &dyn Stream {
         match self {
             Self::Bare(stream) => *stream,

@@ -3,7 +3,7 @@ use std::ops::Range;
 use calib_nn::Mlp;
 use rayon::prelude::*;
 
-use super::seat::{Did, Seat};
+use super::batch_slot::{BatchSlot, StepRecord};
 use crate::{
     Accelerator, AgentError, Learner, Lockstep, Made, Networks, ReplayKind, Run, RunOutcome, Steps,
     layer_sizes, values::parameter_seed,
@@ -15,7 +15,7 @@ const UPDATES: usize = 32;
 /// Runs of the same learners, which can share a population, through their streams in lockstep.
 pub(super) struct Cohort<'a> {
     learners: &'a [Learner<'a>],
-    seats: Vec<Seat<'a>>,
+    seats: Vec<BatchSlot<'a>>,
     /// Updates of a step.
     updates: usize,
     /// Transitions of an update.
@@ -25,7 +25,7 @@ pub(super) struct Cohort<'a> {
 impl<'a> Cohort<'a> {
     pub(super) fn new(runs: &[Run<'a>], learners: &'a [Learner<'a>]) -> Result<Self, AgentError> {
         let shared = learners[0].config;
-        let seats = runs.par_iter().map(|run| Seat::new(run, learners));
+        let seats = runs.par_iter().map(|run| BatchSlot::new(run, learners));
         let seats = seats.collect::<Result<_, _>>()?;
         let (updates, batch) = (shared.updates_per_step, shared.transitions_per_update());
         Ok(Self { learners, seats, updates, batch })
@@ -37,7 +37,7 @@ impl<'a> Cohort<'a> {
         accelerator: &dyn Accelerator,
         mut look: impl FnMut(f64) -> Result<(), AgentError>,
     ) -> Result<(), AgentError> {
-        let longest = self.seats.iter().map(Seat::len).max().unwrap_or(0);
+        let longest = self.seats.iter().map(BatchSlot::len).max().unwrap_or(0);
         if longest == 0 {
             return Ok(());
         }
@@ -60,14 +60,14 @@ impl<'a> Cohort<'a> {
     }
 
     pub(super) fn outcomes(self) -> impl Iterator<Item = Vec<RunOutcome>> {
-        self.seats.into_iter().map(Seat::outcomes)
+        self.seats.into_iter().map(BatchSlot::outcomes)
     }
 
     /// The networks, as they begin.
     fn networks(&self, accelerator: &dyn Accelerator) -> Result<Box<dyn Lockstep>, AgentError> {
         let width = self.seats[0].stream().width();
         let sizes = layer_sizes(self.learners[0].config, width);
-        let rows = self.seats.iter().map(Seat::states).max().unwrap_or(0);
+        let rows = self.seats.iter().map(BatchSlot::states).max().unwrap_or(0);
         let mut states = vec![0.0; self.seats.len() * rows * width];
         let parts = states.par_chunks_exact_mut((rows * width).max(1));
         parts.zip(&self.seats).for_each(|(to, seat)| {
@@ -75,8 +75,9 @@ impl<'a> Cohort<'a> {
                 to.copy_from_slice(seat.stream().state(t));
             }
         });
-        let first =
-            |seat: &Seat<'_>| Mlp::new(&sizes, parameter_seed(seat.seed)).parameters().to_vec();
+        let first = |seat: &BatchSlot<'_>| {
+            Mlp::new(&sizes, parameter_seed(seat.seed)).parameters().to_vec()
+        };
         let parameters = self.seats.iter().map(first).collect();
         let (learners, batch) = (self.learners, self.batch);
         accelerator.networks(&Networks { sizes, learners, parameters, states, batch })
@@ -89,7 +90,7 @@ impl<'a> Cohort<'a> {
 
     /// The end of the steps that are made together: either all of them learn or none does, and no run ends among them.
     fn end_of_chunk(&self, at: usize) -> usize {
-        let ends = self.seats.iter().map(Seat::len).filter(|&end| end > at);
+        let ends = self.seats.iter().map(BatchSlot::len).filter(|&end| end > at);
         let enough = at + (UPDATES / self.updates).max(1);
         let end = ends.min().unwrap_or(enough).min(enough);
         if self.learns_at(at) { end } else { end.min(self.batch - 1) }
@@ -124,7 +125,7 @@ impl<'a> Cohort<'a> {
     fn settle(&mut self, chunk: Range<usize>, updates: usize, made: &Made) {
         let (of_step, learners, runs) = (updates.max(1), self.learners.len(), self.seats.len());
         for number in 0..chunk.len() * of_step {
-            let did = Did {
+            let did = StepRecord {
                 at: chunk.start + number / of_step,
                 update: number % of_step,
                 learnt: updates > 0,

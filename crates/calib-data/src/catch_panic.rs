@@ -21,7 +21,7 @@ pub fn may_be_of_a_reader() -> bool {
 /// Do what reads a file; the error is what was wrong with it, in one line.
 ///
 /// The Parquet reader panics on some damaged files. That is an error of the file like any other.
-pub(crate) fn guard<T>(read: impl FnOnce() -> pl::PolarsResult<T>) -> Result<T, String> {
+pub(crate) fn catch_panic<T>(read: impl FnOnce() -> pl::PolarsResult<T>) -> Result<T, String> {
     // Whatever the reader leaves half-done is dropped with it: nothing of it is used after a panic.
     READING.fetch_add(1, Ordering::Relaxed);
     let read = catch_unwind(AssertUnwindSafe(read));
@@ -52,14 +52,14 @@ mod tests {
 
     #[test]
     fn panics_and_errors_become_one_line() {
-        let error = guard::<()>(|| Err(pl::polars_err!(ComputeError: "first\nsecond")));
+        let error = catch_panic::<()>(|| Err(pl::polars_err!(ComputeError: "first\nsecond")));
         assert_eq!(error, Err("first".to_owned()));
-        let panic = guard::<()>(|| {
+        let panic = catch_panic::<()>(|| {
             assert!(may_be_of_a_reader());
             panic!("bad {}", "thrift")
         });
         assert_eq!(panic, Err("the reader failed: bad thrift".to_owned()));
-        assert_eq!(guard(|| Ok(7)), Ok(7));
+        assert_eq!(catch_panic(|| Ok(7)), Ok(7));
         assert_eq!(one_line(&"é".repeat(500)).chars().count(), REASON + 1);
     }
 }

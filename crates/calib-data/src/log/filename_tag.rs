@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::known::{TAGS, plain};
+use super::column_aliases::{TAGS, plain};
 
 /// The tag that a file is called after: its name without what packs it and without a date at its end; empty if it is
 /// nothing but a date. A folder `tag=NAME` goes before it.

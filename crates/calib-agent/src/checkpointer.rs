@@ -5,7 +5,7 @@ use crate::{Checkpoint, outcome::Tracker};
 /// Keeps the state of a long run, so that a killed one goes on from where it was last kept.
 ///
 /// The result of a run does not depend on whether, where and how often it was resumed.
-pub trait Keeper {
+pub trait Checkpointer {
     /// Work between two states that are kept, in multiplications (see [`train_learners`](crate::train_learners)).
     fn work_between(&self) -> u64;
 
@@ -23,7 +23,7 @@ pub trait Keeper {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoKeeper;
 
-impl Keeper for NoKeeper {
+impl Checkpointer for NoKeeper {
     fn work_between(&self) -> u64 {
         u64::MAX
     }

@@ -11,7 +11,7 @@ use calib_study::{Job, Scope, StepKind, Study};
 use crate::plan::Plan;
 
 /// The stages of a run, counted, and the sweeps that are still to come: almost all of the work.
-pub(crate) struct Course<'a> {
+pub(crate) struct RunProgress<'a> {
     talk: &'a Printer,
     stages: usize,
     begun: Cell<usize>,
@@ -19,7 +19,7 @@ pub(crate) struct Course<'a> {
     later: Cell<f64>,
 }
 
-impl<'a> Course<'a> {
+impl<'a> RunProgress<'a> {
     /// A run with so many `stages`, whose sweeps are those of `models`.
     pub(crate) fn new(
         talk: &'a Printer,

@@ -6,7 +6,7 @@ use crate::{Agent, Ending, Environment, Outcome};
 
 /// How long an agent lives, and when an episode is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Span {
+pub struct RunLength {
     /// Steps in all.
     pub steps: usize,
     /// Steps after which an episode is cut.
@@ -15,7 +15,7 @@ pub struct Span {
 
 /// What an agent got.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Life {
+pub struct AgentRun {
     /// Return of each episode that ended or was cut at its timeout, in order.
     pub returns: Vec<f64>,
     /// How many of them ended in a terminal.
@@ -28,7 +28,7 @@ pub struct Life {
     pub diverged: bool,
 }
 
-impl Life {
+impl AgentRun {
     /// Mean return an episode, Σ of all rewards / (episodes + the part of the last one), which counts one episode at least;
     /// −∞ if the agent diverged.
     pub fn mean_return(&self) -> f64 {
@@ -67,7 +67,12 @@ impl Actor for Agent {
 }
 
 /// Let `agent` act and learn in `environment` for `span`. Its draws come from `seed`, those of the environment from another.
-pub fn live(agent: &mut Agent, environment: &mut dyn Environment, span: Span, seed: Seed) -> Life {
+pub fn live(
+    agent: &mut Agent,
+    environment: &mut dyn Environment,
+    span: RunLength,
+    seed: Seed,
+) -> AgentRun {
     let mut episodes = Episodes::new(environment, span, seed);
     while episodes.step(agent, environment) {}
     episodes.life
@@ -75,8 +80,8 @@ pub fn live(agent: &mut Agent, environment: &mut dyn Environment, span: Span, se
 
 /// What an agent lives through, step by step.
 pub(crate) struct Episodes {
-    pub(crate) life: Life,
-    span: Span,
+    pub(crate) life: AgentRun,
+    span: RunLength,
     acts: Rng,
     world: Rng,
     state: Vec<f32>,
@@ -89,9 +94,14 @@ pub(crate) struct Episodes {
 }
 
 impl Episodes {
-    pub(crate) fn new(environment: &dyn Environment, span: Span, seed: Seed) -> Self {
-        let life =
-            Life { returns: Vec::new(), terminals: 0, rest: 0.0, rest_share: 0.0, diverged: false };
+    pub(crate) fn new(environment: &dyn Environment, span: RunLength, seed: Seed) -> Self {
+        let life = AgentRun {
+            returns: Vec::new(),
+            terminals: 0,
+            rest: 0.0,
+            rest_share: 0.0,
+            diverged: false,
+        };
         Self {
             life,
             span,
@@ -150,7 +160,7 @@ mod tests {
     use super::*;
     use crate::{AgentConfig, Begin, CartPole, Simulated};
 
-    fn lived(seed: u64, span: Span) -> Life {
+    fn lived(seed: u64, span: RunLength) -> AgentRun {
         let mut world = Simulated::new(CartPole::default(), Begin::AsTheTask);
         let mut agent = Agent::new(AgentConfig::default(), 4, 2);
         live(&mut agent, &mut world, span, Seed::new(seed))
@@ -158,7 +168,7 @@ mod tests {
 
     #[test]
     fn every_step_counts_once() {
-        let span = Span { steps: 3000, timeout: 50 };
+        let span = RunLength { steps: 3000, timeout: 50 };
         let life = lived(1, span);
         // A reward of 1 a step.
         assert_eq!(life.returns.iter().sum::<f64>() + life.rest, 3000.0);
@@ -172,7 +182,7 @@ mod tests {
 
     #[test]
     fn a_diverged_life_is_the_worst() {
-        let mut life = lived(1, Span { steps: 100, timeout: 50 });
+        let mut life = lived(1, RunLength { steps: 100, timeout: 50 });
         assert!(life.mean_return().is_finite());
         life.diverged = true;
         assert_eq!(life.mean_return(), f64::NEG_INFINITY);
@@ -180,7 +190,7 @@ mod tests {
 
     #[test]
     fn less_than_an_episode_counts_as_one() {
-        let life = lived(1, Span { steps: 5, timeout: 500 });
+        let life = lived(1, RunLength { steps: 5, timeout: 500 });
         assert_eq!(life.mean_return(), 5.0);
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{self, Artefact, Below, Claim, Facts, MANIFEST, TOOL},
+    artefact::{self, Artefact, Below, DirectoryLock, Facts, MANIFEST, TOOL},
 };
 use calib_report::Report;
 use calib_study::{Job, StepKind};
@@ -58,7 +58,7 @@ pub(crate) fn keep(
     if is_kept && !job.policy().redoes() {
         return Ok(());
     }
-    let mut claim = Claim::new(&directory, Below::Ours)?;
+    let mut claim = DirectoryLock::new(&directory, Below::Ours)?;
     if let Some(kept) = kept {
         // A calib that noted nothing has written the page as well.
         claim.record().add(kept.files.into_keys().filter(|name| name.starts_with("../")))?;

@@ -26,18 +26,19 @@ use calib_sweep_steps::{
     external,
     render::show_judgement,
     sweep as sweeping,
-    sweep::{SweepResult, plan::Counted},
+    sweep::{SweepResult, plan::DryRunTally},
     verdict::{evaluate::Judgement, evaluation as judging, evaluation::Evaluation},
 };
 
 use crate::{
-    chain::{self, StudyRun},
     check as checking,
     check::CheckedResults,
     cluster, control as controls,
     control::{ControlEvaluation, SimulateTask, SimulatedTask},
-    each::{Results, Which, each},
-    propose as proposals, status as statuses,
+    each::{PartCount, Results, each},
+    propose as proposals,
+    run_study::{self, StudyRun},
+    status as statuses,
     status::{StandingOf, StatusRequest},
     validity as validities,
 };
@@ -48,7 +49,7 @@ use crate::{
 /// # Errors
 /// If the study or the data is wrong, the machine refuses, or the observer asks to stop.
 pub fn run(job: &Job, device: Option<Device>, printer: &Printer) -> Result<StudyRun, StepError> {
-    recorded("run", job, printer, |printer| chain::run(job, device, &RunContext::new(printer)))
+    recorded("run", job, printer, |printer| run_study::run(job, device, &RunContext::new(printer)))
 }
 
 /// Write the log of the plant that the study describes; nothing is said of a study that describes none.
@@ -85,7 +86,7 @@ pub fn represent(
         let context = &RunContext::new(printer);
         each(StepKind::Represent, job, printer, |job, which| {
             // Of several models some search among the states themselves.
-            if which == Which::OneOfSeveral && !job.study().has_representation() {
+            if which == PartCount::Several && !job.study().has_representation() {
                 printer.say("no representation: nothing to train");
                 return Ok(StepResult::Nothing(Outcome::Done));
             }
@@ -144,7 +145,7 @@ pub fn sweep(
     printer: &Printer,
 ) -> Result<Results<SweepResult>, StepError> {
     recorded(StepKind::Sweep.command(), job, printer, |printer| {
-        let (context, counted) = (&RunContext::new(printer), Counted::default());
+        let (context, counted) = (&RunContext::new(printer), DryRunTally::default());
         let run = |job: &Job, _| sweeping::run(job, &counted, device, context);
         each(StepKind::Sweep, job, printer, run)
     })

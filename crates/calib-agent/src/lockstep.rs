@@ -7,8 +7,8 @@ use crate::{
     ValueFunction, layer_sizes, parameter_count, train::populations,
 };
 
+mod batch_slot;
 mod cohort;
-mod seat;
 
 use cohort::Cohort;
 
