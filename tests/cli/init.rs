@@ -490,7 +490,7 @@ fn steps_back_and_rows_without_values_are_said() {
         let day = if quarter == 0 && day > 1 { day - 1 } else { day };
         let value = f64::from(row);
         format!(
-            "{day:02}.03.2024 {:02}:{:02};{:.3};{:.3}\n",
+            "2024-03-{day:02} {:02}:{:02};{:.3};{:.3}\n",
             quarter / 4,
             quarter % 4 * 15,
             (value / 7.0).sin() + 0.1 * (value * 1.7).cos(),

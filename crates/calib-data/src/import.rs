@@ -113,7 +113,7 @@ pub fn import(
         non_finite: BTreeMap::new(),
         unreadable: log.unreadable(data),
     };
-    let mut spill = Spill::new(&data.scratch, data.kept_bytes())?;
+    let mut spill = Spill::new(&data.scratch)?;
     let columns = spill_columns(&log, &wanted, &mut spill, &mut imported, monitor)?;
     write((path, standing), &log.rows.timestamps, &columns, &spill, monitor)?;
     Ok(imported)
@@ -170,7 +170,7 @@ fn spill_columns(
                 }
                 None
             };
-            let at = spill.append(bytemuck::cast_slice::<f64, u64>(&values.values))?;
+            let at = spill.append(bytemuck::cast_slice(&values.values))?;
             columns.push(Column { name, at, labels });
         }
     }
@@ -229,7 +229,7 @@ fn frame(
     let mut all = vec![times];
     let mut values = vec![0.0_f64; rows];
     for column in columns {
-        let at = column.at + first as u64;
+        let at = column.at + (first * size_of::<f64>()) as u64;
         spill.read(at, bytemuck::cast_slice_mut(&mut values)).map_err(io::Error::other)?;
         let name = column.name.as_str().into();
         let present = values.iter().map(|&value| (!value.is_nan()).then_some(value));

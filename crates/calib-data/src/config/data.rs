@@ -329,14 +329,6 @@ impl DataConfig {
         Self { path: path.into(), ..Self::default() }
     }
 
-    /// Bytes of the cells of text files that are kept in memory although `scratch` is on disk: an eighth of what there is.
-    pub(crate) fn kept_bytes(&self) -> u64 {
-        match self.scratch {
-            ScratchPlace::Memory => 0,
-            ScratchPlace::Disk(_) => self.memory.map_or(0, |memory| memory / 8),
-        }
-    }
-
     /// Make relative paths relative to `base`, the folder of the study file.
     pub fn resolve(&mut self, base: &Path) {
         self.path.resolve(base);

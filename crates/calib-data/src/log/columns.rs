@@ -1,6 +1,6 @@
 //! A wide text file, column by column outside of the memory.
 
-use std::{borrow::Cow, ops::Range, sync::Arc};
+use std::{ops::Range, sync::Arc};
 
 use calib_core::Monitor;
 use calib_files::{FileError, Spill};
@@ -23,7 +23,7 @@ use crate::{
 /// What text files were read into: cells, and the words among them.
 #[derive(Debug)]
 pub(crate) struct Store {
-    spill: Spill,
+    pub(crate) spill: Spill,
     pub(crate) words: Words,
     pub(crate) signs: Signs,
     pub(crate) room: Room,
@@ -43,7 +43,7 @@ pub(crate) struct Seen {
 impl Store {
     pub(crate) fn new(data: &DataConfig) -> Result<Self, DataError> {
         Ok(Self {
-            spill: Spill::new(&data.scratch, data.kept_bytes())?,
+            spill: Spill::new(&data.scratch)?,
             words: Words::bounded(),
             signs: Signs::default(),
             room: Room::of(data),
@@ -65,15 +65,12 @@ impl Store {
     /// Cells that were appended at `at`.
     pub(crate) fn read(&self, at: u64, count: usize) -> Result<Vec<u64>, FileError> {
         let mut cells = vec![0_u64; count];
-        self.spill.read(at, &mut cells)?;
+        self.spill.read(at, bytemuck::cast_slice_mut(&mut cells))?;
         Ok(cells)
     }
 
-    pub(crate) fn append<'a>(
-        &mut self,
-        cells: impl Into<Cow<'a, [u64]>>,
-    ) -> Result<u64, FileError> {
-        self.spill.append(cells)
+    pub(crate) fn append(&mut self, cells: &[u64]) -> Result<u64, FileError> {
+        self.spill.append(bytemuck::cast_slice(cells))
     }
 }
 
@@ -101,7 +98,7 @@ impl Columns {
                 break;
             }
             let skipped = column * count + inside.start - start;
-            cells.extend(store.read(at + skipped as u64, inside.len())?);
+            cells.extend(store.read(at + (skipped * size_of::<u64>()) as u64, inside.len())?);
         }
         Ok(cells)
     }
@@ -163,7 +160,7 @@ impl Imported {
                 |&bits: &u64| matches!(Cell::decode(bits), Cell::Number(_) | Cell::NonFinite);
             self.words_only[column] &= !cells.iter().any(number);
         }
-        let at = store.append(part.cells)?;
+        let at = store.append(&part.cells)?;
         self.columns.parts.push((self.columns.rows, rows, at));
         self.columns.rows += rows;
         // Packed text may be any number of rows.

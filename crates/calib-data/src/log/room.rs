@@ -17,7 +17,7 @@ pub(crate) struct Room(Option<u64>);
 
 impl Room {
     pub(crate) fn of(data: &DataConfig) -> Self {
-        Self(data.memory.map(|memory| memory - data.kept_bytes()))
+        Self(data.memory)
     }
 
     /// Refuse what takes more memory than there is: `what` takes `needed` bytes at least, and `remedy` says what takes less.

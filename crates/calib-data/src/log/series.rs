@@ -110,7 +110,7 @@ impl Sink {
 
     fn flush(&mut self) -> Result<(), DataError> {
         for tag in self.tags.iter_mut().filter(|tag| !tag.times.is_empty()) {
-            let at = self.store.append(bytemuck::cast_slice::<i64, u64>(&tag.times))?;
+            let at = self.store.spill.append(bytemuck::cast_slice(&tag.times))?;
             self.store.append(&tag.cells)?;
             tag.pieces.push((at, tag.times.len()));
             let samples = tag.pieces.iter().map(|(_, count)| *count as u64).sum();
@@ -177,7 +177,7 @@ impl Series {
         let mut cells: Vec<u64> = Vec::with_capacity(count);
         for &(at, count) in &tag.pieces {
             times.extend(bytemuck::cast_slice::<u64, i64>(&self.store.read(at, count)?));
-            cells.extend(self.store.read(at + count as u64, count)?);
+            cells.extend(self.store.read(at + (count * size_of::<i64>()) as u64, count)?);
         }
         if !times.is_sorted() {
             let mut order: Vec<usize> = (0..times.len()).collect();
