@@ -25,6 +25,7 @@ __all__ = [
     "simulate",
     "to_toml",
     "write_log",
+    "write_tuned_page",
 ]
 
 __version__: str

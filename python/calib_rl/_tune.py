@@ -125,7 +125,7 @@ class Tuned:
         """Write what was found as one HTML page that loads nothing from anywhere.
 
         Args:
-            path: The file. One that is there is replaced.
+            path: The file. One that is there is replaced, and folders above it are made.
 
         Returns:
             The path.

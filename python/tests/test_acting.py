@@ -279,12 +279,13 @@ def test_what_was_found_is_a_page(tuned: calib_rl.Tuned, tmp_path: Path) -> None
     headline = tuned.advice[0].split(". ", 1)[0].rstrip(".")
     for text in [headline, "neighbors", "increments", "network", "the agent&#39;s own default", "step_size=0.3", "Return in the models"]:
         assert text in page or text.replace("&#39;", "'") in page, text
-    assert "src=\"http" not in page and "NaN" not in page
+    assert 'src="http' not in page, "the page loads nothing"
     failed = calib_rl.Tuned([], None, {}, ["Deploy nothing: every setting failed."], [], [], [], {}, [])
     with pytest.raises(ValueError, match="every setting failed"):
         failed.report(tmp_path / "failed.html")
+    assert tuned.report(tmp_path / "new" / "tuned.html").read_text(encoding="utf-8") != page, "it names itself"
     with pytest.raises(calib_rl.CalibError):
-        tuned.report(tmp_path / "missing" / "tuned.html")
+        tuned.report(tmp_path)
 
 
 def test_processes_and_a_stop_change_nothing(acting: calib_rl.ActionModel, tuned: calib_rl.Tuned, tmp_path: Path) -> None:
