@@ -36,7 +36,7 @@ impl Decisions {
     /// Recorded episodes are cut after every `timeout` steps, as those of agents are. A piece is whole if it has so many steps, or if an
     /// episode began with it and ended in a terminal. What is left of an episode after a cut, and one that a gap, a row without an action or
     /// the end of the log cut short, counts by its share of `timeout` steps, as the unfinished episode of an agent does
-    /// ([`AgentRun::mean_return`](crate::Life::mean_return)): as a whole one it would make the behaviour look better than it was where rewards
+    /// ([`AgentRun::mean_return`](crate::AgentRun::mean_return)): as a whole one it would make the behaviour look better than it was where rewards
     /// are negative, and worse where they are positive.
     ///
     /// # Errors

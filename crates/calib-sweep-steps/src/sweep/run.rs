@@ -129,7 +129,7 @@ pub fn on_device(
 /// Write the results that other processes made, where nothing is left to train.
 ///
 /// # Errors
-/// [`SweepError::Incomplete`] if something is, before anything is written.
+/// [`SweepError::Incomplete`](calib_sweep::SweepError::Incomplete) if something is, before anything is written.
 pub fn put_together(
     job: &Job,
     pool: &Pool,

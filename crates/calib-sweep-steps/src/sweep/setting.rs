@@ -113,7 +113,7 @@ impl SweepContext {
     /// The environments, opened.
     ///
     /// # Errors
-    /// As [`EnvironmentSpec::open`](super::environments::Described::open).
+    /// As [`EnvironmentSpec::open`](super::environments::EnvironmentSpec::open).
     pub fn open(&self, study: &Study) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
         self.open_of(study, self.streams.demand.span)
     }
