@@ -251,9 +251,10 @@ def choice_of(name, number, folder):
     frame, columns = log_of(name, number)
     env = ENVIRONMENTS[name][0]()
     has_terminals = frame["terminal"].sum() > 0
+    if not has_terminals:
+        frame = frame.drop("terminal")
     model = calib_rl.build_model(
         frame, folder / f"{name}-{number}", actions=["action"], reward="reward", terminal="terminal" if has_terminals else None, timeout=env.limit,
-        **({} if has_terminals else {"data": {"exclude": ["terminal"]}}),
     )  # fmt: skip
     tuned = calib_rl.tune(
         Agent, SETTINGS, model, total_timesteps=STEPS, default=DEFAULT, seed=number,
