@@ -181,7 +181,7 @@ class Tuned:
         """How far the advice can be relied on, and that in a few words."""
         if self.is_supported:
             return "supported", "Supported by the log"
-        if self.advice[0].startswith("Keep the default"):
+        if _is_about_default(self.verdict):
             return "keep_default", "No clear difference"
         return "unsupported", "Not supported by the log"
 
@@ -416,10 +416,9 @@ def _worded(reason: str) -> str:
 def _advice(verdict: dict[str, Any], settings: list[Setting], default: Setting | None, doubts: list[str], model: ActionModel) -> list[str]:
     chosen = label(settings[verdict["chosen"]])
     is_default = settings[verdict["chosen"]] == default
-    about_default = all(doubt["reason"] in ("not_better_than_default", "not_told_apart") for doubt in verdict["doubts"])
     if not doubts:
         first = f"Deploy {chosen}."
-    elif default is not None and not is_default and about_default:
+    elif default is not None and not is_default and _is_about_default(verdict):
         first = f"Keep the default: {label(default)}. {chosen} is first by mean rank, but may be no better."
     else:
         first = f"Deploy nothing on this evidence. First by mean rank is {chosen}, and what stands against it follows."
@@ -442,6 +441,11 @@ def _advice(verdict: dict[str, Any], settings: list[Setting], default: Setting |
     lines.append(f"Not covered by the log: {uncovered:.0%} of its steps in the model.")
     lines.append("Returns in the model rank settings. They do not say what the plant will give.")
     return lines
+
+
+def _is_about_default(verdict: dict[str, Any]) -> bool:
+    """Whether nothing but the default speaks against the choice."""
+    return all(doubt["reason"] in ("not_better_than_default", "not_told_apart") for doubt in verdict["doubts"])
 
 
 def _difference(of: dict[str, Any]) -> str:

@@ -5,7 +5,7 @@ use std::{io::Write as _, path::PathBuf};
 use calib_files::write_atomically;
 use calib_report::{
     Axis, Cell, Chart, Colour, Dash, Decision, Marker, Overview, OverviewFigure, Point, Rule,
-    Scale, Series, Side, Support, Table,
+    Scale, Series, Side, Table,
 };
 use calib_stats::jackknife;
 use pyo3::prelude::*;
@@ -22,7 +22,7 @@ const MARKERS: [Marker; 3] = [Marker::Circle, Marker::Square, Marker::Triangle];
 struct TunedPage {
     title: String,
     subtitle: String,
-    decision: PageDecision,
+    decision: Decision,
     findings: Vec<String>,
     warnings: Vec<String>,
     /// The best first.
@@ -30,22 +30,6 @@ struct TunedPage {
     /// The kinds of models that agents learned in.
     kinds: Vec<String>,
     command: String,
-}
-
-#[derive(Deserialize)]
-struct PageDecision {
-    support: PageSupport,
-    badge: String,
-    headline: String,
-    plain: String,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum PageSupport {
-    Supported,
-    KeepDefault,
-    Unsupported,
 }
 
 #[derive(Deserialize)]
@@ -86,20 +70,10 @@ pub(crate) fn write_tuned_page(py: Python<'_>, path: PathBuf, page: &str) -> PyR
 impl TunedPage {
     fn overview(self) -> Overview {
         let (figures, tables) = (vec![self.returns()], vec![self.table()]);
-        let PageDecision { support, badge, headline, plain } = self.decision;
         Overview {
             title: self.title,
             subtitle: Some(self.subtitle),
-            decision: Some(Decision {
-                support: match support {
-                    PageSupport::Supported => Support::Supported,
-                    PageSupport::KeepDefault => Support::KeepDefault,
-                    PageSupport::Unsupported => Support::Unsupported,
-                },
-                badge,
-                headline,
-                plain,
-            }),
+            decision: Some(self.decision),
             findings: self.findings,
             warnings: self.warnings,
             figures,
@@ -150,9 +124,9 @@ impl TunedPage {
         for (kind, name) in self.kinds.iter().enumerate() {
             let points = drawn.iter().enumerate().map(|(place, setting)| {
                 let members = setting.returns[kind].iter();
-                let members: Vec<f64> = members.map(|of| of.unwrap_or(f64::NAN)).collect();
+                let members: Vec<f64> = members.map(|value| value.unwrap_or(f64::NAN)).collect();
                 let mean = members.iter().sum::<f64>() / members.len() as f64;
-                let interval = jackknife(mean, &members).map(|of| (of.low, of.high));
+                let interval = jackknife(mean, &members).map(|ends| (ends.low, ends.high));
                 Point { x: place as f64, y: mean, interval }
             });
             series.push(Series {
@@ -196,7 +170,7 @@ impl TunedPage {
                 title,
                 x: Axis {
                     label: "setting".to_owned(),
-                    scale: Scale::names(drawn.iter().map(|of| of.name.clone()).collect()),
+                    scale: Scale::names(drawn.iter().map(|setting| setting.name.clone()).collect()),
                 },
                 left: Axis { label: "return per episode, in the model".to_owned(), scale },
                 right: None,

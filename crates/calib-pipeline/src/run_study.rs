@@ -85,6 +85,17 @@ struct WholeRun<'a> {
     talk: &'a RunContext,
 }
 
+impl WholeRun<'_> {
+    /// Begin a step under its `title`, and return what it talks to: one that is up to date is no stage, and hardly worth a word.
+    fn begin(&self, step: StepKind, title: &str, job: &Job) -> RunContext {
+        if !self.plan.has_to_do(step, job) {
+            return self.talk.in_detail();
+        }
+        self.progress.stage(title);
+        self.talk.clone()
+    }
+}
+
 /// One of the models that a study compares, or its only one.
 struct Model {
     /// None for the only one.
@@ -151,13 +162,12 @@ pub(crate) fn run_to(
         return Ok(StudyRun { evaluation, left_out, outcome });
     }
     streams::check(&models[0].job.before_deployment()?, talk)?;
-    if is_pretrained(&models) {
-        let talk =
-            &begun(StepKind::Pretrain, StepKind::Pretrain.label(), job, &plan, &progress, talk);
-        ended.and(taken(&job.before_deployment()?, talk, |job| pretrain::run(job, talk))?);
-    }
     let counted = DryRunTally::default();
     let whole = WholeRun { plan: &plan, progress: &progress, counted: &counted, device, talk };
+    if is_pretrained(&models) {
+        let talk = &whole.begin(StepKind::Pretrain, StepKind::Pretrain.label(), job);
+        ended.and(taken(&job.before_deployment()?, talk, |job| pretrain::run(job, talk))?);
+    }
     for step in StepKind::OF_MODELS {
         for model in &mut models {
             ended.and(model.take(step, extent, &whole)?);
@@ -222,22 +232,6 @@ fn stages(
         extent == RunUntil::Report,
     ];
     steps.count() + once.into_iter().filter(|wanted| *wanted).count()
-}
-
-/// Begin a step under its `title`, and return what it talks to: one that is up to date is no stage, and hardly worth a word.
-fn begun(
-    step: StepKind,
-    title: &str,
-    job: &Job,
-    plan: &Plan,
-    progress: &RunProgress<'_>,
-    talk: &RunContext,
-) -> RunContext {
-    if !plan.has_to_do(step, job) {
-        return talk.in_detail();
-    }
-    progress.stage(title);
-    talk.clone()
 }
 
 /// Whether the log of a simulated plant is made, and not there already.
@@ -339,7 +333,7 @@ impl Model {
         extent: RunUntil,
         whole: &WholeRun<'_>,
     ) -> Result<Outcome, StepError> {
-        let WholeRun { plan, progress, counted, talk, .. } = *whole;
+        let WholeRun { plan, progress, counted, .. } = *whole;
         if !is_wanted(step, self.job.study(), extent) {
             return Ok(Outcome::Done);
         }
@@ -350,7 +344,7 @@ impl Model {
         let of_model =
             self.name.as_ref().map_or_else(String::new, |name| format!(", model {name}"));
         let title = format!("{}{of_model}", step.label());
-        let talk = &begun(step, &title, &self.job, plan, progress, talk);
+        let talk = &whole.begin(step, &title, &self.job);
         match take(step, &self.job, &WholeRun { talk, ..*whole }) {
             Err(reason)
                 if matches!(reason.root(), StepError::Unavailable(_)) && self.name.is_some() =>

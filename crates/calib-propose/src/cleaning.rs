@@ -86,7 +86,8 @@ struct Contradicting {
 
 impl Contradicting {
     fn of<'a>(sketch: &Sketch, channels: impl Iterator<Item = &'a ChannelSketch>) -> Option<Self> {
-        let mut found: Vec<&ChannelSketch> = channels.filter(|of| of.contradicting > 0).collect();
+        let mut found: Vec<&ChannelSketch> =
+            channels.filter(|channel| channel.contradicting > 0).collect();
         found.sort_by_key(|of| std::cmp::Reverse(of.contradicting));
         let rows = found.first()?.contradicting;
         let more = if found.len() > NAMED { " …" } else { "" };

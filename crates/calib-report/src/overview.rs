@@ -1,5 +1,7 @@
 //! A page on several studies: charts and tables with what they mean.
 
+use serde::Deserialize;
+
 use crate::{Chart, Table};
 
 /// Charts and tables on one page, as self-contained as a report.
@@ -24,7 +26,7 @@ pub struct Overview {
 }
 
 /// What to do, as a card.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Decision {
     /// How far it can be relied on.
     pub support: Support,
@@ -37,7 +39,8 @@ pub struct Decision {
 }
 
 /// How far a decision can be relied on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Support {
     /// It is supported.
     Supported,

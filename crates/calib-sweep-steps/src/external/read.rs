@@ -8,6 +8,8 @@ use calib_data::table::{Table, read_parquet};
 use calib_sweep::{Candidate, EnvironmentId, RunRow, Unit, UnitResult};
 use serde_json::Value;
 
+use crate::sweep::tables::MEASURED;
+
 /// More values than anybody compares.
 const MOST_CANDIDATES: usize = 100_000;
 
@@ -291,7 +293,7 @@ fn labelled(label: &str) -> Vec<(String, Value)> {
 /// Columns that no run of calib has by itself, in which each candidate has one number and not all the same: what was swept.
 fn fields(columns: &Columns<'_>, numbers: &[u64], count: usize) -> Vec<(String, Vec<Value>)> {
     let mut fields = Vec::new();
-    for name in columns.table.names().filter(|name| !OWN.contains(name)) {
+    for name in columns.table.names().filter(|name| !describes_runs(name)) {
         let Ok(values) = columns.table.numbers(name) else { continue };
         let mut of_candidates: Vec<Option<f64>> = vec![None; count];
         let alike = values.iter().zip(numbers).all(|(value, candidate)| {
@@ -308,31 +310,11 @@ fn fields(columns: &Columns<'_>, numbers: &[u64], count: usize) -> Vec<(String, 
     fields
 }
 
-/// Columns that describe runs.
-pub(super) const OWN: [&str; 22] = [
-    "environment",
-    "sensor",
-    "run",
-    "candidate",
-    "label",
-    "is_default",
-    "seed",
-    "start_row",
-    "steps",
-    "updates",
-    "diverged",
-    "scored_steps",
-    "rmse",
-    "nrmse",
-    "skill",
-    "mean_return",
-    "return_std",
-    "error_scale",
-    "rmse_whole_run",
-    "rmse_after_first_quarter",
-    "rmse_final_quarter",
-    "agent",
-];
+/// Whether a column describes runs, and was not swept.
+fn describes_runs(column: &str) -> bool {
+    let named = ["environment", "sensor", "run", "candidate", "label", "is_default"];
+    named.contains(&column) || MEASURED.contains(&column)
+}
 
 #[cfg(test)]
 mod tests {

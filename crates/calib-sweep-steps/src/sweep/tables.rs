@@ -53,7 +53,9 @@ pub(crate) fn external_runs(
             .map(|of| of.values.iter().find_map(|(name, value)| (name == field).then_some(value)))
             .collect();
         ensure!(
-            !(OWN.contains(&field.as_str()) || table.values(field).is_some()),
+            !(field == "gamma"
+                || MEASURED.contains(&field.as_str())
+                || table.values(field).is_some()),
             "a swept value cannot be called `{field}`: runs have a column of that name"
         );
         table = if values.iter().flatten().all(|value| value.is_number()) {
@@ -67,9 +69,8 @@ pub(crate) fn external_runs(
     Ok(with_errors(table, sweep, part, &rows))
 }
 
-/// Columns that every table of runs has.
-const OWN: [&str; 17] = [
-    "gamma",
+/// Columns that every table of runs has, with what was measured of each run.
+pub(crate) const MEASURED: [&str; 16] = [
     "seed",
     "start_row",
     "steps",

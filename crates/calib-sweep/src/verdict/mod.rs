@@ -55,6 +55,19 @@ pub struct Judging<'a> {
     pub seed: Seed,
 }
 
+impl<'a> Judging<'a> {
+    /// For the choice alone: without simple predictors beside it, and without resamples.
+    pub fn of_choice(
+        part: Part,
+        rule: Rule,
+        top_k: usize,
+        scales: &'a [ErrorScale],
+        seed: Seed,
+    ) -> Self {
+        Self { part, rule, top_k, scales, simple: &[], stands_still: false, resamples: 0, seed }
+    }
+}
+
 /// How often a value is chosen from other draws of the evidence. It says how firm the choice is on this log: members share most of it, so that
 /// another log of the same plant agrees less often.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -15,16 +15,9 @@ pub(super) fn choice(
     verdicts: &[SensorVerdict],
 ) -> Result<usize, StepError> {
     let (study, manifest) = (parts[0].judged.study(), &parts[0].judged.manifest);
-    let judging = Judging {
-        part: study.part(),
-        rule: study.evaluate.rule,
-        top_k: study.evaluate.top_k,
-        scales: &manifest.scales,
-        simple: &[],
-        stands_still: false,
-        resamples: 0,
-        seed: Seed::new(study.seed),
-    };
+    let (rule, top_k) = (study.evaluate.rule, study.evaluate.top_k);
+    let seed = Seed::new(study.seed);
+    let judging = Judging::of_choice(study.part(), rule, top_k, &manifest.scales, seed);
     let results: Vec<&[UnitResult]> = parts.iter().map(|part| &part.judged.results[..]).collect();
     let raced: BTreeSet<usize> = verdicts
         .iter()
@@ -123,17 +116,7 @@ mod tests {
             agent: AgentConfig::default(),
         };
         let candidates: Vec<Candidate> = (0..3).map(candidate).collect();
-        let (part, seed) = (RunPart::WholeRun, Seed::new(0));
-        let judging = Judging {
-            part,
-            rule,
-            top_k: 1,
-            scales: &[],
-            simple: &[],
-            stands_still: false,
-            resamples: 0,
-            seed,
-        };
+        let judging = Judging::of_choice(RunPart::WholeRun, rule, 1, &[], Seed::new(0));
         verdict("A", &candidates, results, &judging).expect("judged").chosen
     }
 
