@@ -1,6 +1,6 @@
 """How well `calib_rl.tune` chooses on environments that nobody of calib wrote: the tables of docs/control.md, "Public environments".
 
-    pip install calib-rl[gym,frames,tune] pcgym gymchem box2d
+    pip install calib-rl[gym,frames,tune] pcgym gymchem box2d bsm2-python
     python3 scripts/public_environments.py DIR [--environments cstr,lunar] [--logs FIRST END]
     python3 scripts/public_environments.py DIR --report
 
@@ -9,8 +9,12 @@ happened is a log of 1,000 to 20,000 steps. A linear Q-learning agent has 16 set
 models of the log and chooses one. The truth is what each setting gets while it learns in the environment itself, as a mean over
 five runs. Everything is kept in DIR as it is made, and the same call goes on from there.
 
---report prints Markdown: regret of the choice in % of that of a random choice, beside the agent's default and the setting
-that is best in the other environments, with 95 % intervals by a bootstrap over logs, environments weighted equally.
+--report prints Markdown: regret of the choice in % of that of a random choice, beside what calib advises (the default, unless
+it says to deploy the choice), the choice where calib says that it is ahead of the default and else the default, the agent's
+default, and the setting that is best in the other environments, with 95 % intervals by a bootstrap over logs, environments
+weighted equally. Runs of a truth have common seeds, so how well it tells settings apart
+is known: the share of the variance between settings that is not noise. Averages are given twice, over all environments and
+over those where that share is at least RELIABLE.
 """
 
 import argparse
@@ -31,6 +35,9 @@ RANDOM_SHARE = 0.25
 GRID = {"learning_rate": [0.003, 0.03, 0.1, 0.5], "epsilon": [0.02, 0.1, 0.3, 0.8]}
 DEFAULT = {"learning_rate": 0.1, "epsilon": 0.1}
 SETTINGS = [{"learning_rate": rate, "epsilon": epsilon} for rate in GRID["learning_rate"] for epsilon in GRID["epsilon"]]
+RELIABLE = 0.8
+# Doubts of calib that say that the choice is not ahead of the default in the models.
+NOT_AHEAD = {"not_better_than_default", "not_told_apart", "diverged"}
 DRAWS = 10_000
 
 
@@ -130,6 +137,61 @@ def gymchem_rule(seen, _):
     return int(np.clip(round(2 - 4 * (seen[0] + 0.2)), 0, 4))
 
 
+class Wastewater:
+    """The wastewater benchmark BSM1, with the weather and loads of BSM2: an episode is one of its 600 days from a stable plant.
+
+    An action sets how strongly three of the tanks are aerated, every 15 minutes. The reward is what the benchmark charges for:
+    pollution of the effluent (its EQI, kg a day) and energy for aeration (kWh a day), in thousands.
+    """
+
+    def __init__(self):
+        from bsm2_python import BSM1OL
+
+        self.plant = BSM1OL(timestep=15 / 1440, endtime=602)
+        self.plant.stabilize()
+        self.stable = self.state()
+        self.rng = np.random.default_rng(0)
+
+    def state(self):
+        plant = self.plant
+        tanks = [plant.reactor1, plant.reactor2, plant.reactor3, plant.reactor4, plant.reactor5]
+        return [tank.y0.copy() for tank in tanks], plant.settler.ys0.copy(), plant.ys_out.copy(), plant.y_out5_r.copy()
+
+    def reset(self, seed=None):
+        if seed is not None:
+            self.rng = np.random.default_rng(seed)
+        plant = self.plant
+        tanks, settler, plant.ys_out, plant.y_out5_r = [part.copy() for part in self.stable]
+        for tank, state in zip([plant.reactor1, plant.reactor2, plant.reactor3, plant.reactor4, plant.reactor5], tanks):
+            tank.y0 = state.copy()
+        plant.settler.ys0 = settler
+        self.at = 96 * int(self.rng.integers(600))
+        plant.step(self.at)
+        return self.seen(), {}
+
+    def seen(self):
+        # Oxygen, nitrate and ammonia of the last tank, nitrate of the second, flow and ammonia of what comes in.
+        last, second, came = self.plant.y_out5, self.plant.y_out2, self.plant.y_in_all[self.at]
+        return np.array([last[7], last[8], last[9], second[8], came[14], came[9]])
+
+    def step(self, action):
+        self.at += 1
+        self.plant.step(self.at, action)
+        aeration = self.plant.perf_factors_all[self.at, 1]
+        return self.seen(), -(self.plant.eqi_all[self.at] + aeration) / 1e3, False, False, {}
+
+
+def wastewater():
+    levels = [np.array([0.0, 0.0, both, both, last]) for both in (60.0, 150.0, 240.0) for last in (10.0, 84.0, 160.0)]
+    return Levels(Wastewater(), levels, [0, 0, 0, 0, 5_000, 0], [3, 5, 25, 0.5, 50_000, 60], 96)
+
+
+def wastewater_rule(seen, _):
+    # More air where ammonia is left over, and in the last tank where there is too little oxygen.
+    ammonia, oxygen = 12.5 * (seen[2] + 1), 1.5 * (seen[0] + 1)
+    return 3 * (0 if ammonia < 1 else 1 if ammonia < 4 else 2) + (2 if oxygen < 1 else 1 if oxygen < 3 else 0)
+
+
 def lunar():
     import gymnasium
 
@@ -143,7 +205,10 @@ def lunar_rule(_, env):
     return heuristic(env.env, (env.env_seen if hasattr(env, "env_seen") else np.zeros(8)))
 
 
-ENVIRONMENTS = {"cstr": (cstr, cstr_rule), "four_tank": (four_tank, four_tank_rule), "gymchem": (gymchem, gymchem_rule), "lunar": (lunar, lunar_rule)}
+ENVIRONMENTS = {
+    "cstr": (cstr, cstr_rule), "four_tank": (four_tank, four_tank_rule), "gymchem": (gymchem, gymchem_rule),
+    "lunar": (lunar, lunar_rule), "wastewater": (wastewater, wastewater_rule),
+}  # fmt: skip
 
 
 class Agent:
@@ -305,57 +370,75 @@ def spearman(left, right):
     return float(np.corrcoef(ranked(left), ranked(right))[0, 1])
 
 
-def interval(of_logs):
+def interval(of_logs, digits=1):
     """Mean over environments of means over logs, and a bootstrap over logs."""
     rng = random.Random(1)
     names = sorted(of_logs)
     mean = statistics.fmean(statistics.fmean(of_logs[name]) for name in names)
     draws = sorted(statistics.fmean(statistics.fmean(rng.choices(of_logs[name], k=len(of_logs[name]))) for name in names) for _ in range(DRAWS))
-    return f"{mean:.1f} ({draws[DRAWS // 40]:.1f} to {draws[-DRAWS // 40]:.1f})"
+    return f"{mean:.{digits}f} ({draws[DRAWS // 40]:.{digits}f} to {draws[-DRAWS // 40]:.{digits}f})"
+
+
+def reliability(truth):
+    """The share of the variance between settings that is not noise; runs with the same seed are compared with each other."""
+    runs = np.asarray(truth, float)
+    settings = runs.mean(1)
+    rest = runs - runs.mean(0) - (settings - settings.mean())[:, None]
+    noise = (rest**2).sum() / ((runs.shape[0] - 1) * (runs.shape[1] - 1)) / runs.shape[1]
+    return max(0.0, 1.0 - noise / settings.var(ddof=1))
 
 
 def report(folder):
-    truths = {name: [statistics.fmean(runs) for runs in json.loads((folder / f"truth-{name}.json").read_text())] for name in ENVIRONMENTS if (folder / f"truth-{name}.json").exists()}
+    runs = {name: json.loads(path.read_text()) for name in ENVIRONMENTS if (path := folder / f"truth-{name}.json").exists()}
+    truths = {name: [statistics.fmean(of_runs) for of_runs in found] for name, found in runs.items()}
 
     def regret(name, place):
         truth = truths[name]
         return 100.0 * (max(truth) - truth[place]) / (max(truth) - statistics.fmean(truth))
 
     default = SETTINGS.index(DEFAULT)
-    rows = {way: {} for way in ("choice", "default", "best of the other environments", "difference to the default")}
-    correlations, kept, refused = {}, {}, {}
-    print("| environment | logs | random | best | choice: regret | default: regret | best setting of the others: regret | Spearman | not refused |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    labels = ["choice", "what calib advises", "choice if ahead of the default", "default", "best of the other environments"]
+    rows = {row: {} for row in [*labels, *(f"default less {label}" for label in labels[:3])]}
+    correlations, groups = {}, {"calib says to deploy the choice": {}, "it is only ahead of the default": {}, "neither": {}}
+    print("| environment | logs | random | best | told apart | choice: regret | advice: regret | default: regret | best of the others: regret | Spearman | deploy, keep, nothing |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
     for name, truth in truths.items():
         found = [json.loads(path.read_text()) for path in sorted(folder.glob(f"{name}-[0-9]*.json"))]
         if not found:
             continue
         others = [other for other in truths if other != name]
         fixed = min(range(len(SETTINGS)), key=lambda place: statistics.fmean(regret(other, place) for other in others)) if others else default
-        regrets = [regret(name, one["chosen"]) for one in found]
-        rows["choice"][name] = regrets
+        says = [one["advice"].split()[0] if not one["advice"].startswith("Deploy nothing") else "nothing" for one in found]
+        chosen = [regret(name, one["chosen"]) for one in found]
+        advised = [regret(name, one["chosen"] if said == "Deploy" else default) for one, said in zip(found, says)]
+        rows["choice"][name], rows["what calib advises"][name] = chosen, advised
         rows["default"][name] = [regret(name, default)] * len(found)
         rows["best of the other environments"][name] = [regret(name, fixed)] * len(found)
-        rows["difference to the default"][name] = [regret(name, default) - one for one in regrets]
-        correlations[name] = [
-            spearman([-one["mean_ranks"][str(place)] for place in range(len(SETTINGS)) if str(place) in one["mean_ranks"]], [truth[place] for place in range(len(SETTINGS)) if str(place) in one["mean_ranks"]])
-            for one in found
-        ]
-        supported = [not one["advice"].startswith("Deploy nothing") for one in found]
-        for one, is_kept in zip(regrets, supported):
-            (kept if is_kept else refused).setdefault(name, []).append(one)
+        is_ahead = [not NOT_AHEAD & set(one["reasons"]) for one in found]
+        rows["choice if ahead of the default"][name] = [one if ahead else regret(name, default) for one, ahead in zip(chosen, is_ahead)]
+        for label in labels[:3]:
+            rows[f"default less {label}"][name] = [regret(name, default) - one for one in rows[label][name]]
+        correlations[name] = []
+        for one in found:
+            raced = [place for place in range(len(SETTINGS)) if str(place) in one["mean_ranks"]]
+            correlations[name].append(spearman([-one["mean_ranks"][str(place)] for place in raced], [truth[place] for place in raced]))
+        for one, said, ahead in zip(chosen, says, is_ahead):
+            group = "calib says to deploy the choice" if said == "Deploy" else "it is only ahead of the default" if ahead else "neither"
+            groups[group].setdefault(name, []).append(one)
         print(
-            f"| {name} | {len(found)} | {statistics.fmean(truth):.4g} | {max(truth):.4g} | {statistics.fmean(regrets):.1f} % (worst {max(regrets):.0f}) | {regret(name, default):.1f} % "
-            f"| {regret(name, fixed):.1f} % | {statistics.fmean(correlations[name]):.2f} | {sum(supported)} of {len(found)} |"
+            f"| {name} | {len(found)} | {statistics.fmean(truth):.4g} | {max(truth):.4g} | {100 * reliability(runs[name]):.0f} % | {statistics.fmean(chosen):.1f} % (worst {max(chosen):.0f}) "
+            f"| {statistics.fmean(advised):.1f} % | {regret(name, default):.1f} % | {regret(name, fixed):.1f} % | {statistics.fmean(correlations[name]):.2f} "
+            f"| {says.count('Deploy')}, {says.count('Keep')}, {says.count('nothing')} |"
         )
-    print()
-    for way, of_logs in rows.items():
-        print(f"- {way}: {interval(of_logs)} % of a random choice's regret")
-    print(f"- Spearman's correlation of ranks with the truth: {interval(correlations)}")
-    for what, of_logs in (("not refused", kept), ("refused", refused)):
-        count = sum(map(len, of_logs.values()))
-        if count:
-            print(f"- {what}: {count} logs, regret {statistics.fmean(one for logs in of_logs.values() for one in logs):.1f} % on average, at most {max(one for logs in of_logs.values() for one in logs):.0f} %")
+    for scope, names in (("all environments", set(truths)), ("environments whose settings are told apart", {name for name in truths if reliability(runs[name]) >= RELIABLE})):
+        print(f"\nOver {scope}:\n")
+        for row, of_logs in rows.items():
+            print(f"- {row}: {interval({name: logs for name, logs in of_logs.items() if name in names})} % of a random choice's regret")
+        print(f"- Spearman's correlation of ranks with the truth: {interval({name: logs for name, logs in correlations.items() if name in names}, 2)}")
+        for label, of_logs in groups.items():
+            regrets = [one for name, logs in of_logs.items() if name in names for one in logs]
+            if regrets:
+                print(f"- {label}: {len(regrets)} logs, the choice has {statistics.fmean(regrets):.1f} % on average, at most {max(regrets):.0f} %")
 
 
 def main():
