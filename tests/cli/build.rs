@@ -142,7 +142,7 @@ fn kill_while_judging(place: &Place, directory: &Path) -> Option<Vec<SystemTime>
 fn a_build_killed_while_judging_searches_nothing_again() {
     let place = long_study();
     // Approximate, so that there is much to judge.
-    place.edit_study("members = 3", "members = 3\nprototypes = 2");
+    place.edit_study("members = 3", "members = 3\nprototypes = 32");
     let directory = place.path().join("judged");
     // A build that ends before it is killed forgets its parts: then both of them begin anew.
     let killed = (0..20).find_map(|_| {

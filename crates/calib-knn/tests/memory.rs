@@ -16,7 +16,7 @@ use calib_core::{Seed, Segments, Silent, States, Transitions};
 use calib_files::ScratchPlace;
 use calib_knn::{IndexKind, KnnModel, MemoryNeed, ModelConfig, Parts, PrototypeKind, Workplace};
 
-const ROWS: usize = 120_000;
+const ROWS: usize = 80_000;
 /// What tells a process of these tests which case it builds, and of how many times the rows.
 const CASE: &str = "CALIB_KNN_MEMORY_CASE";
 
