@@ -182,7 +182,7 @@ class ActionModel:
         self,
         /,
         runs: str,
-        candidates: int,
+        settings: list[str],
         default: int | None,
         timeout: int,
         most_uncovered: float | None,

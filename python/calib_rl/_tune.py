@@ -161,14 +161,12 @@ class Tuned:
             }
             for row in self._rows()
         ]
-        support, badge = self._support()
-        headline, *plain = self.advice[0].split(". ", 1)
         runs = len(self.runs) // max(1, len(self.settings) * len(kinds) * len(members))
         page = {
             "title": "Agents that act",
             "subtitle": f"{len(settings)} settings in {len(members)} ensemble members of {len(kinds)} kinds of models, {runs} {'run' if runs == 1 else 'runs'} each",
-            "decision": {"support": support, "badge": badge, "headline": headline.rstrip(".") + ".", "plain": " ".join(plain)},
-            "findings": [line for line in self.advice[1:] if line not in self.doubts],
+            "decision": self.verdict["decision"],
+            "findings": self.verdict["findings"],
             "warnings": [*self.doubts, *map(str, self.failures)],
             "settings": settings,
             "kinds": kinds,
@@ -176,14 +174,6 @@ class Tuned:
         }
         _calib.write_tuned_page(os.fspath(path), json.dumps(page))
         return Path(path)
-
-    def _support(self) -> tuple[str, str]:
-        """How far the advice can be relied on, and that in a few words."""
-        if self.is_supported:
-            return "supported", "Supported by the log"
-        if _is_about_default(self.verdict):
-            return "keep_default", "No clear difference"
-        return "unsupported", "Not supported by the log"
 
     def _rows(self) -> list[dict[str, Any]]:
         if not self.verdict:
@@ -330,7 +320,7 @@ def tune(
         advice = ["Deploy nothing: every setting failed."]
         return Tuned([], None, default, advice, [], failures, halved, {}, [])
     verdict = work.judged(alive, lived, default, limits, work.constants(max(1, steps)))
-    doubts = [_worded(reason) for reason in verdict.pop("reasons")]
+    doubts = verdict.pop("reasons")
     compared = [settings[place] for place in alive]
     chosen = compared[verdict["chosen"]]
     told = [
@@ -344,7 +334,8 @@ def tune(
         if place in alive
         for unit in units
     ]
-    advice = _advice(verdict, compared, default, doubts, model)
+    decision = verdict["decision"]
+    advice = [f"{decision['headline']} {decision['plain']}", *doubts, *verdict["findings"]]
     return Tuned(compared, chosen, default, advice, doubts, failures, halved, verdict, told)
 
 
@@ -398,61 +389,6 @@ def _parts(halving: int | None, settings: int) -> list[int]:
     while len(parts) < 3 and settings > factor ** len(parts):
         parts.append(factor ** len(parts))
     return parts[::-1]
-
-
-def _worded(reason: str) -> str:
-    """A doubt of a study in the words of Python."""
-    for key, argument in {
-        "control.steps": "total_timesteps",
-        "control.runs": "runs",
-        "control.most_uncovered": "most_uncovered",
-        "control.fewest_terminals": "fewest_terminals",
-        "candidate": "setting",
-    }.items():
-        reason = reason.replace(key, argument)
-    return reason
-
-
-def _advice(verdict: dict[str, Any], settings: list[Setting], default: Setting | None, doubts: list[str], model: ActionModel) -> list[str]:
-    chosen = label(settings[verdict["chosen"]])
-    is_default = settings[verdict["chosen"]] == default
-    if not doubts:
-        first = f"Deploy {chosen}."
-    elif default is not None and not is_default and _is_about_default(verdict):
-        first = f"Keep the default: {label(default)}. {chosen} is first by mean rank, but may be no better."
-    else:
-        first = f"Deploy nothing on this evidence. First by mean rank is {chosen}, and what stands against it follows."
-    lines = [first, *doubts]
-    over = verdict["over_default"]
-    if is_default:
-        lines.append("That is the default.")
-    elif over is not None:
-        lines.append(f"Over the default: {_difference(over)}.")
-    lines.append(f"Over a random setting: {_difference(verdict['over_random'])}.")
-    constant = verdict.get("constant")
-    if constant is not None:
-        name, over = model.actions[constant["action"]].name, constant["over"]
-        beside = "" if over is None else f" The chosen setting: {_difference(over)} beside it."
-        lines.append(f"Best constant action: always {name} gets {_short(float(constant['mean_return']))} in the model, where {constant['uncovered']:.0%} of its steps are not covered.{beside}")
-    behaviour = verdict["behaviour"]
-    best = "" if behaviour["best"] is None else f", at most {_short(behaviour['best'])}"
-    lines.append(f"Recorded episodes: mean return {_short(behaviour['mean'])}{best}.")
-    uncovered = _uncovered(verdict["coverage"][verdict["chosen"]])
-    lines.append(f"Not covered by the log: {uncovered:.0%} of its steps in the model.")
-    lines.append("Returns in the model rank settings. They do not say what the plant will give.")
-    return lines
-
-
-def _is_about_default(verdict: dict[str, Any]) -> bool:
-    """Whether nothing but the default speaks against the choice."""
-    return all(doubt["reason"] in ("not_better_than_default", "not_told_apart") for doubt in verdict["doubts"])
-
-
-def _difference(of: dict[str, Any]) -> str:
-    interval = of["interval"]
-    tail = "" if interval is None else f" (95 %: {_short(float(interval['low']))} to {_short(float(interval['high']))})"
-    mean = float(of["mean"])
-    return f"{'+' if mean >= 0 else ''}{_short(mean)} in the model, over blocks of the log{tail}"
 
 
 @dataclass
@@ -624,7 +560,7 @@ class _Work:
         verdict: dict[str, Any] = json.loads(
             self.model._native.judge(
                 json.dumps(runs),
-                len(places),
+                [label(setting) for setting in compared],
                 standard,
                 timeout,
                 limits["most_uncovered"],

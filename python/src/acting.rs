@@ -6,11 +6,12 @@ use std::{
 };
 
 use calib_control::{
-    ActionModel, ConstantReturns, Increments, Moves, NetworkModel, Pessimism, Question, Rules, Run,
-    Support, Walkers, judge,
+    ActionModel, ConstantReturns, Increments, Moves, NetworkModel, Pessimism, Question,
+    ReturnVerdict, Rules, Run, Support, Walkers, judge,
 };
 use calib_core::{Bounds, Seed, Silent};
-use calib_pipeline::ControlModel;
+use calib_pipeline::{Advice, ControlModel, PYTHON};
+use calib_report::Decision;
 use pyo3::{exceptions::PyIndexError, prelude::*};
 use serde::Serialize;
 
@@ -303,15 +304,15 @@ impl PyActionModel {
         })
     }
 
-    /// What runs of agents in the members say, as JSON: `runs` is a JSON list of them, and `constants` of what constant actions get
-    /// in each kind of model.
-    #[pyo3(signature = (runs, candidates, default, timeout, most_uncovered, fewest_terminals, resamples, seed, constants))]
+    /// What runs of agents in the members say, as JSON: `runs` is a JSON list of them, `settings` what each setting is called, and
+    /// `constants` a JSON list of what constant actions get in each kind of model.
+    #[pyo3(signature = (runs, settings, default, timeout, most_uncovered, fewest_terminals, resamples, seed, constants))]
     #[expect(clippy::too_many_arguments, reason = "what decides about a verdict")]
     fn judge(
         &self,
         py: Python<'_>,
         runs: &str,
-        candidates: usize,
+        settings: Vec<String>,
         default: Option<usize>,
         timeout: usize,
         most_uncovered: Option<f64>,
@@ -333,23 +334,37 @@ impl PyActionModel {
         let log = self.model().log();
         let seed = Seed::new(seed).child("control");
         let judged = watched(py, Needs::Threads, None, |_| {
-            let new = Question::new(log, timeout, candidates);
+            let new = Question::new(log, timeout, settings.len());
             let question = Question { default, support, resamples, constants: &constants, ..new };
             judge(&runs, &question, seed)
         })?;
         let verdict = judged.map_err(|error| errors::of_any(py, &error))?;
         let columns: Vec<String> = names.columns.iter().map(|column| column.name.clone()).collect();
-        let told = |doubt| calib_pipeline::doubt_text(doubt, &names.actions, &columns);
-        let reasons = verdict.doubts.iter().map(told).collect();
-        serde_json::to_string(&Judged { reasons, verdict })
-            .map_err(|error| errors::value(error.to_string()))
+        let advice = Advice {
+            verdict: &verdict,
+            settings: &settings,
+            actions: &names.actions,
+            columns: &columns,
+            vocabulary: PYTHON,
+        };
+        let judged = Judged {
+            decision: advice.decision(),
+            findings: advice.findings(),
+            reasons: advice.reasons(),
+            is_ahead_of_default: verdict.is_ahead_of_default(),
+            verdict: &verdict,
+        };
+        serde_json::to_string(&judged).map_err(|error| errors::value(error.to_string()))
     }
 }
 
-/// A verdict, and its doubts in words.
+/// A verdict, and what it says in words.
 #[derive(Serialize)]
-struct Judged {
+struct Judged<'a> {
+    decision: Decision,
+    findings: Vec<String>,
     reasons: Vec<String>,
+    is_ahead_of_default: bool,
     #[serde(flatten)]
-    verdict: calib_control::ReturnVerdict,
+    verdict: &'a ReturnVerdict,
 }

@@ -208,6 +208,16 @@ impl ReturnVerdict {
     pub fn is_supported(&self) -> bool {
         self.doubts.is_empty()
     }
+
+    /// Whether the chosen candidate is ahead of the default in the models, whatever else speaks against deploying it. Models rank better
+    /// than they promise: docs/control.md has the regret of such choices.
+    pub fn is_ahead_of_default(&self) -> bool {
+        let denies = |doubt: &Doubt| {
+            matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart | Doubt::Diverged)
+        };
+        self.default.is_some_and(|default| default != self.chosen)
+            && !self.doubts.iter().any(denies)
+    }
 }
 
 /// Judge the runs of a sweep.

@@ -75,8 +75,8 @@ pub use calib_sweep_steps::{
 };
 pub use check::{CheckedResults, Damage};
 pub use control::{
-    ActionLogSummary, ControlColumn, ControlEvaluation, ControlModel, ControlNames, SimulateTask,
-    SimulatedTask, doubt_text,
+    ActionLogSummary, Advice, ControlColumn, ControlEvaluation, ControlModel, ControlNames, PYTHON,
+    SimulateTask, SimulatedTask, Vocabulary,
 };
 pub use each::{PartResult, Results};
 pub use inspect::{Inspection, inspect_deployments};

@@ -1,6 +1,7 @@
 //! A page on several studies: charts and tables with what they mean.
 
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::{Chart, Table};
 
@@ -26,7 +27,7 @@ pub struct Overview {
 }
 
 /// What to do, as a card.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Decision {
     /// How far it can be relied on.
     pub support: Support,
@@ -39,7 +40,7 @@ pub struct Decision {
 }
 
 /// How far a decision can be relied on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Support {
     /// It is supported.

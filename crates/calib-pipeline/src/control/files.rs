@@ -9,11 +9,16 @@ use calib_base::{
 use calib_control::{AgentConfig, ControlConfig, Distance, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
+use calib_report::Decision;
 use calib_study::Study;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{described::ActionLogSummary, show::name};
+use super::{
+    advice::{Advice, STUDY},
+    described::ActionLogSummary,
+    show::name,
+};
 
 pub(super) use calib_base::artefact::CONTROL_VERDICT as VERDICT;
 pub(super) const RUNS: &str = "runs.parquet";
@@ -79,6 +84,21 @@ impl ControlEvaluation {
         &self.candidates
     }
 
+    /// Say what to do, in words.
+    pub(super) fn advise<T>(&self, words: impl FnOnce(Advice<'_>) -> T) -> T {
+        let settings: Vec<String> =
+            (0..self.candidates.len()).map(|candidate| name(self, candidate)).collect();
+        let actions: Vec<String> =
+            self.log.actions.iter().map(|action| action.name.clone()).collect();
+        words(Advice {
+            verdict: &self.verdict,
+            settings: &settings,
+            actions: &actions,
+            columns: &self.log.columns,
+            vocabulary: STUDY,
+        })
+    }
+
     /// The agent to deploy, if the log supports the choice.
     pub fn supported(&self) -> Option<&AgentConfig> {
         self.verdict.is_supported().then(|| &self.candidates[self.verdict.chosen])
@@ -90,13 +110,22 @@ impl ControlEvaluation {
 pub(crate) struct ControlSummary<'a> {
     /// What to deploy, if the log supports it: the chosen candidate.
     choice: &'a AgentConfig,
+    /// What to do, in words.
+    decision: Decision,
+    /// Whether the choice is ahead of the default in the models, whatever speaks against deploying it.
+    is_ahead_of_default: bool,
     #[serde(flatten)]
     evaluation: &'a ControlEvaluation,
 }
 
 impl<'a> From<&'a ControlEvaluation> for ControlSummary<'a> {
     fn from(evaluation: &'a ControlEvaluation) -> Self {
-        Self { choice: &evaluation.candidates[evaluation.verdict.chosen], evaluation }
+        Self {
+            choice: &evaluation.candidates[evaluation.verdict.chosen],
+            decision: evaluation.advise(|advice| advice.decision()),
+            is_ahead_of_default: evaluation.verdict.is_ahead_of_default(),
+            evaluation,
+        }
     }
 }
 

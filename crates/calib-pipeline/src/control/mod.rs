@@ -1,5 +1,6 @@
 //! Agents that act: from a log of decisions to a verdict, and logs of tasks whose truth is known.
 
+mod advice;
 mod described;
 mod figures;
 mod files;
@@ -12,6 +13,7 @@ mod show;
 mod simulate;
 mod units;
 
+pub use advice::{Advice, PYTHON, Vocabulary};
 pub use described::ActionLogSummary;
 pub use files::ControlEvaluation;
 pub(crate) use files::ControlSummary;
@@ -19,6 +21,5 @@ pub(crate) use inspect::inspect;
 pub(crate) use model::build;
 pub use model::{ControlColumn, ControlModel, ControlNames};
 pub(crate) use run::run;
-pub use show::doubt_text;
 pub(crate) use simulate::simulate;
 pub use simulate::{SimulateTask, SimulatedTask};

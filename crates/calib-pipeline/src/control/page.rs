@@ -15,7 +15,7 @@ use calib_model_steps::{
 use calib_report::{Cell, Figure, Overview, Table};
 use calib_study::{Job, StepKind};
 
-use super::{figures, files::ControlEvaluation, show};
+use super::{advice::rank_name, figures, files::ControlEvaluation, show};
 
 const PAGE: &str = "report.html";
 
@@ -41,14 +41,9 @@ pub(super) fn write(
             |name| format!("{name}: agents that act"),
         ),
         subtitle: Some(show::line(&evaluation.log)),
-        decision: Some(show::decision(evaluation)),
-        findings: show::sentences(evaluation),
-        warnings: evaluation
-            .verdict
-            .doubts
-            .iter()
-            .map(|doubt| show::reason(doubt, evaluation))
-            .collect(),
+        decision: Some(evaluation.advise(|advice| advice.decision())),
+        findings: evaluation.advise(|advice| advice.findings()),
+        warnings: evaluation.advise(|advice| advice.reasons()),
         figures: figures.into_iter().map(|(_, figure)| figure).collect(),
         tables: [
             vec![candidates(evaluation), actions(evaluation)],
@@ -105,7 +100,7 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
     let mut columns = texts([
         "setting",
         "",
-        show::rank_name(evaluation),
+        rank_name(evaluation.verdict.rule),
         "model return",
         "not covered",
         "fitted Q",

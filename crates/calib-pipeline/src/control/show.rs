@@ -3,12 +3,12 @@ use calib_base::{
     outcome::{Outcome, Told},
     output::{Printer, count, counted, percent, significant, table},
 };
-use calib_control::{BestConstant, Doubt, Importance};
-use calib_report::{Decision, Support, listed};
-use calib_stats::{Difference, Interval, RankRule};
+use calib_control::Importance;
+use calib_stats::RankRule;
 use calib_study::Job;
 
 use super::{
+    advice::rank_name,
     described::{ActionLogSummary, ActionTold, SettingTold},
     files::{ControlEvaluation, ControlSummary},
 };
@@ -25,16 +25,19 @@ impl Told for ControlEvaluation {
         if printer.is_json() {
             printer.json(&ControlSummary::from(self))?;
         } else {
-            let decision = decision(self);
-            printer.result(&decision.headline)?;
-            for sentence in std::iter::once(decision.plain).chain(sentences(self)) {
-                printer.result(&format!("    {sentence}"))?;
-            }
+            self.advise(|advice| {
+                let decision = advice.decision();
+                printer.result(&decision.headline)?;
+                for sentence in std::iter::once(decision.plain).chain(advice.findings()) {
+                    printer.result(&format!("    {sentence}"))?;
+                }
+                Ok::<_, StepError>(())
+            })?;
             printer.lines(&candidates(self))?;
             printer.lines(&actions(&self.log))?;
         }
-        for doubt in &self.verdict.doubts {
-            printer.warn(&reason(doubt, self));
+        for reason in self.advise(|advice| advice.reasons()) {
+            printer.warn(&reason);
         }
         Ok(())
     }
@@ -148,7 +151,7 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
     let mut header = vec![
         "setting",
         "",
-        rank_name(evaluation),
+        rank_name(verdict.rule),
         "model return",
         "not covered",
         "chosen again",
@@ -169,14 +172,6 @@ pub(super) fn rank(evaluation: &ControlEvaluation, candidate: usize) -> String {
     }
 }
 
-/// What it is called.
-pub(super) fn rank_name(evaluation: &ControlEvaluation) -> &'static str {
-    match evaluation.verdict.rule {
-        RankRule::MeanRank => "mean rank",
-        RankRule::WorstRank => "worst rank",
-    }
-}
-
 /// A value by importance sampling, and on how many episodes it rests.
 fn importance(of: Importance) -> [String; 2] {
     let value = of.value.map_or_else(|| "none".to_owned(), significant);
@@ -191,226 +186,4 @@ pub(super) fn name(evaluation: &ControlEvaluation, candidate: usize) -> String {
     }
     let one = |(field, value): &(String, String)| format!("{field}={value}");
     fields.iter().map(one).collect::<Vec<_>>().join(" ")
-}
-
-/// What the decision rests on.
-pub(super) fn sentences(evaluation: &ControlEvaluation) -> Vec<String> {
-    let verdict = &evaluation.verdict;
-    let mut lines = Vec::new();
-    match &verdict.over_default {
-        _ if verdict.default == Some(verdict.chosen) => {
-            lines.push("That is the default.".to_owned());
-        }
-        Some(over) => lines.push(format!("Over the default: {}.", difference(over))),
-        None if verdict.default.is_none() => {
-            lines.push("The default is not in the grid.".to_owned());
-        }
-        None => lines.push("The default diverged in the model as well.".to_owned()),
-    }
-    let over_random = &verdict.over_random;
-    lines.push(if over_random.mean.is_finite() {
-        format!("Over a random setting: {}.", difference(over_random))
-    } else {
-        "A random setting may diverge in the model.".to_owned()
-    });
-    if let [_, _, ..] = &verdict.kinds[..] {
-        let (agree, others): (Vec<_>, Vec<_>) =
-            verdict.kinds.iter().partition(|own| own.chosen == verdict.chosen);
-        let names: Vec<String> = agree.iter().map(|own| own.kind.name().to_owned()).collect();
-        lines.push(match &names[..] {
-            [] => "No kind of model alone would choose it.".to_owned(),
-            names => format!("Alone, {} would choose the same.", listed(names)),
-        });
-        for other in others {
-            lines.push(format!(
-                "Alone, {} would choose {}.",
-                other.kind.name(),
-                name(evaluation, other.chosen)
-            ));
-        }
-    }
-    lines.extend(verdict.constant.as_ref().map(|constant| beside_constant(constant, evaluation)));
-    let recorded = verdict.behaviour;
-    lines.push(format!(
-        "Recorded episodes: mean return {}{}{}.",
-        significant(recorded.mean),
-        recorded.interval.map_or_else(String::new, interval),
-        recorded.best.map_or_else(String::new, |best| format!(", at most {}", significant(best)))
-    ));
-    lines.push(
-        "Returns in the model rank settings. They do not say what the plant will give.".to_owned(),
-    );
-    lines
-}
-
-/// What always taking one action would get, which needs no agent.
-fn beside_constant(constant: &BestConstant, evaluation: &ControlEvaluation) -> String {
-    let BestConstant { action, mean_return, uncovered, over } = constant;
-    let over = over.as_ref().map_or_else(String::new, |over| {
-        format!(" The chosen setting: {} beside it.", difference(over))
-    });
-    format!(
-        "Best constant action: always {} gets {} in the model, where {} of its steps are not covered.{over}",
-        evaluation.log.actions[*action].name,
-        significant(*mean_return),
-        percent(*uncovered),
-    )
-}
-
-/// What to do, as the card of the report.
-pub(super) fn decision(evaluation: &ControlEvaluation) -> Decision {
-    let verdict = &evaluation.verdict;
-    let chosen = name(evaluation, verdict.chosen);
-    let (support, badge, headline, plain) = match action(evaluation) {
-        Action::Nothing => (
-            Support::Unsupported,
-            "Nothing to choose",
-            "There is one setting, so nothing was chosen.".to_owned(),
-            ADD_SETTINGS.to_owned(),
-        ),
-        Action::Deploy if verdict.default == Some(verdict.chosen) => (
-            Support::Supported,
-            "Supported by the log",
-            format!("Keep the default: {chosen}."),
-            format!("It has the best {}, and {DEFAULT}.", rank_name(evaluation)),
-        ),
-        Action::Deploy => (
-            Support::Supported,
-            "Supported by the log",
-            format!("Deploy {chosen}."),
-            format!(
-                "It has the best {}.{}",
-                rank_name(evaluation),
-                verdict.over_default.as_ref().map_or_else(String::new, |over| format!(
-                    " Its return beside that of the default: {}. Here {DEFAULT}.",
-                    difference(over)
-                ))
-            ),
-        ),
-        Action::KeepDefault(default) => (
-            Support::KeepDefault,
-            "No clear difference",
-            format!("Keep the default: {}.", name(evaluation, default)),
-            format!(
-                "{chosen} is first by {}, but may be no better. Here {DEFAULT}.",
-                rank_name(evaluation)
-            ),
-        ),
-        Action::Refuse => (
-            Support::Unsupported,
-            "Not supported by the log",
-            "Deploy nothing on this evidence.".to_owned(),
-            format!(
-                "First by {} is {chosen}. What stands against it is listed below.",
-                rank_name(evaluation)
-            ),
-        ),
-    };
-    Decision { support, badge: badge.to_owned(), headline, plain }
-}
-
-/// What the default is.
-const DEFAULT: &str = "the default is the agent of [control.agent], not what runs on the plant";
-/// What to do where there is one setting.
-const ADD_SETTINGS: &str = "Add values to [control.grid], such as step_size = [0.003, 0.03, 0.3].";
-
-/// What a verdict tells to do.
-enum Action {
-    /// There is nothing to choose among.
-    Nothing,
-    /// Deploy the choice.
-    Deploy,
-    /// Deploy the default: the choice may be no better.
-    KeepDefault(usize),
-    /// Deploy nothing.
-    Refuse,
-}
-
-fn action(evaluation: &ControlEvaluation) -> Action {
-    let verdict = &evaluation.verdict;
-    let is_about_the_default =
-        |doubt: &Doubt| matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart);
-    let about_the_default = verdict.doubts.iter().all(is_about_the_default);
-    match verdict.default.filter(|&default| default != verdict.chosen) {
-        _ if evaluation.candidates.len() < 2 => Action::Nothing,
-        _ if verdict.is_supported() => Action::Deploy,
-        Some(default) if about_the_default => Action::KeepDefault(default),
-        _ => Action::Refuse,
-    }
-}
-
-fn difference(of: &Difference) -> String {
-    let sign = if of.mean >= 0.0 { "+" } else { "" };
-    let interval = of.interval.map_or_else(String::new, interval);
-    format!("{sign}{} in the model, over blocks of the log{interval}", significant(of.mean))
-}
-
-fn interval(of: Interval) -> String {
-    format!(" (95 %: {} to {})", significant(of.low), significant(of.high))
-}
-
-/// Why the log does not support the choice, and what to do.
-pub(super) fn reason(doubt: &Doubt, evaluation: &ControlEvaluation) -> String {
-    let actions: Vec<String> = evaluation.log.actions.iter().map(|of| of.name.clone()).collect();
-    doubt_text(doubt, &actions, &evaluation.log.columns)
-}
-
-/// Why the log does not support a choice, and what to do, where actions and columns of the states are called so.
-pub fn doubt_text(doubt: &Doubt, actions: &[String], columns: &[String]) -> String {
-    match doubt {
-        Doubt::ActionNeverTaken { action } => {
-            let name = actions.get(*action).map_or("?", String::as_str);
-            format!("{name} was never taken: no model knows what it does; record some steps with it")
-        }
-        Doubt::Uncovered { share } => format!(
-            "{} of the chosen setting's steps lie where the log has no such action; record more varied actions, or allow more with control.most_uncovered",
-            percent(*share)
-        ),
-        Doubt::FewTerminals { terminals } => format!(
-            "only {} {} in a terminal, and choices depend on what leads there; record more, or allow fewer \
-             with control.fewest_terminals",
-            counted(*terminals, "episode"),
-            if *terminals == 1 { "ends" } else { "end" }
-        ),
-        Doubt::NotToldApart => {
-            "the models together show no clear difference between the settings; sweep settings that differ more, or longer (control.steps)"
-                .to_owned()
-        }
-        Doubt::NotBetterThanDefault => {
-            "over blocks of the log there is no clear difference between the chosen setting and the default: keep the default, or sweep with more runs (control.runs) or longer (control.steps)"
-                .to_owned()
-        }
-        Doubt::BelowRecorded { promised, recorded } => format!(
-            "the chosen setting gets {} per episode in the model, learning included, and the recorded behaviour got {}: keep that, or let \
-             agents learn for longer (control.steps)",
-            significant(*promised),
-            significant(*recorded)
-        ),
-        Doubt::AboveRecorded { promised, best } => format!(
-            "the model promises {} per episode, and no recorded episode got more than {}: nothing in the record shows that so much is possible; record better episodes, or try the choice where it can do no harm",
-            significant(*promised),
-            significant(*best)
-        ),
-        Doubt::WorseThanConstant { action, constant, promised } => format!(
-            "always taking {} gets {} per episode in the model, and the chosen setting gets {}, learning included: take that action, or let agents \
-             learn for longer (control.steps)",
-            actions.get(*action).map_or("?", String::as_str),
-            significant(*constant),
-            significant(*promised)
-        ),
-        Doubt::RareTerminals { in_model, in_log } => format!(
-            "{} of the chosen setting's steps in the model end an episode in a terminal, and {} of the recorded ones: its agents go where the log hardly shows what ends an episode; record steps there",
-            percent(*in_model),
-            percent(*in_log)
-        ),
-        Doubt::Displaced { column, mean, error } => format!(
-            "jumps between recorded rows move {} by {} times its recorded range in an episode of the chosen setting in the model (standard error {}), always to the \
-             same side: together they undo what its actions do, for example if an actuator was never recorded beyond some level; record steps there, or take the change of \
-             the column for the action",
-            columns.get(*column).map_or("?", String::as_str),
-            significant(*mean),
-            significant(*error)
-        ),
-        Doubt::Diverged => "the chosen setting diverged in a model; sweep smaller step sizes".to_owned(),
-    }
 }

@@ -1,0 +1,278 @@
+//! What a verdict about agents that act tells to do, in words: the same for studies and for Python.
+
+use calib_base::output::{counted, percent, significant};
+use calib_control::{BestConstant, Doubt, ReturnVerdict};
+use calib_report::{Decision, Support, listed};
+use calib_stats::{Difference, Interval, RankRule};
+
+/// What a user calls what decides about a verdict.
+#[derive(Clone, Copy, Debug)]
+pub struct Vocabulary {
+    /// How long agents learn.
+    pub steps: &'static str,
+    /// How often each setting is run.
+    pub runs: &'static str,
+    /// Largest share of the steps that the log may leave uncovered.
+    pub most_uncovered: &'static str,
+    /// Fewest terminals of the log.
+    pub fewest_terminals: &'static str,
+    /// What the default is.
+    pub default: &'static str,
+    /// How to compare more settings.
+    pub add_settings: &'static str,
+}
+
+/// The keys of a study.
+pub(super) const STUDY: Vocabulary = Vocabulary {
+    steps: "control.steps",
+    runs: "control.runs",
+    most_uncovered: "control.most_uncovered",
+    fewest_terminals: "control.fewest_terminals",
+    default: "the default is the agent of [control.agent], not what runs on the plant",
+    add_settings: "Add values to [control.grid], such as step_size = [0.003, 0.03, 0.3].",
+};
+
+/// The arguments of `calib_rl.tune`.
+pub const PYTHON: Vocabulary = Vocabulary {
+    steps: "total_timesteps",
+    runs: "runs",
+    most_uncovered: "most_uncovered",
+    fewest_terminals: "fewest_terminals",
+    default: "the default is the agent as it is without a setting, not what runs on the plant",
+    add_settings: "Add values to the grid.",
+};
+
+/// A verdict, and what everything in it is called.
+#[derive(Clone, Copy, Debug)]
+pub struct Advice<'a> {
+    /// The verdict.
+    pub verdict: &'a ReturnVerdict,
+    /// What distinguishes each setting.
+    pub settings: &'a [String],
+    /// Actions by number.
+    pub actions: &'a [String],
+    /// Columns of the states.
+    pub columns: &'a [String],
+    /// What the user calls the rest.
+    pub vocabulary: Vocabulary,
+}
+
+impl Advice<'_> {
+    /// What to do, as the card of a report.
+    pub fn decision(&self) -> Decision {
+        let Self { verdict, settings, vocabulary, .. } = self;
+        let (chosen, rank) = (&settings[verdict.chosen], rank_name(verdict.rule));
+        let default = vocabulary.default;
+        let other_default = verdict.default.filter(|&default| default != verdict.chosen);
+        let (support, badge, headline, plain) = if settings.len() < 2 {
+            (
+                Support::Unsupported,
+                "Nothing to choose",
+                "There is one setting, so nothing was chosen.".to_owned(),
+                vocabulary.add_settings.to_owned(),
+            )
+        } else if verdict.is_supported() {
+            let (headline, plain) = if verdict.default == Some(verdict.chosen) {
+                (format!("Keep the default: {chosen}."), format!(", and {default}."))
+            } else {
+                let over = verdict.over_default.as_ref().map_or_else(String::new, |over| {
+                    format!(
+                        " Its return beside that of the default: {}. Here {default}.",
+                        difference(over)
+                    )
+                });
+                (format!("Deploy {chosen}."), format!(".{over}"))
+            };
+            let plain = format!("It has the best {rank}{plain}");
+            (Support::Supported, "Supported by the log", headline, plain)
+        } else if let Some(other) = other_default.filter(|_| self.doubts_only_the_default()) {
+            (
+                Support::KeepDefault,
+                "No clear difference",
+                format!("Keep the default: {}.", settings[other]),
+                format!("{chosen} is first by {rank}, but may be no better. Here {default}."),
+            )
+        } else {
+            let plain = if verdict.is_ahead_of_default() {
+                format!(
+                    "If agents learn here all the same, use {chosen}: it is first by {rank} and ahead of the default. Why not to deploy it is listed below."
+                )
+            } else {
+                format!("First by {rank} is {chosen}. Why not to deploy it is listed below.")
+            };
+            (
+                Support::Unsupported,
+                "Not supported by the log",
+                "Deploy nothing on this evidence.".to_owned(),
+                plain,
+            )
+        };
+        Decision { support, badge: badge.to_owned(), headline, plain }
+    }
+
+    /// Whether nothing speaks against the choice but that it may be no better than the default.
+    fn doubts_only_the_default(&self) -> bool {
+        let mut doubts = self.verdict.doubts.iter();
+        doubts.all(|doubt| matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart))
+    }
+
+    /// What the decision rests on.
+    pub fn findings(&self) -> Vec<String> {
+        let verdict = self.verdict;
+        let mut lines = Vec::new();
+        match &verdict.over_default {
+            _ if verdict.default == Some(verdict.chosen) => {
+                lines.push("That is the default.".to_owned());
+            }
+            Some(over) => lines.push(format!("Over the default: {}.", difference(over))),
+            None if verdict.default.is_none() => {
+                lines.push("The default is not in the grid.".to_owned());
+            }
+            None => lines.push("The default diverged in the model as well.".to_owned()),
+        }
+        let over_random = &verdict.over_random;
+        lines.push(if over_random.mean.is_finite() {
+            format!("Over a random setting: {}.", difference(over_random))
+        } else {
+            "A random setting may diverge in the model.".to_owned()
+        });
+        lines.extend(self.kinds());
+        lines.extend(verdict.constant.as_ref().map(|constant| self.beside_constant(constant)));
+        let recorded = verdict.behaviour;
+        lines.push(format!(
+            "Recorded episodes: mean return {}{}{}.",
+            significant(recorded.mean),
+            recorded.interval.map_or_else(String::new, interval),
+            recorded
+                .best
+                .map_or_else(String::new, |best| format!(", at most {}", significant(best)))
+        ));
+        lines.push(format!(
+            "Not covered by the log: {} of its steps in the model.",
+            percent(verdict.coverage[verdict.chosen].uncovered())
+        ));
+        lines.push(
+            "Returns in the model rank settings. They do not say what the plant will give."
+                .to_owned(),
+        );
+        lines
+    }
+
+    /// What each kind of model alone would choose, where there are several.
+    fn kinds(&self) -> Vec<String> {
+        let verdict = self.verdict;
+        if verdict.kinds.len() < 2 {
+            return Vec::new();
+        }
+        let (agree, others): (Vec<_>, Vec<_>) =
+            verdict.kinds.iter().partition(|own| own.chosen == verdict.chosen);
+        let names: Vec<String> = agree.iter().map(|own| own.kind.name().to_owned()).collect();
+        let mut lines = vec![match &names[..] {
+            [] => "No kind of model alone would choose it.".to_owned(),
+            names => format!("Alone, {} would choose the same.", listed(names)),
+        }];
+        lines.extend(others.iter().map(|other| {
+            let setting = &self.settings[other.chosen];
+            format!("Alone, {} would choose {setting}.", other.kind.name())
+        }));
+        lines
+    }
+
+    /// What always taking one action would get, which needs no agent.
+    fn beside_constant(&self, constant: &BestConstant) -> String {
+        let BestConstant { action, mean_return, uncovered, over } = constant;
+        let over = over.as_ref().map_or_else(String::new, |over| {
+            format!(" The chosen setting: {} beside it.", difference(over))
+        });
+        format!(
+            "Best constant action: always {} gets {} in the model, where {} of its steps are not covered.{over}",
+            self.action(*action),
+            significant(*mean_return),
+            percent(*uncovered),
+        )
+    }
+
+    fn action(&self, number: usize) -> &str {
+        self.actions.get(number).map_or("?", String::as_str)
+    }
+
+    /// Why the log does not support the choice, and what to do about each reason.
+    pub fn reasons(&self) -> Vec<String> {
+        self.verdict.doubts.iter().map(|doubt| self.reason(doubt)).collect()
+    }
+
+    fn reason(&self, doubt: &Doubt) -> String {
+        let Vocabulary { steps, runs, most_uncovered, fewest_terminals, .. } = self.vocabulary;
+        match doubt {
+            Doubt::ActionNeverTaken { action } => format!(
+                "{} was never taken: no model knows what it does; record some steps with it",
+                self.action(*action)
+            ),
+            Doubt::Uncovered { share } => format!(
+                "{} of the chosen setting's steps lie where the log has no such action; record more varied actions, or allow more with {most_uncovered}",
+                percent(*share)
+            ),
+            Doubt::FewTerminals { terminals } => format!(
+                "only {} {} in a terminal, and choices depend on what leads there; record more, or allow fewer with {fewest_terminals}",
+                counted(*terminals, "episode"),
+                if *terminals == 1 { "ends" } else { "end" }
+            ),
+            Doubt::NotToldApart => format!(
+                "the models together show no clear difference between the settings; sweep settings that differ more, or longer ({steps})"
+            ),
+            Doubt::NotBetterThanDefault => format!(
+                "over blocks of the log there is no clear difference between the chosen setting and the default: keep the default, or sweep with more runs ({runs}) or longer ({steps})"
+            ),
+            Doubt::BelowRecorded { promised, recorded } => format!(
+                "the chosen setting gets {} per episode in the model, learning included, and the recorded behaviour got {}: keep that, or let agents learn for longer ({steps})",
+                significant(*promised),
+                significant(*recorded)
+            ),
+            Doubt::AboveRecorded { promised, best } => format!(
+                "the model promises {} per episode, and no recorded episode got more than {}: nothing in the record shows that so much is possible; record better episodes, or try the choice where it can do no harm",
+                significant(*promised),
+                significant(*best)
+            ),
+            Doubt::WorseThanConstant { action, constant, promised } => format!(
+                "always taking {} gets {} per episode in the model, and the chosen setting gets {}, learning included: take that action, or let agents learn for longer ({steps})",
+                self.action(*action),
+                significant(*constant),
+                significant(*promised)
+            ),
+            Doubt::RareTerminals { in_model, in_log } => format!(
+                "{} of the chosen setting's steps in the model end an episode in a terminal, and {} of the recorded ones: its agents go where the log hardly shows what ends an episode; record steps there",
+                percent(*in_model),
+                percent(*in_log)
+            ),
+            Doubt::Displaced { column, mean, error } => format!(
+                "jumps between recorded rows move {} by {} times its recorded range in an episode of the chosen setting in the model (standard error {}), always to the \
+                 same side: together they undo what its actions do, for example if an actuator was never recorded beyond some level; record steps there, or take the change of \
+                 the column for the action",
+                self.columns.get(*column).map_or("?", String::as_str),
+                significant(*mean),
+                significant(*error)
+            ),
+            Doubt::Diverged => {
+                "the chosen setting diverged in a model; sweep smaller step sizes".to_owned()
+            }
+        }
+    }
+}
+
+/// What the rank is called that a rule goes by.
+pub(super) fn rank_name(rule: RankRule) -> &'static str {
+    match rule {
+        RankRule::MeanRank => "mean rank",
+        RankRule::WorstRank => "worst rank",
+    }
+}
+
+fn difference(difference: &Difference) -> String {
+    let sign = if difference.mean >= 0.0 { "+" } else { "" };
+    let interval = difference.interval.map_or_else(String::new, interval);
+    format!("{sign}{} in the model, over blocks of the log{interval}", significant(difference.mean))
+}
+
+fn interval(interval: Interval) -> String {
+    format!(" (95 %: {} to {})", significant(interval.low), significant(interval.high))
+}
