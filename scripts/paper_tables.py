@@ -142,7 +142,7 @@ def walks(results: Path) -> str:
 
 def week_choices(results: Path) -> str:
     weeks, models = compared(results)
-    rows, columns, ranks = [], {"yardstick": [], "log replay": []} | {model: [] for model in models}, {model: [] for model in models}
+    rows, columns, ranks = [], {"spread between windows": [], "log replay": []} | {model: [] for model in models}, {model: [] for model in models}
     for name, _, summary in weeks:
         documents = summary["models"]
         by_model = {model: verdicts(document) for model, document in documents.items()}
@@ -150,7 +150,7 @@ def week_choices(results: Path) -> str:
             truth = verdict["truth"]
             skill = truth["scores"]["skill"][truth["best"]]
             cells = [name if position == 0 else "", sensor, f"{label(documents['euclidean'], truth['best'])} ({signed(skill)})"]
-            for title, of in (("yardstick", "another_window"), ("log replay", "log_replay")):
+            for title, of in (("spread between windows", "another_window"), ("log replay", "log_replay")):
                 columns[title].append(baseline(verdict, of))
                 cells.append(percent(columns[title][-1]))
             for model in models:
@@ -169,7 +169,7 @@ def week_choices(results: Path) -> str:
         if known:
             agreement = f", Spearman {signed(fmean(ranks[title]))}" if title in ranks else ""
             said.append(f"{MODELS.get(title, title)} {percent(fmean(known))} (median {percent(median(known))}, largest {percent(max(known))}{agreement}; {len(known)} rows)")
-    head = ["data", "sensor", "best Online (skill)", "yardstick", "log replay", *(MODELS[model] for model in models)]
+    head = ["data", "sensor", "best Online (skill)", "spread between windows", "log replay", *(MODELS[model] for model in models)]
     return table(head, rows) + "\n\nMean regrets: " + "; ".join(said) + "."
 
 
@@ -246,7 +246,7 @@ def costs(results: Path, study: str, profiles: tuple[str, ...], models: tuple[st
         columns = [zero, [baseline(verdict, "another_window") for verdict in first], [baseline(verdict, "log_replay") for verdict in first]]
         columns += [[cost(entry[model]) for entry in cells] for model in models]
         rows.append([name, str(len(cells)), *(mean_and_largest(column) for column in columns)])
-    head = ["plant", "verdicts", kept, "yardstick", "log replay", *(f"{model}'s choice" for model in models)]
+    head = ["plant", "verdicts", kept, "spread between windows", "log replay", *(f"{model}'s choice" for model in models)]
     shown = [column for column in range(len(head)) if any(row[column] != "–" for row in rows)]
     return table([head[column] for column in shown], [[row[column] for column in shown] for row in rows])
 
@@ -266,7 +266,7 @@ def fine_tuning(results: Path) -> str:
                     cells.append(f"{label(document, verdict['chosen'])}, {percent(cost(verdict))}")
                 rows.append(cells)
                 before = (name, sensor)
-    return table(["plant", "sensor", "deployment", "best Online", "cost of 0", "yardstick", "month starts", "year starts"], rows)
+    return table(["plant", "sensor", "deployment", "best Online", "cost of 0", "spread between windows", "month starts", "year starts"], rows)
 
 
 def one_step(results: Path) -> str:

@@ -166,6 +166,18 @@ def refusals(logs, chosen, regrets):
         print(f"| {name} | {len(refused)} | {told(refused)} | {len(kept)} | {told(kept)} |")
 
 
+def ahead(logs, chosen, regrets, of_default):
+    """The choice beside the default, where it is ahead of it in the models and where it is not."""
+    print("\n| the choice is | logs | its regret (95 %), worst | regret of the default |")
+    print("|---|---|---|---|")
+    is_it = [is_ahead(log, c) for log, c in zip(logs, chosen)]
+    for name, wanted in (("ahead of the default", True), ("not ahead of it", False)):
+        places = [place for place, it in enumerate(is_it) if it == wanted]
+        own, default = [regrets[place] for place in places], [of_default[place] for place in places]
+        whole, low, high = bootstrap(by_cell([logs[place] for place in places], own), DRAWS)
+        print(f"| {name} | {len(places)} | {whole:.1f} ({low:.1f} to {high:.1f}), {max(own):.0f} | {mean(default):.1f} |")
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
@@ -194,6 +206,7 @@ def main():
         own = [value for value, log in zip(pool, logs) if log["length"] == length]
         print(f"\nof {length} steps: {mean(own):.1f} over {len(own)} logs")
     refusals(logs, chosen["pool, mean rank"], pool)
+    ahead(logs, chosen["pool, mean rank"], pool, regrets["calib's default"])
 
 
 if __name__ == "__main__":

@@ -268,6 +268,8 @@ def test_settings_are_ranked(tuned: calib_rl.Tuned) -> None:
     assert {(run["kind"], run["member"]) for run in tuned.runs} == {(kind, member) for kind in KINDS for member in range(5)}
     assert "Over a random setting: +" in str(tuned) and tuned.advice[0].startswith(("Deploy ", "Keep the default: "))
     assert "<table>" in tuned._repr_html_()
+    said = tuned.verdict["decision"]["support"]
+    assert tuned.is_supported == (said == "supported") and tuned.verdict["is_ahead_of_default"] == (said != "keep_default")
     # No agent is needed where one action is always right; here each setting learns when to take which.
     constant = tuned.verdict["constant"]
     assert constant["over"]["mean"] > 0 and "Best constant action: always " in str(tuned)
@@ -276,7 +278,7 @@ def test_settings_are_ranked(tuned: calib_rl.Tuned) -> None:
 def test_what_was_found_is_a_page(tuned: calib_rl.Tuned, tmp_path: Path) -> None:
     path = tuned.report(tmp_path / "tuned.html")
     page = path.read_text(encoding="utf-8")
-    headline = tuned.advice[0].split(". ", 1)[0].rstrip(".")
+    headline = tuned.verdict["decision"]["headline"]
     for text in [headline, "neighbors", "increments", "network", "the agent&#39;s own default", "step_size=0.3", "Return in the models"]:
         assert text in page or text.replace("&#39;", "'") in page, text
     assert 'src="http' not in page, "the page loads nothing"

@@ -25,11 +25,13 @@ fn a_log_of_decisions_becomes_a_verdict() {
     let ran = place.calib(&["control", study]);
     let told = ran.ends(&[1]);
     assert!(
-        told.starts_with("Deploy nothing on this evidence.\n    First by mean rank is step"),
+        told.starts_with(
+            "Deploy nothing on this evidence.\n    If agents learn here all the same, use step"
+        ),
         "{told}"
     );
     let parts =
-        ["action=0", "action=1", "is step_size=0.3", "Over the default", "Best constant action"];
+        ["action=0", "action=1", "use step_size=0.3.", "Over the default", "Best constant action"];
     for part in parts {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
@@ -51,6 +53,12 @@ fn a_log_of_decisions_becomes_a_verdict() {
     let json: serde_json::Value =
         serde_json::from_str(&place.calib(&["control", study, "--json"]).ends(&[1])).expect("JSON");
     assert_eq!(json["transitions"], 1500);
+    let decision = &json["decision"];
+    assert_eq!(
+        (&decision["support"], &json["is_ahead_of_default"]),
+        (&"unsupported".into(), &true.into())
+    );
+    assert!(told.starts_with(decision["headline"].as_str().expect("a sentence")), "{decision}");
     assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["candidates"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["columns"].as_array().map(Vec::len), Some(4), "no action, reward or terminal");

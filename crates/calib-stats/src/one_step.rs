@@ -3,7 +3,7 @@
 /// Squared errors of predictions of the next state, column by column, beside those of predicting that nothing changes.
 ///
 /// RMSE = √(Σ (ŝ'ₜ − s'ₜ)² / transitions), of one column or with the mean over all columns as well; *no change*, the
-/// persistence forecast, is the same with ŝ' = s. Source: usual; no change is the yardstick of forecasting.
+/// persistence forecast, is the same with ŝ' = s. Source: usual; forecasts are usually compared with no change.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepErrors {
     predictions: usize,

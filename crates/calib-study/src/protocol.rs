@@ -34,7 +34,7 @@ pub struct Protocol {
     /// Whether rollouts are made and compared with what was recorded, and a report is written for every plant, beside the sweep
     /// that a choice needs (default: yes).
     pub rollouts: bool,
-    /// The fewest held-out windows by which a plant is judged (default 2: with one there is no floor).
+    /// The fewest held-out windows by which a plant is judged (default 2: one does not show how much windows differ).
     pub least_windows: usize,
     /// The plants.
     plants: Vec<Plants>,

@@ -95,7 +95,7 @@ impl Advice<'_> {
         } else {
             let plain = if verdict.is_ahead_of_default() {
                 format!(
-                    "If agents learn here all the same, use {chosen}: it is first by {rank} and ahead of the default. Why not to deploy it is listed below."
+                    "If agents learn here all the same, use {chosen}. It is first by {rank}, and clearly ahead of the default by rank or by return. Why not to deploy it is listed below."
                 )
             } else {
                 format!("First by {rank} is {chosen}. Why not to deploy it is listed below.")

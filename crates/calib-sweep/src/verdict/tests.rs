@@ -256,8 +256,8 @@ fn one_window_has_no_floor_and_is_not_green() {
     let results = with(online().into_iter().filter(|result| result.start_row == 100));
     let truth = judge(Rule::WorstRank, &results).truth.expect("held out");
     assert_eq!(truth.windows.len(), 1);
-    let floor = truth.baselines.iter().find(|of| of.baseline == Baseline::AnotherWindow);
-    assert_eq!(floor.expect("there").regret, None);
+    let other_window = truth.baselines.iter().find(|row| row.baseline == Baseline::AnotherWindow);
+    assert_eq!(other_window.expect("there").regret, None);
     assert_eq!(truth.scores.candidates[0].runs, 2, "runs are the sample where there is one window");
     assert_eq!(judge(Rule::WorstRank, &results).grade, Grade::Fair);
 }
