@@ -337,6 +337,27 @@ fn results_are_no_logs() {
 }
 
 #[test]
+fn a_study_beside_its_text_can_run_again() {
+    let place = Place::new();
+    let row = |row: usize| {
+        let (hour, minute) = (row / 60 % 24, row % 60);
+        let day = 1 + row / 1440;
+        format!(
+            "2024-03-{day:02} {hour:02}:{minute:02}:00,{:.3},{:.3}\n",
+            wave(row, 0),
+            wave(row, 1)
+        )
+    };
+    let rows: String = (0..2000).map(row).collect();
+    place.write("log.csv", &format!("time,a,b\n{rows}"));
+    place.write("study.toml", "[data]\npath = \".\"\ntrain_fraction = 0.7\n");
+    let before = place.calib(&["inspect", "."]).succeeds();
+    assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("wrote"));
+    assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("up to date"));
+    assert_eq!(place.calib(&["inspect", "."]).succeeds(), before);
+}
+
+#[test]
 fn a_simulated_log_is_what_was_simulated() {
     let place = Place::new();
     let args =

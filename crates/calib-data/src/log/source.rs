@@ -8,6 +8,7 @@ use std::{
 
 use calib_files::FileError;
 
+use super::file::LogFile;
 use crate::{DataConfig, DataError};
 
 /// A file of the log, and the partitions (`key=value` folders) that it lies in.
@@ -108,7 +109,7 @@ fn workbook_in(folder: &Path) -> String {
 fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     let mut found = Vec::new();
     walk(folder, &mut found)?;
-    if found.iter().any(|path| is_parquet(path)) {
+    if has_parquet_logs(&mut found) {
         found.retain(|path| is_parquet(path));
     } else if found.iter().any(|path| !is_plain(path)) {
         found.retain(|path| !is_plain(path));
@@ -118,6 +119,21 @@ fn logs_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     Ok(found)
 }
 
+/// Whether some of the files are logs in Parquet. Where text lies beside them, results of calib are removed before: a study that
+/// lies beside its log writes them there.
+fn has_parquet_logs(found: &mut Vec<PathBuf>) -> bool {
+    if found.iter().any(|path| !is_parquet(path)) {
+        found.retain(|path| !(is_parquet(path) && is_result(path)));
+    }
+    found.iter().any(|path| is_parquet(path))
+}
+
+/// Whether calib wrote a Parquet file as a result. A damaged one is none: whoever reads it says what is wrong with it.
+fn is_result(path: &Path) -> bool {
+    let source = Source { path: path.to_owned(), partitions: BTreeMap::new() };
+    LogFile::open(source).is_ok_and(|file| file.is_result)
+}
+
 /// Text files in the folders that `data.path` names which [`find_files`] leaves alone, in order of their names.
 pub(crate) fn left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
     let named: BTreeSet<PathBuf> = data.path.0.iter().map(PathBuf::from).collect();
@@ -125,7 +141,7 @@ pub(crate) fn left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
     for folder in data.path.0.iter().map(Path::new).filter(|path| path.is_dir()) {
         let mut found = Vec::new();
         walk(folder, &mut found)?;
-        if found.iter().any(|path| is_parquet(path)) {
+        if has_parquet_logs(&mut found) {
             let own = |path: &PathBuf| !is_parquet(path) && !is_note(path) && !named.contains(path);
             left.extend(found.into_iter().filter(own));
         }

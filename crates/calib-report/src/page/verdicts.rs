@@ -199,6 +199,7 @@ fn comparison(report: &Report) -> Table {
     let columns = [
         "Sensor",
         "Model",
+        "Advice",
         field.unwrap_or("Choice"),
         "Grade",
         "Tied with",
@@ -340,6 +341,7 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
     vec![
         Cell::Text(verdict.sensor.clone()),
         model(verdict),
+        Cell::Text(verdict.advice()),
         match choice {
             Choice::Value => Cell::Setting(verdict.chosen.clone()),
             Choice::FieldAndValue => Cell::Text(format!("{} = {}", verdict.field, verdict.chosen)),

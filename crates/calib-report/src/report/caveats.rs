@@ -1,7 +1,8 @@
 //! What the reader must know before relying on verdicts, each thing once.
 
 use super::sentence::listed;
-use super::{Told, Verdict};
+use super::{Grade, Told, Verdict, Way};
+use crate::number::percent;
 
 /// What stands in the way of verdicts: their notes, and held-out data that tells nothing apart. What holds of all of them is said once,
 /// and of some with their sensors; and models, where other models of the sensor are not concerned.
@@ -52,7 +53,39 @@ impl Verdict {
             "on held-out data all settings have the same error, so nothing there shows which is better. This happens if the scored steps end before the first update: use a larger sweep.steps, or a smaller agent.batch_size"
                 .to_owned()
         });
-        alike.into_iter().chain(self.notes.iter().cloned()).collect()
+        alike.into_iter().chain(self.misordered()).chain(self.notes.iter().cloned()).collect()
+    }
+}
+
+/// Rankings that agree less than this contradict each other. Our choice.
+const CONTRADICTS: f64 = -0.5;
+
+/// A random setting that is better by less says nothing.
+const AS_GOOD: f64 = 0.01;
+
+impl Verdict {
+    /// That held-out data ranks the settings otherwise than the evidence of a choice that is to be deployed.
+    fn misordered(&self) -> Option<String> {
+        let is_deployed = matches!(self.grade, Grade::Good | Grade::Fair)
+            && self.without_learning().is_none()
+            && self.evidence == Told::Apart;
+        let online = self.online.as_ref().filter(|_| is_deployed)?;
+        let random = self.regret_of(Way::Random)?;
+        let own = self.regret()?;
+        let spearman =
+            online.spearman.filter(|spearman| *spearman < CONTRADICTS && self.values > 3);
+        if random < own - AS_GOOD {
+            return Some(format!(
+                "on held-out data a random setting would have had {} regret on average, and the choice has {}, so the log did not show which setting is best; hold out more, or use longer runs (sweep.steps)",
+                percent(random),
+                percent(own)
+            ));
+        }
+        spearman.map(|spearman| {
+            format!(
+                "held-out data ranks the settings the other way round (Spearman {spearman:.2}), so the log did not show which setting is best; hold out more, or use longer runs (sweep.steps)"
+            )
+        })
     }
 }
 

@@ -49,8 +49,9 @@ impl Verdict {
         };
         // What is a simple predictor has no error beside it.
         let matched = self.matched.as_ref().filter(|_| self.frozen.is_none());
+        let best = matched.and_then(|_| self.beside_the_best());
         let matched = matched.and_then(Simpler::matched_sentence);
-        let sentences = matched.into_iter().chain([of_choice]).chain(self.of_default());
+        let sentences = matched.into_iter().chain(best).chain([of_choice]).chain(self.of_default());
         sentences.collect::<Vec<_>>().join(" ")
     }
 

@@ -2,7 +2,7 @@
 
 use calib_agent::SimplePredictor;
 
-use super::{Agreement, Grade, Simpler, Told, Verdict};
+use super::{Agreement, Grade, Simpler, Told, Verdict, simple::WORTH_MENTIONING};
 
 const SIMPLER_IS_BETTER: &str = "Simpler is better: no agent needed";
 const UNDECIDED: &str = "Undecided: the agent may be better";
@@ -23,6 +23,7 @@ impl Verdict {
     pub(crate) fn badge(&self) -> &'static str {
         match (&self.online, self.grade) {
             _ if self.is_arbitrary() => "No clear difference: all settings did alike",
+            _ if self.may_gain_by_learning() => UNDECIDED,
             _ if self.without_learning().is_some() => SIMPLER_IS_BETTER,
             (Some(online), _) if online.stands_still => {
                 "Not checked: the sensor is constant in the held-out period"
@@ -44,6 +45,27 @@ impl Verdict {
     /// The simple predictor to use although the choice is a good one, because further learning adds nothing to it.
     pub fn without_learning(&self) -> Option<SimplePredictor> {
         self.frozen.filter(|_| matches!(self.grade, Grade::Good | Grade::Fair))
+    }
+
+    /// Whether the chosen agent has less error than the default that learns nothing, by more than a rounding, which could be chance.
+    pub(super) fn may_gain_by_learning(&self) -> bool {
+        let against = self.online.as_ref().and_then(|online| online.against_default);
+        self.without_learning().is_some()
+            && against.is_some_and(|ratio| ratio.value < WORTH_MENTIONING)
+    }
+
+    /// What to do, in a word or two.
+    pub(crate) fn advice(&self) -> String {
+        match self.grade {
+            _ if self.is_arbitrary() => "keep the default".to_owned(),
+            Grade::Good | Grade::Fair | Grade::Simpler => self.simple_to_use().map_or_else(
+                || "deploy the choice".to_owned(),
+                |predictor| format!("use {}", predictor.label()),
+            ),
+            Grade::Poor if self.better_default().is_some() => "keep the default".to_owned(),
+            Grade::Poor | Grade::NotLearnt => "deploy nothing".to_owned(),
+            Grade::Unchecked => "not checked".to_owned(),
+        }
     }
 
     /// Whether the agent has less error than the simple predictor to use instead, which could be chance.

@@ -33,12 +33,14 @@ impl Verdict {
                 None => format!("Use a simple predictor for {sensor}, not an agent."),
             },
             Grade::Good | Grade::Fair => match self.frozen {
-                Some(predictor) => {
-                    format!(
-                        "Use {} for {sensor}: further learning adds nothing.",
-                        predictor.label()
-                    )
-                }
+                Some(predictor) if self.may_gain_by_learning() => format!(
+                    "Use {} for {sensor} for now: further learning may help, but it is not shown.",
+                    predictor.label()
+                ),
+                Some(predictor) => format!(
+                    "Use {} for {sensor}: further learning adds nothing.",
+                    predictor.label()
+                ),
                 None => format!("Use {choice} for {sensor}."),
             },
             Grade::Poor if self.has_all_diverged() => {

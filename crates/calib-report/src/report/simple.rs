@@ -17,7 +17,7 @@ pub struct SimpleRow {
 }
 
 /// An agent with less than this share of a predictor's error may be worth more windows: as much as what counts as no worse. Our choice.
-const WORTH_MENTIONING: f64 = 0.98;
+pub(super) const WORTH_MENTIONING: f64 = 0.98;
 
 /// A simple predictor beside the chosen agent.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,6 +126,31 @@ impl Verdict {
             }
             _ => format!("Use {name} for {sensor}: no agent is shown to do better."),
         }
+    }
+
+    /// How much less error the agent has than the best simple predictor on the held-out windows, where that is another than the one
+    /// that the log prefers. Which it is is known only afterwards.
+    pub(super) fn beside_the_best(&self) -> Option<String> {
+        let matched = self.matched.as_ref()?.predictor;
+        let agent = self.online.as_ref()?.chosen_error;
+        let best = self
+            .simple
+            .iter()
+            .filter(|row| row.error.is_finite() && row.error > 0.0)
+            .reduce(|best, row| if row.error < best.error { row } else { best })?;
+        if best.predictor == matched || !agent.is_finite() {
+            return None;
+        }
+        let (share, word) = if agent <= best.error {
+            (1.0 - agent / best.error, "less")
+        } else {
+            (agent / best.error - 1.0, "more")
+        };
+        Some(format!(
+            "The best simple predictor on these windows is {}. The agent has {} {word} error than that.",
+            best.predictor.label(),
+            percent(share)
+        ))
     }
 
     /// "persistence for PIT300".

@@ -60,7 +60,7 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
         online().filter(|verdict| verdict.has_costs() && !verdict.is_simpler_better()).collect();
     if online().next().is_none() {
         sentences.push("No data was held out, so nothing here is checked.".to_owned());
-    } else if let Some(costs) = costs(&compared) {
+    } else if let Some(costs) = costs(&compared, compared.len() == verdicts.len()) {
         sentences.push(costs);
     }
     vec![sentences.join(" ")]
@@ -198,17 +198,19 @@ fn choices(verdicts: &[&Verdict]) -> String {
     listed(&verdicts.iter().enumerate().map(choice).collect::<Vec<_>>())
 }
 
-/// Largest regrets over sensors, of the choices and of the alternatives.
-fn costs(verdicts: &[&Verdict]) -> Option<String> {
+/// Largest regrets over sensors, of the choices and of the alternatives. Sensors are named unless they are all.
+fn costs(verdicts: &[&Verdict], are_all: bool) -> Option<String> {
     let largest = |regret: fn(&Verdict) -> Option<f64>| {
         verdicts.iter().filter_map(|verdict| regret(verdict)).reduce(f64::max)
     };
     let chosen = largest(Verdict::regret)?;
+    let about = if are_all { String::new() } else { format!(" for {}", sensors(verdicts)) };
     let mut text = match chosen {
-        0.0 => "On held-out data these are the best settings of the grid".to_owned(),
+        0.0 if are_all => "On held-out data these are the best settings of the grid".to_owned(),
+        0.0 => format!("On held-out data the choices{about} are the best settings of the grid"),
         regret if regret.is_finite() => {
             format!(
-                "On held-out data the choices are at most {} worse than the best settings",
+                "On held-out data the choices{about} are at most {} worse than the best settings",
                 percent(regret)
             )
         }

@@ -48,7 +48,7 @@ pub struct Verdict {
     /// The simple predictor that the log prefers, where the agent is known to match it.
     pub matched: Option<Simpler>,
     /// The simple predictor to use because further learning adds nothing: the choice is that and learns nothing, or it is not shown
-    /// to improve on a default that is.
+    /// to improve by a hundredth on a default that is.
     pub frozen: Option<SimplePredictor>,
     /// What would be chosen by each part of the runs.
     pub parts: Vec<PartRow>,

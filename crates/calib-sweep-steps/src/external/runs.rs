@@ -119,7 +119,7 @@ fn report(
     study: &Study,
     path: &Path,
 ) -> Result<Report, StepError> {
-    let of = |verdict| sensitivity(verdict, &sweep.candidates, study.model_name());
+    let of = |verdict| sensitivity(verdict, sweep, study.model_name());
     Ok(Report {
         title: summary.title.clone(),
         subtitle: Some(format!("Runs of {}, which calib did not make.", path.display())),

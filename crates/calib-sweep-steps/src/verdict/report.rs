@@ -166,7 +166,7 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
         sensitivities: summary
             .verdicts
             .iter()
-            .map(|verdict| verdict_rows::sensitivity(verdict, &sweep.candidates, name))
+            .map(|verdict| verdict_rows::sensitivity(verdict, sweep, name))
             .collect(),
         learning: learning::curves(job, &sweep.candidates, results)?,
         recorded: judged.recorded.clone(),

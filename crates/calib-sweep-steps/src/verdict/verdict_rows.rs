@@ -236,11 +236,8 @@ const fn way(baseline: Baseline) -> Way {
 }
 
 /// The sensitivity curves of a sensor.
-pub(crate) fn sensitivity(
-    verdict: &SensorVerdict,
-    candidates: &[Candidate],
-    model: &str,
-) -> Sensitivity {
+pub(crate) fn sensitivity(verdict: &SensorVerdict, sweep: &SweepFacts, model: &str) -> Sensitivity {
+    let candidates = &sweep.candidates[..];
     let curve = |scores: &EnvironmentScores, label: &str, source| ErrorCurve {
         label: label.to_owned(),
         source,
@@ -250,7 +247,7 @@ pub(crate) fn sensitivity(
     let mut errors = Vec::new();
     if let Some(truth) = &verdict.truth {
         errors.push(curve(&truth.scores, "held-out period", ErrorSource::Online));
-        errors.extend(simple_line(verdict, candidates.len()));
+        errors.extend(simple_line(verdict, sweep));
     }
     if let Some(replay) = &verdict.log_replay {
         errors.push(curve(replay, "Log replay", ErrorSource::LogReplay));
@@ -276,17 +273,21 @@ pub(crate) fn sensitivity(
     }
 }
 
-/// The error of the simple predictor that the log prefers, which is the same for all values.
-fn simple_line(verdict: &SensorVerdict, values: usize) -> Option<ErrorCurve> {
-    let best = verdict.preferred_simple()?;
+/// The error of the simple predictor that the verdict names, which is the same for all values: the one to use, or else the one that the
+/// log prefers.
+fn simple_line(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<ErrorCurve> {
+    let start =
+        verdict.learning_off.and_then(|off| start_of(&sweep.candidates[off], verdict, sweep));
+    let started = verdict.simple.iter().find(|simple| Some(simple.predictor) == start);
+    let named = verdict.simpler().or(started).or_else(|| verdict.preferred_simple())?;
     let windows = verdict.truth.as_ref()?.windows.len();
     let summary =
-        Summary { mean: best.online_error, std: None, interval: None, runs: windows, diverged: 0 };
+        Summary { mean: named.online_error, std: None, interval: None, runs: windows, diverged: 0 };
     Some(ErrorCurve {
-        label: format!("{}, no agent", best.predictor.label()),
+        label: format!("{}, no agent", named.predictor.label()),
         source: ErrorSource::Simple,
         over: Samples::Windows,
-        summaries: vec![Some(summary); values],
+        summaries: vec![Some(summary); sweep.candidates.len()],
     })
 }
 

@@ -101,10 +101,16 @@ pub fn verdict(
     })
 }
 
+/// What goes on learning after the log is deployed only if it has at most this share of the error of what learns nothing more: it is one
+/// more thing that can go wrong. Our choice.
+const WORTH_LEARNING_ON: f64 = 0.99;
+
 /// See [`SensorVerdict::learning_off`].
 fn learning_off(candidates: &[Candidate], chosen: usize, truth: Option<&Truth>) -> Option<usize> {
     let default = candidates.iter().find(|candidate| candidate.is_default);
-    let is_improved = truth?.improves_on_the_default();
+    let truth = truth?;
+    let is_improved = truth.improves_on_the_default()
+        && truth.choice.against_default.is_some_and(|ratio| ratio.value <= WORTH_LEARNING_ON);
     let unimproved = default.filter(|_| !is_improved);
     [Some(&candidates[chosen]), unimproved]
         .into_iter()

@@ -130,7 +130,7 @@ pub struct SensorVerdict {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub simple: Vec<SimpleComparison>,
     /// The candidate that starts from a simple predictor and learns nothing after the log, where it is the choice, or the
-    /// default that the choice is not shown to improve on.
+    /// default that the choice is not shown to improve on by a hundredth of its error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub learning_off: Option<usize>,
     /// What would be chosen by other parts of each run.

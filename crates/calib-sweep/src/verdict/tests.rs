@@ -480,6 +480,10 @@ fn a_default_that_learns_nothing_is_kept_unless_the_choice_improves_on_it() {
     assert_eq!((alike.chosen, alike.grade), (1, Grade::Good));
     assert_eq!(alike.learning_off, Some(0));
     assert_eq!(alike.recommendation(), Recommendation::UseSimplePredictor);
+    // Beyond chance, and too little to be worth an agent.
+    let hardly = judged([0.2006, 0.2005, 0.2004]);
+    assert!(hardly.truth.as_ref().is_some_and(Truth::improves_on_the_default));
+    assert_eq!(hardly.learning_off, Some(0));
     let improved = judged([0.3, 0.32, 0.31]);
     assert_eq!(improved.learning_off, None);
     assert_eq!(improved.recommendation(), Recommendation::Deploy);
