@@ -84,7 +84,7 @@ pub use outliers::Fences;
 pub use profile::{
     BackwardStep, BackwardSteps, BridgedStops, ChannelProfile, ContradictionsFound, Description,
     Duplicates, FEW_CONTRADICT, FarOut, Gaps, PartProfile, Profile, ValueProfile, long_gap,
-    without_times,
+    many_gaps, without_times,
 };
 pub use select::DropReason;
 pub use sentinels::Sentinel;

@@ -356,6 +356,23 @@ pub fn long_gap(from: Timestamp, micros: i64) -> String {
     )
 }
 
+/// What is said of a log in which more than a tenth of the steps in time are gaps: its period is not what it seems. `devices` names a
+/// column by which one of several devices may be kept.
+pub fn many_gaps(
+    gaps: u64,
+    steps: u64,
+    period_secs: f64,
+    remedy: &str,
+    devices: &str,
+) -> Option<String> {
+    (10 * gaps > steps).then(|| {
+        format!(
+            "{gaps} of {steps} steps in time are longer than the sample period of {period_secs} s, and there is no transition across them: \
+             if several devices write in turn, keep one with data.where{devices}; else {remedy} data.period_secs"
+        )
+    })
+}
+
 /// What is said of a log without times.
 pub fn without_times(period_secs: f64, files: usize) -> String {
     let between = if files > 1 { ", with a gap before each further file" } else { "" };
@@ -376,18 +393,13 @@ impl Profile {
         const EARLY: Timestamp = Timestamp::from_micros(631_152_000_000_000);
         let steps = self.rows.saturating_sub(1);
         let mut doubts = self.read_as.clone();
-        for (contradict, longer, effect) in [
-            (self.gaps.count, "longer", "there is no transition across them"),
-            (self.short_steps, "shorter", "they count as whole samples"),
-        ] {
-            if contradict * 2 > steps {
-                doubts.push(format!(
-                    "{contradict} of {steps} steps in time are {longer} than the sample period of {} s, and {effect}: \
-                     {} data.period_secs",
-                    self.period_secs,
-                    if self.period_was_detected { "set" } else { "correct or remove" },
-                ));
-            }
+        let remedy = if self.period_was_detected { "set" } else { "correct or remove" };
+        doubts.extend(many_gaps(self.gaps.count, steps, self.period_secs, remedy, ""));
+        if self.short_steps * 2 > steps {
+            doubts.push(format!(
+                "{} of {steps} steps in time are shorter than the sample period of {} s, and they count as whole samples: {remedy} data.period_secs",
+                self.short_steps, self.period_secs,
+            ));
         }
         if let Some((from, to)) = self.gaps.examples.first()
             && self.gaps.longest_secs > YEAR_SECS

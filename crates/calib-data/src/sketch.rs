@@ -48,6 +48,8 @@ pub struct Sketch {
     pub timestamps: Vec<Timestamp>,
     /// Where the rows are cut into bins of equally many rows.
     pub bins: Vec<Range<usize>>,
+    /// Entries of `data.exclude` that match no channel.
+    pub unused_excludes: Vec<String>,
     /// Numbers that probably stand for a missing value.
     pub sentinels: Vec<Sentinel>,
     /// The channels that hold numbers, in the order of the files.
@@ -138,7 +140,9 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         }
     }
     let sentinels = sentinels(&log.by_recorded_name(&extremes));
+    let unused_excludes = log.unused_excludes(data);
     Ok(Sketch {
+        unused_excludes,
         backward_steps: log.backward_steps(),
         without_times: log.without_times,
         read_as: log.read_as,

@@ -66,8 +66,7 @@ impl Survey {
         let log = Log::open(data, monitor)?;
         let names = || log.channels.iter().flat_map(Channel::names);
         Names::new(&data.include).check(names())?;
-        let unused = Names::new(&data.exclude).unused(&names());
-        let unused_excludes = unused.into_iter().map(str::to_owned).collect();
+        let unused_excludes = log.unused_excludes(data);
         let stretches = log.stretches();
         let modes = Modes::read(&log, preprocess, monitor)?;
         let scan = Scan {

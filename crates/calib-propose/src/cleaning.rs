@@ -51,7 +51,14 @@ impl Cleaning {
                 ),
             )
         } else {
-            (1.5, format!("{} gaps are longer", gaps.len()))
+            (
+                1.5,
+                if gaps.len() == 1 {
+                    "1 gap is longer".to_owned()
+                } else {
+                    format!("{} gaps are longer", gaps.len())
+                },
+            )
         };
         let runs = scope.channels.iter().map(|&channel| sketch.channels[channel].missing_run);
         let longest = runs.max().unwrap_or(0);

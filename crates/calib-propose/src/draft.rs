@@ -20,6 +20,21 @@ const NAMED: usize = 12;
 /// The column in which comments begin, where there is room.
 const COMMENTS: usize = 44;
 
+/// How `data.exclude` names the channels that are left out.
+fn entries(scope: &Scope, sketch: &Sketch) -> Vec<String> {
+    let channels: HashSet<&str> =
+        sketch.channels.iter().map(|channel| channel.name.as_str()).collect();
+    let names = scope.left_out.iter().map(|left_out| &left_out.name);
+    names.map(|name| entry_of(name, |name| channels.contains(name))).collect()
+}
+
+/// `data.exclude` as TOML: the entries that were given, and the channels that are left out besides.
+pub fn exclusions(given: &[String], scope: &Scope, sketch: &Sketch) -> String {
+    let entries = entries(scope, sketch);
+    let all: Vec<String> = given.iter().chain(&entries).map(|entry| quoted(entry)).collect();
+    format!("[{}]", all.join(", "))
+}
+
 /// A study file that explains itself.
 #[derive(Clone, Debug)]
 pub struct Draft<'a> {
@@ -62,8 +77,8 @@ pub struct Draft<'a> {
 pub struct Asked {
     /// The sensors.
     pub sensors: bool,
-    /// The horizon.
-    pub horizon: bool,
+    /// The horizon, in seconds.
+    pub horizon: Option<f64>,
 }
 
 impl Draft<'_> {
@@ -157,12 +172,9 @@ impl Draft<'_> {
             text.key("contradictions", &quoted(keep), why);
         }
         if !scope.left_out.is_empty() {
-            let channels: HashSet<&str> =
-                sketch.channels.iter().map(|channel| channel.name.as_str()).collect();
             text.line("exclude = [");
-            for of in &scope.left_out {
-                let entry = entry_of(&of.name, |name| channels.contains(name));
-                text.comment_after(&format!("    {},", quoted(&entry)), &of.why.to_string());
+            for (left_out, entry) in scope.left_out.iter().zip(entries(scope, sketch)) {
+                text.comment_after(&format!("    {},", quoted(&entry)), &left_out.why.to_string());
             }
             text.line("]");
         }
@@ -281,10 +293,13 @@ impl Draft<'_> {
         text.key(
             "gamma",
             &gamma.to_string(),
-            &format!("a horizon of {states:.0} states, {}: {}", span(secs), if self.asked.horizon {
-                "as asked for with --horizon"
-            } else {
-                "the median time after which half of a sensor's autocorrelation is left, but no more than a hundredth of a run"
+            &format!("a horizon of {states:.0} states, {}: {}", span(secs), match self.asked.horizon {
+                Some(asked) if self.horizon.is_shorter_than(asked) => format!(
+                    "{} was asked for with --horizon, and halved until held-out steps can be scored",
+                    span(asked)
+                ),
+                Some(_) => "as asked for with --horizon".to_owned(),
+                None => "the median time after which half of a sensor's autocorrelation is left, but no more than a hundredth of a run".to_owned(),
             }),
         );
         text.key(

@@ -31,6 +31,13 @@ impl Horizon {
     }
 }
 
+impl Horizon {
+    /// Whether it is shorter than `secs` by more than rounding.
+    pub fn is_shorter_than(&self, secs: f64) -> bool {
+        self.secs < 0.8 * secs
+    }
+}
+
 /// The median, over the sensors, of the time at which half of their autocorrelation is left, within what runs of `steps` states
 /// allow. (Our choice: nearer, a sensor predicts itself; further, nothing does.)
 pub fn horizon(sketch: &Sketch, sensors: &[usize], spacing: usize, steps: usize) -> Horizon {

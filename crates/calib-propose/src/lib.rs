@@ -43,7 +43,7 @@ pub use agent::{ProposedAgent, Trial, choose_agent};
 pub use angles::Angle;
 pub use cleaning::{Cleaning, Clock, many_left_out};
 pub use cut::{Cut, HELD_OUT};
-pub use draft::{Asked, Draft};
+pub use draft::{Asked, Draft, exclusions};
 pub use error::ProposeError;
 pub use given::with_given;
 pub use horizon::{Horizon, horizon};

@@ -24,6 +24,7 @@ pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
         read_as: Vec::new(),
         files: 1,
         bad_rows: calib_data::BadRowsFound::default(),
+        unused_excludes: Vec::new(),
         sentinels: Vec::new(),
         period_secs: 60.0,
         backward_steps: BackwardSteps::default(),

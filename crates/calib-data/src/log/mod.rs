@@ -149,6 +149,13 @@ impl Log {
         Ok((log, wanted))
     }
 
+    /// Entries of `data.exclude` that match no channel.
+    pub(crate) fn unused_excludes(&self, data: &DataConfig) -> Vec<String> {
+        let names = self.channels.iter().flat_map(Channel::names);
+        let unused = Names::new(&data.exclude).unused(&names).into_iter().map(str::to_owned);
+        unused.collect()
+    }
+
     /// The channels of neither numbers nor text that the study does not leave out, with their types.
     pub(crate) fn unreadable(&self, data: &DataConfig) -> BTreeMap<String, String> {
         let chosen = Chosen::of(data);

@@ -363,7 +363,8 @@ fn unnamed(
     }
     if width != 2 {
         return Err(format!(
-            "its first row is values: expected a header that names the {width} columns; add one"
+            "it has no header line: its first row is values. Put a line above it that names the {width} columns, such as time{}",
+            (1..width).map(|column| format!(",channel_{column}")).take(3).collect::<String>()
         ));
     }
     let names = ["timestamp", "value"].map(str::to_owned);

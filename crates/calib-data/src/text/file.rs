@@ -274,9 +274,9 @@ impl Records<'_> {
             }
         };
         let hint = if got > expected {
-            "a decimal comma outside of quotes makes two cells of one"
+            "did two lines run into one, or is there a decimal comma outside of quotes?"
         } else {
-            "is the file complete, and without notes below the table?"
+            "is the file cut off, or are there notes below the table?"
         };
         Err(self.refused(format!("{got} cells, and the header names {expected} columns; {hint}")))
     }

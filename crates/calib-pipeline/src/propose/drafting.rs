@@ -62,7 +62,7 @@ impl Drafting<'_> {
             agent_reason: words[1],
             baseline: words[3],
             size_reason: words[2],
-            asked: Asked { sensors: !args.sensors.is_empty(), horizon: args.horizon.is_some() },
+            asked: Asked { sensors: !args.sensors.is_empty(), horizon: args.horizon },
         }
         .text()
     }
@@ -94,6 +94,15 @@ impl Drafting<'_> {
         let [asked, apart] = [secs, apart].map(span);
         Some(format!(
             "--horizon {asked} is shorter than one state, which is {apart}: the study predicts one state ahead, {apart} (gamma 0)"
+        ))
+    }
+
+    /// What is said of a horizon that was too long for the log.
+    pub(super) fn too_far(&self, horizon: Horizon) -> Option<String> {
+        let asked = self.args.horizon.filter(|secs| horizon.is_shorter_than(*secs))?;
+        let [asked, used] = [asked, horizon.secs].map(span);
+        Some(format!(
+            "--horizon {asked} is too long for this log: no held-out step could be scored that far ahead, so the study predicts {used} ahead"
         ))
     }
 

@@ -6,7 +6,7 @@ use calib_base::{
     left_alone::text_left_alone,
     memory,
     options::ProposeOptions,
-    output::{Printer, count, span},
+    output::{Printer, count, counted, span},
 };
 use calib_data::{
     BackwardSteps, ChannelSketch, ContradictionCause, DataConfig, DataError, FEW_CONTRADICT,
@@ -45,10 +45,14 @@ impl Look {
             printer.warn(&calib_data::without_times(sketch.period_secs, sketch.files));
         }
         sketch.read_as.iter().for_each(|read_as| printer.warn(read_as));
+        for pattern in &sketch.unused_excludes {
+            printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
+        }
         if let Some(example) = sketch.bad_rows.examples.first() {
-            let lines = count(sketch.bad_rows.count as usize);
+            let lines = sketch.bad_rows.count as usize;
+            let verbs = if lines == 1 { "cannot be read and is" } else { "cannot be read and are" };
             printer
-                .warn(&format!("{lines} lines cannot be read and are left out, such as {example}"));
+                .warn(&format!("{} {verbs} left out, such as {example}", counted(lines, "line")));
         }
         let sentinels = if gives(args, "data.missing_values") {
             Vec::new()
@@ -163,8 +167,35 @@ fn doubts(sketch: &Sketch) -> Vec<String> {
     }
     doubts.extend(sketch.timestamps.last().and_then(|last| clock::in_future(*last)));
     doubts.extend(backward(sketch));
+    doubts.extend(interleaved(sketch));
     doubts
 }
+
+/// What is said of a log that breaks off again and again, as where several devices write in turn.
+fn interleaved(sketch: &Sketch) -> Option<String> {
+    let longest = (GAP_PERIODS * sketch.period_secs * 1e6) as i64;
+    let steps = sketch.timestamps.windows(2).map(|pair| pair[1].micros_since(pair[0]));
+    let gaps = steps.filter(|step| *step > longest).count();
+    // A number or a name of a device is one of a few values, and changes from row to row.
+    let device = sketch.channels.iter().find_map(|channel| {
+        let values = channel.distinct.filter(|values| (2..=MOST_DEVICES).contains(values))?;
+        (channel.unchanged < 0.5)
+            .then(|| format!(", for example by {}, which has {values} values", channel.name))
+    });
+    calib_data::many_gaps(
+        gaps as u64,
+        sketch.timestamps.len() as u64 - 1,
+        sketch.period_secs,
+        "set",
+        &device.unwrap_or_default(),
+    )
+}
+
+/// Steps of more periods are gaps here: a few missing rows are usual.
+const GAP_PERIODS: f64 = 3.0;
+
+/// A column of more values names no devices.
+const MOST_DEVICES: u32 = 64;
 
 /// What is said of rows that step back in time again and again, as where midnight has the date of the day that ends. A clock that is set back does so
 /// once a year, and where most rows step back the newest come first.

@@ -91,6 +91,7 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Outcome
     let clock = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
     let look = Look::at(args, context)?;
+    let args = &with_exclusions(args, &look)?;
     let contradictions = look.cleaning.contradictions.as_ref();
     if let Some((keep, why)) = contradictions.filter(|_| !gives(args, "data.contradictions")) {
         context.warn(&format!(
@@ -123,6 +124,21 @@ fn given<'a>(args: &'a ProposeOptions, key: &str) -> Option<&'a str> {
     let pairs = args.set.iter().filter_map(|one| one.split_once('='));
     pairs.filter(|(name, _)| name.trim() == key).map(|(_, value)| value.trim()).next_back()
 }
+
+/// The same with the channels that calib leaves out added to those of `data.exclude`, if that was given: a list that replaced them
+/// would bring them back.
+fn with_exclusions(args: &ProposeOptions, look: &Look) -> Result<ProposeOptions, StepError> {
+    let mut args = args.clone();
+    if !gives(&args, EXCLUDE) {
+        return Ok(args);
+    }
+    let given = calib_study::of_data(&args.logs, &args.set)?.data.exclude;
+    let all = calib_propose::exclusions(&given, &look.scope, &look.sketch);
+    args.set.push(format!("{EXCLUDE}={all}"));
+    Ok(args)
+}
+
+const EXCLUDE: &str = "data.exclude";
 
 /// Rows from one state to the next as they were given, of a training range of `rows` rows.
 fn given_spacing(value: &str, rows: usize) -> Result<usize, StepError> {
@@ -219,8 +235,9 @@ impl Proposal {
         );
         // What was given holds for the study: it is read with it, and must say the same without.
         let text = calib_propose::with_given(&text, &args.set);
-        if let Some(few) = drafting.few_windows(spacing, horizon, &size) {
-            context.warn(&few);
+        let doubts = [drafting.too_far(horizon), drafting.few_windows(spacing, horizon, &size)];
+        for doubt in doubts.iter().flatten() {
+            context.warn(doubt);
         }
         Job::of_text(Request::new(&args.study), text.clone())?;
         Ok(Self {

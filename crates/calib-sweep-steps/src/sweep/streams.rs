@@ -8,7 +8,7 @@ use calib_base::{
         context::RunContext,
         partition::{self, Parts},
     },
-    output::{Printer, count},
+    output::{Printer, count, counted},
 };
 use calib_core::{Frames, RowStream, Seed, Timestamp};
 use calib_data::Dataset;
@@ -131,8 +131,9 @@ fn held_out_windows(
     }
     if windows.left_out > 0 {
         notes.push(format!(
-            "{} windows of the held-out period are left out, because gaps leave hardly a step to score in them",
-            windows.left_out
+            "{} of the held-out period {} left out, because gaps leave hardly a step to score there",
+            counted(windows.left_out, "window"),
+            if windows.left_out == 1 { "is" } else { "are" }
         ));
     }
     Ok(windows)
