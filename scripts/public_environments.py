@@ -18,6 +18,7 @@ over those where that share is at least RELIABLE.
 """
 
 import argparse
+import functools
 import json
 import os
 import random
@@ -181,6 +182,7 @@ class Wastewater:
         return self.seen(), -(self.plant.eqi_all[self.at] + aeration) / 1e3, False, False, {}
 
 
+@functools.cache  # it takes half a minute until the plant is stable
 def wastewater():
     levels = [np.array([0.0, 0.0, both, both, last]) for both in (60.0, 150.0, 240.0) for last in (10.0, 84.0, 160.0)]
     return Levels(Wastewater(), levels, [0, 0, 0, 0, 5_000, 0], [3, 5, 25, 0.5, 50_000, 60], 96)

@@ -77,7 +77,10 @@ fn what_was_given_holds_for_the_study() {
     assert_eq!(json["study"], "plant.toml");
     let study = read(&place, "plant.toml");
     assert!(study.contains("time_zone = \"Europe/Paris\"  # given"), "{study}");
-    assert!(study.contains("exclude = [\"FIT*\", \"FQ*\"]  # given"), "{study}");
+    // What calib leaves out stays out.
+    let exclude = "exclude = [\"FIT*\", \"FQ*\", \"XV400\"]  # given";
+    assert!(study.contains(exclude), "{study}");
+    place.calib(&["run", "plant.toml", "-q"]).ends(&[0, 1]);
 }
 
 /// Names of channels that would be keys, comments or patterns of the study.

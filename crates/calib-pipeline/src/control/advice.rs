@@ -276,3 +276,90 @@ fn difference(difference: &Difference) -> String {
 fn interval(interval: Interval) -> String {
     format!(" (95 %: {} to {})", significant(interval.low), significant(interval.high))
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    /// Setting 1 is chosen, 0 is the default.
+    fn verdict(doubts: &serde_json::Value) -> ReturnVerdict {
+        let coverage = json!({ "steps": 100, "missing": 1, "far": 1 });
+        let difference = json!({ "mean": 2.0, "interval": null, "clusters": [1, 1] });
+        serde_json::from_value(json!({
+            "rule": "mean_rank",
+            "chosen": 1,
+            "default": 0,
+            "selection": {
+                "chosen": 1, "tie_set": [1], "worst_ranks": [2, 1], "mean_ranks": [2.0, 1.0],
+                "mean_errors": [1.0, 3.0], "ranks": [[2, 1]],
+            },
+            "kinds": [],
+            "members": [],
+            "over_default": difference,
+            "over_random": difference,
+            "chosen_of_resamples": [0, 10],
+            "behaviour": { "mean": 1.0, "interval": null, "episodes": 4.0, "best": null, "worst": null },
+            "coverage": [coverage, coverage],
+            "drift": { "episodes": 0, "sums": [], "squares": [] },
+            "doubts": doubts,
+        }))
+        .expect("a verdict")
+    }
+
+    fn decision(doubts: &serde_json::Value, vocabulary: Vocabulary) -> Decision {
+        let verdict = verdict(doubts);
+        let settings = ["a=1", "a=2"].map(str::to_owned);
+        let (actions, columns) = (&["off".to_owned()], &["level".to_owned()]);
+        let advice =
+            Advice { verdict: &verdict, settings: &settings, actions, columns, vocabulary };
+        assert_eq!(advice.reasons().len(), verdict.doubts.len());
+        assert!(advice.findings().iter().any(|line| line.starts_with("Not covered by the log: 2")));
+        advice.decision()
+    }
+
+    #[test]
+    fn a_setting_is_named_where_nothing_should_be_deployed() {
+        let promise = json!({ "reason": "below_recorded", "promised": 3.0, "recorded": 4.0 });
+        let alike = json!({ "reason": "not_better_than_default" });
+        let ahead = decision(&json!([promise]), STUDY);
+        assert_eq!(ahead.headline, "Deploy nothing on this evidence.");
+        assert!(
+            ahead.plain.starts_with("If agents learn here all the same, use a=2."),
+            "{ahead:?}"
+        );
+        let behind = decision(&json!([promise, alike]), STUDY);
+        assert_eq!((behind.support, &behind.headline), (Support::Unsupported, &ahead.headline));
+        assert!(behind.plain.starts_with("First by mean rank is a=2."), "{behind:?}");
+        let kept = decision(&json!([alike]), PYTHON);
+        assert_eq!(
+            (kept.support, kept.headline.as_str()),
+            (Support::KeepDefault, "Keep the default: a=1.")
+        );
+        let supported = decision(&json!([]), PYTHON);
+        assert_eq!(
+            (supported.support, supported.headline.as_str()),
+            (Support::Supported, "Deploy a=2.")
+        );
+    }
+
+    #[test]
+    fn arguments_have_the_names_of_the_language() {
+        let verdict = verdict(&json!([{ "reason": "few_terminals", "terminals": 1 }]));
+        let settings = ["a=1", "a=2"].map(str::to_owned);
+        let reason = |vocabulary| {
+            Advice {
+                verdict: &verdict,
+                settings: &settings,
+                actions: &[],
+                columns: &[],
+                vocabulary,
+            }
+            .reasons()
+            .remove(0)
+        };
+        assert!(reason(STUDY).ends_with("with control.fewest_terminals"), "{}", reason(STUDY));
+        assert!(reason(PYTHON).ends_with("with fewest_terminals"), "{}", reason(PYTHON));
+    }
+}

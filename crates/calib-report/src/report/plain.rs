@@ -27,7 +27,7 @@ impl Verdict {
                 .join(" ");
         }
         if let Some(sentence) = self.learning_off() {
-            return sentence;
+            return format!("{sentence}{}", self.typical_of_predictor());
         }
         let of_choice = match online.regret {
             None => return "On held-out data no setting worked: every one diverged. Add smaller learning rates to sweep.grid.".to_owned(),
@@ -52,7 +52,21 @@ impl Verdict {
         let best = matched.and_then(|_| self.beside_the_best());
         let matched = matched.and_then(Simpler::matched_sentence);
         let sentences = matched.into_iter().chain(best).chain([of_choice]).chain(self.of_default());
-        sentences.collect::<Vec<_>>().join(" ")
+        let sentences: Vec<String> = sentences.collect();
+        format!("{}{}", sentences.join(" "), self.typical_of_predictor())
+    }
+
+    /// The typical error of the predictor that is to be used as it is, where it is known.
+    fn typical_of_predictor(&self) -> String {
+        let predictor = self.without_learning();
+        let own = self.matched.as_ref().filter(|own| Some(own.predictor) == predictor);
+        let error = own.and_then(|own| own.typical_errors).map(|[predictor, _]| predictor);
+        error.map_or_else(String::new, |error| {
+            format!(
+                " Its typical error of the predicted mean, in the sensor's unit: {}.",
+                number(error)
+            )
+        })
     }
 
     /// Why the default, which learns nothing after the log, is kept although another setting was chosen.
