@@ -471,7 +471,7 @@ mod tests {
         );
         assert_eq!(names(&dialect("time,INF,EFF\n2024-01-01,1,2\n")), ["time", "INF", "EFF"]);
         let refused = |text: &str| Dialect::of(text.as_bytes(), None).expect_err("refused");
-        assert!(refused("2024-01-01,1,2\n2024-01-02,1,2\n").contains("expected a header"));
+        assert!(refused("2024-01-01,1,2\n2024-01-02,1,2\n").contains("it has no header line"));
         assert!(refused("time,a,a\n2024-01-01,1,2\n").contains("two columns are called \"a\""));
     }
 }

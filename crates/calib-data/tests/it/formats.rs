@@ -154,7 +154,7 @@ fn what_text_leaves_open_is_refused_with_the_line() {
     let decimal = error("time;a\n2024-01-01;1,234\n2024-01-02;2,345\n");
     assert!(decimal.contains("data.decimal"), "{decimal}");
     let header = error("2024-01-01,1,2\n2024-01-02,1,2\n");
-    assert!(header.contains("expected a header"), "{header}");
+    assert!(header.contains("such as time,channel_1,channel_2"), "{header}");
     let several = "Date;On;Off;a\n13.03.2024;06:00;07:00;1\n13.03.2024;07:00;08:00;2\n";
     let apart = error(several);
     assert!(

@@ -118,6 +118,24 @@ mod tests {
     }
 
     #[test]
+    fn a_choice_that_a_random_one_would_beat_is_a_caveat() {
+        let mut verdict = verdict();
+        assert_eq!(caveats(std::slice::from_ref(&verdict)), [""; 0]);
+        let random = verdict.alternatives.iter_mut().find(|other| other.way == Way::Random);
+        random.unwrap().regret.as_mut().unwrap().value = 0.002;
+        let told = caveats(std::slice::from_ref(&verdict));
+        assert!(told[0].contains("a random setting would have had 0.2 % regret"), "{told:?}");
+        let random = verdict.alternatives.iter_mut().find(|other| other.way == Way::Random);
+        random.unwrap().regret.as_mut().unwrap().value = 0.9;
+        verdict.online.as_mut().unwrap().spearman = Some(-0.8);
+        let told = caveats(std::slice::from_ref(&verdict));
+        assert!(told[0].contains("the other way round (Spearman -0.80)"), "{told:?}");
+        // What is not to be deployed needs no warning.
+        verdict.grade = Grade::Poor;
+        assert_eq!(caveats(&[verdict]), [""; 0]);
+    }
+
+    #[test]
     fn held_out_data_that_tells_nothing_is_a_caveat() {
         let mut alike = verdict();
         assert_eq!(caveats(std::slice::from_ref(&alike)), [""; 0]);

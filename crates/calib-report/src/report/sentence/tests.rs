@@ -2,7 +2,7 @@ use calib_agent::SimplePredictor;
 use calib_stats::{Estimate, Interval};
 
 use super::*;
-use crate::{Sources, Told, TopK};
+use crate::{SimpleRow, Simpler, Sources, Told, TopK};
 
 fn estimate(value: f64, low: f64, high: f64) -> Estimate {
     Estimate { value, interval: Some(Interval { low, high }) }
@@ -379,7 +379,7 @@ fn streams_of_a_log_that_was_not_replayed_are_not_told() {
 /// Persistence has half of the agent's error.
 fn beaten(is_better: bool) -> Verdict {
     let ratio = if is_better { estimate(2.0, 1.8, 2.2) } else { estimate(0.99, 0.9, 1.1) };
-    let row = |predictor, error| crate::SimpleRow { predictor, error };
+    let row = |predictor, error| SimpleRow { predictor, error };
     Verdict {
         grade: Grade::Simpler,
         simple: vec![
@@ -387,7 +387,7 @@ fn beaten(is_better: bool) -> Verdict {
             row(SimplePredictor::Persistence, 0.21),
             row(SimplePredictor::Ridge, 0.3),
         ],
-        simpler: Some(crate::Simpler {
+        simpler: Some(Simpler {
             predictor: SimplePredictor::Persistence,
             ratio: Some(ratio),
             is_better,
@@ -416,7 +416,7 @@ fn an_agent_that_is_not_shown_to_be_better_is_not_recommended() {
 
 #[test]
 fn an_agent_that_is_deployed_stands_beside_the_simple_predictor_that_the_log_prefers() {
-    let matched = Some(crate::Simpler {
+    let matched = Some(Simpler {
         predictor: SimplePredictor::Ridge,
         ratio: Some(estimate(0.9, 0.85, 0.96)),
         is_better: false,
@@ -435,12 +435,38 @@ fn a_default_that_learns_nothing_is_kept_where_learning_on_is_not_shown_to_help(
     insta::assert_snapshot!(verdict.headline(), @"Use a line on the sensor for PIT300: further learning adds nothing.");
     insta::assert_snapshot!(verdict.plain(), @"An agent that goes on learning, with learning_rate = 1e-4, is not shown to do better on held-out data (its error / that of 1e-3: 1.00, 95 %: 0.99 to 1.01). So keep the default, learning_rate = 1e-3.");
     assert_eq!(verdict.badge(), "Simpler is better: no agent needed");
+    assert_eq!(verdict.advice(), "use a line on the sensor");
+    // Much less error in too few windows.
+    verdict.online.as_mut().unwrap().against_default = Some(estimate(0.85, 0.7, 1.03));
+    insta::assert_snapshot!(verdict.headline(), @"Use a line on the sensor for PIT300 for now: further learning may help, but it is not shown.");
+    assert_eq!(verdict.badge(), "Undecided: the agent may be better");
+}
+
+#[test]
+fn a_gain_is_told_beside_the_best_simple_predictor_too() {
+    let row = |predictor, error| SimpleRow { predictor, error };
+    let matched = Some(Simpler {
+        predictor: SimplePredictor::Ridge,
+        ratio: Some(estimate(0.5, 0.4, 0.6)),
+        is_better: false,
+        typical_errors: None,
+        has_baseline: false,
+    });
+    let mut verdict = Verdict { matched, ..verdict() };
+    verdict.online.as_mut().unwrap().chosen_error = 0.6;
+    verdict.simple = vec![row(SimplePredictor::Ridge, 1.2), row(SimplePredictor::Line, 0.8)];
+    let told = verdict.plain();
+    let beside = "The best simple predictor on these windows is a line on the sensor. The agent has 25 % less error than that.";
+    assert!(told.contains(beside), "{told}");
+    verdict.simple.swap(0, 1);
+    verdict.simple[1].error = 0.7;
+    assert!(!verdict.plain().contains("The best simple predictor"), "it is the same");
 }
 
 #[test]
 fn an_agent_that_only_is_its_baseline_is_called_so() {
-    let frozen = Some(SimplePredictor::Ridge);
-    let verdict = Verdict { frozen, ..verdict() };
+    let mut verdict = Verdict { frozen: Some(SimplePredictor::Ridge), ..verdict() };
+    verdict.online.as_mut().unwrap().against_default = None;
     assert_eq!(
         verdict.headline(),
         "Use ridge regression for PIT300: further learning adds nothing."
