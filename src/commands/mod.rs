@@ -56,7 +56,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
     Ok(match cli.command {
         Command::Quickstart(args) => quickstart::run(&args, printer)?,
         Command::Simulate(args) => simulate::run(&args, printer)?,
-        Command::Init(args) => calib_pipeline::propose(&args.into(), printer)?,
+        Command::Init(args) => calib_pipeline::propose(&args.into(), printer)?.outcome(),
         Command::Inspect(args) => inspect::run(&args, printer)?,
         Command::Import(args) => import::run(&args, printer)?,
         Command::Run(RunArgs { study: DeviceArgs { study, device }, serve }) => {

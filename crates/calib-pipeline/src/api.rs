@@ -9,7 +9,7 @@ use calib_base::{
         BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Device, Logs,
         ProposeOptions, ValidityOptions,
     },
-    outcome::{Outcome, StepResult, Told as _},
+    outcome::{Outcome, StepResult, told},
     output::Printer,
     progress::recorded,
 };
@@ -36,7 +36,7 @@ use crate::{
     cluster, control as controls,
     control::{ControlEvaluation, SimulateTask, SimulatedTask},
     each::{PartCount, Results, each},
-    propose as proposals,
+    propose::{self as proposals, ProposedStudy},
     run_study::{self, StudyRun},
     status as statuses,
     status::{StandingOf, StatusRequest},
@@ -128,9 +128,7 @@ pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollou
 pub fn pretrain(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAgents>, StepError> {
     recorded(StepKind::Pretrain.command(), job, printer, |printer| {
         job.refuse_deployment()?;
-        let result = agents::run(job, &RunContext::new(printer))?;
-        result.tell(job, printer)?;
-        Ok(result)
+        told(agents::run(job, &RunContext::new(printer))?, job, printer)
     })
 }
 
@@ -157,9 +155,8 @@ pub fn sweep(
 /// As [`run`].
 pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, StepError> {
     let context = &RunContext::new(printer);
-    let result = judging::run(job, &job.parts(StepKind::Evaluate.scope())?, &[], context)?;
-    result.tell(job, printer)?;
-    Ok(result)
+    let parts = job.parts(StepKind::Evaluate.scope())?;
+    told(judging::run(job, &parts, &[], context)?, job, printer)
 }
 
 /// Read a log of decisions, build its model with actions, let every candidate act in it, and say which to deploy.
@@ -168,9 +165,7 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, 
 /// As [`run`]; also if the study has no `[control]` section.
 pub fn control(job: &Job, printer: &Printer) -> Result<StepResult<ControlEvaluation>, StepError> {
     recorded(StepKind::Control.command(), job, printer, |printer| {
-        let result = controls::run(job, printer)?;
-        result.tell(job, printer)?;
-        Ok(result)
+        told(controls::run(job, printer)?, job, printer)
     })
 }
 
@@ -210,9 +205,8 @@ pub fn evaluate_runs(
 ///
 /// # Errors
 /// As [`run`]; also if nothing in the log can be predicted.
-pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, StepError> {
-    let context = &RunContext::new(printer);
-    proposals::run(options, context)
+pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<ProposedStudy, StepError> {
+    told(proposals::run(options, &RunContext::new(printer))?, &(), printer)
 }
 
 /// Compare a folder of results with what was written.

@@ -80,6 +80,7 @@ pub use control::{
 };
 pub use each::{PartResult, Results};
 pub use inspect::{Inspection, inspect_deployments};
+pub use propose::ProposedStudy;
 pub use run_study::StudyRun;
 pub use schemas::{JsonDocuments, json_schemas};
 pub use status::{ClusterStanding, StandingOf, StatusRequest, StudyStanding};
