@@ -40,7 +40,7 @@ use crate::{
     run_study::{self, StudyRun},
     status as statuses,
     status::{StandingOf, StatusRequest},
-    validity as validities,
+    validity::{self as validities, ValidityAnswer, ValidityPlan},
 };
 
 /// Every step that a study needs, from its log to the verdict, as far as it is missing; representations, networks and the agents of sweeps are trained
@@ -230,9 +230,11 @@ pub fn status(request: &StatusRequest, printer: &Printer) -> Result<StandingOf, 
 ///
 /// # Errors
 /// As [`run`].
-pub fn validity(options: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
-    let context = &RunContext::new(printer);
-    validities::run(options, context)
+pub fn validity(
+    options: &ValidityOptions,
+    printer: &Printer,
+) -> Result<StepResult<ValidityAnswer, ValidityPlan>, StepError> {
+    told(validities::run(options, &RunContext::new(printer))?, &(), printer)
 }
 
 /// Divide what is left of a study's sweeps into shards, with everything that they read, in a folder of their own.

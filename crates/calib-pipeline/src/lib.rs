@@ -84,3 +84,4 @@ pub use propose::ProposedStudy;
 pub use run_study::StudyRun;
 pub use schemas::{JsonDocuments, json_schemas};
 pub use status::{ClusterStanding, StandingOf, StatusRequest, StudyStanding};
+pub use validity::{JudgedStudies, SharedPlants, ValidityAnswer, ValidityPlan};
