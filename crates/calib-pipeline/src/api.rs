@@ -33,7 +33,11 @@ use calib_sweep_steps::{
 use crate::{
     check as checking,
     check::CheckedResults,
-    cluster, control as controls,
+    cluster::{
+        self, ClusterDryPlan, ClusterPlan, ClusterScripts, ClusterShard, ClusterStatus,
+        MergedSweeps, SubmittedPlan,
+    },
+    control as controls,
     control::{ControlEvaluation, SimulateTask, SimulatedTask},
     each::{PartCount, Results, each},
     propose::{self as proposals, ProposedStudy},
@@ -245,17 +249,20 @@ pub fn cluster_plan(
     job: &Job,
     options: &ClusterPlanOptions,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
-    let context = &RunContext::new(printer);
-    cluster::make(job, options, context)
+) -> Result<StepResult<ClusterPlan, ClusterDryPlan>, StepError> {
+    told(cluster::make(job, options, &RunContext::new(printer))?, &(), printer)
 }
 
 /// Make one shard of a plan. Whoever makes it twice gets the same bytes.
 ///
 /// # Errors
 /// If the plan is another calib's or damaged, the shard fails ([`StepError::is_incomplete`]), or the observer asks to stop.
-pub fn cluster_run(plan: &Path, shard: usize, printer: &Printer) -> Result<Outcome, StepError> {
-    cluster::run(plan, shard, printer)
+pub fn cluster_run(
+    plan: &Path,
+    shard: usize,
+    printer: &Printer,
+) -> Result<ClusterShard, StepError> {
+    told(cluster::run(plan, shard, printer)?, &(), printer)
 }
 
 /// Say what is done of a plan, what is not, and why; [`Outcome::Incomplete`] if anything is not.
@@ -266,15 +273,15 @@ pub fn cluster_status(
     plan: &Path,
     options: ClusterStatusOptions,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
-    cluster::status(plan, options, printer)
+) -> Result<ClusterStatus, StepError> {
+    told(cluster::status(plan, options)?, &(), printer)
 }
 
-/// Bring the results of all shards together, as one process would have written them.
+/// Bring the results of all shards together, as one process would have written them; each sweep is told when it is there.
 ///
 /// # Errors
 /// If a shard is missing or not what it should be ([`StepError::is_incomplete`]): nothing is written then.
-pub fn cluster_merge(plan: &Path, printer: &Printer) -> Result<Outcome, StepError> {
+pub fn cluster_merge(plan: &Path, printer: &Printer) -> Result<MergedSweeps, StepError> {
     cluster::merge(plan, &RunContext::new(printer))
 }
 
@@ -286,6 +293,6 @@ pub fn cluster_submit(
     plan: &Path,
     options: &ClusterSubmitOptions,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
-    cluster::submit(plan, options, printer)
+) -> Result<StepResult<SubmittedPlan, ClusterScripts>, StepError> {
+    told(cluster::submit(plan, options)?, &(), printer)
 }

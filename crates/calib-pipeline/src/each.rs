@@ -36,6 +36,12 @@ impl<T> Results<T> {
     }
 }
 
+impl<T> From<Vec<PartResult<T>>> for Results<T> {
+    fn from(parts: Vec<PartResult<T>>) -> Self {
+        Self { parts }
+    }
+}
+
 impl<T: Told> Results<T> {
     /// How the step ended: as the last of its parts that was not simply done.
     pub fn outcome(&self) -> Outcome {

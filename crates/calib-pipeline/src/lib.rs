@@ -74,6 +74,10 @@ pub use calib_sweep_steps::{
     },
 };
 pub use check::{CheckedResults, Damage};
+pub use cluster::{
+    ClusterDryPlan, ClusterPlan, ClusterScript, ClusterScripts, ClusterShard, ClusterStatus,
+    MergedSweeps, SubmittedPlan,
+};
 pub use control::{
     ActionLogSummary, Advice, ControlColumn, ControlEvaluation, ControlModel, ControlNames, PYTHON,
     SimulateTask, SimulatedTask, Vocabulary,
