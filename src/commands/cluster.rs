@@ -4,7 +4,7 @@ use std::num::NonZeroUsize;
 
 use calib_pipeline::{
     ArrayOf, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Engine, Leftovers, Of,
-    Outcome, Printer, StepError, Submission, cluster_merge, cluster_plan, cluster_run,
+    Outcome, Printer, StepError, Submission, Told as _, cluster_merge, cluster_plan, cluster_run,
     cluster_status, cluster_submit, ensure,
 };
 
@@ -22,22 +22,23 @@ pub(super) fn run(command: ClusterCommand, printer: &Printer) -> Result<Outcome,
                 max_tasks: max_tasks.get(),
                 shards: shards.map(NonZeroUsize::get),
             };
-            cluster_plan(&study.job()?, &options, printer)?
+            cluster_plan(&study.job()?, &options, printer)?.outcome()
         }
         ClusterCommand::Run { plan, shard } => cluster_run(
             &plan,
             number("--shard", &shard, |name| std::env::var(name).ok())?,
             printer,
-        )?,
+        )?
+        .outcome(),
         ClusterCommand::Status { plan, missing, clean, json: _ } => {
             let missing = missing.map(|missing| match missing {
                 MissingAs::Slurm => ArrayOf::Slurm,
                 MissingAs::Lines => ArrayOf::Lines,
             });
             let leftovers = if clean { Leftovers::Removed } else { Leftovers::Kept };
-            cluster_status(&plan, ClusterStatusOptions { missing, leftovers }, printer)?
+            cluster_status(&plan, ClusterStatusOptions { missing, leftovers }, printer)?.outcome()
         }
-        ClusterCommand::Merge { plan } => cluster_merge(&plan, printer)?,
+        ClusterCommand::Merge { plan } => cluster_merge(&plan, printer)?.outcome(),
         ClusterCommand::Submit { plan, engine, config, missing_only, dry_run } => {
             let engine = match engine {
                 ClusterEngine::Slurm => Engine::Slurm,
@@ -47,7 +48,7 @@ pub(super) fn run(command: ClusterCommand, printer: &Printer) -> Result<Outcome,
             let of = if missing_only { Of::Missing } else { Of::All };
             let submission = if dry_run { Submission::Shown } else { Submission::Done };
             let options = ClusterSubmitOptions { engine, config, of, submission };
-            cluster_submit(&plan, &options, printer)?
+            cluster_submit(&plan, &options, printer)?.outcome()
         }
     })
 }

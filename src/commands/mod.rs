@@ -56,7 +56,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
     Ok(match cli.command {
         Command::Quickstart(args) => quickstart::run(&args, printer)?,
         Command::Simulate(args) => simulate::run(&args, printer)?,
-        Command::Init(args) => calib_pipeline::propose(&args.into(), printer)?,
+        Command::Init(args) => calib_pipeline::propose(&args.into(), printer)?.outcome(),
         Command::Inspect(args) => inspect::run(&args, printer)?,
         Command::Import(args) => import::run(&args, printer)?,
         Command::Run(RunArgs { study: DeviceArgs { study, device }, serve }) => {
@@ -103,7 +103,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
             let of = |typed: &String| share::share(typed, |name| std::env::var(name).ok());
             let share = args.share.as_ref().map(of).transpose()?;
             let options = ValidityOptions { share, ..args.into() };
-            calib_pipeline::validity(&options, printer)?
+            calib_pipeline::validity(&options, printer)?.outcome()
         }
         Command::Dtw(args) => dtw::run(&args, printer)?,
         Command::Explain { key, .. } => explain::run(key.as_deref(), printer)?,

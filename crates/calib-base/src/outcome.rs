@@ -17,18 +17,27 @@ pub enum Outcome {
     Incomplete,
 }
 
-/// A result that can be told.
-pub trait Told {
+/// A result that can be told; `S` is what it is the result of, as far as telling it needs that: a [`Job`], or nothing, `()`.
+pub trait Told<S = Job> {
     /// How the step ended that has it.
     fn outcome(&self) -> Outcome {
         Outcome::Done
     }
 
-    /// Tell it: lines and tables for people, JSON for machines; then what to type next on the `job` that it is of.
+    /// Tell it: lines and tables for people, JSON for machines; then what to type next on what it is `of`.
     ///
     /// # Errors
     /// If it cannot be passed on.
-    fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError>;
+    fn tell(&self, of: &S, printer: &Printer) -> Result<(), StepError>;
+}
+
+/// Tell a `result`, and hand it on.
+///
+/// # Errors
+/// If it cannot be passed on.
+pub fn told<S, T: Told<S>>(result: T, of: &S, printer: &Printer) -> Result<T, StepError> {
+    result.tell(of, printer)?;
+    Ok(result)
 }
 
 /// What a step came to: `T` is what it makes, `P` what it knows of that in a dry run.
@@ -46,15 +55,15 @@ pub enum StepResult<T, P = NoPlan> {
 #[derive(Clone, Copy, Debug)]
 pub struct NoPlan;
 
-impl Told for NoPlan {
-    fn tell(&self, _job: &Job, _printer: &Printer) -> Result<(), StepError> {
+impl<S> Told<S> for NoPlan {
+    fn tell(&self, _of: &S, _printer: &Printer) -> Result<(), StepError> {
         Ok(())
     }
 }
 
-impl<P: Told> Told for Option<P> {
-    fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
-        self.as_ref().map_or(Ok(()), |plan| plan.tell(job, printer))
+impl<S, P: Told<S>> Told<S> for Option<P> {
+    fn tell(&self, of: &S, printer: &Printer) -> Result<(), StepError> {
+        self.as_ref().map_or(Ok(()), |plan| plan.tell(of, printer))
     }
 }
 
@@ -77,7 +86,7 @@ impl<T, P> StepResult<T, P> {
     }
 }
 
-impl<T: Told, P: Told> Told for StepResult<T, P> {
+impl<S, T: Told<S>, P: Told<S>> Told<S> for StepResult<T, P> {
     fn outcome(&self) -> Outcome {
         match self {
             Self::Made(result) => result.outcome(),
@@ -86,10 +95,10 @@ impl<T: Told, P: Told> Told for StepResult<T, P> {
         }
     }
 
-    fn tell(&self, job: &Job, printer: &Printer) -> Result<(), StepError> {
+    fn tell(&self, of: &S, printer: &Printer) -> Result<(), StepError> {
         match self {
-            Self::Made(result) => result.tell(job, printer),
-            Self::Planned(plan) => plan.tell(job, printer),
+            Self::Made(result) => result.tell(of, printer),
+            Self::Planned(plan) => plan.tell(of, printer),
             Self::Nothing(_) => Ok(()),
         }
     }

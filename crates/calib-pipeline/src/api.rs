@@ -9,7 +9,7 @@ use calib_base::{
         BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Device, Logs,
         ProposeOptions, ValidityOptions,
     },
-    outcome::{Outcome, StepResult, Told as _},
+    outcome::{Outcome, StepResult, told},
     output::Printer,
     progress::recorded,
 };
@@ -33,14 +33,18 @@ use calib_sweep_steps::{
 use crate::{
     check as checking,
     check::CheckedResults,
-    cluster, control as controls,
+    cluster::{
+        self, ClusterDryPlan, ClusterPlan, ClusterScripts, ClusterShard, ClusterStatus,
+        MergedSweeps, SubmittedPlan,
+    },
+    control as controls,
     control::{ControlEvaluation, SimulateTask, SimulatedTask},
     each::{PartCount, Results, each},
-    propose as proposals,
+    propose::{self as proposals, ProposedStudy},
     run_study::{self, StudyRun},
     status as statuses,
     status::{StandingOf, StatusRequest},
-    validity as validities,
+    validity::{self as validities, ValidityAnswer, ValidityPlan},
 };
 
 /// Every step that a study needs, from its log to the verdict, as far as it is missing; representations, networks and the agents of sweeps are trained
@@ -128,9 +132,7 @@ pub fn rollout(job: &Job, printer: &Printer) -> Result<Results<StepResult<Rollou
 pub fn pretrain(job: &Job, printer: &Printer) -> Result<StepResult<PretrainedAgents>, StepError> {
     recorded(StepKind::Pretrain.command(), job, printer, |printer| {
         job.refuse_deployment()?;
-        let result = agents::run(job, &RunContext::new(printer))?;
-        result.tell(job, printer)?;
-        Ok(result)
+        told(agents::run(job, &RunContext::new(printer))?, job, printer)
     })
 }
 
@@ -157,9 +159,8 @@ pub fn sweep(
 /// As [`run`].
 pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, StepError> {
     let context = &RunContext::new(printer);
-    let result = judging::run(job, &job.parts(StepKind::Evaluate.scope())?, &[], context)?;
-    result.tell(job, printer)?;
-    Ok(result)
+    let parts = job.parts(StepKind::Evaluate.scope())?;
+    told(judging::run(job, &parts, &[], context)?, job, printer)
 }
 
 /// Read a log of decisions, build its model with actions, let every candidate act in it, and say which to deploy.
@@ -168,9 +169,7 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, 
 /// As [`run`]; also if the study has no `[control]` section.
 pub fn control(job: &Job, printer: &Printer) -> Result<StepResult<ControlEvaluation>, StepError> {
     recorded(StepKind::Control.command(), job, printer, |printer| {
-        let result = controls::run(job, printer)?;
-        result.tell(job, printer)?;
-        Ok(result)
+        told(controls::run(job, printer)?, job, printer)
     })
 }
 
@@ -210,9 +209,8 @@ pub fn evaluate_runs(
 ///
 /// # Errors
 /// As [`run`]; also if nothing in the log can be predicted.
-pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<Outcome, StepError> {
-    let context = &RunContext::new(printer);
-    proposals::run(options, context)
+pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<ProposedStudy, StepError> {
+    told(proposals::run(options, &RunContext::new(printer))?, &(), printer)
 }
 
 /// Compare a folder of results with what was written.
@@ -236,9 +234,11 @@ pub fn status(request: &StatusRequest, printer: &Printer) -> Result<StandingOf, 
 ///
 /// # Errors
 /// As [`run`].
-pub fn validity(options: &ValidityOptions, printer: &Printer) -> Result<Outcome, StepError> {
-    let context = &RunContext::new(printer);
-    validities::run(options, context)
+pub fn validity(
+    options: &ValidityOptions,
+    printer: &Printer,
+) -> Result<StepResult<ValidityAnswer, ValidityPlan>, StepError> {
+    told(validities::run(options, &RunContext::new(printer))?, &(), printer)
 }
 
 /// Divide what is left of a study's sweeps into shards, with everything that they read, in a folder of their own.
@@ -249,17 +249,20 @@ pub fn cluster_plan(
     job: &Job,
     options: &ClusterPlanOptions,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
-    let context = &RunContext::new(printer);
-    cluster::make(job, options, context)
+) -> Result<StepResult<ClusterPlan, ClusterDryPlan>, StepError> {
+    told(cluster::make(job, options, &RunContext::new(printer))?, &(), printer)
 }
 
 /// Make one shard of a plan. Whoever makes it twice gets the same bytes.
 ///
 /// # Errors
 /// If the plan is another calib's or damaged, the shard fails ([`StepError::is_incomplete`]), or the observer asks to stop.
-pub fn cluster_run(plan: &Path, shard: usize, printer: &Printer) -> Result<Outcome, StepError> {
-    cluster::run(plan, shard, printer)
+pub fn cluster_run(
+    plan: &Path,
+    shard: usize,
+    printer: &Printer,
+) -> Result<ClusterShard, StepError> {
+    told(cluster::run(plan, shard, printer)?, &(), printer)
 }
 
 /// Say what is done of a plan, what is not, and why; [`Outcome::Incomplete`] if anything is not.
@@ -270,15 +273,15 @@ pub fn cluster_status(
     plan: &Path,
     options: ClusterStatusOptions,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
-    cluster::status(plan, options, printer)
+) -> Result<ClusterStatus, StepError> {
+    told(cluster::status(plan, options)?, &(), printer)
 }
 
-/// Bring the results of all shards together, as one process would have written them.
+/// Bring the results of all shards together, as one process would have written them; each sweep is told when it is there.
 ///
 /// # Errors
 /// If a shard is missing or not what it should be ([`StepError::is_incomplete`]): nothing is written then.
-pub fn cluster_merge(plan: &Path, printer: &Printer) -> Result<Outcome, StepError> {
+pub fn cluster_merge(plan: &Path, printer: &Printer) -> Result<MergedSweeps, StepError> {
     cluster::merge(plan, &RunContext::new(printer))
 }
 
@@ -290,6 +293,6 @@ pub fn cluster_submit(
     plan: &Path,
     options: &ClusterSubmitOptions,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
-    cluster::submit(plan, options, printer)
+) -> Result<StepResult<SubmittedPlan, ClusterScripts>, StepError> {
+    told(cluster::submit(plan, options)?, &(), printer)
 }

@@ -2,7 +2,7 @@
 
 use calib_base::{
     StepError, ensure,
-    outcome::{Outcome, Told},
+    outcome::{Outcome, Told, told},
     output::Printer,
 };
 use calib_study::{Job, StepKind};
@@ -33,6 +33,12 @@ impl<T> Results<T> {
     /// The only one, where the study has one model and one deployment.
     pub fn only(mut self) -> Option<T> {
         if self.parts.len() == 1 { self.parts.pop().map(|part| part.result) } else { None }
+    }
+}
+
+impl<T> From<Vec<PartResult<T>>> for Results<T> {
+    fn from(parts: Vec<PartResult<T>>) -> Self {
+        Self { parts }
     }
 }
 
@@ -83,9 +89,7 @@ pub(crate) fn taken<T: Told>(
     printer: &Printer,
     run: impl FnOnce(&Job) -> Result<T, StepError>,
 ) -> Result<Outcome, StepError> {
-    let result = run(job)?;
-    result.tell(job, printer)?;
-    Ok(result.outcome())
+    Ok(told(run(job)?, job, printer)?.outcome())
 }
 
 fn each_of<T: Told>(
@@ -99,8 +103,7 @@ fn each_of<T: Told>(
         if which == PartCount::Several {
             printer.heading(&part.name());
         }
-        let result = run(part, which)?;
-        result.tell(part, printer)?;
+        let result = told(run(part, which)?, part, printer)?;
         let (model, deployment) = (part.model(), part.deployment());
         let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
         results.push(PartResult { model, deployment, result });

@@ -74,12 +74,18 @@ pub use calib_sweep_steps::{
     },
 };
 pub use check::{CheckedResults, Damage};
+pub use cluster::{
+    ClusterDryPlan, ClusterPlan, ClusterScript, ClusterScripts, ClusterShard, ClusterStatus,
+    MergedSweeps, SubmittedPlan,
+};
 pub use control::{
     ActionLogSummary, Advice, ControlColumn, ControlEvaluation, ControlModel, ControlNames, PYTHON,
     SimulateTask, SimulatedTask, Vocabulary,
 };
 pub use each::{PartResult, Results};
 pub use inspect::{Inspection, inspect_deployments};
+pub use propose::ProposedStudy;
 pub use run_study::StudyRun;
 pub use schemas::{JsonDocuments, json_schemas};
 pub use status::{ClusterStanding, StandingOf, StatusRequest, StudyStanding};
+pub use validity::{JudgedStudies, SharedPlants, ValidityAnswer, ValidityPlan};

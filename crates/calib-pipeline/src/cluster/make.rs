@@ -2,7 +2,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 use calib_agent::training_bytes;
@@ -12,8 +12,7 @@ use calib_base::{
     bail, ensure,
     log::context::RunContext,
     options::ClusterPlanOptions,
-    outcome::Outcome,
-    output::Printer,
+    outcome::StepResult,
 };
 use calib_files::{
     FileError, FolderRecord, create_directory, is_temporary, remove_known, write_new_sealed_json,
@@ -34,18 +33,61 @@ use crate::cluster::{
         path_in,
     },
     results::{self, Header},
-    status::summary,
+    status::{Summary, summary},
 };
 
 /// Memory of a process that has nothing to do.
 const BASE_BYTES: u64 = 150 << 20;
+
+/// A plan that was written: what is left of a study's sweeps, in shards.
+#[derive(Debug)]
+pub struct ClusterPlan {
+    pub(crate) directory: PathBuf,
+    pub(crate) summary: Summary,
+}
+
+/// A plan as it would be written.
+#[derive(Debug)]
+pub struct ClusterDryPlan {
+    pub(crate) directory: PathBuf,
+    pub(crate) summary: Summary,
+}
+
+impl ClusterPlan {
+    /// Its folder.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// How many shards it has.
+    pub fn shards(&self) -> usize {
+        self.summary.shards
+    }
+
+    /// Predicted seconds on one thread, of all shards.
+    pub fn secs(&self) -> f64 {
+        self.summary.secs
+    }
+}
+
+impl ClusterDryPlan {
+    /// How many shards it would have.
+    pub fn shards(&self) -> usize {
+        self.summary.shards
+    }
+
+    /// Predicted seconds on one thread, of all shards.
+    pub fn secs(&self) -> f64 {
+        self.summary.secs
+    }
+}
 
 /// Plan the sweeps of a study.
 pub(crate) fn make(
     job: &Job,
     options: &ClusterPlanOptions,
     context: &RunContext,
-) -> Result<Outcome, StepError> {
+) -> Result<StepResult<ClusterPlan, ClusterDryPlan>, StepError> {
     ensure!(
         !job.study().agent.is_external(),
         "agent.kind = \"external\": a plan does not carry the program to other machines; run `{}` where it is",
@@ -99,10 +141,9 @@ pub(crate) fn make(
     }
     let shards = planning.shards(&parts, work);
     let plan = PlanFile { format: FORMAT, maker, asked: Asked::of(job)?, parts, shards };
+    let (summary, place) = (summary(&plan), directory.clone());
     if job.policy().is_dry() {
-        told(&plan, context)?;
-        context.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(Outcome::Done);
+        return Ok(StepResult::Planned(ClusterDryPlan { directory: place, summary }));
     }
     create_directory(&directory.join("shards"))?;
     match write_new_sealed_json(&path, &plan) {
@@ -110,9 +151,7 @@ pub(crate) fn make(
         Err(FileError::Occupied { .. }) => bail!(is_planned(directory)),
         written => written?,
     }
-    told(&plan, context)?;
-    next(directory, &plan, context);
-    Ok(Outcome::Done)
+    Ok(StepResult::Made(ClusterPlan { directory: place, summary }))
 }
 
 /// Why nothing is planned there.
@@ -130,26 +169,6 @@ fn remove_inputs(directory: &Path, record: &FolderRecord) -> Result<(), FileErro
         is_temporary(path) || name.to_str().is_some_and(|name| record.names().contains(name))
     };
     remove_known(&directory.join(INPUTS), &mut { is_ours })
-}
-
-fn told(plan: &PlanFile, printer: &Printer) -> Result<(), StepError> {
-    let summary = summary(plan);
-    if printer.is_json() {
-        return printer.json(&summary);
-    }
-    summary.lines().iter().try_for_each(|line| printer.result(line))
-}
-
-/// What to type next.
-fn next(directory: &Path, plan: &PlanFile, printer: &Printer) {
-    let place = calib_study::shell_words([directory.display().to_string()]);
-    match plan.shards.len().checked_sub(1) {
-        None => printer.next(&[format!("calib cluster merge {place}")]),
-        Some(last) => printer.next(&[
-            format!("calib cluster submit {place} --engine slurm --dry-run"),
-            format!("calib cluster run {place} --shard N, with every N from 0 to {last}"),
-        ]),
-    }
 }
 
 struct Planning<'a> {

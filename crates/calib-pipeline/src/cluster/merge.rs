@@ -5,22 +5,42 @@ use std::path::Path;
 use calib_base::{
     StepError,
     log::context::RunContext,
-    outcome::{Outcome, Told as _},
+    outcome::{Outcome, told},
     output::{Printer, count, counted},
 };
-use calib_sweep_steps::sweep::{Pool, put_together};
+use calib_sweep_steps::sweep::{Pool, SweepResult, put_together};
 
-use crate::cluster::{
-    missing::ranges,
-    plan_file::Opened,
-    results::{self, Extent},
+use crate::{
+    cluster::{
+        missing::ranges,
+        plan_file::Opened,
+        results::{self, Extent},
+    },
+    each::{PartResult, Results},
 };
 
 /// Faults that are told one by one.
 const TOLD: usize = 20;
 
-/// Write the results of all shards as the sweep of one process would have written them.
-pub(crate) fn merge(directory: &Path, context: &RunContext) -> Result<Outcome, StepError> {
+/// The sweeps of a plan, as one process would have written them.
+#[derive(Debug)]
+pub struct MergedSweeps {
+    /// That of each model and deployment.
+    pub sweeps: Results<SweepResult>,
+}
+
+impl MergedSweeps {
+    /// How merging ended: well only where every sweep did.
+    pub fn outcome(&self) -> Outcome {
+        match self.sweeps.outcome() {
+            Outcome::Done => Outcome::Done,
+            Outcome::Negative | Outcome::Faulty | Outcome::Incomplete => Outcome::Negative,
+        }
+    }
+}
+
+/// Write the results of all shards as the sweep of one process would have written them; each is told when it is there.
+pub(crate) fn merge(directory: &Path, context: &RunContext) -> Result<MergedSweeps, StepError> {
     let opened = Opened::of(directory)?;
     opened.plan.maker.check()?;
     let pool = collect(&opened, context)?;
@@ -30,20 +50,18 @@ pub(crate) fn merge(directory: &Path, context: &RunContext) -> Result<Outcome, S
         counted(opened.plan.shards.len(), "shard")
     ));
     let job = opened.plan.asked.job()?;
-    let mut outcome = Outcome::Done;
+    let mut sweeps = Vec::with_capacity(opened.plan.parts.len());
     for part in &opened.plan.parts {
         let job = job.choose(part.model.as_deref(), part.deployment.as_deref())?;
         let name = part.name();
         if !name.is_empty() {
             context.heading(&name);
         }
-        let result = put_together(&job, &pool, context)?;
-        result.tell(&job, context)?;
-        if result.outcome() != Outcome::Done {
-            outcome = Outcome::Negative;
-        }
+        let result = told(put_together(&job, &pool, context)?, &job, context)?;
+        let (model, deployment) = (part.model.clone(), part.deployment.clone());
+        sweeps.push(PartResult { model, deployment, result });
     }
-    Ok(outcome)
+    Ok(MergedSweeps { sweeps: sweeps.into() })
 }
 
 /// The results of all shards.

@@ -4,14 +4,15 @@ use std::{
     collections::BTreeSet,
     path::Path,
     sync::atomic::{AtomicBool, Ordering},
+    time::Duration,
 };
 
 use calib_base::{
     StepError,
     clock::Stopwatch,
     memory,
-    outcome::Outcome,
-    output::{Printer, bytes, counted, duration},
+    outcome::Freshness,
+    output::{Printer, bytes, counted},
 };
 use calib_core::{Cancelled, Monitor};
 use calib_files::FileError;
@@ -26,12 +27,25 @@ use crate::cluster::{
     sink::ShardSink,
 };
 
+/// A shard that is done.
+#[derive(Clone, Copy, Debug)]
+pub struct ClusterShard {
+    /// Its number.
+    pub number: usize,
+    /// Whether it was done already.
+    pub freshness: Freshness,
+    /// Training runs that were made just now.
+    pub made: usize,
+    /// How long that took.
+    pub took: Duration,
+}
+
 /// Make what a shard lacks of its results.
 pub(crate) fn run(
     directory: &Path,
     number: usize,
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<ClusterShard, StepError> {
     let opened = Opened::of(directory)?;
     opened.plan.maker.check()?;
     let shard = opened.shard(number)?;
@@ -62,13 +76,13 @@ struct Task<'p> {
 }
 
 impl Running<'_> {
-    fn run(&self) -> Result<Outcome, StepError> {
+    fn run(&self) -> Result<ClusterShard, StepError> {
         let clock = Stopwatch::start();
         let (opened, number) = (self.opened, self.number);
         let units = match opened.read(number) {
             Ok(Some(results)) if results.extent == Extent::Whole => {
-                self.printer.result(&format!("shard {number} is done already"))?;
-                return Ok(Outcome::Done);
+                let (freshness, took) = (Freshness::Kept, clock.elapsed());
+                return Ok(ClusterShard { number, freshness, made: 0, took });
             }
             Ok(results) => results.map_or_else(Units::new, |results| results.units),
             // No attempt has been here that could have written it.
@@ -109,9 +123,8 @@ impl Running<'_> {
         }
         sink.complete().map_err(unfinished)?;
         let _ = remove_states(&states);
-        let (made, took) = (counted(sink.len() - had, "training run"), duration(clock.elapsed()));
-        self.printer.result(&format!("shard {number} is done: {made} made in {took}"))?;
-        Ok(Outcome::Done)
+        let (made, took) = (sink.len() - had, clock.elapsed());
+        Ok(ClusterShard { number, freshness: Freshness::Made, made, took })
     }
 
     /// Refuse what would be killed half-way.

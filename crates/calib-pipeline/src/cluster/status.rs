@@ -1,12 +1,10 @@
 //! What is done of a plan, what is not, and why.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use calib_base::{
     StepError,
     options::{ArrayOf, ClusterStatusOptions, Leftovers},
-    outcome::Outcome,
-    output::{Printer, bytes, count, counted, span, table},
 };
 use calib_files::{Below, host_name, remove_temporaries};
 use calib_sweep::remove_states;
@@ -16,7 +14,6 @@ use serde::Serialize;
 use crate::cluster::{
     attempt::{self, Attempt, RunOutcome},
     engines::queue,
-    missing::ranges,
     plan_file::{Opened, PlanFile},
     results::Extent,
 };
@@ -24,16 +21,16 @@ use crate::cluster::{
 /// What a plan takes.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Summary {
-    shards: usize,
-    stages: usize,
-    units: usize,
+    pub(crate) shards: usize,
+    pub(crate) stages: usize,
+    pub(crate) units: usize,
     /// Predicted seconds on one thread, of all shards and of the longest.
-    secs: f64,
-    longest_secs: f64,
+    pub(crate) secs: f64,
+    pub(crate) longest_secs: f64,
     /// Predicted seconds where every shard has a machine.
-    together_secs: f64,
+    pub(crate) together_secs: f64,
     /// Bytes of memory that a shard takes at most.
-    memory: u64,
+    pub(crate) memory: u64,
 }
 
 /// What a plan takes.
@@ -52,38 +49,10 @@ pub(crate) fn summary(plan: &PlanFile) -> Summary {
     }
 }
 
-impl Summary {
-    /// In words.
-    pub(crate) fn lines(&self) -> Vec<String> {
-        if self.shards == 0 {
-            return vec!["nothing is left to train".to_owned()];
-        }
-        let stages = match self.stages {
-            1 => String::new(),
-            stages => format!(" in {stages} stages, one after the other"),
-        };
-        vec![
-            format!(
-                "{}{stages}, {}",
-                counted(self.shards, "shard"),
-                counted(self.units, "training run")
-            ),
-            format!(
-                "predicted: {} of one thread in all, {} the longest shard, {} where every shard has a core; up to {} of \
-                 memory a shard",
-                span(self.secs),
-                span(self.longest_secs),
-                span(self.together_secs),
-                bytes(self.memory)
-            ),
-        ]
-    }
-}
-
 /// How a shard stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-enum State {
+pub(crate) enum State {
     Done,
     /// Some of its units are there.
     Begun,
@@ -93,32 +62,32 @@ enum State {
 }
 
 #[derive(Debug, Serialize, JsonSchema)]
-struct Standing {
-    shard: usize,
-    stage: usize,
-    state: State,
-    units: usize,
-    of: usize,
-    attempts: usize,
+pub(crate) struct Standing {
+    pub(crate) shard: usize,
+    pub(crate) stage: usize,
+    pub(crate) state: State,
+    pub(crate) units: usize,
+    pub(crate) of: usize,
+    pub(crate) attempts: usize,
     /// Whether an attempt is at work, as far as that can be seen from this machine.
-    is_running: bool,
-    predicted_secs: f64,
+    pub(crate) is_running: bool,
+    pub(crate) predicted_secs: f64,
     /// What its passes took, in all attempts.
-    secs: f64,
+    pub(crate) secs: f64,
     /// What is to be known of it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    note: Option<String>,
+    pub(crate) note: Option<String>,
     /// What the queue says, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    queue: Option<String>,
+    pub(crate) queue: Option<String>,
 }
 
 /// The answer for machines.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Status {
-    plan: Summary,
-    done: usize,
-    shards: Vec<Standing>,
+    pub(crate) plan: Summary,
+    pub(crate) done: usize,
+    pub(crate) shards: Vec<Standing>,
 }
 
 impl Status {
@@ -141,39 +110,50 @@ impl Status {
             .any(|shard| shard.state != State::Done && (shard.is_running || shard.queue.is_some()))
     }
 
-    /// Tell it, of the plan in `directory`.
-    ///
-    /// # Errors
-    /// If it cannot be passed on.
-    pub(crate) fn tell(&self, directory: &Path, printer: &Printer) -> Result<(), StepError> {
-        tell(directory, &self.shards, self.done, printer)
+    /// Whether every shard is.
+    pub(crate) fn is_done(&self) -> bool {
+        self.done == self.shards.len()
+    }
+
+    /// Shards that are not.
+    pub(crate) fn missing(&self) -> Vec<usize> {
+        let missing = self.shards.iter().filter(|shard| shard.state != State::Done);
+        missing.map(|shard| shard.shard).collect()
     }
 }
 
-/// Say how a plan stands.
+/// How a plan stands, and what was asked of that.
+#[derive(Debug)]
+pub struct ClusterStatus {
+    pub(crate) directory: PathBuf,
+    pub(crate) status: Status,
+    /// Only the numbers of shards that are not done.
+    pub(crate) only_missing: Option<ArrayOf>,
+}
+
+impl ClusterStatus {
+    /// How many shards the plan has.
+    pub fn shards(&self) -> usize {
+        self.status.shards.len()
+    }
+
+    /// The numbers of those that are not done.
+    pub fn missing(&self) -> Vec<usize> {
+        self.status.missing()
+    }
+}
+
+/// How a plan stands.
 pub(crate) fn status(
     directory: &Path,
     options: ClusterStatusOptions,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<ClusterStatus, StepError> {
     let opened = Opened::of(directory)?;
     if options.leftovers == Leftovers::Removed {
         clean(&opened)?;
     }
-    let status = Status::of(&opened);
-    let is_done = status.done == status.shards.len();
-    let outcome = if is_done { Outcome::Done } else { Outcome::Incomplete };
-    match options.missing {
-        Some(ArrayOf::Slurm) => printer.result(&ranges(&missing(&opened)))?,
-        Some(ArrayOf::Lines) => {
-            for number in missing(&opened) {
-                printer.result(&number.to_string())?;
-            }
-        }
-        None if printer.is_json() => printer.json(&status)?,
-        None => status.tell(directory, printer)?,
-    }
-    Ok(outcome)
+    let (directory, status) = (directory.to_owned(), Status::of(&opened));
+    Ok(ClusterStatus { directory, status, only_missing: options.missing })
 }
 
 /// Shards whose results are not there, or not what they should be.
@@ -246,47 +226,6 @@ fn told(attempt: &Attempt) -> String {
 fn is_running(attempt: &Attempt) -> bool {
     let process = Path::new("/proc").join(attempt.process.to_string());
     attempt.host == host_name() && process.exists()
-}
-
-fn tell(
-    directory: &Path,
-    shards: &[Standing],
-    done: usize,
-    printer: &Printer,
-) -> Result<(), StepError> {
-    let of = |wanted| shards.iter().filter(move |shard| shard.state == wanted).count();
-    printer.result(&format!(
-        "{done} of {} done, {} begun, {} missing, {} faulty; {} of {} training runs",
-        counted(shards.len(), "shard"),
-        of(State::Begun),
-        of(State::Missing),
-        of(State::Faulty),
-        count(shards.iter().map(|shard| shard.units).sum()),
-        count(shards.iter().map(|shard| shard.of).sum()),
-    ))?;
-    let left: f64 =
-        shards.iter().filter(|of| of.state != State::Done).map(|of| of.predicted_secs).sum();
-    if left > 0.0 {
-        printer.result(&format!("left: {} of one thread, as predicted", span(left)))?;
-    }
-    let rows: Vec<Vec<String>> = shards
-        .iter()
-        .filter(|shard| shard.note.is_some() || shard.queue.is_some())
-        .map(|shard| {
-            let units = format!("{} of {}", count(shard.units), count(shard.of));
-            let notes = [shard.queue.clone(), shard.note.clone()];
-            let notes: Vec<String> = notes.into_iter().flatten().collect();
-            vec![shard.shard.to_string(), units, notes.join("; ")]
-        })
-        .collect();
-    if !rows.is_empty() {
-        printer.lines(&table(&["shard", "training runs", ""], &rows))?;
-    }
-    let place = calib_study::shell_words([directory.display().to_string()]);
-    if done == shards.len() {
-        printer.next(&[format!("calib cluster merge {place}")]);
-    }
-    Ok(())
 }
 
 /// Remove what nobody needs any more: states of shards that are done, and what killed processes left half-written.

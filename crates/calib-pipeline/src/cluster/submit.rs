@@ -9,8 +9,7 @@ use std::{
 use calib_base::{
     Context as _, StepError, bail, ensure,
     options::{ClusterSubmitOptions, Engine, Of, Submission},
-    outcome::Outcome,
-    output::{Printer, counted},
+    outcome::StepResult,
 };
 use calib_files::{FolderRecord, write_atomically};
 use calib_study::{StepKind, shell_words};
@@ -26,22 +25,61 @@ use crate::cluster::{
     status::missing,
 };
 
-/// A text that is kept in the plan, and how it is handed over.
-struct Script {
-    /// In the plan's folder.
-    name: String,
-    text: String,
+/// What a submission comes to: in a dry run nothing but scripts.
+pub(crate) type SubmitResult = StepResult<SubmittedPlan, ClusterScripts>;
+
+/// A plan that was handed to a system.
+#[derive(Debug)]
+pub enum SubmittedPlan {
+    /// Its jobs are in the queue of Slurm.
+    Slurm {
+        /// The plan.
+        directory: PathBuf,
+        /// How many shards were submitted.
+        shards: usize,
+        /// The numbers of the arrays, one for each stage.
+        arrays: Vec<String>,
+        /// The number of the job that merges.
+        merge: String,
+    },
+    /// The driver for Ray ended.
+    Ray {
+        /// Whether every shard is done.
+        is_done: bool,
+    },
+    /// Manifests were written, which nobody applied.
+    Kubernetes {
+        /// In the order in which they are applied.
+        manifests: Vec<PathBuf>,
+    },
+}
+
+/// What would be handed to a system.
+#[derive(Debug)]
+pub struct ClusterScripts {
+    /// What would be kept in the plan.
+    pub scripts: Vec<ClusterScript>,
+    /// What would be run then, if calib runs a program of its own.
+    pub command: Option<String>,
+}
+
+/// A text that is kept in a plan.
+#[derive(Debug)]
+pub struct ClusterScript {
+    /// Its file in the plan's folder.
+    pub name: String,
+    /// What is in it.
+    pub text: String,
 }
 
 /// Write the scripts of a plan, and submit them.
 pub(crate) fn submit(
     directory: &Path,
     options: &ClusterSubmitOptions,
-    printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<SubmitResult, StepError> {
     let opened = Opened::of(&std::path::absolute(directory)?)?;
     let config = ClusterConfig::read(options.config.as_deref())?;
-    let submission = Submitting { opened: &opened, config: &config, options, printer };
+    let submission = Handover { opened: &opened, config: &config, options };
     match options.engine {
         Engine::Slurm => submission.slurm(),
         Engine::Ray => submission.ray(),
@@ -49,14 +87,13 @@ pub(crate) fn submit(
     }
 }
 
-struct Submitting<'a> {
+struct Handover<'a> {
     opened: &'a Opened,
     config: &'a ClusterConfig,
     options: &'a ClusterSubmitOptions,
-    printer: &'a Printer,
 }
 
-impl Submitting<'_> {
+impl Handover<'_> {
     fn is_dry(&self) -> bool {
         self.options.submission == Submission::Shown
     }
@@ -77,7 +114,7 @@ impl Submitting<'_> {
         self.opened.directory.display().to_string()
     }
 
-    fn slurm(&self) -> Result<Outcome, StepError> {
+    fn slurm(&self) -> Result<SubmitResult, StepError> {
         let (place, stages) = (self.place(), self.stages());
         // Slurm reads options up to the first blank, and has no quotes for them.
         ensure!(
@@ -89,17 +126,17 @@ impl Submitting<'_> {
             let stage = self.opened.plan.shards[shards[0]].stage;
             let demand = Demand::of(&self.opened.plan, shards, self.config);
             let text = slurm::array(&place, stage, shards, demand, self.config);
-            scripts.push(Script { name: format!("slurm/stage-{stage}.sh"), text });
+            scripts.push(ClusterScript { name: format!("slurm/stage-{stage}.sh"), text });
         }
         let all: Vec<usize> = (0..self.opened.plan.shards.len()).collect();
         let demand = Demand::of(&self.opened.plan, &all, self.config);
         let evaluate = self.config.evaluate.then(|| self.evaluate()).transpose()?;
         let text = slurm::merge(&place, evaluate.as_deref(), demand, self.config);
-        scripts.push(Script { name: "slurm/merge.sh".to_owned(), text });
-        let written = self.write(&scripts)?;
+        scripts.push(ClusterScript { name: "slurm/merge.sh".to_owned(), text });
         if self.is_dry() {
-            return Ok(Outcome::Done);
+            return Ok(StepResult::Planned(ClusterScripts { scripts, command: None }));
         }
+        let written = self.write(&scripts)?;
         let mut submitted = Submitted::default();
         let (merge, arrays) = written.split_last().context("there is a script that merges")?;
         for script in arrays {
@@ -111,16 +148,13 @@ impl Submitting<'_> {
         let after = submitted.arrays.last().map(|job| format!("afterany:{job}"));
         submitted.merge = sbatch(merge, after.as_deref())?;
         submitted.write(&self.opened.directory)?;
-        let tasks: usize = stages.iter().map(Vec::len).sum();
-        self.printer.result(&format!(
-            "{} submitted as {}; merged by job {}",
-            counted(tasks, "shard"),
-            submitted.arrays.join(", "),
-            submitted.merge
-        ))?;
-        let status = shell_words(["calib", "cluster", "status", &place]);
-        self.printer.next(&[status]);
-        Ok(Outcome::Done)
+        let Submitted { arrays, merge } = submitted;
+        Ok(StepResult::Made(SubmittedPlan::Slurm {
+            directory: self.opened.directory.clone(),
+            shards: stages.iter().map(Vec::len).sum(),
+            arrays,
+            merge,
+        }))
     }
 
     /// What judges the merged sweep.
@@ -130,62 +164,59 @@ impl Submitting<'_> {
         Ok(format!("{}{rest}", self.config.calib))
     }
 
-    fn ray(&self) -> Result<Outcome, StepError> {
+    fn ray(&self) -> Result<SubmitResult, StepError> {
         let text = RAY_DRIVER.to_owned();
-        let script = Script { name: "ray/calib_ray.py".to_owned(), text };
-        let written = self.write(&[script])?;
-        let mut words = vec!["python3".to_owned(), written[0].display().to_string(), self.place()];
+        let script = ClusterScript { name: "ray/calib_ray.py".to_owned(), text };
+        let path = self.path(&script).display().to_string();
+        let mut words = vec!["python3".to_owned(), path, self.place()];
         words.extend(["--calib".to_owned(), self.config.calib.clone()]);
         words.extend(["--threads".to_owned(), self.config.threads.to_string()]);
         if self.is_dry() {
-            self.printer.result(&shell_words(&words))?;
-            return Ok(Outcome::Done);
+            let (scripts, command) = (vec![script], Some(shell_words(&words)));
+            return Ok(StepResult::Planned(ClusterScripts { scripts, command }));
         }
+        self.write(&[script])?;
         let status = Command::new("python3")
             .args(&words[1..])
             .status()
             .context("cannot run python3, which the driver for Ray is a program of")?;
-        match status.code() {
-            Some(0) => Ok(Outcome::Done),
-            Some(4) => Ok(Outcome::Incomplete),
+        let is_done = match status.code() {
+            Some(0) => true,
+            Some(4) => false,
             code => bail!("the driver for Ray ended with {code:?}; it needs `pip install ray`"),
-        }
+        };
+        Ok(StepResult::Made(SubmittedPlan::Ray { is_done }))
     }
 
-    fn kubernetes(&self) -> Result<Outcome, StepError> {
+    fn kubernetes(&self) -> Result<SubmitResult, StepError> {
         let plan = &self.opened.plan;
         let mut scripts = Vec::new();
         for stage in 0..plan.stages() {
             let shards: Vec<usize> = plan.of_stage(stage).collect();
             let demand = Demand::of(plan, &shards, self.config);
             let text = kubernetes::job(stage, shards.len(), shards[0], demand, self.config);
-            scripts.push(Script { name: format!("kubernetes/stage-{stage}.yaml"), text });
+            scripts.push(ClusterScript { name: format!("kubernetes/stage-{stage}.yaml"), text });
         }
-        let written = self.write(&scripts)?;
-        if !self.is_dry() {
-            for path in written {
-                self.printer.result(&format!("kubectl apply -f {}", path.display()))?;
-            }
-            self.printer.say("each when the one before is complete; calib applies none of them");
+        if self.is_dry() {
+            return Ok(StepResult::Planned(ClusterScripts { scripts, command: None }));
         }
-        Ok(Outcome::Done)
+        let manifests = self.write(&scripts)?;
+        Ok(StepResult::Made(SubmittedPlan::Kubernetes { manifests }))
     }
 
-    /// Keep the scripts in the plan, or show them.
-    fn write(&self, scripts: &[Script]) -> Result<Vec<PathBuf>, StepError> {
+    fn path(&self, script: &ClusterScript) -> PathBuf {
+        self.opened.directory.join(&script.name)
+    }
+
+    /// Keep the scripts in the plan.
+    fn write(&self, scripts: &[ClusterScript]) -> Result<Vec<PathBuf>, StepError> {
+        let names = scripts.iter().map(|script| script.name.clone());
+        let jobs = (self.options.engine == Engine::Slurm).then(|| JOBS.to_owned());
+        FolderRecord::open(&self.opened.directory)?.note(names.chain(jobs))?;
         let mut written = Vec::new();
-        if !self.is_dry() {
-            let names = scripts.iter().map(|script| script.name.clone());
-            let jobs = (self.options.engine == Engine::Slurm).then(|| JOBS.to_owned());
-            FolderRecord::open(&self.opened.directory)?.note(names.chain(jobs))?;
-        }
-        for Script { name, text } in scripts {
-            let path = self.opened.directory.join(name);
-            if self.is_dry() {
-                self.printer.lines(&format!("==> {name}\n{text}"))?;
-            } else {
-                write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
-            }
+        for script in scripts {
+            let path = self.path(script);
+            write_atomically(&path, |file| file.write_all(script.text.as_bytes()))?;
             written.push(path);
         }
         Ok(written)

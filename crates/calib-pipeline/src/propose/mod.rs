@@ -3,21 +3,18 @@
 mod drafting;
 mod evidence;
 mod look;
+mod show;
 mod trial;
 
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
+    time::Duration,
 };
 
 use calib_base::{
-    Context as _, StepError,
-    clock::Stopwatch,
-    ensure,
-    log::context::RunContext,
-    options::ProposeOptions,
-    outcome::Outcome,
-    output::{Printer, count, duration, span},
+    Context as _, StepError, clock::Stopwatch, ensure, log::context::RunContext,
+    options::ProposeOptions, output::span,
 };
 use calib_core::Timestamp;
 use calib_files::{TemporaryFolder, check_output, write_output};
@@ -68,8 +65,46 @@ pub(crate) struct Chosen {
     expected_processor_secs: Option<f64>,
 }
 
+/// A study that was proposed for a log.
+#[derive(Debug)]
+pub struct ProposedStudy {
+    chosen: Chosen,
+    /// Channels of the log.
+    of_channels: usize,
+    /// Of the training range and of the held-out one.
+    lacking: [Option<Lacking>; 2],
+    /// Learning rates that are tried.
+    learning_rates: usize,
+    /// The time that was asked for, in seconds.
+    within: f64,
+    /// How long the log was looked at, and agents and models were tried.
+    took: Duration,
+}
+
+impl ProposedStudy {
+    /// The file that was written.
+    pub fn study(&self) -> &Path {
+        &self.chosen.study
+    }
+
+    /// The sensors that agents predict.
+    pub fn sensors(&self) -> &[String] {
+        &self.chosen.sensors
+    }
+
+    /// How far ahead they do, in seconds.
+    pub fn horizon_secs(&self) -> f64 {
+        self.chosen.horizon_secs
+    }
+
+    /// How long `calib run` takes on this machine, in seconds, as far as could be told.
+    pub fn expected_secs(&self) -> f64 {
+        self.chosen.expected_secs
+    }
+}
+
 /// Look at a log, and write a study of it.
-pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Outcome, StepError> {
+pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<ProposedStudy, StepError> {
     let file = args.study.display();
     ensure!(
         args.study.extension().is_some_and(|extension| extension == "toml"),
@@ -101,17 +136,11 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Outcome
     if let Some(bridged) = bridged(&look) {
         context.warn(&bridged);
     }
-    let chosen = Proposal::of(args, &path, &look, clock, context)?;
+    let proposal = Proposal::of(args, &path, &look, clock, context)?;
     write_output(&args.study, args.standing, |file| {
-        std::io::Write::write_all(file, chosen.text.as_bytes())
+        std::io::Write::write_all(file, proposal.text.as_bytes())
     })?;
-    show(args, &look, &chosen, context)?;
-    context.say(&format!("looked and tried for {}", duration(clock.elapsed())));
-    context.next(&[format!(
-        "calib run {}",
-        calib_study::shell_words([args.study.display().to_string()])
-    )]);
-    Ok(Outcome::Done)
+    Ok(proposal.written(args, &look, clock.elapsed()))
 }
 
 /// Whether `key` was given with `--set`.
@@ -252,6 +281,40 @@ impl Proposal {
             expected_processor_secs,
         })
     }
+    /// What the study is, now that it is written.
+    fn written(self, args: &ProposeOptions, look: &Look, took: Duration) -> ProposedStudy {
+        let Look { sketch, scope, .. } = look;
+        let name = |&channel: &usize| sketch.channels[channel].name.clone();
+        let predicted = self.sensors.proposed.iter().take(self.size.sensors).map(name).collect();
+        let left_out = scope.left_out.iter().map(|of| [of.name.clone(), of.why.to_string()]);
+        let angles = look.angles.iter().map(|angle| (angle.channel.clone(), angle.turn));
+        let ranges = self.cut.ranges(&sketch.timestamps);
+        let chosen = Chosen {
+            study: args.study.clone(),
+            channels: scope.channels.len(),
+            left_out: left_out.collect(),
+            angles: angles.collect(),
+            train: self.cut.train,
+            held_out: self.cut.held_out,
+            rows: self.cut.rows,
+            state_secs: sketch.period_secs * self.spacing as f64,
+            sensors: predicted,
+            agent_reason: self.agent.reason,
+            gamma: self.horizon.gamma,
+            horizon_secs: self.horizon.secs,
+            steps: self.size.steps,
+            expected_secs: self.expected_secs,
+            expected_processor_secs: self.expected_processor_secs,
+        };
+        ProposedStudy {
+            chosen,
+            of_channels: sketch.channels.len(),
+            lacking: ranges.map(|range| Lacking::of(sketch, scope, &range)),
+            learning_rates: self.size.values(),
+            within: args.within,
+            took,
+        }
+    }
 }
 
 /// How far states are apart. Models decide among spacings where the study chooses by them, which it does not unless it was asked to.
@@ -307,82 +370,4 @@ fn tried_agents(
             gathered
         }
     }
-}
-
-impl Proposal {
-    /// What is said of the processor time.
-    fn processors(&self) -> String {
-        let said = |secs: f64| format!(" ({} of processor time)", span(secs.round()));
-        self.expected_processor_secs.map(said).unwrap_or_default()
-    }
-}
-
-fn show(
-    args: &ProposeOptions,
-    look: &Look,
-    chosen: &Proposal,
-    printer: &Printer,
-) -> Result<(), StepError> {
-    let Look { sketch, scope, .. } = look;
-    let name = |&channel: &usize| sketch.channels[channel].name.clone();
-    let predicted: Vec<String> =
-        chosen.sensors.proposed.iter().take(chosen.size.sensors).map(name).collect();
-    let state_secs = sketch.period_secs * chosen.spacing as f64;
-    if printer.is_json() {
-        return printer.json(&Chosen {
-            study: args.study.clone(),
-            channels: scope.channels.len(),
-            left_out: scope
-                .left_out
-                .iter()
-                .map(|of| [of.name.clone(), of.why.to_string()])
-                .collect(),
-            angles: look.angles.iter().map(|angle| (angle.channel.clone(), angle.turn)).collect(),
-            train: chosen.cut.train,
-            held_out: chosen.cut.held_out,
-            rows: chosen.cut.rows,
-            state_secs,
-            sensors: predicted,
-            agent_reason: chosen.agent.reason.clone(),
-            gamma: chosen.horizon.gamma,
-            horizon_secs: chosen.horizon.secs,
-            steps: chosen.size.steps,
-            expected_secs: chosen.expected_secs,
-            expected_processor_secs: chosen.expected_processor_secs,
-        });
-    }
-    let [train, held_out] = chosen.cut.rows.map(count);
-    let lacking = chosen.cut.ranges(&sketch.timestamps).map(|range| {
-        let lacking = Lacking::of(sketch, scope, &range);
-        lacking.map_or_else(String::new, |Lacking { rows, channel }| {
-            format!(" (less about {} that lack {channel:?} for long)", count(rows))
-        })
-    });
-    let lines = [
-        format!(
-            "{}: {} of {} channels, {train} rows to learn from{}, {held_out} held out{}",
-            args.study.display(),
-            scope.channels.len(),
-            sketch.channels.len(),
-            lacking[0],
-            lacking[1]
-        ),
-        format!(
-            "a state every {}; {} predicted {} ahead (gamma {})",
-            span(state_secs),
-            predicted.join(", "),
-            span(chosen.horizon.secs),
-            chosen.horizon.gamma
-        ),
-        chosen.agent.reason.clone(),
-        format!(
-            "{} learning rates, runs of {} steps: about {} of the {} that were asked for{}",
-            chosen.size.values(),
-            count(chosen.size.steps),
-            span(chosen.expected_secs.round()),
-            span(args.within),
-            chosen.processors()
-        ),
-    ];
-    lines.iter().try_for_each(|line| printer.result(line))
 }

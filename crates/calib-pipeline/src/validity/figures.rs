@@ -11,7 +11,7 @@ use calib_report::{
 };
 use calib_validity::{Method, MethodSummary, ModelPair, Validity};
 
-use super::{Judgement, show, tables::short};
+use super::{JudgedStudies, show, tables::short};
 
 /// Regrets below this are drawn here: logarithms have no zero.
 const FLOOR: f64 = 1e-3;
@@ -22,18 +22,18 @@ const MARKERS: [Marker; 5] =
     [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::TriangleDown];
 
 /// Write all figures as SVG and PNG.
-pub(super) fn write(directory: &Path, judgement: &Judgement) -> Result<(), StepError> {
-    for (name, figure) in all(judgement) {
+pub(super) fn write(directory: &Path, judged: &JudgedStudies) -> Result<(), StepError> {
+    for (name, figure) in all(judged) {
         figures::write(directory, name, &Figure::new(figure.chart))?;
     }
     Ok(())
 }
 
 /// All figures with their names.
-pub(super) fn all(judgement: &Judgement) -> Vec<(&'static str, OverviewFigure)> {
-    let first = judgement.first();
+pub(super) fn all(judged: &JudgedStudies) -> Vec<(&'static str, OverviewFigure)> {
+    let first = judged.validity();
     let mut all = vec![("regret", regrets(first, "")), ("profile", profile(first))];
-    let later = judgement.scores.iter().skip(1).find(|of| of.part == Part::AfterFirstQuarter);
+    let later = judged.scores.iter().skip(1).find(|of| of.part == Part::AfterFirstQuarter);
     all.extend(later.map(|score| {
         let by = format!(". {}", show::of_score(score));
         ("regret-after-first-quarter", regrets(&score.validity, &by))

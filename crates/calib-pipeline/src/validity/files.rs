@@ -7,11 +7,11 @@ use calib_data::table::Table;
 use calib_files::write_json;
 use calib_validity::{Method, ModelPair, Pair, PairRegret};
 
-use super::{Judgement, Task, show::part_name};
+use super::{JudgedStudies, Task, show::part_name};
 
-pub(super) fn write(directory: &Path, judgement: &Judgement) -> Result<(), StepError> {
-    write_table(pairs(judgement), &directory.join("pairs.parquet"))?;
-    Ok(write_json(&directory.join("validity.json"), &judgement.summary())?)
+pub(super) fn write(directory: &Path, judged: &JudgedStudies) -> Result<(), StepError> {
+    write_table(pairs(judged), &directory.join("pairs.parquet"))?;
+    Ok(write_json(&directory.join("validity.json"), &judged.summary())?)
 }
 
 /// A method in a pair, by one score.
@@ -32,11 +32,11 @@ impl Row<'_> {
 }
 
 /// One row for each score, plant, sensor and method.
-fn pairs(judgement: &Judgement) -> Table {
-    let rows = judgement.scores.iter().flat_map(|score| {
+fn pairs(judged: &JudgedStudies) -> Table {
+    let rows = judged.scores.iter().flat_map(|score| {
         score.validity.each.iter().filter_map(|of| {
             let pair = &score.validity.judged[of.pair];
-            let plant = judgement.plants.iter().find(|plant| plant.plant == pair.plant)?;
+            let plant = judged.plants.iter().find(|plant| plant.plant == pair.plant)?;
             let (part, values) = (part_name(score.part), &*score.validity.values);
             Some(Row { part, task: &plant.task, pair, of, values })
         })

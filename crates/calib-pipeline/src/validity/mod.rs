@@ -26,8 +26,8 @@ use calib_base::{
     clock::Stopwatch,
     log::context::RunContext,
     options::{ValidityExtent, ValidityOptions},
-    outcome::Outcome,
-    output::{counted, duration},
+    outcome::StepResult,
+    output::duration,
 };
 use calib_study::{Share, shell_words};
 use calib_validity::{Pair, Validity, judge};
@@ -36,6 +36,7 @@ use serde::Serialize;
 
 use crate::run_study::RunUntil;
 use gather::{Gathered, Reason, gather};
+pub use plan::ValidityPlan;
 use studies::{Listed, Listing};
 use task::Task;
 
@@ -58,7 +59,7 @@ pub(crate) struct Summary<'a> {
 }
 
 /// The protocol that drew the plants.
-#[derive(Serialize, JsonSchema)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Drew {
     /// Its file's name.
     file: String,
@@ -66,7 +67,7 @@ pub(crate) struct Drew {
 }
 
 /// A plant with its task.
-#[derive(Serialize, JsonSchema)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Judged {
     plant: String,
     #[serde(flatten)]
@@ -74,22 +75,32 @@ pub(crate) struct Judged {
 }
 
 /// A plant that is not judged.
-#[derive(Clone, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(crate) struct LeftOut {
     plant: String,
     reason: String,
 }
 
 /// All pairs by the errors over one part of each run.
-#[derive(Serialize, JsonSchema)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Score {
     part: Part,
     #[serde(flatten)]
     validity: Validity,
 }
 
-/// All studies together.
-struct Judgement {
+/// What `validity` comes to.
+#[derive(Debug)]
+pub enum ValidityAnswer {
+    /// All studies are judged together.
+    Judged(Box<JudgedStudies>),
+    /// The plants of a share were run, and nothing is judged.
+    Shared(SharedPlants),
+}
+
+/// All studies, judged together.
+#[derive(Debug)]
+pub struct JudgedStudies {
     protocol: Option<Drew>,
     plants: Vec<Judged>,
     left_out: Vec<LeftOut>,
@@ -97,58 +108,49 @@ struct Judgement {
     /// At least one.
     scores: Vec<Score>,
     command: String,
+    report: PathBuf,
+}
+
+/// The plants of one of several processes that divide the studies among them.
+#[derive(Debug)]
+pub struct SharedPlants {
+    share: Share,
+    plants: usize,
+    left_out: Vec<LeftOut>,
 }
 
 /// Run what is missing of each study, and judge all of them together.
-pub(crate) fn run(args: &ValidityOptions, context: &RunContext) -> Result<Outcome, StepError> {
+pub(crate) fn run(
+    args: &ValidityOptions,
+    context: &RunContext,
+) -> Result<StepResult<ValidityAnswer, ValidityPlan>, StepError> {
     let listing = studies::list(args)?;
     studies::check(&listing.studies)?;
     let directory = output(args, &listing);
     if args.extent == ValidityExtent::Plan {
-        plan::show(&listing, context)?;
-        context.say(&format!("dry run: would write {}", directory.display()));
-        return Ok(Outcome::Done);
+        return Ok(StepResult::Planned(ValidityPlan::of(&listing, directory, context)?));
     }
     match listing.protocol {
         // Before anything of a plant is written into it.
         Some(_) => drop(artefact::own(&directory)?),
         None => artefact::check_own(&directory)?,
     }
+    let all = all(&listing, args, context)?;
     if let Some(share) = args.share {
-        return run_share(share, &listing, args, context);
+        let plants = (0..listing.studies.len()).filter(|place| share.has(*place)).count();
+        let shared = SharedPlants { share, plants, left_out: all.left_out };
+        return Ok(StepResult::Made(ValidityAnswer::Shared(shared)));
     }
-    let judgement = judgement(all(&listing, args, context)?, &listing, args)?;
+    let report = directory.join("report.html");
+    let judged = judged(all, &listing, args, report)?;
     let _lock = DirectoryLock::new(&directory, Below::Ours)?;
-    files::write(&directory, &judgement)?;
-    figures::write(&directory.join("figures"), &judgement)?;
-    page::write(&directory.join("report.html"), &judgement)?;
-    if context.is_json() {
-        context.json(&judgement.summary())?;
-    } else {
-        show::show(&judgement, context)?;
-        context.result(&format!("report: {}", directory.join("report.html").display()))?;
-    }
-    Ok(Outcome::Done)
+    files::write(&directory, &judged)?;
+    figures::write(&directory.join("figures"), &judged)?;
+    page::write(&judged.report, &judged)?;
+    Ok(StepResult::Made(ValidityAnswer::Judged(Box::new(judged))))
 }
 
-/// Run what is missing of the plants of a share; nothing is judged.
-fn run_share(
-    share: Share,
-    listing: &Listing,
-    args: &ValidityOptions,
-    context: &RunContext,
-) -> Result<Outcome, StepError> {
-    let all = all(listing, args, context)?;
-    let own = (0..listing.studies.len()).filter(|place| share.has(*place)).count();
-    context.result(&format!(
-        "share {share}: {} of {} run; when all shares are, the same command without --share judges them",
-        own - all.left_out.len(),
-        counted(own, "plant"),
-    ))?;
-    Ok(if all.left_out.is_empty() { Outcome::Done } else { Outcome::Negative })
-}
-
-impl Judgement {
+impl JudgedStudies {
     fn summary(&self) -> Summary<'_> {
         Summary {
             format: 3,
@@ -161,10 +163,41 @@ impl Judgement {
         }
     }
 
-    /// By the score of the studies.
-    fn first(&self) -> &Validity {
+    /// How well each method chooses, by the score of the studies.
+    pub fn validity(&self) -> &Validity {
         &self.scores[0].validity
     }
+
+    /// The plants that were judged.
+    pub fn plants(&self) -> Vec<&str> {
+        self.plants.iter().map(|judged| judged.plant.as_str()).collect()
+    }
+
+    /// Plants that were not, each with the reason.
+    pub fn left_out(&self) -> Vec<[&str; 2]> {
+        named(&self.left_out)
+    }
+
+    /// The page that was written.
+    pub fn report(&self) -> &Path {
+        &self.report
+    }
+}
+
+impl SharedPlants {
+    /// How many plants the share has.
+    pub fn plants(&self) -> usize {
+        self.plants
+    }
+
+    /// Those that were not run, each with the reason.
+    pub fn left_out(&self) -> Vec<[&str; 2]> {
+        named(&self.left_out)
+    }
+}
+
+fn named(left_out: &[LeftOut]) -> Vec<[&str; 2]> {
+    left_out.iter().map(|of| [of.plant.as_str(), of.reason.as_str()]).collect()
 }
 
 /// In the folder of the draw, or beside the first study, unless the user says where.
@@ -259,7 +292,12 @@ fn take(
 }
 
 /// Judge what was gathered, by each score.
-fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> Result<Judgement, StepError> {
+fn judged(
+    all: All,
+    listing: &Listing,
+    args: &ValidityOptions,
+    report: PathBuf,
+) -> Result<JudgedStudies, StepError> {
     let All { gathered, left_out, lacking } = all;
     let Some((_, first)) = gathered.first() else {
         let told = left_out.iter().map(|of| format!("{}: {}", of.plant, of.reason));
@@ -288,7 +326,7 @@ fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> Result<Judg
             validity: judge(values.clone(), pairs, &networks).map_err(StepError::other)?,
         })
     };
-    Ok(Judgement {
+    Ok(JudgedStudies {
         protocol: listing.protocol.as_ref().map(|protocol| Drew {
             file: protocol.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             seed: protocol.seed(),
@@ -298,6 +336,7 @@ fn judgement(all: All, listing: &Listing, args: &ValidityOptions) -> Result<Judg
         missing,
         scores: by_score.into_iter().map(score).collect::<Result<_, StepError>>()?,
         command: command(listing, args),
+        report,
     })
 }
 

@@ -6,28 +6,28 @@ use calib_base::StepError;
 use calib_files::write_atomically;
 use calib_report::{Overview, Table};
 
-use super::{Judgement, claims::findings, figures, show, tables};
+use super::{JudgedStudies, claims::findings, figures, show, tables};
 
 /// Write the page.
-pub(super) fn write(path: &Path, judgement: &Judgement) -> Result<(), StepError> {
+pub(super) fn write(path: &Path, judged: &JudgedStudies) -> Result<(), StepError> {
     let page = Overview {
         title: "Does calib choose well?".to_owned(),
-        subtitle: Some(show::subtitle(judgement)),
+        subtitle: Some(show::subtitle(judged)),
         decision: None,
-        findings: findings(judgement.first()),
-        warnings: show::notes(judgement),
-        figures: figures::all(judgement).into_iter().map(|(_, figure)| figure).collect(),
-        tables: all_tables(judgement),
-        command: judgement.command.clone(),
+        findings: findings(judged.validity()),
+        warnings: show::notes(judged),
+        figures: figures::all(judged).into_iter().map(|(_, figure)| figure).collect(),
+        tables: all_tables(judged),
+        command: judged.command.clone(),
     };
     let html = page.html();
     Ok(write_atomically(path, |file| file.write_all(html.as_bytes()))?)
 }
 
 /// By the first score under their own titles, by another one under what it is.
-fn all_tables(judgement: &Judgement) -> Vec<Table> {
+fn all_tables(judged: &JudgedStudies) -> Vec<Table> {
     let mut all = Vec::new();
-    for (number, score) in judgement.scores.iter().enumerate() {
+    for (number, score) in judged.scores.iter().enumerate() {
         let own =
             tables::of_score(&score.validity).into_iter().chain([tables::each(&score.validity)]);
         all.extend(own.map(|table| match number {
@@ -35,7 +35,7 @@ fn all_tables(judgement: &Judgement) -> Vec<Table> {
             _ => Table { title: format!("{}. {}", show::of_score(score), table.title), ..table },
         }));
         if number == 0 {
-            all.push(tables::plants(&judgement.plants));
+            all.push(tables::plants(&judged.plants));
         }
     }
     all

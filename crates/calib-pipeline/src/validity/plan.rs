@@ -1,46 +1,69 @@
-//! What a dry run says.
+//! What there is to run.
 
-use std::time::Duration;
+use std::path::PathBuf;
 
-use calib_base::{
-    StepError,
-    log::context::RunContext,
-    output::{duration, table},
-};
+use calib_base::{StepError, log::context::RunContext};
 
 use super::{studies::Listing, task::Task};
 
 /// Every plant with its task, and what is left to run.
-pub(super) fn show(listing: &Listing, context: &RunContext) -> Result<(), StepError> {
-    let mut rows = Vec::with_capacity(listing.studies.len());
-    let (mut unfinished, mut finished, mut secs) = (0, 0, 0.0);
-    for study in &listing.studies {
-        let state = match (study.out_of_reach()?, study.left(context)?) {
-            (Some(reason), _) => format!("left out: {reason}"),
-            (None, 0) => {
-                finished += 1;
-                secs += study.swept_secs()?;
-                "swept".to_owned()
-            }
-            (None, left) => {
-                unfinished += 1;
-                format!("{left} to be run")
-            }
-        };
-        let Task { optimiser, gamma, steps, batch_size, agent } =
-            Task::of(study.study(), study.study().sweep.steps);
-        let numbers = [gamma.to_string(), steps.to_string(), batch_size.to_string()];
-        let names = [study.plant.clone(), optimiser.to_owned(), agent];
-        rows.push(names.into_iter().chain(numbers).chain([state]).collect());
+#[derive(Debug)]
+pub struct ValidityPlan {
+    pub(super) plants: Vec<PlannedPlant>,
+    /// How long the sweeps of the plants took that are swept, in seconds.
+    pub(super) swept_secs: f64,
+    /// Where the judgement would be written.
+    pub(super) directory: PathBuf,
+}
+
+#[derive(Debug)]
+pub(super) struct PlannedPlant {
+    pub(super) plant: String,
+    pub(super) task: Task,
+    pub(super) state: PlantState,
+}
+
+/// How a plant stands.
+#[derive(Debug)]
+pub(super) enum PlantState {
+    /// Nothing can be run of it, for this reason.
+    LeftOut(String),
+    /// So many models and deployments are to be run.
+    Left(usize),
+    Swept,
+}
+
+impl ValidityPlan {
+    pub(super) fn of(
+        listing: &Listing,
+        directory: PathBuf,
+        context: &RunContext,
+    ) -> Result<Self, StepError> {
+        let mut plants = Vec::with_capacity(listing.studies.len());
+        let mut swept_secs = 0.0;
+        for study in &listing.studies {
+            let state = match (study.out_of_reach()?, study.left(context)?) {
+                (Some(reason), _) => PlantState::LeftOut(reason),
+                (None, 0) => {
+                    swept_secs += study.swept_secs()?;
+                    PlantState::Swept
+                }
+                (None, left) => PlantState::Left(left),
+            };
+            let task = Task::of(study.study(), study.study().sweep.steps);
+            plants.push(PlannedPlant { plant: study.plant.clone(), task, state });
+        }
+        Ok(Self { plants, swept_secs, directory })
     }
-    let header = ["plant", "optimiser", "agent", "gamma", "steps", "batch", "models"];
-    context.lines(&table(&header, &rows))?;
-    let estimate = if finished > 0 && unfinished > 0 {
-        let left = Duration::from_secs_f64(secs / f64::from(finished)) * unfinished;
-        format!("; about {} if their sweeps take as long as those that are done", duration(left))
-    } else {
-        String::new()
-    };
-    let all = listing.studies.len();
-    context.result(&format!("{unfinished} of {all} plants are to be run{estimate}"))
+
+    /// The plants of which something is left to run.
+    pub fn left(&self) -> Vec<&str> {
+        let left = self.plants.iter().filter(|of| matches!(of.state, PlantState::Left(_)));
+        left.map(|of| of.plant.as_str()).collect()
+    }
+
+    /// How many plants are swept.
+    pub(super) fn swept(&self) -> usize {
+        self.plants.iter().filter(|of| matches!(of.state, PlantState::Swept)).count()
+    }
 }

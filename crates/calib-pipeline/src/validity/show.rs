@@ -1,19 +1,103 @@
-//! The judgement on the terminal.
+//! The judgement, or what there is to run, on the terminal.
+
+use std::time::Duration;
 
 use calib_agent::Part;
 use calib_base::{
     StepError,
-    output::{Printer, count, counted, percent, significant, table},
+    outcome::{Outcome, Told},
+    output::{Printer, count, counted, duration, percent, significant, table},
 };
 use calib_report::{Cell, Table};
 use calib_validity::{CAP, FEWEST_PLANTS, Validity};
 
-use super::{Judgement, Score, claims::findings, tables};
+use super::{
+    JudgedStudies, Score, SharedPlants, ValidityAnswer,
+    claims::findings,
+    plan::{PlannedPlant, PlantState, ValidityPlan},
+    tables,
+    task::Task,
+};
+
+impl Told<()> for ValidityAnswer {
+    fn outcome(&self) -> Outcome {
+        match self {
+            Self::Judged(judged) => judged.outcome(),
+            Self::Shared(shared) => shared.outcome(),
+        }
+    }
+
+    fn tell(&self, of: &(), printer: &Printer) -> Result<(), StepError> {
+        match self {
+            Self::Judged(judged) => judged.tell(of, printer),
+            Self::Shared(shared) => shared.tell(of, printer),
+        }
+    }
+}
+
+impl Told<()> for JudgedStudies {
+    fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
+        if printer.is_json() {
+            return printer.json(&self.summary());
+        }
+        show(self, printer)?;
+        printer.result(&format!("report: {}", self.report.display()))
+    }
+}
+
+impl Told<()> for SharedPlants {
+    fn outcome(&self) -> Outcome {
+        if self.left_out.is_empty() { Outcome::Done } else { Outcome::Negative }
+    }
+
+    fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
+        let Self { share, plants, left_out } = self;
+        printer.result(&format!(
+            "share {share}: {} of {} run; when all shares are, the same command without --share judges them",
+            plants - left_out.len(),
+            counted(*plants, "plant"),
+        ))
+    }
+}
+
+impl Told<()> for ValidityPlan {
+    fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
+        let header = ["plant", "optimiser", "agent", "gamma", "steps", "batch", "models"];
+        let rows: Vec<Vec<String>> = self.plants.iter().map(planned).collect();
+        printer.lines(&table(&header, &rows))?;
+        let (all, left, swept) = (self.plants.len(), self.left().len() as u32, self.swept());
+        let estimate = if swept > 0 && left > 0 {
+            let left = Duration::from_secs_f64(self.swept_secs / swept as f64) * left;
+            format!(
+                "; about {} if their sweeps take as long as those that are done",
+                duration(left)
+            )
+        } else {
+            String::new()
+        };
+        printer.result(&format!("{left} of {all} plants are to be run{estimate}"))?;
+        printer.say(&format!("dry run: would write {}", self.directory.display()));
+        Ok(())
+    }
+}
+
+/// A plant, its task, and how it stands.
+fn planned(PlannedPlant { plant, task, state }: &PlannedPlant) -> Vec<String> {
+    let Task { optimiser, gamma, steps, batch_size, agent } = task;
+    let state = match state {
+        PlantState::LeftOut(reason) => format!("left out: {reason}"),
+        PlantState::Left(left) => format!("{left} to be run"),
+        PlantState::Swept => "swept".to_owned(),
+    };
+    let names = [plant.clone(), (*optimiser).to_owned(), agent.clone()];
+    let numbers = [gamma.to_string(), steps.to_string(), batch_size.to_string()];
+    names.into_iter().chain(numbers).chain([state]).collect()
+}
 
 /// Print all tables.
-pub(super) fn show(judgement: &Judgement, printer: &Printer) -> Result<(), StepError> {
-    printer.result(&subtitle(judgement))?;
-    for (number, score) in judgement.scores.iter().enumerate() {
+fn show(judged: &JudgedStudies, printer: &Printer) -> Result<(), StepError> {
+    printer.result(&subtitle(judged))?;
+    for (number, score) in judged.scores.iter().enumerate() {
         printer.result("")?;
         printer.result(&of_score(score))?;
         for table in tables::of_score(&score.validity) {
@@ -27,7 +111,7 @@ pub(super) fn show(judgement: &Judgement, printer: &Printer) -> Result<(), StepE
         }
     }
     printer.result("")?;
-    for note in notes(judgement) {
+    for note in notes(judged) {
         printer.result(&note)?;
     }
     Ok(())
@@ -53,9 +137,9 @@ fn text(cell: &Cell) -> String {
 }
 
 /// What was judged, in a line.
-pub(super) fn subtitle(judgement: &Judgement) -> String {
-    let validity = judgement.first();
-    let drawn = judgement.protocol.as_ref().map_or_else(String::new, |protocol| {
+pub(super) fn subtitle(judged: &JudgedStudies) -> String {
+    let validity = judged.validity();
+    let drawn = judged.protocol.as_ref().map_or_else(String::new, |protocol| {
         format!("{}, plants and tasks drawn with the seed {}: ", protocol.file, protocol.seed)
     });
     format!(
@@ -90,16 +174,16 @@ pub(super) const fn part_name(part: Part) -> &'static str {
 }
 
 /// What is left out, and what the reader should know.
-pub(super) fn notes(judgement: &Judgement) -> Vec<String> {
-    let validity = judgement.first();
+pub(super) fn notes(judged: &JudgedStudies) -> Vec<String> {
+    let validity = judged.validity();
     let mut notes: Vec<String> = Vec::new();
-    if !judgement.left_out.is_empty() {
-        let each = judgement.left_out.iter().map(|of| format!("{}: {}", of.plant, of.reason));
-        let all = judgement.left_out.len() + judgement.plants.len();
+    if !judged.left_out.is_empty() {
+        let each = judged.left_out.iter().map(|of| format!("{}: {}", of.plant, of.reason));
+        let all = judged.left_out.len() + judged.plants.len();
         let each = each.collect::<Vec<_>>().join("; ");
-        notes.push(format!("{} of {all} plants are left out ({each})", judgement.left_out.len()));
+        notes.push(format!("{} of {all} plants are left out ({each})", judged.left_out.len()));
     }
-    notes.extend(judgement.missing.iter().cloned());
+    notes.extend(judged.missing.iter().cloned());
     notes.extend(
         validity
             .left_out

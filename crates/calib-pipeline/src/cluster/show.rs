@@ -1,0 +1,191 @@
+//! Plans, shards and what becomes of them, in lines and tables.
+
+use std::path::Path;
+
+use calib_base::{
+    StepError,
+    options::ArrayOf,
+    outcome::{Freshness, Outcome, Told},
+    output::{Printer, bytes, count, counted, duration, span, table},
+};
+use calib_study::shell_words;
+
+use crate::cluster::{
+    make::{ClusterDryPlan, ClusterPlan},
+    missing::ranges,
+    run::ClusterShard,
+    status::{ClusterStatus, State, Status, Summary},
+    submit::{ClusterScript, ClusterScripts, SubmittedPlan},
+};
+
+impl Told<()> for ClusterPlan {
+    fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
+        self.summary.tell(printer)?;
+        let place = shell_words([self.directory.display().to_string()]);
+        match self.summary.shards.checked_sub(1) {
+            None => printer.next(&[format!("calib cluster merge {place}")]),
+            Some(last) => printer.next(&[
+                format!("calib cluster submit {place} --engine slurm --dry-run"),
+                format!("calib cluster run {place} --shard N, with every N from 0 to {last}"),
+            ]),
+        }
+        Ok(())
+    }
+}
+
+impl Told<()> for ClusterDryPlan {
+    fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
+        self.summary.tell(printer)?;
+        printer.say(&format!("dry run: nothing written to {}", self.directory.display()));
+        Ok(())
+    }
+}
+
+impl Summary {
+    fn tell(&self, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_json() {
+            return printer.json(self);
+        }
+        self.lines().iter().try_for_each(|line| printer.result(line))
+    }
+
+    /// In words.
+    fn lines(&self) -> Vec<String> {
+        if self.shards == 0 {
+            return vec!["nothing is left to train".to_owned()];
+        }
+        let stages = match self.stages {
+            1 => String::new(),
+            stages => format!(" in {stages} stages, one after the other"),
+        };
+        vec![
+            format!(
+                "{}{stages}, {}",
+                counted(self.shards, "shard"),
+                counted(self.units, "training run")
+            ),
+            format!(
+                "predicted: {} of one thread in all, {} the longest shard, {} where every shard has a core; up to {} of \
+                 memory a shard",
+                span(self.secs),
+                span(self.longest_secs),
+                span(self.together_secs),
+                bytes(self.memory)
+            ),
+        ]
+    }
+}
+
+impl Told<()> for ClusterShard {
+    fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
+        let Self { number, freshness, made, took } = *self;
+        match freshness {
+            Freshness::Kept => printer.result(&format!("shard {number} is done already")),
+            Freshness::Made => {
+                let (made, took) = (counted(made, "training run"), duration(took));
+                printer.result(&format!("shard {number} is done: {made} made in {took}"))
+            }
+        }
+    }
+}
+
+impl Told<()> for ClusterStatus {
+    fn outcome(&self) -> Outcome {
+        if self.status.is_done() { Outcome::Done } else { Outcome::Incomplete }
+    }
+
+    fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
+        match self.only_missing {
+            Some(ArrayOf::Slurm) => printer.result(&ranges(&self.missing())),
+            Some(ArrayOf::Lines) => {
+                self.missing().iter().try_for_each(|number| printer.result(&number.to_string()))
+            }
+            None if printer.is_json() => printer.json(&self.status),
+            None => self.status.tell(&self.directory, printer),
+        }
+    }
+}
+
+impl Status {
+    /// Tell it, of the plan in `directory`.
+    ///
+    /// # Errors
+    /// If it cannot be passed on.
+    pub(crate) fn tell(&self, directory: &Path, printer: &Printer) -> Result<(), StepError> {
+        let Self { shards, done, .. } = self;
+        let of = |wanted| shards.iter().filter(move |shard| shard.state == wanted).count();
+        printer.result(&format!(
+            "{done} of {} done, {} begun, {} missing, {} faulty; {} of {} training runs",
+            counted(shards.len(), "shard"),
+            of(State::Begun),
+            of(State::Missing),
+            of(State::Faulty),
+            count(shards.iter().map(|shard| shard.units).sum()),
+            count(shards.iter().map(|shard| shard.of).sum()),
+        ))?;
+        let left: f64 =
+            shards.iter().filter(|of| of.state != State::Done).map(|of| of.predicted_secs).sum();
+        if left > 0.0 {
+            printer.result(&format!("left: {} of one thread, as predicted", span(left)))?;
+        }
+        let rows: Vec<Vec<String>> = shards
+            .iter()
+            .filter(|shard| shard.note.is_some() || shard.queue.is_some())
+            .map(|shard| {
+                let units = format!("{} of {}", count(shard.units), count(shard.of));
+                let notes = [shard.queue.clone(), shard.note.clone()];
+                let notes: Vec<String> = notes.into_iter().flatten().collect();
+                vec![shard.shard.to_string(), units, notes.join("; ")]
+            })
+            .collect();
+        if !rows.is_empty() {
+            printer.lines(&table(&["shard", "training runs", ""], &rows))?;
+        }
+        let place = shell_words([directory.display().to_string()]);
+        if self.is_done() {
+            printer.next(&[format!("calib cluster merge {place}")]);
+        }
+        Ok(())
+    }
+}
+
+impl Told<()> for ClusterScripts {
+    fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
+        for ClusterScript { name, text } in &self.scripts {
+            printer.lines(&format!("==> {name}\n{text}"))?;
+        }
+        self.command.as_ref().map_or(Ok(()), |command| printer.result(command))
+    }
+}
+
+impl Told<()> for SubmittedPlan {
+    fn outcome(&self) -> Outcome {
+        match self {
+            Self::Ray { is_done: false } => Outcome::Incomplete,
+            Self::Slurm { .. } | Self::Ray { .. } | Self::Kubernetes { .. } => Outcome::Done,
+        }
+    }
+
+    fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
+        match self {
+            Self::Slurm { directory, shards, arrays, merge } => {
+                printer.result(&format!(
+                    "{} submitted as {}; merged by job {merge}",
+                    counted(*shards, "shard"),
+                    arrays.join(", "),
+                ))?;
+                let place = directory.display().to_string();
+                printer.next(&[shell_words(["calib", "cluster", "status", &place])]);
+            }
+            // Its driver told what it did.
+            Self::Ray { .. } => {}
+            Self::Kubernetes { manifests } => {
+                for path in manifests {
+                    printer.result(&format!("kubectl apply -f {}", path.display()))?;
+                }
+                printer.say("each when the one before is complete; calib applies none of them");
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,65 @@
+//! What was proposed, in a few lines.
+
+use calib_base::{
+    StepError,
+    outcome::Told,
+    output::{Printer, count, duration, span},
+};
+use calib_propose::Lacking;
+use calib_study::shell_words;
+
+use super::{Chosen, ProposedStudy};
+
+impl Told<()> for ProposedStudy {
+    fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
+        if printer.is_json() {
+            printer.json(&self.chosen)?;
+        } else {
+            lines(self).iter().try_for_each(|line| printer.result(line))?;
+        }
+        printer.say(&format!("looked and tried for {}", duration(self.took)));
+        let study = shell_words([self.study().display().to_string()]);
+        printer.next(&[format!("calib run {study}")]);
+        Ok(())
+    }
+}
+
+fn lines(proposed: &ProposedStudy) -> [String; 4] {
+    let ProposedStudy { chosen, of_channels, lacking, learning_rates, within, .. } = proposed;
+    let [train, held_out] = chosen.rows.map(count);
+    let lacking = lacking.each_ref().map(|lacking| {
+        lacking.as_ref().map_or_else(String::new, |Lacking { rows, channel }| {
+            format!(" (less about {} that lack {channel:?} for long)", count(*rows))
+        })
+    });
+    [
+        format!(
+            "{}: {} of {of_channels} channels, {train} rows to learn from{}, {held_out} held out{}",
+            chosen.study.display(),
+            chosen.channels,
+            lacking[0],
+            lacking[1]
+        ),
+        format!(
+            "a state every {}; {} predicted {} ahead (gamma {})",
+            span(chosen.state_secs),
+            chosen.sensors.join(", "),
+            span(chosen.horizon_secs),
+            chosen.gamma
+        ),
+        chosen.agent_reason.clone(),
+        format!(
+            "{learning_rates} learning rates, runs of {} steps: about {} of the {} that were asked for{}",
+            count(chosen.steps),
+            span(chosen.expected_secs.round()),
+            span(*within),
+            processors(chosen)
+        ),
+    ]
+}
+
+/// What is said of the processor time.
+fn processors(chosen: &Chosen) -> String {
+    let said = |secs: f64| format!(" ({} of processor time)", span(secs.round()));
+    chosen.expected_processor_secs.map(said).unwrap_or_default()
+}
