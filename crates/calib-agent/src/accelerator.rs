@@ -49,7 +49,7 @@ pub struct Steps {
 
 /// What came of some steps, `[step, run, learner]`.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Made {
+pub struct LockstepResults {
     /// Values of present states.
     pub predictions: Vec<f32>,
     /// Whether every TD error was finite; true where nothing was learnt.
@@ -62,7 +62,7 @@ pub trait Lockstep {
     ///
     /// # Errors
     /// [`AgentError::Accelerator`].
-    fn make(&mut self, steps: &Steps) -> Result<Made, AgentError>;
+    fn make(&mut self, steps: &Steps) -> Result<LockstepResults, AgentError>;
 
     /// Whether all parameters are finite, `[run, learner]`.
     ///

@@ -73,7 +73,7 @@ mod train;
 mod validation;
 mod values;
 
-pub use accelerator::{Accelerator, Lockstep, Made, Networks, Steps};
+pub use accelerator::{Accelerator, Lockstep, LockstepResults, Networks, Steps};
 pub use checkpointer::{Checkpointer, NoKeeper, RunProgress, RunState, ValueState};
 pub use config::{
     AgentConfig, AgentKind, ConfigError, OptimiserKind, Precision, ReplayKind, ValueFunction,

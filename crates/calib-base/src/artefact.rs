@@ -435,11 +435,11 @@ mod tests {
     use super::*;
 
     #[derive(Serialize, Deserialize)]
-    struct Made {
+    struct TestManifest {
         format: u32,
     }
 
-    impl Manifest for Made {
+    impl Manifest for TestManifest {
         const FORMAT: u32 = 1;
 
         fn format(&self) -> u32 {
@@ -467,8 +467,8 @@ mod tests {
         let directory = tempfile::tempdir().expect("a directory");
         let claim = DirectoryLock::new(directory.path(), Below::Ours).expect("nobody has it");
         claim.begin().expect("writable");
-        claim.complete(&Made { format: 1 }).expect("writable");
-        assert!(read::<Made>(directory.path()).is_some());
+        claim.complete(&TestManifest { format: 1 }).expect("writable");
+        assert!(read::<TestManifest>(directory.path()).is_some());
         let other = DirectoryLock::new(directory.path(), Below::Ours).err().expect("it is claimed");
         assert!(other.to_string().contains("another calib is writing"), "{other}");
         drop(claim);

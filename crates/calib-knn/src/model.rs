@@ -13,7 +13,7 @@ use crate::{
     index::Sources,
     open_table,
     prototypes::covering,
-    recurrence::Made,
+    recurrence::TableSearch,
     store::{open_left_out, write_left_out},
     table::{check_candidates, find_tables, finished},
     write_table,
@@ -101,11 +101,12 @@ impl KnnModel {
             find_tables(&sources, k, exclusion, config.index, workplace, monitor)?;
         let place = &workplace.scratch;
         let (planned_by, sources) = (&planned, &sources);
-        let made = Made { planned: planned_by, sources, k, exclusion, weights, place, monitor };
+        let search =
+            TableSearch { planned: planned_by, sources, k, exclusion, weights, place, monitor };
         let members = if config.remove_traps {
-            made.without_traps(&mut tables)
+            search.without_traps(&mut tables)
         } else {
-            made.as_found(&tables)
+            search.as_found(&tables)
         };
         let mut built = Built { choice: planned.choice, recurrence: Vec::new(), ends: Vec::new() };
         let mut left_out = Vec::new();

@@ -9,7 +9,7 @@ use calib_base::{
     log::{
         context::RunContext,
         plant_of_study::PlantOfStudy,
-        simulate::{Found, sentence},
+        simulate::{PlantLogState, sentence},
     },
     options::{BuildOptions, Device},
     outcome::{NoPlan, Outcome, StepResult, Told as _},
@@ -237,9 +237,9 @@ fn stages(
 /// Whether the log of a simulated plant is made, and not there already.
 fn is_made(plant: &PlantOfStudy, job: &Job) -> bool {
     match plant.found {
-        Found::NotSimulated => false,
-        Found::Whole => job.policy().redoes(),
-        Found::Unfinished | Found::Another => true,
+        PlantLogState::NotSimulated => false,
+        PlantLogState::Whole => job.policy().redoes(),
+        PlantLogState::Unfinished | PlantLogState::Another => true,
     }
 }
 
@@ -299,7 +299,7 @@ fn simulate(
     talk: &Printer,
 ) -> Result<bool, StepError> {
     let shown = plant.directory.display().to_string();
-    if plant.found == Found::NotSimulated {
+    if plant.found == PlantLogState::NotSimulated {
         talk.say(&format!(
             "{shown} holds logs that calib did not simulate: [simulate] is not used"
         ));
@@ -311,7 +311,7 @@ fn simulate(
     if job.policy().is_dry() {
         let takes = sentence(&Plant::new(plant.options.clone())?);
         talk.say(&format!("dry run: would write {takes}, to {shown}"));
-        return Ok(plant.found == Found::Whole);
+        return Ok(plant.found == PlantLogState::Whole);
     }
     let simulated = plant.make(job.policy().redoes(), talk).context("[simulate]")?;
     talk.result(&simulated.line())?;

@@ -3,7 +3,7 @@
 
 mod fixture;
 
-use calib_report::{Reason, Report, Way};
+use calib_report::{ChoiceBaseline, Reason, Report};
 use fixture::{HOSTILE, report};
 
 /// Elements that have no end tag.
@@ -118,7 +118,7 @@ fn a_page_without_a_model_never_speaks_of_one() {
         verdict.reason = Reason::LogReplay { streams: 9 };
         (verdict.members, verdict.worst_rank) = (0, 0);
         verdict.tie_set.clear();
-        verdict.alternatives.retain(|other| other.way != Way::LogReplay);
+        verdict.alternatives.retain(|other| other.baseline != ChoiceBaseline::LogReplay);
         verdict.notes.clear();
     }
     for sensitivity in &mut report.sensitivities {

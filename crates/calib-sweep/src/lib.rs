@@ -13,7 +13,7 @@
 //! - [`Program`]: agents of another program, which are trained in the place of calib's own.
 //! - [`UnitStore`]: one small file a unit, with the run of each setting under a key of its own. [`Plan::run`] does only what is
 //!   missing there: one more value in the grid leaves the runs of the others as they are.
-//! - [`verdict`]: the choice of a [`Rule`], how stable it is, and what held-out [`Windows`] say of it beside its [`Baseline`]s.
+//! - [`verdict`]: the choice of a [`Rule`], how stable it is, and what held-out [`Windows`] say of it beside its [`ChoiceBaseline`]s.
 //!
 //! ```
 //! use calib_agent::AgentConfig;
@@ -81,7 +81,7 @@ pub use span::Span;
 pub use store::{UnitStore, remove_states};
 pub use unit::{CurvePoint, PlannedUnit, RunRow, SettingRun, Unit, UnitResult, UnitRuns};
 pub use verdict::{
-    Agreement, Baseline, BaselineRegret, Dropped, ENOUGH_WINDOWS, EnvironmentScores, Grade,
+    Agreement, BaselineRegret, ChoiceBaseline, Dropped, ENOUGH_WINDOWS, EnvironmentScores, Grade,
     Judging, NO_WORSE, PartChoice, Recommendation, Rule, RuleChoice, SensorVerdict, Share,
     SimpleComparison, Truth, WindowTruth, verdict,
 };

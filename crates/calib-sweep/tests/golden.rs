@@ -8,7 +8,7 @@ use calib_agent::{
 };
 use calib_core::{RowStream, Seed, Segments, Silent, States};
 use calib_sweep::{
-    Baseline, Candidate, EnvironmentId, Judging, RaceRule, Rule, RunRow, SensorVerdict, Unit,
+    Candidate, ChoiceBaseline, EnvironmentId, Judging, RaceRule, Rule, RunRow, SensorVerdict, Unit,
     UnitResult, raced, verdict,
 };
 use serde::Deserialize;
@@ -181,11 +181,11 @@ fn choices_regrets_and_bounds_are_numpys() {
         truth.baselines.iter().find(|of| of.baseline == baseline).expect("there").clone()
     };
     let cost = |of| baseline(of).regret.expect("known").value;
-    near("another window", cost(Baseline::AnotherWindow), golden.another_window, 1e-12);
-    near("hindsight", cost(Baseline::Hindsight), golden.hindsight, 1e-12);
-    near("random", cost(Baseline::Random), golden.random, 1e-12);
-    assert_eq!(baseline(Baseline::LogReplay).chosen, Some(golden.log_replay));
-    assert_eq!(baseline(Baseline::LatestWindow).chosen, Some(golden.latest_window));
+    near("another window", cost(ChoiceBaseline::AnotherWindow), golden.another_window, 1e-12);
+    near("hindsight", cost(ChoiceBaseline::Hindsight), golden.hindsight, 1e-12);
+    near("random", cost(ChoiceBaseline::Random), golden.random, 1e-12);
+    assert_eq!(baseline(ChoiceBaseline::LogReplay).chosen, Some(golden.log_replay));
+    assert_eq!(baseline(ChoiceBaseline::LatestWindow).chosen, Some(golden.latest_window));
     let bound = truth.choice.regret.expect("known").upper.expect("four windows");
     near("bound", bound, golden.regret_bound, 1e-6);
     let quotient = truth.choice.against_default.expect("another");

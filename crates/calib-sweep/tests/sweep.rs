@@ -19,7 +19,7 @@ use calib_model::{
     StartSource, start_states,
 };
 use calib_sweep::{
-    Baseline, Candidate, Demand, Environment, EnvironmentId, ErrorScale, Grade, Judging,
+    Candidate, ChoiceBaseline, Demand, Environment, EnvironmentId, ErrorScale, Grade, Judging,
     MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, RaceRule, ReplayEnvironment,
     RolloutOptions, Rule, SensorVerdict, Span, Start, SweepConfig, SweepError, UnitResult,
     UnitStore, Windows, candidates, raced, verdict,
@@ -243,10 +243,10 @@ fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
         let own = truth.baselines.iter().find(|of| of.baseline == baseline).expect("there");
         (own.chosen, own.regret.map(|regret| regret.value))
     };
-    assert_eq!(cost(Baseline::Hindsight), (Some(2), Some(0.0)));
-    assert_eq!(cost(Baseline::AnotherWindow), (None, Some(0.0)));
-    assert_eq!(cost(Baseline::Random), (None, Some(f64::INFINITY)), "one of four diverges");
-    let (default, default_regret) = cost(Baseline::Default);
+    assert_eq!(cost(ChoiceBaseline::Hindsight), (Some(2), Some(0.0)));
+    assert_eq!(cost(ChoiceBaseline::AnotherWindow), (None, Some(0.0)));
+    assert_eq!(cost(ChoiceBaseline::Random), (None, Some(f64::INFINITY)), "one of four diverges");
+    let (default, default_regret) = cost(ChoiceBaseline::Default);
     assert!(study.candidates[default.expect("one")].is_default);
     assert!(default_regret > Some(0.0));
     assert!(truth.choice.against_default.expect("another").value < 1.0);

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use super::batch_slot::{BatchSlot, StepRecord};
 use crate::{
-    Accelerator, AgentError, Learner, Lockstep, Made, Networks, ReplayKind, Run, RunOutcome, Steps,
-    layer_sizes, values::parameter_seed,
+    Accelerator, AgentError, Learner, Lockstep, LockstepResults, Networks, ReplayKind, Run,
+    RunOutcome, Steps, layer_sizes, values::parameter_seed,
 };
 
 /// Updates that an accelerator makes before anybody looks at them.
@@ -122,7 +122,7 @@ impl<'a> Cohort<'a> {
     }
 
     /// Record what came of these steps.
-    fn settle(&mut self, chunk: Range<usize>, updates: usize, made: &Made) {
+    fn settle(&mut self, chunk: Range<usize>, updates: usize, made: &LockstepResults) {
         let (of_step, learners, runs) = (updates.max(1), self.learners.len(), self.seats.len());
         for number in 0..chunk.len() * of_step {
             let did = StepRecord {

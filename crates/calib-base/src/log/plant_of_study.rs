@@ -8,7 +8,7 @@ use calib_study::{Job, StepKind, StudyError};
 
 use crate::{
     Context as _, StepError, bail,
-    log::simulate::{self, Found, Simulated},
+    log::simulate::{self, PlantLogState, Simulated},
     memory,
     output::Printer,
 };
@@ -20,7 +20,7 @@ pub struct PlantOfStudy {
     /// The plant.
     pub options: PlantOptions,
     /// What is there.
-    pub found: Found,
+    pub found: PlantLogState,
 }
 
 impl PlantOfStudy {
@@ -55,13 +55,13 @@ pub fn data(job: &Job) -> Result<DataConfig, StepError> {
         let (directory, command) = (directory.display(), job.command(StepKind::Simulate));
         match found {
             // Somebody's own logs are read as they are.
-            Found::Whole | Found::NotSimulated => {}
-            Found::Unfinished => {
+            PlantLogState::Whole | PlantLogState::NotSimulated => {}
+            PlantLogState::Unfinished => {
                 bail!(
                     "the log of the plant that [simulate] describes is not in {directory}; run `{command}` first"
                 )
             }
-            Found::Another => bail!(
+            PlantLogState::Another => bail!(
                 "{directory} holds another simulation than [simulate] describes; run `{command} --force` to replace it"
             ),
         }
@@ -72,7 +72,7 @@ pub fn data(job: &Job) -> Result<DataConfig, StepError> {
 /// Refuse a log that is not what `[simulate]` wrote, where the study has such a section.
 pub(crate) fn check_days(job: &Job) -> Result<(), StepError> {
     match PlantOfStudy::of(job)? {
-        Some(PlantOfStudy { directory, found: Found::Whole, .. }) => {
+        Some(PlantOfStudy { directory, found: PlantLogState::Whole, .. }) => {
             simulate::check_days(&directory)
         }
         _ => Ok(()),

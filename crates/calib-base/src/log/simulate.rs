@@ -201,7 +201,7 @@ fn days(days: f64) -> String {
 
 /// What lies where the log of a plant should be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Found {
+pub enum PlantLogState {
     /// All of it.
     Whole,
     /// Nothing, or a part of it.
@@ -213,23 +213,23 @@ pub enum Found {
 }
 
 /// Whether `directory` has the log of this plant.
-pub(crate) fn find(directory: &Path, options: &PlantOptions) -> Result<Found, StepError> {
+pub(crate) fn find(directory: &Path, options: &PlantOptions) -> Result<PlantLogState, StepError> {
     let damaged = || records(directory);
     let found = match Simulation::read(directory) {
         Ok(found) => found,
         Err(error) if !error.is_not_found() => return Err(error).with_context(damaged),
-        Err(_) if holds_logs(directory) => return Ok(Found::NotSimulated),
-        Err(_) => return Ok(Found::Unfinished),
+        Err(_) if holds_logs(directory) => return Ok(PlantLogState::NotSimulated),
+        Err(_) => return Ok(PlantLogState::Unfinished),
     };
     if found.options != *options {
-        return Ok(Found::Another);
+        return Ok(PlantLogState::Another);
     }
     let days = Plant::new(options.clone())?.days();
     let is_there = |day| directory.join(file_name(options.start, day)).exists();
     Ok(if !found.files.is_empty() && (0..days).all(is_there) {
-        Found::Whole
+        PlantLogState::Whole
     } else {
-        Found::Unfinished
+        PlantLogState::Unfinished
     })
 }
 

@@ -47,11 +47,11 @@ impl ActionModel {
             tables.push(FillingTable::new(log.len(), log.levels(), k));
             start_tables.push(FillingTable::new(starts.metric.rows(), log.levels(), k));
         }
-        let mut made = Made { k, tables: &mut tables, start_tables: &mut start_tables };
+        let mut filling = FillingTables { k, tables: &mut tables, start_tables: &mut start_tables };
         let radius = match log.settings() {
             None => {
                 let sources = Sources::new(metric, log.transitions(), &blocks)?;
-                made.of_actions(&sources, &log, &starts.metric, monitor)?;
+                filling.of_actions(&sources, &log, &starts.metric, monitor)?;
                 let each = (0..log.levels()).map(|action| log.with_action(action));
                 radius::radius(&sources, each, config.coverage, monitor)?
             }
@@ -63,7 +63,7 @@ impl ActionModel {
                 for level in 0..log.levels() {
                     let [next, starts] = [&next, &starts.metric]
                         .map(|metric| settings.at_level(metric, level, weight));
-                    made.of_level(&sources, level, [&next?, &starts?], monitor)?;
+                    filling.of_level(&sources, level, [&next?, &starts?], monitor)?;
                 }
                 let all = (0..log.len() as u32).collect();
                 radius::radius(&sources, std::iter::once(all), config.coverage, monitor)?
@@ -93,13 +93,13 @@ impl ActionModel {
 }
 
 /// The tables of a model while they are made, one a member.
-struct Made<'a> {
+struct FillingTables<'a> {
     k: usize,
     tables: &'a mut [FillingTable],
     start_tables: &'a mut [FillingTable],
 }
 
-impl Made<'_> {
+impl FillingTables<'_> {
     /// The neighbours for every action are among the transitions that have it.
     fn of_actions(
         &mut self,

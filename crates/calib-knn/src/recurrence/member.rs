@@ -4,7 +4,7 @@ use calib_files::Scratch;
 use rayon::prelude::*;
 
 use super::{
-    ClosedClasses, Ends, Filling, Halt, Made, Recurrence, Recurrent, SHARE,
+    ClosedClasses, Ends, Filling, Halt, Recurrence, Recurrent, SHARE, TableSearch,
     anchor::Anchor,
     classes::{Classes, closed},
     effective::{Effective, Rule},
@@ -32,7 +32,7 @@ pub(super) struct Survey {
 
 /// One member whose walks should not be trapped.
 pub(super) struct Member<'a> {
-    made: Made<'a>,
+    search: TableSearch<'a>,
     again: Requery<'a>,
     /// Its transitions that can be neighbours.
     pub(super) candidates: usize,
@@ -41,28 +41,28 @@ pub(super) struct Member<'a> {
 }
 
 impl<'a> Member<'a> {
-    pub(super) fn new(made: Made<'a>, member: usize) -> Self {
-        let Made { planned, sources, exclusion, monitor, .. } = made;
+    pub(super) fn new(search: TableSearch<'a>, member: usize) -> Self {
+        let TableSearch { planned, sources, exclusion, monitor, .. } = search;
         let again = Requery { planned, sources, exclusion, member, monitor };
         let candidates = again.candidates();
-        Self { made, again, candidates, enough: candidates.div_ceil(SHARE) }
+        Self { search, again, candidates, enough: candidates.div_ceil(SHARE) }
     }
 
     fn graph<'t>(&self, table: &'t Filling) -> Graph<'t> {
-        let dropped = self.made.sources.blocks().dropped(self.again.member);
-        Graph::new(&table.0, &table.1, self.made.k, dropped, self.made.weights)
+        let dropped = self.search.sources.blocks().dropped(self.again.member);
+        Graph::new(&table.0, &table.1, self.search.k, dropped, self.search.weights)
     }
 
     pub(super) fn survey(&self, table: &Filling) -> Result<Survey, KnnError> {
         let graph = self.graph(table);
-        let Made { place, monitor, .. } = self.made;
+        let TableSearch { place, monitor, .. } = self.search;
         let anchor = Anchor::find(&graph, self.enough, place, monitor)?;
         let classes = self.closed(&graph, &anchor)?;
         Ok(Survey { anchor, classes })
     }
 
     fn closed(&self, graph: &Graph<'_>, anchor: &Anchor) -> Result<Classes, KnnError> {
-        closed(graph, anchor, self.enough, self.made.place, self.made.monitor)
+        closed(graph, anchor, self.enough, self.search.place, self.search.monitor)
     }
 
     /// Leave traps out of the table, or lead walks out of them. Where neither helps, the table stays as it was found.
@@ -97,7 +97,7 @@ impl<'a> Member<'a> {
     }
 
     fn copy(&self, table: &Filling) -> Result<Filling, KnnError> {
-        let (len, place) = (table.0.len(), self.made.place);
+        let (len, place) = (table.0.len(), self.search.place);
         let mut copy = (Scratch::zeroed(len, place)?, Scratch::zeroed(len, place)?);
         copy.0.copy_from_slice(&table.0);
         copy.1.copy_from_slice(&table.1);
@@ -106,7 +106,7 @@ impl<'a> Member<'a> {
 
     fn without_traps(&self, table: &mut Filling, survey: &Survey) -> Result<Recurrent, Halt> {
         let mut anchor = survey.anchor.clone();
-        let (mut left_out, mut exits) = (Bits::new(table.0.len() / self.made.k), Exits::new());
+        let (mut left_out, mut exits) = (Bits::new(table.0.len() / self.search.k), Exits::new());
         for _ in 0..ROUNDS {
             // Where hardly anything returns, one trap opens the next one for ever.
             let all = if anchor.component * LOOP < self.candidates {
@@ -145,7 +145,7 @@ impl<'a> Member<'a> {
 
     fn survey_again(&self, table: &Filling, anchor: Anchor) -> Result<(Anchor, Classes), KnnError> {
         let graph = self.graph(table);
-        let Made { place, monitor, .. } = self.made;
+        let TableSearch { place, monitor, .. } = self.search;
         let anchor = anchor.in_graph(&graph, self.enough, place, monitor)?;
         let classes = self.closed(&graph, &anchor)?;
         Ok((anchor, classes))
@@ -175,7 +175,7 @@ impl<'a> Member<'a> {
         let (nodes, mut settled) = self.unsettled(&graph, left_out, anchor);
         let left_out = left_out.clone();
         let mut graph = Effective::new(&graph, self.again, rule, self.enough, left_out, exits);
-        settle(&nodes, &mut settled, &mut graph, self.made.place, self.made.monitor)?;
+        settle(&nodes, &mut settled, &mut graph, self.search.place, self.search.monitor)?;
         Ok(graph.into_left_out())
     }
 
@@ -190,11 +190,11 @@ impl<'a> Member<'a> {
         let graph = self.graph(table);
         let (nodes, mut settled) = self.unsettled(&graph, left_out, anchor);
         let [most, least] = EXITS;
-        let (again, enough, k) = (self.again, self.enough, self.made.k);
+        let (again, enough, k) = (self.again, self.enough, self.search.k);
         let most = (self.candidates / (RAMP * k)).clamp(least, most);
         let rows = HashMap::new();
         let mut leading = Leading { graph: &graph, again, enough, left_out, exits, rows, most };
-        settle(&nodes, &mut settled, &mut leading, self.made.place, self.made.monitor)?;
+        settle(&nodes, &mut settled, &mut leading, self.search.place, self.search.monitor)?;
         let (exits, rows) = (leading.exits, leading.rows);
         for (node, (neighbors, distances)) in rows {
             let start = node as usize * k;
@@ -212,17 +212,17 @@ impl<'a> Member<'a> {
         exits: &Exits,
     ) -> Result<(), Halt> {
         let holds = |row: &[u32]| row.iter().any(|&to| left_out.contains(to));
-        let rows = table.0.par_chunks_exact(self.made.k).enumerate();
+        let rows = table.0.par_chunks_exact(self.search.k).enumerate();
         let rows: Vec<u32> =
             rows.filter(|(_, row)| holds(row)).map(|(number, _)| number as u32).collect();
         let (exit, plain): (Vec<u32>, Vec<u32>) =
             rows.into_iter().partition(|node| exits.contains_key(node));
         if !plain.is_empty() {
-            self.made.monitor.begin("rows that led into traps", plain.len() as u64);
+            self.search.monitor.begin("rows that led into traps", plain.len() as u64);
         }
         for part in plain.chunks(PART_QUERIES) {
             self.put(table, part, left_out.clone())?;
-            self.made.monitor.advance(part.len() as u64);
+            self.search.monitor.advance(part.len() as u64);
         }
         exit.into_iter()
             .try_for_each(|node| self.put(table, &[node], left_out_of(node, left_out, exits)))
@@ -232,7 +232,7 @@ impl<'a> Member<'a> {
     fn put(&self, table: &mut Filling, nodes: &[u32], left_out: Bits) -> Result<(), Halt> {
         let rows: Vec<_> = nodes.iter().map(|&node| self.again.next(node)).collect();
         let left_out = self.again.of_member(left_out);
-        let (k, mut fewest) = (self.made.k, usize::MAX);
+        let (k, mut fewest) = (self.search.k, usize::MAX);
         let stored = Distances::Stored;
         self.again.nearest(&rows, k, self.again.exclusion, &left_out, stored, |row, to, far| {
             fewest = fewest.min(to.len());

@@ -150,7 +150,7 @@ pub(crate) type Filling = (Scratch<u32>, Scratch<f32>);
 
 /// How the tables of a model were found.
 #[derive(Clone, Copy)]
-pub(crate) struct Made<'a> {
+pub(crate) struct TableSearch<'a> {
     pub(crate) planned: &'a Planned<'a>,
     pub(crate) sources: &'a Sources<'a>,
     pub(crate) k: usize,
@@ -160,7 +160,7 @@ pub(crate) struct Made<'a> {
     pub(crate) monitor: &'a dyn Monitor,
 }
 
-impl Made<'_> {
+impl TableSearch<'_> {
     /// Leave out of the tables of all members what walks would be trapped in; says for each member what, and what was found.
     ///
     /// Progress counts members, then rows that are searched again.

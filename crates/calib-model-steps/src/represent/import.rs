@@ -16,7 +16,7 @@ use calib_study::Job;
 use serde::Deserialize;
 
 /// Numbers by row, as they were found.
-struct Found {
+struct ImportedRows {
     values: Vec<f32>,
     rows: usize,
     /// Their times, where they are to be joined by them.
@@ -61,16 +61,16 @@ pub(super) fn read(job: &Job, dataset: &Dataset) -> Result<States, StepError> {
     join(found, dataset).with_context(cannot)
 }
 
-fn npy(path: &Path) -> Result<Found, StepError> {
+fn npy(path: &Path) -> Result<ImportedRows, StepError> {
     let array = read_array(path)?;
     let &[rows, _] = array.shape.as_slice() else {
         bail!("expected two dimensions, rows x dimensions of ψ, got the shape {:?}", array.shape);
     };
     let values = array.values.into_iter().map(|value| value as f32).collect();
-    Ok(Found { values, rows, timestamps: None, data: None })
+    Ok(ImportedRows { values, rows, timestamps: None, data: None })
 }
 
-fn safetensors(path: &Path, name: Option<&str>) -> Result<Found, StepError> {
+fn safetensors(path: &Path, name: Option<&str>) -> Result<ImportedRows, StepError> {
     let content = read_tensors(path)?;
     let names: Vec<&str> = content.tensors.iter().map(|tensor| tensor.name.as_str()).collect();
     let tensor = match (name, content.tensors.as_slice()) {
@@ -88,10 +88,14 @@ fn safetensors(path: &Path, name: Option<&str>) -> Result<Found, StepError> {
         bail!("expected two dimensions, rows x dimensions of ψ, got the shape {:?}", tensor.shape);
     };
     let data = content.metadata.get("data").cloned();
-    Ok(Found { values: tensor.values.clone(), rows, timestamps: None, data })
+    Ok(ImportedRows { values: tensor.values.clone(), rows, timestamps: None, data })
 }
 
-fn parquet(path: &Path, timestamp: Option<&str>, columns: &[String]) -> Result<Found, StepError> {
+fn parquet(
+    path: &Path,
+    timestamp: Option<&str>,
+    columns: &[String],
+) -> Result<ImportedRows, StepError> {
     let wanted: Vec<&str> = columns.iter().map(String::as_str).chain(timestamp).collect();
     memory::check_table(path, (!columns.is_empty()).then_some(wanted.as_slice()))?;
     let times = timestamp.map(|name| read_parquet_columns(path, &[name])).transpose()?;
@@ -108,10 +112,10 @@ fn parquet(path: &Path, timestamp: Option<&str>, columns: &[String]) -> Result<F
     if let [only] = names.as_slice()
         && let Some(lists) = read_parquet_list(path, only)?
     {
-        return Ok(Found { values: lists.values, rows: lists.rows, timestamps, data: None });
+        return Ok(ImportedRows { values: lists.values, rows: lists.rows, timestamps, data: None });
     }
     let table = read_parquet_columns(path, &names)?;
-    Ok(Found { values: interleaved(&table)?, rows: table.rows(), timestamps, data: None })
+    Ok(ImportedRows { values: interleaved(&table)?, rows: table.rows(), timestamps, data: None })
 }
 
 /// The columns of a table as rows.
@@ -131,7 +135,7 @@ fn interleaved(table: &Table) -> Result<Vec<f32>, StepError> {
 }
 
 /// Refuse a file that says that it was made for other data.
-fn check_origin(path: &Path, found: &Found, dataset: &Dataset) -> Result<(), StepError> {
+fn check_origin(path: &Path, found: &ImportedRows, dataset: &Dataset) -> Result<(), StepError> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".json");
     let beside = PathBuf::from(beside);
@@ -147,8 +151,8 @@ fn check_origin(path: &Path, found: &Found, dataset: &Dataset) -> Result<(), Ste
 }
 
 /// One row of ψ for each training state.
-fn join(found: Found, dataset: &Dataset) -> Result<States, StepError> {
-    let Found { values, rows, timestamps, .. } = found;
+fn join(found: ImportedRows, dataset: &Dataset) -> Result<States, StepError> {
+    let ImportedRows { values, rows, timestamps, .. } = found;
     let expected = dataset.train.rows();
     let dimension = values.len().checked_div(rows).unwrap_or(0);
     ensure!(dimension > 0, "it holds no values");

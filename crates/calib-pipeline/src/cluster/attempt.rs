@@ -21,7 +21,7 @@ pub(crate) struct Attempt {
     /// What it has begun and not finished: what it was at when it was killed.
     pub(crate) doing: Vec<String>,
     /// Passes that it made.
-    pub(crate) made: Vec<Made>,
+    pub(crate) made: Vec<MadePass>,
     /// Units that failed, and why.
     pub(crate) failed: Vec<String>,
     pub(crate) ended: RunOutcome,
@@ -29,7 +29,7 @@ pub(crate) struct Attempt {
 
 /// A pass and how long it took.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct Made {
+pub(crate) struct MadePass {
     pub(crate) pass: String,
     pub(crate) units: usize,
     pub(crate) predicted_secs: f64,
@@ -89,7 +89,7 @@ impl Diary {
         self.change(|attempt| {
             attempt.doing.retain(|doing| doing != pass);
             let (pass, secs) = (pass.to_owned(), took.as_secs_f64());
-            attempt.made.push(Made { pass, units, predicted_secs, secs });
+            attempt.made.push(MadePass { pass, units, predicted_secs, secs });
         });
     }
 

@@ -20,7 +20,7 @@ use calib_files::{
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Stored, UnitRuns};
 use calib_sweep_steps::sweep::{
-    Found, Source, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep,
+    KnownUnits, Source, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep,
     setting::SweepContext, unit_store,
 };
 
@@ -210,7 +210,7 @@ impl Planning<'_> {
         let baselines = Baselines::new(&setting.dataset.train);
         let plan = setting.plan(study, &environments, &baselines, None)?;
         let store = unit_store(&job.layout().sweep(), None);
-        let Found { stored, .. } = Found::of(&plan, &store, job, Source::default())?;
+        let KnownUnits { stored, .. } = KnownUnits::of(&plan, &store, job, Source::default())?;
         let runs: Vec<(EnvironmentId, usize)> = environments
             .iter()
             .flat_map(|of| (0..of.runs()).map(move |run| (of.id(), run)))

@@ -281,6 +281,7 @@ impl Proposal {
             expected_processor_secs,
         })
     }
+
     /// What the study is, now that it is written.
     fn written(self, args: &ProposeOptions, look: &Look, took: Duration) -> ProposedStudy {
         let Look { sketch, scope, .. } = look;

@@ -23,26 +23,26 @@ pub struct StatusRequest {
     pub output: Option<PathBuf>,
 }
 
-/// What is there.
-pub(super) enum Found {
+/// What a path names.
+pub(super) enum Subject {
     Study(Box<Job>),
     Cluster(PathBuf),
 }
 
-/// What a path names.
+/// Find what the path of a request names.
 ///
 /// # Errors
 /// If it names nothing of these, or the study is wrong.
-pub(super) fn find(request: &StatusRequest) -> Result<Found, StepError> {
+pub(super) fn find(request: &StatusRequest) -> Result<Subject, StepError> {
     let path = &request.path;
     if path.is_file() {
-        return Ok(Found::Study(Box::new(job(request, path)?)));
+        return Ok(Subject::Study(Box::new(job(request, path)?)));
     }
     if !path.is_dir() {
         bail!("{} does not exist; give a study file, or the folder of its results", path.display());
     }
     if cluster::is_plan(path) {
-        return Ok(Found::Cluster(path.clone()));
+        return Ok(Subject::Cluster(path.clone()));
     }
     // A study stands beside its results, or in the folder that was made for it.
     let wanted = fs::canonicalize(path)?;
@@ -53,11 +53,11 @@ pub(super) fn find(request: &StatusRequest) -> Result<Found, StepError> {
             fs::canonicalize(job.layout().of_study()).is_ok_and(|results| results == wanted)
         };
         if let Some(job) = found.filter(is_its) {
-            return Ok(Found::Study(Box::new(job)));
+            return Ok(Subject::Study(Box::new(job)));
         }
     }
     match studies(path).as_slice() {
-        [study] => Ok(Found::Study(Box::new(job(request, study)?))),
+        [study] => Ok(Subject::Study(Box::new(job(request, study)?))),
         [] => bail!(
             "{} holds no study, and none beside it writes its results there; name the study: `calib status STUDY`, \
              with --output if it was run so",

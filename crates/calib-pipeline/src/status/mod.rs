@@ -22,7 +22,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 pub(crate) use self::ranking::Ranking;
-use self::{find::Found, ranking::rankings};
+use self::{find::Subject, ranking::rankings};
 use crate::{
     cluster,
     plan::{Plan, PlannedStep, State},
@@ -132,8 +132,8 @@ impl StandingOf {
 /// If there is no such study or folder, or the study is wrong.
 pub(crate) fn status(request: &StatusRequest, printer: &Printer) -> Result<StandingOf, StepError> {
     match find::find(request)? {
-        Found::Study(job) => Ok(StandingOf::Study(of_study(&job, printer)?)),
-        Found::Cluster(directory) => Ok(StandingOf::Cluster(of_cluster(directory)?)),
+        Subject::Study(job) => Ok(StandingOf::Study(of_study(&job, printer)?)),
+        Subject::Cluster(directory) => Ok(StandingOf::Cluster(of_cluster(directory)?)),
     }
 }
 

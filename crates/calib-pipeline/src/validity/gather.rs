@@ -8,7 +8,7 @@ use calib_model_steps::rollouts::{
     one_step::{self, OneStep},
     rollout::{self, RolloutManifest},
 };
-use calib_sweep::{Baseline, Candidate, RaceRule, SensorVerdict, SweepError, Truth};
+use calib_sweep::{Candidate, ChoiceBaseline, RaceRule, SensorVerdict, SweepError, Truth};
 use calib_sweep_steps::verdict::evaluate::{self, Judged};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
@@ -171,8 +171,8 @@ fn pair(
     (truth, candidates): (&Truth, &[Candidate]),
     task: &Task,
 ) -> Pair {
-    let baseline = |of: Baseline| truth.baselines.iter().find(|found| found.baseline == of);
-    let chosen = |of: Baseline| baseline(of).and_then(|found| found.chosen);
+    let baseline = |of: ChoiceBaseline| truth.baselines.iter().find(|found| found.baseline == of);
+    let chosen = |of: ChoiceBaseline| baseline(of).and_then(|found| found.chosen);
     Pair {
         plant: study.plant.clone(),
         sensor: sensor.to_owned(),
@@ -181,10 +181,10 @@ fn pair(
         online: truth.scores.candidates[..candidates.len()].iter().map(|of| of.mean).collect(),
         skill: truth.best.and_then(|best| truth.scores.skill[best]),
         regrets: truth.regrets.clone(),
-        default: chosen(Baseline::Default),
-        log_replay: chosen(Baseline::LogReplay),
-        latest_window: chosen(Baseline::LatestWindow),
-        another_window: baseline(Baseline::AnotherWindow)
+        default: chosen(ChoiceBaseline::Default),
+        log_replay: chosen(ChoiceBaseline::LogReplay),
+        latest_window: chosen(ChoiceBaseline::LatestWindow),
+        another_window: baseline(ChoiceBaseline::AnotherWindow)
             .and_then(|found| found.regret)
             .map(|regret| regret.value),
         models: Vec::new(),

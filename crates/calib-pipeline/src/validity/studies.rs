@@ -9,7 +9,7 @@ use calib_base::{
     log::{
         context::RunContext,
         plant_of_study::{self, PlantOfStudy},
-        simulate::Found,
+        simulate::PlantLogState,
     },
     options::ValidityOptions,
 };
@@ -164,7 +164,7 @@ impl Listed {
         // The log of a plant that was drawn otherwise before is nobody's but the protocol's.
         if self.drawn.is_some()
             && let Some(plant) = PlantOfStudy::of(&self.job)?
-            && plant.found == Found::Another
+            && plant.found == PlantLogState::Another
         {
             plant.make(true, &talk).context("[simulate]")?;
         }

@@ -1,11 +1,11 @@
 //! Made-up numbers that look like those of a study.
 
 use calib_report::{
-    Agreement, Alternative, Best, Cell, Channel, ChannelStatus, DataProfile, Environment,
-    ErrorCurve, ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves, PeriodUse,
-    RankCurve, Reason, RecordedFigure, RecordedPeriod, Report, Reproduction, RolloutFigure,
-    RolloutGrid, RolloutRow, Samples, Score, Sensitivity, Setting, Table, Told, TopK, Trajectory,
-    Verdict, Way,
+    Agreement, Alternative, Best, Cell, Channel, ChannelStatus, ChoiceBaseline, DataProfile,
+    Environment, ErrorCurve, ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves,
+    PeriodUse, RankCurve, Reason, RecordedFigure, RecordedPeriod, Report, Reproduction,
+    RolloutFigure, RolloutGrid, RolloutRow, Samples, Score, Sensitivity, Separation, Setting,
+    Table, TopK, Trajectory, Verdict,
 };
 use calib_stats::{
     Direction, Estimate, Losses, Selection, Summary, kendall_tau_b, select, spearman, summarise,
@@ -130,8 +130,8 @@ impl Sensor {
             |scores: &[f64]| select(&[scores], direction).expect("scores are numbers").chosen;
         let (best, replayed) = (argmin(&online), argmin(&means(&self.log_replay())));
         let estimate = |index: usize| losses.regret(index);
-        let alternative = |way, index: usize| Alternative {
-            way,
+        let alternative = |baseline, index: usize| Alternative {
+            baseline,
             value: Some(RATES[index].into()),
             regret: estimate(index),
         };
@@ -148,7 +148,7 @@ impl Sensor {
                     chosen: RATES[chosen].into(),
                     grade: Grade::Fair,
                     reason: Reason::WorstRank,
-                    evidence: Told::Apart,
+                    evidence: Separation::Apart,
                     outside_training: None,
                     tie_set: selection.tie_set.iter().map(|&index| RATES[index].into()).collect(),
                     worst_rank: selection.worst_ranks[chosen],
@@ -160,7 +160,7 @@ impl Sensor {
                         part: "whole runs".to_owned(),
                         windows: 1,
                         runs: 5,
-                        values: Told::Apart,
+                        values: Separation::Apart,
                         stands_still: false,
                         chosen_error: online[chosen],
                         chosen_skill: Some(1.0 - online[chosen]),
@@ -181,9 +181,9 @@ impl Sensor {
                         }),
                     }),
                     alternatives: vec![
-                        alternative(Way::Default, DEFAULT),
-                        alternative(Way::LogReplay, replayed),
-                        alternative(Way::Hindsight, best),
+                        alternative(ChoiceBaseline::Default, DEFAULT),
+                        alternative(ChoiceBaseline::LogReplay, replayed),
+                        alternative(ChoiceBaseline::Hindsight, best),
                     ],
                     simple: vec![],
                     simpler: None,

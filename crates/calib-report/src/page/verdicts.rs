@@ -9,7 +9,7 @@ use crate::number::{number, percent};
 use crate::report::{are_of_several_models, caveats, summary};
 use calib_stats::Bounded;
 
-use crate::{Cell, Reason, Report, Setting, Table, Verdict, Way};
+use crate::{Cell, ChoiceBaseline, Reason, Report, Setting, Table, Verdict};
 
 /// More cards than this are no overview: they wait behind a line, and the table of verdicts comes first.
 const MANY_CARDS: usize = 9;
@@ -106,9 +106,9 @@ fn costs(verdict: &Verdict) -> Markup {
             @if let Some(online) = &verdict.online {
                 (cost("This choice", Some(&verdict.chosen), online.regret, unknown))
             }
-            @for way in [Way::Default, Way::LogReplay, Way::AnotherWindow, Way::Random] {
-                @if let Some(other) = verdict.alternative(way) {
-                    (cost(name(way), other.value.as_ref(), other.regret, unknown))
+            @for baseline in [ChoiceBaseline::Default, ChoiceBaseline::LogReplay, ChoiceBaseline::AnotherWindow, ChoiceBaseline::Random] {
+                @if let Some(other) = verdict.alternative(baseline) {
+                    (cost(name(baseline), other.value.as_ref(), other.regret, unknown))
                 }
             }
         }
@@ -148,14 +148,14 @@ fn error(name: &str, error: f64) -> Markup {
 }
 
 /// What a way to choose is called on a card.
-const fn name(way: Way) -> &'static str {
-    match way {
-        Way::Default => "Default",
-        Way::LogReplay => "Log replay",
-        Way::LatestWindow => "Latest window of the log",
-        Way::Random => "Any setting, on average",
-        Way::Hindsight => "Best fixed setting, in hindsight",
-        Way::AnotherWindow => "Another held-out window",
+const fn name(baseline: ChoiceBaseline) -> &'static str {
+    match baseline {
+        ChoiceBaseline::Default => "Default",
+        ChoiceBaseline::LogReplay => "Log replay",
+        ChoiceBaseline::LatestWindow => "Latest window of the log",
+        ChoiceBaseline::Random => "Any setting, on average",
+        ChoiceBaseline::Hindsight => "Best fixed setting, in hindsight",
+        ChoiceBaseline::AnotherWindow => "Another held-out window",
     }
 }
 
@@ -266,17 +266,17 @@ fn parts(report: &Report) -> Option<Table> {
 /// What the choices and other ways to choose cost.
 fn alternatives(report: &Report) -> Table {
     let ways = [
-        ("Default", Way::Default),
-        ("Log replay", Way::LogReplay),
-        ("Latest window", Way::LatestWindow),
-        ("Any setting, on average", Way::Random),
-        ("Best fixed setting, in hindsight", Way::Hindsight),
-        ("Another window", Way::AnotherWindow),
+        ("Default", ChoiceBaseline::Default),
+        ("Log replay", ChoiceBaseline::LogReplay),
+        ("Latest window", ChoiceBaseline::LatestWindow),
+        ("Any setting, on average", ChoiceBaseline::Random),
+        ("Best fixed setting, in hindsight", ChoiceBaseline::Hindsight),
+        ("Another window", ChoiceBaseline::AnotherWindow),
     ];
     let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
     let row = |verdict: &Verdict| {
         let names = [Cell::Text(verdict.sensor.clone()), model(verdict)];
-        let others = ways.iter().map(|&(_, way)| share(verdict.regret_of(way)));
+        let others = ways.iter().map(|&(_, baseline)| share(verdict.regret_of(baseline)));
         let costs = [share(verdict.regret())].into_iter().chain(others);
         names.into_iter().chain(costs).chain(agreement(verdict)).collect()
     };

@@ -1,7 +1,7 @@
 //! What the reader must know before relying on verdicts, each thing once.
 
 use super::sentence::listed;
-use super::{Grade, Told, Verdict, Way};
+use super::{ChoiceBaseline, Grade, Separation, Verdict};
 use crate::number::percent;
 
 /// What stands in the way of verdicts: their notes, and held-out data that tells nothing apart. What holds of all of them is said once,
@@ -46,8 +46,10 @@ fn placed(text: String, noted: &[&Verdict], all: &[Verdict]) -> String {
 
 impl Verdict {
     fn caveats(&self) -> Vec<String> {
-        let alike =
-            self.online.as_ref().filter(|online| online.values == Told::Alike && self.values > 1);
+        let alike = self
+            .online
+            .as_ref()
+            .filter(|online| online.values == Separation::Alike && self.values > 1);
         let alike = alike.filter(|online| !online.stands_still && online.regret.is_some());
         let alike = alike.map(|_| {
             "on held-out data all settings have the same error, so nothing there shows which is better. This happens if the scored steps end before the first update: use a larger sweep.steps, or a smaller agent.batch_size"
@@ -68,9 +70,9 @@ impl Verdict {
     fn misordered(&self) -> Option<String> {
         let is_deployed = matches!(self.grade, Grade::Good | Grade::Fair)
             && self.without_learning().is_none()
-            && self.evidence == Told::Apart;
+            && self.evidence == Separation::Apart;
         let online = self.online.as_ref().filter(|_| is_deployed)?;
-        let random = self.regret_of(Way::Random)?;
+        let random = self.regret_of(ChoiceBaseline::Random)?;
         let own = self.regret()?;
         let spearman =
             online.spearman.filter(|spearman| *spearman < CONTRADICTS && self.values > 3);
@@ -121,11 +123,13 @@ mod tests {
     fn a_choice_that_a_random_one_would_beat_is_a_caveat() {
         let mut verdict = verdict();
         assert_eq!(caveats(std::slice::from_ref(&verdict)), [""; 0]);
-        let random = verdict.alternatives.iter_mut().find(|other| other.way == Way::Random);
+        let random =
+            verdict.alternatives.iter_mut().find(|other| other.baseline == ChoiceBaseline::Random);
         random.unwrap().regret.as_mut().unwrap().value = 0.002;
         let told = caveats(std::slice::from_ref(&verdict));
         assert!(told[0].contains("a random setting would have had 0.2 % regret"), "{told:?}");
-        let random = verdict.alternatives.iter_mut().find(|other| other.way == Way::Random);
+        let random =
+            verdict.alternatives.iter_mut().find(|other| other.baseline == ChoiceBaseline::Random);
         random.unwrap().regret.as_mut().unwrap().value = 0.9;
         verdict.online.as_mut().unwrap().spearman = Some(-0.8);
         let told = caveats(std::slice::from_ref(&verdict));
@@ -139,7 +143,7 @@ mod tests {
     fn held_out_data_that_tells_nothing_is_a_caveat() {
         let mut alike = verdict();
         assert_eq!(caveats(std::slice::from_ref(&alike)), [""; 0]);
-        alike.online.as_mut().unwrap().values = Told::Alike;
+        alike.online.as_mut().unwrap().values = Separation::Alike;
         let told = caveats(std::slice::from_ref(&alike));
         assert!(told[0].contains("the same error"), "{told:?}");
         // Where the sensor stands still, that is said instead.

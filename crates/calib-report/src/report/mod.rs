@@ -10,14 +10,14 @@ mod summary;
 mod table;
 mod verdict;
 
-pub use calib_sweep::Grade;
+pub use calib_sweep::{ChoiceBaseline, Grade};
 pub use caveats::caveats;
 pub use data::{Channel, ChannelStatus, DataProfile, JumpStatistics, Reproduction};
 pub use sentence::listed;
 pub use simple::{SimpleRow, Simpler};
 pub(crate) use summary::{are_of_several_models, summary};
 pub use table::{Best, Cell, Table};
-pub use verdict::{Agreement, Alternative, PartRow, Reason, Sources, Told, TopK, Verdict, Way};
+pub use verdict::{Agreement, Alternative, PartRow, Reason, Separation, Sources, TopK, Verdict};
 
 use crate::{
     LearningCurves, RecordedFigure, ReportError, RolloutFigure, RolloutGrid, Score, Sensitivity,

@@ -1,7 +1,7 @@
 //! What a verdict means for the plant, in one or two sentences without statistics.
 
 use super::sentence::{assigned, ratio_interval};
-use super::{Grade, Simpler, Told, Verdict, Way};
+use super::{ChoiceBaseline, Grade, Separation, Simpler, Verdict};
 use crate::number::{number, percent};
 
 impl Verdict {
@@ -34,7 +34,7 @@ impl Verdict {
             Some(regret) if regret.value.is_infinite() => {
                 format!("On held-out data it made the agent diverge; {} did best.", online.best)
             }
-            Some(_) if online.values == Told::Alike => {
+            Some(_) if online.values == Separation::Alike => {
                 return "On held-out data all settings have the same error, so it cannot show which is better.".to_owned();
             }
             Some(_) if self.simple.is_empty() && online.is_unskilled() => self.without_skill(),
@@ -72,7 +72,7 @@ impl Verdict {
     /// Why the default, which learns nothing after the log, is kept although another setting was chosen.
     fn learning_off(&self) -> Option<String> {
         self.without_learning()?;
-        let default = self.alternative(Way::Default)?.value.as_ref()?;
+        let default = self.alternative(ChoiceBaseline::Default)?.value.as_ref()?;
         if *default == self.chosen {
             return None;
         }
@@ -126,7 +126,7 @@ impl Verdict {
     }
 
     fn of_default(&self) -> Option<String> {
-        let default = self.alternative(Way::Default)?;
+        let default = self.alternative(ChoiceBaseline::Default)?;
         let value = default.value.as_ref()?;
         if *value == self.chosen {
             return Some(self.chosen_is_default());

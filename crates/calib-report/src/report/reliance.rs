@@ -2,7 +2,7 @@
 
 use calib_agent::SimplePredictor;
 
-use super::{Agreement, Grade, Simpler, Told, Verdict, simple::WORTH_MENTIONING};
+use super::{Agreement, Grade, Separation, Simpler, Verdict, simple::WORTH_MENTIONING};
 
 const SIMPLER_IS_BETTER: &str = "Simpler is better: no agent needed";
 const UNDECIDED: &str = "Undecided: the agent may be better";
@@ -10,7 +10,7 @@ const UNDECIDED: &str = "Undecided: the agent may be better";
 impl Verdict {
     /// Whether a choice that could be used is as good as any other, as far as it was chosen from anything.
     pub(super) fn is_arbitrary(&self) -> bool {
-        self.evidence == Told::Alike
+        self.evidence == Separation::Alike
             && matches!(self.grade, Grade::Good | Grade::Fair | Grade::Unchecked)
     }
 

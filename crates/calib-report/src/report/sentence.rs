@@ -2,7 +2,7 @@
 
 use calib_stats::{Bounded, Estimate, Interval};
 
-use super::{Agreement, Alternative, Grade, Reason, Told, Verdict, Way};
+use super::{Agreement, Alternative, ChoiceBaseline, Grade, Reason, Separation, Verdict};
 use crate::number::{number, percent};
 use crate::{Score, Setting};
 
@@ -119,13 +119,13 @@ impl Verdict {
     pub(super) fn better_default(&self) -> Option<&Setting> {
         let against = self.online.as_ref()?.against_default?;
         let better = against.interval.is_some_and(|interval| interval.low > 1.0);
-        self.alternative(Way::Default)?.value.as_ref().filter(|_| better)
+        self.alternative(ChoiceBaseline::Default)?.value.as_ref().filter(|_| better)
     }
 
     /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement. Of a choice that is
     /// not to be used no more than what it was, and how it did. What is in `notes` is told elsewhere.
     pub fn reasons(&self, score: &Score) -> Vec<String> {
-        let mut reasons = if self.grade == Grade::NotLearnt && self.evidence == Told::Apart {
+        let mut reasons = if self.grade == Grade::NotLearnt && self.evidence == Separation::Apart {
             vec![format!("The choice of {} is {}.", self.model, self.assigned())]
         } else {
             self.reasons_of_choice(score)
@@ -145,7 +145,7 @@ impl Verdict {
         if self.values == 1 {
             return vec!["There is no other setting to choose from.".to_owned()];
         }
-        if self.evidence == Told::Alike {
+        if self.evidence == Separation::Alike {
             return vec![self.alike_sentence()];
         }
         let mut reasons = vec![self.reason_sentence()];
@@ -168,12 +168,14 @@ impl Verdict {
         if self.simple.is_empty() {
             reasons.extend(skill_sentence(online));
         }
-        if self.grade == Grade::NotLearnt || online.values == Told::Alike || self.values == 1 {
+        if self.grade == Grade::NotLearnt || online.values == Separation::Alike || self.values == 1
+        {
             return reasons;
         }
         reasons.extend(self.default_sentence(online));
-        let others = [Way::LogReplay, Way::LatestWindow];
-        reasons.extend(others.into_iter().filter_map(|way| self.alternative_sentence(way)));
+        let others = [ChoiceBaseline::LogReplay, ChoiceBaseline::LatestWindow];
+        reasons
+            .extend(others.into_iter().filter_map(|baseline| self.alternative_sentence(baseline)));
         reasons.push(self.window_sentence(online));
         reasons.push(agreement_sentence(online));
         reasons
@@ -213,8 +215,9 @@ impl Verdict {
             }
             Reason::OneStandardError { streams, sources } => {
                 let source = sources.within(model);
-                let default =
-                    self.alternative(Way::Default).and_then(|default| default.value.as_ref());
+                let default = self
+                    .alternative(ChoiceBaseline::Default)
+                    .and_then(|default| default.value.as_ref());
                 if default == Some(&self.chosen) {
                     format!(
                         "It is the default, and no other setting is better by more than one standard error over {streams} training runs {source}."
@@ -299,13 +302,13 @@ impl Verdict {
     }
 
     fn default_sentence(&self, online: &Agreement) -> Option<String> {
-        let default = self.alternative(Way::Default)?;
+        let default = self.alternative(ChoiceBaseline::Default)?;
         let value = default.value.as_ref()?;
         if *value == self.chosen {
             return Some(self.chosen_is_default());
         }
         let Some(against) = online.against_default else {
-            return self.alternative_sentence(Way::Default);
+            return self.alternative_sentence(ChoiceBaseline::Default);
         };
         if !against.value.is_finite() {
             return Some(format!("The default ({value}) did not diverge."));
@@ -321,12 +324,12 @@ impl Verdict {
         Some(format!("It has {} error than the default, {value}{sure}.", changed(against.value)))
     }
 
-    fn alternative_sentence(&self, way: Way) -> Option<String> {
-        let Alternative { value, regret, .. } = self.alternative(way)?;
+    fn alternative_sentence(&self, baseline: ChoiceBaseline) -> Option<String> {
+        let Alternative { value, regret, .. } = self.alternative(baseline)?;
         let value = value.as_ref()?;
-        let name = match way {
-            Way::Default => "The default",
-            Way::LogReplay => "Log replay's choice",
+        let name = match baseline {
+            ChoiceBaseline::Default => "The default",
+            ChoiceBaseline::LogReplay => "Log replay's choice",
             _ => "The choice of the log's latest window",
         };
         if *value == self.chosen {
@@ -340,8 +343,8 @@ impl Verdict {
     }
 
     fn window_sentence(&self, online: &Agreement) -> String {
-        let cost = |way| self.regret_of(way).map(percent);
-        let Some(another) = cost(Way::AnotherWindow) else {
+        let cost = |baseline| self.regret_of(baseline).map(percent);
+        let Some(another) = cost(ChoiceBaseline::AnotherWindow) else {
             let reason = match online.windows {
                 0 | 1 => "only one window was held out",
                 _ => "too few windows can be compared",
@@ -351,8 +354,12 @@ impl Verdict {
         let mut each = vec![format!(
             "choosing by one other window of the held-out period would have cost {another}"
         )];
-        each.extend(cost(Way::Hindsight).map(|cost| format!("the best fixed setting {cost}")));
-        each.extend(cost(Way::Random).map(|cost| format!("a random setting {cost} on average")));
+        each.extend(
+            cost(ChoiceBaseline::Hindsight).map(|cost| format!("the best fixed setting {cost}")),
+        );
+        each.extend(
+            cost(ChoiceBaseline::Random).map(|cost| format!("a random setting {cost} on average")),
+        );
         format!("For scale: {}.", listed(&each))
     }
 }
@@ -400,7 +407,7 @@ fn online_sentence(verdict: &Verdict, online: &Agreement, score: &Score) -> Stri
             )
         }
         Some(_) if *values == 1 => format!("On held-out data ({on}) its {name} is {error}."),
-        Some(_) if online.values == Told::Alike => format!(
+        Some(_) if online.values == Separation::Alike => format!(
             "On held-out data ({on}) all {values} settings have the same error ({name} {error}), so it shows no difference between them."
         ),
         None => format!("On held-out data ({on}) every setting diverged, so there is no best one."),

@@ -1,7 +1,7 @@
 //! All verdicts in a few sentences.
 
 use super::sentence::{assigned, listed};
-use super::{Grade, Report, Verdict, Way};
+use super::{ChoiceBaseline, Grade, Report, Verdict};
 use crate::number::{number, percent};
 
 /// Whether there are verdicts of several models on the same sensor.
@@ -217,8 +217,8 @@ fn costs(verdicts: &[&Verdict], are_all: bool) -> Option<String> {
         _ => "On held-out data at least one choice diverged".to_owned(),
     };
     let alternatives = [
-        ("the default", largest(|verdict| verdict.regret_of(Way::Default))),
-        ("choosing by log replay", largest(|verdict| verdict.regret_of(Way::LogReplay))),
+        ("the default", largest(|verdict| verdict.regret_of(ChoiceBaseline::Default))),
+        ("choosing by log replay", largest(|verdict| verdict.regret_of(ChoiceBaseline::LogReplay))),
     ];
     let compared: Vec<String> = alternatives
         .into_iter()
@@ -242,7 +242,7 @@ fn costs(verdicts: &[&Verdict], are_all: bool) -> Option<String> {
 mod tests {
     use calib_agent::SimplePredictor;
 
-    use super::super::{Agreement, Told, sentence::tests::verdict};
+    use super::super::{Agreement, Separation, sentence::tests::verdict};
     use super::*;
 
     fn of_model(model: &str, change: impl Fn(&mut Verdict, &mut Agreement)) -> Verdict {
@@ -331,7 +331,7 @@ mod tests {
         assert!(told[0].contains("(2.5 % regret, good) and b chooses"), "{told:?}");
         let alike = |verdict: &mut Verdict, online: &mut Agreement| {
             verdict.grade = Grade::Unchecked;
-            online.values = Told::Alike;
+            online.values = Separation::Alike;
         };
         let own = [of_model("a", alike), of_model("b", alike)];
         assert_eq!(

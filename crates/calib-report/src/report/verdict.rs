@@ -3,7 +3,7 @@
 use calib_agent::SimplePredictor;
 use calib_stats::{Bounded, Estimate};
 
-use super::{Grade, SimpleRow, Simpler};
+use super::{ChoiceBaseline, Grade, SimpleRow, Simpler};
 use crate::Setting;
 
 /// The value a calibration model chose for one sensor.
@@ -22,7 +22,7 @@ pub struct Verdict {
     /// How it was chosen.
     pub reason: Reason,
     /// Whether what it was chosen from prefers any value to another.
-    pub evidence: Told,
+    pub evidence: Separation,
     /// All values that share the smallest worst rank, in grid order.
     pub tie_set: Vec<Setting>,
     /// The worst rank of the choice; 1 = best in every member, 0 without a model.
@@ -71,7 +71,7 @@ pub struct PartRow {
 
 /// Whether errors tell the values of the grid apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Told {
+pub enum Separation {
     /// Some value has a smaller error than another.
     Apart,
     /// All values have the same error.
@@ -134,7 +134,7 @@ pub struct Agreement {
     /// Runs over all of them.
     pub runs: usize,
     /// Whether the errors of different values differ.
-    pub values: Told,
+    pub values: Separation,
     /// Whether the sensor has one value throughout every window, so that there was nothing to predict.
     pub stands_still: bool,
     /// Mean Online score of the choice; infinite if it diverged.
@@ -168,42 +168,11 @@ pub struct TopK {
     pub hit: bool,
 }
 
-/// A way to choose that the verdict is compared with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Way {
-    /// Keep the value one would use without calib.
-    Default,
-    /// Replay the training log.
-    LogReplay,
-    /// Replay its latest window.
-    LatestWindow,
-    /// Take any value.
-    Random,
-    /// The one best value over all held-out windows.
-    Hindsight,
-    /// The best value of another held-out window.
-    AnotherWindow,
-}
-
-impl Way {
-    /// What it is called.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Default => "the default",
-            Self::LogReplay => "log replay",
-            Self::LatestWindow => "the latest window of the log",
-            Self::Random => "any setting",
-            Self::Hindsight => "the best fixed setting, in hindsight",
-            Self::AnotherWindow => "another held-out window",
-        }
-    }
-}
-
 /// Another way to choose, and what it would have cost.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alternative {
-    /// Which way.
-    pub way: Way,
+    /// Which one.
+    pub baseline: ChoiceBaseline,
     /// The value it would have chosen, where it is one.
     pub value: Option<Setting>,
     /// Its regret Online; `None` without Online.
@@ -217,8 +186,8 @@ impl Verdict {
     }
 
     /// Another way to choose.
-    pub fn alternative(&self, way: Way) -> Option<&Alternative> {
-        self.alternatives.iter().find(|alternative| alternative.way == way)
+    pub fn alternative(&self, baseline: ChoiceBaseline) -> Option<&Alternative> {
+        self.alternatives.iter().find(|alternative| alternative.baseline == baseline)
     }
 
     /// The regret of the choice, where it is known.
@@ -227,7 +196,7 @@ impl Verdict {
     }
 
     /// The regret of another way to choose, where it is known.
-    pub(crate) fn regret_of(&self, way: Way) -> Option<f64> {
-        Some(self.alternative(way)?.regret?.value)
+    pub(crate) fn regret_of(&self, baseline: ChoiceBaseline) -> Option<f64> {
+        Some(self.alternative(baseline)?.regret?.value)
     }
 }

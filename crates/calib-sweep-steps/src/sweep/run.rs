@@ -165,7 +165,8 @@ fn sweep(
     let plan = setting.plan(study, &environments, &baselines, accelerator)?;
     let arithmetic = accelerator.map(Accelerator::class);
     let store = unit_store(&directory, arithmetic);
-    let Found { own, stored } = Found::of(&plan, &store, job, Source { pool, accelerator })?;
+    let KnownUnits { own, stored } =
+        KnownUnits::of(&plan, &store, job, Source { pool, accelerator })?;
     let missing = plan.left(&stored)?;
     if pool.is_some() && missing > 0 {
         plan.collected(&stored)?;
@@ -407,7 +408,7 @@ fn put_shared(
 
 /// Units that need not be run.
 #[derive(Default)]
-pub struct Found {
+pub struct KnownUnits {
     /// What this sweep has.
     own: Stored,
     /// The same and what others of the study have: Online and log replay are the same for all models, members for all
@@ -415,7 +416,7 @@ pub struct Found {
     pub stored: Stored,
 }
 
-impl Found {
+impl KnownUnits {
     /// Look in the `store` of a job, in those of other models and deployments, and in the pool.
     ///
     /// # Errors

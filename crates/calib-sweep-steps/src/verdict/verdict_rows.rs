@@ -3,12 +3,12 @@
 use calib_agent::{Part, SimplePredictor};
 use calib_report::{
     Agreement, Alternative, Dimension, ErrorCurve, ErrorSource, PartRow, RankCurve, Reason,
-    Samples, Score, Sensitivity, Setting, SimpleRow, Simpler, Sources, Told, TopK, Verdict, Way,
+    Samples, Score, Sensitivity, Separation, Setting, SimpleRow, Simpler, Sources, TopK, Verdict,
 };
 use calib_stats::Summary;
 use calib_study::Study;
 use calib_sweep::{
-    Baseline, Candidate, EnvironmentScores, ErrorScale, Rule, Sampling, SensorVerdict,
+    Candidate, ChoiceBaseline, EnvironmentScores, ErrorScale, Rule, Sampling, SensorVerdict,
     SimpleComparison, Truth,
 };
 use serde_json::Value;
@@ -68,7 +68,7 @@ pub(crate) fn verdict_row(
             Rule::LogReplay => Reason::LogReplay { streams: of_all - of_members },
             Rule::OneStandardError => Reason::OneStandardError { streams: of_all, sources },
         },
-        evidence: told(&verdict.scores),
+        evidence: separation(&verdict.scores),
         tie_set: selection
             .map_or_else(Vec::new, |ranks| ranks.tie_set.iter().map(|&tied| of(tied)).collect()),
         worst_rank: selection.map_or(0, |ranks| ranks.worst_ranks[verdict.chosen]),
@@ -114,10 +114,10 @@ fn alternatives(verdict: &SensorVerdict, candidates: &[Candidate]) -> Vec<Altern
     baselines
         // By another mean of the same errors it would be a second choice by log replay, which nobody could tell apart.
         .filter(|other| {
-            other.baseline != Baseline::LogReplay || verdict.rule != Rule::LogReplay
+            other.baseline != ChoiceBaseline::LogReplay || verdict.rule != Rule::LogReplay
         })
         .map(|other| Alternative {
-            way: way(other.baseline),
+            baseline: other.baseline,
             value: other.chosen.map(|chosen| setting(&candidates[chosen])),
             regret: other.regret,
         })
@@ -168,8 +168,10 @@ fn at_the_end(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<String> {
         candidates.iter().map(|of| setting(of).as_number()).collect::<Option<_>>()?;
     let online = verdict.truth.as_ref();
     let told_apart = match online {
-        Some(truth) => truth.regrets.as_deref().is_some_and(|of| told(of) == Told::Apart),
-        None => told(&verdict.scores) == Told::Apart,
+        Some(truth) => {
+            truth.regrets.as_deref().is_some_and(|of| separation(of) == Separation::Apart)
+        }
+        None => separation(&verdict.scores) == Separation::Apart,
     };
     let stands_still = sweep.standing_still.contains(&verdict.sensor);
     if sweep.study.sweep.sampling != Sampling::Grid
@@ -207,7 +209,7 @@ fn agreement(
         windows: truth.windows.len(),
         runs: truth.scores.runs,
         // Of every window the best value has no regret: where all have none, all have the same error.
-        values: truth.regrets.as_deref().map_or(Told::Apart, told),
+        values: truth.regrets.as_deref().map_or(Separation::Apart, separation),
         stands_still: sweep.standing_still.contains(&verdict.sensor),
         chosen_error: choice.online_error,
         chosen_skill: truth.scores.skill[verdict.chosen],
@@ -221,17 +223,6 @@ fn agreement(
         // All values are among as many best.
         top_k: (study.evaluate.top_k < candidates.len())
             .then_some(TopK { k: study.evaluate.top_k, hit: choice.top_k_hit }),
-    }
-}
-
-const fn way(baseline: Baseline) -> Way {
-    match baseline {
-        Baseline::Default => Way::Default,
-        Baseline::LogReplay => Way::LogReplay,
-        Baseline::LatestWindow => Way::LatestWindow,
-        Baseline::Random => Way::Random,
-        Baseline::Hindsight => Way::Hindsight,
-        Baseline::AnotherWindow => Way::AnotherWindow,
     }
 }
 
@@ -346,7 +337,7 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
 }
 
 /// Whether any of these numbers differs from another. A single one has none to differ from.
-fn told(numbers: &[f64]) -> Told {
+fn separation(numbers: &[f64]) -> Separation {
     let differ = numbers.len() < 2 || numbers.windows(2).any(|pair| pair[0] != pair[1]);
-    if differ { Told::Apart } else { Told::Alike }
+    if differ { Separation::Apart } else { Separation::Alike }
 }

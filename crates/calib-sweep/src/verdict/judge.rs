@@ -4,8 +4,8 @@ use calib_stats::{
 };
 
 use super::{
-    Agreement, Baseline, BaselineRegret, Dropped, Grade, Judging, LOWER, RuleChoice, SensorVerdict,
-    Share, Truth, WindowTruth,
+    Agreement, BaselineRegret, ChoiceBaseline, Dropped, Grade, Judging, LOWER, RuleChoice,
+    SensorVerdict, Share, Truth, WindowTruth,
     dropped::dropped,
     errors::Errors,
     nearby::share_nearby,
@@ -306,12 +306,12 @@ impl Truthful<'_> {
             BaselineRegret { baseline, chosen: None, regret }
         };
         Ok(vec![
-            of_value(Baseline::Default, self.default()),
-            of_value(Baseline::LogReplay, replayed.transpose()?),
-            of_value(Baseline::LatestWindow, latest),
-            of(Baseline::Random, random),
-            of_value(Baseline::Hindsight, best),
-            of(Baseline::AnotherWindow, losses.another_window()),
+            of_value(ChoiceBaseline::Default, self.default()),
+            of_value(ChoiceBaseline::LogReplay, replayed.transpose()?),
+            of_value(ChoiceBaseline::LatestWindow, latest),
+            of(ChoiceBaseline::Random, random),
+            of_value(ChoiceBaseline::Hindsight, best),
+            of(ChoiceBaseline::AnotherWindow, losses.another_window()),
         ])
     }
 

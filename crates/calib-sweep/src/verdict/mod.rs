@@ -27,7 +27,7 @@ pub use parts::PartChoice;
 pub use rule::Rule;
 pub(crate) use rule::STREAMS_PER_INDEPENDENT;
 pub use simple::{NO_WORSE, SimpleComparison};
-pub use truth::{Agreement, Baseline, BaselineRegret, Truth, WindowTruth};
+pub use truth::{Agreement, BaselineRegret, ChoiceBaseline, Truth, WindowTruth};
 pub use warnings::ENOUGH_WINDOWS;
 
 use crate::{ErrorScale, SimpleScore};

@@ -240,11 +240,11 @@ fn regrets_are_geometric_over_windows() {
         let own = truth.baselines.iter().find(|of| of.baseline == baseline).expect("there");
         own.regret.map(|regret| regret.value)
     };
-    near(cost(Baseline::AnotherWindow).expect("two windows"), 1.0);
-    near(cost(Baseline::Hindsight).expect("known"), 2.0_f64.sqrt() - 1.0);
-    near(cost(Baseline::Default).expect("known"), 1.0);
-    near(cost(Baseline::Random).expect("known"), (2.0 * (2.0_f64.sqrt() - 1.0) + 1.0) / 3.0);
-    assert_eq!(cost(Baseline::LogReplay), None, "the log was not replayed");
+    near(cost(ChoiceBaseline::AnotherWindow).expect("two windows"), 1.0);
+    near(cost(ChoiceBaseline::Hindsight).expect("known"), 2.0_f64.sqrt() - 1.0);
+    near(cost(ChoiceBaseline::Default).expect("known"), 1.0);
+    near(cost(ChoiceBaseline::Random).expect("known"), (2.0 * (2.0_f64.sqrt() - 1.0) + 1.0) / 3.0);
+    assert_eq!(cost(ChoiceBaseline::LogReplay), None, "the log was not replayed");
     let choice = truth.choice;
     near(choice.against_default.expect("another").value, 0.5_f64.sqrt());
     assert_eq!(choice.regret.expect("known").upper, None, "two windows bound nothing");
@@ -256,7 +256,8 @@ fn one_window_has_no_floor_and_is_not_green() {
     let results = with(online().into_iter().filter(|result| result.start_row == 100));
     let truth = judge(Rule::WorstRank, &results).truth.expect("held out");
     assert_eq!(truth.windows.len(), 1);
-    let other_window = truth.baselines.iter().find(|row| row.baseline == Baseline::AnotherWindow);
+    let other_window =
+        truth.baselines.iter().find(|row| row.baseline == ChoiceBaseline::AnotherWindow);
     assert_eq!(other_window.expect("there").regret, None);
     assert_eq!(truth.scores.candidates[0].runs, 2, "runs are the sample where there is one window");
     assert_eq!(judge(Rule::WorstRank, &results).grade, Grade::Fair);
@@ -313,7 +314,7 @@ fn a_divergence_of_another_windows_choice_excuses_nothing() {
     ];
     let verdict = judge(Rule::WorstRank, &with(windows));
     let truth = verdict.truth.expect("held out");
-    let another = truth.baselines.iter().find(|of| of.baseline == Baseline::AnotherWindow);
+    let another = truth.baselines.iter().find(|of| of.baseline == ChoiceBaseline::AnotherWindow);
     let another = another.and_then(|of| of.regret).expect("pairs without divergence").value;
     // 0.2 / 0.2 of 0.15, 9 of 0.1; 0.15 by itself: the pairs that did not diverge.
     let expected = ((1.0_f64.ln() + 9.0_f64.ln() + (0.2_f64 / 0.15).ln() + 0.0) / 4.0).exp_m1();

@@ -44,7 +44,9 @@ pub struct Agreement {
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "snake_case")]
-pub enum Baseline {
+// Its name in the schemas of `--json`.
+#[schemars(rename = "Baseline")]
+pub enum ChoiceBaseline {
     /// Keep the `[agent]` section's own values.
     Default,
     /// The smallest mean error on the replayed log.
@@ -64,7 +66,7 @@ pub enum Baseline {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BaselineRegret {
     /// Which one.
-    pub baseline: Baseline,
+    pub baseline: ChoiceBaseline,
     /// The value that it chooses, where it is one.
     pub chosen: Option<usize>,
     /// Its regret; none where it cannot be said.

@@ -1,6 +1,6 @@
 //! Populations of value networks, stacked into batched products.
 
-use calib_agent::{Accelerator, AgentError, Learner, Lockstep, Made, Networks, Steps};
+use calib_agent::{Accelerator, AgentError, Learner, Lockstep, LockstepResults, Networks, Steps};
 use tch::{Device, Kind, TchError, Tensor, no_grad};
 
 mod optimiser;
@@ -183,7 +183,7 @@ impl Population {
         Ok(())
     }
 
-    fn make(&mut self, steps: &Steps) -> Result<Made, TchError> {
+    fn make(&mut self, steps: &Steps) -> Result<LockstepResults, TchError> {
         let (runs, count) = (self.runs, steps.present.len() as i64 / self.runs);
         let numbers = |of: &[u32], shape: &[i64]| -> Result<Tensor, TchError> {
             let of: Vec<i64> = of.iter().map(|&number| i64::from(number)).collect();
@@ -214,12 +214,12 @@ impl Population {
             [] => vec![true; predictions.len()],
             made => Vec::try_from(flat(&Tensor::f_stack(made, 0)?)?)?,
         };
-        Ok(Made { predictions, finite })
+        Ok(LockstepResults { predictions, finite })
     }
 }
 
 impl Lockstep for Population {
-    fn make(&mut self, steps: &Steps) -> Result<Made, AgentError> {
+    fn make(&mut self, steps: &Steps) -> Result<LockstepResults, AgentError> {
         no_grad(|| Self::make(self, steps)).map_err(|error| failed(&error))
     }
 

@@ -2,15 +2,15 @@ use calib_agent::SimplePredictor;
 use calib_stats::{Estimate, Interval};
 
 use super::*;
-use crate::{SimpleRow, Simpler, Sources, Told, TopK};
+use crate::{Separation, SimpleRow, Simpler, Sources, TopK};
 
 fn estimate(value: f64, low: f64, high: f64) -> Estimate {
     Estimate { value, interval: Some(Interval { low, high }) }
 }
 
-fn alternative(way: Way, value: Option<f64>, regret: f64) -> Alternative {
+fn alternative(baseline: ChoiceBaseline, value: Option<f64>, regret: f64) -> Alternative {
     let regret = Some(Bounded { value: regret, upper: None });
-    Alternative { way, value: value.map(Setting::from), regret }
+    Alternative { baseline, value: value.map(Setting::from), regret }
 }
 
 pub(in crate::report) fn verdict() -> Verdict {
@@ -21,7 +21,7 @@ pub(in crate::report) fn verdict() -> Verdict {
         chosen: Setting::from(1e-4),
         grade: Grade::Good,
         reason: Reason::WorstRank,
-        evidence: Told::Apart,
+        evidence: Separation::Apart,
         tie_set: [3e-5, 1e-4, 3e-4].map(Setting::from).to_vec(),
         worst_rank: 2,
         values: 9,
@@ -33,7 +33,7 @@ pub(in crate::report) fn verdict() -> Verdict {
             part: "whole runs".to_owned(),
             windows: 4,
             runs: 8,
-            values: Told::Apart,
+            values: Separation::Apart,
             stands_still: false,
             chosen_error: 0.423,
             chosen_skill: Some(0.55),
@@ -47,12 +47,12 @@ pub(in crate::report) fn verdict() -> Verdict {
             top_k: Some(TopK { k: 3, hit: true }),
         }),
         alternatives: vec![
-            alternative(Way::Default, Some(1e-3), 0.28),
-            alternative(Way::LogReplay, Some(3e-4), 0.01),
-            alternative(Way::LatestWindow, Some(1e-4), 0.025),
-            alternative(Way::Random, None, 1.2),
-            alternative(Way::Hindsight, Some(3e-4), 0.01),
-            alternative(Way::AnotherWindow, None, 0.03),
+            alternative(ChoiceBaseline::Default, Some(1e-3), 0.28),
+            alternative(ChoiceBaseline::LogReplay, Some(3e-4), 0.01),
+            alternative(ChoiceBaseline::LatestWindow, Some(1e-4), 0.025),
+            alternative(ChoiceBaseline::Random, None, 1.2),
+            alternative(ChoiceBaseline::Hindsight, Some(3e-4), 0.01),
+            alternative(ChoiceBaseline::AnotherWindow, None, 0.03),
         ],
         simple: vec![],
         simpler: None,
@@ -234,8 +234,11 @@ fn everything_diverged() {
     let online = verdict.online.as_mut().unwrap();
     (online.regret, online.spearman, online.top_k) = (None, None, None);
     (online.against_default, online.chosen_skill) = (None, None);
-    verdict.alternatives =
-        vec![Alternative { way: Way::LogReplay, value: Some(Setting::from(1e-4)), regret: None }];
+    verdict.alternatives = vec![Alternative {
+        baseline: ChoiceBaseline::LogReplay,
+        value: Some(Setting::from(1e-4)),
+        regret: None,
+    }];
     insta::assert_snapshot!(text(&verdict), @r"
 No setting of learning_rate can be deployed for PIT300: every one diverged.
 kNN never ranks it below 2nd of 9 settings in its 5 ensemble members.
@@ -249,7 +252,9 @@ On held-out data (whole runs of 4 windows, 8 runs) every setting diverged, so th
 fn one_window_cannot_be_compared() {
     let mut verdict = Verdict { grade: Grade::Fair, ..verdict() };
     verdict.online.as_mut().unwrap().windows = 1;
-    verdict.alternatives.retain(|alternative| alternative.way != Way::AnotherWindow);
+    verdict
+        .alternatives
+        .retain(|alternative| alternative.baseline != ChoiceBaseline::AnotherWindow);
     let reasons = verdict.reasons(&Score::nrmse()).join("\n");
     assert!(reasons.contains("cannot be judged: only one window was held out."), "{reasons}");
 }
@@ -292,7 +297,7 @@ fn a_choice_without_skill_is_not_recommended() {
 fn errors_that_are_all_alike_praise_no_value() {
     let mut verdict = Verdict { grade: Grade::Unchecked, ..verdict() };
     let online = verdict.online.as_mut().unwrap();
-    online.values = Told::Alike;
+    online.values = Separation::Alike;
     online.regret = Some(Bounded { value: 0.0, upper: None });
     insta::assert_snapshot!(text(&verdict), @r"
 Use learning_rate = 1e-4 for PIT300, on the evidence of the log.
@@ -303,7 +308,7 @@ On held-out data (whole runs of 4 windows, 8 runs) all 9 settings have the same 
 Its skill is 0.55: 55 % less error than the mean return of each window, which is only known afterwards. The best setting's is 0.57. NRMSE divides by the spread of returns in the training range.
 ");
     assert_eq!(verdict.badge(), "Not checked: no clear difference on held-out data");
-    verdict.evidence = Told::Alike;
+    verdict.evidence = Separation::Alike;
     insta::assert_snapshot!(text(&verdict), @r"
 No clear difference for PIT300: all settings of learning_rate did alike.
 Nothing was chosen: all 9 settings did alike in every run that counts, and 1e-4 stands for any of them.
