@@ -26,12 +26,12 @@ fn a_log_of_decisions_becomes_a_verdict() {
     let told = ran.ends(&[1]);
     assert!(
         told.starts_with(
-            "Deploy nothing on this evidence.\n    First by mean rank is step_size=0.3. Why not"
+            "Deploy nothing on this evidence.\n    If agents learn here all the same, use step_size=0.3."
         ),
         "{told}"
     );
     let parts =
-        ["action=0", "action=1", "is step_size=0.3.", "Over the default", "Best constant action"];
+        ["action=0", "action=1", "use step_size=0.3.", "Over the default", "Best constant action"];
     for part in parts {
         assert!(told.contains(part), "{part} is missing in {told}");
     }

@@ -93,12 +93,17 @@ impl Advice<'_> {
                 format!("{chosen} is first by {rank}, but may be no better. Here {default}."),
             )
         } else {
-            let plain = if verdict.is_ahead_of_default() {
-                format!(
-                    "If agents learn here all the same, use {chosen}. It is first by {rank}, and clearly ahead of the default by rank or by return. Why not to deploy it is listed below."
-                )
-            } else {
+            let plain = if self.is_arbitrary() {
                 format!("First by {rank} is {chosen}. Why not to deploy it is listed below.")
+            } else {
+                let ahead = if verdict.is_ahead_of_default() {
+                    ", and clearly ahead of the default by rank or by return"
+                } else {
+                    ""
+                };
+                format!(
+                    "If agents learn here all the same, use {chosen}. It is first by {rank}{ahead}. Why not to deploy it is listed below."
+                )
             };
             (
                 Support::Unsupported,
@@ -114,6 +119,13 @@ impl Advice<'_> {
     fn doubts_only_the_default(&self) -> bool {
         let mut doubts = self.verdict.doubts.iter();
         doubts.all(|doubt| matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart))
+    }
+
+    /// Whether the models show no difference between the settings, or cannot rank the choice. Otherwise they rank better than they
+    /// promise: docs/control.md has how choices fare that are not to be deployed.
+    fn is_arbitrary(&self) -> bool {
+        let mut doubts = self.verdict.doubts.iter();
+        doubts.any(|doubt| matches!(doubt, Doubt::NotToldApart | Doubt::Diverged))
     }
 
     /// What the decision rests on.
@@ -325,13 +337,13 @@ mod tests {
         let alike = json!({ "reason": "not_better_than_default" });
         let ahead = decision(&json!([promise]), STUDY);
         assert_eq!(ahead.headline, "Deploy nothing on this evidence.");
-        assert!(
-            ahead.plain.starts_with("If agents learn here all the same, use a=2."),
-            "{ahead:?}"
-        );
+        let named = "If agents learn here all the same, use a=2. It is first by mean rank";
+        assert!(ahead.plain.starts_with(&format!("{named}, and clearly ahead")), "{ahead:?}");
         let behind = decision(&json!([promise, alike]), STUDY);
         assert_eq!((behind.support, &behind.headline), (Support::Unsupported, &ahead.headline));
-        assert!(behind.plain.starts_with("First by mean rank is a=2."), "{behind:?}");
+        assert!(behind.plain.starts_with(&format!("{named}. Why not")), "{behind:?}");
+        let arbitrary = decision(&json!([promise, { "reason": "not_told_apart" }]), STUDY);
+        assert!(arbitrary.plain.starts_with("First by mean rank is a=2."), "{arbitrary:?}");
         let kept = decision(&json!([alike]), PYTHON);
         assert_eq!(
             (kept.support, kept.headline.as_str()),
