@@ -2,6 +2,7 @@ use std::path::{Path, PathBuf};
 
 use calib_core::Cancelled;
 use calib_files::FileError;
+use calib_text::SignError;
 
 use crate::{BadRowsFound, ContradictionCause, names::hint};
 
@@ -373,6 +374,12 @@ fn size(bytes: u64) -> String {
     match bytes as f64 / MIB {
         mib if mib < 1024.0 => format!("{mib:.0} MiB"),
         mib => format!("{:.1} GiB", mib / 1024.0),
+    }
+}
+
+impl From<SignError> for DataError {
+    fn from(SignError { path, reason }: SignError) -> Self {
+        Self::NotText { path, reason }
     }
 }
 

@@ -65,7 +65,8 @@ mod survey;
 pub mod table;
 mod tags;
 mod text;
-mod time;
+
+pub use calib_text::{TimestampUnit, format_time, parse_time};
 
 pub use angle::{AngleOf, AnglePart, angle_hint};
 pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
@@ -73,7 +74,7 @@ pub use catch_panic::may_be_of_a_reader;
 pub use channel::is_same;
 pub use config::{
     BadRows, Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths,
-    PreprocessConfig, Reduce, Resample, Shape, TimeRange, TimestampUnit,
+    PreprocessConfig, Reduce, Resample, Shape, TimeRange,
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
@@ -90,4 +91,3 @@ pub use select::DropReason;
 pub use sentinels::Sentinel;
 pub use sketch::{ChannelSketch, Sketch, sketch};
 pub use tags::read_tags;
-pub use time::{format_time, parse_time};

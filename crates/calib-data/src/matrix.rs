@@ -4,9 +4,10 @@ use std::{path::PathBuf, sync::Arc};
 
 use calib_core::{Bounds, Column, Frames, FramesError, Physical, States, StatesError, Timestamp};
 use calib_files::{Scratch, ScratchFile, ScratchPlace};
+use calib_text::format_time;
 use rayon::prelude::*;
 
-use crate::{DataError, sample::Samples, survey::Part, time::format_time};
+use crate::{DataError, sample::Samples, survey::Part};
 
 /// Rows of the states that one task fills.
 const BLOCK_ROWS: usize = 256;

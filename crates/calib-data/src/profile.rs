@@ -1,6 +1,7 @@
 //! What `calib inspect` shows.
 
 use calib_core::Timestamp;
+use calib_text::format_time;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -351,8 +352,8 @@ pub fn long_gap(from: Timestamp, micros: i64) -> String {
     format!(
         "nothing was recorded for {years:.1} years, from {} to {}: if one of these times is wrong, correct or leave out its rows; else data.train and data.held_out \
          say which part is meant",
-        crate::format_time(from),
-        crate::format_time(to)
+        format_time(from),
+        format_time(to)
     )
 }
 
@@ -411,7 +412,7 @@ impl Profile {
         } else if self.start < EARLY {
             doubts.push(format!(
                 "the log starts at {}: is data.timestamp the column of the time, and data.timestamp_unit its unit?",
-                crate::format_time(self.start)
+                format_time(self.start)
             ));
         }
         doubts
@@ -456,7 +457,7 @@ impl Profile {
             if spikes > 0 {
                 let example = channel.far_out.examples.first();
                 let example = example.map_or_else(String::new, |(time, value)| {
-                    format!(" (such as {value} at {})", crate::format_time(*time))
+                    format!(" (such as {value} at {})", format_time(*time))
                 });
                 let spikes =
                     if spikes == 1 { "a spike".to_owned() } else { format!("{spikes} spikes") };

@@ -31,7 +31,7 @@ pub fn read_tags(path: &Path) -> Result<BTreeMap<String, Description>, DataError
     let mut records = RecordReader::new(text, marks);
     let mut header: Vec<String> = Vec::new();
     if records.advance() {
-        header = (0..records.len()).map(|at| plain(&decode(records.cell(at)))).collect();
+        header = (0..records.count()).map(|at| plain(&decode(records.cell(at)))).collect();
     }
     let find = |known: &[&str]| header.iter().position(|name| known.contains(&name.as_str()));
     let (tag, unit, label) = (find(&TAGS), find(&UNITS), find(&LABELS));
@@ -42,7 +42,7 @@ pub fn read_tags(path: &Path) -> Result<BTreeMap<String, Description>, DataError
     let mut tags = BTreeMap::new();
     while records.advance() {
         let cell = |at: Option<usize>| {
-            let at = at.filter(|&at| at < records.len())?;
+            let at = at.filter(|&at| at < records.count())?;
             let text = decode(records.cell(at)).trim().to_owned();
             (!text.is_empty()).then_some(text)
         };

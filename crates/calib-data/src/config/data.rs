@@ -2,15 +2,12 @@ use std::{collections::BTreeMap, path::Path};
 
 use calib_core::{Period, Timestamp};
 use calib_files::ScratchPlace;
+use calib_text::{ParsedTime, TimestampUnit, parse_stamp};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Moment, Paths, TimeRange};
-use crate::{
-    DataError,
-    text::Zone,
-    time::{ParsedTime, parse_stamp},
-};
+use crate::{DataError, text::Zone};
 
 /// `[data]`: where the log is, and which part of it is for what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -207,83 +204,6 @@ pub enum Resample {
     Mean,
     /// On the straight line from the value before to the value after, which an agent in the plant does not have yet.
     Linear,
-}
-
-/// What timestamps that are plain numbers count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum TimestampUnit {
-    /// Seconds since 1970-01-01.
-    #[serde(rename = "s")]
-    Seconds,
-    /// Milliseconds since 1970-01-01.
-    #[serde(rename = "ms")]
-    Milliseconds,
-    /// Microseconds since 1970-01-01.
-    #[serde(rename = "us")]
-    Microseconds,
-    /// Nanoseconds since 1970-01-01.
-    #[serde(rename = "ns")]
-    Nanoseconds,
-    /// Days since 1899-12-30 on the clock of the log, as spreadsheets count them; rounded to milliseconds.
-    #[serde(rename = "excel")]
-    Excel,
-}
-
-/// 1970-01-01, in days of a spreadsheet.
-const DAYS_TO_1970: f64 = 25_569.0;
-const MILLIS_A_DAY: f64 = 86_400e3;
-
-impl TimestampUnit {
-    /// The time that `number` is, in microseconds since 1970.
-    pub(crate) fn in_micros(self, number: f64) -> i64 {
-        let micros = match self {
-            Self::Seconds => number * 1e6,
-            Self::Milliseconds => number * 1e3,
-            Self::Microseconds => number,
-            Self::Nanoseconds => number * 1e-3,
-            // Fractions of a day are written with fewer digits than microseconds need.
-            Self::Excel => ((number - DAYS_TO_1970) * MILLIS_A_DAY).round() * 1e3,
-        };
-        micros.round() as i64
-    }
-
-    /// The same of a whole number, which keeps all its digits: nanoseconds have more than an `f64`.
-    pub(crate) fn whole_in_micros(self, number: i64) -> i64 {
-        match self {
-            Self::Seconds => number.saturating_mul(1_000_000),
-            Self::Milliseconds => number.saturating_mul(1_000),
-            Self::Microseconds => number,
-            Self::Nanoseconds => number.div_euclid(1_000),
-            Self::Excel => self.in_micros(number as f64),
-        }
-    }
-
-    /// A time of so many microseconds, as the numbers have it: spreadsheets know no time zones.
-    pub(crate) fn stamp(self, micros: i64) -> ParsedTime {
-        if self == Self::Excel { ParsedTime::Wall(micros) } else { ParsedTime::Instant(micros) }
-    }
-
-    /// What the study calls it.
-    pub(crate) fn key(self) -> &'static str {
-        match self {
-            Self::Seconds => "s",
-            Self::Milliseconds => "ms",
-            Self::Microseconds => "us",
-            Self::Nanoseconds => "ns",
-            Self::Excel => "excel",
-        }
-    }
-
-    /// What a person calls it.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Seconds => "seconds",
-            Self::Milliseconds => "milliseconds",
-            Self::Microseconds => "microseconds",
-            Self::Nanoseconds => "nanoseconds",
-            Self::Excel => "days as spreadsheets count them",
-        }
-    }
 }
 
 impl Default for DataConfig {

@@ -5,7 +5,7 @@ mod paths;
 mod preprocess;
 mod range;
 
-pub use data::{BadRows, Contradictions, DataConfig, Resample, Shape, TimestampUnit};
+pub use data::{BadRows, Contradictions, DataConfig, Resample, Shape};
 pub use paths::Paths;
 pub use preprocess::{Missing, Normalisation, Outliers, PreprocessConfig, Reduce};
 pub use range::{Moment, TimeRange};

@@ -7,7 +7,7 @@ use serde::{
     de::{self, MapAccess, Visitor},
 };
 
-use crate::time::parse_time;
+use calib_text::parse_time;
 
 /// A date, or a date and time, as it stands in the study: text, or a TOML date.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

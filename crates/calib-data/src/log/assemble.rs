@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use calib_core::Period;
+use calib_text::format_time;
 
 use super::{
     BadRowsFound, Channel, FileSummary, Log, Origin,
@@ -18,7 +19,7 @@ use super::{
     series::Sink,
     split::{self, Split},
 };
-use crate::{DataConfig, DataError, Description, Shape, names::Chosen, time::format_time};
+use crate::{DataConfig, DataError, Description, Shape, names::Chosen};
 
 /// What rows there are, before they are cut into ranges.
 struct Planned {

@@ -1,12 +1,13 @@
 //! From what text says to instants.
 
+use calib_text::ParsedTime;
+
 use super::{head::Head, rows::NO_TIME, times::CALENDAR};
 use crate::{
     DataConfig, DataError,
     text::{
         Candidates, Decimal, Notation, Records, Signs, TextFile, Unreadable, Walls, Zone, shown,
     },
-    time::ParsedTime,
 };
 
 /// How the times of a file are read.

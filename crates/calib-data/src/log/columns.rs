@@ -4,6 +4,7 @@ use std::{ops::Range, sync::Arc};
 
 use calib_core::Monitor;
 use calib_files::{FileError, Spill};
+use calib_text::ParsedTime;
 
 use super::{
     bad_rows::BadRowsFound,
@@ -17,7 +18,6 @@ use crate::{
         Cell, Decimal, Notation, Records, Signs, TextFile, Words, cell_of, decode, either_way,
         plain_decimal, shown,
     },
-    time::ParsedTime,
 };
 
 /// What text files were read into: cells, and the words among them.
@@ -59,7 +59,7 @@ impl Store {
         self.words.adopt(&seen.words, cells);
         self.bad_rows.adopt(seen.bad_rows);
         self.signs.adopt(seen.signs);
-        self.signs.refuse_contradiction()
+        Ok(self.signs.refuse_contradiction()?)
     }
 
     /// Cells that were appended at `at`.

@@ -1,8 +1,9 @@
 //! Samples of one channel, each instant once.
 
 use calib_core::Timestamp;
+use calib_text::format_time;
 
-use crate::{AngleOf, Contradictions, channel::is_same, text::Cell, time::format_time};
+use crate::{AngleOf, Contradictions, channel::is_same, text::Cell};
 
 /// How many contradictions of a log are shown.
 pub(crate) const SHOWN: usize = 3;

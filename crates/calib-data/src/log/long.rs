@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use calib_core::Monitor;
+use calib_text::ParsedTime;
 
 use super::{
     clock::{Clock, Fractions, Instants},
@@ -17,7 +18,6 @@ use super::{
 use crate::{
     DataConfig, DataError,
     text::{Annotated, Cell, Key, Notation, Records, Sample, TextFile, Words, annotated_names},
-    time::ParsedTime,
 };
 
 /// Samples that one thread read, with names of its own for tags and words.

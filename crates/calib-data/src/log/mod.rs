@@ -27,7 +27,6 @@ mod source;
 mod split;
 mod times;
 mod union;
-mod units;
 mod values;
 
 use std::{
@@ -37,6 +36,7 @@ use std::{
 };
 
 use calib_core::{Monitor, Period, Timestamp};
+use calib_text::format_time;
 
 pub use self::{bad_rows::BadRowsFound, cause::ContradictionCause};
 pub(crate) use self::{
@@ -46,17 +46,15 @@ pub(crate) use self::{
     gaps::{Steps, inside},
     read::{Batch, ChannelValues, Codes},
     room::Room,
-    rows::{EXAMPLES, NO_TIME},
+    rows::EXAMPLES,
     seldom::{Neighbourhood, Seldom},
-    units::units,
-    values::{LARGEST, NotNumbers},
+    values::NotNumbers,
 };
 use self::{dedup::SHOWN, file::LogFile, resample::Grid, rows::Rows, series::Series, split::Split};
 use crate::{
     AngleOf, BackwardStep, BackwardSteps, Contradictions, ContradictionsFound, DataConfig,
     DataError, Description, Shape,
     names::{Chosen, Names},
-    time::format_time,
 };
 
 /// Everything about the log except the values of its channels.

@@ -6,6 +6,7 @@ use std::{
 };
 
 use calib_core::{Monitor, Period};
+use calib_text::ParsedTime;
 
 use super::{
     FileSummary,
@@ -23,7 +24,6 @@ use super::{
 };
 use crate::{
     Contradictions, DataConfig, DataError, Description, Shape, TimestampUnit, text::Notation,
-    time::ParsedTime,
 };
 
 /// What the files hold, before rows and ranges are known.

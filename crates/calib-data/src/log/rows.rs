@@ -7,8 +7,7 @@ use rayon::prelude::*;
 
 use super::clock_resets::Passes;
 
-/// A timestamp that is missing, in a file's list of timestamps.
-pub(crate) const NO_TIME: i64 = i64::MIN;
+pub(crate) use calib_text::NO_TIME;
 
 /// How many examples of an irregularity are kept.
 pub(crate) const EXAMPLES: usize = 10;

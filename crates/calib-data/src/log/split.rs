@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use calib_core::Timestamp;
+use calib_text::format_time;
 
-use crate::{DataConfig, DataError, TimeRange, time::format_time};
+use crate::{DataConfig, DataError, TimeRange};
 
 /// The instants of the two ranges, half-open.
 #[derive(Clone, Debug, PartialEq, Eq)]

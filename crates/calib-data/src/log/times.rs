@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use calib_text::{ParsedTime, unit_readings, units};
 use polars::prelude as pl;
 
 use super::{
@@ -10,13 +11,11 @@ use super::{
     file::{FieldKind, LogFile},
     head::{Head, HeadColumn},
     rows::NO_TIME,
-    units::{readings, units},
     values::RawColumn,
 };
 use crate::{
     DataConfig, DataError, TimestampUnit,
     text::{Candidates, Notation, compact_pattern, is_time_of_day, shown},
-    time::ParsedTime,
 };
 
 /// The columns of a file that may have its times, by their kind or name.
@@ -285,7 +284,7 @@ fn unit_of(numbers: &[f64], file: &LogFile, field: usize) -> Result<TimestampUni
     let example = numbers.first().map_or_else(String::new, f64::to_string);
     Err(DataError::AmbiguousTimes {
         path: file.path().to_owned(),
-        readings: readings(&example, &found),
+        readings: unit_readings(&example, &found),
         example,
     })
 }

@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
+use calib_text::LARGEST;
 use polars::prelude as pl;
 
 use super::columns::Store;
@@ -216,9 +217,6 @@ pub(crate) fn with_label<T>(
         Cell::Missing | Cell::NonFinite => take(None),
     }
 }
-
-/// No plant measures more, and sums of squares of what is larger are no numbers any more.
-pub(crate) const LARGEST: f64 = 1e150;
 
 /// The value, or NaN, counted, for what no calculation can go on with.
 fn finite(value: f64, non_finite: &mut u64) -> f64 {

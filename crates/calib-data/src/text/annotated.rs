@@ -9,20 +9,16 @@ use std::{
 };
 
 use calib_core::Monitor;
+use calib_text::{ParsedTime, parse_stamp};
 
 use super::{
-    blocks::{Blocks, Marks},
-    cell::{Cell, Words},
-    dialect::decode,
+    Cell, Decimal, Marks, RecordReader, Words,
+    blocks::Blocks,
+    cell_of, decode,
     input::{self, unreadable},
-    number::{Decimal, cell},
-    record::RecordReader,
     shown,
 };
-use crate::{
-    DataError,
-    time::{ParsedTime, parse_stamp},
-};
+use crate::DataError;
 
 const MARKS: Marks = Marks { separator: b',', quote: b'"' };
 
@@ -160,7 +156,7 @@ impl Annotated {
             if table.names[column] != "_value" {
                 key.insert("column".to_owned(), table.names[column].clone());
             }
-            let cell = cell(text(column), Decimal::Point, words).unwrap_or(Cell::Missing);
+            let cell = cell_of(text(column), Decimal::Point, words).unwrap_or(Cell::Missing);
             each(Sample { key: &key, time, cell }, words)?;
         }
         Ok(())

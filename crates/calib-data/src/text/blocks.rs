@@ -2,19 +2,14 @@
 
 use std::{io::Read as _, ops::Range, path::PathBuf};
 
+use calib_text::Marks;
+
 use super::input::{Input, fill, unreadable};
 use crate::DataError;
 
 /// Bytes of a block, and how much longer it may become to hold one record.
 const BLOCK: usize = 16 << 20;
 const LONGEST_RECORD: usize = 256 << 20;
-
-/// What tells cells and records apart.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Marks {
-    pub(crate) separator: u8,
-    pub(crate) quote: u8,
-}
 
 /// A text file that is read block by block.
 pub(crate) struct Blocks {
@@ -160,7 +155,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::text::record::RecordReader;
+    use crate::text::RecordReader;
 
     const MARKS: Marks = Marks { separator: b',', quote: b'"' };
 

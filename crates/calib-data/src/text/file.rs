@@ -6,14 +6,14 @@ use std::{
 };
 
 use calib_core::Monitor;
+use calib_text::Dialect;
 use rayon::prelude::*;
 
 use super::{
+    RecordReader, Signs, TextColumn,
     blocks::Blocks,
-    dialect::{Dialect, TextColumn, decode},
+    decode,
     input::{self, Compression, fill, unreadable},
-    number::Signs,
-    record::RecordReader,
 };
 use crate::{DataConfig, DataError};
 
@@ -261,7 +261,7 @@ impl Records<'_> {
             if !self.reader.advance() {
                 return Ok(false);
             }
-            let (expected, got) = (self.file.columns().len(), self.reader.len());
+            let (expected, got) = (self.file.columns().len(), self.reader.count());
             let one_empty_more =
                 got == expected + 1 && self.reader.cell(expected).trim_ascii().is_empty();
             if got != expected && !one_empty_more {

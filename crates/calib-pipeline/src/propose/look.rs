@@ -41,19 +41,7 @@ impl Look {
         text_left_alone(&data, printer)?;
         let (sketched, mut read) = Taken::by(|| sketch(&data, &printer.progress()));
         let mut sketch = sketched.map_err(contradicting)?;
-        if sketch.without_times {
-            printer.warn(&calib_data::without_times(sketch.period_secs, sketch.files));
-        }
-        sketch.read_as.iter().for_each(|read_as| printer.warn(read_as));
-        for pattern in &sketch.unused_excludes {
-            printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
-        }
-        if let Some(example) = sketch.bad_rows.examples.first() {
-            let lines = sketch.bad_rows.count as usize;
-            let verbs = if lines == 1 { "cannot be read and is" } else { "cannot be read and are" };
-            printer
-                .warn(&format!("{} {verbs} left out, such as {example}", counted(lines, "line")));
-        }
+        warn_of_reading(&sketch, printer);
         let sentinels = if gives(args, "data.missing_values") {
             Vec::new()
         } else {
@@ -115,6 +103,22 @@ impl Look {
         }
         let cleaning = Cleaning::of(&sketch, &scope);
         Ok(Self { sketch, sentinels, angles, clock, scope, cut, cleaning, sensors, read })
+    }
+}
+
+/// Say how the log was read where that is not certain, and what of it was not.
+fn warn_of_reading(sketch: &Sketch, printer: &Printer) {
+    if sketch.without_times {
+        printer.warn(&calib_data::without_times(sketch.period_secs, sketch.files));
+    }
+    sketch.read_as.iter().for_each(|read_as| printer.warn(read_as));
+    for pattern in &sketch.unused_excludes {
+        printer.warn(&format!("data.exclude = \"{pattern}\" matches no channel"));
+    }
+    if let Some(example) = sketch.bad_rows.examples.first() {
+        let lines = sketch.bad_rows.count as usize;
+        let verbs = if lines == 1 { "cannot be read and is" } else { "cannot be read and are" };
+        printer.warn(&format!("{} {verbs} left out, such as {example}", counted(lines, "line")));
     }
 }
 

@@ -5,10 +5,17 @@
 
 use csv_core::{ReadRecordResult, Reader, ReaderBuilder};
 
-use super::blocks::Marks;
+/// What tells cells and records apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Marks {
+    /// Between two cells.
+    pub separator: u8,
+    /// Around a cell that holds a separator or the end of a line.
+    pub quote: u8,
+}
 
 /// Goes from record to record; empty lines are none. Its memory is used again for each.
-pub(crate) struct RecordReader<'a> {
+pub struct RecordReader<'a> {
     reader: Reader,
     marks: Marks,
     text: &'a [u8],
@@ -35,7 +42,8 @@ fn is_unquoted(text: &[u8], quote: u8) -> bool {
 }
 
 impl<'a> RecordReader<'a> {
-    pub(crate) fn new(text: &'a [u8], marks: Marks) -> Self {
+    /// The records of `text`.
+    pub fn new(text: &'a [u8], marks: Marks) -> Self {
         let reader = ReaderBuilder::new().delimiter(marks.separator).quote(marks.quote).build();
         Self {
             reader,
@@ -54,7 +62,7 @@ impl<'a> RecordReader<'a> {
     }
 
     /// Go to the next record; false if there is none.
-    pub(crate) fn advance(&mut self) -> bool {
+    pub fn advance(&mut self) -> bool {
         let Source::Copy(cells) = &mut self.source else { return self.advance_in_text() };
         let (mut written, mut count) = (0, 0);
         loop {
@@ -107,12 +115,14 @@ impl<'a> RecordReader<'a> {
     }
 
     /// Number of cells of the record.
-    pub(crate) fn len(&self) -> usize {
+    #[inline]
+    pub fn count(&self) -> usize {
         self.count
     }
 
     /// A cell of the record.
-    pub(crate) fn cell(&self, position: usize) -> &[u8] {
+    #[inline]
+    pub fn cell(&self, position: usize) -> &[u8] {
         let before = position.checked_sub(1).map(|before| self.ends[before]);
         match &self.source {
             Source::Text(record) => &record[before.map_or(0, |end| end + 1)..self.ends[position]],
@@ -120,17 +130,19 @@ impl<'a> RecordReader<'a> {
         }
     }
 
-    pub(crate) fn cells(&self) -> impl Iterator<Item = &[u8]> {
+    /// The cells of the record.
+    #[inline]
+    pub fn cells(&self) -> impl Iterator<Item = &[u8]> {
         (0..self.count).map(|position| self.cell(position))
     }
 
     /// The line that the record ends in, from 1.
-    pub(crate) fn line(&self) -> u64 {
+    pub fn line(&self) -> u64 {
         self.line
     }
 
     /// Bytes up to the next record, with the end of the line.
-    pub(crate) fn position(&self) -> usize {
+    pub fn position(&self) -> usize {
         let at = self.read;
         // The reader stops before the line feed of CR LF.
         let is_half = at > 0 && self.text[at - 1] == b'\r' && self.text.get(at) == Some(&b'\n');
@@ -163,7 +175,7 @@ mod tests {
         let wide = vec!["7"; 300].join(";");
         let mut records = RecordReader::new(wide.as_bytes(), marks);
         assert!(records.advance());
-        assert_eq!((records.len(), records.cell(299)), (300, &b"7"[..]));
+        assert_eq!((records.count(), records.cell(299)), (300, &b"7"[..]));
     }
 
     /// Each record: its cells, its line, and where the next one begins.

@@ -5,7 +5,7 @@ use jiff::{civil, tz::TimeZone};
 
 /// A time as text has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum ParsedTime {
+pub enum ParsedTime {
     /// With an offset from UTC: microseconds since 1970-01-01T00:00:00Z.
     Instant(i64),
     /// What a clock showed, without saying where: as if it were UTC.
@@ -14,7 +14,7 @@ pub(crate) enum ParsedTime {
 
 impl ParsedTime {
     /// The instant, of a clock that shows UTC.
-    pub(crate) fn as_it_stands(self) -> i64 {
+    pub fn as_it_stands(self) -> i64 {
         let (Self::Instant(micros) | Self::Wall(micros)) = self;
         micros
     }
@@ -27,7 +27,7 @@ pub fn parse_time(text: &str) -> Option<Timestamp> {
 }
 
 /// The same, with whether it has an offset.
-pub(crate) fn parse_stamp(text: &str) -> Option<ParsedTime> {
+pub fn parse_stamp(text: &str) -> Option<ParsedTime> {
     let text = text.trim();
     if let Ok(instant) = text.parse::<jiff::Timestamp>() {
         return Some(ParsedTime::Instant(instant.as_microsecond()));

@@ -8,11 +8,7 @@ use jiff::{
     tz::TimeZone,
 };
 
-use crate::{
-    TimestampUnit,
-    log::units,
-    time::{ParsedTime, parse_stamp},
-};
+use crate::{ParsedTime, TimestampUnit, format_time, parse_stamp, units};
 
 /// A time of the year 9999, most of which is beyond the instants that there are: in databases it stands for "never".
 const NEVER: ParsedTime = ParsedTime::Instant(i64::MAX);
@@ -20,7 +16,7 @@ const NEVER_YEAR: i16 = 9999;
 
 /// How the times of a column are written.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Notation {
+pub enum Notation {
     /// ISO 8601.
     Iso,
     /// A number since 1970.
@@ -31,7 +27,7 @@ pub(crate) enum Notation {
 
 impl Notation {
     /// The instant or wall-clock time that `text` names.
-    pub(crate) fn read(&self, text: &str) -> Option<ParsedTime> {
+    pub fn read(&self, text: &str) -> Option<ParsedTime> {
         match self {
             Self::Iso => parse_stamp(text).or_else(|| {
                 let pieces = Pieces::parse(text).ok()?;
@@ -49,11 +45,11 @@ impl Notation {
     }
 
     /// What it makes of `text`, and how a study asks for it.
-    pub(crate) fn reading(&self, text: &str) -> String {
+    pub fn reading(&self, text: &str) -> String {
         let Some(ParsedTime::Instant(micros) | ParsedTime::Wall(micros)) = self.read(text) else {
             return self.name();
         };
-        let time = crate::format_time(calib_core::Timestamp::from_micros(micros));
+        let time = format_time(calib_core::Timestamp::from_micros(micros));
         match self {
             Self::Iso => time,
             Self::Number(unit) => format!("{time} with data.timestamp_unit = \"{}\"", unit.key()),
@@ -62,7 +58,7 @@ impl Notation {
     }
 
     /// What a person calls it.
-    pub(crate) fn name(&self) -> String {
+    pub fn name(&self) -> String {
         match self {
             Self::Iso => "ISO 8601".to_owned(),
             Self::Number(unit) => format!("numbers of {}", unit.name()),
@@ -114,17 +110,18 @@ fn number(text: &str) -> Option<f64> {
 
 /// Which notations a column of times may have, as far as its cells have shown.
 #[derive(Clone, Debug)]
-pub(crate) struct Candidates {
-    pub(crate) left: Vec<Notation>,
+pub struct Candidates {
+    /// Those that could read all of them.
+    pub left: Vec<Notation>,
     /// A cell that all of them can read: what to show where they differ.
-    pub(crate) example: String,
+    pub example: String,
     /// Why none of them could read all cells.
-    pub(crate) unreadable: Option<Unreadable>,
+    pub unreadable: Option<Unreadable>,
 }
 
 /// Why the times of a column cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Unreadable {
+pub enum Unreadable {
     /// The first cell that is in none of the notations that the others have.
     Cell(String),
     /// Numbers that may count what calib does not read, in words.
@@ -136,7 +133,7 @@ const MANY: usize = 20;
 
 impl Candidates {
     /// Those that can read all of `cells`, of which none is empty; of many cells, all but a twentieth, which are damaged.
-    pub(crate) fn of(cells: &[&str], unit: Option<TimestampUnit>) -> Self {
+    pub fn of(cells: &[&str], unit: Option<TimestampUnit>) -> Self {
         let strict = Self::of_all(cells, unit);
         if !strict.left.is_empty() || cells.len() < MANY {
             return strict;
@@ -185,7 +182,7 @@ impl Candidates {
     }
 
     /// Leave out those that cannot read `cell`.
-    pub(crate) fn note(&mut self, cell: &str) {
+    pub fn note(&mut self, cell: &str) {
         let left: Vec<Notation> =
             self.left.iter().filter(|notation| notation.read(cell).is_some()).cloned().collect();
         if left.is_empty() && !self.left.is_empty() {
@@ -206,12 +203,12 @@ impl Candidates {
     }
 
     /// Whether those that are left read some cells differently.
-    pub(crate) fn is_ambiguous(&self) -> bool {
+    pub fn is_ambiguous(&self) -> bool {
         self.left.len() > 1
     }
 
     /// Each notation with what it makes of the example.
-    pub(crate) fn readings(&self) -> String {
+    pub fn readings(&self) -> String {
         let readings = self.left.iter().map(|notation| notation.reading(&self.example));
         readings.collect::<Vec<_>>().join(", ")
     }
@@ -228,7 +225,7 @@ fn patterns(example: &str) -> Vec<String> {
 /// The pattern of dates written as one number, such as `20240301060000`, if all but a quarter of `cells` are such: digits from the day, the hour, the
 /// minute, the second or the millisecond on, that name a time from 1970 to 2099, or of the year 9999. As numbers since 1970 they would be of 1970, of the years
 /// 2032 to 2036, of 1976 or of the year 2611.
-pub(crate) fn compact_pattern(cells: &[&str]) -> Option<&'static str> {
+pub fn compact_pattern(cells: &[&str]) -> Option<&'static str> {
     let whole = |cell: &str| cell.find(['.', ',']).unwrap_or(cell.len());
     let mut lengths: Vec<usize> = cells.iter().map(|cell| whole(cell)).collect();
     lengths.sort_unstable();
@@ -343,7 +340,7 @@ fn time_pattern(time: &str) -> Option<String> {
 }
 
 /// Whether `cell` is a time of day without a date, such as `06:00:00`, `6:00 PM` or `18.00.00`.
-pub(crate) fn is_time_of_day(cell: &str) -> bool {
+pub fn is_time_of_day(cell: &str) -> bool {
     let fields: Vec<&str> = cell.split('.').collect();
     if fields.len() == 3 && fields.iter().all(|of| of.len() <= 2) {
         return fields

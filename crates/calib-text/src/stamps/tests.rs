@@ -15,7 +15,7 @@ fn unreadable(candidates: &Candidates) -> &str {
 fn reading(pattern: &str, text: &str) -> Option<String> {
     let stamp = Notation::Pattern(pattern.to_owned()).read(text)?;
     let (ParsedTime::Instant(micros) | ParsedTime::Wall(micros)) = stamp;
-    Some(crate::format_time(calib_core::Timestamp::from_micros(micros)))
+    Some(format_time(calib_core::Timestamp::from_micros(micros)))
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::{collections::HashMap, sync::Arc};
 
 /// What a cell holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Cell {
+pub enum Cell {
     /// A finite number.
     Number(f64),
     /// Nothing.
@@ -22,7 +22,8 @@ const FIRST_WORD: u64 = 2;
 
 impl Cell {
     /// A number as its own bits, all else as a NaN with a payload.
-    pub(crate) fn encode(self) -> u64 {
+    #[inline]
+    pub fn encode(self) -> u64 {
         match self {
             Self::Number(value) => value.to_bits(),
             Self::Missing => NAN_BITS,
@@ -32,7 +33,8 @@ impl Cell {
     }
 
     /// The cell that [`Self::encode`] gave these bits.
-    pub(crate) fn decode(bits: u64) -> Self {
+    #[inline]
+    pub fn decode(bits: u64) -> Self {
         let value = f64::from_bits(bits);
         match bits & !NAN_BITS {
             _ if !value.is_nan() => Self::Number(value),
@@ -51,7 +53,7 @@ pub(crate) const OTHER_WORDS: &str = "(other words)";
 
 /// The words of a log, each once.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Words {
+pub struct Words {
     list: Vec<Arc<str>>,
     positions: HashMap<Arc<str>, u32>,
     bytes: usize,
@@ -62,12 +64,12 @@ pub(crate) struct Words {
 
 impl Words {
     /// Words of a whole log, of which only so many are kept as memory has room for.
-    pub(crate) fn bounded() -> Self {
+    pub fn bounded() -> Self {
         Self { is_bounded: true, ..Self::default() }
     }
 
     /// The position of `word`, which is new or known.
-    pub(crate) fn position(&mut self, word: &str) -> u32 {
+    pub fn position(&mut self, word: &str) -> u32 {
         if let Some(&position) = self.positions.get(word) {
             return position;
         }
@@ -94,22 +96,22 @@ impl Words {
     }
 
     /// The position here of a word of `other`.
-    pub(crate) fn translated(&mut self, other: &Self, word: u32) -> u32 {
+    pub fn translated(&mut self, other: &Self, word: u32) -> u32 {
         if other.others == Some(word) { self.other() } else { self.position(other.word(word)) }
     }
 
     /// The word at a position.
-    pub(crate) fn word(&self, position: u32) -> &str {
+    pub fn word(&self, position: u32) -> &str {
         &self.list[position as usize]
     }
 
     /// Whether a cell stands for words that were too many to be kept.
-    pub(crate) fn is_other(&self, cell: u64) -> bool {
+    pub fn is_other(&self, cell: u64) -> bool {
         matches!(Cell::decode(cell), Cell::Word(word) if self.others == Some(word))
     }
 
     /// Make `cells`, whose words are those of `other`, cells of this list.
-    pub(crate) fn adopt(&mut self, other: &Self, cells: &mut [u64]) {
+    pub fn adopt(&mut self, other: &Self, cells: &mut [u64]) {
         if other.list.is_empty() {
             return;
         }

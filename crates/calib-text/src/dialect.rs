@@ -5,12 +5,7 @@ use std::{
     path::Path,
 };
 
-use super::{
-    blocks::Marks,
-    number::{Decimal, Signs, parse},
-    record::RecordReader,
-    stamps::{Candidates, Notation},
-};
+use crate::{Candidates, Decimal, Marks, Notation, RecordReader, Signs, parse_number};
 
 /// Rows that are looked at.
 const LOOKED_AT: usize = 400;
@@ -19,13 +14,15 @@ const UNIT_ROWS: usize = 3;
 
 /// What a text file is like.
 #[derive(Clone, Debug)]
-pub(crate) struct Dialect {
-    pub(crate) marks: Marks,
-    pub(crate) columns: Vec<TextColumn>,
+pub struct Dialect {
+    /// What separates its cells.
+    pub marks: Marks,
+    /// Its columns.
+    pub columns: Vec<TextColumn>,
     /// Bytes and lines before the first row of values.
-    pub(crate) skip: (u64, u64),
+    pub skip: (u64, u64),
     /// Whether the first column has the names of rows, which the header leaves out, as R writes tables.
-    pub(crate) has_row_names: bool,
+    pub has_row_names: bool,
     /// The first rows of values.
     sample: Sample,
 }
@@ -88,10 +85,13 @@ impl Sample {
 
 /// A column as the header has it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct TextColumn {
-    pub(crate) name: String,
-    pub(crate) unit: Option<String>,
-    pub(crate) label: Option<String>,
+pub struct TextColumn {
+    /// What it is called.
+    pub name: String,
+    /// The unit of its values.
+    pub unit: Option<String>,
+    /// What it is, in words.
+    pub label: Option<String>,
 }
 
 /// A record, and the bytes and lines before it and before the next one.
@@ -103,7 +103,10 @@ struct Row {
 
 impl Dialect {
     /// Of a file that begins with `head`, whole records.
-    pub(crate) fn of(head: &[u8], separator: Option<char>) -> Result<Self, String> {
+    ///
+    /// # Errors
+    /// If it is no table, in words.
+    pub fn of(head: &[u8], separator: Option<char>) -> Result<Self, String> {
         let marks = |separator: u8| Marks { separator, quote: b'"' };
         let start = preamble(head);
         let separators: Vec<u8> = match separator {
@@ -165,7 +168,7 @@ impl Dialect {
     }
 
     /// Put what `time` makes of a row into its column `to`, and nothing into the columns `beside`.
-    pub(super) fn join(&mut self, to: usize, beside: &[usize], time: impl Fn(&[String]) -> String) {
+    pub fn join(&mut self, to: usize, beside: &[usize], time: impl Fn(&[String]) -> String) {
         let last = beside.iter().copied().fold(to, usize::max);
         let mut rows = self.sample.rows();
         for row in rows.iter_mut().filter(|row| row.len() > last) {
@@ -179,7 +182,7 @@ impl Dialect {
     }
 
     /// The line of the first row with this cell in a column.
-    pub(crate) fn line_of(&self, column: usize, cell: &str) -> Option<u64> {
+    pub fn line_of(&self, column: usize, cell: &str) -> Option<u64> {
         let row = self
             .sample
             .rows()
@@ -189,12 +192,12 @@ impl Dialect {
     }
 
     /// The cells of a column in the first rows that are not empty.
-    pub(crate) fn cells(&self, column: usize) -> Vec<&str> {
+    pub fn cells(&self, column: usize) -> Vec<&str> {
         self.sample.column(column).filter(|cell| !cell.is_empty()).collect()
     }
 
     /// What the cells of all columns but `time` say about the decimal sign, in the file at `path`.
-    pub(crate) fn signs(&self, time: usize, path: &Path) -> Signs {
+    pub fn signs(&self, time: usize, path: &Path) -> Signs {
         let mut signs = Signs::default();
         for column in (0..self.columns.len()).filter(|&column| column != time) {
             for cell in self.cells(column) {
@@ -244,7 +247,7 @@ fn rows(head: &[u8], start: usize, marks: Marks) -> Vec<Row> {
 }
 
 /// Text as UTF-8, or else as the first page of Unicode has it, which is Latin 1: the degree sign of old exports.
-pub(crate) fn decode(bytes: &[u8]) -> std::borrow::Cow<'_, str> {
+pub fn decode(bytes: &[u8]) -> std::borrow::Cow<'_, str> {
     match std::str::from_utf8(bytes) {
         Ok(text) => text.into(),
         Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect::<String>().into(),
@@ -288,7 +291,7 @@ fn is_data(cells: &[String]) -> bool {
     let is_number = |cell: &str| {
         [Decimal::Point, Decimal::Comma]
             .iter()
-            .any(|&of| parse(cell, of).is_some_and(f64::is_finite))
+            .any(|&of| parse_number(cell, of).is_some_and(f64::is_finite))
     };
     let is_time = |cell: &str| cell.len() >= 6 && !Candidates::of(&[cell], None).left.is_empty();
     cells().any(|cell| is_time(cell) || is_number(cell))
@@ -388,7 +391,7 @@ fn describe(columns: &mut [TextColumn], above: &[Vec<String>]) {
 
 /// A unit or a description without brackets around it, and without the stroke that stands between a quantity and its unit:
 /// `[ / °C]`. That of `/min` stays.
-pub(crate) fn unbracketed(text: &str) -> &str {
+pub fn unbracketed(text: &str) -> &str {
     let text = text.trim().trim_start_matches(['[', '(']).trim_end_matches([']', ')']).trim();
     text.strip_prefix("/ ").unwrap_or(text).trim()
 }

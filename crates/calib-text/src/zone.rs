@@ -7,11 +7,11 @@ use std::collections::{HashSet, VecDeque};
 
 use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
 
-use crate::{log::NO_TIME, time::ParsedTime};
+use crate::{NO_TIME, ParsedTime};
 
 /// The rules of a place.
 #[derive(Clone, Debug)]
-pub(crate) struct Zone(TimeZone);
+pub struct Zone(TimeZone);
 
 /// What a wall-clock time stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +32,7 @@ struct Fold {
 
 impl Zone {
     /// The zone called `name`, such as `Europe/Paris` or `UTC`; `None` if there is none.
-    pub(crate) fn new(name: &str) -> Option<Self> {
+    pub fn new(name: &str) -> Option<Self> {
         TimeZone::get(name).ok().map(Self)
     }
 
@@ -51,7 +51,7 @@ impl Zone {
 
     /// The instant that a moment of a study is: of two the first one, and a time that clocks left out is read by the
     /// clock before it.
-    pub(crate) fn moment(&self, wall: i64) -> Option<i64> {
+    pub fn moment(&self, wall: i64) -> Option<i64> {
         self.meaning(wall).map(|meaning| match meaning {
             Meaning::Once(instant) | Meaning::Never(instant) => instant,
             Meaning::Twice(fold) => fold.first,
@@ -66,7 +66,7 @@ const GAP: f64 = 1.25;
 
 /// Rows of a file or of a tag, one after the other as they were recorded, on the clock of a place.
 #[derive(Debug)]
-pub(crate) struct Walls<Row> {
+pub struct Walls<Row> {
     zone: Zone,
     last: Option<i64>,
     /// Steps forward less steps back: below zero where the newest rows come first. A few rows in disorder change nothing.
@@ -76,11 +76,12 @@ pub(crate) struct Walls<Row> {
     /// Rows of an hour that comes twice, and those without a time among them.
     waiting: Vec<(Row, Option<Fold>)>,
     /// Rows whose time names no instant, or two between which nothing decides.
-    pub(crate) undecided: u64,
+    pub undecided: u64,
 }
 
 impl<Row> Walls<Row> {
-    pub(crate) fn new(zone: Zone) -> Self {
+    /// Rows on the clock of `zone`.
+    pub fn new(zone: Zone) -> Self {
         Self {
             zone,
             last: None,
@@ -92,7 +93,10 @@ impl<Row> Walls<Row> {
     }
 
     /// Take the next row. `out` gets rows in this order, each with its instant or [`NO_TIME`], as soon as that is known.
-    pub(crate) fn push<E>(
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn push<E>(
         &mut self,
         stamp: Option<ParsedTime>,
         row: Row,
@@ -130,10 +134,10 @@ impl<Row> Walls<Row> {
     }
 
     /// Say that there are no more rows.
-    pub(crate) fn finish<E>(
-        &mut self,
-        out: &mut impl FnMut(Row, i64) -> Result<(), E>,
-    ) -> Result<(), E> {
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn finish<E>(&mut self, out: &mut impl FnMut(Row, i64) -> Result<(), E>) -> Result<(), E> {
         self.settle(None, out)
     }
 
@@ -274,7 +278,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::time::parse_stamp;
+    use crate::{format_time, parse_stamp};
 
     const MINUTE: i64 = 60_000_000;
 
@@ -307,7 +311,7 @@ mod tests {
         let earlier = (1..=9).rev().map(|row| first - row * period * MINUTE);
         let walls: Vec<String> = earlier
             .map(|wall| {
-                crate::format_time(calib_core::Timestamp::from_micros(wall)).replace(' ', "T")[..16]
+                format_time(calib_core::Timestamp::from_micros(wall)).replace(' ', "T")[..16]
                     .to_owned()
             })
             .collect();

@@ -1,8 +1,88 @@
-//! What numbers that are times count: their sizes tell, or two readings are left and nothing does.
+//! What numbers that are times count: the study says it, or their sizes tell, or two readings are left and nothing does.
 
 use std::ops::RangeInclusive;
 
-use crate::{TimestampUnit, text::Notation};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Notation, ParsedTime, format_time};
+
+/// What timestamps that are plain numbers count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum TimestampUnit {
+    /// Seconds since 1970-01-01.
+    #[serde(rename = "s")]
+    Seconds,
+    /// Milliseconds since 1970-01-01.
+    #[serde(rename = "ms")]
+    Milliseconds,
+    /// Microseconds since 1970-01-01.
+    #[serde(rename = "us")]
+    Microseconds,
+    /// Nanoseconds since 1970-01-01.
+    #[serde(rename = "ns")]
+    Nanoseconds,
+    /// Days since 1899-12-30 on the clock of the log, as spreadsheets count them; rounded to milliseconds.
+    #[serde(rename = "excel")]
+    Excel,
+}
+
+/// 1970-01-01, in days of a spreadsheet.
+const DAYS_TO_1970: f64 = 25_569.0;
+const MILLIS_A_DAY: f64 = 86_400e3;
+
+impl TimestampUnit {
+    /// The time that `number` is, in microseconds since 1970.
+    pub fn in_micros(self, number: f64) -> i64 {
+        let micros = match self {
+            Self::Seconds => number * 1e6,
+            Self::Milliseconds => number * 1e3,
+            Self::Microseconds => number,
+            Self::Nanoseconds => number * 1e-3,
+            // Fractions of a day are written with fewer digits than microseconds need.
+            Self::Excel => ((number - DAYS_TO_1970) * MILLIS_A_DAY).round() * 1e3,
+        };
+        micros.round() as i64
+    }
+
+    /// The same of a whole number, which keeps all its digits: nanoseconds have more than an `f64`.
+    pub fn whole_in_micros(self, number: i64) -> i64 {
+        match self {
+            Self::Seconds => number.saturating_mul(1_000_000),
+            Self::Milliseconds => number.saturating_mul(1_000),
+            Self::Microseconds => number,
+            Self::Nanoseconds => number.div_euclid(1_000),
+            Self::Excel => self.in_micros(number as f64),
+        }
+    }
+
+    /// A time of so many microseconds, as the numbers have it: spreadsheets know no time zones.
+    pub fn stamp(self, micros: i64) -> ParsedTime {
+        if self == Self::Excel { ParsedTime::Wall(micros) } else { ParsedTime::Instant(micros) }
+    }
+
+    /// What the study calls it.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Seconds => "s",
+            Self::Milliseconds => "ms",
+            Self::Microseconds => "us",
+            Self::Nanoseconds => "ns",
+            Self::Excel => "excel",
+        }
+    }
+
+    /// What a person calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Seconds => "seconds",
+            Self::Milliseconds => "milliseconds",
+            Self::Microseconds => "microseconds",
+            Self::Nanoseconds => "nanoseconds",
+            Self::Excel => "days as spreadsheets count them",
+        }
+    }
+}
 
 /// Years 1990 to 2100, in microseconds: when plants are logged.
 const NOW: RangeInclusive<i64> = 631_152_000_000_000..=4_133_894_400_000_000;
@@ -50,7 +130,7 @@ const FOREIGN: [Foreign; 6] = [
 ///
 /// # Errors
 /// If they may count something that calib does not read, in words.
-pub(crate) fn units(numbers: &[f64]) -> Result<Vec<TimestampUnit>, String> {
+pub fn units(numbers: &[f64]) -> Result<Vec<TimestampUnit>, String> {
     let sorted = sorted(numbers);
     let Some(&middle) = sorted.get(sorted.len() / 2) else {
         return Ok(vec![TimestampUnit::Seconds]);
@@ -88,11 +168,11 @@ fn mostly(numbers: &[f64], is_so: impl Fn(f64) -> bool) -> bool {
 }
 
 fn told(micros: i64) -> String {
-    crate::format_time(calib_core::Timestamp::from_micros(micros))
+    format_time(calib_core::Timestamp::from_micros(micros))
 }
 
 /// What to say of a number that may have several units.
-pub(crate) fn readings(number: &str, units: &[TimestampUnit]) -> String {
+pub fn unit_readings(number: &str, units: &[TimestampUnit]) -> String {
     let reading = |unit: &TimestampUnit| Notation::Number(*unit).reading(number);
     units.iter().map(reading).collect::<Vec<_>>().join(", ")
 }
@@ -154,7 +234,7 @@ mod tests {
         assert_eq!(before, SINCE_1970, "milliseconds of December 1969, or seconds of 1937");
         assert_eq!(units(&[-3.15e11])[0], TimestampUnit::Milliseconds, "no seconds since 1900");
         assert!(units(&[-60_000.0, -30_000.0, 0.0, 30_000.0, 60_000.0]).len() > 1);
-        let told = readings("45292.5", &units(&[45_292.5]));
+        let told = unit_readings("45292.5", &units(&[45_292.5]));
         assert!(told.contains("1970-01-01 12:34:52.5 with data.timestamp_unit = \"s\""), "{told}");
         assert!(
             told.contains("2024-01-01 12:00:00 with data.timestamp_unit = \"excel\""),

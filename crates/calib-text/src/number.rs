@@ -2,12 +2,26 @@
 
 use std::path::{Path, PathBuf};
 
-use super::cell::{Cell, Words};
-use crate::{DataError, log::LARGEST};
+use thiserror::Error;
+
+use crate::{Cell, Words};
+
+/// No plant measures more, and sums of squares of what is larger are no numbers any more.
+pub const LARGEST: f64 = 1e150;
+
+/// Nothing says which sign separates the fractions of a log, or two of its cells say it differently.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{} is not a readable text file: {reason}", path.display())]
+pub struct SignError {
+    /// The file of the cell.
+    pub path: PathBuf,
+    /// Why, and what to do.
+    pub reason: String,
+}
 
 /// What separates the whole from its fraction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Decimal {
+pub enum Decimal {
     /// `1.5`, thousands perhaps as `1,234.5`.
     Point,
     /// `1,5`, thousands perhaps as `1.234,5`.
@@ -32,7 +46,7 @@ pub(crate) enum Sign {
 /// Files of one export are written alike, so the sign is that of a log and not of a file: `1.310` is another number beside
 /// `1.210,5` than beside `1.5`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Signs {
+pub struct Signs {
     point: Option<Shown>,
     comma: Option<Shown>,
     either: Option<Shown>,
@@ -47,7 +61,7 @@ struct Shown {
 
 impl Signs {
     /// Whether a cell may say something that cells of numbers with this sign have not.
-    pub(crate) fn may_tell(cell: &str, decimal: Decimal) -> bool {
+    pub fn may_tell(cell: &str, decimal: Decimal) -> bool {
         match decimal {
             Decimal::Point => cell.contains(','),
             Decimal::Comma => cell.contains('.'),
@@ -56,7 +70,7 @@ impl Signs {
     }
 
     /// Take note of a cell of the file at `path`.
-    pub(crate) fn note(&mut self, cell: &str, path: &Path) {
+    pub fn note(&mut self, cell: &str, path: &Path) {
         let seen = match sign_of(cell.trim()) {
             Sign::Point => &mut self.point,
             Sign::Comma => &mut self.comma,
@@ -67,7 +81,7 @@ impl Signs {
     }
 
     /// Take note of what was seen later.
-    pub(crate) fn adopt(&mut self, later: Self) {
+    pub fn adopt(&mut self, later: Self) {
         self.point = self.point.take().or(later.point);
         self.comma = self.comma.take().or(later.comma);
         self.either = self.either.take().or(later.either);
@@ -77,20 +91,23 @@ impl Signs {
     ///
     /// # Errors
     /// If two of them do not, or if all of them can be read in two ways.
-    pub(crate) fn decimal(&self) -> Result<Decimal, DataError> {
+    pub fn decimal(&self) -> Result<Decimal, SignError> {
         self.refuse_contradiction()?;
         match (&self.point, &self.comma, &self.either) {
             (Some(_), _, _) => Ok(Decimal::Point),
             (None, Some(_), _) => Ok(Decimal::Comma),
             (None, None, Some(Shown { cell, path })) => {
-                Err(DataError::NotText { path: path.clone(), reason: either_way(cell) })
+                Err(SignError { path: path.clone(), reason: either_way(cell) })
             }
             (None, None, None) => Ok(Decimal::Unknown),
         }
     }
 
     /// Refuse two cells that separate fractions by two signs.
-    pub(crate) fn refuse_contradiction(&self) -> Result<(), DataError> {
+    ///
+    /// # Errors
+    /// If there are such.
+    pub fn refuse_contradiction(&self) -> Result<(), SignError> {
         let (Some(point), Some(comma)) = (&self.point, &self.comma) else { return Ok(()) };
         let elsewhere = if point.path == comma.path {
             format!("and {}", comma.cell)
@@ -101,7 +118,7 @@ impl Signs {
             "it has {} {elsewhere}: say with data.decimal = \".\" or \",\" which sign separates fractions",
             point.cell
         );
-        Err(DataError::NotText { path: point.path.clone(), reason })
+        Err(SignError { path: point.path.clone(), reason })
     }
 }
 
@@ -113,9 +130,10 @@ const POWERS_OF_TEN: [f64; EXACT_DIGITS + 1] =
 /// The number that `cell` is if it is written plainly: an optional minus, digits, and perhaps one sign of the fraction
 /// between digits. `None` says nothing about the cell.
 ///
-/// Most cells of most logs are such, and this is several times faster than [`cell`]. It gives the same bits: whole number
+/// Most cells of most logs are such, and this is several times faster than [`cell_of`]. It gives the same bits: whole number
 /// and power of ten are exact, and one division rounds correctly (Clinger 1990).
-pub(crate) fn plain_decimal(cell: &[u8], decimal: Decimal) -> Option<f64> {
+#[inline]
+pub fn plain_decimal(cell: &[u8], decimal: Decimal) -> Option<f64> {
     let fraction_sign = if decimal == Decimal::Comma { b',' } else { b'.' };
     let (is_negative, digits) = match cell {
         [b'-', digits @ ..] => (true, digits),
@@ -146,7 +164,7 @@ pub(crate) fn plain_decimal(cell: &[u8], decimal: Decimal) -> Option<f64> {
 }
 
 /// What to say of a number that can be read in two ways.
-pub(crate) fn either_way(cell: &str) -> String {
+pub fn either_way(cell: &str) -> String {
     format!(
         "{cell} is a fraction if data.decimal = \",\" and above a thousand if data.decimal = \".\": say which is meant"
     )
@@ -182,7 +200,7 @@ fn comma_if(is: bool) -> Sign {
 }
 
 /// The number that `text` is; `None` if it is none, or not certainly one.
-pub(crate) fn parse(text: &str, decimal: Decimal) -> Option<f64> {
+pub fn parse_number(text: &str, decimal: Decimal) -> Option<f64> {
     let bytes = text.as_bytes();
     let has_comma = memchr::memchr(b',', bytes).is_some();
     match decimal {
@@ -255,12 +273,12 @@ fn count(text: &str, byte: u8) -> usize {
 }
 
 /// The cell that `text` is, `None` if it is one number or another. What is no number is a word, which counts as missing.
-pub(crate) fn cell(text: &str, decimal: Decimal, words: &mut Words) -> Option<Cell> {
+pub fn cell_of(text: &str, decimal: Decimal, words: &mut Words) -> Option<Cell> {
     let text = text.trim();
     if text.is_empty() {
         return Some(Cell::Missing);
     }
-    match parse(text, decimal) {
+    match parse_number(text, decimal) {
         Some(value) if value.abs() <= LARGEST => Some(Cell::Number(value)),
         Some(_) => Some(Cell::NonFinite),
         None if decimal == Decimal::Unknown && sign_of(text) == Sign::Either => None,
@@ -276,17 +294,17 @@ mod tests {
 
     #[test]
     fn numbers_of_both_kinds_are_read() {
-        let point = |text| parse(text, Decimal::Point);
+        let point = |text| parse_number(text, Decimal::Point);
         assert_eq!(point("-1.5e-3"), Some(-1.5e-3));
         assert_eq!(point("1,234.5"), Some(1234.5));
         assert_eq!(point("1,23.5"), None);
         assert_eq!(point("TRUE"), Some(1.0));
-        let comma = |text| parse(text, Decimal::Comma);
+        let comma = |text| parse_number(text, Decimal::Comma);
         assert_eq!(comma("-1,5E-3"), Some(-1.5e-3));
         assert_eq!(comma("1.234,5"), Some(1234.5));
         assert_eq!(comma("1.234"), Some(1234.0));
         assert_eq!((comma("1.5"), comma("1,2,3"), comma("17")), (None, None, Some(17.0)));
-        let unknown = |text| parse(text, Decimal::Unknown);
+        let unknown = |text| parse_number(text, Decimal::Unknown);
         assert_eq!(
             (unknown("1,5"), unknown("1.5"), unknown("15")),
             (Some(1.5), Some(1.5), Some(15.0))
@@ -356,11 +374,11 @@ mod tests {
     #[test]
     fn what_is_no_number_is_a_word() {
         let mut words = Words::default();
-        let mut point = |text| cell(text, Decimal::Point, &mut words).expect("certain");
+        let mut point = |text| cell_of(text, Decimal::Point, &mut words).expect("certain");
         assert_eq!(point(" 7 "), Cell::Number(7.0));
         assert_eq!((point(""), point("inf")), (Cell::Missing, Cell::NonFinite));
         assert_eq!(point("Bad"), Cell::Word(0));
-        assert_eq!(cell("1,234", Decimal::Unknown, &mut words), None);
+        assert_eq!(cell_of("1,234", Decimal::Unknown, &mut words), None);
         assert_eq!(words.word(0), "Bad");
     }
 
@@ -368,15 +386,15 @@ mod tests {
         #[test]
         fn a_comma_changes_no_number(value in -1e6_f64..1e6) {
             let text = value.to_string();
-            prop_assert_eq!(parse(&text, Decimal::Point), Some(value));
-            prop_assert_eq!(parse(&text.replace('.', ","), Decimal::Comma), Some(value));
+            prop_assert_eq!(parse_number(&text, Decimal::Point), Some(value));
+            prop_assert_eq!(parse_number(&text.replace('.', ","), Decimal::Comma), Some(value));
         }
 
         #[test]
         fn a_plain_decimal_has_the_bits_that_any_number_has(text in "-?[0-9]{0,9}[.,]?[0-9]{0,9}") {
             for decimal in [Decimal::Point, Decimal::Comma, Decimal::Unknown] {
                 if let Some(value) = plain_decimal(text.as_bytes(), decimal) {
-                    prop_assert_eq!(parse(&text, decimal).map(f64::to_bits), Some(value.to_bits()));
+                    prop_assert_eq!(parse_number(&text, decimal).map(f64::to_bits), Some(value.to_bits()));
                 }
             }
         }

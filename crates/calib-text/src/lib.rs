@@ -1,0 +1,41 @@
+//! What text means: which of several notations cells, numbers, times and tables are written in, and what they then are. Opens no
+//! file, and knows no log.
+//!
+//! - [`RecordReader`]: records and cells of text in memory, by its [`Marks`].
+//! - [`Dialect`]: what the first rows of a table tell: its separator, header and units.
+//! - [`Cell`], [`Words`]: a cell in eight bytes.
+//! - [`cell_of`], [`plain_decimal`], [`Signs`]: numbers, and which sign separates their fractions.
+//! - [`Candidates`], [`Notation`]: the notations that a column of times may have; [`TimestampUnit`], [`units`]: what times that are
+//!   numbers count.
+//! - [`Zone`], [`Walls`]: clocks of a place, where an hour comes twice a year.
+//! - [`parse_time`], [`format_time`]: instants as text.
+//!
+//! ```
+//! use calib_text::{Decimal, parse_number, parse_time};
+//!
+//! assert_eq!(parse_number("1.234,5", Decimal::Comma), Some(1234.5));
+//! assert!(parse_time("2022-11-01 06:00:00").is_some());
+//! ```
+
+mod cell;
+mod dialect;
+mod number;
+mod record;
+mod stamps;
+mod time;
+mod unit;
+mod zone;
+
+pub use cell::{Cell, Words};
+pub use dialect::{Dialect, TextColumn, decode, unbracketed};
+pub use number::{
+    Decimal, LARGEST, SignError, Signs, cell_of, either_way, parse_number, plain_decimal,
+};
+pub use record::{Marks, RecordReader};
+pub use stamps::{Candidates, Notation, Unreadable, compact_pattern, is_time_of_day};
+pub use time::{ParsedTime, format_time, parse_stamp, parse_time};
+pub use unit::{TimestampUnit, unit_readings, units};
+pub use zone::{Walls, Zone};
+
+/// A time that is missing, in a list of times in microseconds.
+pub const NO_TIME: i64 = i64::MIN;
