@@ -34,6 +34,12 @@ pub struct Simpler {
     pub has_baseline: bool,
 }
 
+/// "42 % less error", of what has `ratio` times the error of another.
+fn less_or_more(ratio: f64) -> String {
+    let (share, word) = if ratio <= 1.0 { (1.0 - ratio, "less") } else { (ratio - 1.0, "more") };
+    format!("{} {word} error", percent(share))
+}
+
 impl Simpler {
     /// "42 % less error", of the predictor beside the agent.
     fn difference(&self) -> Option<String> {
@@ -41,9 +47,7 @@ impl Simpler {
         if ratio.is_infinite() || ratio == 0.0 {
             return None;
         }
-        let (share, word) =
-            if ratio >= 1.0 { (1.0 - 1.0 / ratio, "less") } else { (1.0 / ratio - 1.0, "more") };
-        Some(format!("{} {word} error", percent(share)))
+        Some(less_or_more(1.0 / ratio))
     }
 
     /// Whether the agent has less error by more than a rounding, which could be chance.
@@ -69,17 +73,12 @@ impl Simpler {
         if !ratio.value.is_finite() || ratio.value == 0.0 {
             return None;
         }
-        let (share, word) = if ratio.value <= 1.0 {
-            (1.0 - ratio.value, "less")
-        } else {
-            (ratio.value - 1.0, "more")
-        };
+        let difference = less_or_more(ratio.value);
         let name = self.predictor.label();
         let interval = ratio_interval(ratio)
             .map_or_else(String::new, |text| format!(" (agent / {name}: {text})"));
         Some(format!(
-            "It has {} {word} error than {name}, the simple predictor that the log prefers{interval}.{}",
-            percent(share),
+            "It has {difference} than {name}, the simple predictor that the log prefers{interval}.{}",
             self.typical()
         ))
     }
@@ -141,15 +140,10 @@ impl Verdict {
         if best.predictor == matched || !agent.is_finite() {
             return None;
         }
-        let (share, word) = if agent <= best.error {
-            (1.0 - agent / best.error, "less")
-        } else {
-            (agent / best.error - 1.0, "more")
-        };
         Some(format!(
-            "The best simple predictor on these windows is {}. The agent has {} {word} error than that.",
+            "The best simple predictor on these windows is {}. The agent has {} than that.",
             best.predictor.label(),
-            percent(share)
+            less_or_more(agent / best.error)
         ))
     }
 
