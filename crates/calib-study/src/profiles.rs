@@ -95,7 +95,7 @@ pub(crate) fn check(
             !TAKEN.contains(&name.as_str()),
             "[{KEY}.{name}]: the study has a folder of that name in its results; choose another name"
         );
-        let own = table.get(KEY).and_then(|of| of.get(name)).and_then(Value::as_table);
+        let own = table.get(KEY).and_then(|profiles| profiles.get(name)).and_then(Value::as_table);
         if own.is_some_and(|own| own.contains_key(KEY)) {
             refuse!("[{KEY}.{name}] has [{KEY}] of its own, and one is chosen at a time");
         }

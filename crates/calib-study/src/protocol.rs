@@ -114,8 +114,8 @@ impl Protocol {
             "a protocol wants plants; add [[validity.plants]] with study = \"FILE.toml\""
         );
         require!(self.least_windows > 0, "validity.least_windows must be at least 1, got 0");
-        let repeats = self.plants.iter().filter_map(|of| of.repeat);
-        if let Some(got) = repeats.into_iter().find(|of| !(1..=MANY_PLANTS).contains(of)) {
+        let repeats = self.plants.iter().filter_map(|repeat| repeat.repeat);
+        if let Some(got) = repeats.into_iter().find(|repeat| !(1..=MANY_PLANTS).contains(repeat)) {
             refuse!("validity.plants.repeat must be from 1 to {MANY_PLANTS}, got {got}");
         }
         Ok(())
@@ -142,12 +142,13 @@ impl Protocol {
         overrides: &[String],
     ) -> Result<Vec<Drawn>, Problem> {
         let defaults = defaults()?;
-        let task = axes(&self.task.draw).map_err(|of| of.within("validity.task.draw"))?;
+        let task = axes(&self.task.draw).map_err(|problem| problem.within("validity.task.draw"))?;
         let mut all: Vec<Drawn> = Vec::new();
         for plants in &self.plants {
             let template = Template::read(path, plants, folder)?;
             let mut own = task.clone();
-            let of_plants = axes(&plants.draw).map_err(|of| of.within("validity.plants.draw"))?;
+            let of_plants =
+                axes(&plants.draw).map_err(|problem| problem.within("validity.plants.draw"))?;
             let from_plants: BTreeSet<String> = of_plants.keys().cloned().collect();
             own.extend(of_plants);
             for number in 1..=plants.repeat.unwrap_or(1) {

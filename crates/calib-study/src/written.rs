@@ -171,7 +171,9 @@ impl Written {
 fn refuse_log(path: &Path) -> Result<(), StudyError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let name = [".gz", ".zst"].iter().find_map(|packed| name.strip_suffix(packed)).unwrap_or(&name);
-    let is_log = [".csv", ".tsv", ".txt", ".parquet", ".xlsx"].iter().any(|of| name.ends_with(of));
+    let is_log = [".csv", ".tsv", ".txt", ".parquet", ".xlsx"]
+        .iter()
+        .any(|extension| name.ends_with(extension));
     if is_log || path.is_dir() {
         let path = path.display().to_string();
         let command = crate::shell_words(["calib".to_owned(), "init".to_owned(), path.clone()]);

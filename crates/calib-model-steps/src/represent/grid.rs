@@ -135,7 +135,8 @@ fn checkpoint(directory: &Path, key: &str) -> Unfinished {
 pub(super) fn remove(directory: &Path) -> Result<(), FileError> {
     let is_ours = |path: &Path| {
         let folder = path.parent().and_then(Path::to_str).unwrap_or_default();
-        let is_key = folder.len() == KEY_DIGITS && folder.bytes().all(|of| of.is_ascii_hexdigit());
+        let is_key =
+            folder.len() == KEY_DIGITS && folder.bytes().all(|byte| byte.is_ascii_hexdigit());
         let is_named = [ENCODER, RECORD, CHECKPOINT].iter().any(|name| path.ends_with(name));
         is_key && (is_named || is_temporary(path))
     };

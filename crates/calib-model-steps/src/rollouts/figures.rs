@@ -83,8 +83,8 @@ pub fn rollouts(
         let recorded = trajectories.optional::<f64>(&named.recorded)?;
         let known = |group: &Group| recorded[group.rows.clone()].iter().flatten().count();
         let sharing = |group: &Group| {
-            let all = groups.iter().filter(|of| of.wanted == group.wanted);
-            let mut members: Vec<u32> = all.map(|of| of.member).collect();
+            let all = groups.iter().filter(|other| other.wanted == group.wanted);
+            let mut members: Vec<u32> = all.map(|group| group.member).collect();
             members.dedup();
             members.len()
         };
@@ -168,8 +168,8 @@ pub fn starts(
 impl Starts {
     /// The rollout from the same start.
     fn from(&self, start: &Start) -> Option<&[f64]> {
-        let same = |of: &&Start| of.time.is_some() && of.time == start.time;
-        self.pairs.iter().find(same).map(|of| of.values.as_slice())
+        let same = |pair: &&Start| pair.time.is_some() && pair.time == start.time;
+        self.pairs.iter().find(same).map(|pair| pair.values.as_slice())
     }
 }
 
@@ -180,16 +180,18 @@ pub fn grids(models: &[(&str, &Starts)]) -> Vec<RolloutGrid> {
     let mut grids: Vec<RolloutGrid> = Vec::new();
     let mut left = models.to_vec();
     while let Some(&(_, first)) = left.first() {
-        let usable = || first.pairs.iter().filter(|of| of.recorded.len() > 1);
-        let shares = |(_, of): &(&str, &Starts)| usable().any(|start| of.from(start).is_some());
+        let usable = || first.pairs.iter().filter(|pair| pair.recorded.len() > 1);
+        let shares =
+            |(_, starts): &(&str, &Starts)| usable().any(|start| starts.from(start).is_some());
         let (together, apart): (Vec<_>, Vec<_>) = left.iter().partition(|model| shares(model));
         if together.is_empty() {
             // Nothing was recorded after any start of this model.
             left.remove(0);
             continue;
         }
-        let sharing =
-            |start: &Start| together.iter().filter(|(_, of)| of.from(start).is_some()).count();
+        let sharing = |start: &Start| {
+            together.iter().filter(|(_, starts)| starts.from(start).is_some()).count()
+        };
         let mut shown: Vec<(usize, &Start)> = usable().enumerate().collect();
         shown.sort_by_key(|(_, start)| Reverse((sharing(start), start.recorded.len())));
         shown.truncate(GRID_STARTS);
@@ -214,7 +216,10 @@ fn grid(first: &Starts, models: &[(&str, &Starts)], starts: &[&Start]) -> Rollou
     let row = |(number, start): (usize, &&Start)| RolloutRow {
         label: format!("start {}", number + 1),
         truth: trajectory("recorded", &start.recorded),
-        rollouts: models.iter().map(|(name, of)| Some(trajectory(name, of.from(start)?))).collect(),
+        rollouts: models
+            .iter()
+            .map(|(name, starts)| Some(trajectory(name, starts.from(start)?)))
+            .collect(),
     };
     RolloutGrid {
         sensor: first.sensor.clone(),
@@ -273,13 +278,14 @@ mod tests {
         let week = starts(&[4, 7]);
         let other = starts(&[0]);
         let grids = grids(&[("year", &year), ("network", &other), ("week", &week)]);
-        let told: Vec<_> = grids.iter().map(|of| (of.sensor.as_str(), of.rows.len())).collect();
+        let told: Vec<_> =
+            grids.iter().map(|grid| (grid.sensor.as_str(), grid.rows.len())).collect();
         assert_eq!(told, [("PIT300", 2), ("PIT300, network", 1)]);
         assert_eq!(grids[0].models, ["year", "week"]);
         let shown = |row: usize| grids[0].rows[row].rollouts.iter().map(Option::is_some).collect();
         let both: [Vec<bool>; 2] = [shown(0), shown(1)];
         assert_eq!(both, [vec![true, false], vec![true, true]]);
-        let of_week = grids[0].rows[1].rollouts[1].as_ref().map(|of| of.values[0]);
+        let of_week = grids[0].rows[1].rollouts[1].as_ref().map(|trajectory| trajectory.values[0]);
         assert_eq!(
             of_week,
             Some(4.0),

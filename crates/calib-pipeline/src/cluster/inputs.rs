@@ -120,8 +120,10 @@ pub(crate) fn mapped_bytes(
     files: &Files,
     environments: &[EnvironmentSpec],
 ) -> u64 {
-    let members =
-        environments.iter().filter(|of| matches!(of, EnvironmentSpec::Member { .. })).count();
+    let members = environments
+        .iter()
+        .filter(|environment| matches!(environment, EnvironmentSpec::Member { .. }))
+        .count();
     let size = |name: &String| directory.join(name).metadata().map_or(0, |found| found.len());
     let of_members = |name: &&String| name.starts_with("members/");
     let (tables, others): (Vec<&String>, Vec<&String>) = files.keys().partition(of_members);

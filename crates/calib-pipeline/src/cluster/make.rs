@@ -213,7 +213,7 @@ impl Planning<'_> {
         let KnownUnits { stored, .. } = KnownUnits::of(&plan, &store, job, Source::default())?;
         let runs: Vec<(EnvironmentId, usize)> = environments
             .iter()
-            .flat_map(|of| (0..of.runs()).map(move |run| (of.id(), run)))
+            .flat_map(|environment| (0..environment.runs()).map(move |run| (environment.id(), run)))
             .collect();
         if plan.left(&stored)? == 0 {
             return Ok(None);
@@ -333,13 +333,13 @@ impl Planning<'_> {
 
 /// Bytes that a shard takes on one thread.
 fn memory(parts: &[Part], passes: &[PlannedPass]) -> u64 {
-    let of = |pass: &PlannedPass| {
+    let training_bytes_of = |pass: &PlannedPass| {
         let part = parts.get(pass.part)?.sweep.as_ref()?;
         let agents = agents_of(&part.candidates);
         let (states, sensors) = (part.span.states(), part.groups[pass.group].len());
         Some(4 * states as u64 + training_bytes(&agents, sensors, part.width, states))
     };
-    let training = passes.iter().filter_map(of).max().unwrap_or(0);
+    let training = passes.iter().filter_map(training_bytes_of).max().unwrap_or(0);
     // Files are mapped: all of those that a part has, as they may be read from anywhere.
     let read: BTreeSet<usize> = passes.iter().map(|pass| pass.part).collect();
     let mapped = |part: &usize| parts.get(*part)?.sweep.as_ref().map(|sweep| sweep.mapped);

@@ -115,9 +115,12 @@ impl Results {
 }
 
 fn seal(body: &[u8], extent: Extent, units: usize) -> Fingerprint {
-    let mut of = calib_files::Fingerprinter::default();
-    of.add(body).add(&[u8::from(extent == Extent::Whole)]).add(&(units as u64).to_le_bytes());
-    of.finish()
+    let mut fingerprint = calib_files::Fingerprinter::default();
+    fingerprint
+        .add(body)
+        .add(&[u8::from(extent == Extent::Whole)])
+        .add(&(units as u64).to_le_bytes());
+    fingerprint.finish()
 }
 
 #[cfg(test)]

@@ -269,8 +269,8 @@ enum TaskEnd {
 fn name(part: &str, planned: &PlannedPass, pass: &PassId) -> String {
     let sensors: Vec<&str> = pass.sensors.iter().map(String::as_str).take(3).collect();
     let more = if pass.sensors.len() > 3 { ", ..." } else { "" };
-    let of = if part.is_empty() { String::new() } else { format!(" of {part}") };
-    format!("{}{more} in {}, run {}{of}", sensors.join(", "), planned.environment, planned.run)
+    let of_part = if part.is_empty() { String::new() } else { format!(" of {part}") };
+    format!("{}{more} in {}, run {}{of_part}", sensors.join(", "), planned.environment, planned.run)
 }
 
 /// A disk that refuses is no fault of the plan: another attempt may find room.

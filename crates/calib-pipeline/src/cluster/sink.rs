@@ -72,7 +72,7 @@ impl ShardSink {
     /// Write what there is, and what another attempt at the same shard has written meanwhile: it is the same as far as both have it.
     fn write(&self, kept: &mut Kept, mut extent: Extent) -> Result<(), SweepError> {
         let clock = Stopwatch::start();
-        let other = Results::read(&self.path).ok().filter(|of| of.header == self.header);
+        let other = Results::read(&self.path).ok().filter(|other| other.header == self.header);
         if let Some(other) = other {
             results::add(&mut kept.units, other.units.into_values());
             if other.extent == Extent::Whole {

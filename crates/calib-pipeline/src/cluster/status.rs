@@ -67,7 +67,8 @@ pub(crate) struct Standing {
     pub(crate) stage: usize,
     pub(crate) state: State,
     pub(crate) units: usize,
-    pub(crate) of: usize,
+    #[serde(rename = "of")]
+    pub(crate) all_units: usize,
     pub(crate) attempts: usize,
     /// Whether an attempt is at work, as far as that can be seen from this machine.
     pub(crate) is_running: bool,
@@ -184,7 +185,7 @@ fn standing(opened: &Opened, number: usize) -> Standing {
         stage: shard.stage,
         state,
         units,
-        of: shard.units(&opened.plan),
+        all_units: shard.units(&opened.plan),
         attempts: attempts.len(),
         is_running: attempts
             .iter()

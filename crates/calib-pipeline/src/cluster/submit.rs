@@ -8,7 +8,7 @@ use std::{
 
 use calib_base::{
     Context as _, StepError, bail, ensure,
-    options::{ClusterSubmitOptions, Engine, Of, Submission},
+    options::{ClusterSubmitOptions, Engine, ShardsToSubmit, Submission},
     outcome::StepResult,
 };
 use calib_files::{FolderRecord, write_atomically};
@@ -101,11 +101,11 @@ impl Handover<'_> {
     /// The shards that are submitted, by stage; stages of which none is are left out.
     fn stages(&self) -> Vec<Vec<usize>> {
         let plan = &self.opened.plan;
-        let missing = match self.options.of {
-            Of::All => None,
-            Of::Missing => Some(missing(self.opened)),
+        let missing = match self.options.shards {
+            ShardsToSubmit::All => None,
+            ShardsToSubmit::Missing => Some(missing(self.opened)),
         };
-        let wanted = |number: &usize| missing.as_ref().is_none_or(|of| of.contains(number));
+        let wanted = |number: &usize| missing.as_ref().is_none_or(|shards| shards.contains(number));
         let stages = (0..plan.stages()).map(|stage| plan.of_stage(stage).filter(wanted).collect());
         stages.filter(|shards: &Vec<usize>| !shards.is_empty()).collect()
     }

@@ -117,7 +117,8 @@ fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Resul
         ),
         "set control.agent.pairs = false, keep fewer columns with data.include, or use fewer threads (--threads)",
     )?;
-    let is_paired = |of: &AgentConfig| of.pairs && of.algorithm != Algorithm::DeepQLearning;
+    let is_paired =
+        |agent: &AgentConfig| agent.pairs && agent.algorithm != Algorithm::DeepQLearning;
     if columns > PAIRED_COLUMNS && candidates.iter().any(is_paired) {
         let times = (columns - 1) / 2 + 1;
         printer.warn(&format!(
@@ -153,7 +154,7 @@ fn judged(
     let candidates = config.grid.candidates(config.agent)?;
     // Agents that live for less than an episode have no longer ones.
     let timeout = config.timeout.min(config.steps);
-    let model = model::of(job, config, &log, printer)?;
+    let model = model::open_or_build(job, config, &log, printer)?;
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
     let Swept { runs, constants } = swept(config, &model, &candidates, seed, units, printer)?;
@@ -162,7 +163,7 @@ fn judged(
         most_uncovered: config.most_uncovered,
         fewest_terminals: config.terminal.as_ref().map_or(0, |_| config.fewest_terminals),
     };
-    let default = candidates.iter().position(|of| *of == config.agent);
+    let default = candidates.iter().position(|candidate| *candidate == config.agent);
     let question = Question {
         log: decisions,
         timeout,
@@ -180,7 +181,7 @@ fn judged(
     let evaluation = ControlEvaluation {
         log: described(&model, config.model.distance, &names)?,
         worst_return: model.worst_return(),
-        fields: candidates.iter().map(|of| named(config, of)).collect(),
+        fields: candidates.iter().map(|candidate| named(config, candidate)).collect(),
         learning: learning(&runs, candidates.len()),
         verdict,
         fitted_q_evaluation: fitted,
@@ -268,7 +269,7 @@ fn named(config: &ControlConfig, candidate: &AgentConfig) -> Vec<(String, String
 
 /// The mean curve of each candidate over the runs that have one.
 fn learning(runs: &[Run], candidates: usize) -> Vec<Vec<f64>> {
-    let of = |candidate: usize| -> Vec<f64> {
+    let mean_curve = |candidate: usize| -> Vec<f64> {
         let own = runs.iter().filter(|run| run.candidate == candidate);
         let curves: Vec<&[f64]> =
             own.map(|run| &run.curve[..]).filter(|curve| !curve.is_empty()).collect();
@@ -278,5 +279,5 @@ fn learning(runs: &[Run], candidates: usize) -> Vec<Vec<f64>> {
         };
         (0..length).map(mean).collect()
     };
-    (0..candidates).map(of).collect()
+    (0..candidates).map(mean_curve).collect()
 }

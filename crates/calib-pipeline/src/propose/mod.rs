@@ -287,7 +287,8 @@ impl Proposal {
         let Look { sketch, scope, .. } = look;
         let name = |&channel: &usize| sketch.channels[channel].name.clone();
         let predicted = self.sensors.proposed.iter().take(self.size.sensors).map(name).collect();
-        let left_out = scope.left_out.iter().map(|of| [of.name.clone(), of.why.to_string()]);
+        let left_out =
+            scope.left_out.iter().map(|channel| [channel.name.clone(), channel.why.to_string()]);
         let angles = look.angles.iter().map(|angle| (angle.channel.clone(), angle.turn));
         let ranges = self.cut.ranges(&sketch.timestamps);
         let chosen = Chosen {

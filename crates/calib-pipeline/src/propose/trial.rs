@@ -251,7 +251,7 @@ impl Trials<'_> {
     ) -> Result<Measured, StepError> {
         let silent = &self.context.silent();
         self.context.say("measuring how long a study takes");
-        let steps = |of: usize| of.min(most_steps);
+        let steps = |length: usize| length.min(most_steps);
         let short = steps(SHORT.max(2 * horizon.states as usize));
         let (made, before) = Taken::by(|| {
             let job = self.job(text(short, *horizon).0, COSTS)?;
@@ -278,9 +278,12 @@ impl Trials<'_> {
             // Its rows are few: a model takes longer than what agents start from.
             ProposedModel::Ensemble => Taken::default(),
         };
-        let costs = |of: fn(Taken) -> f64| {
-            let swept = [&less, &more].map(|swept| (swept.agent_steps, of(swept.taken)));
-            Costs { replay_run_secs: of(fitting), ..costs(swept, of(before) + of(verdict)) }
+        let costs = |measure: fn(Taken) -> f64| {
+            let swept = [&less, &more].map(|swept| (swept.agent_steps, measure(swept.taken)));
+            Costs {
+                replay_run_secs: measure(fitting),
+                ..costs(swept, measure(before) + measure(verdict))
+            }
         };
         Ok(Measured {
             best: SimpleErrors::read(&job.layout().sweep())?.best_told(),

@@ -157,7 +157,11 @@ fn verdict(model: &OfModel, sensor: &str, part: Part) -> Result<Option<SensorVer
     let Judged { job, manifest, results, summary, .. } = &model.judged;
     let study = job.study();
     if part == study.part() {
-        return Ok(summary.verdicts.iter().find(|of| of.sensor == sensor).cloned());
+        return Ok(summary
+            .verdicts
+            .iter()
+            .find(|verdict_of_sensor| verdict_of_sensor.sensor == sensor)
+            .cloned());
     }
     match evaluate::verdict_of(sensor, part, study, manifest, results) {
         Err(SweepError::NothingScored { .. }) => Ok(None),
@@ -171,14 +175,18 @@ fn pair(
     (truth, candidates): (&Truth, &[Candidate]),
     task: &Task,
 ) -> Pair {
-    let baseline = |of: ChoiceBaseline| truth.baselines.iter().find(|found| found.baseline == of);
-    let chosen = |of: ChoiceBaseline| baseline(of).and_then(|found| found.chosen);
+    let baseline =
+        |wanted: ChoiceBaseline| truth.baselines.iter().find(|found| found.baseline == wanted);
+    let chosen = |wanted: ChoiceBaseline| baseline(wanted).and_then(|found| found.chosen);
     Pair {
         plant: study.plant.clone(),
         sensor: sensor.to_owned(),
         optimiser: task.optimiser.to_owned(),
         task: task.features(),
-        online: truth.scores.candidates[..candidates.len()].iter().map(|of| of.mean).collect(),
+        online: truth.scores.candidates[..candidates.len()]
+            .iter()
+            .map(|candidate| candidate.mean)
+            .collect(),
         skill: truth.best.and_then(|best| truth.scores.skill[best]),
         regrets: truth.regrets.clone(),
         default: chosen(ChoiceBaseline::Default),
@@ -194,21 +202,23 @@ fn pair(
 fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> Result<ModelPair, StepError> {
     let own = |sensor: &String| *sensor == verdict.sensor;
     let one_step = model.one_step.as_ref();
-    let of_sensor = one_step.and_then(|of| of.sensors.iter().find(|of| own(&of.sensor)));
+    let of_sensor =
+        one_step.and_then(|errors| errors.sensors.iter().find(|sensor| own(&sensor.sensor)));
     let comparison = model.rollouts.as_ref().and_then(|rollouts| rollouts.comparison.as_ref());
-    let compared = comparison.and_then(|of| of.sensors.iter().find(|of| own(&of.sensor)));
-    let dtw = compared.and_then(|of| of.dtw.first()).map(|of| {
-        let distance = of.normalized_distance.as_ref().unwrap_or(&of.distance);
+    let compared = comparison
+        .and_then(|comparison| comparison.sensors.iter().find(|sensor| own(&sensor.sensor)));
+    let dtw = compared.and_then(|sensor| sensor.dtw.first()).map(|distances| {
+        let distance = distances.normalized_distance.as_ref().unwrap_or(&distances.distance);
         distance.mean
     });
-    let share = verdict.stability.iter().find(|of| of.candidate == verdict.chosen);
+    let share = verdict.stability.iter().find(|share| share.candidate == verdict.chosen);
     let error_rate = model.judged.job.study().sweep.race_error_rate;
     let raced = race::outcome(&model.judged, verdict, RaceRule::Surely { error_rate })?;
     let halved = race::outcome(&model.judged, verdict, RaceRule::Halving)?;
     let rules = verdict
         .rules
         .iter()
-        .map(|of| RuleChoice { rule: of.rule.name().to_owned(), chosen: of.chosen })
+        .map(|choice| RuleChoice { rule: choice.rule.name().to_owned(), chosen: choice.chosen })
         .chain(
             [("raced", raced.chosen), ("halved", halved.chosen)]
                 .map(|(rule, chosen)| RuleChoice { rule: rule.to_owned(), chosen }),
@@ -217,7 +227,7 @@ fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> Result<ModelPair, Ste
         model: model.name.clone(),
         chosen: verdict.chosen,
         stability: match share {
-            Some(of) => Some(of.share),
+            Some(share) => Some(share.share),
             None if verdict.stability.is_empty() => None,
             None => Some(0.0),
         },
@@ -225,9 +235,9 @@ fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> Result<ModelPair, Ste
         saved: Some(raced.saved),
         saved_by_halving: Some(halved.saved),
         spearman: verdict.truth.as_ref().and_then(|truth| truth.choice.spearman),
-        one_step: of_sensor.and_then(|of| of.error.rmse),
-        one_step_relative: of_sensor.and_then(|of| of.error.relative),
-        one_step_all: one_step.and_then(|of| of.all_columns.rmse),
+        one_step: of_sensor.and_then(|sensor| sensor.error.rmse),
+        one_step_relative: of_sensor.and_then(|sensor| sensor.error.relative),
+        one_step_all: one_step.and_then(|errors| errors.all_columns.rmse),
         dtw,
     })
 }

@@ -197,7 +197,7 @@ impl SharedPlants {
 }
 
 fn named(left_out: &[LeftOut]) -> Vec<[&str; 2]> {
-    left_out.iter().map(|of| [of.plant.as_str(), of.reason.as_str()]).collect()
+    left_out.iter().map(|plant| [plant.plant.as_str(), plant.reason.as_str()]).collect()
 }
 
 /// In the folder of the draw, or beside the first study, unless the user says where.
@@ -300,13 +300,13 @@ fn judged(
 ) -> Result<JudgedStudies, StepError> {
     let All { gathered, left_out, lacking } = all;
     let Some((_, first)) = gathered.first() else {
-        let told = left_out.iter().map(|of| format!("{}: {}", of.plant, of.reason));
+        let told = left_out.iter().map(|plant| format!("{}: {}", plant.plant, plant.reason));
         bail!("no plant is left to judge ({})", told.collect::<Vec<_>>().join("; "));
     };
     let values = first.values.clone();
     let missing = missing(&gathered, &lacking);
     let mut networks: Vec<String> =
-        gathered.iter().flat_map(|(_, of)| of.networks.clone()).collect();
+        gathered.iter().flat_map(|(_, studies)| studies.networks.clone()).collect();
     networks.sort();
     networks.dedup();
     let mut plants = Vec::with_capacity(gathered.len());
@@ -314,7 +314,7 @@ fn judged(
     for (plant, Gathered { task, pairs, .. }) in gathered {
         plants.push(Judged { plant, task });
         for (part, pair) in pairs {
-            match by_score.iter_mut().find(|(of, _)| *of == part) {
+            match by_score.iter_mut().find(|(scored, _)| *scored == part) {
                 Some((_, pairs)) => pairs.push(pair),
                 None => by_score.push((part, vec![pair])),
             }
@@ -348,8 +348,8 @@ fn missing(gathered: &[(String, Gathered)], lacking: &BTreeMap<String, usize>) -
              has built it"
         )
     });
-    let without = gathered.iter().flat_map(|(plant, of)| {
-        of.without.iter().map(move |which| {
+    let without = gathered.iter().flat_map(|(plant, studies)| {
+        studies.without.iter().map(move |which| {
             format!("{which} of {plant}: every setting diverged in the model, so it has no choice")
         })
     });

@@ -104,10 +104,9 @@ impl Listed {
     /// Each of its models in each of its deployments.
     fn parts(&self) -> impl Iterator<Item = Result<Job, StudyError>> {
         self.models.iter().flat_map(|model| {
-            let of = |deployment: &Option<String>| {
-                self.job.choose(model.as_deref(), deployment.as_deref())
-            };
-            self.deployments.iter().map(of)
+            self.deployments
+                .iter()
+                .map(|deployment| self.job.choose(model.as_deref(), deployment.as_deref()))
         })
     }
 
@@ -249,7 +248,9 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>, StepError> {
     let mut files: Vec<PathBuf> = entries
         .flatten()
         .map(|entry| entry.path())
-        .filter(|path| path.is_file() && path.extension().is_some_and(|of| of == "toml"))
+        .filter(|path| {
+            path.is_file() && path.extension().is_some_and(|extension| extension == "toml")
+        })
         .collect();
     ensure!(!files.is_empty(), "{} has no study (*.toml)", path.display());
     files.sort();

@@ -69,7 +69,9 @@ pub(super) fn finished(
     done: &BTreeMap<String, PretrainedAgent>,
 ) -> OfShares {
     let mut found = OfShares::default();
-    for Wanted { sensor, key, .. } in wanted.iter().filter(|of| !done.contains_key(&of.sensor)) {
+    for Wanted { sensor, key, .. } in
+        wanted.iter().filter(|agent| !done.contains_key(&agent.sensor))
+    {
         match read_sealed_json(&record(directory, sensor)) {
             Ok(Ended::Trained(agent))
                 if agent.key == *key
@@ -104,7 +106,7 @@ pub(super) fn run(
         .map(|(_, wanted)| wanted.sensor.as_str())
         .collect();
     let left: Vec<&Wanted> =
-        missing.iter().filter(|of| own.contains(&of.sensor.as_str())).copied().collect();
+        missing.iter().filter(|agent| own.contains(&agent.sensor.as_str())).copied().collect();
     let keys: Vec<&str> = left.iter().map(|wanted| wanted.key.as_str()).collect();
     // Called by what it follows from: other shares keep theirs beside it.
     let key = artefact::key(&keys)?;
@@ -117,10 +119,10 @@ pub(super) fn run(
         let ended = match ended {
             Ok(pretrained) => {
                 let config = study.pretrain.agent(&study.agent);
-                let of = (sensor.as_str(), *column);
+                let state = (sensor.as_str(), *column);
                 // Beside the agents that the manifest tells of, until all are there.
                 let place = directory.join(SHARES);
-                let agent = write_agent(&place, of, key.clone(), config, width, pretrained)?;
+                let agent = write_agent(&place, state, key.clone(), config, width, pretrained)?;
                 Ended::Trained(Box::new(agent))
             }
             Err(PretrainingDiverged { epoch }) => {

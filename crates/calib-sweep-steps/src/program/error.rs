@@ -55,7 +55,7 @@ fn at_last(text: &str) -> String {
         "" => String::new(),
         text => {
             let lines: Vec<&str> =
-                text.lines().map(str::trim).filter(|of| !of.is_empty()).collect();
+                text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
             format!("; at last it said: {}", lines.join(" | "))
         }
     }

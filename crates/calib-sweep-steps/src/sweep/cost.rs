@@ -75,14 +75,14 @@ pub struct MeasuredPasses {
 impl MeasuredPasses {
     /// The seconds of so much work, where nothing more is to be measured.
     fn known(&self, work: f64) -> Option<f64> {
-        let (secs, of) = self.passes.get();
-        (self.spent.get() >= ALL && of > 0.0).then(|| secs * work / of)
+        let (secs, measured_work) = self.passes.get();
+        (self.spent.get() >= ALL && measured_work > 0.0).then(|| secs * work / measured_work)
     }
 
     fn add(&self, clock: &Stopwatch, secs: f64, work: f64) {
         self.spent.set(self.spent.get() + clock.elapsed());
-        let (all, of) = self.passes.get();
-        self.passes.set((all + secs, of + work));
+        let (all, measured_work) = self.passes.get();
+        self.passes.set((all + secs, measured_work + work));
     }
 }
 

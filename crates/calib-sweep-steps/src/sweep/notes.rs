@@ -23,8 +23,8 @@ pub(crate) fn standing_still(
         (Some(windows), Some(held_out)) => standing_still::all(held_out.states(), windows, sensors),
         _ => Vec::new(),
     };
-    for of in &still {
-        printer.warn(&of.note());
+    for sensor in &still {
+        printer.warn(&sensor.note());
     }
     still
 }

@@ -115,7 +115,8 @@ fn held_out_windows(
     let windows = Windows::held_out(held_out.segments(), demand, asked);
     if windows.starts.is_empty() {
         let longest = held_out.segments().iter().map(calib_core::Segment::len).max().unwrap_or(0);
-        let range = study.data.held_out.as_ref().map_or_else(String::new, |of| format!(" ({of})"));
+        let range =
+            study.data.held_out.as_ref().map_or_else(String::new, |range| format!(" ({range})"));
         let other = match demand.part {
             Part::WholeRun => "or a smaller gamma",
             _ => "a smaller gamma, or sweep.scored = \"whole_run\"",
@@ -160,11 +161,11 @@ pub struct OnlineWindow {
 /// The windows of the held-out range, with their times.
 pub(crate) fn online_windows(windows: &Windows, held_out: &Frames) -> Vec<OnlineWindow> {
     let time = |row: usize| held_out.timestamps()[row];
-    let of = |&start: &usize| {
+    let window = |&start: &usize| {
         let times = [time(start), time(start + windows.states - 1)];
         OnlineWindow { start_row: start, times }
     };
-    windows.starts.iter().map(of).collect()
+    windows.starts.iter().map(window).collect()
 }
 
 /// The scale of every sensor's errors: what its return spreads over the training range, for each discount factor.
@@ -178,7 +179,7 @@ pub(crate) fn error_scales(
     gammas.dedup();
     let train = &dataset.train;
     let replay = RowStream::replay(train.states().clone(), train.segments());
-    let of = |(sensor, column): &(String, usize)| {
+    let scales_of = |(sensor, column): &(String, usize)| {
         let scale = |&gamma: &f64| ErrorScale {
             sensor: sensor.clone(),
             gamma,
@@ -186,5 +187,5 @@ pub(crate) fn error_scales(
         };
         gammas.iter().map(scale).collect::<Vec<_>>()
     };
-    sensors.iter().flat_map(of).collect()
+    sensors.iter().flat_map(scales_of).collect()
 }

@@ -63,19 +63,20 @@ fn write_all(
     write_json(&paths.evaluate().join(SUMMARY), summary)?;
     let directory = paths.evaluate().join(FIGURES);
     let mut written = write_comparisons(&directory, report)?;
-    let names_of = figures::placed(report.sensitivities.iter().map(|of| of.sensor.as_str()));
+    let names_of =
+        figures::placed(report.sensitivities.iter().map(|figure| figure.sensor.as_str()));
     for (sensitivity, name) in report.sensitivities.iter().zip(names_of) {
         monitor.check()?;
         let name = format!("sensitivity-{name}");
         written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
     }
-    let names_of = figures::placed(report.learning.iter().map(|of| of.sensor.as_str()));
+    let names_of = figures::placed(report.learning.iter().map(|figure| figure.sensor.as_str()));
     for (curves, name) in report.learning.iter().zip(names_of) {
         monitor.check()?;
         let name = format!("learning-{name}-{}", curves.environment.file_name());
         written.extend(figures::write(&directory, &name, &curves.figure()?)?);
     }
-    let names_of = figures::placed(report.rollouts.iter().map(|of| of.sensor.as_str()));
+    let names_of = figures::placed(report.rollouts.iter().map(|figure| figure.sensor.as_str()));
     for (rollout, name) in report.rollouts.iter().zip(names_of) {
         monitor.check()?;
         let name = format!("rollout-{name}");
@@ -115,7 +116,7 @@ pub(crate) fn write_comparisons(
         let panels = Sensitivity::panels(&report.sensitivities)?;
         written.extend(figures::write(directory, "sensitivity", &panels)?);
     }
-    let names = figures::placed(report.recorded.iter().map(|of| of.sensor.as_str()));
+    let names = figures::placed(report.recorded.iter().map(|figure| figure.sensor.as_str()));
     for (recorded, name) in report.recorded.iter().zip(names) {
         let name = format!("recorded-{name}");
         written.extend(figures::write(directory, &name, &recorded.figure()?)?);

@@ -147,8 +147,9 @@ pub(crate) fn compare(
             let query = job.trajectory.values(states, column, reference.len());
             let query: Vec<f64> = query.into_iter().map(f64::from).collect();
             let warping = set.distances(&query, &reference)?.into_iter();
-            let warping = warping.map(|of| of.map(|of| (of.raw, of.normalised)));
-            let measures = MEASURES.iter().map(|measure| (measure.of)(&query, &reference));
+            let warping =
+                warping.map(|warped| warped.map(|distance| (distance.raw, distance.normalised)));
+            let measures = MEASURES.iter().map(|measure| (measure.distance)(&query, &reference));
             let pair = Pair {
                 member: job.member as u32,
                 rollout: job.rollout as u32,

@@ -91,7 +91,7 @@ impl PredictionError {
         let rmse = Some(rmse).filter(|rmse| rmse.is_finite());
         let relative = rmse.filter(|_| no_change_rmse > 0.0).map(|rmse| rmse / no_change_rmse);
         let beside = steps.beside_no_change(sensor)?.filter(|_| relative.is_some());
-        let relative_interval = beside.and_then(|of| of.interval);
+        let relative_interval = beside.and_then(|ratio| ratio.interval);
         Ok(Self { rmse, no_change_rmse, relative, relative_interval })
     }
 }

@@ -69,7 +69,8 @@ impl Steps {
                 ((predicted[column] - to).powi(2), (f64::from(from[column]) - to).powi(2))
             })
             .collect();
-        let sum = squares.iter().fold((0.0, 0.0), |sum, of| (sum.0 + of.0, sum.1 + of.1));
+        let sum =
+            squares.iter().fold((0.0, 0.0), |sum, squares| (sum.0 + squares.0, sum.1 + squares.1));
         let columns = squares.len() as f64;
         let of_all = (sum.0 / columns, sum.1 / columns);
         let own = sensors.iter().map(|&column| squares[column]).chain([of_all]);
@@ -84,7 +85,7 @@ impl Steps {
         &self,
         sensor: Option<&str>,
     ) -> Result<Option<ErrorRatio>, StepError> {
-        let Some(own) = self.series(sensor).filter(|of| !of.squares.is_empty()) else {
+        let Some(own) = self.series(sensor).filter(|series| !series.squares.is_empty()) else {
             return Ok(None);
         };
         Ok(error_ratio(&own.squares, &own.of_no_change)?)
@@ -111,21 +112,21 @@ impl Steps {
     }
 
     fn series(&self, sensor: Option<&str>) -> Option<&Series> {
-        self.series.iter().find(|of| of.sensor.as_deref() == sensor)
+        self.series.iter().find(|series| series.sensor.as_deref() == sensor)
     }
 
     /// One row a transition and sensor; no sensor stands for all columns.
     pub(super) fn write(&self, directory: &Path) -> Result<(), StepError> {
-        let all = |of: fn(&Series) -> &Vec<f64>| -> Vec<f64> {
-            self.series.iter().flat_map(of).copied().collect()
+        let all = |values: fn(&Series) -> &Vec<f64>| -> Vec<f64> {
+            self.series.iter().flat_map(values).copied().collect()
         };
         let times = self.series.iter().flat_map(|_| &self.times).copied();
-        let sensor = |of: &Series| vec![of.sensor.clone(); self.times.len()];
+        let sensor = |series: &Series| vec![series.sensor.clone(); self.times.len()];
         let table = Table::new()
             .with("timestamp", times.collect::<Vec<Timestamp>>())
             .with_optional("sensor", self.series.iter().flat_map(sensor).collect())
-            .with("squared_error", all(|of| &of.squares))
-            .with("no_change_squared_error", all(|of| &of.of_no_change));
+            .with("squared_error", all(|series| &series.squares))
+            .with("no_change_squared_error", all(|series| &series.of_no_change));
         write_table(table, &Self::file(directory))
     }
 
@@ -149,7 +150,7 @@ impl Steps {
         }
         let steps = series.first().map_or(0, |first| first.squares.len());
         ensure!(
-            series.iter().all(|of| of.squares.len() == steps),
+            series.iter().all(|series| series.squares.len() == steps),
             "sensors have different numbers of transitions in {}",
             Self::file(directory).display()
         );

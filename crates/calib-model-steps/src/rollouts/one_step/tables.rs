@@ -46,7 +46,7 @@ pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepErro
         .map(|(name, error)| {
             let or_none = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
             let no_change = significant(error.no_change_rmse);
-            let range = error.relative_interval.map(|of| format!(" ({})", range(of)));
+            let range = error.relative_interval.map(|interval| format!(" ({})", range(interval)));
             let relative = or_none(error.relative) + &range.unwrap_or_default();
             vec![label(name), or_none(error.rmse), no_change, relative]
         })
@@ -56,7 +56,10 @@ pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepErro
 
 /// Sensors, and last all columns together, which have no name.
 fn named(one_step: &OneStep) -> impl Iterator<Item = (Option<&str>, &PredictionError)> {
-    let sensors = one_step.sensors.iter().map(|of| (Some(of.sensor.as_str()), &of.error));
+    let sensors = one_step
+        .sensors
+        .iter()
+        .map(|predicted| (Some(predicted.sensor.as_str()), &predicted.error));
     sensors.chain([(None, &one_step.all_columns)])
 }
 
@@ -74,12 +77,12 @@ fn range(interval: Interval) -> String {
 /// If an interval cannot be computed.
 pub fn all_pairs(models: &[&Predicting]) -> Result<Vec<PairedErrors>, StepError> {
     let of_two = |(one, other): (&Predicting, &Predicting)| {
-        let sensors = one.one_step.sensors.iter().map(|of| {
-            let ratio = one.steps.beside(&other.steps, Some(&of.sensor))?;
-            Ok(SensorRatio { sensor: of.sensor.clone(), ratio })
+        let sensors = one.one_step.sensors.iter().map(|predicted| {
+            let ratio = one.steps.beside(&other.steps, Some(&predicted.sensor))?;
+            Ok(SensorRatio { sensor: predicted.sensor.clone(), ratio })
         });
         Ok(PairedErrors {
-            models: [one, other].map(|of| of.name.clone()),
+            models: [one, other].map(|model| model.name.clone()),
             all_columns: one.steps.beside(&other.steps, None)?,
             sensors: sensors.collect::<Result<_, StepError>>()?,
         })
@@ -107,7 +110,7 @@ pub fn report_tables(models: &[&Predicting]) -> Result<Vec<Table>, StepError> {
     let (mut rows, mut bold) = (Vec::new(), Vec::new());
     for (place, (sensor, error)) in named(&first.one_step).enumerate() {
         let mut row = vec![Cell::Text(label(sensor))];
-        row.extend(models.iter().flat_map(|of| cells(of.error(sensor))));
+        row.extend(models.iter().flat_map(|model| cells(model.error(sensor))));
         row.push(Cell::Text(significant(error.no_change_rmse)));
         rows.push(row);
         let best = if several { not_worse(models, sensor)? } else { Vec::new() };
@@ -156,11 +159,11 @@ impl Predicting {
 
 fn cells(error: Option<&PredictionError>) -> [Cell; 3] {
     let number = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
-    let interval = error.and_then(|of| of.relative_interval);
+    let interval = error.and_then(|error| error.relative_interval);
     [
-        number(error.and_then(|of| of.rmse)),
-        number(error.and_then(|of| of.relative)),
-        interval.map_or(Cell::Missing, |of| Cell::Text(range(of))),
+        number(error.and_then(|error| error.rmse)),
+        number(error.and_then(|error| error.relative)),
+        interval.map_or(Cell::Missing, |interval| Cell::Text(range(interval))),
     ]
 }
 
@@ -168,7 +171,7 @@ fn cells(error: Option<&PredictionError>) -> [Cell; 3] {
 fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> Result<Vec<usize>, StepError> {
     let known = || {
         let own = models.iter().enumerate();
-        own.filter_map(|(place, of)| Some((place, of.error(sensor)?.rmse?)))
+        own.filter_map(|(place, model)| Some((place, model.error(sensor)?.rmse?)))
     };
     let Some((best, _)) = known().min_by(|(_, one), (_, other)| one.total_cmp(other)) else {
         return Ok(Vec::new());
@@ -176,7 +179,7 @@ fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> Result<Vec<usize>,
     let mut all = Vec::new();
     for (place, _) in known() {
         let ratio = || models[place].steps.beside(&models[best].steps, sensor);
-        if place == best || !ratio()?.is_some_and(|of| of.is_told()) {
+        if place == best || !ratio()?.is_some_and(|ratio| ratio.is_told()) {
             all.push(place);
         }
     }
@@ -192,7 +195,7 @@ fn quotients(models: &[&Predicting]) -> Result<Option<Table>, StepError> {
         let mut row = vec![Cell::Text(label(sensor))];
         for (one, other) in &pairs {
             let ratio = one.steps.beside(&other.steps, sensor)?;
-            if ratio.is_some_and(|of| of.is_told()) {
+            if ratio.is_some_and(|ratio| ratio.is_told()) {
                 bold.push((rows.len(), row.len()));
             }
             row.extend(of_two(ratio));
@@ -217,7 +220,8 @@ fn quotients(models: &[&Predicting]) -> Result<Option<Table>, StepError> {
 
 fn of_two(ratio: Option<ErrorRatio>) -> [Cell; 2] {
     let Some(ratio) = ratio else { return [Cell::Missing, Cell::Missing] };
-    let range = ratio.interval.map(|of| format!(" ({})", range(of))).unwrap_or_default();
+    let range =
+        ratio.interval.map(|interval| format!(" ({})", range(interval))).unwrap_or_default();
     let [one, other] = ratio.smaller;
     [
         Cell::Text(format!("{}{range}", significant(ratio.ratio))),

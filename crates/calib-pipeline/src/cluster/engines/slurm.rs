@@ -133,7 +133,7 @@ mod tests {
             "module load calib",
             "plan='/a plan'",
         ] {
-            assert!(text.lines().any(|of| of == line), "{line} is not in\n{text}");
+            assert!(text.lines().any(|other| other == line), "{line} is not in\n{text}");
         }
         assert!(!text.contains("--time=62"), "{text}");
         let merge = merge("/a plan", Some("calib evaluate s.toml"), demand, &config);
