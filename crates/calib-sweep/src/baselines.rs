@@ -70,12 +70,12 @@ type Fits = BTreeMap<Wanted, Arc<FittedPredictor>>;
 impl<'a> Baselines<'a> {
     /// Predictors that are fitted on the training log.
     pub fn new(log: &'a Frames) -> Self {
-        let mut of = Fingerprinter::default();
-        of.add(&[FIT_VERSION]).add(bytemuck::cast_slice(log.states().as_slice()));
+        let mut fingerprint = Fingerprinter::default();
+        fingerprint.add(&[FIT_VERSION]).add(bytemuck::cast_slice(log.states().as_slice()));
         for segment in log.segments().iter() {
-            of.add(&(segment.rows().end as u64).to_le_bytes());
+            fingerprint.add(&(segment.rows().end as u64).to_le_bytes());
         }
-        Self { log, fingerprint: of.finish(), fitted: Mutex::default() }
+        Self { log, fingerprint: fingerprint.finish(), fitted: Mutex::default() }
     }
 
     /// Of the log and of how predictors are fitted. What a run replays is in the inputs of its stream.

@@ -154,10 +154,10 @@ impl Pass<'_, '_> {
         mut run: impl FnMut(usize) -> SettingRun,
     ) -> Result<Vec<UnitRuns>, SweepError> {
         // A piece of n states has n - 1 steps.
-        let of = |piece: &Range<usize>| {
+        let steps_of = |piece: &Range<usize>| {
             piece.end.saturating_sub(1).min(self.options.span.steps).saturating_sub(piece.start)
         };
-        let steps = stream.pieces().iter().map(of).sum();
+        let steps = stream.pieces().iter().map(steps_of).sum();
         let made: Vec<UnitRuns> = self
             .jobs
             .iter()

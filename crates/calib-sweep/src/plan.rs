@@ -308,7 +308,9 @@ impl<'a> Plan<'a> {
     pub fn planned(&self, results: &[UnitResult]) -> Vec<PlannedUnit> {
         let planned = |UnitResult { unit, key, rows, .. }: &UnitResult| {
             let trained: BTreeSet<usize> = rows.iter().map(|row| row.candidate).collect();
-            let dropped = (0..self.candidates.len()).filter(|of| !trained.contains(of)).collect();
+            let dropped = (0..self.candidates.len())
+                .filter(|candidate| !trained.contains(candidate))
+                .collect();
             PlannedUnit { unit: unit.clone(), key: key.clone(), dropped }
         };
         results.iter().map(planned).collect()

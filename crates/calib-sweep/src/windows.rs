@@ -67,7 +67,7 @@ impl Windows {
         let scored: Vec<(usize, usize)> =
             starts.into_iter().map(|start| (start, scored(start))).collect();
         let with = |least: usize| -> Vec<usize> {
-            scored.iter().filter(|of| of.1 >= least.max(1)).map(|of| of.0).collect()
+            scored.iter().filter(|window| window.1 >= least.max(1)).map(|window| window.0).collect()
         };
         let unbroken = part.scored_steps(std::slice::from_ref(&(0..states)), gamma, steps);
         let starts = Some(with(unbroken.div_ceil(10))).filter(|enough| !enough.is_empty());
@@ -78,12 +78,12 @@ impl Windows {
 
     /// Fingerprint of what the stream of `run` is made from, of data that have the fingerprint `data`.
     pub fn inputs(&self, data: &Fingerprint, run: usize) -> Fingerprint {
-        let mut of = Fingerprinter::default();
-        of.add(data.to_string().as_bytes());
+        let mut fingerprint = Fingerprinter::default();
+        fingerprint.add(data.to_string().as_bytes());
         for number in [self.starts[self.of_run(run)], self.states] {
-            of.add(&(number as u64).to_le_bytes());
+            fingerprint.add(&(number as u64).to_le_bytes());
         }
-        of.finish()
+        fingerprint.finish()
     }
 
     /// Window that `run` replays.

@@ -81,14 +81,14 @@ impl Plan<'_> {
     ) -> Result<Vec<Ready<'p>>, SweepError> {
         let mut survivors = Survivors::default();
         self.decide(&mut survivors, before)?;
-        let of: BTreeMap<Unit, usize> = passes
+        let pass_of: BTreeMap<Unit, usize> = passes
             .iter()
             .enumerate()
             .flat_map(|(number, pass)| pass.units().map(move |unit| (unit, number)))
             .collect();
         let mut ready: Vec<Ready<'p>> = passes.iter().map(|_| Ready { jobs: Vec::new() }).collect();
-        for job in self.jobs_of(&survivors, &|unit| of.contains_key(unit)) {
-            ready[of[&job.unit]].jobs.push(job);
+        for job in self.jobs_of(&survivors, &|unit| pass_of.contains_key(unit)) {
+            ready[pass_of[&job.unit]].jobs.push(job);
         }
         Ok(ready)
     }

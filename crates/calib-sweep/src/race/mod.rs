@@ -222,11 +222,15 @@ pub fn raced(
     let mut made = Vec::new();
     for result in results {
         let Unit { sensor, environment, run } = &result.unit;
-        let Some(before) = race.round(*environment, *run).and_then(|of| of.checked_sub(1)) else {
+        let Some(before) = race.round(*environment, *run).and_then(|round| round.checked_sub(1))
+        else {
             made.push(result.clone());
             continue;
         };
-        let Some(survivors) = left[sensor].get(before).filter(|of| of.len() > 1) else { continue };
+        let Some(survivors) = left[sensor].get(before).filter(|survivors| survivors.len() > 1)
+        else {
+            continue;
+        };
         let rows = result.rows.iter().filter(|row| survivors.contains(&row.candidate));
         made.push(UnitResult { rows: rows.cloned().collect(), ..result.clone() });
     }

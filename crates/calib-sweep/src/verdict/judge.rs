@@ -42,7 +42,7 @@ pub fn verdict(
     let evidence = whole.evidence();
     let chosen = chooser.choose(judging.rule, evidence)?;
     let selection = evidence.members.map(|_| chooser.selection(evidence)).transpose()?;
-    let windows = runs.online.as_ref().map_or_else(Vec::new, |of| of.whole().means());
+    let windows = runs.online.as_ref().map_or_else(Vec::new, |errors| errors.whole().means());
     let losses = Losses::new(&windows)?;
     let rule = |rule| -> Result<RuleChoice, SweepError> {
         let chosen = chooser.choose(rule, evidence)?;
@@ -144,11 +144,15 @@ impl Measured {
             results.iter().map(|result| result.unit.environment).collect();
         ids.sort_unstable();
         ids.dedup();
-        let of = |id| Errors::new(id, results, (judging.part, judging.scales), candidates);
-        let one = |id: EnvironmentId| ids.contains(&id).then(|| of(id)).transpose();
+        let errors = |id| Errors::new(id, results, (judging.part, judging.scales), candidates);
+        let one = |id: EnvironmentId| ids.contains(&id).then(|| errors(id)).transpose();
         let is_member = |id: &&EnvironmentId| matches!(id, EnvironmentId::Member(_));
         Ok(Self {
-            members: ids.iter().filter(is_member).map(|&id| of(id)).collect::<Result<_, _>>()?,
+            members: ids
+                .iter()
+                .filter(is_member)
+                .map(|&id| errors(id))
+                .collect::<Result<_, _>>()?,
             log: one(EnvironmentId::LogReplay)?,
             online: one(EnvironmentId::Online)?,
         })
@@ -269,7 +273,7 @@ impl Truthful<'_> {
         };
         let windows = windows(online);
         let scored = windows.iter().map(|window| window.scored_steps).min().unwrap_or(0);
-        let gamma = candidates.iter().map(|of| of.agent.gamma).fold(0.0, f64::max);
+        let gamma = candidates.iter().map(|candidate| candidate.agent.gamma).fold(0.0, f64::max);
         Ok(Truth {
             horizons: scored as f64 * (1.0 - gamma),
             windows,
@@ -301,7 +305,7 @@ impl Truthful<'_> {
         let random = means
             .map(|means| means.iter().map(|loss| loss.exp_m1()).sum::<f64>() / means.len() as f64);
         // Pairs of windows are no sample, and nor are the values of a grid: neither has a bound.
-        let of = |baseline, regret: Option<f64>| {
+        let of_regret = |baseline, regret: Option<f64>| {
             let regret = regret.map(|value| Bounded { value, upper: None });
             BaselineRegret { baseline, chosen: None, regret }
         };
@@ -309,9 +313,9 @@ impl Truthful<'_> {
             of_value(ChoiceBaseline::Default, self.default()),
             of_value(ChoiceBaseline::LogReplay, replayed.transpose()?),
             of_value(ChoiceBaseline::LatestWindow, latest),
-            of(ChoiceBaseline::Random, random),
+            of_regret(ChoiceBaseline::Random, random),
             of_value(ChoiceBaseline::Hindsight, best),
-            of(ChoiceBaseline::AnotherWindow, losses.another_window()),
+            of_regret(ChoiceBaseline::AnotherWindow, losses.another_window()),
         ])
     }
 
@@ -327,7 +331,7 @@ impl Truthful<'_> {
 
 /// Each window, and what is best in it.
 fn windows(online: &Errors) -> Vec<WindowTruth> {
-    let of = |stream: &super::errors::Stream| {
+    let truth = |stream: &super::errors::Stream| {
         let errors = stream.means();
         let best = least(&errors);
         WindowTruth {
@@ -337,5 +341,5 @@ fn windows(online: &Errors) -> Vec<WindowTruth> {
             best: errors[best].is_finite().then_some(best),
         }
     };
-    online.streams.iter().map(of).collect()
+    online.streams.iter().map(truth).collect()
 }

@@ -27,8 +27,9 @@ pub(super) fn of_parts(
             100.0 * share
         ));
     }
-    let other =
-        parts.iter().find(|of| of.part != part && !are_neighbours(candidates, of.chosen, chosen));
+    let other = parts
+        .iter()
+        .find(|choice| choice.part != part && !are_neighbours(candidates, choice.chosen, chosen));
     if let Some(other) = other {
         let (name, key) = match other.part {
             Part::WholeRun => ("over whole runs", "whole_run"),
@@ -84,7 +85,7 @@ pub(super) fn all(
         warnings.push("all settings tie: the evidence shows no clear difference between them; use longer runs (sweep.steps), or settings that differ more".to_owned());
     } else if judging.rule == Rule::WorstRank
         && candidates.len() > 1
-        && selection.is_some_and(|of| of.tie_set.len() == candidates.len())
+        && selection.is_some_and(|selection| selection.tie_set.len() == candidates.len())
     {
         warnings.push("all settings tie in worst rank; the mean rank decides".to_owned());
     }
