@@ -178,6 +178,35 @@ def ahead(logs, chosen, regrets, of_default):
         print(f"| {name} | {len(places)} | {whole:.1f} ({low:.1f} to {high:.1f}), {max(own):.0f} | {mean(default):.1f} |")
 
 
+def kinds_agreement(log):
+    """Spearman's correlation between the mean ranks that kinds of models give the candidates, as a mean over pairs of kinds."""
+    orders = []
+    for kind in KINDS:
+        means = [mean(column) for column in columns([ranks(member) for member in log[kind]["returns"]])]
+        # Average ranks: of candidates that are alike each has the same.
+        orders.append([sum(other < own for other in means) + (sum(other == own for other in means) - 1) / 2 for own in means])
+    correlations = []
+    for place, one in enumerate(orders):
+        for other in orders[place + 1 :]:
+            left, right = [value - mean(one) for value in one], [value - mean(other) for value in other]
+            size = math.sqrt(sum(value**2 for value in left) * sum(value**2 for value in right))
+            correlations.append(sum(a * b for a, b in zip(left, right)) / size if size else 0.0)
+    return mean(correlations)
+
+
+def agreements(logs, regrets):
+    """The regret of the choice where kinds of models agree on the order of the candidates, and where they do not."""
+    print("\n| Spearman between kinds | logs | regret (95 %), worst |")
+    print("|---|---|---|")
+    found = [kinds_agreement(log) for log in logs]
+    for low, high in ((-1, 0.5), (0.5, 0.8), (0.8, 1.01)):
+        places = [place for place, value in enumerate(found) if low <= value < high]
+        own = [regrets[place] for place in places]
+        whole, least, most = bootstrap(by_cell([logs[place] for place in places], own), DRAWS)
+        label = f"below {high}" if low == -1 else f"{low} to {high}" if high <= 1 else f"{low} or more"
+        print(f"| {label} | {len(places)} | {whole:.1f} ({least:.1f} to {most:.1f}), {max(own):.0f} |")
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
@@ -206,6 +235,7 @@ def main():
         own = [value for value, log in zip(pool, logs) if log["length"] == length]
         print(f"\nof {length} steps: {mean(own):.1f} over {len(own)} logs")
     refusals(logs, chosen["pool, mean rank"], pool)
+    agreements(logs, pool)
     ahead(logs, chosen["pool, mean rank"], pool, regrets["calib's default"])
 
 

@@ -390,6 +390,21 @@ def reliability(truth):
     return max(0.0, 1.0 - noise / settings.var(ddof=1))
 
 
+def kinds_agreement(log):
+    """Spearman's correlation between the mean ranks that the kinds of models give the settings, as a mean over pairs of kinds."""
+    members = {}
+    for kind, member, place, value in log["returns"]:
+        members.setdefault(kind, {}).setdefault(member, {})[place] = value
+    orders = []
+    for own in members.values():
+        ranks = {place: [] for place in next(iter(own.values()))}
+        for returns in own.values():
+            for place, value in returns.items():
+                ranks[place].append(1 + sum(other > value for other in returns.values()))
+        orders.append([statistics.fmean(ranks[place]) for place in sorted(ranks)])
+    return statistics.fmean(spearman(one, other) for number, one in enumerate(orders) for other in orders[number + 1 :])
+
+
 def report(folder):
     runs = {name: json.loads(path.read_text()) for name in ENVIRONMENTS if (path := folder / f"truth-{name}.json").exists()}
     truths = {name: [statistics.fmean(of_runs) for of_runs in found] for name, found in runs.items()}
@@ -402,8 +417,9 @@ def report(folder):
     labels = ["choice", "what calib advises", "choice if ahead of the default", "default", "best of the other environments"]
     rows = {row: {} for row in [*labels, *(f"default less {label}" for label in labels[:3])]}
     correlations, groups = {}, {"calib says to deploy the choice": {}, "it is only ahead of the default": {}, "neither": {}}
-    print("| environment | logs | random | best | told apart | choice: regret | advice: regret | default: regret | best of the others: regret | Spearman | deploy, keep, nothing |")
-    print("|---|---|---|---|---|---|---|---|---|---|---|")
+    agreements = {}
+    print("| environment | logs | random | best | told apart | choice: regret | advice: regret | default: regret | best of the others: regret | Spearman | kinds agree | deploy, keep, nothing |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     for name, truth in truths.items():
         found = [json.loads(path.read_text()) for path in sorted(folder.glob(f"{name}-[0-9]*.json"))]
         if not found:
@@ -424,12 +440,13 @@ def report(folder):
         for one in found:
             raced = [place for place in range(len(SETTINGS)) if str(place) in one["mean_ranks"]]
             correlations[name].append(spearman([-one["mean_ranks"][str(place)] for place in raced], [truth[place] for place in raced]))
+        agreements[name] = [kinds_agreement(one) for one in found]
         for one, said, ahead in zip(chosen, says, is_ahead):
             group = "calib says to deploy the choice" if said == "Deploy" else "it is only ahead of the default" if ahead else "neither"
             groups[group].setdefault(name, []).append(one)
         print(
             f"| {name} | {len(found)} | {statistics.fmean(truth):.4g} | {max(truth):.4g} | {100 * reliability(runs[name]):.0f} % | {statistics.fmean(chosen):.1f} % (worst {max(chosen):.0f}) "
-            f"| {statistics.fmean(advised):.1f} % | {regret(name, default):.1f} % | {regret(name, fixed):.1f} % | {statistics.fmean(correlations[name]):.2f} "
+            f"| {statistics.fmean(advised):.1f} % | {regret(name, default):.1f} % | {regret(name, fixed):.1f} % | {statistics.fmean(correlations[name]):.2f} | {statistics.fmean(agreements[name]):.2f} "
             f"| {says.count('Deploy')}, {says.count('Keep')}, {says.count('nothing')} |"
         )
     for scope, names in (("all environments", set(truths)), ("environments whose settings are told apart", {name for name in truths if reliability(runs[name]) >= RELIABLE})):
@@ -437,6 +454,12 @@ def report(folder):
         for row, of_logs in rows.items():
             print(f"- {row}: {interval({name: logs for name, logs in of_logs.items() if name in names})} % of a random choice's regret")
         print(f"- Spearman's correlation of ranks with the truth: {interval({name: logs for name, logs in correlations.items() if name in names}, 2)}")
+        for low, high in ((-1.0, 0.5), (0.5, 0.8), (0.8, 1.01)):
+            places = [(name, place) for name in names if name in agreements for place, value in enumerate(agreements[name]) if low <= value < high]
+            if places:
+                own = [rows["choice"][name][place] for name, place in places]
+                other = [rows["default"][name][place] for name, place in places]
+                print(f"- kinds agree with {low} to {high}: {len(places)} logs, the choice has {statistics.fmean(own):.1f} % on average, the default {statistics.fmean(other):.1f} %")
         for label, of_logs in groups.items():
             regrets = [one for name, logs in of_logs.items() if name in names for one in logs]
             if regrets:

@@ -352,6 +352,7 @@ impl PyActionModel {
             findings: advice.findings(),
             reasons: advice.reasons(),
             is_ahead_of_default: verdict.is_ahead_of_default(),
+            kinds_agreement: verdict.kinds_agreement(),
             verdict: &verdict,
         };
         serde_json::to_string(&judged).map_err(|error| errors::value(error.to_string()))
@@ -365,6 +366,7 @@ struct Judged<'a> {
     findings: Vec<String>,
     reasons: Vec<String>,
     is_ahead_of_default: bool,
+    kinds_agreement: Option<f64>,
     #[serde(flatten)]
     verdict: &'a ReturnVerdict,
 }

@@ -56,6 +56,7 @@ pub use task::{
 };
 pub use usage::{CoverageMap, Spread};
 pub use verdict::{
-    BestConstant, Doubt, KindReturns, Question, Regret, ReturnVerdict, Support, judge, regret,
+    BestConstant, Doubt, KINDS_AGREE, KindReturns, Question, Regret, ReturnVerdict, Support, judge,
+    regret,
 };
 pub use walkers::{Moves, Walker, Walkers, Went};

@@ -5,7 +5,7 @@ mod evidence;
 use calib_core::Seed;
 use calib_stats::{
     Difference, Direction, Drawn, Nested, RankRule, Selection, StatsError, hierarchical, jackknife,
-    paired_difference, select_by,
+    paired_difference, select_by, spearman,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,6 +16,12 @@ use crate::{
 use evidence::{Evidence, median_rate};
 
 const HIGHER: Direction = Direction::HigherIsBetter;
+
+/// Of fewer candidates any order is soon the same by chance. Our choice.
+const FEWEST_ORDERED: usize = 4;
+
+/// Kinds of models that agree less on the order of the candidates say nothing of it. Our choice: docs/control.md.
+pub const KINDS_AGREE: f64 = 0.5;
 
 /// When a choice is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -217,6 +223,28 @@ impl ReturnVerdict {
         };
         self.default.is_some_and(|default| default != self.chosen)
             && !self.doubts.iter().any(denies)
+    }
+
+    /// How far the kinds of models agree on the order of the candidates: Spearman's correlation of their mean ranks, as a mean over pairs of
+    /// kinds; a kind that ranks all alike agrees with none. `None` for one kind, or too few candidates to tell. Choices on which kinds
+    /// agree have little regret (docs/control.md).
+    pub fn kinds_agreement(&self) -> Option<f64> {
+        if self.kinds.len() < 2 || self.selection.mean_ranks.len() < FEWEST_ORDERED {
+            return None;
+        }
+        let mean_ranks = |own: &KindReturns| {
+            select_by(RankRule::MeanRank, &own.members, HIGHER)
+                .map(|selection| selection.mean_ranks)
+        };
+        let ranks: Vec<Vec<f64>> =
+            self.kinds.iter().map(mean_ranks).collect::<Result<_, _>>().ok()?;
+        let mut correlations = Vec::new();
+        for (place, one) in ranks.iter().enumerate() {
+            for other in &ranks[place + 1..] {
+                correlations.push(spearman(one, other).ok()?.unwrap_or(0.0));
+            }
+        }
+        Some(correlations.iter().sum::<f64>() / correlations.len() as f64)
     }
 }
 

@@ -125,6 +125,31 @@ fn a_candidate_that_diverges_is_not_chosen() {
 }
 
 #[test]
+fn kinds_agree_on_an_order_as_far_as_their_ranks_do() {
+    let log = plain();
+    let of_kinds = |returns: [[f64; 4]; 2]| {
+        let kinds = [ActionModelKind::Neighbors, ActionModelKind::Network];
+        let mut runs = Vec::new();
+        for (kind, own) in kinds.into_iter().zip(returns) {
+            for member in 0..2 {
+                let candidates = own.into_iter().enumerate();
+                runs.extend(
+                    candidates
+                        .map(|(candidate, mean)| Run { kind, ..run(member, candidate, mean) }),
+                );
+            }
+        }
+        let question = Question { default: Some(0), ..Question::new(&log, 500, 4) };
+        judge(&runs, &question, Seed::new(1)).expect("judged").kinds_agreement()
+    };
+    let order = [-9.0, -8.0, -7.0, -6.0];
+    assert_eq!(of_kinds([order, [-90.0, -80.0, -70.0, -60.0]]), Some(1.0));
+    assert_eq!(of_kinds([order, [-6.0, -7.0, -8.0, -9.0]]), Some(-1.0));
+    assert_eq!(of_kinds([order, [-1.0; 4]]), Some(0.0), "a kind that ranks all alike");
+    assert_eq!(judged(&GOOD, Support::default()).kinds_agreement(), None, "of one kind");
+}
+
+#[test]
 fn a_choice_without_support_says_why() {
     let alike = [[-9.0; 3]; 3];
     let strict = Support { most_uncovered: 0.05, fewest_terminals: 100_000 };

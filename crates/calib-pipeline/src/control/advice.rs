@@ -1,7 +1,7 @@
 //! What a verdict about agents that act tells to do, in words: the same for studies and for Python.
 
 use calib_base::output::{counted, percent, significant};
-use calib_control::{BestConstant, Doubt, ReturnVerdict};
+use calib_control::{BestConstant, Doubt, KINDS_AGREE, ReturnVerdict};
 use calib_report::{Decision, Support, listed};
 use calib_stats::{Difference, Interval, RankRule};
 
@@ -93,7 +93,11 @@ impl Advice<'_> {
                 format!("{chosen} is first by {rank}, but may be no better. Here {default}."),
             )
         } else {
-            let plain = if self.is_arbitrary() {
+            let plain = if let Some(agreement) = self.disagreement() {
+                format!(
+                    "First by {rank} is {chosen}, but the kinds of models disagree on the order of the settings (Spearman {agreement:.2} on average). Why not to deploy it is listed below."
+                )
+            } else if self.is_arbitrary() {
                 format!("First by {rank} is {chosen}. Why not to deploy it is listed below.")
             } else {
                 let ahead = if verdict.is_ahead_of_default() {
@@ -126,6 +130,11 @@ impl Advice<'_> {
     fn is_arbitrary(&self) -> bool {
         let mut doubts = self.verdict.doubts.iter();
         doubts.any(|doubt| matches!(doubt, Doubt::NotToldApart | Doubt::Diverged))
+    }
+
+    /// How far the kinds of models agree on the order of the settings, if that is too little to name one.
+    fn disagreement(&self) -> Option<f64> {
+        self.verdict.kinds_agreement().filter(|agreement| *agreement < KINDS_AGREE)
     }
 
     /// What the decision rests on.
@@ -186,6 +195,9 @@ impl Advice<'_> {
         lines.extend(others.iter().map(|other| {
             let setting = &self.settings[other.chosen];
             format!("Alone, {} would choose {setting}.", other.kind.name())
+        }));
+        lines.extend(verdict.kinds_agreement().map(|agreement| {
+            format!("The kinds agree on the order of the settings with a Spearman correlation of {agreement:.2}.")
         }));
         lines
     }
@@ -291,6 +303,7 @@ fn interval(interval: Interval) -> String {
 
 #[cfg(test)]
 mod tests {
+    use calib_control::{ActionModelKind, KindReturns};
     use serde_json::json;
 
     use super::*;
@@ -353,6 +366,40 @@ mod tests {
         assert_eq!(
             (supported.support, supported.headline.as_str()),
             (Support::Supported, "Deploy a=2.")
+        );
+    }
+
+    #[test]
+    fn no_setting_is_named_where_kinds_of_models_disagree() {
+        let mut verdict = verdict(&json!([{ "reason": "few_terminals", "terminals": 1 }]));
+        verdict.selection.mean_ranks = vec![2.0, 1.0, 3.0, 4.0];
+        verdict.coverage = vec![verdict.coverage[0]; 4];
+        let kind = |kind, returns: [f64; 4]| KindReturns {
+            kind,
+            chosen: 0,
+            members: vec![returns.to_vec()],
+        };
+        verdict.kinds = vec![
+            kind(ActionModelKind::Neighbors, [1.0, 2.0, 3.0, 4.0]),
+            kind(ActionModelKind::Network, [4.0, 3.0, 2.0, 1.0]),
+        ];
+        let settings = ["a=1", "a=2", "a=3", "a=4"].map(str::to_owned);
+        let advice = Advice {
+            verdict: &verdict,
+            settings: &settings,
+            actions: &[],
+            columns: &[],
+            vocabulary: STUDY,
+        };
+        let plain = advice.decision().plain;
+        assert!(
+            plain.contains("disagree on the order of the settings (Spearman -1.00 on average)"),
+            "{plain}"
+        );
+        let found = advice.findings();
+        assert!(
+            found.iter().any(|line| line.ends_with("a Spearman correlation of -1.00.")),
+            "{found:?}"
         );
     }
 

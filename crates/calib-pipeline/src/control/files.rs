@@ -114,6 +114,8 @@ pub(crate) struct ControlSummary<'a> {
     decision: Decision,
     /// Whether the choice is ahead of the default in the models, whatever speaks against deploying it.
     is_ahead_of_default: bool,
+    /// How far the kinds of models agree on the order of the candidates (Spearman's correlation); none of one kind or few candidates.
+    kinds_agreement: Option<f64>,
     #[serde(flatten)]
     evaluation: &'a ControlEvaluation,
 }
@@ -124,6 +126,7 @@ impl<'a> From<&'a ControlEvaluation> for ControlSummary<'a> {
             choice: &evaluation.candidates[evaluation.verdict.chosen],
             decision: evaluation.advise(|advice| advice.decision()),
             is_ahead_of_default: evaluation.verdict.is_ahead_of_default(),
+            kinds_agreement: evaluation.verdict.kinds_agreement(),
             evaluation,
         }
     }
