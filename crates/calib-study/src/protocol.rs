@@ -77,7 +77,7 @@ struct Draws {
 
 /// A study that a protocol draws.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drawn {
+pub struct DrawnStudy {
     /// What the plant is called, and the file without `.toml`.
     pub plant: String,
     /// The study as it is to be written, with a comment of what was drawn.
@@ -131,7 +131,7 @@ impl Protocol {
         path: &Path,
         folder: &Path,
         overrides: &[String],
-    ) -> Result<Vec<Drawn>, StudyError> {
+    ) -> Result<Vec<DrawnStudy>, StudyError> {
         self.drawn(path, folder, overrides).map_err(|problem| given(path, &problem))
     }
 
@@ -140,10 +140,10 @@ impl Protocol {
         path: &Path,
         folder: &Path,
         overrides: &[String],
-    ) -> Result<Vec<Drawn>, Problem> {
+    ) -> Result<Vec<DrawnStudy>, Problem> {
         let defaults = defaults()?;
         let task = axes(&self.task.draw).map_err(|problem| problem.within("validity.task.draw"))?;
-        let mut all: Vec<Drawn> = Vec::new();
+        let mut all: Vec<DrawnStudy> = Vec::new();
         for plants in &self.plants {
             let template = Template::read(path, plants, folder)?;
             let mut own = task.clone();
@@ -169,7 +169,7 @@ impl Protocol {
                 );
                 let table = template.with(&plant, &values, overrides)?;
                 let text = text(path, self.seed, &template, &values, &table)?;
-                all.push(Drawn { plant, text });
+                all.push(DrawnStudy { plant, text });
             }
         }
         Ok(all)
@@ -181,7 +181,7 @@ fn given(path: &Path, problem: &Problem) -> StudyError {
     StudyError::Given { study: path.display().to_string(), message: problem.to_string() }
 }
 
-impl Drawn {
+impl DrawnStudy {
     /// The study, as it will be in `folder`.
     ///
     /// # Errors

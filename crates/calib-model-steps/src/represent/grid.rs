@@ -69,16 +69,16 @@ pub(super) fn train_share(
 ) -> Result<usize, StepError> {
     artefact::own(directory)?;
     let grid = keyed(study, material)?.into_iter().enumerate();
-    let own: Vec<Keyed> =
+    let own: Vec<KeyedCandidate> =
         grid.filter(|(place, _)| share.has(*place)).map(|(_, keyed)| keyed).collect();
     train_missing(&own, material, task, directory, printer)?;
     Ok(own.len())
 }
 
 /// A candidate, and the fingerprint of what it follows from.
-type Keyed = (String, LaplacianConfig);
+type KeyedCandidate = (String, LaplacianConfig);
 
-fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<Keyed>, StepError> {
+fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<KeyedCandidate>, StepError> {
     let keyed = |config: LaplacianConfig| {
         Ok((artefact::key(&(TRAINING, material.fingerprint, &config, study.seed))?, config))
     };
@@ -91,7 +91,7 @@ fn place(directory: &Path, key: &str) -> PathBuf {
 }
 
 fn train_missing(
-    grid: &[Keyed],
+    grid: &[KeyedCandidate],
     material: Material<'_>,
     (split, seed, device): (&Split, Seed, Option<Device>),
     directory: &Path,

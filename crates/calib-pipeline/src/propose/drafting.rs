@@ -7,7 +7,7 @@ use calib_base::{
 use calib_propose::{Asked, Cut, Draft, Horizon, Sensors, Size, horizon};
 use calib_sweep::ENOUGH_WINDOWS;
 
-use super::look::Look;
+use super::look::ExaminedLog;
 
 /// To whole days of several, else to whole hours or minutes.
 fn rounded_up(secs: f64) -> f64 {
@@ -31,7 +31,7 @@ pub(super) struct Drafting<'a> {
     pub(super) args: &'a ProposeOptions,
     /// `data.path`.
     pub(super) path: &'a str,
-    pub(super) look: &'a Look,
+    pub(super) look: &'a ExaminedLog,
 }
 
 impl Drafting<'_> {

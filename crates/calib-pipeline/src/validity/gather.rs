@@ -12,7 +12,7 @@ use calib_sweep::{Candidate, ChoiceBaseline, RaceRule, SensorVerdict, SweepError
 use calib_sweep_steps::verdict::evaluate::{self, Judged};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
-use super::{race, studies::Listed, task::Task};
+use super::{race, studies::ListedStudy, task::Task};
 
 /// Fewer scored horizons than this after the first quarter say more about the stretch than about the value.
 const HORIZONS: f64 = 200.0;
@@ -31,7 +31,7 @@ pub(super) struct Gathered {
 }
 
 /// One model of a study with what is known of it.
-struct OfModel {
+struct ModelEvidence {
     name: String,
     judged: Judged,
     rollouts: Option<RolloutManifest>,
@@ -39,16 +39,16 @@ struct OfModel {
 }
 
 /// Why a study is not judged.
-pub(super) struct Reason(pub(super) String);
+pub(super) struct ReasonLeftOut(pub(super) String);
 
 /// All sensors of `study` in all its deployments, with what each of `models` chose; or why it is not judged. By two scores: what the
 /// study scores, and the last three quarters of runs that are long enough.
 pub(super) fn gather(
-    study: &Listed,
+    study: &ListedStudy,
     models: &[Option<String>],
     least_windows: usize,
     context: &RunContext,
-) -> Result<Result<Gathered, Reason>, StepError> {
+) -> Result<Result<Gathered, ReasonLeftOut>, StepError> {
     let mut gathered: Option<Gathered> = None;
     let mut reasons = Vec::new();
     for deployment in &study.deployments {
@@ -66,7 +66,7 @@ pub(super) fn gather(
             all.push(of_model(study, (model.as_deref(), deployment), context)?);
         }
         let Some(first) = all.first() else {
-            return Ok(Err(Reason("no model of it can be made here".to_owned())));
+            return Ok(Err(ReasonLeftOut("no model of it can be made here".to_owned())));
         };
         let windows = first.judged.manifest.windows.len();
         if windows < least_windows {
@@ -86,22 +86,22 @@ pub(super) fn gather(
             add(own, sensor, deployment, (study, &all))?;
         }
     }
-    Ok(gathered.ok_or_else(|| Reason(reasons.join("; "))))
+    Ok(gathered.ok_or_else(|| ReasonLeftOut(reasons.join("; "))))
 }
 
 fn of_model(
-    study: &Listed,
+    study: &ListedStudy,
     (model, deployment): (Option<&str>, Option<&str>),
     context: &RunContext,
-) -> Result<OfModel, StepError> {
+) -> Result<ModelEvidence, StepError> {
     let judged = evaluate::judge(&study.job.choose(model, deployment)?, context, &Silent)?;
     let name = judged.job.model_name().to_owned();
     let rollouts = rollout::finished(&judged.job, judged.manifest.model.as_deref())?;
     let one_step = rollouts.as_ref().and_then(|made| one_step::read(&judged.job, &made.model));
-    Ok(OfModel { name, judged, rollouts, one_step })
+    Ok(ModelEvidence { name, judged, rollouts, one_step })
 }
 
-fn networks(models: &[OfModel]) -> Vec<String> {
+fn networks(models: &[ModelEvidence]) -> Vec<String> {
     let networks = models
         .iter()
         .filter(|model| model.judged.study().model.kind.family() == ModelFamily::Network);
@@ -113,7 +113,7 @@ fn add(
     gathered: &mut Gathered,
     sensor: &str,
     deployment: Option<&str>,
-    (study, models): (&Listed, &[OfModel]),
+    (study, models): (&ListedStudy, &[ModelEvidence]),
 ) -> Result<(), StepError> {
     let own = models[0].judged.study().part();
     let parts = [own, Part::AfterFirstQuarter];
@@ -153,7 +153,11 @@ fn add(
 }
 
 /// What a model's sweep says of a sensor by the errors over `part`; none if they have no step there.
-fn verdict(model: &OfModel, sensor: &str, part: Part) -> Result<Option<SensorVerdict>, StepError> {
+fn verdict(
+    model: &ModelEvidence,
+    sensor: &str,
+    part: Part,
+) -> Result<Option<SensorVerdict>, StepError> {
     let Judged { job, manifest, results, summary, .. } = &model.judged;
     let study = job.study();
     if part == study.part() {
@@ -170,7 +174,7 @@ fn verdict(model: &OfModel, sensor: &str, part: Part) -> Result<Option<SensorVer
 }
 
 fn pair(
-    study: &Listed,
+    study: &ListedStudy,
     sensor: &str,
     (truth, candidates): (&Truth, &[Candidate]),
     task: &Task,
@@ -199,7 +203,7 @@ fn pair(
     }
 }
 
-fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> Result<ModelPair, StepError> {
+fn model_pair(model: &ModelEvidence, verdict: &SensorVerdict) -> Result<ModelPair, StepError> {
     let own = |sensor: &String| *sensor == verdict.sensor;
     let one_step = model.one_step.as_ref();
     let of_sensor =

@@ -2,7 +2,7 @@ use std::fs;
 
 use super::*;
 
-impl Drawn {
+impl DrawnStudy {
     fn table(&self) -> Table {
         toml::from_str(&self.text).expect("TOML")
     }
@@ -44,7 +44,7 @@ fn place() -> tempfile::TempDir {
     place
 }
 
-fn drawn(place: &Path, protocol: &str, overrides: &[&str]) -> Result<Vec<Drawn>, StudyError> {
+fn drawn(place: &Path, protocol: &str, overrides: &[&str]) -> Result<Vec<DrawnStudy>, StudyError> {
     let path = place.join("protocol.toml");
     fs::write(&path, protocol).expect("writable");
     let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
@@ -52,7 +52,7 @@ fn drawn(place: &Path, protocol: &str, overrides: &[&str]) -> Result<Vec<Drawn>,
     found.draw(&path, &place.join("results/draw-7/studies"), &overrides)
 }
 
-fn named<'a>(all: &'a [Drawn], plant: &str) -> &'a Drawn {
+fn named<'a>(all: &'a [DrawnStudy], plant: &str) -> &'a DrawnStudy {
     all.iter().find(|drawn| drawn.plant == plant).expect("it is drawn")
 }
 
@@ -76,7 +76,7 @@ fn studies_are_drawn_whole() {
         assert!((800..=4000).contains(&study.sweep.steps));
         assert_eq!(study.output, None);
     }
-    let different = |value: fn(&Drawn) -> String| {
+    let different = |value: fn(&DrawnStudy) -> String| {
         let mut values: Vec<String> = all.iter().map(value).collect();
         values.sort();
         values.dedup();

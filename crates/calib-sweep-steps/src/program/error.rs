@@ -1,6 +1,6 @@
 use std::{io, path::PathBuf};
 
-use calib_sweep::Stopped;
+use calib_sweep::ProgramStopped;
 
 /// Why a program gave no predictions.
 #[derive(Debug, thiserror::Error)]
@@ -61,6 +61,6 @@ fn at_last(text: &str) -> String {
     }
 }
 
-pub(super) fn failed(error: ProgramError) -> Stopped {
-    Stopped::Failed(Box::new(error))
+pub(super) fn failed(error: ProgramError) -> ProgramStopped {
+    ProgramStopped::Failed(Box::new(error))
 }

@@ -28,12 +28,12 @@ fn program(script: &str, timeout: f64) -> ExternalAgents {
     }
 }
 
-fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<Predicted>, String> {
+fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<ProgramPredictions>, String> {
     let values = (0..12_u8).map(f32::from).collect();
     let states = States::new(values, 12, 1).expect("valid");
     let stream = RowStream::replay(states, &Segments::from_lengths([7, 5]).expect("valid"));
     let agent = AgentConfig::default();
-    let wanted = Wanted {
+    let wanted = PredictionRequest {
         sensor: "A",
         column: 0,
         agents: vec![&agent; agents],
@@ -42,8 +42,8 @@ fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<Predicted>, Stri
         steps: 9,
     };
     program.predictions(&wanted, &Silent).map_err(|stopped| match stopped {
-        Stopped::Cancelled(_) => "interrupted".to_owned(),
-        Stopped::Failed(error) => {
+        ProgramStopped::Cancelled(_) => "interrupted".to_owned(),
+        ProgramStopped::Failed(error) => {
             let source = error.source().map_or_else(String::new, |source| format!(": {source}"));
             format!("{error}{source}")
         }
@@ -57,7 +57,7 @@ fn predictions_come_piece_by_piece() {
     let got = asked(&program(COUNTING, 20.0), 2).expect("answers");
     assert_eq!(got.len(), 2);
     for predicted in got {
-        assert_eq!(predicted, Predicted { values: expected.to_vec(), updates: 3 });
+        assert_eq!(predicted, ProgramPredictions { values: expected.to_vec(), updates: 3 });
     }
 }
 

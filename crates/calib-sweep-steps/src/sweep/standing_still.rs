@@ -5,7 +5,7 @@ use calib_sweep::Windows;
 
 /// A sensor that has one value throughout some of the windows.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Still {
+pub(crate) struct ConstantSensor {
     sensor: String,
     /// Windows in which it stands still.
     windows: usize,
@@ -14,7 +14,11 @@ pub(crate) struct Still {
 }
 
 /// Those of `sensors`, by name and column of the `held_out` states, that stand still in a window.
-pub(crate) fn all(held_out: &States, windows: &Windows, sensors: &[(String, usize)]) -> Vec<Still> {
+pub(crate) fn all(
+    held_out: &States,
+    windows: &Windows,
+    sensors: &[(String, usize)],
+) -> Vec<ConstantSensor> {
     let all_windows = windows.starts.len();
     let still = |(sensor, column): &(String, usize)| {
         let rows = |&&start: &&usize| {
@@ -22,12 +26,12 @@ pub(crate) fn all(held_out: &States, windows: &Windows, sensors: &[(String, usiz
             own.into_iter().all(|row| held_out.row(row)[*column] == held_out.row(start)[*column])
         };
         let windows = windows.starts.iter().filter(rows).count();
-        Still { sensor: sensor.clone(), windows, all_windows }
+        ConstantSensor { sensor: sensor.clone(), windows, all_windows }
     };
     sensors.iter().map(still).filter(|still| still.windows > 0).collect()
 }
 
-impl Still {
+impl ConstantSensor {
     /// The sensor, if it stands still in all windows.
     pub(crate) fn everywhere(&self) -> Option<String> {
         (self.windows == self.all_windows).then(|| self.sensor.clone())

@@ -13,14 +13,14 @@ use calib_base::{
 use calib_core::{Frames, RowStream, Seed, Timestamp};
 use calib_data::Dataset;
 use calib_study::{Job, Study};
-use calib_sweep::{Candidate, Demand, ErrorScale, Span, Windows, candidates};
+use calib_sweep::{Candidate, ErrorScale, ScoringDemand, Span, Windows, candidates};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What streams a sweep has, and why they are not what the study says.
 pub struct Streams {
     /// Steps of a stream, and the part of them that counts.
-    pub demand: Demand,
+    pub demand: ScoringDemand,
     /// Windows of the held-out range; none without one.
     pub(crate) online: Option<Windows>,
     /// Windows of the log.
@@ -55,7 +55,7 @@ impl Streams {
         }
         let gammas = candidates.iter().map(|candidate| candidate.agent.gamma);
         let gamma = gammas.clone().fold(0.0, f64::max);
-        let demand = Demand { span: Span::new(steps, gammas), gamma, part: study.part() };
+        let demand = ScoringDemand { span: Span::new(steps, gammas), gamma, part: study.part() };
         let online = match &dataset.held_out {
             Some(held_out) => Some(held_out_windows(study, held_out, demand, &mut notes)?),
             None => None,
@@ -78,8 +78,8 @@ impl Streams {
 }
 
 /// Why a study without a model has nothing to choose by.
-fn nothing_decides(demand: Demand) -> StepError {
-    let Demand { span, gamma, .. } = demand;
+fn nothing_decides(demand: ScoringDemand) -> StepError {
+    let ScoringDemand { span, gamma, .. } = demand;
     StepError::Unscorable(format!(
         "no window of the training range can be replayed, and without a model (model.kind = \"none\") nothing else would decide: runs have \
          {} steps, and scoring a prediction at gamma = {gamma} needs the {} states after it, in stretches without a gap; use a longer \
@@ -108,7 +108,7 @@ pub fn check(job: &Job, context: &RunContext) -> Result<(), StepError> {
 fn held_out_windows(
     study: &Study,
     held_out: &Frames,
-    demand: Demand,
+    demand: ScoringDemand,
     notes: &mut Vec<String>,
 ) -> Result<Windows, StepError> {
     let asked = study.sweep.online_windows.min(study.sweep.online_runs);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use calib_base::StepError;
 use calib_model_steps::rollouts::{
     comparison::{self, ComparedModel, Comparison, Pair, PairedModels},
-    one_step::{self, PairedErrors, Predicting},
+    one_step::{self, OneStepModel, PairedErrors},
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -76,7 +76,7 @@ impl<'a> Group<'a> {
     }
 
     /// Its models whose one-step errors are known.
-    pub(crate) fn predicting(&self) -> Vec<&Predicting> {
+    pub(crate) fn predicting(&self) -> Vec<&OneStepModel> {
         self.parts.iter().filter_map(|part| part.one_step.as_ref()).collect()
     }
 }

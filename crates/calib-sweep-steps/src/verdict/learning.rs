@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use calib_base::StepError;
-use calib_report::{Environment, LearningCurve, LearningCurves};
+use calib_report::{LearningCurve, LearningCurves, LearningEnvironment};
 use calib_stats::{Summary, summarise};
 use calib_study::{Job, Study};
 use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
@@ -59,13 +59,13 @@ pub(crate) fn curves(
 }
 
 /// An environment as the report has it; `model` is what the model is called where there are several.
-fn shown(environment: EnvironmentId, model: Option<&str>) -> Environment {
+fn shown(environment: EnvironmentId, model: Option<&str>) -> LearningEnvironment {
     match environment {
-        EnvironmentId::Online => Environment::Online,
+        EnvironmentId::Online => LearningEnvironment::Online,
         EnvironmentId::Member(number) => {
-            Environment::Member { number, model: model.map(str::to_owned) }
+            LearningEnvironment::Member { number, model: model.map(str::to_owned) }
         }
-        EnvironmentId::LogReplay => Environment::LogReplay,
+        EnvironmentId::LogReplay => LearningEnvironment::LogReplay,
     }
 }
 
@@ -87,7 +87,7 @@ pub(crate) fn of_several(
         let online = deployments.iter().flat_map(|group| {
             let own = group[0].report.learning.iter();
             let own = own.filter(|curves| {
-                curves.sensor == *sensor && curves.environment == Environment::Online
+                curves.sensor == *sensor && curves.environment == LearningEnvironment::Online
             });
             own.map(|curves| LearningCurves {
                 sensor: group[0].in_deployment(sensor),

@@ -19,8 +19,8 @@ use calib_model_steps::{
     rollouts::{
         collapse,
         comparison::{self, ComparedModel},
-        figures::{self, Starts},
-        one_step::{self, Predicting},
+        figures::{self, FirstRollouts},
+        one_step::{self, OneStepModel},
         rollout::{self, RolloutManifest},
         trajectory_columns::Columns,
     },
@@ -199,7 +199,7 @@ fn tables(
     let mut tables = Vec::new();
     if let Some(rollouts) = rollouts {
         tables.extend(collapse::report_table(name, &rollouts.collapse));
-        let one_step = Predicting::read(name, job, &rollouts.model)?;
+        let one_step = OneStepModel::read(name, job, &rollouts.model)?;
         tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
         let members = rollouts.members.len();
         // Beside no other model the means are all there is to show.
@@ -253,7 +253,7 @@ pub(crate) fn representation_table(study: &Study, paths: &Layout) -> Option<Tabl
 pub(crate) fn rollout_figures(
     paths: &Layout,
     manifest: &RolloutManifest,
-) -> Result<(Vec<RolloutFigure>, Vec<Starts>), StepError> {
+) -> Result<(Vec<RolloutFigure>, Vec<FirstRollouts>), StepError> {
     let mut columns =
         ["member", "rollout", "wanted_row", "wanted_timestamp"].map(str::to_owned).to_vec();
     let of_sensors = Columns::of(&manifest.sensors).into_iter();

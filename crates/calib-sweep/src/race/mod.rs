@@ -42,12 +42,12 @@ pub(crate) struct Race {
     rounds: Rounds,
     values: usize,
     part: Part,
-    drop: Drop,
+    drop: DropRule,
 }
 
 /// Who is dropped after a round.
 #[derive(Clone, Debug, PartialEq)]
-enum Drop {
+enum DropRule {
     /// None where there are too few observations for any look.
     Worse(Option<SequentialTest>),
     Half,
@@ -67,9 +67,9 @@ impl Race {
         let (rounds, drop) = match rule {
             RaceRule::Surely { error_rate } => {
                 let test = surely(streams.count() / STREAMS, values, error_rate)?;
-                (streams.run_by_run(), Drop::Worse(test))
+                (streams.run_by_run(), DropRule::Worse(test))
             }
-            RaceRule::Halving => (streams.doubling(values), Drop::Half),
+            RaceRule::Halving => (streams.doubling(values), DropRule::Half),
         };
         Ok(Self { rounds, values, part, drop })
     }
@@ -104,8 +104,8 @@ impl Race {
                 }
             }
             match &self.drop {
-                Drop::Worse(test) => drop_worse(&mut left, &logs, test.as_ref())?,
-                Drop::Half => keep_best(&mut left, &logs, self.values.div_ceil(2 << round)),
+                DropRule::Worse(test) => drop_worse(&mut left, &logs, test.as_ref())?,
+                DropRule::Half => keep_best(&mut left, &logs, self.values.div_ceil(2 << round)),
             }
             after.push(left.clone());
         }

@@ -10,7 +10,7 @@ use super::{
     errors::Errors,
     nearby::share_nearby,
     parts,
-    rule::{Chooser, Evidence, Rule, Standing},
+    rule::{ChoiceStanding, Chooser, Evidence, Rule},
     simple,
     truth::{correlations, least},
     warnings,
@@ -29,7 +29,7 @@ pub fn verdict(
 ) -> Result<SensorVerdict, SweepError> {
     let own: Vec<&UnitResult> =
         results.iter().filter(|result| result.unit.sensor == sensor).collect();
-    let all = Measured::new(&own, candidates, judging)?;
+    let all = MeasuredErrors::new(&own, candidates, judging)?;
     let compared = all.compared().map(Errors::means).collect::<Result<Vec<_>, _>>()?;
     let dropped = dropped(&own, candidates.len(), &compared);
     let chooser = Chooser {
@@ -37,7 +37,7 @@ pub fn verdict(
         default: candidates.iter().position(|candidate| candidate.is_default),
         values: candidates.len(),
     };
-    let runs = Runs::new(&all)?;
+    let runs = NestedRuns::new(&all)?;
     let whole = runs.whole();
     let evidence = whole.evidence();
     let chosen = chooser.choose(judging.rule, evidence)?;
@@ -49,8 +49,8 @@ pub fn verdict(
         Ok(RuleChoice { rule, chosen, regret: losses.regret(chosen) })
     };
     let ranking = chooser.scores(judging.rule, evidence)?;
-    let standing = Standing::of(judging.rule, chosen, &ranking, selection.as_ref());
-    let truth = Truthful { all: &all, candidates, judging, losses: &losses, dropped: &dropped };
+    let standing = ChoiceStanding::of(judging.rule, chosen, &ranking, selection.as_ref());
+    let truth = TruthInputs { all: &all, candidates, judging, losses: &losses, dropped: &dropped };
     let truth = all.online.as_ref().map(|online| truth.of(online, chosen, &ranking)).transpose()?;
     // What was dropped cannot be drawn anew: the others would only be found to be firm among themselves.
     let stability = match dropped[..] {
@@ -122,13 +122,13 @@ fn learning_off(candidates: &[Candidate], chosen: usize, truth: Option<&Truth>) 
 }
 
 /// What was measured, environment by environment.
-pub(super) struct Measured {
+pub(super) struct MeasuredErrors {
     pub(super) members: Vec<Errors>,
     pub(super) log: Option<Errors>,
     pub(super) online: Option<Errors>,
 }
 
-impl Measured {
+impl MeasuredErrors {
     /// Where values are compared with each other: in the members, or on the log where there is no model.
     fn compared(&self) -> impl Iterator<Item = &Errors> {
         let log = self.log.iter().filter(|_| self.members.is_empty());
@@ -160,17 +160,17 @@ impl Measured {
 }
 
 /// The same for resampling: members with their rollouts, windows with their runs.
-pub(super) struct Runs {
+pub(super) struct NestedRuns {
     /// None without a model; then there is a log.
     members: Option<Nested>,
     log: Option<Nested>,
     online: Option<Nested>,
 }
 
-impl Runs {
+impl NestedRuns {
     /// # Errors
     /// If there are neither members nor a replayed log.
-    pub(super) fn new(all: &Measured) -> Result<Self, StatsError> {
+    pub(super) fn new(all: &MeasuredErrors) -> Result<Self, StatsError> {
         let is_without = all.members.is_empty() && all.log.is_some();
         let of_members = || Nested::new(all.members.iter().flat_map(Errors::units).collect());
         Ok(Self {
@@ -181,8 +181,8 @@ impl Runs {
     }
 
     /// All of them, each once.
-    pub(super) fn whole(&self) -> Whole<'_> {
-        Whole {
+    pub(super) fn whole(&self) -> AllRuns<'_> {
+        AllRuns {
             members: self.members.as_ref().map(Nested::whole),
             log: self.log.as_ref().map(Nested::whole),
         }
@@ -196,12 +196,12 @@ impl Runs {
 }
 
 /// All runs that a choice is made from.
-pub(super) struct Whole<'a> {
+pub(super) struct AllRuns<'a> {
     members: Option<Drawn<'a>>,
     log: Option<Drawn<'a>>,
 }
 
-impl<'a> Whole<'a> {
+impl<'a> AllRuns<'a> {
     pub(super) fn evidence(&self) -> Evidence<'_, 'a> {
         Evidence { members: self.members.as_ref(), log: self.log.as_ref() }
     }
@@ -209,7 +209,7 @@ impl<'a> Whole<'a> {
 
 /// What is chosen from other draws of members, of windows of the log and of their runs.
 fn redrawn(
-    runs: &Runs,
+    runs: &NestedRuns,
     chooser: &Chooser<'_>,
     judging: &Judging<'_>,
     sensor: &str,
@@ -241,15 +241,15 @@ fn shares(choices: &ChoiceOfResamples) -> Vec<Share> {
 }
 
 /// What the truth is put together from.
-struct Truthful<'a> {
-    all: &'a Measured,
+struct TruthInputs<'a> {
+    all: &'a MeasuredErrors,
     candidates: &'a [Candidate],
     judging: &'a Judging<'a>,
     losses: &'a Losses,
     dropped: &'a [Dropped],
 }
 
-impl Truthful<'_> {
+impl TruthInputs<'_> {
     fn of(&self, online: &Errors, chosen: usize, ranking: &[f64]) -> Result<Truth, SweepError> {
         let Self { candidates, judging, losses, .. } = self;
         let scores = online.scores()?;

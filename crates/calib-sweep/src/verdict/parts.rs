@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Judging,
-    judge::{Measured, Runs},
+    judge::{MeasuredErrors, NestedRuns},
     rule::Chooser,
 };
 use crate::{Candidate, EnvironmentId, SweepError, UnitResult};
@@ -33,8 +33,8 @@ pub(super) fn choices(
     let mut choices = Vec::new();
     for part in Part::ALL {
         let judging = Judging { part, ..*judging };
-        let Ok(measured) = Measured::new(results, candidates, &judging) else { continue };
-        let runs = Runs::new(&measured)?;
+        let Ok(measured) = MeasuredErrors::new(results, candidates, &judging) else { continue };
+        let runs = NestedRuns::new(&measured)?;
         let own = chooser.choose(judging.rule, runs.whole().evidence())?;
         let online = measured.online.as_ref().map(super::errors::Errors::means).transpose()?;
         let error = |candidate: usize| {

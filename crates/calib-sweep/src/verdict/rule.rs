@@ -192,14 +192,14 @@ fn least_divergent(streams: &[&[f64]]) -> usize {
 
 /// How a choice stands in the evidence that it was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Standing {
+pub(super) enum ChoiceStanding {
     /// It never diverged.
     Finite,
     /// It diverged in some stream, and so did every other value.
     Diverged,
 }
 
-impl Standing {
+impl ChoiceStanding {
     /// Of the choice of a rule that ranks values by `scores`.
     pub(super) fn of(
         rule: Rule,

@@ -1,7 +1,9 @@
 use calib_agent::Part;
 use calib_stats::Selection;
 
-use super::{Dropped, Judging, PartChoice, Rule, differ, rule::Standing, told_apart, truth::Truth};
+use super::{
+    Dropped, Judging, PartChoice, Rule, differ, rule::ChoiceStanding, told_apart, truth::Truth,
+};
 use crate::{Candidate, UnitResult};
 
 /// Fewer scored horizons than this say more about the stretch that was scored than about the value.
@@ -55,7 +57,12 @@ fn are_neighbours(candidates: &[Candidate], a: usize, b: usize) -> bool {
 pub(super) fn all(
     results: &[&UnitResult],
     candidates: &[Candidate],
-    (selection, judging, chosen, standing): (Option<&Selection>, &Judging<'_>, usize, Standing),
+    (selection, judging, chosen, standing): (
+        Option<&Selection>,
+        &Judging<'_>,
+        usize,
+        ChoiceStanding,
+    ),
     (scores, dropped): (&[f64], &[Dropped]),
     truth: Option<&Truth>,
 ) -> Vec<String> {
@@ -89,7 +96,7 @@ pub(super) fn all(
     {
         warnings.push("all settings tie in worst rank; the mean rank decides".to_owned());
     }
-    if standing == Standing::Diverged {
+    if standing == ChoiceStanding::Diverged {
         let label = candidates[chosen].label();
         warnings.push(format!(
             "every setting diverged in at least one training run, so calib recommends none of them ({label} is the first by the rule); add smaller learning rates to sweep.grid"

@@ -12,11 +12,11 @@ pub(super) struct Measure {
     pub(super) column: &'static str,
     /// What people read.
     pub(super) label: &'static str,
-    pub(super) distance: Distance,
+    pub(super) distance: DistanceFunction,
 }
 
 /// Of a rollout and the recorded series; `None` where it is not defined.
-type Distance = fn(&[f64], &[f64]) -> Result<Option<f64>, StepError>;
+type DistanceFunction = fn(&[f64], &[f64]) -> Result<Option<f64>, StepError>;
 
 pub(super) const MEASURES: [Measure; 5] = [
     Measure {

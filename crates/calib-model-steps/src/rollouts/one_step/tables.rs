@@ -10,13 +10,13 @@ use calib_study::{Job, StepKind};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{OneStep, PredictionError, read, steps::Steps};
+use super::{OneStep, PredictionError, read, steps::SquaredErrors};
 
 /// A model whose one-step errors are known.
-pub struct Predicting {
+pub struct OneStepModel {
     name: String,
     one_step: OneStep,
-    steps: Steps,
+    steps: SquaredErrors,
 }
 
 /// Two models, in the summary of several: RMSE of the first / RMSE of the second.
@@ -75,8 +75,8 @@ fn range(interval: Interval) -> String {
 ///
 /// # Errors
 /// If an interval cannot be computed.
-pub fn all_pairs(models: &[&Predicting]) -> Result<Vec<PairedErrors>, StepError> {
-    let of_two = |(one, other): (&Predicting, &Predicting)| {
+pub fn all_pairs(models: &[&OneStepModel]) -> Result<Vec<PairedErrors>, StepError> {
+    let of_two = |(one, other): (&OneStepModel, &OneStepModel)| {
         let sensors = one.one_step.sensors.iter().map(|predicted| {
             let ratio = one.steps.beside(&other.steps, Some(&predicted.sensor))?;
             Ok(SensorRatio { sensor: predicted.sensor.clone(), ratio })
@@ -91,8 +91,8 @@ pub fn all_pairs(models: &[&Predicting]) -> Result<Vec<PairedErrors>, StepError>
 }
 
 fn two_by_two<'a>(
-    models: &'a [&Predicting],
-) -> impl Iterator<Item = (&'a Predicting, &'a Predicting)> {
+    models: &'a [&OneStepModel],
+) -> impl Iterator<Item = (&'a OneStepModel, &'a OneStepModel)> {
     models
         .iter()
         .enumerate()
@@ -104,7 +104,7 @@ fn two_by_two<'a>(
 ///
 /// # Errors
 /// If an interval cannot be computed.
-pub fn report_tables(models: &[&Predicting]) -> Result<Vec<Table>, StepError> {
+pub fn report_tables(models: &[&OneStepModel]) -> Result<Vec<Table>, StepError> {
     let Some(first) = models.first() else { return Ok(Vec::new()) };
     let several = models.len() > 1;
     let (mut rows, mut bold) = (Vec::new(), Vec::new());
@@ -117,7 +117,7 @@ pub fn report_tables(models: &[&Predicting]) -> Result<Vec<Table>, StepError> {
         bold.extend(best.into_iter().map(|model| (place, 1 + 3 * model)));
     }
     let mut columns = vec!["sensor".to_owned()];
-    for Predicting { name, .. } in models {
+    for OneStepModel { name, .. } in models {
         columns.extend([name.clone(), format!("{name} / no change"), "95 %".to_owned()]);
     }
     columns.push("no change".to_owned());
@@ -140,14 +140,14 @@ pub fn report_tables(models: &[&Predicting]) -> Result<Vec<Table>, StepError> {
     Ok([side_by_side].into_iter().chain(quotients(models)?).collect())
 }
 
-impl Predicting {
+impl OneStepModel {
     /// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study.
     ///
     /// # Errors
     /// If the errors of single transitions, which are in a table of their own, cannot be read.
     pub fn read(name: &str, job: &Job, model: &str) -> Result<Option<Self>, StepError> {
         let Some(one_step) = read(job, model) else { return Ok(None) };
-        let steps = Steps::read(&job.layout().rollout())
+        let steps = SquaredErrors::read(&job.layout().rollout())
             .with_context(|| format!("run `{} --force`", job.command(StepKind::Rollout)))?;
         Ok(Some(Self { name: name.to_owned(), one_step, steps }))
     }
@@ -168,7 +168,7 @@ fn cells(error: Option<&PredictionError>) -> [Cell; 3] {
 }
 
 /// The model with the smallest error, and all that cannot be told apart from it.
-fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> Result<Vec<usize>, StepError> {
+fn not_worse(models: &[&OneStepModel], sensor: Option<&str>) -> Result<Vec<usize>, StepError> {
     let known = || {
         let own = models.iter().enumerate();
         own.filter_map(|(place, model)| Some((place, model.error(sensor)?.rmse?)))
@@ -187,8 +187,8 @@ fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> Result<Vec<usize>,
 }
 
 /// Quotients of the errors of every two models, if there are several.
-fn quotients(models: &[&Predicting]) -> Result<Option<Table>, StepError> {
-    let pairs: Vec<(&Predicting, &Predicting)> = two_by_two(models).collect();
+fn quotients(models: &[&OneStepModel]) -> Result<Option<Table>, StepError> {
+    let pairs: Vec<(&OneStepModel, &OneStepModel)> = two_by_two(models).collect();
     let Some((first, _)) = pairs.first() else { return Ok(None) };
     let (mut rows, mut bold) = (Vec::new(), Vec::new());
     for (sensor, _) in named(&first.one_step) {
