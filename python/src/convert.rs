@@ -11,18 +11,18 @@ use toml::{Table, Value};
 ///
 /// # Errors
 /// `TypeError` with the key, for a value that TOML does not have.
-pub(crate) fn table(of: &Bound<'_, PyAny>, above: &str) -> PyResult<Table> {
-    table_within(of, above, DEEPEST)
+pub(crate) fn table(object: &Bound<'_, PyAny>, above: &str) -> PyResult<Table> {
+    table_within(object, above, DEEPEST)
 }
 
 /// How deep dictionaries and lists may lie in one another: what is nested deeper is no study, and what holds itself never ends.
 const DEEPEST: usize = 32;
 
 /// As [`table`], where `left` more may lie in it.
-fn table_within(of: &Bound<'_, PyAny>, above: &str, left: usize) -> PyResult<Table> {
+fn table_within(object: &Bound<'_, PyAny>, above: &str, left: usize) -> PyResult<Table> {
     let left = deeper(above, left)?;
     let mut table = Table::new();
-    let items = of.call_method0("items").map_err(|_| not_toml(of, above))?;
+    let items = object.call_method0("items").map_err(|_| not_toml(object, above))?;
     for item in items.try_iter()? {
         let (key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item?.extract()?;
         let key: String = key.str()?.extract()?;
@@ -44,46 +44,46 @@ fn deeper(path: &str, left: usize) -> PyResult<usize> {
     })
 }
 
-fn value(of: &Bound<'_, PyAny>, path: &str, left: usize) -> PyResult<Value> {
-    if of.is_instance_of::<PyBool>() {
-        return Ok(Value::Boolean(of.extract()?));
+fn value(object: &Bound<'_, PyAny>, path: &str, left: usize) -> PyResult<Value> {
+    if object.is_instance_of::<PyBool>() {
+        return Ok(Value::Boolean(object.extract()?));
     }
-    if of.is_instance_of::<PyInt>() {
-        return Ok(Value::Integer(of.extract()?));
+    if object.is_instance_of::<PyInt>() {
+        return Ok(Value::Integer(object.extract()?));
     }
-    if of.is_instance_of::<PyFloat>() {
-        return Ok(Value::Float(of.extract()?));
+    if object.is_instance_of::<PyFloat>() {
+        return Ok(Value::Float(object.extract()?));
     }
-    if of.is_instance_of::<PyString>() {
-        return Ok(Value::String(of.extract()?));
+    if object.is_instance_of::<PyString>() {
+        return Ok(Value::String(object.extract()?));
     }
-    if of.is_instance_of::<PyDict>() {
-        return Ok(Value::Table(table_within(of, path, left)?));
+    if object.is_instance_of::<PyDict>() {
+        return Ok(Value::Table(table_within(object, path, left)?));
     }
-    if of.is_instance_of::<PyList>() || of.is_instance_of::<PyTuple>() {
+    if object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>() {
         let left = deeper(path, left)?;
-        let values = of.try_iter()?.enumerate();
+        let values = object.try_iter()?.enumerate();
         let each = |(at, item): (usize, PyResult<Bound<'_, PyAny>>)| {
             value(&item?, &format!("{path}[{at}]"), left)
         };
         return Ok(Value::Array(values.map(each).collect::<PyResult<_>>()?));
     }
     // Dates and times, paths, and the numbers and arrays of NumPy.
-    if of.hasattr("isoformat")? {
-        let text: String = of.call_method0("isoformat")?.extract()?;
-        return text.parse().map(Value::Datetime).map_err(|_| not_toml(of, path));
+    if object.hasattr("isoformat")? {
+        let text: String = object.call_method0("isoformat")?.extract()?;
+        return text.parse().map(Value::Datetime).map_err(|_| not_toml(object, path));
     }
-    if of.hasattr("__fspath__")? {
-        return Ok(Value::String(of.call_method0("__fspath__")?.extract()?));
+    if object.hasattr("__fspath__")? {
+        return Ok(Value::String(object.call_method0("__fspath__")?.extract()?));
     }
-    if of.hasattr("tolist")? {
-        return value(&of.call_method0("tolist")?, path, deeper(path, left)?);
+    if object.hasattr("tolist")? {
+        return value(&object.call_method0("tolist")?, path, deeper(path, left)?);
     }
-    Err(not_toml(of, path))
+    Err(not_toml(object, path))
 }
 
-fn not_toml(of: &Bound<'_, PyAny>, path: &str) -> PyErr {
-    let kind = of.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+fn not_toml(object: &Bound<'_, PyAny>, path: &str) -> PyErr {
+    let kind = object.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
     let place = if path.is_empty() { "a study".to_owned() } else { path.to_owned() };
     PyTypeError::new_err(format!(
         "{place} is a {kind}; expected a number, text, a truth value, a date, a path, or a list or dictionary of them"

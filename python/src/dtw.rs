@@ -37,7 +37,7 @@ pub(crate) fn dtw<'py>(
     let ends: Ends = ends.parse().map_err(|error| refused(&error))?;
     let dtw = Dtw::with_settings(pattern, Settings { local_distance, window, ends });
     let series = [(query, "query"), (reference, "reference")];
-    let [query, reference] = series.map(|(of, name)| copied::<f64>(of, name, &[1, 2]));
+    let [query, reference] = series.map(|(values, name)| copied::<f64>(values, name, &[1, 2]));
     let (query, reference) = (query?, reference?);
     if path {
         let samples = |(_, shape): &(Vec<f64>, Vec<usize>)| shape[0];

@@ -38,7 +38,7 @@ pub(crate) fn knn_join<'py>(
         }
     };
     let (values, shape) = copied::<f32>(points, "points", &[2])?;
-    let queries = queries.map(|of| copied::<f32>(of, "queries", &[2])).transpose()?;
+    let queries = queries.map(|queries| copied::<f32>(queries, "queries", &[2])).transpose()?;
     let count = queries.as_ref().map_or(shape[0], |(_, shape)| shape[0]);
     let points = Points::new(values, shape[1]).map_err(|error| errors::value(error.to_string()))?;
     // More than there are is refused by the search, whatever it would take.

@@ -192,7 +192,9 @@ impl Model {
         match self.kept.stored() {
             Some(model) => {
                 let columns = model.normaliser().columns().iter();
-                columns.map(|of| (of.name.clone(), of.bounds.offset, of.bounds.scale)).collect()
+                columns
+                    .map(|column| (column.name.clone(), column.bounds.offset, column.bounds.scale))
+                    .collect()
             }
             None => {
                 (0..self.kept.states().columns()).map(|at| (at.to_string(), 0.0, 1.0)).collect()
@@ -212,7 +214,8 @@ impl Model {
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(model) = self.kept.stored() else { return Ok(None) };
         self.kept.check(py)?;
-        let times: Vec<i64> = model.frames().timestamps().iter().map(|of| of.as_micros()).collect();
+        let times: Vec<i64> =
+            model.frames().timestamps().iter().map(|time| time.as_micros()).collect();
         let rows = times.len();
         owned(py, times, &[rows]).map(Some)
     }
@@ -271,16 +274,16 @@ impl Model {
         let kept = &self.kept;
         let seed = Seed::new(seed.unwrap_or(self.seed())).child("rollout");
         let work = |watch: &Arc<Watch>| {
-            let of = kept.knn().member(member);
+            let member_model = kept.knn().member(member);
             let rows: Option<Vec<RowIndex>> =
                 rows.map(|rows| rows.into_iter().map(RowIndex::new).collect());
             let source = match &rows {
                 None => StartSource::Random,
                 Some(rows) => StartSource::Rows { rows, absent: Absent::Replace },
             };
-            let starts = start_states(&of, source, count, source.seed_of(seed, member))?;
+            let starts = start_states(&member_model, source, count, source.seed_of(seed, member))?;
             let monitor = Watching(Arc::clone(watch));
-            let all = rollouts(&of, &starts, steps, kept.weights(), seed, &monitor)?;
+            let all = rollouts(&member_model, &starts, steps, kept.weights(), seed, &monitor)?;
             visited.extend(all.iter().flat_map(calib_model::Rollout::rows).map(|row| row.0));
             Ok::<_, calib_model::RolloutError>(visited)
         };
@@ -378,9 +381,11 @@ impl Model {
     /// Positions in time order of the transitions of a member, `uint32`.
     fn transitions<'py>(&self, py: Python<'py>, member: usize) -> PyResult<Bound<'py, PyAny>> {
         self.check_member(member)?;
-        let of = self.kept.knn().member(member);
-        let all: Vec<u32> =
-            (0..of.len()).map(|at| of.nth(at)).map(|TransitionIndex(at)| at).collect();
+        let member_model = self.kept.knn().member(member);
+        let all: Vec<u32> = (0..member_model.len())
+            .map(|at| member_model.nth(at))
+            .map(|TransitionIndex(at)| at)
+            .collect();
         let count = all.len();
         owned(py, all, &[count])
     }

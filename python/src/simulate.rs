@@ -31,5 +31,5 @@ pub(crate) fn simulate(
         calib_pipeline::simulate_plant(&directory, plant, force, &printer)
     };
     let simulated = watched(py, Needs::Tables, observer, work)?;
-    simulated.map(|of| of.line()).map_err(|error| errors::of_step(py, &error))
+    simulated.map(|simulated| simulated.line()).map_err(|error| errors::of_step(py, &error))
 }

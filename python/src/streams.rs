@@ -49,7 +49,7 @@ impl Score {
     /// The error that counts, in normalised units of the sensor.
     #[getter]
     fn rmse(&self) -> f64 {
-        self.of(self.part).map_or(f64::NAN, |of| of.rmse)
+        self.of(self.part).map_or(f64::NAN, |score| score.rmse)
     }
 
     /// The error reduction against predicting the mean return of the steps that count.
@@ -62,13 +62,13 @@ impl Score {
     #[getter]
     fn parts(&self) -> BTreeMap<&'static str, BTreeMap<&'static str, f64>> {
         let told = |part: Part| {
-            let of = self.of(part)?;
+            let score = self.of(part)?;
             let numbers = [
-                ("rmse", of.rmse),
-                ("skill", skill(of)),
-                ("scored_steps", of.scored_steps as f64),
-                ("mean_return", of.mean_return),
-                ("return_std", of.return_std),
+                ("rmse", score.rmse),
+                ("skill", skill(score)),
+                ("scored_steps", score.scored_steps as f64),
+                ("mean_return", score.mean_return),
+                ("return_std", score.return_std),
             ];
             Some((part_name(part), numbers.into()))
         };
@@ -84,8 +84,8 @@ impl Score {
 }
 
 /// As the verdict has it: 0 for the mean of the returns, 1 for no error at all.
-fn skill(of: PartScore) -> f64 {
-    if of.return_std > 0.0 { 1.0 - of.rmse / of.return_std } else { f64::NAN }
+fn skill(score: PartScore) -> f64 {
+    if score.return_std > 0.0 { 1.0 - score.rmse / score.return_std } else { f64::NAN }
 }
 
 /// What a part of a run is called in studies and results.
@@ -121,10 +121,10 @@ impl Streams {
     /// Each stream.
     fn runs(&self) -> Vec<Told> {
         let runs = self.streams.runs().iter().enumerate();
-        runs.map(|(at, of)| {
-            let inputs = of.inputs.short().to_string();
-            let environment = of.environment.to_string();
-            (environment, of.run, of.start_row, of.seed.get(), inputs, self.streams.steps_of(at))
+        runs.map(|(at, run)| {
+            let inputs = run.inputs.short().to_string();
+            let environment = run.environment.to_string();
+            (environment, run.run, run.start_row, run.seed.get(), inputs, self.streams.steps_of(at))
         })
         .collect()
     }
@@ -148,14 +148,14 @@ impl Streams {
     /// States of a stream, `float32 [m, d]`, and its unbroken pieces.
     fn states<'py>(&self, py: Python<'py>, stream: usize) -> PyResult<States<'py>> {
         self.check(stream)?;
-        let of = &self.streams.runs()[stream].stream;
-        let (count, width) = (of.len(), of.width());
+        let states = &self.streams.runs()[stream].stream;
+        let (count, width) = (states.len(), states.width());
         let mut values = Vec::with_capacity(count * width);
         for t in 0..count {
-            values.extend_from_slice(of.state(t));
+            values.extend_from_slice(states.state(t));
         }
         self.since.check(py)?;
-        let pieces = of.pieces().iter().map(|piece| (piece.start, piece.end)).collect();
+        let pieces = states.pieces().iter().map(|piece| (piece.start, piece.end)).collect();
         Ok((owned(py, values, &[count, width])?, pieces))
     }
 
@@ -181,7 +181,7 @@ impl Streams {
             .map_err(|error| errors::of_step(py, &error))?;
         self.since.check(py)?;
         let part = self.streams.part();
-        let rmse = outcome.scores.of(part).map_or(f64::NAN, |of| of.rmse);
+        let rmse = outcome.scores.of(part).map_or(f64::NAN, |score| score.rmse);
         let nrmse = rmse / self.streams.scale(sensor);
         let sensor = sensor.to_owned();
         Ok(Score { result: ExternalResult { stream, sensor, candidate, outcome }, nrmse, part })
@@ -203,7 +203,7 @@ impl Streams {
         let candidates = candidates.collect::<PyResult<Vec<_>>>()?;
         let results: Vec<ExternalResult> =
             scores.iter().map(|score| score.get().result.clone()).collect();
-        if let Some(bad) = results.iter().find(|of| of.candidate >= candidates.len()) {
+        if let Some(bad) = results.iter().find(|result| result.candidate >= candidates.len()) {
             return Err(errors::value(format!("there is no candidate {}", bad.candidate)));
         }
         let work = |_: &_| self.streams.write(&path, &candidates, &results);

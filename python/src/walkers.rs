@@ -100,8 +100,8 @@ impl Walkers {
             rows.push(row);
             times.push(time);
         }
-        let over: Vec<bool> = self.walks.iter().map(|of| of.over).collect();
-        let distances: Vec<f32> = self.walks.iter().map(|of| of.distance).collect();
+        let over: Vec<bool> = self.walks.iter().map(|walker| walker.over).collect();
+        let distances: Vec<f32> = self.walks.iter().map(|walker| walker.distance).collect();
         Ok((
             owned(py, seen, &[count, self.columns.len()])?,
             owned(py, rewards, &[count])?,
@@ -165,9 +165,10 @@ impl Walkers {
         let walks: Vec<Walker> =
             serde_json::from_str(state).map_err(|error| errors::value(error.to_string()))?;
         let transitions = self.kept.knn().transitions().len();
-        let members = |walks: &[Walker]| walks.iter().map(|of| of.member).collect::<Vec<_>>();
+        let members =
+            |walks: &[Walker]| walks.iter().map(|walker| walker.member).collect::<Vec<_>>();
         if members(&walks) != members(&self.walks)
-            || walks.iter().any(|of| of.at.get() >= transitions)
+            || walks.iter().any(|walker| walker.at.get() >= transitions)
         {
             return Err(errors::value("the state is of walkers through another model"));
         }
@@ -203,7 +204,7 @@ impl Walkers {
     /// A step of every walker: what they see `float32 [n, c]`, rewards `float64 [n]`, whether they are over `bool [n]`, rows and times
     /// `int64 [n]`, distances `float32 [n]`. One that was over begins anew, and has no reward for that.
     fn step<'py>(&mut self, py: Python<'py>) -> PyResult<Arrays<'py>> {
-        let begun: Vec<bool> = self.walks.iter().map(|of| of.over).collect();
+        let begun: Vec<bool> = self.walks.iter().map(|walker| walker.over).collect();
         let (kept, most) = (Arc::clone(&self.kept), self.most);
         for walker in &mut self.walks {
             if walker.over {

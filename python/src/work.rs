@@ -87,7 +87,7 @@ fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
     let mut own = OWN.lock().unwrap_or_else(PoisonError::into_inner);
     let here = process::id();
-    if own.as_ref().is_none_or(|(of, _)| *of != here) {
+    if own.as_ref().is_none_or(|(process, _)| *process != here) {
         match ThreadPoolBuilder::new().build() {
             // That of a parent has nobody left who could end it.
             Ok(pool) => std::mem::forget(own.replace((here, Arc::new(pool)))),

@@ -3,9 +3,9 @@
 use std::num::NonZeroUsize;
 
 use calib_pipeline::{
-    ArrayOf, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Engine, Leftovers, Of,
-    Outcome, Printer, StepError, Submission, Told as _, cluster_merge, cluster_plan, cluster_run,
-    cluster_status, cluster_submit, ensure,
+    ArrayOf, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions, Engine, Leftovers,
+    Outcome, Printer, ShardsToSubmit, StepError, Submission, Told as _, cluster_merge,
+    cluster_plan, cluster_run, cluster_status, cluster_submit, ensure,
 };
 
 use super::share::number;
@@ -45,9 +45,9 @@ pub(super) fn run(command: ClusterCommand, printer: &Printer) -> Result<Outcome,
                 ClusterEngine::Ray => Engine::Ray,
                 ClusterEngine::Kubernetes => Engine::Kubernetes,
             };
-            let of = if missing_only { Of::Missing } else { Of::All };
+            let shards = if missing_only { ShardsToSubmit::Missing } else { ShardsToSubmit::All };
             let submission = if dry_run { Submission::Shown } else { Submission::Done };
-            let options = ClusterSubmitOptions { engine, config, of, submission };
+            let options = ClusterSubmitOptions { engine, config, shards, submission };
             cluster_submit(&plan, &options, printer)?.outcome()
         }
     })

@@ -42,7 +42,10 @@ pub(super) fn run(args: &DtwArgs, printer: &Printer) -> Result<Outcome, StepErro
     let standing = if args.force { Standing::Replaced } else { Standing::Kept };
     if let Some(path) = &args.path {
         check_output(path, standing)?;
-        if [&args.query, &args.reference].iter().any(|of| is_same_file(&series::path(of), path)) {
+        if [&args.query, &args.reference]
+            .iter()
+            .any(|argument| is_same_file(&series::path(argument), path))
+        {
             return Err(FileError::Input { path: path.clone() }.into());
         }
     }

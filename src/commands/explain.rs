@@ -46,13 +46,13 @@ pub(super) fn run(key: Option<&str>, printer: &Printer) -> Result<Outcome, StepE
 }
 
 /// What a reference stands for.
-fn target<'a>(schema: &'a Value, of: &'a Value) -> &'a Value {
-    let reference = of["$ref"].as_str().or_else(|| {
-        ["allOf", "anyOf", "oneOf"].iter().find_map(|key| of[*key][0]["$ref"].as_str())
+fn target<'a>(schema: &'a Value, node: &'a Value) -> &'a Value {
+    let reference = node["$ref"].as_str().or_else(|| {
+        ["allOf", "anyOf", "oneOf"].iter().find_map(|key| node[*key][0]["$ref"].as_str())
     });
     match reference.and_then(|path| path.rsplit('/').next()) {
         Some(name) => &schema["definitions"][name],
-        None => of,
+        None => node,
     }
 }
 
@@ -64,9 +64,9 @@ fn inside<'a>(schema: &'a Value, at: &'a Value, part: &str) -> Option<&'a Value>
 }
 
 /// A definition with what stands beside its reference.
-fn resolved(schema: &Value, of: &Value) -> Value {
-    let mut whole = target(schema, of).clone();
-    if let (Some(whole), Some(own)) = (whole.as_object_mut(), of.as_object()) {
+fn resolved(schema: &Value, node: &Value) -> Value {
+    let mut whole = target(schema, node).clone();
+    if let (Some(whole), Some(own)) = (whole.as_object_mut(), node.as_object()) {
         whole.extend(own.iter().map(|(key, value)| (key.clone(), value.clone())));
     }
     whole
@@ -75,11 +75,11 @@ fn resolved(schema: &Value, of: &Value) -> Value {
 /// Every key below one, as `section.key`.
 fn keys(schema: &Value, at: &Value, above: &str) -> Vec<String> {
     let mut all = Vec::new();
-    for (name, of) in target(schema, at)["properties"].as_object().into_iter().flatten() {
+    for (name, node) in target(schema, at)["properties"].as_object().into_iter().flatten() {
         let path = if above.is_empty() { name.clone() } else { format!("{above}.{name}") };
         // Two levels: profiles and models hold all of it again.
         if above.is_empty() {
-            all.extend(keys(schema, of, &path));
+            all.extend(keys(schema, node, &path));
         }
         all.push(path);
     }
@@ -95,7 +95,8 @@ fn near<'a>(path: &str, all: &'a [String]) -> Vec<&'a str> {
         let likeness = strsim::jaro_winkler(&wanted, name) + f64::from(u8::from(contains));
         (likeness, key.as_str())
     };
-    let mut found: Vec<(f64, &str)> = all.iter().map(likeness).filter(|of| of.0 > ALIKE).collect();
+    let mut found: Vec<(f64, &str)> =
+        all.iter().map(likeness).filter(|key| key.0 > ALIKE).collect();
     found.sort_by(|left, right| right.0.total_cmp(&left.0));
     found.into_iter().map(|(_, key)| key).take(SUGGESTED).collect()
 }
@@ -106,8 +107,8 @@ fn list(schema: &Value, at: &Value, above: &str) -> String {
     let rows: Vec<[String; 2]> = keys
         .into_iter()
         .flatten()
-        .map(|(name, of)| {
-            let about = about(schema, of);
+        .map(|(name, node)| {
+            let about = about(schema, node);
             let first = about.split_inclusive(". ").next().unwrap_or_default().trim().to_owned();
             let path = if above.is_empty() { name.clone() } else { format!("{above}.{name}") };
             [path, first]
@@ -119,9 +120,9 @@ fn list(schema: &Value, at: &Value, above: &str) -> String {
 }
 
 /// What is said of a key: paragraphs, of one line each but for tables.
-fn about(schema: &Value, of: &Value) -> String {
-    let own = of["description"].as_str();
-    let text = own.or_else(|| target(schema, of)["description"].as_str()).unwrap_or_default();
+fn about(schema: &Value, node: &Value) -> String {
+    let own = node["description"].as_str();
+    let text = own.or_else(|| target(schema, node)["description"].as_str()).unwrap_or_default();
     let paragraph = |text: &str| match text {
         table if table.starts_with('|') => table.to_owned(),
         wrapped => wrapped.replace('\n', " "),
@@ -129,17 +130,17 @@ fn about(schema: &Value, of: &Value) -> String {
     text.split("\n\n").map(paragraph).collect::<Vec<_>>().join("\n\n")
 }
 
-fn describe(schema: &Value, of: &Value, path: &str) -> String {
-    let is_section = target(schema, of)["properties"].is_object();
-    let text = format!("{path}: {}\n", about(schema, of));
+fn describe(schema: &Value, node: &Value, path: &str) -> String {
+    let is_section = target(schema, node)["properties"].is_object();
+    let text = format!("{path}: {}\n", about(schema, node));
     if is_section {
-        return format!("{text}\n{}", list(schema, of, path));
+        return format!("{text}\n{}", list(schema, node, path));
     }
-    let allowed = match allowed(schema, of) {
+    let allowed = match allowed(schema, node) {
         none if none.is_empty() => none,
         allowed => format!("allowed: {allowed}\n"),
     };
-    let default = match &of["default"] {
+    let default = match &node["default"] {
         Value::Null => String::new(),
         default => format!("default: {default}\n"),
     };
@@ -149,23 +150,23 @@ fn describe(schema: &Value, of: &Value, path: &str) -> String {
 }
 
 /// Which values a key may have, in words.
-fn allowed(schema: &Value, of: &Value) -> String {
-    let of = target(schema, of);
+fn allowed(schema: &Value, node: &Value) -> String {
+    let node = target(schema, node);
     for alternatives in ["oneOf", "anyOf"] {
-        if let Some(all) = of[alternatives].as_array() {
+        if let Some(all) = node[alternatives].as_array() {
             let all: Vec<String> = all.iter().map(|one| allowed(schema, one)).collect();
             return all.join(", or ");
         }
     }
-    if let Some(value) = of.get("const") {
+    if let Some(value) = node.get("const") {
         let about =
-            of["description"].as_str().map(|text| format!(" ({})", text.trim_end_matches('.')));
+            node["description"].as_str().map(|text| format!(" ({})", text.trim_end_matches('.')));
         return format!("{value}{}", about.unwrap_or_default());
     }
-    if let Some(values) = of["enum"].as_array() {
+    if let Some(values) = node["enum"].as_array() {
         return values.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     }
-    let bound = |key: &str, word: &str| of[key].as_f64().map(|bound| format!("{word} {bound}"));
+    let bound = |key: &str, word: &str| node[key].as_f64().map(|bound| format!("{word} {bound}"));
     let bounds = [
         bound("minimum", "at least"),
         bound("exclusiveMinimum", "above"),
@@ -173,7 +174,7 @@ fn allowed(schema: &Value, of: &Value) -> String {
         bound("exclusiveMaximum", "below"),
     ];
     let bounds: Vec<String> = bounds.into_iter().flatten().collect();
-    let kind = match of["type"].as_str() {
+    let kind = match node["type"].as_str() {
         Some("integer") => "a whole number",
         Some("number") => "a number",
         Some("string") => "text",
@@ -189,7 +190,7 @@ fn allowed(schema: &Value, of: &Value) -> String {
 mod tests {
     use super::*;
 
-    fn of(path: &str) -> String {
+    fn explained(path: &str) -> String {
         let schema = calib_study::schema();
         let found = path.split('.').try_fold(&schema, |at, part| inside(&schema, at, part));
         describe(&schema, found.expect(path), path)
@@ -197,20 +198,20 @@ mod tests {
 
     #[test]
     fn keys_and_sections_are_explained() {
-        let gamma = of("agent.gamma");
+        let gamma = explained("agent.gamma");
         assert!(gamma.starts_with("agent.gamma: ") && gamma.contains("default: 0.99"), "{gamma}");
-        let missing = of("preprocess.missing");
+        let missing = explained("preprocess.missing");
         assert!(missing.contains("\"forward_fill\""), "{missing}");
-        assert!(of("sweep").contains("sweep.member_runs"));
-        assert!(of("deployments.april.start").starts_with("deployments.april.start: "));
-        assert!(of("models.big.model.kind").starts_with("models.big.model.kind: "));
+        assert!(explained("sweep").contains("sweep.member_runs"));
+        assert!(explained("deployments.april.start").starts_with("deployments.april.start: "));
+        assert!(explained("models.big.model.kind").starts_with("models.big.model.kind: "));
     }
 
     #[test]
     fn every_key_has_a_meaning() {
         let schema = calib_study::schema();
         for key in keys(&schema, &schema, "") {
-            let text = of(&key);
+            let text = explained(&key);
             assert!(text.len() > key.len() + 12, "{key}: {text}");
         }
     }
@@ -219,7 +220,7 @@ mod tests {
     fn what_is_said_is_for_people() {
         let schema = calib_study::schema();
         for key in keys(&schema, &schema, "") {
-            let text = of(&key);
+            let text = explained(&key);
             assert!(!text.contains("[`") && !text.contains("::"), "a link of the code: {text}");
         }
         let sections = list(&schema, &schema, "");

@@ -62,7 +62,9 @@ fn show_dropped(imported: &Imported, printer: &Printer) -> Result<(), StepError>
             counted(bad_rows.count as usize, "line")
         ))?;
         let examples = bad_rows.examples.iter();
-        examples.map(|of| format!("    {of}")).try_for_each(|of| printer.result(&of))?;
+        for example in examples {
+            printer.result(&format!("    {example}"))?;
+        }
     }
     let told = [
         (*without_time, "without a timestamp of the years 1 to 9998: dropped"),

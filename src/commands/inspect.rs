@@ -72,11 +72,11 @@ fn settings(args: &InspectArgs) -> Result<Settings, StepError> {
             ..Request::new(&args.data)
         })?;
         let (study, data) = (job.study(), data_of(&job)?);
-        let of = |name: String| {
+        let with_data = |name: String| {
             let held_out = study.deployments.get(&name).cloned();
             (name, DataConfig { held_out, ..data.clone() })
         };
-        let deployments = study.deployment_names().into_iter().map(of).collect();
+        let deployments = study.deployment_names().into_iter().map(with_data).collect();
         let preprocess = study.preprocess.clone();
         return Ok(Settings { data, preprocess, deployments, job: Some(job) });
     } else {
@@ -141,8 +141,9 @@ fn show_log(profile: &Profile, printer: &Printer) -> Result<(), StepError> {
     for (number, what) in oddities.iter().filter(|(number, _)| *number > 0) {
         printer.result(&format!("{}: {what}", count(*number as usize)))?;
         if *what == BAD_ROWS {
-            let examples = profile.bad_rows.examples.iter();
-            examples.map(|of| format!("    {of}")).try_for_each(|of| printer.result(&of))?;
+            for example in &profile.bad_rows.examples {
+                printer.result(&format!("    {example}"))?;
+            }
         }
     }
     profile.sentinel_doubt().iter().for_each(|doubt| printer.warn(doubt));
@@ -202,9 +203,9 @@ fn show_parts(
     match &profile.held_out {
         Some(held_out) => printer.result(&part("held out", held_out)),
         None if deployments.is_empty() => printer.result("held out: nothing"),
-        None => deployments
-            .iter()
-            .try_for_each(|(name, of)| printer.result(&part(&format!("deployment {name}"), of))),
+        None => deployments.iter().try_for_each(|(name, profile)| {
+            printer.result(&part(&format!("deployment {name}"), profile))
+        }),
     }
 }
 

@@ -22,7 +22,7 @@ pub(super) fn show_channels(
     let limit = if args.all { profile.channels.len() } else { LISTED };
     let dropped: Vec<&ChannelProfile> =
         profile.channels.iter().filter(|channel| channel.dropped.is_some()).collect();
-    let more = |shown: usize, of: usize| match of.saturating_sub(shown) {
+    let more = |shown: usize, total: usize| match total.saturating_sub(shown) {
         0 => Ok(()),
         left => printer.result(&format!("… and {} more; --all shows them", count(left))),
     };
@@ -85,16 +85,16 @@ fn channel_row(channel: &ChannelProfile) -> Vec<String> {
     let values = channel.values.as_ref();
     let distinct = values.map_or_else(
         || "0".to_owned(),
-        |of| of.distinct.map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string()),
+        |values| values.distinct.map_or_else(|| ">256".to_owned(), |distinct| distinct.to_string()),
     );
     vec![
         channel.name.clone(),
-        number(values.map(|of| of.min)),
-        number(values.map(|of| of.max)),
-        number(values.map(|of| of.mean)),
+        number(values.map(|values| values.min)),
+        number(values.map(|values| values.max)),
+        number(values.map(|values| values.mean)),
         percent(channel.missing_fraction),
-        values.map_or_else(|| "–".to_owned(), |of| span(of.longest_stuck_secs)),
-        number(values.and_then(|of| of.smallest_change)),
+        values.map_or_else(|| "–".to_owned(), |values| span(values.longest_stuck_secs)),
+        number(values.and_then(|values| values.smallest_change)),
         distinct,
     ]
 }

@@ -100,8 +100,9 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
         Command::Check(args) => check::run(&args, printer)?,
         Command::Cluster { command } => cluster::run(command, printer)?,
         Command::Validity(args) => {
-            let of = |typed: &String| share::share(typed, |name| std::env::var(name).ok());
-            let share = args.share.as_ref().map(of).transpose()?;
+            let share = args.share.as_ref();
+            let share = share.map(|typed| share::share(typed, |name| std::env::var(name).ok()));
+            let share = share.transpose()?;
             let options = ValidityOptions { share, ..args.into() };
             calib_pipeline::validity(&options, printer)?.outcome()
         }

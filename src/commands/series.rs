@@ -122,7 +122,8 @@ fn from_parquet(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError
     }
     check_table(path, None).with_context(context)?;
     let table = read_parquet(path)?;
-    let is_numeric = |name| Table::values(&table, name).is_some_and(|of| of.numbers().is_some());
+    let is_numeric =
+        |name| Table::values(&table, name).is_some_and(|values| values.numbers().is_some());
     let names: Vec<(&str, bool)> = table.names().map(|name| (name, is_numeric(name))).collect();
     let name = names[only_numeric(path, &names)?].0;
     table.numbers(name).with_context(context)
@@ -165,12 +166,12 @@ mod tests {
 
     #[test]
     fn a_column_follows_the_extension() {
-        let of = |text: &str| source(text).map(|source| (source.path, source.column));
+        let source_of = |text: &str| source(text).map(|source| (source.path, source.column));
         let plain = (PathBuf::from("a.b/x.npy"), None);
-        assert_eq!(of("a.b/x.npy").expect("a file"), plain);
+        assert_eq!(source_of("a.b/x.npy").expect("a file"), plain);
         let column = (PathBuf::from("C:\\logs\\x.CSV"), Some("flow: total".to_owned()));
-        assert_eq!(of("C:\\logs\\x.CSV:flow: total").expect("a file"), column);
-        let message = of("x.txt").expect_err("unknown").to_string();
+        assert_eq!(source_of("C:\\logs\\x.CSV:flow: total").expect("a file"), column);
+        let message = source_of("x.txt").expect_err("unknown").to_string();
         assert!(message.contains("`x.txt`") && message.contains("FILE.parquet"), "{message}");
     }
 }

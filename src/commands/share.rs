@@ -44,12 +44,12 @@ pub(super) fn share(
             "--share must be a share and how many there are, such as 0/8 or auto/8, got '{typed}'"
         )
     };
-    let (own, of) = typed.split_once('/').with_context(form)?;
-    let of: usize = of.parse().ok().filter(|of| *of > 0).with_context(form)?;
+    let (own, count) = typed.split_once('/').with_context(form)?;
+    let count: usize = count.parse().ok().filter(|count| *count > 0).with_context(form)?;
     let number = number("--share", own, environment)?;
-    Share::new(number, of)
+    Share::new(number, count)
         .with_context(|| {
-            format!("there is no share {number} of {of}: they are 0 to {}; of an array of tasks, ask for --array=0-{}", of - 1, of - 1)
+            format!("there is no share {number} of {count}: they are 0 to {}; of an array of tasks, ask for --array=0-{}", count - 1, count - 1)
         })
 }
 
@@ -76,17 +76,17 @@ mod tests {
     #[test]
     fn systems_say_which_task_it_is() {
         let nothing = |_: &str| None;
-        let of = "--shard";
-        assert_eq!(number(of, "17", nothing).expect("typed"), 17);
-        assert_eq!(number(of, "auto", with("SLURM_ARRAY_TASK_ID", "3")).expect("an array"), 3);
-        assert_eq!(number(of, "auto", with("JOB_COMPLETION_INDEX", "0")).expect("a job"), 0);
+        let key = "--shard";
+        assert_eq!(number(key, "17", nothing).expect("typed"), 17);
+        assert_eq!(number(key, "auto", with("SLURM_ARRAY_TASK_ID", "3")).expect("an array"), 3);
+        assert_eq!(number(key, "auto", with("JOB_COMPLETION_INDEX", "0")).expect("a job"), 0);
         // GNU parallel counts from 1.
-        assert_eq!(number(of, "auto", with("PARALLEL_SEQ", "1")).expect("parallel"), 0);
+        assert_eq!(number(key, "auto", with("PARALLEL_SEQ", "1")).expect("parallel"), 0);
         for refused in [
-            number(of, "auto", nothing),
-            number(of, "auto", with("PARALLEL_SEQ", "0")),
-            number(of, "auto", with("SLURM_ARRAY_TASK_ID", "1-3")),
-            number(of, "-1", nothing),
+            number(key, "auto", nothing),
+            number(key, "auto", with("PARALLEL_SEQ", "0")),
+            number(key, "auto", with("SLURM_ARRAY_TASK_ID", "1-3")),
+            number(key, "-1", nothing),
         ] {
             assert!(refused.is_err());
         }

@@ -82,12 +82,12 @@ impl ProgressMonitor {
 
     /// How far the whole run is, when this task will take as long as it does by now.
     fn whole(&self, elapsed: Duration, left: Duration) -> String {
-        let Some(Stage { number, of, later }) = self.stage else { return String::new() };
+        let Some(Stage { number, stages, later }) = self.stage else { return String::new() };
         let all = later.filter(|later| *later > 0.0).and_then(|later| {
             let after = Duration::try_from_secs_f64((elapsed + left).as_secs_f64() * later).ok()?;
             Some(format!(", about {} for all sweeps", duration(left + after)))
         });
-        format!("; step {number} of {of}{}", all.unwrap_or_default())
+        format!("; step {number} of {stages}{}", all.unwrap_or_default())
     }
 
     /// Beside the bar, now and then.
@@ -185,7 +185,7 @@ mod tests {
         let kept = Arc::clone(&lines);
         let keep: KeepLine =
             Box::new(move |line| kept.lock().expect("whole").push(line.to_owned()));
-        let stage = Stage { number: 4, of: 5, later: None };
+        let stage = Stage { number: 4, stages: 5, later: None };
         let mut monitor = ProgressMonitor::new(Shown::No, Some(stage), Some(keep));
         monitor.begin("training", 4);
         monitor.advance(1);

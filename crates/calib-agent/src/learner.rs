@@ -109,14 +109,14 @@ pub(crate) struct Cumulants {
     /// The distinct ones, each with its value on arriving at each state of the stream.
     pub(crate) series: Vec<Vec<f32>>,
     /// Which of them each learner has.
-    pub(crate) of: Vec<usize>,
+    pub(crate) series_of: Vec<usize>,
 }
 
 impl Cumulants {
     pub(crate) fn new(learners: &[Learner<'_>], stream: &dyn Stream) -> Self {
         let mut known: Vec<&Learner<'_>> = vec![];
         let mut series = vec![];
-        let mut of = Vec::with_capacity(learners.len());
+        let mut series_of = Vec::with_capacity(learners.len());
         for learner in learners {
             let same = |other: &&Learner<'_>| other.has_cumulant_of(learner);
             let place = known.iter().position(same).unwrap_or_else(|| {
@@ -124,8 +124,8 @@ impl Cumulants {
                 series.push(learner.cumulants(stream));
                 series.len() - 1
             });
-            of.push(place);
+            series_of.push(place);
         }
-        Self { series, of }
+        Self { series, series_of }
     }
 }

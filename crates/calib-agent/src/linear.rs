@@ -52,7 +52,7 @@ impl LinearValues {
         let padded = (width + 1).next_multiple_of(LANES);
         let mut weights = Mlp::new(&[width, 1], parameter_seed(seed)).parameters().to_vec();
         weights.resize(padded, 0.0);
-        let Cumulants { series, of } = Cumulants::new(learners, stream);
+        let Cumulants { series, series_of } = Cumulants::new(learners, stream);
         let agent = |(learner, series): (&Learner<'_>, usize)| {
             let clock = TargetClock::new(learner.config.target_network_period);
             let weights =
@@ -71,7 +71,7 @@ impl LinearValues {
         states.iter_mut().skip(width).step_by(padded).for_each(|one| *one = 1.0);
         Self {
             gamma: learners[0].config.gamma as f32,
-            agents: learners.iter().zip(of).map(agent).collect(),
+            agents: learners.iter().zip(series_of).map(agent).collect(),
             cumulants: vec![[0.0; BLOCK]; series.len()],
             series,
             length: width + 1,
@@ -293,7 +293,7 @@ mod tests {
     }
 
     /// One agent that predicts the first of two columns.
-    fn of(config: &AgentConfig, stream: &RowStream) -> LinearValues {
+    fn agents_of(config: &AgentConfig, stream: &RowStream) -> LinearValues {
         let learner = Learner { config, cumulant: 0, start: None, baseline: None };
         LinearValues::new(&[learner], stream, Seed::new(1))
     }
@@ -310,7 +310,7 @@ mod tests {
     fn one_online_update_is_the_one_done_by_hand() {
         let states = States::new(vec![1.0, 0.5, 0.25, -1.0], 2, 2).expect("valid");
         let stream = RowStream::unbroken(states, vec![RowIndex::new(0), RowIndex::new(1)]);
-        let mut agents = of(&sgd(0.5, 0.5), &stream);
+        let mut agents = agents_of(&sgd(0.5, 0.5), &stream);
         agents.agents[0].weights[..3].copy_from_slice(&[2.0, -1.0, 0.5]);
         // v(s) = 2 − 0.5 + 0.5 = 2, v(s') = 0.5 + 1 + 0.5 = 2, δ = 0.25 + 0.5 · 2 − 2 = −0.75.
         let learned = online(&mut agents, &stream, 0);
@@ -346,7 +346,7 @@ mod tests {
             }
         }
         let expected = solve(system);
-        let mut agents = of(&sgd(0.3, gamma), &stream);
+        let mut agents = agents_of(&sgd(0.3, gamma), &stream);
         let all: Vec<usize> = (0..n - 1).collect();
         let batch = Batch { stream: &stream, starts: &all, present: None };
         for _ in 0..3_000 {

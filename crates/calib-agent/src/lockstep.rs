@@ -85,7 +85,7 @@ pub fn train_together(
         }
     }
     monitor.advance(steps.saturating_sub(reported));
-    Ok(outcomes.into_iter().map(|of| of.into_iter().flatten().collect()).collect())
+    Ok(outcomes.into_iter().map(|outcome| outcome.into_iter().flatten().collect()).collect())
 }
 
 /// Check that an accelerator trains such agents: networks in single precision.

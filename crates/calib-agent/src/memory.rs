@@ -114,32 +114,32 @@ mod tests {
     fn pre_training_grows_with_what_is_kept() {
         let agent = AgentConfig { batch_size: 4, hidden_units: 8, ..AgentConfig::default() };
         let settings = PretrainSettings { epochs: 1, patience: 0, validation_fraction: 0.1 };
-        let of = |settings, sensors, threads| {
+        let bytes = |settings, sensors, threads| {
             pretraining_bytes(&agent, settings, sensors, 10, 1000, threads)
         };
         let work = 9 * (27 + 16) + 169;
         let one = 4 * (9 * 169 + work + 100) + 16_000;
-        assert_eq!(of(settings, 1, 2), one, "no more threads than agents");
-        assert_eq!(of(settings, 2, 2), one + 4 * (9 * 169 + work + 100));
-        assert_eq!(of(PretrainSettings { patience: 3, ..settings }, 1, 2), one + 4 * 9 * 169);
+        assert_eq!(bytes(settings, 1, 2), one, "no more threads than agents");
+        assert_eq!(bytes(settings, 2, 2), one + 4 * (9 * 169 + work + 100));
+        assert_eq!(bytes(PretrainSettings { patience: 3, ..settings }, 1, 2), one + 4 * 9 * 169);
     }
 
     #[test]
     fn the_largest_population_counts() {
         let small = AgentConfig { batch_size: 4, hidden_units: 8, ..AgentConfig::default() };
-        let of = |agents: &[AgentConfig]| training_bytes(agents, 1, 10, 1000);
+        let bytes = |agents: &[AgentConfig]| training_bytes(agents, 1, 10, 1000);
         // 10 · 8 + 8 + 8 · 8 + 8 + 8 + 1 = 169 parameters; 9 rows of 10 + 8 + 8 + 1 values and two of 8.
         let expected = 4 * (9 * 169 + 9 * (27 + 16) + 169 + 1000) + 8 * 1000;
-        assert_eq!(of(std::slice::from_ref(&small)), expected);
+        assert_eq!(bytes(std::slice::from_ref(&small)), expected);
         let faster = AgentConfig { learning_rate: 0.5, ..small.clone() };
-        assert_eq!(of(&[small.clone(), faster]), expected + 4 * 9 * 169, "in one population");
+        assert_eq!(bytes(&[small.clone(), faster]), expected + 4 * 9 * 169, "in one population");
         let other = AgentConfig { gamma: 0.5, ..small.clone() };
-        assert_eq!(of(&[small.clone(), other]), expected, "one after the other");
+        assert_eq!(bytes(&[small.clone(), other]), expected, "one after the other");
         let traced = AgentConfig { traces: vec![0.9], ..small.clone() };
-        assert!(of(&[traced]) > expected + 4 * 20 * 1000);
+        assert!(bytes(&[traced]) > expected + 4 * 20 * 1000);
         // 32 · 32 + 32 three times; 9 rows of 10 + 32 + 32 + 96 values instead of the 43 above.
         let rounded = AgentConfig { precision: Precision::Bf16, ..small.clone() };
-        assert_eq!(of(&[rounded]), expected + 4 * (3 * 33 * 32 + 9 * (170 - 43)));
+        assert_eq!(bytes(&[rounded]), expected + 4 * (3 * 33 * 32 + 9 * (170 - 43)));
         let sensors = training_bytes(&[small], 3, 10, 1000);
         assert_eq!(sensors, expected + 2 * (4 * 9 * 169 + 8 * 1000));
     }

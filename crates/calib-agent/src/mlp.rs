@@ -63,7 +63,7 @@ impl MlpValues {
         // Weights and bias of the output come last. Hidden layers keep their draws, or nothing would ever be learnt.
         zeroed[count - network.hidden_units() - 1..].fill(0.0);
         zero_output.set_parameters(&zeroed);
-        let Cumulants { series, of } = Cumulants::new(learners, stream);
+        let Cumulants { series, series_of } = Cumulants::new(learners, stream);
         let agent = |(learner, series): (&Learner<'_>, usize)| {
             let clock = TargetClock::new(learner.config.target_network_period);
             let network = if learner.baseline.is_some() { &zero_output } else { &network };
@@ -79,7 +79,7 @@ impl MlpValues {
         };
         Self {
             gamma: shape.gamma as f32,
-            agents: learners.iter().zip(of).map(agent).collect(),
+            agents: learners.iter().zip(series_of).map(agent).collect(),
             pass,
             cumulants: Vec::with_capacity(series.len() * batch),
             series,

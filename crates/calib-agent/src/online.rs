@@ -217,7 +217,7 @@ impl OnlineValues {
     /// Agents of one discount factor. All weights begin with 0.
     pub(crate) fn new(learners: &[Learner<'_>], stream: &dyn Stream) -> Self {
         let length = stream.width() + 1;
-        let Cumulants { series, of } = Cumulants::new(learners, stream);
+        let Cumulants { series, series_of } = Cumulants::new(learners, stream);
         let agent = |(learner, series): (&Learner<'_>, usize)| {
             let rule = Rule::of(learner.config);
             Agent {
@@ -231,7 +231,7 @@ impl OnlineValues {
         };
         Self {
             gamma: learners[0].config.gamma as f32,
-            agents: learners.iter().zip(of).map(agent).collect(),
+            agents: learners.iter().zip(series_of).map(agent).collect(),
             series,
             features: vec![1.0; length],
         }

@@ -86,7 +86,7 @@ mod tests {
         assert_eq!((&scored.scores, &scored.curve), (&trained[0].scores, &trained[0].curve));
         assert_eq!((scored.updates, scored.steps, scored.diverged), (3, 119, None));
         let returns: Vec<f32> =
-            discounted_returns(&stream, 0, 0.5)[..119].iter().map(|of| *of as f32).collect();
+            discounted_returns(&stream, 0, 0.5)[..119].iter().map(|value| *value as f32).collect();
         let perfect = score_predictions(&stream, 0, 0.5, &returns, 0, curve).expect("scored");
         assert!(perfect.scores.of(Part::WholeRun).expect("steps").rmse < 1e-6);
     }

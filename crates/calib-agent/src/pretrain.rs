@@ -328,7 +328,7 @@ impl<'a> PretrainRun<'a> {
     fn finish(mut self) -> Vec<Result<Pretrained, PretrainingDiverged>> {
         let last: Vec<Checkpoint> =
             (0..self.courses.len()).map(|learner| self.state(learner).checkpoint).collect();
-        let of = |((course, last), best): ((Course, Checkpoint), Option<Checkpoint>)| {
+        let outcome = |((course, last), best): ((Course, Checkpoint), Option<Checkpoint>)| {
             if let Some(epoch) = course.diverged {
                 return Err(PretrainingDiverged { epoch });
             }
@@ -336,7 +336,7 @@ impl<'a> PretrainRun<'a> {
             Ok(Pretrained { checkpoint: best.unwrap_or(last), epoch, curve: course.curve })
         };
         let courses = std::mem::take(&mut self.courses).into_iter();
-        courses.zip(last).zip(self.best).map(of).collect()
+        courses.zip(last).zip(self.best).map(outcome).collect()
     }
 }
 

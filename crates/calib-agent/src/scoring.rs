@@ -89,9 +89,9 @@ impl Scores {
         }
     }
 
-    /// The scores that `of` gives for each part.
-    pub(crate) fn each(mut of: impl FnMut(Part) -> Option<PartScore>) -> Self {
-        let [whole_run, after_first_quarter, final_quarter] = Part::ALL.map(&mut of);
+    /// The scores that `score` gives for each part.
+    pub(crate) fn each(mut score: impl FnMut(Part) -> Option<PartScore>) -> Self {
+        let [whole_run, after_first_quarter, final_quarter] = Part::ALL.map(&mut score);
         Self { whole_run, after_first_quarter, final_quarter }
     }
 }
@@ -196,7 +196,8 @@ mod tests {
         let scored = ScoredReturns::new(&returns, &pieces, 0.5, 20..30).expect("some");
         assert_eq!((scored.steps, scored.mean), (3, 21.0));
         assert!((scored.std - (2.0_f64 / 3.0).sqrt()).abs() < 1e-12);
-        let steps = |part| ScoredReturns::new(&returns, &pieces, 0.5, part).map(|of| of.steps);
+        let steps =
+            |part| ScoredReturns::new(&returns, &pieces, 0.5, part).map(|scored| scored.steps);
         assert_eq!(steps(0..30), Some(16));
         assert_eq!(steps(0..12), Some(5), "the run ends, the stream goes on");
         assert_eq!(steps(3..10), None);

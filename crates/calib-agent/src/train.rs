@@ -138,7 +138,8 @@ pub fn train_learners(
             if let Some(kept) = kept.as_ref().filter(|_| number == finished) {
                 let place = |learner: usize| members.iter().position(|&member| member == learner);
                 let values = kept.values.iter();
-                let values = values.filter_map(|(learner, of)| Some((place(*learner)?, of)));
+                let values =
+                    values.filter_map(|(learner, values)| Some((place(*learner)?, values)));
                 population.resume(kept.progress.step, values);
             }
             let work_per_step = work_per_step(&of_group, stream.width());
@@ -155,7 +156,8 @@ pub fn train_learners(
                     for (&member, tracker) in members.iter().zip(population.trackers()) {
                         trackers[member] = tracker.clone();
                     }
-                    let values = population.values().map(|(agent, of)| (members[agent], of));
+                    let values =
+                        population.values().map(|(agent, values)| (members[agent], values));
                     let progress = RunProgress { populations: number, step, trackers };
                     let state = RunState { progress, values: values.collect() };
                     keeper.keep(state).map_err(AgentError::Keep)?;

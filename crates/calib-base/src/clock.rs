@@ -66,14 +66,14 @@ const DAY_MICROS: i128 = 86_400_000_000;
 
 /// What something took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Taken {
+pub struct TimeTaken {
     /// On the clock.
     pub secs: f64,
     /// On all processors together, which other work on the machine hardly changes; 0 where the system does not say.
     pub processor_secs: f64,
 }
 
-impl Taken {
+impl TimeTaken {
     /// By this work.
     pub fn by<T>(work: impl FnOnce() -> T) -> (T, Self) {
         let (clock, before) = (Stopwatch::start(), processor_secs());
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn what_work_took_is_told_with_what_it_made() {
-        let (made, taken) = Taken::by(|| 7);
+        let (made, taken) = TimeTaken::by(|| 7);
         assert_eq!(made, 7);
         assert!(taken.secs >= 0.0 && taken.processor_secs >= 0.0, "{taken:?}");
     }

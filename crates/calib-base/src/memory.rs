@@ -174,8 +174,8 @@ fn limits(root: &Path, groups: &str) -> Vec<u64> {
             // prepared is nothing else.
             let told = fs::read_to_string(directory.join("memory.stat")).unwrap_or_default();
             let pages = |line: &str| -> Option<u64> {
-                let of = |name| line.strip_prefix(name);
-                of("inactive_file ").or_else(|| of("active_file "))?.trim().parse().ok()
+                let inactive = line.strip_prefix("inactive_file ");
+                inactive.or_else(|| line.strip_prefix("active_file "))?.trim().parse().ok()
             };
             let cached: u64 = told.lines().filter_map(pages).sum();
             left.push(limit.saturating_sub(used.saturating_sub(cached)));

@@ -149,7 +149,7 @@ pub struct ClusterSubmitOptions {
     /// What the plan cannot know of the cluster.
     pub config: Option<PathBuf>,
     /// Which shards.
-    pub of: Of,
+    pub shards: ShardsToSubmit,
     /// Whether anything is.
     pub submission: Submission,
 }
@@ -167,7 +167,7 @@ pub enum Engine {
 
 /// Which shards are handed over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Of {
+pub enum ShardsToSubmit {
     /// All.
     All,
     /// Those that are not done.

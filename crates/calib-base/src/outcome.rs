@@ -24,19 +24,19 @@ pub trait Told<S = Job> {
         Outcome::Done
     }
 
-    /// Tell it: lines and tables for people, JSON for machines; then what to type next on what it is `of`.
+    /// Tell it: lines and tables for people, JSON for machines; then what to type next on its `subject`.
     ///
     /// # Errors
     /// If it cannot be passed on.
-    fn tell(&self, of: &S, printer: &Printer) -> Result<(), StepError>;
+    fn tell(&self, subject: &S, printer: &Printer) -> Result<(), StepError>;
 }
 
 /// Tell a `result`, and hand it on.
 ///
 /// # Errors
 /// If it cannot be passed on.
-pub fn told<S, T: Told<S>>(result: T, of: &S, printer: &Printer) -> Result<T, StepError> {
-    result.tell(of, printer)?;
+pub fn told<S, T: Told<S>>(result: T, subject: &S, printer: &Printer) -> Result<T, StepError> {
+    result.tell(subject, printer)?;
     Ok(result)
 }
 
@@ -62,8 +62,8 @@ impl<S> Told<S> for NoPlan {
 }
 
 impl<S, P: Told<S>> Told<S> for Option<P> {
-    fn tell(&self, of: &S, printer: &Printer) -> Result<(), StepError> {
-        self.as_ref().map_or(Ok(()), |plan| plan.tell(of, printer))
+    fn tell(&self, subject: &S, printer: &Printer) -> Result<(), StepError> {
+        self.as_ref().map_or(Ok(()), |plan| plan.tell(subject, printer))
     }
 }
 
@@ -95,10 +95,10 @@ impl<S, T: Told<S>, P: Told<S>> Told<S> for StepResult<T, P> {
         }
     }
 
-    fn tell(&self, of: &S, printer: &Printer) -> Result<(), StepError> {
+    fn tell(&self, subject: &S, printer: &Printer) -> Result<(), StepError> {
         match self {
-            Self::Made(result) => result.tell(of, printer),
-            Self::Planned(plan) => plan.tell(of, printer),
+            Self::Made(result) => result.tell(subject, printer),
+            Self::Planned(plan) => plan.tell(subject, printer),
             Self::Nothing(_) => Ok(()),
         }
     }

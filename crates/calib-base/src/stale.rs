@@ -47,7 +47,7 @@ const DECISIVE: &str = "model.kind";
 /// The keys that differ, with both values.
 fn told(differences: &[Difference]) -> String {
     let (decisive, others): (Vec<&Difference>, Vec<&Difference>) =
-        differences.iter().partition(|of| of.key == DECISIVE);
+        differences.iter().partition(|difference| difference.key == DECISIVE);
     let all = decisive.into_iter().chain(others);
     let mut told: Vec<String> = all.take(TOLD).map(ToString::to_string).collect();
     match differences.len().saturating_sub(TOLD) {

@@ -172,7 +172,7 @@ mod tests {
         let life = lived(1, span);
         // A reward of 1 a step.
         assert_eq!(life.returns.iter().sum::<f64>() + life.rest, 3000.0);
-        assert!(life.returns.iter().all(|&of| of <= 50.0) && life.returns.len() > 50);
+        assert!(life.returns.iter().all(|&value| value <= 50.0) && life.returns.len() > 50);
         assert!(life.terminals < life.returns.len(), "some are cut at their timeout");
         let episodes = life.returns.len() as f64 + life.rest / 50.0;
         assert!((life.mean_return() - 3000.0 / episodes).abs() < 1e-9);

@@ -158,8 +158,8 @@ impl Behaviour {
         match self {
             Self::Random => {}
             Self::Fixed { rule, ranges, says, .. } => {
-                let own = |(&of, (_, low, high)): (&f32, &(_, f64, f64))| {
-                    low + f64::from(of) * (high - low)
+                let own = |(&scaled, (_, low, high)): (&f32, &(_, f64, f64))| {
+                    low + f64::from(scaled) * (high - low)
                 };
                 let observed: Vec<f64> = state.iter().zip(*ranges).map(own).collect();
                 *says = rule(&observed);
@@ -314,10 +314,10 @@ mod tests {
         let agent = Agent::new(AgentConfig { temperature: 1.0, ..AgentConfig::default() }, 4, 2);
         let span = RunLength { steps: 2000, timeout: 200 };
         let learnt = Behaviour::learnt(agent, &mut world, 1e9, span, Seed::new(2));
-        let of = |behaviour: Behaviour| {
+        let recording = |behaviour: Behaviour| {
             record(&mut behaviour.perturbed(0.3), &mut cart_pole(), 4000, 50, Seed::new(4))
         };
-        for recorded in [of(learnt), of(Behaviour::Random)] {
+        for recorded in [recording(learnt), recording(Behaviour::Random)] {
             let taken = recorded.actions.iter().zip(&recorded.probabilities);
             let (mut expected, mut ones) = (0.0, 0.0);
             for (action, &probability) in taken {
@@ -340,13 +340,13 @@ mod tests {
         let span = RunLength { steps: 20_000, timeout: 200 };
         let agent = Agent::new(AgentConfig::default(), 4, 2);
         let mut learnt = Behaviour::learnt(agent, &mut world, 80.0, span, Seed::new(2));
-        let of = |behaviour: &mut Behaviour| {
+        let mean_return = |behaviour: &mut Behaviour| {
             behaviour.mean_return(&mut cart_pole(), 50, 200, Seed::new(3))
         };
         let mut half = learnt.clone().perturbed(Quality::Medium.random_share());
-        let (learnt, random) = (of(&mut learnt), of(&mut Behaviour::Random));
+        let (learnt, random) = (mean_return(&mut learnt), mean_return(&mut Behaviour::Random));
         assert!(learnt > 50.0 && random < 30.0, "{learnt} {random}");
-        let half = of(&mut half);
+        let half = mean_return(&mut half);
         assert!(half < learnt && half > random, "{random} {half} {learnt}");
     }
 }

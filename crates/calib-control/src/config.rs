@@ -167,7 +167,7 @@ impl ControlConfig {
 
     /// The key of `[control]` that names one of these columns.
     pub fn key_of(&self, column: &str) -> &'static str {
-        let is_it = |of: &String| of == column;
+        let is_it = |name: &String| name == column;
         match self {
             _ if self.actions.iter().any(is_it) => "actions",
             _ if self.reward.columns().any(is_it) => "reward",

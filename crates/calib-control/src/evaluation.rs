@@ -107,7 +107,7 @@ fn evaluated(
     let rewards = log.rewards().iter().copied().map(f64::from);
     let extreme = |reward: f64, other: f64| (timeout as f64 * reward).min(other.min(reward));
     let lowest = extreme(rewards.clone().fold(f64::INFINITY, f64::min), 0.0);
-    let highest = -extreme(rewards.map(|of| -of).fold(f64::INFINITY, f64::min), 0.0);
+    let highest = -extreme(rewards.map(|reward| -reward).fold(f64::INFINITY, f64::min), 0.0);
     let step = STEP / tiles.active() as f64;
     for _ in 0..PASSES {
         for number in (0..log.len()).rev() {
@@ -143,11 +143,11 @@ fn evaluated(
 
 /// Σ π(a) q(a) at `features`.
 fn mean_value(weights: &[f64], length: usize, policy: &[f64], features: &[u32]) -> f64 {
-    let of = |(action, probability): (usize, &f64)| {
+    let expected_value = |(action, probability): (usize, &f64)| {
         let own = &weights[action * length..][..length];
         probability * features.iter().map(|&feature| own[feature as usize]).sum::<f64>()
     };
-    policy.iter().enumerate().map(of).sum()
+    policy.iter().enumerate().map(expected_value).sum()
 }
 
 #[cfg(test)]

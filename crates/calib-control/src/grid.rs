@@ -99,21 +99,25 @@ impl Grid {
     /// If a list is empty or has a value twice, no algorithm uses a field, or a value is not one that its field can have.
     pub fn candidates(&self, agent: AgentConfig) -> Result<Vec<AgentConfig>, ControlError> {
         let mut all = vec![agent];
-        each(&mut all, "algorithm", self.algorithm.as_ref(), |of, value| of.algorithm = value)?;
-        each(&mut all, "step_size", self.step_size.as_ref(), |of, value| of.step_size = value)?;
-        each(&mut all, "beta1", self.beta1.as_ref(), |of, value| of.beta1 = value)?;
-        each(&mut all, "temperature", self.temperature.as_ref(), |of, value| {
-            of.temperature = value;
+        each(&mut all, "algorithm", self.algorithm.as_ref(), |agent, value| {
+            agent.algorithm = value;
         })?;
-        each(&mut all, "epsilon", self.epsilon.as_ref(), |of, value| of.epsilon = value)?;
-        each(&mut all, "initial_weight", self.initial_weight.as_ref(), |of, value| {
-            of.initial_weight = value;
+        each(&mut all, "step_size", self.step_size.as_ref(), |agent, value| {
+            agent.step_size = value;
         })?;
-        each(&mut all, "lambda", self.lambda.as_ref(), |of, value| of.lambda = value)?;
-        each(&mut all, "tilings", self.tilings.as_ref(), |of, value| of.tilings = value)?;
-        each(&mut all, "tiles", self.tiles.as_ref(), |of, value| of.tiles = value)?;
-        each(&mut all, "pairs", self.pairs.as_ref(), |of, value| of.pairs = value)?;
-        each(&mut all, "gamma", self.gamma.as_ref(), |of, value| of.gamma = value)?;
+        each(&mut all, "beta1", self.beta1.as_ref(), |agent, value| agent.beta1 = value)?;
+        each(&mut all, "temperature", self.temperature.as_ref(), |agent, value| {
+            agent.temperature = value;
+        })?;
+        each(&mut all, "epsilon", self.epsilon.as_ref(), |agent, value| agent.epsilon = value)?;
+        each(&mut all, "initial_weight", self.initial_weight.as_ref(), |agent, value| {
+            agent.initial_weight = value;
+        })?;
+        each(&mut all, "lambda", self.lambda.as_ref(), |agent, value| agent.lambda = value)?;
+        each(&mut all, "tilings", self.tilings.as_ref(), |agent, value| agent.tilings = value)?;
+        each(&mut all, "tiles", self.tiles.as_ref(), |agent, value| agent.tiles = value)?;
+        each(&mut all, "pairs", self.pairs.as_ref(), |agent, value| agent.pairs = value)?;
+        each(&mut all, "gamma", self.gamma.as_ref(), |agent, value| agent.gamma = value)?;
         self.networks(&mut all)?;
         all.iter().try_for_each(AgentConfig::check)?;
         Ok(all)
@@ -121,15 +125,17 @@ impl Grid {
 
     /// The fields of networks.
     fn networks(&self, all: &mut Vec<AgentConfig>) -> Result<(), ControlError> {
-        each(all, "hidden_width", self.hidden_width.as_ref(), |of, value| {
-            of.hidden_width = value;
+        each(all, "hidden_width", self.hidden_width.as_ref(), |agent, value| {
+            agent.hidden_width = value;
         })?;
-        each(all, "hidden_layers", self.hidden_layers.as_ref(), |of, value| {
-            of.hidden_layers = value;
+        each(all, "hidden_layers", self.hidden_layers.as_ref(), |agent, value| {
+            agent.hidden_layers = value;
         })?;
-        each(all, "batch", self.batch.as_ref(), |of, value| of.batch = value)?;
-        each(all, "replay", self.replay.as_ref(), |of, value| of.replay = value)?;
-        each(all, "target_steps", self.target_steps.as_ref(), |of, value| of.target_steps = value)
+        each(all, "batch", self.batch.as_ref(), |agent, value| agent.batch = value)?;
+        each(all, "replay", self.replay.as_ref(), |agent, value| agent.replay = value)?;
+        each(all, "target_steps", self.target_steps.as_ref(), |agent, value| {
+            agent.target_steps = value;
+        })
     }
 
     /// What distinguishes candidates: the names of swept fields and how a candidate has them.
@@ -172,7 +178,7 @@ mod tests {
             assert!(!all[..number].contains(one));
         }
         let told = Grid::published().told(&all[1]);
-        let names: Vec<_> = told.iter().map(|of| of.0).collect();
+        let names: Vec<_> = told.iter().map(|field| field.0).collect();
         assert_eq!(names, ["step_size", "beta1", "temperature", "initial_weight"]);
         assert_eq!(told[3].1, "8", "the last field changes fastest");
     }

@@ -65,12 +65,12 @@ fn log_ratios(log: &Decisions, logged: &[f64], config: AgentConfig, updates: usi
         log.states().row(log.transitions().source(TransitionIndex::new(number)).get())
     };
     let all = policies(&mut agent, &config, (0..log.len()).map(source));
-    let of = |(number, policy): (usize, &[f64])| {
+    let log_ratio = |(number, policy): (usize, &[f64])| {
         let own = policy[usize::from(log.actions()[number])];
         // A policy that diverged does nothing that was recorded.
         if own > 0.0 { own.ln() - logged[number].ln() } else { f64::NEG_INFINITY }
     };
-    all.chunks(log.levels()).enumerate().map(of).collect()
+    all.chunks(log.levels()).enumerate().map(log_ratio).collect()
 }
 
 fn episodes<'a>(log: &'a Decisions, log_ratios: &[f64]) -> Vec<Episode<'a>> {
@@ -85,7 +85,8 @@ fn episodes<'a>(log: &'a Decisions, log_ratios: &[f64]) -> Vec<Episode<'a>> {
 
 /// The estimate of [`importance_sampling`] from the episodes.
 fn estimate(episodes: &[Episode<'_>], gamma: f64, timeout: usize) -> Importance {
-    let longest = episodes.iter().map(|of| of.rewards.len()).max().unwrap_or(0).min(timeout);
+    let longest =
+        episodes.iter().map(|episode| episode.rewards.len()).max().unwrap_or(0).min(timeout);
     let mut weights = vec![0.0; episodes.len()];
     let (mut value, mut discount) = (0.0, 1.0);
     for step in 0..longest {
@@ -99,13 +100,15 @@ fn estimate(episodes: &[Episode<'_>], gamma: f64, timeout: usize) -> Importance 
             }
         }
         // Products of hundreds of ratios leave the range of numbers: only what they are beside the largest matters.
-        let largest = counted.iter().map(|of| of.0).fold(f64::NEG_INFINITY, f64::max);
+        let largest = counted.iter().map(|weighted| weighted.0).fold(f64::NEG_INFINITY, f64::max);
         if largest == f64::NEG_INFINITY {
             return Importance { value: None, effective_episodes: 0.0 };
         }
         let beside = |weight: f64| (weight - largest).exp();
-        let sum: f64 = counted.iter().map(|of| beside(of.0)).sum();
-        value += discount * counted.iter().map(|of| beside(of.0) * of.1).sum::<f64>() / sum;
+        let sum: f64 = counted.iter().map(|weighted| beside(weighted.0)).sum();
+        value += discount
+            * counted.iter().map(|weighted| beside(weighted.0) * weighted.1).sum::<f64>()
+            / sum;
         discount *= gamma;
     }
     Importance { value: Some(value), effective_episodes: effective(&weights) }

@@ -29,7 +29,7 @@ impl Levels {
         let mut values: Vec<Vec<f64>> = Vec::new();
         for row in 0..rows {
             let Some(here) = of_row(row) else { continue };
-            if let Err(place) = values.binary_search_by(|of| compare(of, &here)) {
+            if let Err(place) = values.binary_search_by(|level| compare(level, &here)) {
                 if values.len() == most {
                     return Err(ControlError::ManyActions { most });
                 }
@@ -38,7 +38,7 @@ impl Levels {
         }
         let number = |row: usize| {
             let here = of_row(row)?;
-            values.binary_search_by(|of| compare(of, &here)).ok().map(|of| of as u16)
+            values.binary_search_by(|level| compare(level, &here)).ok().map(|place| place as u16)
         };
         let of_rows = (0..rows).map(number).collect();
         Ok(Self { values, of_rows })

@@ -56,7 +56,7 @@ impl Decisions {
             ("rewards", columns.rewards.len()),
             ("terminals", columns.endings.len()),
         ];
-        if let Some(&(what, got)) = lengths.iter().find(|of| of.1 != rows) {
+        if let Some(&(what, got)) = lengths.iter().find(|length| length.1 != rows) {
             return Err(ControlError::Rows { what, expected: rows, got });
         }
         let transitions = Transitions::new(Segments::from_lengths(episodes(segments, &columns))?);
@@ -201,7 +201,7 @@ impl Decisions {
 
     /// The transitions with `action`, ascending.
     pub fn with_action(&self, action: usize) -> Vec<u32> {
-        let is = |&(_, &of): &(usize, &u16)| usize::from(of) == action;
+        let is = |&(_, &taken): &(usize, &u16)| usize::from(taken) == action;
         self.actions.iter().enumerate().filter(is).map(|(number, _)| number as u32).collect()
     }
 

@@ -91,7 +91,8 @@ pub(crate) mod tests {
         }
         let rows = actions.len();
         let states = States::new((0..rows).map(|row| row as f32).collect(), rows, 1);
-        let segments = Segments::from_lengths(episodes.iter().map(|of| of.0 + 1)).expect("valid");
+        let segments =
+            Segments::from_lengths(episodes.iter().map(|episode| episode.0 + 1)).expect("valid");
         let columns = Columns { actions: &actions, rewards: &rewards, endings: &endings };
         Decisions::new(states.expect("valid"), &segments, columns, 2).expect("valid")
     }
@@ -112,20 +113,22 @@ pub(crate) mod tests {
         // One that the end of the log cut after a fifth.
         near(mean(&[(100, ON), (100, ON), (20, ON)], 100), -100.0);
         // Terminals end whole episodes, however short.
-        let of = log(&[(40, END), (60, END), (25, ON)]).recorded_return(100).expect("numbers");
-        near(of.mean, -125.0 / 2.25);
-        near(of.episodes, 2.25);
-        assert_eq!((of.best, of.worst), (Some(-40.0), Some(-60.0)));
+        let recorded =
+            log(&[(40, END), (60, END), (25, ON)]).recorded_return(100).expect("numbers");
+        near(recorded.mean, -125.0 / 2.25);
+        near(recorded.episodes, 2.25);
+        assert_eq!((recorded.best, recorded.worst), (Some(-40.0), Some(-60.0)));
         // Less than an episode is not told as one.
-        let of = log(&[(25, ON)]).recorded_return(100).expect("numbers");
-        near(of.mean, -100.0);
-        assert_eq!((of.best, of.worst, of.interval), (None, None, None));
+        let recorded = log(&[(25, ON)]).recorded_return(100).expect("numbers");
+        near(recorded.mean, -100.0);
+        assert_eq!((recorded.best, recorded.worst, recorded.interval), (None, None, None));
     }
 
     #[test]
     fn the_interval_is_that_of_the_quotient_of_sums() {
-        let of = log(&[(40, END), (60, END), (25, ON)]).recorded_return(100).expect("numbers");
+        let recorded =
+            log(&[(40, END), (60, END), (25, ON)]).recorded_return(100).expect("numbers");
         let own = ratio_of_sums(&[-40.0, -60.0, -25.0], &[1.0, 1.0, 0.25]).expect("three");
-        assert_eq!(of.interval, own.interval);
+        assert_eq!(recorded.interval, own.interval);
     }
 }

@@ -125,7 +125,7 @@ impl Reward {
         }
         for term in terms {
             let numbers = [Some(term.weight), term.set_point, term.low, term.high];
-            if let Some(got) = numbers.into_iter().flatten().find(|of| !of.is_finite()) {
+            if let Some(got) = numbers.into_iter().flatten().find(|number| !number.is_finite()) {
                 let expected = "finite numbers";
                 return Err(ControlError::Field { field: "reward", got, expected });
             }
@@ -158,9 +158,9 @@ mod tests {
     #[test]
     fn terms_add_up_row_by_row() {
         let reward = Reward::Terms(vec![term(None, None, None), term(None, None, Some(2.0))]);
-        let of = reward.of(3, |_| vec![1.0, 4.0, f64::NAN]);
-        assert_eq!(of[..2], [-2.0, -12.0]);
-        assert!(of[2].is_nan());
+        let rewards = reward.of(3, |_| vec![1.0, 4.0, f64::NAN]);
+        assert_eq!(rewards[..2], [-2.0, -12.0]);
+        assert!(rewards[2].is_nan());
         assert_eq!(Reward::Column("x".to_owned()).of(2, |_| vec![7.0, 8.0]), [7.0, 8.0]);
     }
 

@@ -16,7 +16,8 @@ pub struct Settings {
 
 /// The levels of one column: its own values where there are no more than `levels`, else an even grid from the least to the largest.
 fn of_column(column: &[f64], levels: usize) -> Vec<f64> {
-    let mut own: Vec<f64> = column.iter().map(|of| of + 0.0).filter(|of| !of.is_nan()).collect();
+    let mut own: Vec<f64> =
+        column.iter().map(|value| value + 0.0).filter(|value| !value.is_nan()).collect();
     own.sort_by(f64::total_cmp);
     own.dedup();
     let (Some(&low), Some(&high)) = (own.first(), own.last()) else { return own };
@@ -51,10 +52,10 @@ impl Levels {
             if values.len() * column.len() > most {
                 return Err(ControlError::ManyLevels { most });
             }
-            let with = |of: &Vec<f64>, value: f64| [&of[..], &[value]].concat();
+            let with = |settings: &Vec<f64>, value: f64| [&settings[..], &[value]].concat();
             values = values
                 .iter()
-                .flat_map(|of| column.iter().map(move |&value| with(of, value)))
+                .flat_map(|settings| column.iter().map(move |&value| with(settings, value)))
                 .collect();
         }
         let ranges: Vec<f64> = own
@@ -66,16 +67,16 @@ impl Levels {
             .collect();
         let lows: Vec<f64> =
             own.iter().map(|column| column.first().copied().unwrap_or(0.0)).collect();
-        let shares = |of: &[f64]| -> Vec<f32> {
-            let each = of.iter().zip(&lows).zip(&ranges);
+        let shares = |values: &[f64]| -> Vec<f32> {
+            let each = values.iter().zip(&lows).zip(&ranges);
             each.map(|((value, low), range)| ((value - low) / range) as f32).collect()
         };
-        let of_levels: Vec<f32> = values.iter().flat_map(|of| shares(of)).collect();
+        let of_levels: Vec<f32> = values.iter().flat_map(|set| shares(set)).collect();
         let (width, rows) = (columns.len(), columns.first().map_or(0, Vec::len));
         let (mut of_rows, mut nearest) = (Vec::with_capacity(rows * width), Vec::new());
         for row in 0..rows {
             let set: Vec<f64> = columns.iter().map(|column| column[row]).collect();
-            let there = set.iter().all(|of| !of.is_nan());
+            let there = set.iter().all(|value| !value.is_nan());
             let set = if there { shares(&set) } else { vec![0.0; width] };
             nearest.push(there.then(|| nearest_of(&of_levels, &set)));
             of_rows.extend(set);
@@ -91,7 +92,7 @@ fn nearest_of(levels: &[f32], set: &[f32]) -> u16 {
         level.iter().zip(set).map(|(level, set)| (level - set).powi(2)).sum()
     };
     let distances = levels.chunks(set.len()).map(squared).enumerate();
-    distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |of| of.0 as u16)
+    distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |nearest| nearest.0 as u16)
 }
 
 impl Settings {
@@ -155,14 +156,14 @@ impl Settings {
 fn joined<'a>(
     rows: usize,
     columns: usize,
-    of: impl Fn(usize) -> (&'a [f32], &'a [f32]),
+    at_row: impl Fn(usize) -> (&'a [f32], &'a [f32]),
     weight: f64,
 ) -> Result<States, ControlError> {
     let mut values = Vec::new();
     for row in 0..rows {
-        let (state, set) = of(row);
+        let (state, set) = at_row(row);
         values.extend_from_slice(state);
-        values.extend(set.iter().map(|of| (weight * f64::from(*of)) as f32));
+        values.extend(set.iter().map(|value| (weight * f64::from(*value)) as f32));
     }
     let width = values.len().checked_div(rows).unwrap_or(columns);
     Ok(States::new(values, rows, width)?)

@@ -19,17 +19,20 @@ impl Decisions {
 
     fn spread(&self, action: usize) -> Result<Vec<Spread>, ControlError> {
         let sources = self.transitions().sources();
-        let rows: Vec<usize> =
-            self.with_action(action).iter().map(|&of| sources[of as usize] as usize).collect();
+        let rows: Vec<usize> = self
+            .with_action(action)
+            .iter()
+            .map(|&transition| sources[transition as usize] as usize)
+            .collect();
         if rows.is_empty() {
             return Ok(Vec::new());
         }
-        let of = |column: usize| -> Result<Spread, ControlError> {
+        let spread = |column: usize| -> Result<Spread, ControlError> {
             let value = |&row: &usize| f64::from(self.states().row(row)[column]);
             let values: Vec<f64> = rows.iter().map(value).collect();
             Ok([quantile(&values, 0.05)?, quantile(&values, 0.5)?, quantile(&values, 0.95)?])
         };
-        (0..self.states().columns()).map(of).collect()
+        (0..self.states().columns()).map(spread).collect()
     }
 }
 
@@ -68,7 +71,7 @@ impl ActionModel {
         let mut states = vec![0; upper.len()];
         let mut covered = vec![vec![0.0; upper.len()]; log.levels()];
         self.each_within(|transition, within| {
-            let part = upper.partition_point(|&of| of < values[transition.get()]);
+            let part = upper.partition_point(|&bound| bound < values[transition.get()]);
             let part = part.min(upper.len() - 1);
             states[part] += 1;
             for (own, &within) in covered.iter_mut().zip(within) {
@@ -94,8 +97,10 @@ mod tests {
         let mut rng = Seed::new(1).rng();
         let rows = 1200;
         let values: Vec<f32> = (0..rows).map(|_| rng.unit() as f32).collect();
-        let actions: Vec<Option<u16>> =
-            values.iter().map(|&of| Some(if of > 0.5 { rng.below(2) as u16 } else { 0 })).collect();
+        let actions: Vec<Option<u16>> = values
+            .iter()
+            .map(|&value| Some(if value > 0.5 { rng.below(2) as u16 } else { 0 }))
+            .collect();
         let columns = Columns {
             actions: &actions,
             rewards: &vec![1.0; rows],

@@ -462,8 +462,9 @@ fn ranks_ahead(
 }
 
 /// Whether a difference is surely above 0: by its interval, or because the other diverged.
-fn is_more(of: Difference) -> bool {
-    of.mean == f64::INFINITY || of.interval.is_some_and(|interval| interval.low > 0.0)
+fn is_more(difference: Difference) -> bool {
+    difference.mean == f64::INFINITY
+        || difference.interval.is_some_and(|interval| interval.low > 0.0)
 }
 
 /// What a choice costs, where the truth is known.
@@ -482,8 +483,8 @@ pub struct Regret {
 pub fn regret(truth: &[f64], chosen: usize) -> Regret {
     let best = truth.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let own = truth[chosen];
-    let below = truth.iter().filter(|&&of| of < own).count() as f64;
-    let alike = truth.iter().filter(|&&of| of == own).count() as f64 - 1.0;
+    let below = truth.iter().filter(|&&other| other < own).count() as f64;
+    let alike = truth.iter().filter(|&&other| other == own).count() as f64 - 1.0;
     let others = (truth.len() as f64 - 1.0).max(1.0);
     // Where all are −∞, nothing is lost.
     let regret = if own == best { 0.0 } else { best - own };

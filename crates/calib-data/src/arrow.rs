@@ -72,7 +72,7 @@ pub unsafe fn write_arrow_stream(
         Ok((fields, batches))
     })
     .map_err(ArrowError::Stream)?;
-    let rows = batches.first().map_or(0, |of| of.iter().map(|chunk| chunk.len()).sum());
+    let rows = batches.first().map_or(0, |columns| columns.iter().map(|chunk| chunk.len()).sum());
     if rows == 0 {
         return Err(ArrowError::NoRows);
     }
@@ -105,11 +105,11 @@ mod tests {
     fn stream(batches: Vec<Vec<i64>>) -> ArrowArrayStream {
         let field = Field::new("t".into(), ArrowDataType::Int64, false);
         let dtype = ArrowDataType::Struct(vec![field]);
-        let of = dtype.clone();
+        let dtype_of_batches = dtype.clone();
         let tables = batches.into_iter().map(move |values| {
             let rows = values.len();
             let column = PrimitiveArray::from_vec(values).boxed();
-            Ok(StructArray::new(of.clone(), rows, vec![column], None).boxed())
+            Ok(StructArray::new(dtype_of_batches.clone(), rows, vec![column], None).boxed())
         });
         export_iterator(Box::new(tables), Field::new("".into(), dtype, false))
     }

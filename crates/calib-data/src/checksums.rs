@@ -140,7 +140,8 @@ impl Chunk {
         let [packed, unpacked] = [header.compressed_page_size, header.uncompressed_page_size];
         let sizes = packed >= 0 && unpacked >= 0 && i64::from(unpacked) <= self.unpacked;
         let of_data = values(header);
-        let of_dictionary = header.dictionary_page_header.as_ref().map_or(0, |of| of.num_values);
+        let of_dictionary =
+            header.dictionary_page_header.as_ref().map_or(0, |page| page.num_values);
         let v2 = header.data_page_header_v2.as_ref().is_none_or(|v2| {
             let counts = 0..=v2.num_values;
             let lengths = [v2.definition_levels_byte_length, v2.repetition_levels_byte_length];
@@ -232,8 +233,8 @@ fn header(reader: &mut BufReader<HeldReader>, most: usize) -> Result<PageHeader,
 
 /// Values of a page; dictionaries and indices have none of their own.
 fn values(header: &PageHeader) -> i64 {
-    let of_data = header.data_page_header.as_ref().map(|of| of.num_values);
-    let of_data = of_data.or(header.data_page_header_v2.as_ref().map(|of| of.num_values));
+    let of_data = header.data_page_header.as_ref().map(|page| page.num_values);
+    let of_data = of_data.or(header.data_page_header_v2.as_ref().map(|page| page.num_values));
     match header.type_ {
         PageType::DATA_PAGE | PageType::DATA_PAGE_V2 => of_data.map_or(0, i64::from),
         _ => 0,

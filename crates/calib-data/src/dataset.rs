@@ -159,10 +159,10 @@ impl Surveyed {
             held_out.map(|matrix| matrix.into_frames(timestamps, &columns)).transpose()?;
         let normaliser = Normaliser::new(columns);
         let period = sampled_period(survey.log.period, &preprocess);
-        let of = |part: &Frames| fingerprint(&normaliser, period, part);
+        let fingerprint_of = |part: &Frames| fingerprint(&normaliser, period, part);
         Ok(Dataset {
-            fingerprint: of(&train),
-            held_out_fingerprint: held_out.as_ref().map(of),
+            fingerprint: fingerprint_of(&train),
+            held_out_fingerprint: held_out.as_ref().map(fingerprint_of),
             profile: survey.profile,
             normaliser,
             train,

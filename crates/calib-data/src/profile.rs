@@ -420,7 +420,8 @@ impl Profile {
 
     /// What is said of numbers that probably stand for a missing value; none where there are none.
     pub fn sentinel_doubt(&self) -> Option<String> {
-        let values: Vec<String> = self.sentinels.iter().map(|of| of.value.to_string()).collect();
+        let values: Vec<String> =
+            self.sentinels.iter().map(|sentinel| sentinel.value.to_string()).collect();
         let told: Vec<String> = self.sentinels.iter().map(Sentinel::told).collect();
         (!told.is_empty()).then(|| {
             format!(
@@ -505,8 +506,8 @@ impl Profile {
 
     /// What the files call the channel `name`: of the sine or the cosine of an angle, that of the angle.
     pub fn recorded_name<'a>(&'a self, name: &'a str) -> &'a str {
-        let of = self.channels.iter().find(|channel| channel.name == name);
-        of.and_then(|channel| channel.angle.as_ref()).map_or(name, |angle| &angle.channel)
+        let recorded = self.channels.iter().find(|channel| channel.name == name);
+        recorded.and_then(|channel| channel.angle.as_ref()).map_or(name, |angle| &angle.channel)
     }
 
     /// Check that the channel called `name` is a sensor of the states.

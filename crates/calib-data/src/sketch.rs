@@ -167,9 +167,9 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
-    fn channel(&self, of: &Channel, channel: &mut ChannelValues) -> ChannelSketch {
+    fn channel(&self, source: &Channel, channel: &mut ChannelValues) -> ChannelSketch {
         if let Some(seldom) = &channel.seldom {
-            return self.seldom(of, seldom, channel.contradictions.count);
+            return self.seldom(source, seldom, channel.contradictions.count);
         }
         let values = &mut channel.values;
         let (timestamps, stretches) = (&self.log.rows.timestamps, &self.log.steps.stretches);
@@ -182,19 +182,20 @@ impl Look<'_> {
             rows.clone().filter(is_there).map(move |row| (stretch, row))
         });
         ChannelSketch {
-            name: of.name.clone(),
-            angle: of.angle.clone(),
+            name: source.name.clone(),
+            angle: source.angle.clone(),
             present: self.bins.iter().map(|bin| present(&values[bin.clone()])).collect(),
             moves: self.bins.iter().map(|bin| moves(&values[bin.clone()])).collect(),
             distinct: movement.distinct,
-            range: moments.map(|of| [of.min, of.max]),
+            range: moments.map(|moments| [moments.min, moments.max]),
             rises: changes.rises,
             even: changes.even,
             restarts: changes.restarts,
             wraps: changes.wraps,
             unchanged: movement.unchanged,
-            autocorrelation: moments
-                .map_or_else(Vec::new, |of| autocorrelation(values, stretches, of.std().powi(2))),
+            autocorrelation: moments.map_or_else(Vec::new, |moments| {
+                autocorrelation(values, stretches, moments.std().powi(2))
+            }),
             spikes,
             contradicting: channel.contradictions.count,
             bridged: channel.bridged.told(),
@@ -207,7 +208,7 @@ impl Look<'_> {
     }
 
     /// The same of a channel that has a value in few rows, by these rows alone.
-    fn seldom(&self, of: &Channel, seldom: &Seldom, contradicting: u64) -> ChannelSketch {
+    fn seldom(&self, source: &Channel, seldom: &Seldom, contradicting: u64) -> ChannelSketch {
         let timestamps = &self.log.rows.timestamps;
         let mut near = seldom.with_neighbours(&self.log.steps.stretches);
         let times: Vec<Timestamp> = near.rows.iter().map(|&row| timestamps[row]).collect();
@@ -237,19 +238,20 @@ impl Look<'_> {
         }
         let share = |bin: &Range<usize>| inside(bin).len() as f64 / bin.len().max(1) as f64;
         ChannelSketch {
-            name: of.name.clone(),
-            angle: of.angle.clone(),
+            name: source.name.clone(),
+            angle: source.angle.clone(),
             present: self.bins.iter().map(share).collect(),
             moves: self.bins.iter().map(moves).collect(),
             distinct: movement.distinct,
-            range: moments.map(|of| [of.min, of.max]),
+            range: moments.map(|moments| [moments.min, moments.max]),
             rises: changes.rises,
             even: changes.even,
             restarts: changes.restarts,
             wraps: changes.wraps,
             unchanged: movement.unchanged,
-            autocorrelation: moments
-                .map_or_else(Vec::new, |of| autocorrelation_of_samples(&there, of.std().powi(2))),
+            autocorrelation: moments.map_or_else(Vec::new, |moments| {
+                autocorrelation_of_samples(&there, moments.std().powi(2))
+            }),
             spikes,
             contradicting,
             bridged: BridgedStops::default(),
@@ -287,7 +289,7 @@ fn present(values: &[f64]) -> f64 {
 }
 
 fn moves(values: &[f64]) -> bool {
-    Moments::of(values).is_some_and(|of| !is_same(of.min, of.max))
+    Moments::of(values).is_some_and(|moments| !is_same(moments.min, moments.max))
 }
 
 /// How a channel changes from one value to the next.
@@ -324,7 +326,7 @@ impl Changes {
         }
         let count = changes.len() as f64;
         let rises = changes.iter().filter(|change| **change > 0.0).count() as f64 / count;
-        let [low, high] = moments.map_or([0.0; 2], |of| [of.min, of.max]);
+        let [low, high] = moments.map_or([0.0; 2], |moments| [moments.min, moments.max]);
         let falls = || changes.iter().filter(|change| **change < 0.0);
         let restarts = rises >= TOTAL_RISES
             && falls().count() >= 2
@@ -385,7 +387,7 @@ fn autocorrelation_of_samples(samples: &[Sample], variance: f64) -> Vec<(usize, 
         for first in samples {
             let place = (first.stretch, first.row + lag);
             while later.next_if(|second| (second.stretch, second.row) < place).is_some() {}
-            if let Some(second) = later.peek().filter(|of| (of.stretch, of.row) == place) {
+            if let Some(second) = later.peek().filter(|other| (other.stretch, other.row) == place) {
                 pairs.add(first.value, second.value);
             }
         }
@@ -429,7 +431,8 @@ fn missing_run(there: impl Iterator<Item = (usize, usize)>) -> usize {
     let mut runs: Vec<usize> = Vec::new();
     let mut before = None;
     for (stretch, row) in there {
-        if let Some((_, last)) = before.filter(|(of, last)| *of == stretch && row - last > 1) {
+        if let Some((_, last)) = before.filter(|(known, last)| *known == stretch && row - last > 1)
+        {
             runs.push(row - last - 1);
         }
         before = Some((stretch, row));

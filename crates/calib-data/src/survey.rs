@@ -207,7 +207,8 @@ impl Scan<'_> {
         monitor.begin("inspecting channels", to_read.len() as u64);
         for channels in to_read.chunks(self.log.batch_size()) {
             let values = self.log.look(channels, &mut batch, monitor)?;
-            let ends = channels.iter().zip(&*values).map(|(at, of)| (*at, of.extremes.clone()));
+            let ends =
+                channels.iter().zip(&*values).map(|(at, values)| (*at, values.extremes.clone()));
             extremes.extend(ends);
             let scanned: Vec<_> = values
                 .par_iter_mut()

@@ -74,14 +74,14 @@ mod tests {
             "Tag Name;Descriptor;EngUnits\nPIT300;\"pressure; membrane\";kPa\nFIT100;;m3/h\n;x;y\n",
         );
         let tags = tags.expect("a list");
-        let of = |unit: &str, label: Option<&str>| Description {
+        let described = |unit: &str, label: Option<&str>| Description {
             unit: Some(unit.to_owned()),
             label: label.map(str::to_owned),
         };
         assert_eq!(tags.len(), 2);
-        assert_eq!(tags["PIT300"], of("kPa", Some("pressure; membrane")));
-        assert_eq!(tags["FIT100"], of("m3/h", None));
-        assert_eq!(read("point,uom\nA,bar\n").expect("a list")["A"], of("bar", None));
+        assert_eq!(tags["PIT300"], described("kPa", Some("pressure; membrane")));
+        assert_eq!(tags["FIT100"], described("m3/h", None));
+        assert_eq!(read("point,uom\nA,bar\n").expect("a list")["A"], described("bar", None));
     }
 
     #[test]

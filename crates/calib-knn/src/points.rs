@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn what_cannot_be_found_is_told() {
         let points = || Points::new(vec![0.0, 1.0, 3.0], 1).expect("three points");
-        let join = |k, of| points().join(k, of, IndexKind::Auto, &Silent);
+        let join = |k, self_match| points().join(k, self_match, IndexKind::Auto, &Silent);
         assert_eq!(join(1, SelfMatch::Excluded).expect("found").distances, [1.0, 1.0, 2.0]);
         assert!(matches!(
             join(3, SelfMatch::Excluded),

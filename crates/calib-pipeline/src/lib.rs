@@ -49,8 +49,8 @@ pub use calib_base::{
     memory::{MemorySize, check_log, check_table, on_this_machine, require as require_memory},
     options::{
         ArrayOf, BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions,
-        Device, Engine, Leftovers, Logs, Of, ProposeOptions, Spill, Standing, Submission,
-        ValidityExtent, ValidityOptions,
+        Device, Engine, Leftovers, Logs, ProposeOptions, ShardsToSubmit, Spill, Standing,
+        Submission, ValidityExtent, ValidityOptions,
     },
     outcome::{Freshness, NoPlan, Outcome, StepResult, Told},
     output::{self, Announced, Observer, OutputFormat, Printer, Remark, Shown, Unobserved},

@@ -14,7 +14,7 @@ use calib_model_steps::{
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep_steps::{
     agents::pretrain_files::PretrainManifest,
-    sweep::{SweepManifest, expected::Expected, plan::OfPart},
+    sweep::{SweepManifest, expected::Expected, plan::PartPlan},
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -118,8 +118,8 @@ impl Plan {
     }
 
     /// Say what sweeps will take.
-    pub(crate) fn expect(&mut self, all: &[OfPart]) {
-        for OfPart { model, deployment, expected } in all {
+    pub(crate) fn expect(&mut self, all: &[PartPlan]) {
+        for PartPlan { model, deployment, expected } in all {
             let sweep = self.steps.iter_mut().find(|planned| {
                 planned.step == StepKind::Sweep
                     && planned.model == *model

@@ -59,7 +59,7 @@ impl<'a> RunProgress<'a> {
     }
 
     fn tell(&self, later: Option<f64>) {
-        self.talk.stage(Stage { number: self.begun.get(), of: self.stages, later });
+        self.talk.stage(Stage { number: self.begun.get(), stages: self.stages, later });
     }
 }
 

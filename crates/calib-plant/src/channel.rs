@@ -41,7 +41,9 @@ impl Channel {
     /// Whether its values are made from this signal, and recorded at all.
     pub(crate) fn shows(&self, signal: Signal) -> bool {
         let made_from = match self.recipe {
-            Recipe::Lagged { signal: of, .. } | Recipe::Filtered { signal: of, .. } => of == signal,
+            Recipe::Lagged { signal: source, .. } | Recipe::Filtered { signal: source, .. } => {
+                source == signal
+            }
             Recipe::Sum(a, b) | Recipe::Difference(a, b) | Recipe::Ratio(a, b, _) => {
                 a == signal || b == signal
             }

@@ -282,8 +282,8 @@ mod tests {
             let mut plant = OperatedPlant::new(Seed::new(plant));
             let mut rng = Seed::new(life).rng();
             plant.start_anywhere(&mut rng);
-            let mut of = |recipe: usize| plant.operate(&RECIPES[recipe], &mut rng);
-            [of(1), of(7), of(0)]
+            let mut operated = |recipe: usize| plant.operate(&RECIPES[recipe], &mut rng);
+            [operated(1), operated(7), operated(0)]
         };
         assert_eq!(lived(1, 2), lived(1, 2));
         assert_ne!(lived(1, 2), lived(1, 3));

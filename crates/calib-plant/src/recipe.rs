@@ -48,7 +48,10 @@ mod tests {
 
     #[test]
     fn the_rule_is_cautious() {
-        let of = |pressure, turbidity| RECIPES[operators_rule(pressure, turbidity)].name;
-        assert_eq!([of(20.0, 0.1), of(20.0, 0.9), of(50.0, 0.1)], ["normal", "careful", "relief"]);
+        let chosen = |pressure, turbidity| RECIPES[operators_rule(pressure, turbidity)].name;
+        assert_eq!(
+            [chosen(20.0, 0.1), chosen(20.0, 0.9), chosen(50.0, 0.1)],
+            ["normal", "careful", "relief"]
+        );
     }
 }

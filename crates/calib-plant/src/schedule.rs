@@ -145,9 +145,10 @@ mod tests {
     #[test]
     fn successors_have_their_frequencies() {
         let segments = segments(2, 1000.0);
-        let of = |mode| segments.iter().filter(move |segment| segment.0 == mode);
+        let in_mode = |mode| segments.iter().filter(move |segment| segment.0 == mode);
         let share = |from, to| {
-            of(from).filter(|segment| segment.1 == to).count() as f64 / of(from).count() as f64
+            in_mode(from).filter(|segment| segment.1 == to).count() as f64
+                / in_mode(from).count() as f64
         };
         let near = |got: f64, count: f64, all: f64| (got - count / all).abs() < 0.01;
         assert!(near(share(Mode::Production, Mode::BackPulse), 731.0, 1119.0));

@@ -169,12 +169,13 @@ mod tests {
 
     #[test]
     fn no_storms_whatever_the_sign_of_zero() {
-        let of = |storms_per_day: f64| {
+        let weather = |storms_per_day: f64| {
             hourly(&PlantOptions { storms_per_day, ..PlantOptions::default() }, 2)
         };
-        let turbidities =
-            |all: Vec<Conditions>| all.iter().map(|of| of.turbidity).collect::<Vec<_>>();
-        assert_eq!(turbidities(of(-0.0)), turbidities(of(0.0)));
+        let turbidities = |all: Vec<Conditions>| {
+            all.iter().map(|conditions| conditions.turbidity).collect::<Vec<_>>()
+        };
+        assert_eq!(turbidities(weather(-0.0)), turbidities(weather(0.0)));
     }
 
     #[test]

@@ -95,10 +95,11 @@ impl Contradicting {
     fn of<'a>(sketch: &Sketch, channels: impl Iterator<Item = &'a ChannelSketch>) -> Option<Self> {
         let mut found: Vec<&ChannelSketch> =
             channels.filter(|channel| channel.contradicting > 0).collect();
-        found.sort_by_key(|of| std::cmp::Reverse(of.contradicting));
+        found.sort_by_key(|channel| std::cmp::Reverse(channel.contradicting));
         let rows = found.first()?.contradicting;
         let more = if found.len() > NAMED { " …" } else { "" };
-        let names: Vec<&str> = found.iter().take(NAMED).map(|of| of.name.as_str()).collect();
+        let names: Vec<&str> =
+            found.iter().take(NAMED).map(|channel| channel.name.as_str()).collect();
         // Rows that were left out are not among those of the sketch.
         let share = rows as f64 / (sketch.timestamps.len() as u64 + rows) as f64;
         Some(Self { rows, share, names: format!("{}{more}", names.join(", ")) })
@@ -146,17 +147,19 @@ impl Clock {
     /// `None` where rows have values of most channels. Else the median of how often channels were recorded, rounded to what people
     /// call a period, and ten times the slowest of them as the age at which a value is forgotten.
     pub fn of(sketch: &Sketch) -> Option<Self> {
-        let share =
-            |of: &ChannelSketch| of.present.iter().sum::<f64>() / of.present.len().max(1) as f64;
+        let share = |channel: &ChannelSketch| {
+            channel.present.iter().sum::<f64>() / channel.present.len().max(1) as f64
+        };
         let alive: Vec<&ChannelSketch> =
-            sketch.channels.iter().filter(|of| share(of) > 0.0).collect();
-        let sparse = alive.iter().filter(|of| share(of) < SPARSE).count();
+            sketch.channels.iter().filter(|channel| share(channel) > 0.0).collect();
+        let sparse = alive.iter().filter(|channel| share(channel) < SPARSE).count();
         if alive.len() < 2 || 2 * sparse <= alive.len() {
             return None;
         }
         // A wide table that is mostly empty may be of plants that were recorded one after the other: then channels are as dense as rows,
         // where they are.
-        let mut own: Vec<f64> = alive.iter().filter_map(|of| of.own_period_secs).collect();
+        let mut own: Vec<f64> =
+            alive.iter().filter_map(|channel| channel.own_period_secs).collect();
         own.sort_by(f64::total_cmp);
         let median = *own.get(own.len() / 2)?;
         if sketch.shape == Shape::Wide && median <= 2.0 * sketch.period_secs {
@@ -235,8 +238,8 @@ mod tests {
         };
         let mut log = sketch(3_200, &[("A", every(3, 0)), ("B", every(7, 2)), ("C", every(4, 1))]);
         log.shape = Shape::Long;
-        for (of, secs) in log.channels.iter_mut().zip([180.0, 420.0, 240.0]) {
-            of.own_period_secs = Some(secs);
+        for (channel, secs) in log.channels.iter_mut().zip([180.0, 420.0, 240.0]) {
+            channel.own_period_secs = Some(secs);
         }
         let clock = Clock::of(&log).expect("on change");
         assert_eq!((clock.period_secs, clock.max_age_secs), (300.0, 3_600.0));

@@ -148,7 +148,7 @@ impl Draft<'_> {
         if !self.missing_values.is_empty() {
             let told: Vec<String> = self.missing_values.iter().map(Sentinel::told).collect();
             let values: Vec<String> =
-                self.missing_values.iter().map(|of| number(of.value)).collect();
+                self.missing_values.iter().map(|missing| number(missing.value)).collect();
             text.key("missing_values", &format!("[{}]", values.join(", ")), &told.join("; "));
         }
         if scope.is_part {

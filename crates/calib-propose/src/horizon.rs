@@ -64,11 +64,14 @@ mod tests {
 
     #[test]
     fn gamma_is_a_horizon_in_seconds() {
-        let of = |secs, spacing| Horizon::new(secs, spacing).gamma;
-        assert_eq!([of(100.0, 1.0), of(100.0, 10.0), of(6_000.0, 60.0)], [0.99, 0.9, 0.99]);
-        assert_eq!(of(1_000.0, 30.0), 0.97);
-        assert_eq!(of(1_000.0, 1.0), 0.999);
-        assert_eq!(of(5.0, 10.0), 0.0, "less than a state ahead is the next state");
+        let gamma = |secs, spacing| Horizon::new(secs, spacing).gamma;
+        assert_eq!(
+            [gamma(100.0, 1.0), gamma(100.0, 10.0), gamma(6_000.0, 60.0)],
+            [0.99, 0.9, 0.99]
+        );
+        assert_eq!(gamma(1_000.0, 30.0), 0.97);
+        assert_eq!(gamma(1_000.0, 1.0), 0.999);
+        assert_eq!(gamma(5.0, 10.0), 0.0, "less than a state ahead is the next state");
         let horizon = Horizon::new(1_000.0, 30.0);
         assert!((horizon.states - 33.3).abs() < 0.1 && (horizon.secs - 1_000.0).abs() < 1.0);
     }

@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn a_model_is_proposed_where_something_is_asked_for_that_only_one_can_do() {
-        let of = |given: &[&str]| {
+        let proposed = |given: &[&str]| {
             let given: Vec<String> = given.iter().map(|&text| text.to_owned()).collect();
             ProposedModel::for_given(&given)
         };
@@ -97,7 +97,7 @@ mod tests {
             &["model.kind=none"],
             &["model.kind = \"none\"", "rollout.steps=9"],
         ] {
-            assert_eq!(of(nothing), ProposedModel::None, "{nothing:?}");
+            assert_eq!(proposed(nothing), ProposedModel::None, "{nothing:?}");
         }
         for model in [
             "model.kind=nn",
@@ -112,7 +112,7 @@ mod tests {
             "evaluate.rule=pooled",
             "evaluate.rule=\"worst_rank\"",
         ] {
-            assert_eq!(of(&["agent.gamma=0.5", model]), ProposedModel::Ensemble, "{model}");
+            assert_eq!(proposed(&["agent.gamma=0.5", model]), ProposedModel::Ensemble, "{model}");
         }
     }
 }

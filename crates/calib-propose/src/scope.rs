@@ -96,9 +96,12 @@ impl Scope {
     /// If no channel is left, or one of these is of no use, or they are never there together.
     pub fn with(sketch: &Sketch, wanted: &[usize]) -> Result<Self, ProposeError> {
         for &channel in wanted {
-            let of = &sketch.channels[channel];
-            if let Some(why) = unusable(of) {
-                return Err(ProposeError::OfNoUse { name: of.name.clone(), why: why.to_string() });
+            let sketched = &sketch.channels[channel];
+            if let Some(why) = unusable(sketched) {
+                return Err(ProposeError::OfNoUse {
+                    name: sketched.name.clone(),
+                    why: why.to_string(),
+                });
             }
         }
         let bins = sketch.bins.len();
@@ -128,9 +131,10 @@ impl Scope {
         let left_out = (0..sketch.channels.len())
             .filter(|channel| channels.binary_search(channel).is_err())
             .map(|channel| {
-                let of = &sketch.channels[channel];
-                let why = unusable(of).unwrap_or_else(|| Why::Missing(1.0 - share(of, &part)));
-                LeftOut { channel, name: of.name.clone(), why }
+                let sketched = &sketch.channels[channel];
+                let why = unusable(sketched)
+                    .unwrap_or_else(|| Why::Missing(1.0 - share(sketched, &part)));
+                LeftOut { channel, name: sketched.name.clone(), why }
             });
         Ok(Self {
             rows: sketch.bins[part.start].start..sketch.bins[part.end - 1].end,
@@ -180,32 +184,33 @@ impl Lacking {
 /// Why no channel of any part can be used.
 fn nothing(sketch: &Sketch) -> ProposeError {
     let rows = sketch.timestamps.len();
-    let of_no_use = |of: &ChannelSketch| unusable(of).map(|why| format!("{} {why}", of.name));
+    let of_no_use =
+        |channel: &ChannelSketch| unusable(channel).map(|why| format!("{} {why}", channel.name));
     let said = match (sketch.channels.first(), sketch.channels.iter().find_map(of_no_use)) {
         (None, _) => "there is none".to_owned(),
         (Some(_), _) if rows < LEAST => return ProposeError::TooShort { rows, least: LEAST },
         (Some(_), Some(said)) => said,
-        (Some(of), None) => {
-            let missing = 1.0 - share(of, &(0..sketch.bins.len()));
-            format!("{} {}", of.name, Why::Missing(missing))
+        (Some(channel), None) => {
+            let missing = 1.0 - share(channel, &(0..sketch.bins.len()));
+            format!("{} {}", channel.name, Why::Missing(missing))
         }
     };
     ProposeError::NoChannel(said)
 }
 
 /// Why a channel is of no use anywhere.
-fn unusable(of: &ChannelSketch) -> Option<Why> {
-    let Some([low, high]) = of.range else { return Some(Why::Empty) };
+fn unusable(channel: &ChannelSketch) -> Option<Why> {
+    let Some([low, high]) = channel.range else { return Some(Why::Empty) };
     if is_same(low, high) {
         return Some(Why::Constant);
     }
-    if of.wraps.is_some() {
+    if channel.wraps.is_some() {
         return Some(Why::Angle);
     }
-    let many = of.distinct.is_none_or(|distinct| distinct > FEW);
-    let one_way = of.rises >= ONE_WAY || of.rises <= 1.0 - ONE_WAY;
+    let many = channel.distinct.is_none_or(|distinct| distinct > FEW);
+    let one_way = channel.rises >= ONE_WAY || channel.rises <= 1.0 - ONE_WAY;
     // A clock that starts anew at midnight goes back once a day.
-    match (of.even >= EVEN, one_way, of.restarts) {
+    match (channel.even >= EVEN, one_way, channel.restarts) {
         _ if !many => None,
         (true, ..) => Some(Why::Clock),
         (false, true, _) => Some(Why::Total),
@@ -215,16 +220,16 @@ fn unusable(of: &ChannelSketch) -> Option<Why> {
 }
 
 /// The share of the rows of some bins that have a value of a channel.
-fn share(of: &ChannelSketch, part: &Range<usize>) -> f64 {
-    of.present[part.clone()].iter().sum::<f64>() / part.len() as f64
+fn share(channel: &ChannelSketch, part: &Range<usize>) -> f64 {
+    channel.present[part.clone()].iter().sum::<f64>() / part.len() as f64
 }
 
 /// What a part of the log is worth, and the channels that make it so.
 fn worth(sketch: &Sketch, usable: &[usize], part: Range<usize>) -> Option<(f64, Vec<usize>)> {
     let rows: usize = sketch.bins[part.clone()].iter().map(Range::len).sum();
     let moves = |channel: &&usize| {
-        let of = &sketch.channels[**channel];
-        part.clone().any(|bin| of.moves[bin]) && share(of, &part) >= PRESENT
+        let sketched = &sketch.channels[**channel];
+        part.clone().any(|bin| sketched.moves[bin]) && share(sketched, &part) >= PRESENT
     };
     let mut channels: Vec<usize> = usable.iter().filter(moves).copied().collect();
     if channels.is_empty() {
@@ -261,8 +266,8 @@ mod tests {
 
     #[test]
     fn why_nothing_can_be_used_is_told_of_the_right_channel() {
-        let refused = |rows: usize, name: &str, of: Channel| {
-            Scope::of(&sketch(rows, &[(name, of)])).expect_err("nothing can be used")
+        let refused = |rows: usize, name: &str, values: Channel| {
+            Scope::of(&sketch(rows, &[(name, values)])).expect_err("nothing can be used")
         };
         let short = refused(2, "A", wave(40.0));
         assert_eq!(short, ProposeError::TooShort { rows: 2, least: LEAST });
@@ -288,7 +293,7 @@ mod tests {
         let scope = Scope::of(&log).expect("one channel");
         assert_eq!(scope.channels, [0, 5], "a switch that is thrown once is no total");
         let why: Vec<(&str, Why)> =
-            scope.left_out.iter().map(|of| (of.name.as_str(), of.why)).collect();
+            scope.left_out.iter().map(|channel| (channel.name.as_str(), channel.why)).collect();
         let expected = [
             ("clock", Why::Clock),
             ("total", Why::Total),

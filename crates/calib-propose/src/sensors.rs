@@ -49,18 +49,19 @@ impl Sensors {
             .channels
             .iter()
             .filter_map(|&channel| {
-                let of = &sketch.channels[channel];
+                let sketched = &sketch.channels[channel];
                 let moving = |bins: &[usize]| {
-                    bins.iter().filter(|&&bin| of.moves[bin]).count() as f64
+                    bins.iter().filter(|&&bin| sketched.moves[bin]).count() as f64
                         / bins.len().max(1) as f64
                 };
                 // Half of a direction is an input, and nothing that somebody waits for.
-                let is_sensor = of.angle.is_none()
-                    && of.distinct.is_none_or(|distinct| distinct > FEW)
-                    && of.unchanged <= RESTS
+                let is_sensor = sketched.angle.is_none()
+                    && sketched.distinct.is_none_or(|distinct| distinct > FEW)
+                    && sketched.unchanged <= RESTS
                     && moving(&bins) >= MOVES
                     && moving(held_out) >= MOVES;
-                is_sensor.then(|| (channel, liveliness(of) * familiar(sketch, scope, of)))
+                is_sensor
+                    .then(|| (channel, liveliness(sketched) * familiar(sketch, scope, sketched)))
             })
             .collect();
         let in_order = |left: &(usize, f64), right: &(usize, f64)| {
@@ -108,19 +109,20 @@ impl Sensors {
 }
 
 /// The share of steps in which a sensor moves, a fifth of it where that is noise.
-fn liveliness(of: &ChannelSketch) -> f64 {
-    let near = of.autocorrelation.first().map_or(0.0, |(_, value)| *value);
-    (1.0 - of.unchanged) * if near < NOISE { 0.2 } else { 1.0 }
+fn liveliness(channel: &ChannelSketch) -> f64 {
+    let near = channel.autocorrelation.first().map_or(0.0, |(_, value)| *value);
+    (1.0 - channel.unchanged) * if near < NOISE { 0.2 } else { 1.0 }
 }
 
 /// The share of the last third of the values that lie between the extremes of the others: where a sensor has never been, nobody can
 /// know what it does.
-fn familiar(sketch: &Sketch, scope: &Scope, of: &ChannelSketch) -> f64 {
-    let step = sketch.timestamps.len().div_ceil(of.thinned.len().max(1)).max(1);
-    let inside = scope.rows.start.div_ceil(step)..(scope.rows.end / step).min(of.thinned.len());
+fn familiar(sketch: &Sketch, scope: &Scope, channel: &ChannelSketch) -> f64 {
+    let step = sketch.timestamps.len().div_ceil(channel.thinned.len().max(1)).max(1);
+    let inside =
+        scope.rows.start.div_ceil(step)..(scope.rows.end / step).min(channel.thinned.len());
     let cut = inside.start + inside.len() * 2 / 3;
     let there = |rows: std::ops::Range<usize>| {
-        of.thinned[rows].iter().copied().filter(|value| !value.is_nan()).collect::<Vec<f64>>()
+        channel.thinned[rows].iter().copied().filter(|value| !value.is_nan()).collect::<Vec<f64>>()
     };
     let (before, after) = (there(inside.start..cut), there(cut..inside.end));
     let low = before.iter().copied().fold(f64::INFINITY, f64::min);
@@ -195,7 +197,7 @@ mod tests {
     fn names(channels: &[(&str, Channel)]) -> Result<Vec<String>, ProposeError> {
         let log = sketch(6_400, channels);
         let sensors = Sensors::of(&log, &Scope::of(&log).expect("channels"))?;
-        Ok(sensors.proposed.iter().map(|&of| log.channels[of].name.clone()).collect())
+        Ok(sensors.proposed.iter().map(|&channel| log.channels[channel].name.clone()).collect())
     }
 
     #[test]

@@ -276,8 +276,9 @@ mod tests {
 
     #[test]
     fn several_windows_fit() {
-        let steps =
-            |horizon: f64| [100, 1_000, 5_000, 15_000].map(|of| Size::most_steps(of, horizon));
+        let steps = |horizon: f64| {
+            [100, 1_000, 5_000, 15_000].map(|states| Size::most_steps(states, horizon))
+        };
         assert_eq!(
             steps(5.0),
             [98, 444, 1_111, 3_333],

@@ -19,7 +19,8 @@ pub fn spacings(sketch: &Sketch, scope: &Scope, train_rows: usize) -> Vec<usize>
     let first = SPACINGS.into_iter().find(|&lag| quartile(sketch, scope, lag) <= ALIKE);
     let most = (train_rows / LEAST_STATES).max(1);
     let from = first.unwrap_or(1).min(most);
-    let worth: Vec<usize> = SPACINGS.into_iter().filter(|of| (from..=most).contains(of)).collect();
+    let worth: Vec<usize> =
+        SPACINGS.into_iter().filter(|spacing| (from..=most).contains(spacing)).collect();
     if worth.is_empty() { vec![from] } else { worth }
 }
 
@@ -37,7 +38,8 @@ pub fn spacing_by_log(
         horizon_secs.map_or(usize::MAX, |secs| (secs / sketch.period_secs / LEAST_AHEAD) as usize);
     let windows = rows[1] / Size::states_of_four_windows(LEAST_AHEAD) as usize;
     let most = ahead.min(windows).max(1);
-    let nearer = SPACINGS.into_iter().filter(|of| *of <= most.min(first)).max().unwrap_or(1);
+    let nearer =
+        SPACINGS.into_iter().filter(|spacing| *spacing <= most.min(first)).max().unwrap_or(1);
     let why = if nearer < first && ahead <= windows {
         "further apart, --horizon would be fewer than five states"
     } else if nearer < first {
@@ -54,11 +56,11 @@ pub fn spacing_by_log(
 
 /// The lower quartile over channels of the autocorrelation at a distance.
 fn quartile(sketch: &Sketch, scope: &Scope, lag: usize) -> f64 {
-    let of = |&channel: &usize| {
+    let autocorrelation_of = |&channel: &usize| {
         let all = &sketch.channels[channel].autocorrelation;
         all.iter().find(|(at, _)| *at >= lag).map(|(_, value)| *value)
     };
-    let mut all: Vec<f64> = scope.channels.iter().filter_map(of).collect();
+    let mut all: Vec<f64> = scope.channels.iter().filter_map(autocorrelation_of).collect();
     all.sort_by(f64::total_cmp);
     all.get(all.len() / 4).copied().unwrap_or(0.0)
 }

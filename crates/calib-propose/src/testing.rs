@@ -29,17 +29,20 @@ pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
         period_secs: 60.0,
         backward_steps: BackwardSteps::default(),
         timestamps: (0..rows as i64).map(|row| Timestamp::from_micros(row * 60_000_000)).collect(),
-        channels: channels.iter().map(|(name, of)| channel(name, of, rows, &bins)).collect(),
+        channels: channels
+            .iter()
+            .map(|(name, values)| channel(name, values, rows, &bins))
+            .collect(),
         bins,
     }
 }
 
-fn channel(name: &str, of: &Channel, rows: usize, bins: &[Range<usize>]) -> ChannelSketch {
-    let values: Vec<f64> = (0..rows).map(of).collect();
+fn channel(name: &str, value_at: &Channel, rows: usize, bins: &[Range<usize>]) -> ChannelSketch {
+    let values: Vec<f64> = (0..rows).map(value_at).collect();
     let there: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
     let changes: Vec<f64> = there.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let changed: Vec<f64> = changes.iter().copied().filter(|change| *change != 0.0).collect();
-    let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
+    let share = |count: usize, all: usize| count as f64 / all.max(1) as f64;
     let mean = there.iter().sum::<f64>() / there.len().max(1) as f64;
     let variance =
         there.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / there.len().max(1) as f64;

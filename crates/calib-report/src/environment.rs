@@ -4,7 +4,7 @@ use std::fmt;
 
 /// An environment of a sweep.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Environment {
+pub enum LearningEnvironment {
     /// Held-out data, replayed.
     Online,
     /// Training data, replayed.
@@ -18,7 +18,7 @@ pub enum Environment {
     },
 }
 
-impl Environment {
+impl LearningEnvironment {
     /// Whether it is the same for all models of a study.
     pub const fn is_shared(&self) -> bool {
         !matches!(self, Self::Member { .. })
@@ -36,7 +36,7 @@ impl Environment {
     }
 }
 
-impl fmt::Display for Environment {
+impl fmt::Display for LearningEnvironment {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Online => f.write_str("the held-out period"),

@@ -29,7 +29,7 @@ mod setting;
 
 pub use chart::{Axis, Chart, Colour, Dash, Marker, Point, Rule, Scale, ScaleKind, Series, Side};
 pub use downsample::{min_max_in_time, min_max_indices};
-pub use environment::Environment;
+pub use environment::LearningEnvironment;
 pub use error::ReportError;
 pub use figures::{
     Dimension, ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS,

@@ -5,7 +5,8 @@
 mod fixture;
 
 use calib_report::{
-    Dash, Environment, Figure, ReportError, RolloutFigure, ScaleKind, Sensitivity, Setting, Side,
+    Dash, Figure, LearningEnvironment, ReportError, RolloutFigure, ScaleKind, Sensitivity, Setting,
+    Side,
 };
 use calib_stats::Direction;
 use fixture::{grid, learning, recorded, rollout, sensitivity};
@@ -188,7 +189,7 @@ fn a_spike_is_drawn_and_a_runaway_presses_nothing_flat() {
 
 #[test]
 fn a_learning_curve_ends_in_a_cross_where_a_run_diverged() {
-    let mut curves = learning("PIT300", Environment::Member { number: 0, model: None });
+    let mut curves = learning("PIT300", LearningEnvironment::Member { number: 0, model: None });
     let figure = curves.figure().unwrap();
     let chart = figure.chart();
     let ends: Vec<f64> =

@@ -79,8 +79,8 @@ pub(crate) fn distance(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
 }
 
-fn distances(of: &States, pairs: &[(usize, usize)]) -> Vec<f64> {
-    pairs.iter().map(|&(a, b)| distance(of.row(a), of.row(b))).collect()
+fn distances(states: &States, pairs: &[(usize, usize)]) -> Vec<f64> {
+    pairs.iter().map(|&(a, b)| distance(states.row(a), states.row(b))).collect()
 }
 
 fn mean(values: &[f64]) -> f64 {

@@ -86,7 +86,7 @@ mod tests {
 
     /// Mean and half the width of the interval.
     fn told(summary: &ClusterSummary) -> (f64, Option<f64>) {
-        (summary.mean, summary.interval.map(|of| (of.high - of.low) / 2.0))
+        (summary.mean, summary.interval.map(|interval| (interval.high - interval.low) / 2.0))
     }
 
     #[test]
@@ -173,13 +173,13 @@ mod tests {
         fn the_order_of_runs_does_not_matter(
             mut runs in prop::collection::vec((0u8..4, -9.0f64..9.0), 1..20)
         ) {
-            let of = |runs: &[(u8, f64)]| {
+            let summary = |runs: &[(u8, f64)]| {
                 let (clusters, values): (Vec<u8>, Vec<f64>) = runs.iter().copied().unzip();
                 summarise_clusters(&clusters, &values).unwrap()
             };
-            let before = of(&runs);
+            let before = summary(&runs);
             runs.reverse();
-            let after = of(&runs);
+            let after = summary(&runs);
             prop_assert!((before.mean - after.mean).abs() < 1e-9);
             prop_assert_eq!((before.runs, before.clusters), (after.runs, after.clusters));
         }

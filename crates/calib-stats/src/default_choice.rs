@@ -66,15 +66,15 @@ where
     if !(streams_per_independent >= 1.0 && streams_per_independent.is_finite()) {
         return Err(StatsError::EffectiveNumber { got: streams_per_independent });
     }
-    let of = |candidate: usize| -> Result<Option<Advantage>, StatsError> {
+    let advantage = |candidate: usize| -> Result<Option<Advantage>, StatsError> {
         if candidate == default {
             return Ok(None);
         }
         advantage(&logs, candidate, default, streams_per_independent)
     };
-    let advantages = (0..candidates).map(of).collect::<Result<Vec<_>, _>>()?;
-    let better =
-        (0..candidates).filter(|&candidate| advantages[candidate].is_some_and(|of| of.is_told()));
+    let advantages = (0..candidates).map(advantage).collect::<Result<Vec<_>, _>>()?;
+    let better = (0..candidates)
+        .filter(|&candidate| advantages[candidate].is_some_and(|advantage| advantage.is_told()));
     let mean = |candidate: &usize| mean_log(&logs, *candidate);
     let chosen = better.min_by(|a, b| mean(a).total_cmp(&mean(b))).unwrap_or(default);
     Ok(DefaultChoice { chosen, advantages })
@@ -145,11 +145,11 @@ mod tests {
 
     #[test]
     fn divergence_around_a_default() {
-        let of = |streams: &[[f64; 3]]| choose_around_default(&[streams], 0, 3.0).unwrap();
-        assert_eq!(of(&[[INF, 0.5, INF], [0.1, 0.5, 0.1]]).chosen, 1);
-        let all = of(&[[INF, INF, 0.1], [0.1, 0.5, INF]]);
+        let choice = |streams: &[[f64; 3]]| choose_around_default(&[streams], 0, 3.0).unwrap();
+        assert_eq!(choice(&[[INF, 0.5, INF], [0.1, 0.5, 0.1]]).chosen, 1);
+        let all = choice(&[[INF, INF, 0.1], [0.1, 0.5, INF]]);
         assert_eq!((all.chosen, all.advantages), (0, vec![None; 3]));
-        let others = of(&[[0.9, INF, 0.9], [0.9, 0.1, 0.9]]);
+        let others = choice(&[[0.9, INF, 0.9], [0.9, 0.1, 0.9]]);
         assert_eq!((others.chosen, others.advantages[1].unwrap().mean), (0, -INF));
     }
 

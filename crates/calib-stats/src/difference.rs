@@ -26,7 +26,7 @@ pub struct Difference {
 impl Difference {
     /// Whether its interval says which is smaller; not without an interval.
     pub fn is_told(&self) -> bool {
-        self.interval.is_some_and(|of| of.low > 0.0 || of.high < 0.0)
+        self.interval.is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0)
     }
 }
 
@@ -52,11 +52,14 @@ pub fn paired_difference<K: Ord>(
     if differences.iter().any(|difference| difference.is_nan()) {
         return Err(StatsError::OpposedInfinities { what: "differences of pairs" });
     }
-    let own: Vec<f64> = cluster_means(clusters, &differences)?.iter().map(|of| of.1).collect();
+    let own: Vec<f64> = cluster_means(clusters, &differences)?
+        .iter()
+        .map(|mean_of_cluster| mean_of_cluster.1)
+        .collect();
     let count = |is: fn(&f64) -> bool| own.iter().copied().filter(is).count();
     let mean = mean(&own)?;
     let interval = sample_std(&own)?.and_then(|std| t_interval(mean, std, own.len()));
-    let smaller = [count(|&of| of < 0.0), count(|&of| of > 0.0)];
+    let smaller = [count(|&difference| difference < 0.0), count(|&difference| difference > 0.0)];
     Ok(Difference { mean, interval, clusters: [own.len(); 2], smaller: Some(smaller) })
 }
 
@@ -74,7 +77,7 @@ pub fn unpaired_difference<K: Ord>(
     (clusters_of_y, y): (&[K], &[f64]),
 ) -> Result<Difference, StatsError> {
     let means = |clusters, runs| -> Result<Vec<f64>, StatsError> {
-        Ok(cluster_means(clusters, runs)?.iter().map(|of| of.1).collect())
+        Ok(cluster_means(clusters, runs)?.iter().map(|mean_of_cluster| mean_of_cluster.1).collect())
     };
     let (x, y) = (means(clusters_of_x, x)?, means(clusters_of_y, y)?);
     let difference = mean(&x)? - mean(&y)?;
@@ -114,7 +117,9 @@ mod tests {
         assert_eq!((difference.clusters, difference.smaller), ([3, 3], Some([3, 0])));
         assert!(!difference.is_told());
         let unpaired = unpaired_difference((&clusters, &x), (&clusters, &y)).unwrap();
-        let width = |of: Difference| of.interval.unwrap().high - of.interval.unwrap().low;
+        let width = |difference: Difference| {
+            difference.interval.unwrap().high - difference.interval.unwrap().low
+        };
         assert!(width(unpaired) > 20.0 * width(difference));
     }
 
@@ -138,8 +143,9 @@ mod tests {
 
     #[test]
     fn samples_without_spread_have_an_interval_of_no_width() {
-        let of = unpaired_difference((&[1, 2], &[1.0, 1.0]), (&[3, 4], &[2.0, 2.0])).unwrap();
-        assert_eq!(of.interval, Some(Interval { low: -1.0, high: -1.0 }));
+        let difference =
+            unpaired_difference((&[1, 2], &[1.0, 1.0]), (&[3, 4], &[2.0, 2.0])).unwrap();
+        assert_eq!(difference.interval, Some(Interval { low: -1.0, high: -1.0 }));
     }
 
     #[test]
@@ -156,13 +162,13 @@ mod tests {
         fn swapped_models_have_the_difference_turned_round(
             pairs in prop::collection::vec((0u8..5, -9.0f64..9.0, -9.0f64..9.0), 2..30)
         ) {
-            let clusters: Vec<u8> = pairs.iter().map(|of| of.0).collect();
-            let x: Vec<f64> = pairs.iter().map(|of| of.1).collect();
-            let y: Vec<f64> = pairs.iter().map(|of| of.2).collect();
+            let clusters: Vec<u8> = pairs.iter().map(|pair| pair.0).collect();
+            let x: Vec<f64> = pairs.iter().map(|pair| pair.1).collect();
+            let y: Vec<f64> = pairs.iter().map(|pair| pair.2).collect();
             let one = paired_difference(&clusters, &x, &y).unwrap();
             let other = paired_difference(&clusters, &y, &x).unwrap();
             prop_assert_eq!(one.mean, -other.mean);
-            prop_assert_eq!(one.interval.map(|of| of.low), other.interval.map(|of| -of.high));
+            prop_assert_eq!(one.interval.map(|interval| interval.low), other.interval.map(|interval| -interval.high));
             prop_assert_eq!(one.smaller.map(|[a, b]| [b, a]), other.smaller);
             // The paired mean is the difference of the summaries' means: both weigh clusters alike.
             let means = [&x, &y].map(|runs| summarise_clusters(&clusters, runs).unwrap().mean);

@@ -30,7 +30,7 @@ pub struct ErrorRatio {
 impl ErrorRatio {
     /// Whether its interval says which error is smaller; not without an interval.
     pub fn is_told(&self) -> bool {
-        self.interval.is_some_and(|of| of.low > 1.0 || of.high < 1.0)
+        self.interval.is_some_and(|interval| interval.low > 1.0 || interval.high < 1.0)
     }
 }
 
@@ -73,8 +73,8 @@ pub fn error_ratio(x: &[f64], y: &[f64]) -> Result<Option<ErrorRatio>, StatsErro
     let interval = (blocks > 1 && ratio > 0.0 && ratio.is_finite()).then(|| {
         let squares: f64 = z.iter().map(|z| z * z).sum();
         let standard_error = (squares / ((blocks - 1) * blocks) as f64).sqrt();
-        let of = around(ratio.ln(), standard_error, (blocks - 1) as f64)?;
-        Some(Interval { low: of.low.exp(), high: of.high.exp() })
+        let logarithm = around(ratio.ln(), standard_error, (blocks - 1) as f64)?;
+        Some(Interval { low: logarithm.low.exp(), high: logarithm.high.exp() })
     });
     let count = |is: fn((&f64, &f64)) -> bool| x.iter().zip(y).filter(|&pair| is(pair)).count();
     let smaller = [count(|(x, y)| x < y), count(|(x, y)| x > y)];
@@ -90,11 +90,14 @@ mod tests {
     #[test]
     fn a_quotient_by_hand() {
         // Two blocks of two steps: X = 1, 3 and Y = 2, 2, so z = (1/4 - 1/2, 3/4 - 1/2), s = sqrt(1/8), t(1) = 12.706204736.
-        let of = error_ratio(&[0.5, 0.5, 1.0, 2.0], &[1.0, 1.0, 1.0, 1.0]).unwrap().unwrap();
+        let compared = error_ratio(&[0.5, 0.5, 1.0, 2.0], &[1.0, 1.0, 1.0, 1.0]).unwrap().unwrap();
         let half = (12.706_204_736_f64 * 0.125_f64.sqrt() / 2_f64.sqrt()).exp();
-        assert_eq!((of.ratio, of.blocks, of.steps, of.smaller), (1.0, 2, 4, [2, 1]));
-        assert!((of.interval.unwrap().high - half).abs() < 1e-7 * half);
-        assert!(!of.is_told());
+        assert_eq!(
+            (compared.ratio, compared.blocks, compared.steps, compared.smaller),
+            (1.0, 2, 4, [2, 1])
+        );
+        assert!((compared.interval.unwrap().high - half).abs() < 1e-7 * half);
+        assert!(!compared.is_told());
     }
 
     #[test]
@@ -102,10 +105,10 @@ mod tests {
         // A storm in one stretch: both errors grow a hundredfold there, x is always half of y.
         let y: Vec<f64> = (0..64).map(|step| if step < 8 { 100.0 } else { 1.0 }).collect();
         let x: Vec<f64> = y.iter().map(|y| y / 4.0).collect();
-        let of = error_ratio(&x, &y).unwrap().unwrap();
-        assert_eq!((of.ratio, of.blocks, of.smaller), (0.5, 16, [64, 0]));
-        assert_eq!(of.interval, Some(Interval { low: 0.5, high: 0.5 }));
-        assert!(of.is_told());
+        let compared = error_ratio(&x, &y).unwrap().unwrap();
+        assert_eq!((compared.ratio, compared.blocks, compared.smaller), (0.5, 16, [64, 0]));
+        assert_eq!(compared.interval, Some(Interval { low: 0.5, high: 0.5 }));
+        assert!(compared.is_told());
     }
 
     #[test]

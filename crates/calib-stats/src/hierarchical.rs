@@ -34,10 +34,10 @@ pub fn hierarchical(
     mut draw: impl FnMut(usize) -> usize,
     mut choose: impl FnMut(&[Drawn<'_>]) -> Result<Option<usize>, StatsError>,
 ) -> Result<ChoiceOfResamples, StatsError> {
-    let candidates = inputs.first().map_or(0, |of| of.candidates());
+    let candidates = inputs.first().map_or(0, |nested| nested.candidates());
     let (mut counts, mut none) = (vec![0; candidates], 0);
     for _ in 0..resamples {
-        let drawn: Vec<Drawn<'_>> = inputs.iter().map(|of| of.draw(&mut draw)).collect();
+        let drawn: Vec<Drawn<'_>> = inputs.iter().map(|nested| nested.draw(&mut draw)).collect();
         match choose(&drawn)? {
             Some(index) if index >= candidates => {
                 let what = "candidates";
@@ -91,16 +91,18 @@ mod tests {
         let nested = Nested::new(units).unwrap();
         let resamples = 40_000;
         let mut means = Vec::new();
-        hierarchical(&[&nested], resamples, draws(4), |of| {
-            let units = of[0].means();
-            means.push(units.iter().map(|of| of[0]).sum::<f64>() / units.len() as f64);
+        hierarchical(&[&nested], resamples, draws(4), |drawn| {
+            let units = drawn[0].means();
+            means.push(units.iter().map(|unit| unit[0]).sum::<f64>() / units.len() as f64);
             Ok(None)
         })
         .unwrap();
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        let square = |values: &[f64], of: f64| values.iter().map(|x| (x - of).powi(2)).sum::<f64>();
+        let square =
+            |values: &[f64], centre: f64| values.iter().map(|x| (x - centre).powi(2)).sum::<f64>();
         let of_units = rows.map(|row| mean(&row));
-        let inside: f64 = rows.iter().zip(of_units).map(|(row, of)| square(row, of)).sum();
+        let inside: f64 =
+            rows.iter().zip(of_units).map(|(row, mean_of_row)| square(row, mean_of_row)).sum();
         let expected = square(&of_units, mean(&of_units)) / 9.0 + inside / 81.0;
         let got = square(&means, mean(&means)) / resamples as f64;
         assert!((got / expected - 1.0).abs() < 0.03, "{got}, not {expected}");

@@ -26,7 +26,7 @@ pub fn importance(groups: &[usize], values: &[f64]) -> Result<Option<f64>, Stats
     if let Some(index) = values.iter().position(|value| value.is_infinite()) {
         return Err(StatsError::Infinite { what: "values", index });
     }
-    let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let centre = mean(values);
     let total: f64 = values.iter().map(|value| (value - centre).powi(2)).sum();
     if total == 0.0 {
@@ -36,7 +36,7 @@ pub fn importance(groups: &[usize], values: &[f64]) -> Result<Option<f64>, Stats
     seen.sort_unstable();
     seen.dedup();
     let between = |group: usize| {
-        let own = groups.iter().zip(values).filter(|(of, _)| **of == group);
+        let own = groups.iter().zip(values).filter(|(other, _)| **other == group);
         let own: Vec<f64> = own.map(|(_, value)| *value).collect();
         own.len() as f64 * (mean(&own) - centre).powi(2)
     };
@@ -72,12 +72,12 @@ mod tests {
             let rows: Vec<usize> = (0..12).map(|place| place / 4).collect();
             let columns: Vec<usize> = (0..12).map(|place| place % 4).collect();
             let both: Vec<usize> = (0..12).collect();
-            let of = |groups: &[usize]| importance(groups, &values).unwrap().unwrap_or(0.0);
-            prop_assert!(of(&rows) + of(&columns) <= 1.0 + 1e-9);
-            prop_assert!((of(&both) - 1.0).abs() < 1e-9);
+            let share = |groups: &[usize]| importance(groups, &values).unwrap().unwrap_or(0.0);
+            prop_assert!(share(&rows) + share(&columns) <= 1.0 + 1e-9);
+            prop_assert!((share(&both) - 1.0).abs() < 1e-9);
             let other: Vec<f64> = values.iter().map(|value| 3.0 - 2.0 * value).collect();
             let shifted = importance(&rows, &other).unwrap().unwrap_or(0.0);
-            prop_assert!((shifted - of(&rows)).abs() < 1e-9);
+            prop_assert!((shifted - share(&rows)).abs() < 1e-9);
         }
     }
 }

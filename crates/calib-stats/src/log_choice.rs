@@ -123,7 +123,7 @@ mod tests {
             })
         ) {
             let chosen = choose_by_mean_log(&[&streams]).unwrap().chosen.unwrap();
-            let product = |candidate: usize| streams.iter().map(|of| of[candidate]).product::<f64>();
+            let product = |candidate: usize| streams.iter().map(|errors| errors[candidate]).product::<f64>();
             for candidate in 0..streams[0].len() {
                 prop_assert!(product(chosen) <= product(candidate) * (1.0 + 1e-9));
             }

@@ -84,14 +84,15 @@ impl Losses {
     /// cases instead of 2.5.
     pub fn quotient(&self, candidate: usize, other: usize) -> Option<Estimate> {
         let differences: Vec<f64> =
-            self.windows.iter().map(|of| of[candidate] - of[other]).collect();
+            self.windows.iter().map(|losses| losses[candidate] - losses[other]).collect();
         let opposed =
             differences.contains(&f64::INFINITY) && differences.contains(&f64::NEG_INFINITY);
         if opposed || differences.iter().any(|difference| difference.is_nan()) {
             return None;
         }
         let (mean, interval) = over(&differences)?;
-        let quotient = |of: Interval| Interval { low: of.low.exp(), high: of.high.exp() };
+        let quotient =
+            |interval: Interval| Interval { low: interval.low.exp(), high: interval.high.exp() };
         Some(Estimate { value: mean.exp(), interval: interval.map(quotient) })
     }
 
@@ -106,13 +107,13 @@ impl Losses {
         for (window, own) in self.windows.iter().enumerate() {
             let chosen = (0..own.len()).min_by(|&a, &b| own[a].total_cmp(&own[b]))?;
             let rest = self.windows.iter().enumerate().filter(|&(other, _)| other != window);
-            others.extend(rest.map(|(_, of)| of[chosen]).filter(|loss| loss.is_finite()));
+            others.extend(rest.map(|(_, losses)| losses[chosen]).filter(|loss| loss.is_finite()));
         }
         (!others.is_empty()).then(|| mean(&others).exp_m1())
     }
 
     fn of(&self, candidate: usize) -> Vec<f64> {
-        self.windows.iter().map(|of| of[candidate]).collect()
+        self.windows.iter().map(|losses| losses[candidate]).collect()
     }
 }
 
@@ -135,7 +136,7 @@ mod tests {
     const INF: f64 = f64::INFINITY;
 
     fn regret(errors: &[&[f64]], candidate: usize) -> Option<f64> {
-        Losses::new(errors).unwrap().regret(candidate).map(|of| of.value)
+        Losses::new(errors).unwrap().regret(candidate).map(|regret| regret.value)
     }
 
     #[test]
@@ -226,7 +227,7 @@ mod tests {
             table in prop::collection::vec((prop::collection::vec(0.01f64..9.0, 4), 0.01f64..100.0), 1..6),
             candidate in 0usize..4
         ) {
-            let plain: Vec<Vec<f64>> = table.iter().map(|of| of.0.clone()).collect();
+            let plain: Vec<Vec<f64>> = table.iter().map(|row| row.0.clone()).collect();
             let scaled: Vec<Vec<f64>> =
                 table.iter().map(|(row, by)| row.iter().map(|error| error * by).collect()).collect();
             let told = |rows: &[Vec<f64>]| Losses::new(rows).unwrap().regret(candidate).unwrap().value;

@@ -59,7 +59,7 @@ impl Nested {
     pub fn whole(&self) -> Drawn<'_> {
         let units = self.units.iter().enumerate();
         Drawn {
-            of: self,
+            nested: self,
             units: units.map(|(unit, runs)| (unit, (0..runs.len()).collect())).collect(),
         }
     }
@@ -78,14 +78,14 @@ impl Nested {
             let runs = self.units[unit].len();
             units.push((unit, (0..runs).map(|_| if runs > 1 { draw(runs) } else { 0 }).collect()));
         }
-        Drawn { of: self, units }
+        Drawn { nested: self, units }
     }
 }
 
 /// Units and runs of a [`Nested`], some of them several times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drawn<'a> {
-    of: &'a Nested,
+    nested: &'a Nested,
     units: Vec<(usize, Vec<usize>)>,
 }
 
@@ -93,7 +93,7 @@ impl<'a> Drawn<'a> {
     /// The drawn units by their numbers, each with the scores of its drawn runs, `[run][candidate]`.
     pub fn units(&self) -> impl Iterator<Item = (usize, impl Iterator<Item = &'a [f64]>)> {
         self.units.iter().map(|(unit, runs)| {
-            let scores = &self.of.units[*unit];
+            let scores = &self.nested.units[*unit];
             (*unit, runs.iter().map(|&run| scores[run].as_slice()))
         })
     }
@@ -106,9 +106,9 @@ impl<'a> Drawn<'a> {
     /// Arithmetic means over the runs of each drawn unit: `[unit][candidate]`, infinite where a run diverged.
     pub fn means(&self) -> Vec<Vec<f64>> {
         let mean = |(unit, runs): &(usize, Vec<usize>)| {
-            let mut sums = vec![0.0; self.of.candidates];
+            let mut sums = vec![0.0; self.nested.candidates];
             for &run in runs {
-                for (sum, score) in sums.iter_mut().zip(&self.of.units[*unit][run]) {
+                for (sum, score) in sums.iter_mut().zip(&self.nested.units[*unit][run]) {
                     *sum += score;
                 }
             }
@@ -152,16 +152,18 @@ pub(crate) mod tests {
         let mut draw = draws(1);
         let mut means = Vec::new();
         for _ in 0..20_000 {
-            let drawn: Vec<f64> = nested.draw(&mut draw).means().iter().map(|of| of[0]).collect();
+            let drawn: Vec<f64> =
+                nested.draw(&mut draw).means().iter().map(|mean| mean[0]).collect();
             assert!(
-                drawn[..3].iter().all(|of| *of == drawn[0])
-                    && drawn[3..].iter().all(|of| *of == drawn[3])
+                drawn[..3].iter().all(|mean| *mean == drawn[0])
+                    && drawn[3..].iter().all(|mean| *mean == drawn[3])
             );
             means.push(f64::midpoint(drawn[0], drawn[3]));
         }
         // The variance of 0 … 5 is 35 / 12; that of the mean of two of them is half of it.
         let mean = means.iter().sum::<f64>() / means.len() as f64;
-        let variance = means.iter().map(|of| (of - mean).powi(2)).sum::<f64>() / means.len() as f64;
+        let variance =
+            means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / means.len() as f64;
         assert!((variance / (35.0 / 24.0) - 1.0).abs() < 0.05, "{variance}");
     }
 

@@ -44,15 +44,15 @@ impl StepErrors {
     /// If there is no such column.
     pub fn of_column(&self, column: usize) -> (f64, f64) {
         let n = self.predictions as f64;
-        let of = |squares: &[f64]| (squares[column] / n).sqrt();
-        (of(&self.squares), of(&self.squares_of_no_change))
+        let rmse = |squares: &[f64]| (squares[column] / n).sqrt();
+        (rmse(&self.squares), rmse(&self.squares_of_no_change))
     }
 
     /// RMSE of all columns, and that of no change; NaN without predictions.
     pub fn of_all(&self) -> (f64, f64) {
         let n = (self.predictions * self.squares.len()) as f64;
-        let of = |squares: &[f64]| (squares.iter().sum::<f64>() / n).sqrt();
-        (of(&self.squares), of(&self.squares_of_no_change))
+        let rmse = |squares: &[f64]| (squares.iter().sum::<f64>() / n).sqrt();
+        (rmse(&self.squares), rmse(&self.squares_of_no_change))
     }
 }
 

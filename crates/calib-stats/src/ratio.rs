@@ -36,13 +36,13 @@ mod tests {
     #[test]
     fn a_part_counts_by_its_size() {
         // 10 of one and 1 of a tenth are 10 each; the residuals are 0.
-        let of = ratio_of_sums(&[10.0, 1.0], &[1.0, 0.1]).unwrap();
-        assert!((of.value - 10.0).abs() < 1e-12);
-        let interval = of.interval.unwrap();
+        let estimate = ratio_of_sums(&[10.0, 1.0], &[1.0, 0.1]).unwrap();
+        assert!((estimate.value - 10.0).abs() < 1e-12);
+        let interval = estimate.interval.unwrap();
         assert!(interval.high - interval.low < 1e-9, "{interval:?}");
         // 12 / 2, residuals ±2, √(2/1 · 8) / 2 = 2, t(1) = 12.706204736.
-        let of = ratio_of_sums(&[4.0, 8.0], &[1.0, 1.0]).unwrap();
-        assert!((of.interval.unwrap().high - 6.0 - 2.0 * 12.706_204_736).abs() < 1e-6);
+        let estimate = ratio_of_sums(&[4.0, 8.0], &[1.0, 1.0]).unwrap();
+        assert!((estimate.interval.unwrap().high - 6.0 - 2.0 * 12.706_204_736).abs() < 1e-6);
         assert_eq!(ratio_of_sums(&[4.0], &[0.5]), Ok(Estimate { value: 8.0, interval: None }));
     }
 

@@ -19,17 +19,19 @@ impl Study {
         self.check_simulate()?;
         self.check_deployments()?;
         self.preprocess.check()?;
-        self.representation.check().map_err(|of| Problem::from(of).within("representation"))?;
-        self.model.check().map_err(|of| Problem::from(of).within("model"))?;
-        self.dynamics.check().map_err(|of| Problem::from(of).within("dynamics"))?;
-        self.agent.check().map_err(|of| Problem::from(of).within("agent"))?;
+        self.representation
+            .check()
+            .map_err(|error| Problem::from(error).within("representation"))?;
+        self.model.check().map_err(|error| Problem::from(error).within("model"))?;
+        self.dynamics.check().map_err(|error| Problem::from(error).within("dynamics"))?;
+        self.agent.check().map_err(|error| Problem::from(error).within("agent"))?;
         self.pretrain.check()?;
         require!(
             !(self.agent.is_external() && self.pretrain.is_on()),
             "agent.kind = \"external\" is a program whose agents calib cannot pre-train; leave [pretrain] out"
         );
         if let Some(control) = &self.control {
-            control.check().map_err(|of| Problem::from(of).within("control"))?;
+            control.check().map_err(|error| Problem::from(error).within("control"))?;
         }
         // The upper ends are far beyond use; they turn a slip of the finger into a message.
         let counts = [

@@ -136,7 +136,8 @@ impl Problem {
             None => Some(self.message.as_str()),
         }?;
         let is_key = |word: &&str| {
-            let fine = |of: char| of.is_ascii_alphanumeric() || ['_', '-', '.'].contains(&of);
+            let fine =
+                |letter: char| letter.is_ascii_alphanumeric() || ['_', '-', '.'].contains(&letter);
             !word.is_empty() && word.chars().all(fine)
         };
         let quoted = text.split('`').nth(1).filter(is_key);
@@ -156,12 +157,12 @@ impl<E: std::error::Error> From<E> for Problem {
     fn from(error: E) -> Self {
         let mut message = error.to_string();
         let mut cause = error.source();
-        while let Some(of) = cause {
-            let told = of.to_string();
+        while let Some(inner) = cause {
+            let told = inner.to_string();
             if !message.contains(&told) {
                 message = format!("{message}: {told}");
             }
-            cause = of.source();
+            cause = inner.source();
         }
         Self::new(message)
     }

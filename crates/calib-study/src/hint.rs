@@ -72,12 +72,12 @@ mod tests {
 
     #[test]
     fn a_command_carries_what_was_given() {
-        let job = job(|of| {
-            of.set = vec!["sweep.sensors=[\"A\"]".to_owned(), "agent.gamma=0.9".to_owned()];
-            of.profile = Some("tiny".to_owned());
-            of.model = Some("b".to_owned());
-            of.deployment = Some("april".to_owned());
-            of.output = Some("it's here".into());
+        let job = job(|request| {
+            request.set = vec!["sweep.sensors=[\"A\"]".to_owned(), "agent.gamma=0.9".to_owned()];
+            request.profile = Some("tiny".to_owned());
+            request.model = Some("b".to_owned());
+            request.deployment = Some("april".to_owned());
+            request.output = Some("it's here".into());
         });
         let given =
             "'a study.toml' --profile tiny --set 'sweep.sensors=[\"A\"]' --set 'agent.gamma=0.9'";
@@ -97,13 +97,13 @@ mod tests {
 
     #[test]
     fn rollouts_name_the_deployment_that_they_follow_from() {
-        let of = |start: &str| {
-            let job = job(|of| {
-                of.set = vec![format!("rollout.start={start}")];
-                of.deployment = Some("april".to_owned());
+        let names_deployment = |start: &str| {
+            let job = job(|request| {
+                request.set = vec![format!("rollout.start={start}")];
+                request.deployment = Some("april".to_owned());
             });
             job.command(StepKind::Rollout).contains("--deployment")
         };
-        assert!(of("recent") && !of("random"));
+        assert!(names_deployment("recent") && !names_deployment("random"));
     }
 }

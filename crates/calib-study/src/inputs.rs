@@ -101,10 +101,10 @@ impl Inputs {
     }
 
     fn remove(&mut self, keys: &[&str]) {
-        let inside = |key: &str, of: &str| {
-            key.strip_prefix(of).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        let inside = |key: &str, parent: &str| {
+            key.strip_prefix(parent).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
         };
-        self.0.retain(|key, _| !keys.iter().any(|of| inside(key, of)));
+        self.0.retain(|key, _| !keys.iter().any(|parent| inside(key, parent)));
     }
 
     /// A log as it is cleaned. Where it lies does not matter: its content is known by its fingerprint.

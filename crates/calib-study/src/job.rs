@@ -6,14 +6,14 @@ use std::{
 
 use crate::{
     Layout, Place, Policy, Request, Rollouts, Study, StudyError, profiles::Results,
-    written::Written,
+    written::WrittenStudy,
 };
 
 /// A study that was resolved: the file as it was read once, the model and deployment that are chosen of it, where
 /// results lie, and what may be done about them. Every step of a command has it from the one before.
 #[derive(Clone, Debug)]
 pub struct Job {
-    pub(crate) written: Arc<Written>,
+    pub(crate) written: Arc<WrittenStudy>,
     pub(crate) study: Arc<Study>,
     pub(crate) layout: Layout,
     pub(crate) model: Option<String>,
@@ -27,7 +27,7 @@ impl Job {
     /// # Errors
     /// A file that cannot be read, a key that does not exist, a value that is not valid: each with its place.
     pub fn resolve(request: Request) -> Result<Self, StudyError> {
-        Self::of(Written::read(request)?)
+        Self::of(WrittenStudy::read(request)?)
     }
 
     /// As [`Job::resolve`], of a `text` that stands in the file, or is going to.
@@ -35,16 +35,16 @@ impl Job {
     /// # Errors
     /// A key that does not exist, or a value that is not valid.
     pub fn of_text(request: Request, text: String) -> Result<Self, StudyError> {
-        Self::of(Written::of_text(request, text)?)
+        Self::of(WrittenStudy::of_text(request, text)?)
     }
 
-    fn of(written: Written) -> Result<Self, StudyError> {
+    fn of(written: WrittenStudy) -> Result<Self, StudyError> {
         let Request { model, deployment, .. } = written.request.clone();
         Self::choose_of(Arc::new(written), model, deployment)
     }
 
     fn choose_of(
-        written: Arc<Written>,
+        written: Arc<WrittenStudy>,
         model: Option<String>,
         deployment: Option<String>,
     ) -> Result<Self, StudyError> {
@@ -77,7 +77,7 @@ impl Job {
     /// The same under another policy.
     #[must_use]
     pub fn under(&self, policy: Policy) -> Self {
-        let mut written = Written::clone(&self.written);
+        let mut written = WrittenStudy::clone(&self.written);
         written.request.policy = policy;
         Self { written: Arc::new(written), ..self.clone() }
     }
@@ -190,12 +190,12 @@ fn file_stem(request: &Request) -> Option<String> {
 
 /// Where the results of a model and a deployment lie.
 fn layout(
-    written: &Written,
+    written: &WrittenStudy,
     study: &Study,
     model: Option<&str>,
     deployment: Option<&str>,
 ) -> Layout {
-    let Written { request, results, .. } = written;
+    let WrittenStudy { request, results, .. } = written;
     let folder = request.study.parent().unwrap_or(Path::new(""));
     let stem = || file_stem(request).unwrap_or_else(|| "study".to_owned());
     let own = study.output.clone().unwrap_or_else(|| format!("{}-results", stem()).into());

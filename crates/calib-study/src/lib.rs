@@ -65,7 +65,7 @@ pub use model_section::ModelSection;
 pub use overrides::of_data;
 pub use partition::Partition;
 pub use pretrain::{MomentsRule, PretrainConfig};
-pub use protocol::{Drawn, Protocol};
+pub use protocol::{DrawnStudy, Protocol};
 pub use request::{Existing, Policy, Request, Writes};
 pub use schema::schema;
 pub use share::Share;

@@ -32,8 +32,9 @@ fn friendly_variant(message: &str) -> String {
 
 /// Rewrite "invalid type: string "x", expected f64" in the words of whoever writes a study.
 fn friendly_type(message: &str) -> Option<String> {
-    let rest =
-        ["invalid type: ", "invalid value: "].iter().find_map(|of| message.strip_prefix(of))?;
+    let rest = ["invalid type: ", "invalid value: "]
+        .iter()
+        .find_map(|start| message.strip_prefix(start))?;
     let (got, expected) = rest.rsplit_once(", expected ")?;
     Some(format!("expected {}, got {}", in_words(expected), value(got)))
 }
@@ -50,8 +51,8 @@ fn in_words(expected: &str) -> &str {
         "a map" => "a section",
         // Where one of a few names belongs, and there is no name at all.
         "string only" => "one of the names that `calib explain` lists for the key, in quotes",
-        of if of.starts_with("struct ") => "a section",
-        of => of,
+        other if other.starts_with("struct ") => "a section",
+        other => other,
     }
 }
 
@@ -61,9 +62,9 @@ fn value(got: &str) -> String {
         "sequence" => "a list".to_owned(),
         "map" => "a section".to_owned(),
         "unit variant" => "another type".to_owned(),
-        of => match of.strip_prefix("string ") {
+        other => match other.strip_prefix("string ") {
             Some(text) => format!("the text {text}"),
-            None => of.split('`').nth(1).unwrap_or(of).to_owned(),
+            None => other.split('`').nth(1).unwrap_or(other).to_owned(),
         },
     }
 }

@@ -61,7 +61,8 @@ pub(crate) fn check(table: &Table) -> Result<(), Problem> {
     check_names(KEY, &all)?;
     if let Some(compared) = compared(table) {
         require!(!compared.is_empty(), "{COMPARED} lists no model; name some, or leave it out");
-        if let Some(unknown) = compared.into_iter().find(|name| !all.iter().any(|of| of == name)) {
+        if let Some(unknown) = compared.into_iter().find(|name| !all.iter().any(|own| own == name))
+        {
             refuse!("{COMPARED} lists {unknown}, and the study's models are {}", all.join(", "));
         }
     }
@@ -94,9 +95,9 @@ pub(crate) fn check(table: &Table) -> Result<(), Problem> {
 
 /// Whether agents learn from whatever precedes `model.period`.
 fn is_pretrained_before_the_model(table: &Table) -> bool {
-    let of = |key| value(Some(table), "pretrain", key);
-    let trained = of("epochs").and_then(Value::as_integer).is_some_and(|epochs| epochs > 0);
-    (trained || of("checkpoint").is_some()) && of("period").is_none()
+    let pretrain = |key| value(Some(table), "pretrain", key);
+    let trained = pretrain("epochs").and_then(Value::as_integer).is_some_and(|epochs| epochs > 0);
+    (trained || pretrain("checkpoint").is_some()) && pretrain("period").is_none()
 }
 
 fn value<'a>(table: Option<&'a Table>, section: &str, key: &str) -> Option<&'a Value> {
@@ -121,19 +122,19 @@ mod tests {
 
     #[test]
     fn too_many_are_refused_before_any_is_looked_at() {
-        let of = |models: usize, deployments: usize| {
+        let study_of = |models: usize, deployments: usize| {
             let models = (0..models).map(|number| format!("[models.m{number}]\n"));
             let deployments = (0..deployments).map(|number| format!("[deployments.d{number}]\n"));
             toml::from_str::<Table>(&models.chain(deployments).collect::<String>()).expect("TOML")
         };
         for (models, deployments) in [(0, 0), (MOST_PARTS, 1), (10, 100)] {
-            check(&of(models, deployments)).expect("not too many");
+            check(&study_of(models, deployments)).expect("not too many");
         }
         for (models, deployments) in [(100_000, 0), (0, MOST_PARTS + 1), (11, 100)] {
-            let refused = check(&of(models, deployments)).expect_err("too many").to_string();
+            let refused = check(&study_of(models, deployments)).expect_err("too many").to_string();
             assert!(refused.contains("at most 1000; list fewer models"), "{refused}");
         }
-        let mut chosen = of(2_000, 0);
+        let mut chosen = study_of(2_000, 0);
         chosen.insert(COMPARED.to_owned(), vec!["m1", "m7"].into());
         check(&chosen).expect("two of them");
     }

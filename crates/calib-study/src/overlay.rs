@@ -19,7 +19,8 @@ pub(crate) fn lay_over(table: &mut Table, own: Table) {
 /// Names in the section `key`, in alphabetical order.
 pub(crate) fn names(table: &Table, key: &str) -> Vec<String> {
     let section = table.get(key).and_then(Value::as_table);
-    let mut names: Vec<String> = section.map_or_else(Vec::new, |of| of.keys().cloned().collect());
+    let mut names: Vec<String> =
+        section.map_or_else(Vec::new, |table| table.keys().cloned().collect());
     names.sort();
     names
 }
@@ -55,7 +56,9 @@ pub(crate) fn check_names<'a>(
 ) -> Result<(), Problem> {
     let fine = |name: &&String| {
         !name.is_empty()
-            && name.chars().all(|of| of.is_ascii_alphanumeric() || of == '-' || of == '_')
+            && name
+                .chars()
+                .all(|letter| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_')
     };
     match names.into_iter().find(|name| !fine(name)) {
         Some(name) => refuse!("[{key}.\"{name}\"]: names have ASCII letters, digits, - and _ only"),

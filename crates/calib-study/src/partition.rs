@@ -23,7 +23,7 @@ impl Study {
     /// How the training range is divided.
     pub fn partition(&self) -> Partition {
         let on_its_clock =
-            |period: &Option<TimeRange>| period.as_ref().map(|of| self.data.on_its_clock(of));
+            |period: &Option<TimeRange>| period.as_ref().map(|range| self.data.on_its_clock(range));
         let model = on_its_clock(&self.model.period);
         if self.pretrain.is_on() {
             let pretrain = on_its_clock(&self.pretrain.period);

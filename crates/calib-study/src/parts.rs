@@ -90,9 +90,9 @@ impl Job {
 
     /// What would choose one of several `parts`: `--model NAME (a, b)`.
     pub fn missing_names(&self, parts: &[Self]) -> Vec<String> {
-        let names = |of: fn(&Self) -> Option<&str>| {
+        let names = |name_of: fn(&Self) -> Option<&str>| {
             let mut once: Vec<&str> = Vec::new();
-            for name in parts.iter().filter_map(of) {
+            for name in parts.iter().filter_map(name_of) {
                 if !once.contains(&name) {
                     once.push(name);
                 }

@@ -39,10 +39,10 @@ pub(crate) enum Results {
 }
 
 /// Lay the profile called `name` over the study, without which it stays as it is; profiles themselves are removed.
-pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<Chosen, Problem> {
+pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<ChosenProfile, Problem> {
     let Some(name) = name else {
         table.remove(KEY);
-        return Ok(Chosen { results: Results::AsWritten, laid_over: Table::new() });
+        return Ok(ChosenProfile { results: Results::AsWritten, laid_over: Table::new() });
     };
     let own = take(&mut table.clone(), KEY, "--profile", name)?;
     let results =
@@ -50,12 +50,12 @@ pub(crate) fn choose(table: &mut Table, name: Option<&str>) -> Result<Chosen, Pr
     let laid_over = with_base(table, own, &mut vec![name.to_owned()])?;
     table.remove(KEY);
     lay_over(table, laid_over.clone());
-    Ok(Chosen { results, laid_over })
+    Ok(ChosenProfile { results, laid_over })
 }
 
 /// A profile that was laid over a study, or none.
 #[derive(Clone, Debug)]
-pub(crate) struct Chosen {
+pub(crate) struct ChosenProfile {
     pub(crate) results: Results,
     /// What it says, with what it is based on.
     pub(crate) laid_over: Table,
@@ -95,7 +95,7 @@ pub(crate) fn check(
             !TAKEN.contains(&name.as_str()),
             "[{KEY}.{name}]: the study has a folder of that name in its results; choose another name"
         );
-        let own = table.get(KEY).and_then(|of| of.get(name)).and_then(Value::as_table);
+        let own = table.get(KEY).and_then(|profiles| profiles.get(name)).and_then(Value::as_table);
         if own.is_some_and(|own| own.contains_key(KEY)) {
             refuse!("[{KEY}.{name}] has [{KEY}] of its own, and one is chosen at a time");
         }
@@ -116,7 +116,7 @@ mod tests {
         toml::from_str(text).expect("TOML")
     }
 
-    fn results(chosen: Result<Chosen, Problem>) -> Results {
+    fn results(chosen: Result<ChosenProfile, Problem>) -> Results {
         chosen.expect("exists").results
     }
 

@@ -77,7 +77,7 @@ struct Draws {
 
 /// A study that a protocol draws.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drawn {
+pub struct DrawnStudy {
     /// What the plant is called, and the file without `.toml`.
     pub plant: String,
     /// The study as it is to be written, with a comment of what was drawn.
@@ -114,8 +114,8 @@ impl Protocol {
             "a protocol wants plants; add [[validity.plants]] with study = \"FILE.toml\""
         );
         require!(self.least_windows > 0, "validity.least_windows must be at least 1, got 0");
-        let repeats = self.plants.iter().filter_map(|of| of.repeat);
-        if let Some(got) = repeats.into_iter().find(|of| !(1..=MANY_PLANTS).contains(of)) {
+        let repeats = self.plants.iter().filter_map(|repeat| repeat.repeat);
+        if let Some(got) = repeats.into_iter().find(|repeat| !(1..=MANY_PLANTS).contains(repeat)) {
             refuse!("validity.plants.repeat must be from 1 to {MANY_PLANTS}, got {got}");
         }
         Ok(())
@@ -131,7 +131,7 @@ impl Protocol {
         path: &Path,
         folder: &Path,
         overrides: &[String],
-    ) -> Result<Vec<Drawn>, StudyError> {
+    ) -> Result<Vec<DrawnStudy>, StudyError> {
         self.drawn(path, folder, overrides).map_err(|problem| given(path, &problem))
     }
 
@@ -140,14 +140,15 @@ impl Protocol {
         path: &Path,
         folder: &Path,
         overrides: &[String],
-    ) -> Result<Vec<Drawn>, Problem> {
+    ) -> Result<Vec<DrawnStudy>, Problem> {
         let defaults = defaults()?;
-        let task = axes(&self.task.draw).map_err(|of| of.within("validity.task.draw"))?;
-        let mut all: Vec<Drawn> = Vec::new();
+        let task = axes(&self.task.draw).map_err(|problem| problem.within("validity.task.draw"))?;
+        let mut all: Vec<DrawnStudy> = Vec::new();
         for plants in &self.plants {
             let template = Template::read(path, plants, folder)?;
             let mut own = task.clone();
-            let of_plants = axes(&plants.draw).map_err(|of| of.within("validity.plants.draw"))?;
+            let of_plants =
+                axes(&plants.draw).map_err(|problem| problem.within("validity.plants.draw"))?;
             let from_plants: BTreeSet<String> = of_plants.keys().cloned().collect();
             own.extend(of_plants);
             for number in 1..=plants.repeat.unwrap_or(1) {
@@ -168,7 +169,7 @@ impl Protocol {
                 );
                 let table = template.with(&plant, &values, overrides)?;
                 let text = text(path, self.seed, &template, &values, &table)?;
-                all.push(Drawn { plant, text });
+                all.push(DrawnStudy { plant, text });
             }
         }
         Ok(all)
@@ -180,7 +181,7 @@ fn given(path: &Path, problem: &Problem) -> StudyError {
     StudyError::Given { study: path.display().to_string(), message: problem.to_string() }
 }
 
-impl Drawn {
+impl DrawnStudy {
     /// The study, as it will be in `folder`.
     ///
     /// # Errors

@@ -90,14 +90,14 @@ fn without_null(value: &mut Value) {
                 keys.remove("default");
             }
             if let Some(Value::Array(types)) = keys.get_mut("type") {
-                types.retain(|of| of != "null");
+                types.retain(|kind| kind != "null");
                 if let [only] = types.as_slice() {
                     let only = only.clone();
                     keys.insert("type".to_owned(), only);
                 }
             }
             if let Some(Value::Array(any)) = keys.get_mut("anyOf") {
-                any.retain(|of| of.get("type").is_none_or(|of| of != "null"));
+                any.retain(|schema| schema.get("type").is_none_or(|kind| kind != "null"));
                 if let [only] = any.as_slice() {
                     let only = only.clone();
                     keys.remove("anyOf");

@@ -4,24 +4,24 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Share {
     number: usize,
-    of: usize,
+    count: usize,
 }
 
 impl Share {
     /// Share `number`, counted from 0, of so many; none if there is no such share.
-    pub fn new(number: usize, of: usize) -> Option<Self> {
-        (number < of).then_some(Self { number, of })
+    pub fn new(number: usize, count: usize) -> Option<Self> {
+        (number < count).then_some(Self { number, count })
     }
 
     /// Whether it has the piece of work with this number.
     pub fn has(self, piece: usize) -> bool {
-        piece % self.of == self.number
+        piece % self.count == self.number
     }
 }
 
 impl fmt::Display for Share {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}/{}", self.number, self.of)
+        write!(f, "{}/{}", self.number, self.count)
     }
 }
 
@@ -31,9 +31,10 @@ mod tests {
 
     #[test]
     fn every_piece_is_in_one_share() {
-        for of in 1..6 {
-            let shares: Vec<Share> = (0..of).filter_map(|number| Share::new(number, of)).collect();
-            assert_eq!(shares.len(), of);
+        for count in 1..6 {
+            let shares: Vec<Share> =
+                (0..count).filter_map(|number| Share::new(number, count)).collect();
+            assert_eq!(shares.len(), count);
             for piece in 0..20 {
                 assert_eq!(shares.iter().filter(|share| share.has(piece)).count(), 1);
             }

@@ -130,7 +130,7 @@ impl Study {
     /// Check that the plant can be simulated, and that there is one folder to write it to.
     pub(crate) fn check_simulate(&self) -> Result<(), Problem> {
         let Some(simulate) = &self.simulate else { return Ok(()) };
-        simulate.plant().map_err(|of| Problem::from(of).within("simulate"))?;
+        simulate.plant().map_err(|error| Problem::from(error).within("simulate"))?;
         let paths = self.data.path.0.as_slice();
         let is_folder = |path: &String| {
             let lower = path.to_lowercase();

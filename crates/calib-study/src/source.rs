@@ -36,7 +36,7 @@ impl Place {
         let number = self.line.to_string();
         let margin = " ".repeat(number.len());
         // Tabs stay tabs, so that carets stand below what they mean.
-        let blank = |of: char| if of == '\t' { '\t' } else { ' ' };
+        let blank = |letter: char| if letter == '\t' { '\t' } else { ' ' };
         let before: String = self.excerpt.chars().take(self.column - 1).map(blank).collect();
         let carets = "^".repeat(self.width.max(1));
         format!("{margin} |\n{number} | {}\n{margin} | {before}{carets}", self.excerpt)
@@ -126,14 +126,14 @@ mod tests {
     #[test]
     fn keys_are_found_wherever_they_are_written() {
         let text = "seed = 1\n[agent]\ngamma = 2\n[models.a]\nmodel.members = 3\nx = { y = 4 }\n";
-        let of = source(text);
-        let at = |key: &str| of.place_of(key).map(|place| (place.line, place.column));
+        let parsed = source(text);
+        let at = |key: &str| parsed.place_of(key).map(|place| (place.line, place.column));
         assert_eq!(at("seed"), Some((1, 1)));
         assert_eq!(at("agent.gamma"), Some((3, 1)));
         assert_eq!(at("models.a.model.members"), Some((5, 7)));
         assert_eq!(at("models.a.x.y"), Some((6, 7)));
         assert_eq!(at("agent.beta"), None);
-        assert!(of.renamed().is_empty());
+        assert!(parsed.renamed().is_empty());
         let old = source("[model]\nrecurrent = false\n[models.a.model]\nrecurrent = true\n");
         let told: Vec<(usize, &str)> =
             old.renamed().iter().map(|(place, new)| (place.line, *new)).collect();
@@ -142,12 +142,12 @@ mod tests {
 
     #[test]
     fn an_excerpt_points_at_what_is_meant() {
-        let of = source("[agent]\n\t\"gämma\" = 2.0  # too large\n");
-        let place = of.place_of("agent.gämma").expect("there");
+        let parsed = source("[agent]\n\t\"gämma\" = 2.0  # too large\n");
+        let place = parsed.place_of("agent.gämma").expect("there");
         assert_eq!(place.to_string(), "study.toml:2:2");
         let excerpt = "  |\n2 | \t\"gämma\" = 2.0  # too large\n  | \t^^^^^^^";
         assert_eq!(place.excerpt(), excerpt);
-        assert_eq!(of.place(9_999..9_999).line, 3, "beyond the end is the end");
+        assert_eq!(parsed.place(9_999..9_999).line, 3, "beyond the end is the end");
         assert_eq!(source("").place(0..5).excerpt(), "  |\n1 | \n  | ^");
         let lines = source("a = [1,\n2]\n").place(4..10);
         assert!(lines.excerpt().ends_with("  |     ^^^"), "{}", lines.excerpt());

@@ -11,7 +11,7 @@ use crate::{
     error::{Problem, refuse, require},
     message::friendly,
     models, overrides,
-    profiles::{self, Chosen, Results},
+    profiles::{self, ChosenProfile, Results},
     protocol,
     source::Source,
     without_model,
@@ -19,7 +19,7 @@ use crate::{
 
 /// What a file says with a profile and what is given beside it, all models and deployments in it.
 #[derive(Clone, Debug)]
-pub(crate) struct Written {
+pub(crate) struct WrittenStudy {
     pub(crate) request: Request,
     pub(crate) table: Table,
     /// Where the results of the profile go.
@@ -27,7 +27,7 @@ pub(crate) struct Written {
     pub(crate) source: Source,
 }
 
-impl Written {
+impl WrittenStudy {
     /// The file that `request` names.
     pub(crate) fn read(request: Request) -> Result<Self, StudyError> {
         refuse_log(&request.study)?;
@@ -46,7 +46,8 @@ impl Written {
         checked.map_err(|problem| written.locate(&problem))?;
         let file = written.table.clone();
         let chosen = profiles::choose(&mut written.table, profile.as_deref());
-        let Chosen { results, laid_over } = chosen.map_err(|problem| written.locate(&problem))?;
+        let ChosenProfile { results, laid_over } =
+            chosen.map_err(|problem| written.locate(&problem))?;
         written.results = results;
         let given = written.lay_over();
         let given = given.map_err(|problem| StudyError::Value(problem.to_string()))?;
@@ -171,7 +172,9 @@ impl Written {
 fn refuse_log(path: &Path) -> Result<(), StudyError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let name = [".gz", ".zst"].iter().find_map(|packed| name.strip_suffix(packed)).unwrap_or(&name);
-    let is_log = [".csv", ".tsv", ".txt", ".parquet", ".xlsx"].iter().any(|of| name.ends_with(of));
+    let is_log = [".csv", ".tsv", ".txt", ".parquet", ".xlsx"]
+        .iter()
+        .any(|extension| name.ends_with(extension));
     if is_log || path.is_dir() {
         let path = path.display().to_string();
         let command = crate::shell_words(["calib".to_owned(), "init".to_owned(), path.clone()]);
@@ -198,7 +201,7 @@ pub(crate) fn text_of(path: &Path) -> Result<String, StudyError> {
 
 /// The study file `path` as a table, with all its models and without its profiles.
 pub(crate) fn table_of(path: &Path) -> Result<Table, StudyError> {
-    Ok(Written::read(Request::new(path))?.table)
+    Ok(WrittenStudy::read(Request::new(path))?.table)
 }
 
 /// Refuse numbers that TOML has and nothing here can work with, nor JSON keep.

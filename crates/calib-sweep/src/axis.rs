@@ -180,8 +180,8 @@ mod tests {
     #[test]
     fn draws_are_values_of_the_field() {
         let gammas = axis("[0.8, 0.9, 0.95]");
-        let of = |unit| gammas.draw(None, unit).expect("valid");
-        assert_eq!([0.0, 0.34, 0.999].map(of), [json!(0.8), json!(0.9), json!(0.95)]);
+        let drawn = |unit| gammas.draw(None, unit).expect("valid");
+        assert_eq!([0.0, 0.34, 0.999].map(drawn), [json!(0.8), json!(0.9), json!(0.95)]);
         let batches = axis(r#"{"from": 4, "to": 64, "scale": "log"}"#);
         assert_eq!(batches.draw(Some(&json!(256)), 0.5), Ok(json!(16)), "the field is whole");
         assert_eq!(batches.draw(Some(&json!(2.5)), 0.5), Ok(json!(16.0)));

@@ -51,31 +51,31 @@ pub struct Baselines<'a> {
     log: &'a Frames,
     fingerprint: Fingerprint,
     /// Each group has a lock of its own: runs that need the same predictors wait for them, others do not.
-    fitted: Mutex<HashMap<Group, Arc<Mutex<Fits>>>>,
+    fitted: Mutex<HashMap<FittingGroup, Arc<Mutex<Fits>>>>,
 }
 
 /// Predictors that are fitted on the same numbers. γ and the decays of traces are compared by their bits.
 #[derive(Clone, PartialEq, Eq, Hash)]
-struct Group {
+struct FittingGroup {
     gamma: u64,
     traces: Vec<u64>,
     rows: FittingRows,
 }
 
 /// A predictor of a column.
-type Wanted = (SimplePredictor, usize);
+type WantedPredictor = (SimplePredictor, usize);
 
-type Fits = BTreeMap<Wanted, Arc<FittedPredictor>>;
+type Fits = BTreeMap<WantedPredictor, Arc<FittedPredictor>>;
 
 impl<'a> Baselines<'a> {
     /// Predictors that are fitted on the training log.
     pub fn new(log: &'a Frames) -> Self {
-        let mut of = Fingerprinter::default();
-        of.add(&[FIT_VERSION]).add(bytemuck::cast_slice(log.states().as_slice()));
+        let mut fingerprint = Fingerprinter::default();
+        fingerprint.add(&[FIT_VERSION]).add(bytemuck::cast_slice(log.states().as_slice()));
         for segment in log.segments().iter() {
-            of.add(&(segment.rows().end as u64).to_le_bytes());
+            fingerprint.add(&(segment.rows().end as u64).to_le_bytes());
         }
-        Self { log, fingerprint: of.finish(), fitted: Mutex::default() }
+        Self { log, fingerprint: fingerprint.finish(), fitted: Mutex::default() }
     }
 
     /// Of the log and of how predictors are fitted. What a run replays is in the inputs of its stream.
@@ -86,18 +86,18 @@ impl<'a> Baselines<'a> {
     /// The wanted predictors of what such an agent sees, fitted on these rows.
     fn fitted(
         &self,
-        wanted: &[Wanted],
+        wanted: &[WantedPredictor],
         agent: &AgentConfig,
         rows: &FittingRows,
     ) -> Vec<Arc<FittedPredictor>> {
-        let group = Group {
+        let group = FittingGroup {
             gamma: agent.gamma.to_bits(),
             traces: agent.traces.iter().map(|decay| decay.to_bits()).collect(),
             rows: rows.clone(),
         };
         let fits = Arc::clone(locked(&self.fitted).entry(group).or_default());
         let mut fits = locked(&fits);
-        let missing: Vec<Wanted> =
+        let missing: Vec<WantedPredictor> =
             wanted.iter().copied().filter(|wanted| !fits.contains_key(wanted)).collect();
         if !missing.is_empty() {
             let replay = RowStream::replay(self.log.states().clone(), self.log.segments());
@@ -128,7 +128,7 @@ impl<'a> Baselines<'a> {
         let each = sensors.iter().flat_map(|(sensor, column)| {
             SimplePredictor::ALL.into_iter().map(move |predictor| (sensor, (predictor, *column)))
         });
-        let wanted: Vec<Wanted> = each.clone().map(|(_, wanted)| wanted).collect();
+        let wanted: Vec<WantedPredictor> = each.clone().map(|(_, wanted)| wanted).collect();
         // All at once: what they share of the log is summed up once.
         let fitted = self.fitted(&wanted, &agent, rows);
         let named = each.zip(fitted).map(|((sensor, (predictor, column)), fitted)| FittedSimple {
@@ -170,11 +170,12 @@ impl<'a> Baselines<'a> {
             }
             let is_alike =
                 |other: &AgentConfig| other.gamma == agent.gamma && other.traces == agent.traces;
-            let wants = |other: usize| -> Option<Wanted> {
+            let wants = |other: usize| -> Option<WantedPredictor> {
                 let (config, column) = agents[other];
                 is_alike(config).then_some((config.baseline?, column))
             };
-            let mut wanted: Vec<Wanted> = (place..agents.len()).filter_map(wants).collect();
+            let mut wanted: Vec<WantedPredictor> =
+                (place..agents.len()).filter_map(wants).collect();
             wanted.sort_unstable();
             wanted.dedup();
             let seen = with_traces(stream, &agent.traces);

@@ -200,10 +200,10 @@ mod tests {
         }
         // Where one of the swept optimisers uses it, it is swept.
         let both = vec![Value::from("adam"), Value::from("sgd")];
-        let of = |values: Vec<Value>| values.into();
+        let points = |values: Vec<Value>| values.into();
         let grid = BTreeMap::from([
-            ("optimiser".to_owned(), of(both)),
-            ("beta1".to_owned(), of(vec![0.1.into(), 0.2.into()])),
+            ("optimiser".to_owned(), points(both)),
+            ("beta1".to_owned(), points(vec![0.1.into(), 0.2.into()])),
         ]);
         let sweep = SweepConfig { grid, ..SweepConfig::default() };
         assert!(candidates(&sweep, &sgd).is_ok());
@@ -211,7 +211,8 @@ mod tests {
 
     #[test]
     fn values_are_written_as_by_hand_and_in_one_way() {
-        let texts = [1e-4, 1e-3, 3e-3, 0.01, 0.05, 1000.0, 0.0, 2e6].map(|of| written(&of.into()));
+        let texts =
+            [1e-4, 1e-3, 3e-3, 0.01, 0.05, 1000.0, 0.0, 2e6].map(|value| written(&value.into()));
         assert_eq!(texts, ["1e-4", "1e-3", "3e-3", "0.01", "0.05", "1000", "0", "2e6"]);
         assert_eq!(written(&64.into()), "64");
     }
@@ -239,10 +240,10 @@ mod tests {
         let between = candidates(&sweep(&[("learning_rate", &[1e-4, 1e-2])]), &agent);
         let between = between.expect("valid");
         assert_eq!(
-            between.iter().map(|of| of.is_default).collect::<Vec<_>>(),
+            between.iter().map(|candidate| candidate.is_default).collect::<Vec<_>>(),
             [false, true, false]
         );
-        assert_eq!(between.iter().map(|of| of.index).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!(between.iter().map(|candidate| candidate.index).collect::<Vec<_>>(), [0, 1, 2]);
         let mixed = candidates(&sweep(&[("learning_rate", &[1e-2, 1e-4])]), &agent);
         assert!(
             mixed.expect("valid")[2].is_default,
@@ -277,7 +278,7 @@ mod tests {
         grid.grid.insert("kind".to_owned(), vec!["a".into(), "b".into()].into());
         let all = candidates(&grid, &agent).expect("valid");
         assert_eq!(all.len(), 4);
-        let default = all.iter().find(|of| of.is_default).expect("among them");
+        let default = all.iter().find(|candidate| candidate.is_default).expect("among them");
         assert_eq!(default.agent, agent, "1 is 1.0");
         let unknown =
             candidates(&sweep(&[("learning_rate", &[0.5])]), &agent).expect_err("unknown");
@@ -290,16 +291,18 @@ mod tests {
     #[test]
     fn mistakes_are_named() {
         let agent = AgentConfig::default();
-        let of = |sweep: SweepConfig| candidates(&sweep, &agent).expect_err("invalid").to_string();
-        assert!(of(sweep(&[])).contains("sweep.grid is empty"));
+        let refusal =
+            |sweep: SweepConfig| candidates(&sweep, &agent).expect_err("invalid").to_string();
+        assert!(refusal(sweep(&[])).contains("sweep.grid is empty"));
         assert!(
-            of(sweep(&[("learning_rate", &[])])).contains("sweep.grid.learning_rate has no values")
+            refusal(sweep(&[("learning_rate", &[])]))
+                .contains("sweep.grid.learning_rate has no values")
         );
-        assert!(of(sweep(&[("learning_rate", &[0.5, 0.5])])).contains("twice"));
-        let misspelt = of(sweep(&[("learning_rat", &[0.5])]));
+        assert!(refusal(sweep(&[("learning_rate", &[0.5, 0.5])])).contains("twice"));
+        let misspelt = refusal(sweep(&[("learning_rat", &[0.5])]));
         assert!(misspelt.contains("learning_rat is no key of [agent]"), "{misspelt}");
         assert!(misspelt.contains("learning_rate"), "{misspelt}");
-        let gamma = of(sweep(&[("gamma", &[0.5, 0.9])]));
+        let gamma = refusal(sweep(&[("gamma", &[0.5, 0.9])]));
         assert!(gamma.contains("do not compare") && gamma.contains("make two studies"), "{gamma}");
     }
 }

@@ -1,7 +1,7 @@
 use calib_agent::{Checkpointer, RunState, StateFile};
 use calib_files::Fingerprinter;
 
-use crate::{UnitSink, plan::Job, store::environment};
+use crate::{UnitSink, plan::UnitJob, store::environment};
 
 /// Work between two states of a long run that are kept: about a minute of one core, some megabytes.
 ///
@@ -17,7 +17,7 @@ pub(crate) struct RunCheckpoint {
 impl RunCheckpoint {
     /// Where the pass of these jobs keeps its state. The name tells passes of other sensors, settings and inputs apart, which
     /// may run beside it.
-    pub(crate) fn new(sink: &dyn UnitSink, jobs: &[&Job<'_>], work_between: u64) -> Self {
+    pub(crate) fn new(sink: &dyn UnitSink, jobs: &[&UnitJob<'_>], work_between: u64) -> Self {
         let mut key = Fingerprinter::default();
         for job in jobs {
             key.add(job.key.as_bytes());

@@ -70,8 +70,8 @@ pub use kept::WORK_BETWEEN;
 pub use member::{MemberEnvironment, RolloutOptions};
 pub use opaque_environment::ClosedEnvironment;
 pub use pass::Start;
-pub use plan::{Completed, PassId, Plan, PlanOptions, RESULT_VERSION, Ready, Stored};
-pub use program::{Predicted, Program, Stopped, Wanted};
+pub use plan::{CompletedSweep, PassId, Plan, PlanOptions, RESULT_VERSION, ReadyPass, StoredUnits};
+pub use program::{PredictionRequest, Program, ProgramPredictions, ProgramStopped};
 pub use race::{RaceRule, raced};
 pub use range::{Range, Scale};
 pub use replay::ReplayEnvironment;
@@ -85,4 +85,4 @@ pub use verdict::{
     Judging, NO_WORSE, PartChoice, Recommendation, Rule, RuleChoice, SensorVerdict, Share,
     SimpleComparison, Truth, WindowTruth, verdict,
 };
-pub use windows::{Demand, Windows};
+pub use windows::{ScoringDemand, Windows};

@@ -7,7 +7,7 @@ use calib_model::{CalibrationModel, ModelError, ModelStart, Rolling, Trajectory,
 use crate::{Environment, EnvironmentId, FittingRows, NotFinite, RunStream, Span, SweepError};
 
 /// The rollouts of runs that step together, or why there are none.
-type Together = Result<Vec<Trajectory>, Arc<ModelError>>;
+type LockstepRollouts = Result<Vec<Trajectory>, Arc<ModelError>>;
 
 /// Rollouts of one member of a calibration model, one start state a run.
 ///
@@ -20,7 +20,7 @@ pub struct MemberEnvironment<'a> {
     states: &'a States,
     starts: Vec<ModelStart>,
     options: RolloutOptions,
-    together: Vec<OnceLock<Together>>,
+    together: Vec<OnceLock<LockstepRollouts>>,
 }
 
 /// How a member is rolled out.
@@ -50,7 +50,7 @@ impl<'a> MemberEnvironment<'a> {
     }
 
     /// On this thread alone: work that waits for what others roll out must not wait for the pool that waits for it.
-    fn roll_out(&self, lockstep: usize) -> Together {
+    fn roll_out(&self, lockstep: usize) -> LockstepRollouts {
         let lanes = self.model.lanes();
         let numbers = lockstep * lanes..self.starts.len().min((lockstep + 1) * lanes);
         let RolloutOptions { span, weights, seed, .. } = self.options;

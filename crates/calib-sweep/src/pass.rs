@@ -9,7 +9,7 @@ use calib_files::Fingerprint;
 
 use crate::{
     Baselines, PlanOptions, Program, RunStream, SettingRun, SweepError, UnitRuns, UnitSink,
-    kept::RunCheckpoint, plan::Job, program::outcomes,
+    kept::RunCheckpoint, plan::UnitJob, program::outcomes,
 };
 
 /// What the agents of one sensor start from.
@@ -27,7 +27,7 @@ pub struct Start {
 /// of them side by side. The stream is made once and every mini-batch gathered once; a unit's result is the
 /// one that it would have alone.
 pub(crate) struct Pass<'p, 'a> {
-    pub(crate) jobs: Vec<&'p Job<'a>>,
+    pub(crate) jobs: Vec<&'p UnitJob<'a>>,
     /// What trains them, if not calib.
     pub(crate) program: Option<&'p dyn Program>,
     /// The log that baselines are fitted on.
@@ -93,7 +93,7 @@ impl Pass<'_, '_> {
 
     /// What each of them starts from at each state of the stream.
     fn baselines(&self, stream: &dyn Stream) -> Vec<Option<Arc<[f32]>>> {
-        let of_start = |job: &Job<'_>| -> Option<Vec<Option<Arc<[f32]>>>> {
+        let of_start = |job: &UnitJob<'_>| -> Option<Vec<Option<Arc<[f32]>>>> {
             let fitted = job.start?.baseline.as_ref()?;
             let traces = &job.agents.first()?.agent.traces;
             let values: Arc<[f32]> = fitted.predictions(&*with_traces(stream, traces)).into();
@@ -154,10 +154,10 @@ impl Pass<'_, '_> {
         mut run: impl FnMut(usize) -> SettingRun,
     ) -> Result<Vec<UnitRuns>, SweepError> {
         // A piece of n states has n - 1 steps.
-        let of = |piece: &Range<usize>| {
+        let steps_of = |piece: &Range<usize>| {
             piece.end.saturating_sub(1).min(self.options.span.steps).saturating_sub(piece.start)
         };
-        let steps = stream.pieces().iter().map(of).sum();
+        let steps = stream.pieces().iter().map(steps_of).sum();
         let made: Vec<UnitRuns> = self
             .jobs
             .iter()

@@ -17,7 +17,7 @@ use crate::{
 mod key;
 mod part;
 
-pub use part::{PassId, Ready};
+pub use part::{PassId, ReadyPass};
 
 /// Version of what units come to. It is raised when the same inputs give other bytes, whatever the reason, so that results
 /// of two versions of calib never stand beside each other.
@@ -62,7 +62,7 @@ pub struct Plan<'a> {
 
 /// A sweep that is complete.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Completed {
+pub struct CompletedSweep {
     /// Every result, in the order of the units.
     pub results: Vec<UnitResult>,
     /// Units of which something had to be run for it.
@@ -73,14 +73,14 @@ pub struct Completed {
 
 /// What is there of the results of a plan.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Stored {
+pub struct StoredUnits {
     /// Units that have a run of every setting.
     whole: BTreeMap<Unit, UnitResult>,
     /// Those runs of other units that are there: a smaller grid has left them.
     begun: BTreeMap<Unit, UnitRuns>,
 }
 
-impl Stored {
+impl StoredUnits {
     /// The results of the units that are whole.
     pub fn whole(&self) -> &BTreeMap<Unit, UnitResult> {
         &self.whole
@@ -92,8 +92,8 @@ impl Stored {
     }
 
     /// Add what `look_up` finds of `jobs`.
-    fn read(&mut self, jobs: &[Job<'_>], look_up: Lookup<'_>) {
-        let read: Vec<(&Job<'_>, UnitRuns)> = jobs
+    fn read(&mut self, jobs: &[UnitJob<'_>], look_up: Lookup<'_>) {
+        let read: Vec<(&UnitJob<'_>, UnitRuns)> = jobs
             .par_iter()
             .filter(|job| !self.whole.contains_key(&job.unit))
             .filter_map(|job| Some((job, look_up(&job.unit, &job.key)?)))
@@ -105,7 +105,7 @@ impl Stored {
     }
 
     /// Add runs of a job, which may make it whole.
-    fn add(&mut self, job: &Job<'_>, runs: UnitRuns) {
+    fn add(&mut self, job: &UnitJob<'_>, runs: UnitRuns) {
         if runs.runs.is_empty() {
             return;
         }
@@ -123,7 +123,7 @@ impl Stored {
     }
 
     /// What is left to be trained of a job, if anything is.
-    fn rest<'a>(&self, job: &Job<'a>) -> Option<Job<'a>> {
+    fn rest<'a>(&self, job: &UnitJob<'a>) -> Option<UnitJob<'a>> {
         if self.whole.contains_key(&job.unit) {
             return None;
         }
@@ -143,7 +143,7 @@ impl Survivors {
 }
 
 /// The values that are left before a unit.
-enum Before<'s> {
+enum SurvivorsBefore<'s> {
     All,
     Some(&'s BTreeSet<usize>),
     /// The unit is not run.
@@ -153,7 +153,7 @@ enum Before<'s> {
 
 /// A unit with what is needed to run it.
 #[derive(Clone)]
-pub(crate) struct Job<'a> {
+pub(crate) struct UnitJob<'a> {
     pub(crate) unit: Unit,
     pub(crate) environment: &'a dyn Environment,
     pub(crate) column: usize,
@@ -168,7 +168,7 @@ pub(crate) struct Job<'a> {
     pub(crate) key: String,
 }
 
-impl Job<'_> {
+impl UnitJob<'_> {
     /// Position and key of each candidate.
     fn trained(&self) -> impl Iterator<Item = (usize, &str)> {
         let settings = self.settings.iter().map(AsRef::as_ref);
@@ -280,13 +280,13 @@ impl<'a> Plan<'a> {
     /// Units whose values are known before any has been run, which are all units but in a race: sensor by sensor, environment by
     /// environment, run by run.
     pub fn units(&self) -> Vec<PlannedUnit> {
-        self.jobs(&Survivors::default()).iter().map(Job::planned).collect()
+        self.jobs(&Survivors::default()).iter().map(UnitJob::planned).collect()
     }
 
     /// All units there can be, as they are where nothing is dropped before them.
     pub fn every_unit(&self) -> Vec<PlannedUnit> {
         let jobs = self.jobs_after(None, &|_| true);
-        jobs.iter().map(Job::planned).collect()
+        jobs.iter().map(UnitJob::planned).collect()
     }
 
     /// The runs of a result, each under the key of its setting.
@@ -308,7 +308,9 @@ impl<'a> Plan<'a> {
     pub fn planned(&self, results: &[UnitResult]) -> Vec<PlannedUnit> {
         let planned = |UnitResult { unit, key, rows, .. }: &UnitResult| {
             let trained: BTreeSet<usize> = rows.iter().map(|row| row.candidate).collect();
-            let dropped = (0..self.candidates.len()).filter(|of| !trained.contains(of)).collect();
+            let dropped = (0..self.candidates.len())
+                .filter(|candidate| !trained.contains(candidate))
+                .collect();
             PlannedUnit { unit: unit.clone(), key: key.clone(), dropped }
         };
         results.iter().map(planned).collect()
@@ -318,7 +320,7 @@ impl<'a> Plan<'a> {
     ///
     /// # Errors
     /// If an error that a race decides by is NaN.
-    pub fn stored(&self, store: &UnitStore) -> Result<Stored, SweepError> {
+    pub fn stored(&self, store: &UnitStore) -> Result<StoredUnits, SweepError> {
         self.known(&|unit, key| store.get(unit, key))
     }
 
@@ -326,8 +328,8 @@ impl<'a> Plan<'a> {
     ///
     /// # Errors
     /// As [`stored`](Self::stored).
-    pub fn known(&self, look_up: Lookup<'_>) -> Result<Stored, SweepError> {
-        let mut found = Stored::default();
+    pub fn known(&self, look_up: Lookup<'_>) -> Result<StoredUnits, SweepError> {
+        let mut found = StoredUnits::default();
         let mut survivors = Survivors::default();
         loop {
             found.read(&self.jobs(&survivors), look_up);
@@ -341,7 +343,7 @@ impl<'a> Plan<'a> {
     ///
     /// # Errors
     /// As [`stored`](Self::stored).
-    pub fn left(&self, found: &Stored) -> Result<usize, SweepError> {
+    pub fn left(&self, found: &StoredUnits) -> Result<usize, SweepError> {
         Ok(self.missing(&found.whole)?.len())
     }
 
@@ -349,7 +351,7 @@ impl<'a> Plan<'a> {
     ///
     /// # Errors
     /// As [`stored`](Self::stored).
-    pub fn runs_left(&self, found: &Stored) -> Result<usize, SweepError> {
+    pub fn runs_left(&self, found: &StoredUnits) -> Result<usize, SweepError> {
         let mut survivors = Survivors::default();
         self.decide(&mut survivors, &found.whole)?;
         let known = self.jobs(&survivors);
@@ -401,10 +403,10 @@ impl<'a> Plan<'a> {
     /// The first failure, or [`SweepError::Cancelled`]; finished units stay stored.
     pub fn complete(
         &self,
-        stored: Stored,
+        stored: StoredUnits,
         store: &UnitStore,
         monitor: &dyn Monitor,
-    ) -> Result<Completed, SweepError> {
+    ) -> Result<CompletedSweep, SweepError> {
         let (mut found, mut ran, mut runs, kept) = (stored, 0, 0, store.states_kept());
         let mut left = self.passes(&found)?;
         monitor.begin("training", (left * self.options.span.steps) as u64);
@@ -417,7 +419,7 @@ impl<'a> Plan<'a> {
             // Sensors need not have come equally far before, so that one pass can train units of several rounds.
             let done = left.saturating_sub(now);
             monitor.advance((done * self.options.span.steps) as u64);
-            let rest: Vec<Job<'_>> = jobs.iter().filter_map(|job| found.rest(job)).collect();
+            let rest: Vec<UnitJob<'_>> = jobs.iter().filter_map(|job| found.rest(job)).collect();
             let trained = self.train(&rest, store, monitor)?;
             ran += trained.len();
             runs += trained.iter().map(|made| made.runs.len()).sum::<usize>();
@@ -432,7 +434,7 @@ impl<'a> Plan<'a> {
             if !self.decide(&mut survivors, &found.whole)? {
                 store.forget_stale(&kept);
                 let results = jobs.iter().filter_map(|job| found.whole.remove(&job.unit)).collect();
-                return Ok(Completed { results, ran, runs });
+                return Ok(CompletedSweep { results, ran, runs });
             }
         }
     }
@@ -441,7 +443,7 @@ impl<'a> Plan<'a> {
     ///
     /// # Errors
     /// As [`stored`](Self::stored).
-    pub fn passes(&self, found: &Stored) -> Result<usize, SweepError> {
+    pub fn passes(&self, found: &StoredUnits) -> Result<usize, SweepError> {
         Ok(Self::passes_over(self.missing(&found.whole)?.iter()))
     }
 
@@ -456,11 +458,11 @@ impl<'a> Plan<'a> {
     /// Run these jobs, in parallel.
     fn train(
         &self,
-        jobs: &[Job<'_>],
+        jobs: &[UnitJob<'_>],
         store: &UnitStore,
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitRuns>, SweepError> {
-        let mut missing: BTreeMap<(EnvironmentId, usize), Vec<&Job<'_>>> = BTreeMap::new();
+        let mut missing: BTreeMap<(EnvironmentId, usize), Vec<&UnitJob<'_>>> = BTreeMap::new();
         for job in jobs {
             missing.entry((job.unit.environment, job.unit.run)).or_default().push(job);
         }
@@ -481,7 +483,7 @@ impl<'a> Plan<'a> {
     }
 
     /// A pass of these jobs.
-    fn pass<'p>(&'p self, jobs: Vec<&'p Job<'a>>) -> Pass<'p, 'a> {
+    fn pass<'p>(&'p self, jobs: Vec<&'p UnitJob<'a>>) -> Pass<'p, 'a> {
         Pass {
             jobs,
             program: self.program,
@@ -513,12 +515,15 @@ impl<'a> Plan<'a> {
     }
 
     /// The values that are left before the round of a unit.
-    fn left_before<'s>(&self, unit: &Unit, survivors: &'s Survivors) -> Before<'s> {
-        let Some(round) = self.round_before(unit) else { return Before::All };
+    fn left_before<'s>(&self, unit: &Unit, survivors: &'s Survivors) -> SurvivorsBefore<'s> {
+        let Some(round) = self.round_before(unit) else { return SurvivorsBefore::All };
         if self.is_spared(unit, survivors) {
-            return Before::One;
+            return SurvivorsBefore::One;
         }
-        survivors.rounds(&unit.sensor).get(round).map_or(Before::NotKnown, Before::Some)
+        survivors
+            .rounds(&unit.sensor)
+            .get(round)
+            .map_or(SurvivorsBefore::NotKnown, SurvivorsBefore::Some)
     }
 
     /// Whether one value is left before the round of a unit.
@@ -529,12 +534,12 @@ impl<'a> Plan<'a> {
     }
 
     /// The units whose values are known when `survivors` are.
-    fn jobs(&self, survivors: &Survivors) -> Vec<Job<'_>> {
+    fn jobs(&self, survivors: &Survivors) -> Vec<UnitJob<'_>> {
         self.jobs_of(survivors, &|_| true)
     }
 
     /// Those of them that are `wanted`.
-    fn jobs_of(&self, survivors: &Survivors, wanted: &dyn Fn(&Unit) -> bool) -> Vec<Job<'_>> {
+    fn jobs_of(&self, survivors: &Survivors, wanted: &dyn Fn(&Unit) -> bool) -> Vec<UnitJob<'_>> {
         self.jobs_after(Some(survivors), wanted)
     }
 
@@ -543,7 +548,7 @@ impl<'a> Plan<'a> {
         &self,
         survivors: Option<&Survivors>,
         wanted: &dyn Fn(&Unit) -> bool,
-    ) -> Vec<Job<'_>> {
+    ) -> Vec<UnitJob<'_>> {
         let mut jobs = Vec::new();
         for (sensor, column) in &self.sensors {
             for &environment in &self.environments {
@@ -554,9 +559,9 @@ impl<'a> Plan<'a> {
                     }
                     let left = match survivors {
                         Some(survivors) => match self.left_before(&unit, survivors) {
-                            Before::All => None,
-                            Before::Some(left) => Some(left),
-                            Before::One | Before::NotKnown => continue,
+                            SurvivorsBefore::All => None,
+                            SurvivorsBefore::Some(left) => Some(left),
+                            SurvivorsBefore::One | SurvivorsBefore::NotKnown => continue,
                         },
                         None => None,
                     };
@@ -576,7 +581,7 @@ impl<'a> Plan<'a> {
                     let start = self.starts.get(sensor);
                     let key = self.key(&unit, *column, &agents, start, seed, &inputs);
                     let column = *column;
-                    jobs.push(Job {
+                    jobs.push(UnitJob {
                         unit,
                         environment,
                         column,

@@ -4,7 +4,7 @@ use calib_agent::{AgentConfig, AgentError, CurveRule, RunOutcome, score_predicti
 use calib_core::{Cancelled, Monitor, Seed, Stream};
 use calib_files::Fingerprint;
 
-use crate::{PlanOptions, SweepError, Unit, plan::Job};
+use crate::{PlanOptions, SweepError, Unit, plan::UnitJob};
 
 /// A program whose agents learn in the place of calib's own.
 ///
@@ -20,13 +20,13 @@ pub trait Program: fmt::Debug + Sync {
     /// If the program fails, or the monitor is interrupted.
     fn predictions(
         &self,
-        wanted: &Wanted<'_>,
+        wanted: &PredictionRequest<'_>,
         monitor: &dyn Monitor,
-    ) -> Result<Vec<Predicted>, Stopped>;
+    ) -> Result<Vec<ProgramPredictions>, ProgramStopped>;
 }
 
 /// What agents of a program are to predict: the returns of a column on a stream.
-pub struct Wanted<'w> {
+pub struct PredictionRequest<'w> {
     /// The predicted sensor.
     pub sensor: &'w str,
     /// Its column of the states.
@@ -43,7 +43,7 @@ pub struct Wanted<'w> {
 
 /// What an agent of a program predicted.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Predicted {
+pub struct ProgramPredictions {
     /// One value a step, in normalised units. The last of an unbroken piece does not count. What comes after the first that is not finite does
     /// not either.
     pub values: Vec<f32>,
@@ -53,7 +53,7 @@ pub struct Predicted {
 
 /// Why a program gave no predictions.
 #[derive(Debug)]
-pub enum Stopped {
+pub enum ProgramStopped {
     /// The observer asked to stop.
     Cancelled(Cancelled),
     /// It failed.
@@ -63,7 +63,7 @@ pub enum Stopped {
 /// What the agents of all jobs come to over a stream, in the order of the jobs and their agents.
 pub(crate) fn outcomes(
     program: &dyn Program,
-    jobs: &[&Job<'_>],
+    jobs: &[&UnitJob<'_>],
     stream: &dyn Stream,
     options: &PlanOptions,
     monitor: &dyn Monitor,
@@ -71,7 +71,7 @@ pub(crate) fn outcomes(
     let steps = options.span.steps.min(stream.len().saturating_sub(1));
     let mut all = Vec::new();
     for job in jobs {
-        let wanted = Wanted {
+        let wanted = PredictionRequest {
             sensor: &job.unit.sensor,
             column: job.column,
             agents: job.agents.iter().map(|candidate| &candidate.agent).collect(),
@@ -81,7 +81,7 @@ pub(crate) fn outcomes(
         };
         let predicted =
             program.predictions(&wanted, monitor).map_err(|stopped| of_unit(stopped, &job.unit))?;
-        for (agent, Predicted { values, updates }) in wanted.agents.iter().zip(predicted) {
+        for (agent, ProgramPredictions { values, updates }) in wanted.agents.iter().zip(predicted) {
             let curve = CurveRule { windows: options.curve_points };
             let scored =
                 score_predictions(stream, job.column, agent.gamma, &values, updates, curve);
@@ -93,9 +93,9 @@ pub(crate) fn outcomes(
     Ok(all)
 }
 
-fn of_unit(stopped: Stopped, unit: &Unit) -> SweepError {
+fn of_unit(stopped: ProgramStopped, unit: &Unit) -> SweepError {
     match stopped {
-        Stopped::Cancelled(cancelled) => cancelled.into(),
-        Stopped::Failed(source) => SweepError::Program { unit: unit.clone(), source },
+        ProgramStopped::Cancelled(cancelled) => cancelled.into(),
+        ProgramStopped::Failed(source) => SweepError::Program { unit: unit.clone(), source },
     }
 }

@@ -229,16 +229,24 @@ mod tests {
 
     #[test]
     fn mistakes_say_what_to_do() {
-        let of = |text: &str, whole| range(text).points(whole).expect_err("invalid");
-        assert!(of(r#"{"from": 2, "to": 1, "count": 3}"#, false).contains("from must be below to"));
-        assert!(of(r#"{"from": 0, "to": 1, "per_decade": 2}"#, false).contains("begin above 0"));
-        assert!(of(r#"{"from": 1, "to": 2, "count": 1}"#, false).contains("2 to 10000 values"));
-        assert!(of(r#"{"from": 1, "to": 2, "step": 1e-9}"#, false).contains("2 to 10000"));
-        assert!(of(r#"{"from": 1, "to": 2, "step": 0.5}"#, true).contains("whole number"));
-        assert!(of(r#"{"from": 1.5, "to": 2, "count": 2}"#, true).contains("whole numbers"));
-        assert!(of(r#"{"from": 1, "to": 2, "count": 3, "step": 1}"#, false).contains("one of"));
+        let mistake = |text: &str, whole| range(text).points(whole).expect_err("invalid");
+        assert!(
+            mistake(r#"{"from": 2, "to": 1, "count": 3}"#, false).contains("from must be below to")
+        );
+        assert!(
+            mistake(r#"{"from": 0, "to": 1, "per_decade": 2}"#, false).contains("begin above 0")
+        );
+        assert!(
+            mistake(r#"{"from": 1, "to": 2, "count": 1}"#, false).contains("2 to 10000 values")
+        );
+        assert!(mistake(r#"{"from": 1, "to": 2, "step": 1e-9}"#, false).contains("2 to 10000"));
+        assert!(mistake(r#"{"from": 1, "to": 2, "step": 0.5}"#, true).contains("whole number"));
+        assert!(mistake(r#"{"from": 1.5, "to": 2, "count": 2}"#, true).contains("whole numbers"));
+        assert!(
+            mistake(r#"{"from": 1, "to": 2, "count": 3, "step": 1}"#, false).contains("one of")
+        );
         let scales = r#"{"from": 1, "to": 2, "scale": "linear", "per_decade": 1}"#;
-        assert!(of(scales, false).contains("scale = \"log\""));
+        assert!(mistake(scales, false).contains("scale = \"log\""));
         assert!(serde_json::from_str::<Range>(r#"{"from": 1}"#).is_err());
     }
 

@@ -141,11 +141,11 @@ mod tests {
             sobol: bool,
         ) {
             let sampling = if sobol { Sampling::Sobol } else { Sampling::Random };
-            let of = |samples| combinations(&three(), sampling, samples, Seed::new(seed)).expect("drawn");
-            let drawn = of(samples);
-            prop_assert_eq!(&drawn, &of(samples), "a seed draws the same");
+            let draw = |samples| combinations(&three(), sampling, samples, Seed::new(seed)).expect("drawn");
+            let drawn = draw(samples);
+            prop_assert_eq!(&drawn, &draw(samples), "a seed draws the same");
             prop_assert_eq!(drawn.len(), samples);
-            let more = of(samples + 20);
+            let more = draw(samples + 20);
             prop_assert!(drawn.iter().all(|values| more.contains(values)));
             for values in &drawn {
                 prop_assert_eq!(drawn.iter().filter(|other| *other == values).count(), 1);
@@ -172,17 +172,19 @@ mod tests {
 
     #[test]
     fn what_cannot_be_drawn_is_refused() {
-        let of = |axes: &[(String, Points)], sampling, samples| {
+        let refusal = |axes: &[(String, Points)], sampling, samples| {
             combinations(axes, sampling, samples, Seed::new(1)).expect_err("refused").to_string()
         };
-        assert!(of(&three(), Sampling::Grid, 5).contains("give per_decade, count or step"));
-        assert!(of(&three(), Sampling::Sobol, 0).contains("sweep.samples must be from 1 to 10000"));
+        assert!(refusal(&three(), Sampling::Grid, 5).contains("give per_decade, count or step"));
+        assert!(
+            refusal(&three(), Sampling::Sobol, 0).contains("sweep.samples must be from 1 to 10000")
+        );
         let few = axes(&[("optimiser", r#"["adam", "sgd"]"#)]);
-        let text = of(&few, Sampling::Sobol, 3);
+        let text = refusal(&few, Sampling::Sobol, 3);
         assert!(text.contains("3 different") && text.contains("only 2"), "{text}");
         let wide: Vec<(String, Points)> =
             (0..30).map(|field| (field.to_string(), few[0].1.clone())).collect();
-        assert!(of(&wide, Sampling::Sobol, 3).contains("30 fields"));
-        assert!(of(&wide, Sampling::Grid, 3).contains("settings, more than"));
+        assert!(refusal(&wide, Sampling::Sobol, 3).contains("30 fields"));
+        assert!(refusal(&wide, Sampling::Grid, 3).contains("settings, more than"));
     }
 }

@@ -256,21 +256,24 @@ mod tests {
         let store = UnitStore::new(directory.path().join("units"));
         let unit = Unit { sensor: "P/1".to_owned(), environment: EnvironmentId::Member(2), run: 7 };
         assert_eq!(store.get(&unit, "a"), None);
-        let of = |settings: &[&str]| UnitRuns {
+        let unit_runs = |settings: &[&str]| UnitRuns {
             key: "a".to_owned(),
             unit: unit.clone(),
             seed: 1,
             start_row: 2,
             not_finite: None,
-            runs: settings.iter().map(|of| ((*of).to_owned(), SettingRun::failed(3))).collect(),
+            runs: settings
+                .iter()
+                .map(|setting| ((*setting).to_owned(), SettingRun::failed(3)))
+                .collect(),
         };
-        store.put(&of(&["x", "y"])).expect("written");
-        assert_eq!(store.get(&unit, "a"), Some(of(&["x", "y"])));
+        store.put(&unit_runs(&["x", "y"])).expect("written");
+        assert_eq!(store.get(&unit, "a"), Some(unit_runs(&["x", "y"])));
         assert_eq!(store.get(&unit, "b"), None);
-        store.put(&of(&["z"])).expect("written");
+        store.put(&unit_runs(&["z"])).expect("written");
         assert_eq!(
             store.get(&unit, "a"),
-            Some(of(&["x", "y", "z"])),
+            Some(unit_runs(&["x", "y", "z"])),
             "those of other settings stay"
         );
         let settings = ["z", "x"];

@@ -8,7 +8,7 @@ use crate::Span;
 
 /// What a run must have to be scored.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Demand {
+pub struct ScoringDemand {
     /// How long streams are.
     pub span: Span,
     /// The largest discount factor.
@@ -34,7 +34,7 @@ impl Windows {
     ///
     /// Windows that do not overlap are as independent as held-out data can be. Where not even one fits, all rows are the
     /// only one; its last returns are then not complete.
-    pub fn held_out(segments: &Segments, demand: Demand, most: usize) -> Self {
+    pub fn held_out(segments: &Segments, demand: ScoringDemand, most: usize) -> Self {
         let rows = segments.rows();
         let states = demand.span.states().min(rows);
         let count = (rows / states.max(1)).min(most).max(1);
@@ -44,7 +44,7 @@ impl Windows {
 
     /// `count` windows of the log of `segments`, the latest first and the others evenly spread over what precedes it. They overlap
     /// where they must, and where the log is shorter than a stream it is replayed over and over, from as many different rows.
-    pub fn log(segments: &Segments, demand: Demand, count: usize) -> Self {
+    pub fn log(segments: &Segments, demand: ScoringDemand, count: usize) -> Self {
         let (rows, states) = (segments.rows(), demand.span.states());
         let start = |window: usize| match rows.checked_sub(states) {
             Some(last) => last - spread(window, count, last),
@@ -56,9 +56,14 @@ impl Windows {
 
     /// Those of `starts` whose streams have a tenth of the steps to score that an unbroken one has; where none has, those that have
     /// any. Every window counts alike, and one of a few steps says nothing.
-    fn scorable(starts: Vec<usize>, states: usize, segments: &Segments, demand: Demand) -> Self {
+    fn scorable(
+        starts: Vec<usize>,
+        states: usize,
+        segments: &Segments,
+        demand: ScoringDemand,
+    ) -> Self {
         let all = starts.len();
-        let Demand { span, gamma, part } = demand;
+        let ScoringDemand { span, gamma, part } = demand;
         let steps = span.steps.min(states.saturating_sub(1));
         let scored = |start: usize| {
             let pieces = segments.looped_pieces(start, states);
@@ -67,7 +72,7 @@ impl Windows {
         let scored: Vec<(usize, usize)> =
             starts.into_iter().map(|start| (start, scored(start))).collect();
         let with = |least: usize| -> Vec<usize> {
-            scored.iter().filter(|of| of.1 >= least.max(1)).map(|of| of.0).collect()
+            scored.iter().filter(|window| window.1 >= least.max(1)).map(|window| window.0).collect()
         };
         let unbroken = part.scored_steps(std::slice::from_ref(&(0..states)), gamma, steps);
         let starts = Some(with(unbroken.div_ceil(10))).filter(|enough| !enough.is_empty());
@@ -78,12 +83,12 @@ impl Windows {
 
     /// Fingerprint of what the stream of `run` is made from, of data that have the fingerprint `data`.
     pub fn inputs(&self, data: &Fingerprint, run: usize) -> Fingerprint {
-        let mut of = Fingerprinter::default();
-        of.add(data.to_string().as_bytes());
+        let mut fingerprint = Fingerprinter::default();
+        fingerprint.add(data.to_string().as_bytes());
         for number in [self.starts[self.of_run(run)], self.states] {
-            of.add(&(number as u64).to_le_bytes());
+            fingerprint.add(&(number as u64).to_le_bytes());
         }
-        of.finish()
+        fingerprint.finish()
     }
 
     /// Window that `run` replays.
@@ -106,8 +111,8 @@ mod tests {
     }
 
     /// Ten steps and two states after them.
-    fn demand() -> Demand {
-        Demand { span: Span { steps: 10, tail: 2 }, gamma: 0.1, part: Part::WholeRun }
+    fn demand() -> ScoringDemand {
+        ScoringDemand { span: Span { steps: 10, tail: 2 }, gamma: 0.1, part: Part::WholeRun }
     }
 
     #[test]
@@ -137,7 +142,8 @@ mod tests {
     #[test]
     fn windows_of_a_few_steps_count_only_where_there_are_no_others() {
         // A step or two to score in the first window, ten in the second; γ = 0.5 needs seven states.
-        let demand = Demand { span: Span { steps: 40, tail: 7 }, gamma: 0.5, part: Part::WholeRun };
+        let demand =
+            ScoringDemand { span: Span { steps: 40, tail: 7 }, gamma: 0.5, part: Part::WholeRun };
         let pieces: Vec<usize> = (0..5).map(|_| 7).chain([9, 3, 47]).collect();
         let windows = Windows::held_out(&segments(&pieces), demand, 2);
         assert_eq!((windows.starts, windows.left_out), (vec![47], 1));

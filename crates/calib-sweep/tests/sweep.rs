@@ -19,10 +19,10 @@ use calib_model::{
     StartSource, start_states,
 };
 use calib_sweep::{
-    Candidate, ChoiceBaseline, Demand, Environment, EnvironmentId, ErrorScale, Grade, Judging,
+    Candidate, ChoiceBaseline, Environment, EnvironmentId, ErrorScale, Grade, Judging,
     MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, RaceRule, ReplayEnvironment,
-    RolloutOptions, Rule, SensorVerdict, Span, Start, SweepConfig, SweepError, UnitResult,
-    UnitStore, Windows, candidates, raced, verdict,
+    RolloutOptions, Rule, ScoringDemand, SensorVerdict, Span, Start, SweepConfig, SweepError,
+    UnitResult, UnitStore, Windows, candidates, raced, verdict,
 };
 
 /// Two columns that rise and fall with a period of 24 rows, in two segments.
@@ -42,8 +42,8 @@ fn span() -> Span {
     Span::new(600, [0.8])
 }
 
-fn demand(span: Span) -> Demand {
-    Demand { span, gamma: 0.8, part: Part::WholeRun }
+fn demand(span: Span) -> ScoringDemand {
+    ScoringDemand { span, gamma: 0.8, part: Part::WholeRun }
 }
 
 struct Study {

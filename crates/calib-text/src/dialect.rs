@@ -187,7 +187,7 @@ impl Dialect {
             .sample
             .rows()
             .iter()
-            .position(|row| row.get(column).is_some_and(|of| of == cell))?;
+            .position(|row| row.get(column).is_some_and(|other| other == cell))?;
         self.sample.lines.get(row).copied()
     }
 
@@ -291,7 +291,7 @@ fn is_data(cells: &[String]) -> bool {
     let is_number = |cell: &str| {
         [Decimal::Point, Decimal::Comma]
             .iter()
-            .any(|&of| parse_number(cell, of).is_some_and(f64::is_finite))
+            .any(|&decimal| parse_number(cell, decimal).is_some_and(f64::is_finite))
     };
     let is_time = |cell: &str| cell.len() >= 6 && !Candidates::of(&[cell], None).left.is_empty();
     cells().any(|cell| is_time(cell) || is_number(cell))
@@ -323,7 +323,7 @@ fn named(cells: &[String]) -> Result<Vec<TextColumn>, String> {
 fn are_names_of_r(title: &[String], first: &[String]) -> bool {
     let is_time = |cell: &str| {
         let found = || Candidates::of(&[cell], None).left;
-        cell.len() >= 6 && found().iter().any(|of| !matches!(of, Notation::Number(_)))
+        cell.len() >= 6 && found().iter().any(|notation| !matches!(notation, Notation::Number(_)))
     };
     title.len() + 1 == width_of(first)
         && title.iter().all(|name| !name.trim().is_empty())
@@ -332,7 +332,7 @@ fn are_names_of_r(title: &[String], first: &[String]) -> bool {
 
 /// The columns of a table of R, whose header does not name the first one.
 fn with_row_names(names: &[String]) -> Result<Vec<TextColumn>, String> {
-    let is_taken = |name: &str| names.iter().any(|of| of.trim() == name);
+    let is_taken = |name: &str| names.iter().any(|other| other.trim() == name);
     let own = if is_taken("row") { "row name" } else { "row" };
     let all: Vec<String> = [own.to_owned()].into_iter().chain(names.iter().cloned()).collect();
     named(&all)

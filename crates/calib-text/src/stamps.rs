@@ -96,7 +96,7 @@ fn read_pattern(pattern: &str, text: &str) -> Option<ParsedTime> {
     let instant = instant.as_microsecond();
     // Patterns end in these words where cells do.
     let zone = pattern.to_ascii_uppercase();
-    if ["Z", "UTC", "GMT"].into_iter().any(|of| zone.ends_with(of) && !zone.ends_with("%Z")) {
+    if ["Z", "UTC", "GMT"].into_iter().any(|name| zone.ends_with(name) && !zone.ends_with("%Z")) {
         return Some(ParsedTime::Instant(instant));
     }
     Some(ParsedTime::Wall(instant))
@@ -140,7 +140,8 @@ impl Candidates {
         }
         for reference in [0, cells.len() / 2, cells.len() - 1] {
             let known = Self::of_all(&cells[reference..=reference], unit).left;
-            let is_known = |cell: &&&str| known.iter().any(|of| of.read(cell).is_some());
+            let is_known =
+                |cell: &&&str| known.iter().any(|notation| notation.read(cell).is_some());
             let whole: Vec<&str> = cells.iter().filter(is_known).copied().collect();
             let damaged = cells.len() - whole.len();
             if damaged > 0 && damaged * MANY <= cells.len() {
@@ -342,11 +343,11 @@ fn time_pattern(time: &str) -> Option<String> {
 /// Whether `cell` is a time of day without a date, such as `06:00:00`, `6:00 PM` or `18.00.00`.
 pub fn is_time_of_day(cell: &str) -> bool {
     let fields: Vec<&str> = cell.split('.').collect();
-    if fields.len() == 3 && fields.iter().all(|of| of.len() <= 2) {
+    if fields.len() == 3 && fields.iter().all(|field| field.len() <= 2) {
         return fields
             .iter()
             .zip([24, 60, 60])
-            .all(|(of, limit)| of.parse::<u8>().is_ok_and(|number| number < limit));
+            .all(|(field, limit)| field.parse::<u8>().is_ok_and(|number| number < limit));
     }
     cell.starts_with(|c: char| c.is_ascii_digit()) && time_pattern(cell).is_some()
 }

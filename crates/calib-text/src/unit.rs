@@ -136,7 +136,8 @@ pub fn units(numbers: &[f64]) -> Result<Vec<TimestampUnit>, String> {
         return Ok(vec![TimestampUnit::Seconds]);
     };
     let guess = by_size(middle.abs());
-    if let Some(foreign) = FOREIGN.iter().find(|of| mostly(&sorted, |number| of.is_now(number))) {
+    if let Some(foreign) = FOREIGN.iter().find(|unit| mostly(&sorted, |number| unit.is_now(number)))
+    {
         let [read, known] = [foreign.in_micros(middle), guess.in_micros(middle)].map(told);
         return Err(format!(
             "its numbers, such as {middle}, fit two notations: {read} if they are {}, which calib does not read (write times as text, such as 2022-11-01T06:00:00), \

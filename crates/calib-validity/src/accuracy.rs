@@ -87,10 +87,10 @@ pub(crate) fn accuracies(
                 })
                 .collect();
             let has = |pair: usize| groups[pair].0.len() > 1;
-            let correlation = |of: &[usize]| {
-                let of: Vec<(&[f64], &[f64])> =
-                    of.iter().map(|&pair| (&*groups[pair].0, &*groups[pair].1)).collect();
-                pooled_spearman(&of)
+            let correlation = |pairs: &[usize]| {
+                let groups_of_pairs: Vec<(&[f64], &[f64])> =
+                    pairs.iter().map(|&pair| (&*groups[pair].0, &*groups[pair].1)).collect();
+                pooled_spearman(&groups_of_pairs)
             };
             let known: Vec<usize> = (0..pairs.len()).filter(|&pair| has(pair)).collect();
             all.push(Accuracy {
@@ -100,7 +100,9 @@ pub(crate) fn accuracies(
                 models: known.iter().map(|&pair| groups[pair].0.len()).sum(),
                 correlation: correlation(&known)?,
                 // What was NaN was refused above.
-                interval: correlations(plants.interval(has, |of| correlation(of).ok().flatten())),
+                interval: correlations(
+                    plants.interval(has, |pairs| correlation(pairs).ok().flatten()),
+                ),
             });
         }
     }

@@ -38,15 +38,15 @@ impl Judged<'_> {
         });
         let mut all: Vec<Chosen> = models.collect();
         if self.models.len() > 1 {
-            all.push(self.chosen(Method::MostAccurate, |pair| least(pair, |of| of.one_step)));
-            all.push(self.chosen(Method::LeastWarped, |pair| least(pair, |of| of.dtw)));
+            all.push(self.chosen(Method::MostAccurate, |pair| least(pair, |model| model.one_step)));
+            all.push(self.chosen(Method::LeastWarped, |pair| least(pair, |model| model.dtw)));
         }
         all.push(self.chosen(Method::LogReplay, |pair| pair.log_replay));
         all.push(self.chosen(Method::LatestWindow, |pair| pair.latest_window));
         all.push(self.chosen(Method::Default, |pair| pair.default));
         all.extend(self.defaults());
-        let random = self.regrets.iter().map(|of| {
-            let counted: Vec<f64> = of.iter().copied().map(capped).collect();
+        let random = self.regrets.iter().map(|regrets| {
+            let counted: Vec<f64> = regrets.iter().copied().map(capped).collect();
             Ok(Some(mean(&counted)?))
         });
         all.push(self.without_values(Method::Random, random.collect::<Result<_, StatsError>>()?));
@@ -57,26 +57,28 @@ impl Judged<'_> {
 
     /// One value for several pairs. Those of optimisers say nothing of their own where all agents have the same.
     fn defaults(&self) -> Vec<Chosen> {
-        let of = |counts: &dyn Fn(&Pair) -> bool| best_default(self.pairs, self.regrets, counts);
+        let best_where =
+            |counts: &dyn Fn(&Pair) -> bool| best_default(self.pairs, self.regrets, counts);
         let other = |pair: &Pair, other: &Pair| other.plant != pair.plant;
         let alike = |pair: &Pair, other: &Pair| other.optimiser == pair.optimiser;
         let mut all = vec![
-            self.chosen(Method::BestDefault, |_| of(&|_| true)),
-            self.chosen(Method::OtherPlants, |pair| of(&|with| other(pair, with))),
+            self.chosen(Method::BestDefault, |_| best_where(&|_| true)),
+            self.chosen(Method::OtherPlants, |pair| best_where(&|with| other(pair, with))),
         ];
         if self.pairs.windows(2).any(|pair| !alike(&pair[0], &pair[1])) {
-            let own =
-                self.chosen(Method::BestDefaultOfOptimiser, |pair| of(&|with| alike(pair, with)));
+            let own = self.chosen(Method::BestDefaultOfOptimiser, |pair| {
+                best_where(&|with| alike(pair, with))
+            });
             all.insert(1, own);
             all.push(self.chosen(Method::OtherPlantsWithOptimiser, |pair| {
-                of(&|with| other(pair, with) && alike(pair, with))
+                best_where(&|with| other(pair, with) && alike(pair, with))
             }));
         }
         all
     }
 
     fn floors(&self) -> [Chosen; 2] {
-        let least = |of: &Vec<f64>| of.iter().copied().reduce(f64::min);
+        let least = |regrets: &Vec<f64>| regrets.iter().copied().reduce(f64::min);
         let another = self.pairs.iter().map(|pair| pair.another_window);
         [
             self.without_values(Method::Hindsight, self.regrets.iter().map(least).collect()),
@@ -106,8 +108,8 @@ impl Judged<'_> {
                 .collect();
             Chosen {
                 method: Method::Rule(rule.clone()),
-                values: each.iter().flat_map(|of| of.values.clone()).collect(),
-                regrets: each.iter().flat_map(|of| of.regrets.clone()).collect(),
+                values: each.iter().flat_map(|chosen| chosen.values.clone()).collect(),
+                regrets: each.iter().flat_map(|chosen| chosen.regrets.clone()).collect(),
             }
         };
         self.rules.iter().map(of_rule).collect()
@@ -116,7 +118,7 @@ impl Judged<'_> {
     fn chosen(&self, method: Method, choice: impl Fn(&Pair) -> Option<usize>) -> Chosen {
         let values: Vec<Option<usize>> = self.pairs.iter().map(choice).collect();
         let regrets = values.iter().zip(self.regrets);
-        let regrets = regrets.map(|(value, of)| value.map(|value| of[value])).collect();
+        let regrets = regrets.map(|(value, regrets)| value.map(|value| regrets[value])).collect();
         Chosen { method, values, regrets }
     }
 
@@ -126,8 +128,8 @@ impl Judged<'_> {
 }
 
 /// The choice of the model with the least of something, if at least two models have it; the first of equals.
-fn least(pair: &Pair, of: impl Fn(&ModelPair) -> Option<f64>) -> Option<usize> {
-    let known = pair.models.iter().filter_map(|model| Some((of(model)?, model)));
+fn least(pair: &Pair, measure: impl Fn(&ModelPair) -> Option<f64>) -> Option<usize> {
+    let known = pair.models.iter().filter_map(|model| Some((measure(model)?, model)));
     let known: Vec<(f64, &ModelPair)> = known.collect();
     let (_, model) = known.iter().min_by(|(a, _), (b, _)| a.total_cmp(b))?;
     (known.len() > 1).then_some(model.chosen)

@@ -59,7 +59,7 @@ pub(crate) fn all(
     let is_network =
         |method: &Method| matches!(method, Method::Model(name) if networks.contains(name));
     let mut tests = Vec::new();
-    for summary in summaries.iter().filter(|of| of.method.is_model()) {
+    for summary in summaries.iter().filter(|other| other.method.is_model()) {
         tests.push(Test {
             claim: Claim::SmallRegret,
             method: summary.method.clone(),
@@ -69,9 +69,9 @@ pub(crate) fn all(
             upper: summary.upper,
             outcome: outcome_of_mean(summary),
         });
-        let own = comparisons.iter().filter(|of| of.method == summary.method);
-        let claims = own.filter_map(|of| {
-            let claim = match &of.against {
+        let own = comparisons.iter().filter(|comparison| comparison.method == summary.method);
+        let claims = own.filter_map(|comparison| {
+            let claim = match &comparison.against {
                 Method::LogReplay => Claim::NoWorse,
                 Method::Default
                 | Method::BestDefault
@@ -79,19 +79,19 @@ pub(crate) fn all(
                 | Method::OtherPlants
                 | Method::OtherPlantsWithOptimiser
                 | Method::Random => Claim::Better,
-                network if is_network(network) && !is_network(&of.method) => Claim::Better,
+                network if is_network(network) && !is_network(&comparison.method) => Claim::Better,
                 _ => return None,
             };
-            Some((claim, of))
+            Some((claim, comparison))
         });
-        tests.extend(claims.map(|(claim, of)| Test {
+        tests.extend(claims.map(|(claim, comparison)| Test {
             claim,
-            method: of.method.clone(),
-            against: Some(of.against.clone()),
-            value: of.error_ratio,
-            interval: of.error_ratio_interval,
+            method: comparison.method.clone(),
+            against: Some(comparison.against.clone()),
+            value: comparison.error_ratio,
+            interval: comparison.error_ratio_interval,
             upper: None,
-            outcome: outcome(of.error_ratio_interval, claim.limit()),
+            outcome: outcome(comparison.error_ratio_interval, claim.limit()),
         }));
     }
     tests
@@ -130,16 +130,16 @@ mod tests {
 
     #[test]
     fn a_claim_holds_where_all_of_its_interval_does() {
-        let of = |low, high, claim: Claim| outcome(Some(Interval { low, high }), claim.limit());
-        assert_eq!(of(0.9, 1.009, Claim::NoWorse), Outcome::Holds);
-        assert_eq!(of(0.9, 1.0, Claim::Better), Outcome::Open);
-        assert_eq!(of(1.001, 1.2, Claim::Better), Outcome::Fails);
+        let judged = |low, high, claim: Claim| outcome(Some(Interval { low, high }), claim.limit());
+        assert_eq!(judged(0.9, 1.009, Claim::NoWorse), Outcome::Holds);
+        assert_eq!(judged(0.9, 1.0, Claim::Better), Outcome::Open);
+        assert_eq!(judged(1.001, 1.2, Claim::Better), Outcome::Fails);
         assert_eq!(outcome(None, 1.0), Outcome::Open);
     }
 
     #[test]
     fn a_mean_regret_is_small_by_its_bound_and_large_by_the_typical_one() {
-        let of = |upper, low| {
+        let judged = |upper, low| {
             outcome_of_mean(&MethodSummary {
                 method: Method::LogReplay,
                 pairs: 9,
@@ -153,9 +153,9 @@ mod tests {
                 good: 0.5,
             })
         };
-        assert_eq!(of(Some(0.049), 0.01), Outcome::Holds);
-        assert_eq!(of(Some(0.051), 0.01), Outcome::Open);
-        assert_eq!(of(None, 0.01), Outcome::Open);
-        assert_eq!(of(Some(0.3), 0.051), Outcome::Fails);
+        assert_eq!(judged(Some(0.049), 0.01), Outcome::Holds);
+        assert_eq!(judged(Some(0.051), 0.01), Outcome::Open);
+        assert_eq!(judged(None, 0.01), Outcome::Open);
+        assert_eq!(judged(Some(0.3), 0.051), Outcome::Fails);
     }
 }

@@ -116,8 +116,8 @@ pub(crate) fn quotient(a: f64, b: f64) -> f64 {
 }
 
 /// The interval of a quotient from that of its logarithm.
-pub(crate) fn quotient_interval(of: Option<Interval>) -> Option<Interval> {
-    of.map(|of| Interval { low: of.low.exp(), high: of.high.exp() })
+pub(crate) fn quotient_interval(interval: Option<Interval>) -> Option<Interval> {
+    interval.map(|interval| Interval { low: interval.low.exp(), high: interval.high.exp() })
 }
 
 #[cfg(test)]
@@ -126,12 +126,12 @@ mod tests {
 
     #[test]
     fn findings_follow_from_the_ends_of_the_interval() {
-        let of = |low, high| Finding::of(Some(Interval { low, high }));
-        assert_eq!(of(0.8, 0.999), Finding::Better);
-        assert_eq!(of(1.001, 1.005), Finding::Worse);
-        assert_eq!(of(0.98, 1.009), Finding::NoWorse);
-        assert_eq!(of(1.0, 1.0), Finding::NoWorse, "the same choices everywhere");
-        assert_eq!(of(0.98, 1.01), Finding::Untold);
+        let finding = |low, high| Finding::of(Some(Interval { low, high }));
+        assert_eq!(finding(0.8, 0.999), Finding::Better);
+        assert_eq!(finding(1.001, 1.005), Finding::Worse);
+        assert_eq!(finding(0.98, 1.009), Finding::NoWorse);
+        assert_eq!(finding(1.0, 1.0), Finding::NoWorse, "the same choices everywhere");
+        assert_eq!(finding(0.98, 1.01), Finding::Untold);
         assert_eq!(Finding::of(None), Finding::Untold);
     }
 }

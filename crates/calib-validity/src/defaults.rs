@@ -21,8 +21,8 @@ pub(crate) fn best_default(
     regrets: &[Vec<f64>],
     counts: impl Fn(&Pair) -> bool,
 ) -> Option<usize> {
-    let of = pairs.iter().zip(regrets).filter(|(pair, _)| counts(pair));
-    let rows: Vec<&Vec<f64>> = of.map(|(_, regrets)| regrets).collect();
+    let counted = pairs.iter().zip(regrets).filter(|(pair, _)| counts(pair));
+    let rows: Vec<&Vec<f64>> = counted.map(|(_, regrets)| regrets).collect();
     let sum = |value: usize| rows.iter().map(|row| capped(row[value]).ln_1p()).sum::<f64>();
     let sums: Vec<f64> = (0..rows.first()?.len()).map(sum).collect();
     (0..sums.len()).min_by(|&a, &b| sums[a].total_cmp(&sums[b]))
@@ -33,11 +33,11 @@ pub(crate) fn of_optimisers(pairs: &[Pair], regrets: &[Vec<f64>]) -> Vec<Optimis
     let mut optimisers: Vec<&String> = pairs.iter().map(|pair| &pair.optimiser).collect();
     optimisers.sort();
     optimisers.dedup();
-    let of = |optimiser: &String| {
+    let default_of = |optimiser: &String| {
         let value = best_default(pairs, regrets, |pair| pair.optimiser == *optimiser)?;
         Some(OptimiserDefault { optimiser: optimiser.clone(), value })
     };
-    optimisers.into_iter().filter_map(of).collect()
+    optimisers.into_iter().filter_map(default_of).collect()
 }
 
 #[cfg(test)]
@@ -58,7 +58,7 @@ mod tests {
         assert_eq!(best_default(&pairs, &regrets, |_| false), None);
         let each = of_optimisers(&pairs, &regrets);
         let each: Vec<(&str, usize)> =
-            each.iter().map(|of| (of.optimiser.as_str(), of.value)).collect();
+            each.iter().map(|default| (default.optimiser.as_str(), default.value)).collect();
         assert_eq!(each, [("adam", 0), ("sgd", 1)]);
     }
 

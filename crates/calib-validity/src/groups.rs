@@ -51,8 +51,10 @@ pub(crate) fn groups(
     methods: &[Chosen],
     plants: &OverPlants,
 ) -> Result<Vec<GroupSummary>, StatsError> {
-    let default = methods.iter().find(|of| of.method == Method::Default);
-    let shown = methods.iter().filter(|of| of.method.is_model() || of.method == Method::LogReplay);
+    let default = methods.iter().find(|method| method.method == Method::Default);
+    let shown = methods
+        .iter()
+        .filter(|method| method.method.is_model() || method.method == Method::LogReplay);
     let shown: Vec<&Chosen> = shown.collect();
     let mut all = Vec::new();
     for group in all_groups(pairs)? {
@@ -76,9 +78,10 @@ fn summary(
     }
     let regret = |pair: usize| method.counted(pair).unwrap_or(f64::NAN);
     let logarithm = |pair: usize| regret(pair).ln_1p();
-    let both = |pair: usize| has(pair) && default.is_some_and(|of| of.regrets[pair].is_some());
+    let both =
+        |pair: usize| has(pair) && default.is_some_and(|default| default.regrets[pair].is_some());
     let ratio = |pair: usize| {
-        let other = default.and_then(|of| of.counted(pair)).unwrap_or(f64::NAN);
+        let other = default.and_then(|default| default.counted(pair)).unwrap_or(f64::NAN);
         quotient(regret(pair), other)
     };
     let compared: Vec<usize> = own.iter().copied().filter(|&pair| both(pair)).collect();
@@ -109,11 +112,11 @@ fn all_groups(pairs: &[Pair]) -> Result<Vec<Group>, StatsError> {
         }
     }
     for feature in features {
-        let of = |pair: &Pair| {
+        let value_of = |pair: &Pair| {
             let found = pair.task.iter().find(|(name, _)| name == feature);
             found.map(|(_, value)| value.clone())
         };
-        all.extend(groups_of(feature, pairs, of)?);
+        all.extend(groups_of(feature, pairs, value_of)?);
     }
     Ok(all)
 }
@@ -122,10 +125,10 @@ fn all_groups(pairs: &[Pair]) -> Result<Vec<Group>, StatsError> {
 fn groups_of(
     feature: &str,
     pairs: &[Pair],
-    of: impl Fn(&Pair) -> Option<TaskValue>,
+    value_of: impl Fn(&Pair) -> Option<TaskValue>,
 ) -> Result<Vec<Group>, StatsError> {
     let values: Vec<(usize, TaskValue)> =
-        pairs.iter().enumerate().filter_map(|(pair, own)| Some((pair, of(own)?))).collect();
+        pairs.iter().enumerate().filter_map(|(pair, own)| Some((pair, value_of(own)?))).collect();
     let mut numbers: Vec<f64> = values.iter().filter_map(|(_, value)| value.number()).collect();
     numbers.sort_by(f64::total_cmp);
     let middle = if numbers.is_empty() { 0.0 } else { median(&numbers)? };
@@ -183,8 +186,8 @@ mod tests {
 
     #[test]
     fn few_values_are_groups_and_many_are_halves() {
-        let numbers = |of: &[f64]| -> Vec<TaskValue> {
-            of.iter().map(|&number| TaskValue::Number(number)).collect()
+        let numbers = |numbers: &[f64]| -> Vec<TaskValue> {
+            numbers.iter().map(|&number| TaskValue::Number(number)).collect()
         };
         let few = groups_by(&numbers(&[0.9, 0.8, 0.9]));
         assert_eq!(few, [("0.8".to_owned(), vec![1]), ("0.9".to_owned(), vec![0, 2])]);

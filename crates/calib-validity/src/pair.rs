@@ -97,16 +97,19 @@ impl Pair {
         if let Some(&got) = regrets.into_iter().find(|regret| regret.is_nan() || **regret < 0.0) {
             return Err(ValidityError::Regret { plant, sensor, got });
         }
-        let of_models = self.models.iter().flat_map(|of| {
-            let rules = of.rules.iter().map(|rule| (of.model.as_str(), Some(rule.chosen)));
-            [(of.model.as_str(), Some(of.chosen))].into_iter().chain(rules)
+        let of_models = self.models.iter().flat_map(|model| {
+            let rules = model.rules.iter().map(|rule| (model.model.as_str(), Some(rule.chosen)));
+            [(model.model.as_str(), Some(model.chosen))].into_iter().chain(rules)
         });
         let others = [
             ("the default", self.default),
             ("log replay", self.log_replay),
             ("the latest window", self.latest_window),
         ];
-        match of_models.chain(others).find(|(_, choice)| choice.is_some_and(|of| of >= values)) {
+        match of_models
+            .chain(others)
+            .find(|(_, choice)| choice.is_some_and(|choice| choice >= values))
+        {
             Some((whose, Some(got))) => {
                 let whose = whose.to_owned();
                 Err(ValidityError::Choice { plant, sensor, whose, got, values })
@@ -117,14 +120,14 @@ impl Pair {
 
     /// The model called `name`.
     pub(crate) fn model(&self, name: &str) -> Option<&ModelPair> {
-        self.models.iter().find(|of| of.model == name)
+        self.models.iter().find(|model| model.model == name)
     }
 }
 
 impl ModelPair {
     /// What `rule` chooses.
     pub(crate) fn by(&self, rule: &str) -> Option<usize> {
-        self.rules.iter().find(|of| of.rule == rule).map(|of| of.chosen)
+        self.rules.iter().find(|choice| choice.rule == rule).map(|choice| choice.chosen)
     }
 }
 

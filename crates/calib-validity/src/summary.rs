@@ -85,8 +85,8 @@ impl MethodSummary {
 }
 
 /// An interval of what lies between −1 and 1.
-pub(crate) fn correlations(of: Option<Interval>) -> Option<Interval> {
-    of.map(|of| Interval { low: of.low.max(-1.0), high: of.high.min(1.0) })
+pub(crate) fn correlations(interval: Option<Interval>) -> Option<Interval> {
+    interval.map(|interval| Interval { low: interval.low.max(-1.0), high: interval.high.min(1.0) })
 }
 
 impl RankAgreement {
@@ -97,21 +97,23 @@ impl RankAgreement {
         plants: &OverPlants,
     ) -> Result<Option<Self>, StatsError> {
         let own: Vec<_> = pairs.iter().map(|pair| pair.model(model)).collect();
-        let of: Vec<Option<f64>> = own.iter().map(|of| of.and_then(|of| of.spearman)).collect();
-        let known: Vec<f64> = of.iter().flatten().copied().collect();
-        let stable: Vec<f64> = own.iter().flatten().filter_map(|of| of.stability).collect();
-        let saved: Vec<f64> = own.iter().flatten().filter_map(|of| of.saved).collect();
-        let halving: Vec<f64> = own.iter().flatten().filter_map(|of| of.saved_by_halving).collect();
+        let by_pair: Vec<Option<f64>> =
+            own.iter().map(|pair| pair.and_then(|pair| pair.spearman)).collect();
+        let known: Vec<f64> = by_pair.iter().flatten().copied().collect();
+        let stable: Vec<f64> = own.iter().flatten().filter_map(|pair| pair.stability).collect();
+        let saved: Vec<f64> = own.iter().flatten().filter_map(|pair| pair.saved).collect();
+        let halving: Vec<f64> =
+            own.iter().flatten().filter_map(|pair| pair.saved_by_halving).collect();
         if known.is_empty() {
             return Ok(None);
         }
-        let value = |pair: usize| of[pair].unwrap_or(f64::NAN);
+        let value = |pair: usize| by_pair[pair].unwrap_or(f64::NAN);
         Ok(Some(Self {
             model: model.to_owned(),
             pairs: known.len(),
             mean: mean(&known)?,
             interval: correlations(
-                plants.interval(|pair| of[pair].is_some(), |pairs| mean_of(pairs, value)),
+                plants.interval(|pair| by_pair[pair].is_some(), |pairs| mean_of(pairs, value)),
             ),
             smallest: known.iter().copied().fold(f64::INFINITY, f64::min),
             stability: (!stable.is_empty()).then(|| mean(&stable)).transpose()?,

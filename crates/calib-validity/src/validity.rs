@@ -85,8 +85,8 @@ pub fn judge(
     for pair in pairs {
         pair.check(values.len())?;
         match &pair.regrets {
-            Some(of) => {
-                regrets.push(of.clone());
+            Some(of_pair) => {
+                regrets.push(of_pair.clone());
                 judged.push(pair);
             }
             None => left_out.push(format!("{} of {}", pair.sensor, pair.plant)),
@@ -102,7 +102,7 @@ pub fn judge(
     };
     let plants = over(1);
     let methods = all.methods()?;
-    let comparisons = comparisons(&methods, |of| of.method.is_model(), &plants)?;
+    let comparisons = comparisons(&methods, |chosen| chosen.method.is_model(), &plants)?;
     let of_models: Vec<Chosen> = models.iter().flat_map(|model| all.rules_of(model)).collect();
     let agreement = models.iter().map(|model| RankAgreement::of(model, &judged, &plants));
     let agreement = agreement.collect::<Result<Vec<_>, _>>()?;
@@ -111,7 +111,10 @@ pub fn judge(
         plants: names(judged.iter().map(|pair| &pair.plant)),
         pairs: judged.len(),
         left_out,
-        not_learnt: judged.iter().filter(|of| of.skill.is_none_or(|skill| skill <= 0.0)).count(),
+        not_learnt: judged
+            .iter()
+            .filter(|pair| pair.skill.is_none_or(|skill| skill <= 0.0))
+            .count(),
         best_default,
         best_defaults_of_optimisers: of_optimisers(&judged, &regrets),
         tests: claims::all(&summaries, &comparisons, networks),
@@ -131,7 +134,7 @@ pub fn judge(
 }
 
 fn summaries(all: &[Chosen], plants: &OverPlants) -> Result<Vec<MethodSummary>, StatsError> {
-    let known = all.iter().filter(|of| of.regrets.iter().any(Option::is_some));
+    let known = all.iter().filter(|chosen| chosen.regrets.iter().any(Option::is_some));
     known.map(|chosen| MethodSummary::of(chosen, plants)).collect()
 }
 
@@ -144,7 +147,7 @@ fn comparisons(
     let mut all = Vec::new();
     for (place, own) in methods.iter().enumerate().filter(|(_, own)| is_own(own)) {
         let others = methods.iter().enumerate();
-        for (_, other) in others.filter(|&(other, of)| other > place || !is_own(of)) {
+        for (_, other) in others.filter(|&(other, chosen)| other > place || !is_own(chosen)) {
             all.extend(Comparison::of(own, other, plants)?);
         }
     }
@@ -153,13 +156,13 @@ fn comparisons(
 
 /// Names of the models, in the order in which they come.
 fn models(pairs: &[Pair]) -> Vec<String> {
-    names(pairs.iter().flat_map(|pair| &pair.models).map(|of| &of.model))
+    names(pairs.iter().flat_map(|pair| &pair.models).map(|model| &model.model))
 }
 
 /// Names of the rules, in the order in which they come.
 fn rules(pairs: &[Pair]) -> Vec<String> {
     let models = pairs.iter().flat_map(|pair| &pair.models);
-    names(models.flat_map(|of| &of.rules).map(|of| &of.rule))
+    names(models.flat_map(|model| &model.rules).map(|choice| &choice.rule))
 }
 
 /// Different ones, in the order in which they come.

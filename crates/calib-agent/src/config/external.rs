@@ -122,7 +122,7 @@ impl AgentConfig {
         let set = unset.iter().find(|(field, value)| own.get(*field) != Some(value));
         let Some((field, _)) = set else { return Ok(()) };
         Err(ConfigError {
-            field: OWN_FIELDS.into_iter().find(|of| of == field).unwrap_or("kind"),
+            field: OWN_FIELDS.into_iter().find(|own_field| own_field == field).unwrap_or("kind"),
             got: own[field].to_string(),
             expected: "nothing with kind = \"external\": what a program is to know stands in [agent.parameters]"
                 .to_owned(),
@@ -169,23 +169,31 @@ mod tests {
             config.check().expect_err("refused").to_string()
         };
         assert_eq!(
-            refused(|of| of.learning_rate = 0.5, external()),
+            refused(|config| config.learning_rate = 0.5, external()),
             "agent hyperparameter `learning_rate`: expected nothing with kind = \"external\": what a program is to \
              know stands in [agent.parameters], got 0.5"
         );
-        assert!(refused(|of| of.command.clear(), external()).contains("`command`"));
-        assert!(refused(|of| of.kind = AgentKind::Td, external()).contains("kind = \"external\""));
+        assert!(refused(|config| config.command.clear(), external()).contains("`command`"));
+        assert!(
+            refused(|config| config.kind = AgentKind::Td, external())
+                .contains("kind = \"external\"")
+        );
         let own = AgentConfig::default();
         assert!(
-            refused(|of| drop(of.parameters.insert("a".to_owned(), 1.into())), own)
+            refused(|config| drop(config.parameters.insert("a".to_owned(), 1.into())), own)
                 .contains("got a")
         );
         assert!(
-            refused(|of| drop(of.parameters.insert("gamma".to_owned(), 1.into())), external())
-                .contains("agent.gamma")
+            refused(
+                |config| drop(config.parameters.insert("gamma".to_owned(), 1.into())),
+                external()
+            )
+            .contains("agent.gamma")
         );
-        assert!(refused(|of| of.states_per_message = 0, external()).contains("1 to 1048576"));
-        assert!(refused(|of| of.timeout_secs = f64::NAN, external()).contains("above 0"));
+        assert!(
+            refused(|config| config.states_per_message = 0, external()).contains("1 to 1048576")
+        );
+        assert!(refused(|config| config.timeout_secs = f64::NAN, external()).contains("above 0"));
         let unset = AgentConfig::default().fields();
         let all: Vec<&String> = unset.keys().filter(|field| *field != "gamma").collect();
         let mut told = OWN_FIELDS;

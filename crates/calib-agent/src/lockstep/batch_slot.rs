@@ -125,10 +125,10 @@ impl<'a> BatchSlot<'a> {
 
     pub(super) fn outcomes(self) -> Vec<RunOutcome> {
         let Self { trackers, truth, .. } = self;
-        let of = |(learner, tracker): (usize, Tracker)| {
+        let outcome = |(learner, tracker): (usize, Tracker)| {
             tracker.outcome(|part| truth.scored(learner, part))
         };
-        trackers.into_iter().enumerate().map(of).collect()
+        trackers.into_iter().enumerate().map(outcome).collect()
     }
 }
 

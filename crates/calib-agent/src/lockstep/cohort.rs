@@ -53,7 +53,9 @@ impl<'a> Cohort<'a> {
             if self.seats.iter().any(|seat| seat.len() == at) {
                 let finite = networks.finite()?;
                 let seats = self.seats.iter_mut().zip(finite.chunks(self.learners.len()));
-                seats.filter(|(seat, _)| seat.len() == at).for_each(|(seat, of)| seat.end(of));
+                seats
+                    .filter(|(seat, _)| seat.len() == at)
+                    .for_each(|(seat, is_finite)| seat.end(is_finite));
             }
         }
         Ok(())

@@ -116,13 +116,13 @@ fn sensors_together_are_what_they_are_alone_on_any_number_of_threads() {
     let traced = AgentConfig { traces: vec![0.5, 0.9], ..mlp(1e-3) };
     for config in [mlp(1e-3), rounded(), linear(0.1), traced] {
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        let of = |threads, sensors: &[usize]| {
+        let trained = |threads, sensors: &[usize]| {
             let run = || run(&stream, settings(4, 2), &config, sensors, None).expect("trains");
             pool(threads).expect("a pool").install(run)
         };
-        let together = of(1, &[0, 1]);
-        assert_eq!(of(2, &[0, 1]), together);
-        assert_eq!([of(1, &[0]), of(1, &[1])].concat(), together);
+        let together = trained(1, &[0, 1]);
+        assert_eq!(trained(2, &[0, 1]), together);
+        assert_eq!([trained(1, &[0]), trained(1, &[1])].concat(), together);
         assert_ne!(together[0].checkpoint, together[1].checkpoint);
     }
 }
@@ -176,10 +176,10 @@ fn a_resumed_training_is_the_uninterrupted_one() {
 
 #[test]
 fn what_cannot_be_trained_says_why() {
-    let of = |steps, config: &AgentConfig| {
+    let refusal = |steps, config: &AgentConfig| {
         run(&waves(steps), settings(50, 0), config, &[0], None).expect_err("refused")
     };
-    let few = of(18, &mlp(1e-3));
+    let few = refusal(18, &mlp(1e-3));
     assert!(matches!(few, AgentError::TooFewTransitions { got: 16, expected: 16 }), "{few}");
 }
 
@@ -192,18 +192,18 @@ fn an_agent_that_diverges_stops_alone() {
     let config = linear(50.0);
     let training = Pretraining { stream: &stream, settings: settings(50, 2), seed: Seed::new(5) };
     let start = Checkpoint { parameters: vec![0.0; 4], moments: None };
-    let of = |sensors: &[usize], file: Option<&StateFile>| {
+    let trained = |sensors: &[usize], file: Option<&StateFile>| {
         let learner =
             |&cumulant| Learner { config: &config, cumulant, start: Some(&start), baseline: None };
         let learners: Vec<_> = sensors.iter().map(learner).collect();
         pretrain(training, &learners, file, &Silent).expect("trains")
     };
-    let together = of(&[0, 2], None);
+    let together = trained(&[0, 2], None);
     let failed = together[0].as_ref().expect_err("it diverges");
     assert!(failed.epoch < 50, "{together:?}");
     let calm = together[1].as_ref().expect("it does not diverge");
     assert_eq!((calm.checkpoint.parameters.as_slice(), calm.epoch), (&[0.0; 4][..], 1));
-    assert_eq!(of(&[2], None)[0].as_ref(), Ok(calm));
+    assert_eq!(trained(&[2], None)[0].as_ref(), Ok(calm));
 }
 
 #[test]

@@ -254,7 +254,7 @@ mod tests {
             };
             let judged = rows(&split.judged);
             assert_eq!(judged, (200 * fold..200 * (fold + 1)).collect::<Vec<_>>());
-            let near = |t: &usize| judged.iter().any(|of| of.abs_diff(*t) < 30);
+            let near = |t: &usize| judged.iter().any(|other| other.abs_diff(*t) < 30);
             assert!(!rows(&split.fitted).iter().any(near));
         }
     }

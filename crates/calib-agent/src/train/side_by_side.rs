@@ -71,8 +71,10 @@ fn checkpoint(config: &AgentConfig, moments: bool) -> Checkpoint {
 fn sensors_side_by_side_are_what_they_are_alone() {
     let (stream, agents) = (waves(300), agents());
     let learner = |config, cumulant| Learner { config, cumulant, start: None, baseline: None };
-    let together: Vec<_> =
-        [1, 0].iter().flat_map(|&of| agents.iter().map(move |c| learner(c, of))).collect();
+    let together: Vec<_> = [1, 0]
+        .iter()
+        .flat_map(|&cumulant| agents.iter().map(move |c| learner(c, cumulant)))
+        .collect();
     let all = outcomes(&stream, &together);
     for (learner, outcome) in together.iter().zip(&all) {
         let alone = outcomes(&stream, std::slice::from_ref(learner));

@@ -239,11 +239,11 @@ mod tests {
 
     #[test]
     fn a_model_may_have_a_part_of_the_training_range() {
-        let of = |period| divide(&Partition::Model(period), &times());
-        assert_eq!(of(None).expect("all"), Division { pretrain: None, model: 0..100 });
-        let day = of(Some(range("1970-01-02", "1970-01-03"))).expect("a day");
+        let divided = |period| divide(&Partition::Model(period), &times());
+        assert_eq!(divided(None).expect("all"), Division { pretrain: None, model: 0..100 });
+        let day = divided(Some(range("1970-01-02", "1970-01-03"))).expect("a day");
         assert_eq!(day, Division { pretrain: None, model: 24..48 });
-        let late = of(Some(range("1970-02-01", ""))).expect_err("too late").to_string();
+        let late = divided(Some(range("1970-02-01", ""))).expect_err("too late").to_string();
         assert!(late.starts_with("model.period") && late.contains("has 0 states"), "{late}");
     }
 

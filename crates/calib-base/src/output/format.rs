@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(count(1_234_567), "1,234,567");
         assert_eq!(count(12), "12");
         assert_eq!(bytes(1536), "1.5 KiB");
-        assert_eq!([1, 2].map(|of| counted(of, "plant")), ["1 plant", "2 plants"]);
+        assert_eq!([1, 2].map(|number| counted(number, "plant")), ["1 plant", "2 plants"]);
         assert_eq!(duration(Duration::from_secs(3725)), "1 h 2 min");
         let spans = [0.0, 0.5, 1.25, 59.9, 60.0, 90.0, 3_599.7, 468_012.0, 86_400.0].map(span);
         assert_eq!(

@@ -54,7 +54,7 @@ pub struct Stage {
     /// The stage that was begun, counted from 1.
     pub number: usize,
     /// Stages in all.
-    pub of: usize,
+    pub stages: usize,
     /// The work after that of this one as a multiple of it, where that is known.
     pub later: Option<f64>,
 }

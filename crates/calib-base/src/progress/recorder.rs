@@ -167,7 +167,7 @@ impl Recorder {
             let left = Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX);
             state.announced = Some(Announced { whole: after.saturating_add(left), after });
         }
-        state.note.stage = stage.map(|stage| [stage.number, stage.of]);
+        state.note.stage = stage.map(|stage| [stage.number, stage.stages]);
         state.note.task = task.map(|(task, _)| task);
         state.note.secs_left = secs_left;
         state.note.written = unix_secs();

@@ -95,16 +95,16 @@ impl Agent {
     pub fn learn(&mut self, action: usize, outcome: Outcome, next: &[f32]) {
         let Self { config, values, .. } = self;
         match &mut self.learner {
-            Learner::Linear(of) => of.learn(config, action, outcome, next, values),
-            Learner::Network(of) => of.learn(config, action, outcome, next, values),
+            Learner::Linear(learner) => learner.learn(config, action, outcome, next, values),
+            Learner::Network(learner) => learner.learn(config, action, outcome, next, values),
         }
     }
 
     /// Be in `next` without learning.
     pub fn go_on(&mut self, next: &[f32]) {
         match &mut self.learner {
-            Learner::Linear(of) => of.go_on(next, &mut self.values),
-            Learner::Network(of) => of.go_on(next, &mut self.values),
+            Learner::Linear(learner) => learner.go_on(next, &mut self.values),
+            Learner::Network(learner) => learner.go_on(next, &mut self.values),
         }
     }
 

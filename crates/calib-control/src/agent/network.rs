@@ -65,9 +65,9 @@ impl Replay {
         drawn.taken.clear();
         for _ in 0..count {
             let number = rng.below(self.taken.len());
-            let of = number * self.columns..(number + 1) * self.columns;
-            drawn.states.extend_from_slice(&self.states[of.clone()]);
-            drawn.nexts.extend_from_slice(&self.nexts[of]);
+            let columns = number * self.columns..(number + 1) * self.columns;
+            drawn.states.extend_from_slice(&self.states[columns.clone()]);
+            drawn.nexts.extend_from_slice(&self.nexts[columns]);
             drawn.taken.push(self.taken[number]);
         }
     }
@@ -80,7 +80,9 @@ impl Network {
         let mut online = Mlp::new(&sizes, seed.child("network"));
         // Values begin near the initial weight: optimism, as of tiles.
         let bias = online.layers().last().map(|layer| layer.bias.clone()).unwrap_or_default();
-        online.parameters_mut()[bias].iter_mut().for_each(|of| *of += config.initial_weight as f32);
+        online.parameters_mut()[bias]
+            .iter_mut()
+            .for_each(|parameter| *parameter += config.initial_weight as f32);
         let rule = AdamRule {
             learning_rate: config.step_size,
             beta1: config.beta1,
@@ -190,7 +192,7 @@ mod tests {
                 .states
                 .iter()
                 .zip(&drawn.taken)
-                .all(|(&of, (_, outcome))| { f64::from(of) == outcome.reward })
+                .all(|(&taken, (_, outcome))| { f64::from(taken) == outcome.reward })
         );
         assert!((2..5).all(|number| drawn.states.contains(&(number as f32))));
     }

@@ -105,10 +105,17 @@ fn policies_are_their_formulas() {
     policy(&soft, &values, &mut probabilities);
     let e = (-1.0_f64).exp();
     let expected = [e / (2.0 + e), 1.0 / (2.0 + e), 1.0 / (2.0 + e)];
-    assert!(probabilities.iter().zip(expected).all(|(got, of)| (got - of).abs() < 1e-12));
+    assert!(
+        probabilities.iter().zip(expected).all(|(got, expected)| (got - expected).abs() < 1e-12)
+    );
     let greedy = AgentConfig { algorithm: Algorithm::QLearning, epsilon: 0.3, ..soft };
     policy(&greedy, &values, &mut probabilities);
-    assert!(probabilities.iter().zip([0.1, 0.45, 0.45]).all(|(got, of)| (got - of).abs() < 1e-12));
+    assert!(
+        probabilities
+            .iter()
+            .zip([0.1, 0.45, 0.45])
+            .all(|(got, expected)| (got - expected).abs() < 1e-12)
+    );
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::*;
 use crate::Columns;
 
 fn episode<'a>(ratios: &[f64], rewards: &'a [f32], ending: Ending) -> Episode<'a> {
-    Episode { log_ratios: ratios.iter().map(|of| of.ln()).collect(), rewards, ending }
+    Episode { log_ratios: ratios.iter().map(|ratio| ratio.ln()).collect(), rewards, ending }
 }
 
 #[test]
@@ -12,14 +12,14 @@ fn a_small_case_by_hand() {
     let ended = episode(&[2.0, 0.5], &[1.0, 3.0], Ending::Terminal);
     let cut = episode(&[0.5], &[2.0], Ending::Continues);
     // First step: (2·1 + 0.5·2) / 2.5; second: the first episode alone.
-    let of = estimate(&[ended.clone(), cut.clone()], 0.5, 100);
-    assert!((of.value.expect("a value") - (1.2 + 0.5 * 3.0)).abs() < 1e-12, "{of:?}");
+    let estimated = estimate(&[ended.clone(), cut.clone()], 0.5, 100);
+    assert!((estimated.value.expect("a value") - (1.2 + 0.5 * 3.0)).abs() < 1e-12, "{estimated:?}");
     // Whole episodes weigh 1 and 0.5.
-    assert!((of.effective_episodes - 2.25 / 1.25).abs() < 1e-12, "{of:?}");
+    assert!((estimated.effective_episodes - 2.25 / 1.25).abs() < 1e-12, "{estimated:?}");
     // After a terminal nought is got: 1·3 of 1.5.
     let other = Episode { ending: Ending::Terminal, ..cut };
-    let of = estimate(&[ended.clone(), other], 0.5, 100);
-    assert!((of.value.expect("a value") - (1.2 + 0.5 * 2.0)).abs() < 1e-12, "{of:?}");
+    let estimated = estimate(&[ended.clone(), other], 0.5, 100);
+    assert!((estimated.value.expect("a value") - (1.2 + 0.5 * 2.0)).abs() < 1e-12, "{estimated:?}");
     assert_eq!(estimate(&[ended], 0.5, 1).value, Some(1.0), "cut at the timeout");
 }
 
@@ -39,9 +39,9 @@ fn products_beyond_the_range_of_numbers_still_count() {
         episode(&large, &rewards, Ending::Continues),
         episode(&small, &nothing, Ending::Continues),
     ];
-    let of = estimate(&both, 1.0, 1000);
-    assert!((of.value.expect("a value") - 200.0).abs() < 1e-6, "{of:?}");
-    assert!((of.effective_episodes - 1.0).abs() < 1e-6, "{of:?}");
+    let estimated = estimate(&both, 1.0, 1000);
+    assert!((estimated.value.expect("a value") - 200.0).abs() < 1e-6, "{estimated:?}");
+    assert!((estimated.effective_episodes - 1.0).abs() < 1e-6, "{estimated:?}");
 }
 
 /// Places 0 to 3, −1 a step; action 1 leads on, action 0 back; after place 3 it ends. Action 1 is taken with probability `forth`.
@@ -79,12 +79,15 @@ fn the_value_of_another_policy_is_the_truth_of_a_chain() {
             values[place] = -1.0 + other * values[place + 1] + (1.0 - other) * back;
         }
     }
-    let of = estimate(&logged, 1.0, 10_000);
-    let got = of.value.expect("a value");
+    let estimated = estimate(&logged, 1.0, 10_000);
+    let got = estimated.value.expect("a value");
     assert!((got - values[0]).abs() < 0.15, "{got}, not {}", values[0]);
     let own: f64 = walks.iter().map(|steps| -(steps.len() as f64)).sum::<f64>() / 20_000.0;
     assert!((own - values[0]).abs() > 1.0, "the behaviour gets something else: {own}");
-    assert!(of.effective_episodes > 100.0 && of.effective_episodes < 20_000.0, "{of:?}");
+    assert!(
+        estimated.effective_episodes > 100.0 && estimated.effective_episodes < 20_000.0,
+        "{estimated:?}"
+    );
 }
 
 /// The same chain as a log of decisions.
@@ -105,8 +108,10 @@ fn log() -> Decisions {
         endings.push(Ending::Terminal);
     }
     let rows = states.len();
-    let probabilities: Vec<f64> =
-        actions.iter().map(|of| of.map_or(f64::NAN, |of| [0.4, 0.6][usize::from(of)])).collect();
+    let probabilities: Vec<f64> = actions
+        .iter()
+        .map(|action| action.map_or(f64::NAN, |action| [0.4, 0.6][usize::from(action)]))
+        .collect();
     let columns = Columns { actions: &actions, rewards: &vec![-1.0; rows], endings: &endings };
     let states = States::new(states, rows, 1).expect("valid");
     let segments = Segments::from_lengths(lengths).expect("valid");
@@ -121,10 +126,10 @@ fn who_learns_to_lead_on_is_better() {
     let dull = AgentConfig { temperature: 1e6, ..sharp };
     let values = importance_sampling(&log, &[sharp, dull], 20_000, 100, &Silent).expect("run");
     let values = values.expect("probabilities are logged");
-    let of = |at: usize| values[at].value.expect("a value");
+    let value_at = |at: usize| values[at].value.expect("a value");
     // Straight on it takes four steps; by chance 20 in the mean, which the discount shortens.
-    assert!(of(0) > -7.0 && of(1) < -11.0, "{values:?}");
-    assert!(values.iter().all(|of| of.effective_episodes > 20.0), "{values:?}");
+    assert!(value_at(0) > -7.0 && value_at(1) < -11.0, "{values:?}");
+    assert!(values.iter().all(|value| value.effective_episodes > 20.0), "{values:?}");
 }
 
 #[test]

@@ -25,8 +25,9 @@ pub(super) fn radius(
         for member in 0..sources.blocks().members() {
             let own = sources.blocks().own(member);
             let within = chosen.iter().filter(|transition| own.contains(transition));
-            let rows: Vec<RowIndex> =
-                within.map(|&of| sources.transitions().source(TransitionIndex(of))).collect();
+            let rows: Vec<RowIndex> = within
+                .map(|&transition| sources.transitions().source(TransitionIndex(transition)))
+                .collect();
             if rows.is_empty() {
                 continue;
             }

@@ -45,7 +45,7 @@ impl ActionTable {
     pub(crate) fn of(&self, row: usize, action: usize) -> (&[u32], &[f32]) {
         let start = (row * self.actions + action) * self.k;
         let neighbors = &self.neighbors()[start..start + self.k];
-        let there = neighbors.partition_point(|&of| of != u32::MAX);
+        let there = neighbors.partition_point(|&neighbor| neighbor != u32::MAX);
         (&neighbors[..there], &self.distances()[start..start + there])
     }
 }

@@ -31,7 +31,7 @@ fn plain(model: &ActionModel, member: usize, from: &[f32], action: usize) -> Vec
         from.iter().zip(state).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum::<f64>()
     };
     let mut all: Vec<u32> = model.log().with_action(action);
-    all.retain(|&of| model.blocks().contains(member, TransitionIndex(of)));
+    all.retain(|&candidate| model.blocks().contains(member, TransitionIndex(candidate)));
     all.sort_by(|&a, &b| squared(a).total_cmp(&squared(b)).then(a.cmp(&b)));
     all.truncate(3);
     all
@@ -94,8 +94,8 @@ proptest! {
                         continue;
                     }
                     let from = log.states().row(log.transitions().next(transition).get());
-                    let distance = |of: u32| {
-                        let row = log.transitions().sources()[of as usize] as usize;
+                    let distance = |candidate: u32| {
+                        let row = log.transitions().sources()[candidate as usize] as usize;
                         let state = log.states().row(row);
                         let apart = from.iter().zip(state).map(|(a, b)| f64::from(a - b).powi(2));
                         let set = weight * (torque[row] / 2.0 - wanted);
@@ -103,12 +103,12 @@ proptest! {
                     };
                     let (got, distances) = model.tables[member].of(number, level);
                     let all = (0..log.len() as u32)
-                        .filter(|&of| model.blocks().contains(member, TransitionIndex(of)));
+                        .filter(|&candidate| model.blocks().contains(member, TransitionIndex(candidate)));
                     let mut expected: Vec<f64> = all.map(distance).collect();
                     expected.sort_by(f64::total_cmp);
                     prop_assert_eq!(got.len(), 3);
-                    for ((&of, &told), expected) in got.iter().zip(distances).zip(expected) {
-                        prop_assert!((distance(of) - expected).abs() < 1e-5, "{} {}", of, expected);
+                    for ((&neighbor, &told), expected) in got.iter().zip(distances).zip(expected) {
+                        prop_assert!((distance(neighbor) - expected).abs() < 1e-5, "{} {}", neighbor, expected);
                         prop_assert!((f64::from(told) - expected).abs() < 1e-5);
                     }
                 }

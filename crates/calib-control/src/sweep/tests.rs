@@ -21,14 +21,14 @@ fn the_same_for_any_number_of_threads() {
     let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
     let extent = Extent { runs: 2, span: RunLength { steps: 400, timeout: 50 } };
-    let of = |threads: usize| {
+    let runs = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| sweep(&model, &candidates, extent, Seed::new(5), &Silent)).expect("run")
     };
-    let one = of(1);
-    assert_eq!(one, of(3));
+    let one = runs(1);
+    assert_eq!(one, runs(3));
     assert_eq!(one.len(), 3 * 2 * 2);
-    let places: Vec<_> = one.iter().map(|of| (of.member, of.run, of.candidate)).collect();
+    let places: Vec<_> = one.iter().map(|run| (run.member, run.run, run.candidate)).collect();
     assert!(places.is_sorted());
     assert!(one.iter().all(|run| run.coverage.steps == 400));
     assert!(one.iter().any(|run| run.curve.len() == 10));
@@ -87,14 +87,14 @@ fn a_sweep_goes_on_from_what_was_kept() {
     let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
     let extent = Extent { runs: 2, span: RunLength { steps: 200, timeout: 50 } };
-    let of = |keeper: &dyn RunKeeper| {
+    let swept = |keeper: &dyn RunKeeper| {
         sweep_keeping(&model, &candidates, extent, Seed::new(5), keeper, &Silent).expect("run")
     };
-    let whole = of(&NotKept);
+    let whole = swept(&NotKept);
     assert!(whole.iter().all(|run| run.drift.episodes > 0));
-    assert_eq!(of(&kept), whole);
+    assert_eq!(swept(&kept), whole);
     kept.runs.lock().expect("not poisoned").truncate(7);
     *kept.made.lock().expect("not poisoned") = 0;
-    assert_eq!(of(&kept), whole);
+    assert_eq!(swept(&kept), whole);
     assert_eq!(*kept.made.lock().expect("not poisoned"), whole.len() - 7);
 }

@@ -100,14 +100,14 @@ impl Task for Acrobot {
         let torque = [-1.0, 0.0, 1.0][action];
         let from = self.state;
         let moved = |by: [f64; 4], secs: f64| -> [f64; 4] {
-            std::array::from_fn(|of| from[of] + secs * by[of])
+            std::array::from_fn(|part| from[part] + secs * by[part])
         };
         let k1 = Self::change(from, torque);
         let k2 = Self::change(moved(k1, STEP / 2.0), torque);
         let k3 = Self::change(moved(k2, STEP / 2.0), torque);
         let k4 = Self::change(moved(k3, STEP), torque);
-        let mut next: [f64; 4] = std::array::from_fn(|of| {
-            from[of] + STEP / 6.0 * (k1[of] + 2.0 * k2[of] + 2.0 * k3[of] + k4[of])
+        let mut next: [f64; 4] = std::array::from_fn(|part| {
+            from[part] + STEP / 6.0 * (k1[part] + 2.0 * k2[part] + 2.0 * k3[part] + k4[part])
         });
         for angle in &mut next[..2] {
             *angle = wrapped(*angle);

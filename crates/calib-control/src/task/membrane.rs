@@ -54,12 +54,12 @@ impl Task for Membrane {
     }
 
     fn settings() -> Vec<(&'static str, Vec<f64>)> {
-        let of = |value: fn(&calib_plant::Recipe) -> f64| RECIPES.iter().map(value).collect();
+        let values = |value: fn(&calib_plant::Recipe) -> f64| RECIPES.iter().map(value).collect();
         vec![
-            ("PULSE_INTERVAL_S", of(|recipe| recipe.interval_secs)),
-            ("PULSE_LENGTH_S", of(|recipe| recipe.pulse_secs)),
-            ("DOSE_MG_L", of(|recipe| recipe.dose_mg_per_litre)),
-            ("FLOW_SETPOINT_L_S", of(|recipe| recipe.flow_litres_per_second)),
+            ("PULSE_INTERVAL_S", values(|recipe| recipe.interval_secs)),
+            ("PULSE_LENGTH_S", values(|recipe| recipe.pulse_secs)),
+            ("DOSE_MG_L", values(|recipe| recipe.dose_mg_per_litre)),
+            ("FLOW_SETPOINT_L_S", values(|recipe| recipe.flow_litres_per_second)),
         ]
     }
 
@@ -100,7 +100,7 @@ impl Task for Membrane {
         let account = self.plant.operate(&RECIPES[action], rng);
         let mut logged = Vec::with_capacity(PRICES.len());
         self.log(&mut logged);
-        let priced: f64 = logged.iter().zip(PRICES).map(|(of, price)| of * price).sum();
+        let priced: f64 = logged.iter().zip(PRICES).map(|(amount, price)| amount * price).sum();
         let strain = (self.plant.reading().pressure_kpa - STRAIN_ABOVE_KPA).max(0.0);
         Outcome { reward: priced + STRAIN * strain, ending: Ending::terminal_if(account.tripped) }
     }

@@ -35,7 +35,7 @@ pub trait Task: Clone + Send + Sync {
 
     /// How a log has the actions: its columns, and the value of each action in them.
     fn settings() -> Vec<(&'static str, Vec<f64>)> {
-        vec![("action", (0..Self::actions().len()).map(|of| of as f64).collect())]
+        vec![("action", (0..Self::actions().len()).map(|action| action as f64).collect())]
     }
 
     /// The column of a setting that is continuous, which [`log`](Self::log) adds: what was really set, the action being about that.
@@ -116,7 +116,7 @@ impl TaskKind {
 
     /// An agent that learns the task well: for Acrobot, Cart-pole and Puddle world the best of the published grid by its true return.
     pub fn good_agent(self) -> AgentConfig {
-        let of = |step_size, beta1, initial_weight| AgentConfig {
+        let agent = |step_size, beta1, initial_weight| AgentConfig {
             step_size,
             beta1,
             temperature: 1.0,
@@ -124,10 +124,10 @@ impl TaskKind {
             ..AgentConfig::default()
         };
         match self {
-            Self::Acrobot => of(0.03, 0.9, 0.0),
-            Self::CartPole => of(0.3, 0.0, 8.0),
-            Self::Membrane => AgentConfig { gamma: 0.99, tilings: 8, ..of(0.3, 0.0, 0.0) },
-            Self::Pendulum | Self::PuddleWorld => of(0.3, 0.9, 0.0),
+            Self::Acrobot => agent(0.03, 0.9, 0.0),
+            Self::CartPole => agent(0.3, 0.0, 8.0),
+            Self::Membrane => AgentConfig { gamma: 0.99, tilings: 8, ..agent(0.3, 0.0, 0.0) },
+            Self::Pendulum | Self::PuddleWorld => agent(0.3, 0.9, 0.0),
         }
     }
 

@@ -107,7 +107,7 @@ fn is_an_environment<T: Task + Default>() {
             all
         };
         let one = walk(3);
-        assert!(one.iter().all(|of| (-0.5..=1.5).contains(of)), "{one:?}");
+        assert!(one.iter().all(|value| (-0.5..=1.5).contains(value)), "{one:?}");
         assert_eq!(one, walk(3));
         assert_ne!(one, walk(4));
     }
@@ -136,13 +136,13 @@ fn the_reward_of_a_plant_follows_from_what_it_logs() {
         plant.observe(&mut observed);
         let mut logged = Vec::new();
         plant.log(&mut logged);
-        let of = |name: &str| {
-            let seen = Membrane::columns().iter().position(|of| of.0 == name);
-            let beside = Membrane::logged().iter().position(|&of| of == name);
+        let value_of = |name: &str| {
+            let seen = Membrane::columns().iter().position(|column| column.0 == name);
+            let beside = Membrane::logged().iter().position(|&other| other == name);
             let value = seen.map(|place| observed[place]).or(beside.map(|place| logged[place]));
             vec![value.expect("a column of the log")]
         };
-        let reward = f64::from(config.reward.of(1, of)[0]);
+        let reward = f64::from(config.reward.of(1, value_of)[0]);
         assert!((reward - outcome.reward).abs() < 1e-4, "{reward} {outcome:?}");
         if outcome.ending == Ending::Terminal {
             trips += 1;

@@ -26,9 +26,9 @@ fn plain() -> Decisions {
 }
 
 fn runs(returns: &[[f64; 3]]) -> Vec<Run> {
-    let of_member = |(member, of): (usize, &[f64; 3])| {
-        let of = *of;
-        (0..3).map(move |candidate| run(member, candidate, of[candidate]))
+    let of_member = |(member, returns): (usize, &[f64; 3])| {
+        let returns = *returns;
+        (0..3).map(move |candidate| run(member, candidate, returns[candidate]))
     };
     returns.iter().enumerate().flat_map(of_member).collect()
 }
@@ -90,14 +90,18 @@ fn kinds_are_pooled_by_rank_and_members_of_one_block_stay_together() {
     let question = Question { rule: RankRule::MeanRank, ..question(&log) };
     let verdict = judge(&all.concat(), &question, Seed::new(1)).expect("judged");
     assert_eq!((verdict.chosen, verdict.selection.ranks.len()), (2, 9));
-    let kinds: Vec<_> = verdict.kinds.iter().map(|of| (of.kind, of.chosen)).collect();
+    let kinds: Vec<_> = verdict
+        .kinds
+        .iter()
+        .map(|verdict_of_kind| (verdict_of_kind.kind, verdict_of_kind.chosen))
+        .collect();
     let expected = [
         (ActionModelKind::Neighbors, 1),
         (ActionModelKind::Increments, 2),
         (ActionModelKind::Network, 2),
     ];
     assert_eq!(kinds, expected);
-    assert_eq!(verdict.kinds[2].members, networks.map(|of| of.to_vec()));
+    assert_eq!(verdict.kinds[2].members, networks.map(|members| members.to_vec()));
     // Blocks are what is independent: three of them, not nine members.
     let over = verdict.over_default.expect("a default");
     assert!(
@@ -187,7 +191,7 @@ fn terminals_are_rare_where_most_kinds_of_models_have_few() {
 
 #[test]
 fn a_choice_that_gets_less_than_was_recorded_is_doubted() {
-    let worse = GOOD.map(|of| of.map(|of| of - 3.0));
+    let worse = GOOD.map(|values| values.map(|value| value - 3.0));
     let doubts = judged(&worse, Support::default()).doubts;
     assert_eq!(doubts.len(), 1, "{doubts:?}");
     assert!(
@@ -197,14 +201,14 @@ fn a_choice_that_gets_less_than_was_recorded_is_doubted() {
 
 #[test]
 fn a_promise_above_the_best_recorded_episode_is_doubted() {
-    let better = GOOD.map(|of| of.map(|of| of + 3.0));
+    let better = GOOD.map(|values| values.map(|value| value + 3.0));
     let doubts = judged(&better, Support::default()).doubts;
     assert_eq!(doubts.len(), 1, "{doubts:?}");
     assert!(matches!(doubts[0], Doubt::AboveRecorded { promised, best: -8.0 } if promised > -8.0));
     // A log that has no whole episode says of none what it got.
     let cut = log(&[(400, Ending::Continues)]);
     let support = Support { fewest_terminals: 0, ..Support::default() };
-    let returns = runs(&GOOD.map(|of| of.map(|of| of * 20.0)));
+    let returns = runs(&GOOD.map(|values| values.map(|value| value * 20.0)));
     assert_eq!(judged_of(&cut, &returns, support).doubts, []);
 }
 
@@ -219,10 +223,10 @@ fn terminals_that_are_rarer_by_an_order_than_in_the_log_are_doubted() {
     assert_eq!(judged_of(&plain(), &with(1), Support::default()).doubts, [], "a tenth");
     let support = Support { fewest_terminals: 0, ..Support::default() };
     let endless = log(&[(500, Ending::Continues); 2]);
-    let returns = runs(&GOOD.map(|of| of.map(|of| of * 50.0)));
+    let returns = runs(&GOOD.map(|values| values.map(|value| value * 50.0)));
     let none: Vec<Run> = returns.into_iter().map(|run| Run { terminals: 0, ..run }).collect();
     let doubts = judged_of(&endless, &none, support).doubts;
-    assert!(!doubts.iter().any(|of| matches!(of, Doubt::RareTerminals { .. })), "{doubts:?}");
+    assert!(!doubts.iter().any(|doubt| matches!(doubt, Doubt::RareTerminals { .. })), "{doubts:?}");
 }
 
 #[test]
@@ -237,8 +241,8 @@ fn regret_is_what_the_best_has_more() {
 fn a_walk_that_jumps_move_on_and_on_is_doubted() {
     let with = |displacements: &[f32]| {
         let mut drift = Drift::default();
-        for &of in displacements {
-            drift.count(&[0.1, of]);
+        for &displacement in displacements {
+            drift.count(&[0.1, displacement]);
         }
         let each = runs(&GOOD).into_iter().map(|run| Run { drift: drift.clone(), ..run });
         judged_of(&plain(), &each.collect::<Vec<_>>(), Support::default()).doubts

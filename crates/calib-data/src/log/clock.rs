@@ -135,8 +135,9 @@ pub(crate) fn notations(
             if found.left.is_empty() {
                 // Damaged lines of one file are told by how the others write times.
                 let cells = file.dialect.cells(time);
-                let reads = |of: &&Notation| {
-                    2 * cells.iter().filter(|cell| of.read(cell).is_some()).count() > cells.len()
+                let reads = |notation: &&Notation| {
+                    2 * cells.iter().filter(|cell| notation.read(cell).is_some()).count()
+                        > cells.len()
                 };
                 match told.iter().find(reads) {
                     Some(notation) => return Ok(notation.clone()),
@@ -198,7 +199,7 @@ fn by_all_rows(
                 let text = records.time(time);
                 // What none of them can read is a damaged line, which is told later.
                 if !text.trim().is_empty()
-                    && found.left.iter().any(|of| of.read(text.trim()).is_some())
+                    && found.left.iter().any(|notation| notation.read(text.trim()).is_some())
                 {
                     found.note(text.trim());
                 }

@@ -134,7 +134,8 @@ mod tests {
             part: crate::AnglePart::Cosine,
             recorded: None,
         };
-        let cells = [0.0, 360.0, -90.0, 270.0, 10.0, 190.0].map(|of| Cell::Number(of).encode());
+        let cells =
+            [0.0, 360.0, -90.0, 270.0, 10.0, 190.0].map(|number| Cell::Number(number).encode());
         let placed = |angle| place(&[1, 1, 2, 2, 3, 3], &cells, angle, Contradictions::First);
         let found = placed(Some(&wind));
         assert_eq!((found.repeated, found.contradictions.count), (2, 1));

@@ -133,7 +133,7 @@ impl LogFile {
             })
             .collect();
         let is_result =
-            metadata.key_value_metadata.iter().flatten().any(|of| of.key == RESULTS_KEY);
+            metadata.key_value_metadata.iter().flatten().any(|entry| entry.key == RESULTS_KEY);
         let content = Content::Parquet(Parquet { file, metadata, checked: Mutex::default() });
         Ok(Self { source, fields, rows, bytes, is_result, beside: Vec::new(), content })
     }

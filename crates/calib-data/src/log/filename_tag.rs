@@ -28,7 +28,8 @@ pub(super) fn tag_of_path(path: &Path) -> String {
 /// What the channels of each file are called after, with a space: the file, or where all are called alike its folder.
 pub(super) fn prefixes(paths: &[&Path]) -> Vec<String> {
     let stems: Vec<String> = paths.iter().map(|path| tag_of_path(path)).collect();
-    let tell = stems.iter().all(|stem| !stem.is_empty()) && stems.iter().any(|of| *of != stems[0]);
+    let tell =
+        stems.iter().all(|stem| !stem.is_empty()) && stems.iter().any(|stem| *stem != stems[0]);
     let folder = |path: &Path| {
         let folder = path.parent().and_then(Path::file_name).unwrap_or_default();
         let folder = folder.to_string_lossy();

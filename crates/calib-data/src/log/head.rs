@@ -103,11 +103,14 @@ const DAMAGED: usize = 20;
 fn kind_of(cells: &[&str]) -> FieldKind {
     use crate::text::{Decimal, parse_number};
     let is_number = |cell: &str| {
-        [Decimal::Point, Decimal::Comma].iter().any(|&of| parse_number(cell, of).is_some())
+        [Decimal::Point, Decimal::Comma]
+            .iter()
+            .any(|&decimal| parse_number(cell, decimal).is_some())
     };
     let is_time = |cell: &str| {
         let found = || crate::text::Candidates::of(&[cell], None).left;
-        !is_number(cell) && found().first().is_some_and(|of| !matches!(of, Notation::Number(_)))
+        !is_number(cell)
+            && found().first().is_some_and(|notation| !matches!(notation, Notation::Number(_)))
     };
     // Lines may be damaged, but not many of them.
     let mut others = cells.iter().filter(|cell| !is_time(cell));

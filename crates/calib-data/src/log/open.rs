@@ -106,7 +106,9 @@ fn time_columns(heads: &mut [Head], data: &DataConfig) -> Result<Vec<usize>, Dat
     };
     let mut found: Vec<Option<usize>> = heads.iter().map(find).collect();
     if data.timestamp == DataConfig::default().timestamp {
-        for (found, head) in found.iter_mut().zip(heads.iter_mut()).filter(|(of, _)| of.is_none()) {
+        for (found, head) in
+            found.iter_mut().zip(heads.iter_mut()).filter(|(known, _)| known.is_none())
+        {
             *found = times::join_fields(head);
         }
     }

@@ -176,13 +176,13 @@ impl Log {
     fn read_tag(
         &self,
         series: &Series,
-        of: &Channel,
+        source: &Channel,
         window: &std::ops::Range<i64>,
         channel: &mut ChannelValues,
     ) -> Result<(), DataError> {
         channel.clear(0, 0);
-        let angle = of.angle.as_ref();
-        let placed = series.settled(of.column, window, angle, self.contradictions)?;
+        let angle = source.angle.as_ref();
+        let placed = series.settled(source.column, window, angle, self.contradictions)?;
         channel.repeated = placed.repeated + placed.contradictions.count + placed.words.count;
         channel.contradictions = placed.contradictions;
         let mut values = vec![f64::NAN; placed.cells.len()];
@@ -286,7 +286,8 @@ impl Log {
         let rows = self.recorded();
         let repeats = rows.repeats[file].clone();
         let all = &rows.duplicates[repeats.clone()];
-        let before = |row: usize| all.partition_point(|of| (of.file_row as usize) < row);
+        let before =
+            |row: usize| all.partition_point(|repeated| (repeated.file_row as usize) < row);
         for position in before(start)..before(start + read.len()) {
             duplicates[repeats.start + position] = read[all[position].file_row as usize - start];
         }
@@ -465,7 +466,7 @@ impl Log {
                 *kept = code;
                 continue;
             }
-            match [*kept, code].map(|of| labels.number(of)) {
+            match [*kept, code].map(|label| labels.number(label)) {
                 [Some(_), None] => {}
                 [None, Some(_)] => *kept = code,
                 // The same number, written in two ways.
@@ -503,9 +504,9 @@ impl Log {
             return Ok(());
         }
         let name = &self.channels[channel].name;
-        let told = |of: &Contradiction| {
-            let at = format_time(Timestamp::from_micros(of.time));
-            let [before, now] = of.values.map(&label);
+        let told = |contradiction: &Contradiction| {
+            let at = format_time(Timestamp::from_micros(contradiction.time));
+            let [before, now] = contradiction.values.map(&label);
             format!("at {at} {name} is {before:?} and {now:?}")
         };
         let examples = found.first.iter().map(told).collect();

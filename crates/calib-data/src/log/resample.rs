@@ -116,10 +116,10 @@ impl Grid {
     pub(crate) fn values(&self, times: &[i64], values: &[f64], rows: &[Timestamp]) -> Vec<f64> {
         let mut out = vec![f64::NAN; rows.len()];
         for range in &self.ranges {
-            let of = |limit: i64| times.partition_point(|&time| time < limit);
-            let samples = of(range.start)..of(range.end);
-            let of = |limit: i64| rows.partition_point(|row| row.as_micros() < limit);
-            let (from, to) = (of(range.start), of(range.end));
+            let sample_at = |limit: i64| times.partition_point(|&time| time < limit);
+            let samples = sample_at(range.start)..sample_at(range.end);
+            let row_at = |limit: i64| rows.partition_point(|row| row.as_micros() < limit);
+            let (from, to) = (row_at(range.start), row_at(range.end));
             let (times, values) = (&times[samples.clone()], &values[samples]);
             for (row, out) in rows[from..to].iter().zip(&mut out[from..to]) {
                 let row = row.as_micros();
@@ -207,9 +207,9 @@ impl Grid {
 }
 
 fn inside<'a>(times: &'a [i64], range: &Range<i64>) -> &'a [i64] {
-    let of = |limit: i64| times.partition_point(|&time| time < limit);
-    let from = of(range.start);
-    &times[from..of(range.end).max(from)]
+    let row_at = |limit: i64| times.partition_point(|&time| time < limit);
+    let from = row_at(range.start);
+    &times[from..row_at(range.end).max(from)]
 }
 
 #[cfg(test)]
@@ -234,9 +234,9 @@ mod tests {
     }
 
     fn values(grid: &Grid, samples: &[(i64, f64)]) -> Vec<(i64, f64)> {
-        let (times, of): (Vec<i64>, Vec<f64>) = samples.iter().copied().unzip();
+        let (times, of_samples): (Vec<i64>, Vec<f64>) = samples.iter().copied().unzip();
         let rows = rows(grid, &times);
-        let values = grid.values(&times, &of, &rows);
+        let values = grid.values(&times, &of_samples, &rows);
         rows.into_iter().map(Timestamp::as_micros).zip(values).collect()
     }
 

@@ -176,7 +176,8 @@ impl Rows {
         for (position, &file) in order.iter().enumerate() {
             place[file] = position;
         }
-        self.duplicates.sort_unstable_by_key(|of| (place[of.file as usize], of.file_row));
+        self.duplicates
+            .sort_unstable_by_key(|duplicate| (place[duplicate.file as usize], duplicate.file_row));
         let mut start = 0;
         for repeats in self.duplicates.chunk_by(|one, next| one.file == next.file) {
             self.repeats[repeats[0].file as usize] = start..start + repeats.len();

@@ -73,7 +73,7 @@ pub(crate) fn recognise(
 ) -> Result<Recognised, DataError> {
     let mut recognised = recognise_apart(heads, times, data)?;
     if let Recognised::Samples(_, roles) = &mut recognised {
-        let qualities = roles.iter_mut().filter_map(|of| of.quality.as_mut());
+        let qualities = roles.iter_mut().filter_map(|roles| roles.quality.as_mut());
         Quality::agree(qualities.map(|(_, quality)| quality));
     }
     Ok(recognised)
@@ -193,11 +193,12 @@ fn unnamed_roles(
     columns: &[HeadColumn],
     time: usize,
 ) -> Result<Option<Roles>, DataError> {
-    let of = |kind: FieldKind| {
+    let with_kind = |kind: FieldKind| {
         let others = (0..columns.len()).filter(|&column| column != time);
         others.filter(|&column| columns[column].kind == kind).collect::<Vec<usize>>()
     };
-    let (&[words], &[value]) = (&of(FieldKind::Text)[..], &of(FieldKind::Number)[..]) else {
+    let (&[words], &[value]) = (&with_kind(FieldKind::Text)[..], &with_kind(FieldKind::Number)[..])
+    else {
         return Ok(None);
     };
     let name = plain(&columns[words].name);
@@ -287,20 +288,20 @@ fn file_per_tag(
         }
         return Ok(Recognised::Wide);
     };
-    let columns: BTreeSet<&str> = files.iter().map(|of| of.name.as_str()).collect();
+    let columns: BTreeSet<&str> = files.iter().map(|file| file.name.as_str()).collect();
     let stems: Vec<String> = heads.iter().map(|head| tag_of_path(head.path())).collect();
     let generic = |name: &str| VALUES.contains(&plain(name).as_str());
-    let by_file = files.iter().all(|of| generic(&of.name));
+    let by_file = files.iter().all(|file| generic(&file.name));
     let one_sensor = !by_file && columns.len() == 1;
     let cut_by_date = by_file && stems.iter().all(String::is_empty);
     if !is_asked && (files.len() < 2 || one_sensor || cut_by_date) {
         return Ok(Recognised::Wide);
     }
     let mut roles = Vec::with_capacity(files.len());
-    for (((head, &time), stem), of) in heads.iter().zip(times).zip(stems).zip(files) {
-        let tag = if by_file && !stem.is_empty() { stem } else { of.name };
-        let quality = quality_of(head, of.quality, data)?;
-        roles.push(Roles { time, tag: TagOf::File(tag), values: vec![of.value], quality });
+    for (((head, &time), stem), file) in heads.iter().zip(times).zip(stems).zip(files) {
+        let tag = if by_file && !stem.is_empty() { stem } else { file.name };
+        let quality = quality_of(head, file.quality, data)?;
+        roles.push(Roles { time, tag: TagOf::File(tag), values: vec![file.value], quality });
     }
     Ok(Recognised::Samples(Shape::FilePerTag, roles))
 }

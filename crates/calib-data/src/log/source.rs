@@ -96,8 +96,9 @@ fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
 fn workbook_in(folder: &Path) -> String {
     let files = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_workbook = |path: &PathBuf| {
-        let extension = path.extension().map(|of| of.to_string_lossy().to_lowercase());
-        extension.is_some_and(|of| ["xlsx", "xls", "ods"].contains(&of.as_str()))
+        let extension =
+            path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+        extension.is_some_and(|extension| ["xlsx", "xls", "ods"].contains(&extension.as_str()))
     };
     files.filter(is_workbook).min().map_or_else(String::new, |path| {
         format!("; {} is a workbook: save each sheet as CSV", path.display())

@@ -86,7 +86,8 @@ pub(crate) fn join_fields(head: &mut Head) -> Option<usize> {
     let holds = |(&column, [low, high]): (&usize, [f64; 2])| {
         let cells = file.dialect.cells(column);
         let is = |cell: &&&str| {
-            cell.parse::<f64>().is_ok_and(|of| of.fract() == 0.0 && (low..=high).contains(&of))
+            cell.parse::<f64>()
+                .is_ok_and(|number| number.fract() == 0.0 && (low..=high).contains(&number))
         };
         !cells.is_empty() && cells.iter().all(|cell| is(&cell))
     };
@@ -108,7 +109,7 @@ pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataErro
     };
     let is_date = |cell: &str| {
         let found = Candidates::of(&[cell], None).left;
-        !cell.contains(':') && found.iter().any(|of| !matches!(of, Notation::Number(_)))
+        !cell.contains(':') && found.iter().any(|notation| !matches!(notation, Notation::Number(_)))
     };
     let has_clock = |column: usize| mostly(&cells(column), &is_time_of_day);
     let has_dates = |column: usize| mostly(&cells(column), &is_date);

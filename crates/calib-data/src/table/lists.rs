@@ -47,8 +47,8 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
     }
     // Lists of what is no number make the reader panic, so they are refused before.
     match schema.get(name).map(|field| &field.dtype) {
-        Some(D::List(of) | D::LargeList(of) | D::FixedSizeList(of, _)) => {
-            let (kind, got) = classify(&of.dtype);
+        Some(D::List(item) | D::LargeList(item) | D::FixedSizeList(item, _)) => {
+            let (kind, got) = classify(&item.dtype);
             if kind != FieldKind::Number {
                 return Err(refuse(format!("column {name}: expected lists of numbers, got {got}")));
             }

@@ -135,7 +135,7 @@ impl Annotated {
         let text = |column: usize| -> &str {
             let cell = cells[column].trim();
             if cell.is_empty() {
-                table.defaults.get(column).map_or("", |of| of.trim())
+                table.defaults.get(column).map_or("", |default| default.trim())
             } else {
                 cell
             }

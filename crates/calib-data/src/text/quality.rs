@@ -38,8 +38,8 @@ impl Quality {
     /// Read zeros as the other files of the log have them.
     pub(crate) fn agree<'q>(all: impl Iterator<Item = &'q mut Self>) {
         let all: Vec<&mut Self> = all.collect();
-        if all.iter().any(|of| **of == Self::OpcClassic) {
-            for quality in all.into_iter().filter(|of| **of == Self::Zeros) {
+        if all.iter().any(|other| **other == Self::OpcClassic) {
+            for quality in all.into_iter().filter(|other| **other == Self::Zeros) {
                 *quality = Self::OpcClassic;
             }
         }
@@ -130,15 +130,15 @@ mod tests {
 
     #[test]
     fn zeros_are_what_they_are_in_the_other_files() {
-        let of = |codes: &[&str]| Quality::of(codes, &DataConfig::default()).expect("known");
-        let mut all = [of(&["0", "0"]), of(&["192", "0"]), of(&["Good"])];
+        let quality = |codes: &[&str]| Quality::of(codes, &DataConfig::default()).expect("known");
+        let mut all = [quality(&["0", "0"]), quality(&["192", "0"]), quality(&["Good"])];
         Quality::agree(all.iter_mut());
         assert_eq!(all, [Quality::OpcClassic, Quality::OpcClassic, Quality::Words]);
         // Nor does a file tell whose first codes are missing.
-        let mut empty = [of(&["192"]), of(&[])];
+        let mut empty = [quality(&["192"]), quality(&[])];
         Quality::agree(empty.iter_mut());
         assert_eq!(empty[1].is_good("0"), Ok(false));
-        let mut alone = [of(&["0"]), of(&["0", "2147483648"]), of(&[])];
+        let mut alone = [quality(&["0"]), quality(&["0", "2147483648"]), quality(&[])];
         Quality::agree(alone.iter_mut());
         assert_eq!(alone[0].is_good("0"), Ok(true));
     }

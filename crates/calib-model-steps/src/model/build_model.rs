@@ -149,7 +149,7 @@ pub fn run(
         (refresh(manifest, study, &dataset, representation, &directory)?, Freshness::Kept)
     } else {
         let representation = representation.as_ref();
-        let how = How { key, config, plan, states, force: job.policy().redoes() };
+        let how = BuildMethod { key, config, plan, states, force: job.policy().redoes() };
         let built = build(study, dataset, representation, &how, &directory, clock, context)?;
         (built, Freshness::Made)
     };
@@ -188,7 +188,7 @@ fn is_still_there(directory: &Path, key: &str) -> Result<bool, StepError> {
 }
 
 /// How a model is built; nothing but the key tells of its tables.
-struct How {
+struct BuildMethod {
     /// Fingerprint of all that the tables follow from.
     key: String,
     /// The settings, with the search structure of the command line.
@@ -199,7 +199,7 @@ struct How {
     force: bool,
 }
 
-impl How {
+impl BuildMethod {
     fn workplace(&self, directory: &Path, parts: Parts) -> Workplace {
         let mut workplace = Workplace { parts: Some(parts), ..Workplace::default() };
         if self.plan.spill == Spilled::Everything {
@@ -213,7 +213,7 @@ fn build(
     study: &Study,
     mut dataset: Dataset,
     representation: Option<&Representation>,
-    how: &How,
+    how: &BuildMethod,
     directory: &Path,
     clock: Stopwatch,
     printer: &Printer,

@@ -198,8 +198,8 @@ fn bytes_of_tables(rows: usize, model: &ModelConfig) -> u64 {
 /// Rows of each segment, as far as they are in `part`.
 fn segments_of(segments: &Segments, part: &Range<usize>) -> Vec<usize> {
     let rows = segments.iter().map(Segment::rows);
-    let inside = rows.map(|of| of.start.max(part.start)..of.end.min(part.end));
-    inside.filter(|of| !of.is_empty()).map(|of| of.len()).collect()
+    let inside = rows.map(|rows| rows.start.max(part.start)..rows.end.min(part.end));
+    inside.filter(|rows| !rows.is_empty()).map(|rows| rows.len()).collect()
 }
 
 #[cfg(test)]
@@ -208,12 +208,12 @@ mod tests {
 
     #[test]
     fn tables_beyond_all_numbers_are_not_small() {
-        let of = |rows, neighbors, members| {
+        let bytes = |rows, neighbors, members| {
             bytes_of_tables(rows, &ModelConfig { neighbors, members, ..ModelConfig::default() })
         };
-        assert_eq!(of(1000, 3, 5), 120_000);
+        assert_eq!(bytes(1000, 3, 5), 120_000);
         // 3.2e19, which is 1.4e19 more than a u64 can say.
-        assert_eq!(of(4_000_000, 1_000_000, 1_000_000), u64::MAX);
+        assert_eq!(bytes(4_000_000, 1_000_000, 1_000_000), u64::MAX);
     }
 
     #[test]

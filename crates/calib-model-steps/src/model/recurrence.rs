@@ -110,9 +110,9 @@ fn longest(runs: impl Iterator<Item = Range<u32>>) -> Vec<(Range<u32>, usize)> {
 }
 
 /// What was done so that walks are not trapped, and how far they get.
-pub(crate) fn lines(of: &MemberRecurrence, transitions: usize) -> [String; 2] {
-    let MemberRecurrence { classes, walks, .. } = of;
-    let spread = match of.covered(transitions) {
+pub(crate) fn lines(member: &MemberRecurrence, transitions: usize) -> [String; 2] {
+    let MemberRecurrence { classes, walks, .. } = member;
+    let spread = match member.covered(transitions) {
         None => "an unknown share of the rows".to_owned(),
         // How many of the walks end in which class is chance: twice as many, or half of them, are as likely.
         Some(share) if classes.after.count > 1 => {
@@ -138,7 +138,7 @@ pub(crate) fn lines(of: &MemberRecurrence, transitions: usize) -> [String; 2] {
         None => ", and settle nowhere in 30,000 steps".to_owned(),
     };
     [
-        format!("{}{}", closed(&classes.after), done(of)),
+        format!("{}{}", closed(&classes.after), done(member)),
         format!("rollouts are spread over {spread}{mix}{end}"),
     ]
 }
@@ -150,8 +150,8 @@ fn closed(classes: &ClosedClasses) -> String {
     format!("rollouts end in {} {noun} ({}{more} transitions)", classes.count, sizes.join(", "))
 }
 
-fn done(of: &MemberRecurrence) -> String {
-    let Recurrence { candidates, before, after, left_out, exits, .. } = &of.classes;
+fn done(member: &MemberRecurrence) -> String {
+    let Recurrence { candidates, before, after, left_out, exits, .. } = &member.classes;
     if before.traps == 0 {
         return String::new();
     }
@@ -160,7 +160,7 @@ fn done(of: &MemberRecurrence) -> String {
         return format!(", with {} {traps}", after.traps);
     }
     let share = *left_out as f64 / (*candidates).max(1) as f64;
-    let most = of.left_out_times.iter().max_by_key(|stretch| stretch.candidates);
+    let most = member.left_out_times.iter().max_by_key(|stretch| stretch.candidates);
     let times = most.map_or_else(String::new, |most| {
         let [first, last] = most.times.map(format_time);
         format!(", most of them from {first} to {last}")
@@ -185,13 +185,16 @@ pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<Str
     let those = |which: &Concerns| {
         let all = members.iter().enumerate();
         let which = all.filter(|(_, member)| {
-            member.recurrence.as_ref().is_some_and(|of| which(of, member.transitions))
+            member
+                .recurrence
+                .as_ref()
+                .is_some_and(|recurrence| which(recurrence, member.transitions))
         });
         named(which.map(|(number, _)| number))
     };
     let warnings: [(&Concerns, String); 7] = [
         (
-            &|of, _| of.classes.after.traps > 0,
+            &|recurrence, _| recurrence.classes.after.traps > 0,
             format!(
                 "rollouts of MEMBERS end in a few rows that they never leave{}",
                 if remove_traps {
@@ -202,31 +205,31 @@ pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<Str
             ),
         ),
         (
-            &|of, all| of.classes.after.traps == 0 && of.walks.trapped > 0 && all >= MANY,
+            &|recurrence, all| recurrence.classes.after.traps == 0 && recurrence.walks.trapped > 0 && all >= MANY,
             "some rollouts of MEMBERS stay among fewer than 100 rows for 10,000 steps before they leave them; try a larger preprocess.subsample (`trapped` in the model's manifest.json counts them)"
                 .to_owned(),
         ),
         (
-            &|of, _| of.classes.lost as f64 > MUCH * of.classes.candidates as f64,
+            &|recurrence, _| recurrence.classes.lost as f64 > MUCH * recurrence.classes.candidates as f64,
             format!(
                 "calib left more than {} of the possible neighbours out of MEMBERS, so that no rollout is trapped among them: there the log does not return to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude",
                 percent(MUCH)
             ),
         ),
         (
-            &|of, _| of.classes.exits > 0,
+            &|recurrence, _| recurrence.classes.exits > 0,
             "rollouts of MEMBERS leave traps by jumps to distant states, because too much of the log never returns to where it was; try a larger preprocess.subsample, and leave totals and counters out with data.exclude"
                 .to_owned(),
         ),
         (
-            &|of, _| of.classes.after.count > 1 && of.classes.after.traps == 0,
+            &|recurrence, _| recurrence.classes.after.count > 1 && recurrence.classes.after.traps == 0,
             "rollouts of MEMBERS never move between separate parts of the log, each a tenth of it or more; let rollouts start in all of them (rollout.start = \"random\"), or try a larger preprocess.subsample"
                 .to_owned(),
         ),
         (
-            &|of, all| {
-                of.classes.after.traps == 0
-                    && (of.classes.after.transitions as f64) < MOST * all as f64
+            &|recurrence, all| {
+                recurrence.classes.after.traps == 0
+                    && (recurrence.classes.after.transitions as f64) < MOST * all as f64
             },
             format!(
                 "rollouts of MEMBERS end up in less than {} of the rows and stay there, so agents hardly see the others; try a larger preprocess.subsample, and leave totals and counters out with data.exclude",
@@ -234,8 +237,8 @@ pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<Str
             ),
         ),
         (
-            &|of, all| {
-                of.classes.after.traps == 0 && of.covered(all).is_some_and(|share| share < LITTLE)
+            &|recurrence, all| {
+                recurrence.classes.after.traps == 0 && recurrence.covered(all).is_some_and(|share| share < LITTLE)
             },
             format!("rollouts of MEMBERS are spread over less than {} of the rows; try a larger preprocess.subsample, or fewer channels (data.exclude)", percent(LITTLE)),
         ),
@@ -254,9 +257,9 @@ pub(crate) fn named(members: impl Iterator<Item = usize>) -> Option<String> {
 /// What the report says of the walks of a model; nothing of networks.
 pub fn report_table(model: &ModelManifest) -> Option<Table> {
     let row = |(number, member): (usize, &MemberSummary)| {
-        let of = member.recurrence.as_ref()?;
+        let recurrence = member.recurrence.as_ref()?;
         let number_or = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
-        let Recurrence { candidates, before, after, left_out, exits, .. } = &of.classes;
+        let Recurrence { candidates, before, after, left_out, exits, .. } = &recurrence.classes;
         let text = |classes: &ClosedClasses| {
             let size = |&size: &usize| count(size);
             let sizes: Vec<String> = classes.largest.iter().take(5).map(size).collect();
@@ -269,13 +272,13 @@ pub fn report_table(model: &ModelManifest) -> Option<Table> {
             text(after),
             Cell::Number(100.0 * *left_out as f64 / (*candidates).max(1) as f64),
             Cell::Count(*exits as u64),
-            number_or(of.covered(member.transitions).map(|share| match after.count {
+            number_or(recurrence.covered(member.transitions).map(|share| match after.count {
                 0 | 1 => 100.0 * share,
                 _ => rounded(100.0 * share, 1),
             })),
-            number_or(of.walks.mixing_steps.map(|steps| steps as f64)),
-            number_or(of.walks.steps_to_end),
-            Cell::Count(of.walks.trapped as u64),
+            number_or(recurrence.walks.mixing_steps.map(|steps| steps as f64)),
+            number_or(recurrence.walks.steps_to_end),
+            Cell::Count(recurrence.walks.trapped as u64),
         ])
     };
     let rows: Vec<Vec<Cell>> = model.members.iter().enumerate().filter_map(row).collect();
@@ -320,7 +323,7 @@ mod tests {
     fn what_several_closed_classes_say_is_told_to_one_digit() {
         let told = |classes: usize| {
             let after = ClosedClasses { count: classes, ..ClosedClasses::default() };
-            let of = MemberRecurrence {
+            let member = MemberRecurrence {
                 classes: Recurrence { after, ..Recurrence::default() },
                 left_out_times: Vec::new(),
                 exit_times: Vec::new(),
@@ -332,7 +335,7 @@ mod tests {
                     mixing_steps: None,
                 },
             };
-            lines(&of, 10_000)[1].clone()
+            lines(&member, 10_000)[1].clone()
         };
         let one = told(1);
         assert!(one.starts_with("rollouts are spread over 25 % of the rows"), "{one}");

@@ -151,7 +151,7 @@ pub fn summaries(members: &[Vec<(RequestedStart, Option<f32>)>]) -> Vec<StartSum
         let of_all = members.iter().filter_map(|starts| starts.get(number)?.1);
         of_all.fold(f32::INFINITY, f32::min)
     };
-    let of = |starts: &Vec<(RequestedStart, Option<f32>)>| {
+    let summary = |starts: &Vec<(RequestedStart, Option<f32>)>| {
         let lacks =
             |&(number, &(wanted, replaced)): &(usize, &(RequestedStart, Option<f32>))| match wanted
             {
@@ -170,7 +170,7 @@ pub fn summaries(members: &[Vec<(RequestedStart, Option<f32>)>]) -> Vec<StartSum
             largest_distance: distances.iter().copied().reduce(f64::max),
         }
     };
-    members.iter().map(of).collect()
+    members.iter().map(summary).collect()
 }
 
 impl StartSummary {
@@ -250,7 +250,9 @@ mod tests {
         let deployed = |distance| (RequestedStart::Deployment(RowIndex(1)), Some(distance));
         let all =
             summaries(&[vec![deployed(0.5), deployed(0.25)], vec![deployed(0.5), deployed(1.0)]]);
-        let told = |of: &StartSummary| (of.replaced, of.mean_distance, of.largest_distance);
+        let told = |summary: &StartSummary| {
+            (summary.replaced, summary.mean_distance, summary.largest_distance)
+        };
         assert_eq!(told(&all[0]), (0, Some(0.375), Some(0.5)));
         assert_eq!(told(&all[1]), (1, Some(0.75), Some(1.0)));
     }

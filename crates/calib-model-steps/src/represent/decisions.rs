@@ -23,7 +23,11 @@ fn key(job: &Job, material: Material<'_>) -> Result<String, StepError> {
 ///
 /// # Errors
 /// If none qualifies, it cannot be trained or written, or the observer asks to stop.
-pub fn of(job: &Job, material: Material<'_>, printer: &Printer) -> Result<States, StepError> {
+pub fn open_or_train(
+    job: &Job,
+    material: Material<'_>,
+    printer: &Printer,
+) -> Result<States, StepError> {
     let directory = &job.layout().control_representation();
     let key = key(job, material)?;
     let kept =
@@ -45,7 +49,7 @@ pub fn mend(job: &Job, material: Material<'_>, printer: &Printer) -> Result<(), 
     let directory = &job.layout().control_representation();
     if directory.exists() && RepresentationManifest::find(directory, &key(job, material)?).is_none()
     {
-        of(job, material, printer)?;
+        open_or_train(job, material, printer)?;
     }
     Ok(())
 }

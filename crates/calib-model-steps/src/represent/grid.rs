@@ -69,16 +69,16 @@ pub(super) fn train_share(
 ) -> Result<usize, StepError> {
     artefact::own(directory)?;
     let grid = keyed(study, material)?.into_iter().enumerate();
-    let own: Vec<Keyed> =
+    let own: Vec<KeyedCandidate> =
         grid.filter(|(place, _)| share.has(*place)).map(|(_, keyed)| keyed).collect();
     train_missing(&own, material, task, directory, printer)?;
     Ok(own.len())
 }
 
 /// A candidate, and the fingerprint of what it follows from.
-type Keyed = (String, LaplacianConfig);
+type KeyedCandidate = (String, LaplacianConfig);
 
-fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<Keyed>, StepError> {
+fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<KeyedCandidate>, StepError> {
     let keyed = |config: LaplacianConfig| {
         Ok((artefact::key(&(TRAINING, material.fingerprint, &config, study.seed))?, config))
     };
@@ -91,7 +91,7 @@ fn place(directory: &Path, key: &str) -> PathBuf {
 }
 
 fn train_missing(
-    grid: &[Keyed],
+    grid: &[KeyedCandidate],
     material: Material<'_>,
     (split, seed, device): (&Split, Seed, Option<Device>),
     directory: &Path,
@@ -135,7 +135,8 @@ fn checkpoint(directory: &Path, key: &str) -> Unfinished {
 pub(super) fn remove(directory: &Path) -> Result<(), FileError> {
     let is_ours = |path: &Path| {
         let folder = path.parent().and_then(Path::to_str).unwrap_or_default();
-        let is_key = folder.len() == KEY_DIGITS && folder.bytes().all(|of| of.is_ascii_hexdigit());
+        let is_key =
+            folder.len() == KEY_DIGITS && folder.bytes().all(|byte| byte.is_ascii_hexdigit());
         let is_named = [ENCODER, RECORD, CHECKPOINT].iter().any(|name| path.ends_with(name));
         is_key && (is_named || is_temporary(path))
     };

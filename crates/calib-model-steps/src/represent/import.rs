@@ -43,7 +43,7 @@ pub(super) fn file(job: &Job) -> Result<PathBuf, StepError> {
 pub(super) fn read(job: &Job, dataset: &Dataset) -> Result<States, StepError> {
     let path = &file(job)?;
     let config = &job.study().representation;
-    let extension = path.extension().map(|of| of.to_string_lossy().to_lowercase());
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     let found = match extension.as_deref() {
         Some("npy") => npy(path),
         Some("safetensors") => safetensors(path, config.tensor.as_deref()),

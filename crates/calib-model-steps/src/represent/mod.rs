@@ -274,7 +274,7 @@ fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
 }
 
 /// Representations, and which of them is used.
-struct Tried {
+struct TriedCandidates {
     candidates: Vec<Candidate>,
     chosen: Option<usize>,
     /// Of the chosen one.
@@ -305,7 +305,7 @@ fn made(
     directory: &Path,
     material: Material<'_>,
     key: String,
-    try_all: impl FnOnce(&Split) -> Result<Tried, StepError>,
+    try_all: impl FnOnce(&Split) -> Result<TriedCandidates, StepError>,
 ) -> Result<RepresentationManifest, StepError> {
     let split = Split::in_time(material.segments)?;
     let claim = DirectoryLock::begun(directory)?;
@@ -313,7 +313,7 @@ fn made(
         // Everything is made again from here on, so that an interrupted run goes on without `--force`.
         grid::remove(directory)?;
     }
-    let Tried { candidates, chosen, psi, encoder } = try_all(&split)?;
+    let TriedCandidates { candidates, chosen, psi, encoder } = try_all(&split)?;
     let mut files = vec!["candidates.parquet", "curves.parquet"];
     if let Some(encoder) = encoder {
         write_encoder(&directory.join(ENCODER), &encoder, BTreeMap::new())?;
@@ -344,13 +344,18 @@ fn score_of(study: &Study, material: Material<'_>, split: &Split, psi: &States) 
     score(material.states, psi, material.segments, &split.validation, seed(study))
 }
 
-fn imported(job: &Job, dataset: &Dataset, split: &Split) -> Result<Tried, StepError> {
+fn imported(job: &Job, dataset: &Dataset, split: &Split) -> Result<TriedCandidates, StepError> {
     let psi = import::read(job, dataset)?;
     let scores = Some(score_of(job.study(), Material::of(dataset), split, &psi));
     let candidate =
         Candidate { config: None, directory: None, scores, divergence: None, points: vec![] };
     let chosen = select(&[scores]);
-    Ok(Tried { candidates: vec![candidate], chosen, psi: chosen.map(|_| psi), encoder: None })
+    Ok(TriedCandidates {
+        candidates: vec![candidate],
+        chosen,
+        psi: chosen.map(|_| psi),
+        encoder: None,
+    })
 }
 
 fn trained(
@@ -359,7 +364,7 @@ fn trained(
     (material, split): (Material<'_>, &Split),
     directory: &Path,
     printer: &Printer,
-) -> Result<Tried, StepError> {
+) -> Result<TriedCandidates, StepError> {
     let study = job.study();
     if device.is_none() {
         memory::require(needed_bytes(study, material), "training the representations", LESS)?;
@@ -379,7 +384,7 @@ fn trained(
     let chosen = select(&scores);
     let encoder = chosen.and_then(|chosen| trained[chosen].1.clone());
     let psi = encoder.as_ref().map(encoded).transpose()?;
-    Ok(Tried { candidates, chosen, psi, encoder })
+    Ok(TriedCandidates { candidates, chosen, psi, encoder })
 }
 
 /// The chosen representation of the training states.

@@ -17,17 +17,17 @@ use super::{Candidate, RepresentationManifest};
 type Field = (&'static str, fn(&LaplacianConfig) -> f64);
 
 const FIELDS: [Field; 11] = [
-    ("attraction", |of| of.loss.attraction),
-    ("beta", |of| of.loss.beta),
-    ("zeta", |of| of.loss.zeta),
-    ("kappa", |of| of.kappa),
-    ("trajectory", |of| of.trajectory as f64),
-    ("dimension", |of| of.dimension as f64),
-    ("hidden_layers", |of| of.hidden_layers as f64),
-    ("hidden_units", |of| of.hidden_units as f64),
-    ("learning_rate", |of| of.learning_rate),
-    ("batch_size", |of| of.batch_size as f64),
-    ("steps", |of| of.steps as f64),
+    ("attraction", |config| config.loss.attraction),
+    ("beta", |config| config.loss.beta),
+    ("zeta", |config| config.loss.zeta),
+    ("kappa", |config| config.kappa),
+    ("trajectory", |config| config.trajectory as f64),
+    ("dimension", |config| config.dimension as f64),
+    ("hidden_layers", |config| config.hidden_layers as f64),
+    ("hidden_units", |config| config.hidden_units as f64),
+    ("learning_rate", |config| config.learning_rate),
+    ("batch_size", |config| config.batch_size as f64),
+    ("steps", |config| config.steps as f64),
 ];
 
 /// `candidates.parquet`, one row a candidate, and `curves.parquet`, one row a point of a learning curve.
@@ -37,50 +37,64 @@ pub(super) fn write(
     chosen: Option<usize>,
 ) -> Result<(), StepError> {
     let numbers = || (0..candidates.len() as u32).collect::<Vec<u32>>();
-    let mut of = Table::new()
+    let mut table = Table::new()
         .with("candidate", numbers())
         .with("chosen", (0..candidates.len()).map(|at| Some(at) == chosen).collect())
         .with_optional(
             "form",
-            candidates.iter().map(|of| Some(format!("{:?}", of.config?.loss.form))).collect(),
+            candidates
+                .iter()
+                .map(|candidate| Some(format!("{:?}", candidate.config?.loss.form)))
+                .collect(),
         );
     for (name, value) in FIELDS {
-        let values = candidates.iter().map(|of| of.config.as_ref().map(value));
-        of = of.with_optional(name, values.collect());
+        let values = candidates.iter().map(|candidate| candidate.config.as_ref().map(value));
+        table = table.with_optional(name, values.collect());
     }
     let score = |value: fn(&calib_represent::Scores) -> f64| {
-        candidates.iter().map(|of| of.scores.as_ref().map(value)).collect::<Vec<Option<f64>>>()
+        candidates
+            .iter()
+            .map(|candidate| candidate.scores.as_ref().map(value))
+            .collect::<Vec<Option<f64>>>()
     };
-    let of = of
-        .with_optional("dynamics_awareness", score(|of| of.dynamics_awareness))
-        .with_optional("uniqueness", score(|of| of.uniqueness))
-        .with_optional("live_dimensions", score(|of| of.live_dimensions as f64))
-        .with_optional("successive_distance", score(|of| of.successive_distance))
-        .with_optional("random_distance", score(|of| of.random_distance))
-        .with_optional("loss", candidates.iter().map(|of| Some(of.points.last()?.loss)).collect())
+    let table = table
+        .with_optional("dynamics_awareness", score(|scores| scores.dynamics_awareness))
+        .with_optional("uniqueness", score(|scores| scores.uniqueness))
+        .with_optional("live_dimensions", score(|scores| scores.live_dimensions as f64))
+        .with_optional("successive_distance", score(|scores| scores.successive_distance))
+        .with_optional("random_distance", score(|scores| scores.random_distance))
+        .with_optional(
+            "loss",
+            candidates.iter().map(|candidate| Some(candidate.points.last()?.loss)).collect(),
+        )
         .with_optional(
             "divergence",
-            candidates.iter().map(|of| Some(of.divergence?.to_string())).collect(),
+            candidates.iter().map(|candidate| Some(candidate.divergence?.to_string())).collect(),
         )
-        .with_optional("directory", candidates.iter().map(|of| of.directory.clone()).collect());
-    artefact::write_table(of, &directory.join("candidates.parquet"))?;
+        .with_optional(
+            "directory",
+            candidates.iter().map(|candidate| candidate.directory.clone()).collect(),
+        );
+    artefact::write_table(table, &directory.join("candidates.parquet"))?;
     let points: Vec<_> = candidates
         .iter()
         .enumerate()
-        .flat_map(|(number, of)| of.points.iter().map(move |point| (number as u32, point)))
+        .flat_map(|(number, candidate)| {
+            candidate.points.iter().map(move |point| (number as u32, point))
+        })
         .collect();
     let curves = Table::new()
         .with("candidate", points.iter().map(|(number, _)| *number).collect())
-        .with("step", points.iter().map(|(_, of)| of.step as u32).collect())
-        .with("loss", points.iter().map(|(_, of)| of.loss).collect())
+        .with("step", points.iter().map(|(_, point)| point.step as u32).collect())
+        .with("loss", points.iter().map(|(_, point)| point.loss).collect())
         .with(
             "dynamics_awareness",
-            points.iter().map(|(_, of)| of.scores.dynamics_awareness).collect(),
+            points.iter().map(|(_, point)| point.scores.dynamics_awareness).collect(),
         )
-        .with("uniqueness", points.iter().map(|(_, of)| of.scores.uniqueness).collect())
+        .with("uniqueness", points.iter().map(|(_, point)| point.scores.uniqueness).collect())
         .with(
             "live_dimensions",
-            points.iter().map(|(_, of)| of.scores.live_dimensions as u32).collect(),
+            points.iter().map(|(_, point)| point.scores.live_dimensions as u32).collect(),
         );
     artefact::write_table(curves, &directory.join("curves.parquet"))
 }
@@ -88,7 +102,8 @@ pub(super) fn write(
 /// Hyperparameters in which the candidates differ, or else what is most often asked for.
 fn telling(candidates: &[Candidate]) -> Vec<Field> {
     let differs = |(_, value): &Field| {
-        let mut values = candidates.iter().filter_map(|of| of.config.as_ref().map(value));
+        let mut values =
+            candidates.iter().filter_map(|candidate| candidate.config.as_ref().map(value));
         values.next().is_some_and(|first| values.any(|other| other != first))
     };
     FIELDS.into_iter().filter(differs).collect()
@@ -104,30 +119,33 @@ pub(crate) fn show(manifest: &RepresentationManifest, printer: &Printer) -> Resu
         .candidates
         .iter()
         .enumerate()
-        .map(|(number, of)| {
+        .map(|(number, candidate)| {
             let value = |(_, value): &Field| {
-                of.config.as_ref().map_or_else(String::new, |config| plain(value(config)))
+                candidate.config.as_ref().map_or_else(String::new, |config| plain(value(config)))
             };
             let mut row = vec![number.to_string()];
             row.extend(fields.iter().map(value));
-            match &of.scores {
+            match &candidate.scores {
                 Some(scores) => row.extend([
                     format!("{:.3}", scores.dynamics_awareness),
                     format!("{:.3}", scores.uniqueness),
                     scores.live_dimensions.to_string(),
-                    of.points.last().map_or_else(String::new, |point| significant(point.loss)),
+                    candidate
+                        .points
+                        .last()
+                        .map_or_else(String::new, |point| significant(point.loss)),
                 ]),
                 None => row.extend([const { String::new() }; 4]),
             }
-            row.push(verdict(number, of, manifest.chosen));
+            row.push(verdict(number, candidate, manifest.chosen));
             row
         })
         .collect();
     printer.lines(&table(&header, &rows))
 }
 
-fn verdict(number: usize, of: &Candidate, chosen: Option<usize>) -> String {
-    match (&of.scores, &of.divergence) {
+fn verdict(number: usize, candidate: &Candidate, chosen: Option<usize>) -> String {
+    match (&candidate.scores, &candidate.divergence) {
         (_, Some(divergence)) => format!("diverged: {divergence}"),
         (None, None) => "diverged: not finite".to_owned(),
         _ if Some(number) == chosen => "chosen".to_owned(),
@@ -158,22 +176,28 @@ pub fn report_table(manifest: &RepresentationManifest) -> ReportTable {
         "loss at the end",
         "verdict",
     ]);
-    let rows = manifest.candidates.iter().enumerate().map(|(number, of)| {
+    let rows = manifest.candidates.iter().enumerate().map(|(number, candidate)| {
         let value = |(_, value): &Field| {
-            of.config.as_ref().map_or(Cell::Missing, |config| Cell::Text(plain(value(config))))
+            candidate
+                .config
+                .as_ref()
+                .map_or(Cell::Missing, |config| Cell::Text(plain(value(config))))
         };
         let mut row = vec![Cell::Text(number.to_string())];
         row.extend(fields.iter().map(value));
-        match &of.scores {
+        match &candidate.scores {
             Some(scores) => row.extend([
                 Cell::Number(scores.dynamics_awareness),
                 Cell::Number(scores.uniqueness),
                 Cell::Count(scores.live_dimensions as u64),
-                of.points.last().map_or(Cell::Missing, |point| Cell::Text(significant(point.loss))),
+                candidate
+                    .points
+                    .last()
+                    .map_or(Cell::Missing, |point| Cell::Text(significant(point.loss))),
             ]),
             None => row.extend([const { Cell::Missing }; 4]),
         }
-        row.push(Cell::Text(verdict(number, of, manifest.chosen)));
+        row.push(Cell::Text(verdict(number, candidate, manifest.chosen)));
         row
     });
     let imported = manifest.study.representation.kind == RepresentationKind::Import;

@@ -145,25 +145,28 @@ pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepErr
             ended.column
         ));
     }
-    for of in &collapse.sensors {
-        if let Some(step) = of.median_step {
-            let recorded = match of.recorded {
+    for sensor in &collapse.sensors {
+        if let Some(step) = sensor.median_step {
+            let recorded = match sensor.recorded {
                 0 => String::new(),
                 recorded => {
-                    format!(", and in {} of {recorded} recorded stretches", of.recorded_collapsed)
+                    format!(
+                        ", and in {} of {recorded} recorded stretches",
+                        sensor.recorded_collapsed
+                    )
                 }
             };
             printer.result(&format!(
                 "  {} freezes in {} of {all} rollouts, from step {} on (median){recorded}",
-                of.sensor,
-                of.collapsed,
+                sensor.sensor,
+                sensor.collapsed,
                 count(step as usize),
             ))?;
         }
-        if of.escaped > 0 {
+        if sensor.escaped > 0 {
             printer.result(&format!(
                 "  {} ends far outside the range of the data in {} of {all} rollouts",
-                of.sensor, of.escaped
+                sensor.sensor, sensor.escaped
             ))?;
         }
     }
@@ -172,7 +175,7 @@ pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepErr
 
 /// A table for the report; none where nothing is wrong.
 pub fn report_table(model: &str, collapse: &Collapse) -> Option<Table> {
-    let wrong = |of: &SensorCollapse| of.collapsed > 0 || of.escaped > 0;
+    let wrong = |sensor: &SensorCollapse| sensor.collapsed > 0 || sensor.escaped > 0;
     if collapse.ended.is_empty() && !collapse.sensors.iter().any(wrong) {
         return None;
     }
@@ -180,13 +183,13 @@ pub fn report_table(model: &str, collapse: &Collapse) -> Option<Table> {
         0 => String::new(),
         number => format!(" {number} rollouts ended early because a state was not finite."),
     };
-    let rows = collapse.sensors.iter().map(|of| {
+    let rows = collapse.sensors.iter().map(|sensor| {
         vec![
-            Cell::Text(of.sensor.clone()),
-            Cell::Count(of.collapsed as u64),
-            of.median_step.map_or(Cell::Missing, |step| Cell::Count(step as u64)),
-            Cell::Text(format!("{} of {}", of.recorded_collapsed, of.recorded)),
-            Cell::Count(of.escaped as u64),
+            Cell::Text(sensor.sensor.clone()),
+            Cell::Count(sensor.collapsed as u64),
+            sensor.median_step.map_or(Cell::Missing, |step| Cell::Count(step as u64)),
+            Cell::Text(format!("{} of {}", sensor.recorded_collapsed, sensor.recorded)),
+            Cell::Count(sensor.escaped as u64),
         ]
     });
     let columns = ["sensor", "frozen", "from step (median)", "recorded ones", "far outside"];

@@ -83,8 +83,8 @@ pub fn rollouts(
         let recorded = trajectories.optional::<f64>(&named.recorded)?;
         let known = |group: &Group| recorded[group.rows.clone()].iter().flatten().count();
         let sharing = |group: &Group| {
-            let all = groups.iter().filter(|of| of.wanted == group.wanted);
-            let mut members: Vec<u32> = all.map(|of| of.member).collect();
+            let all = groups.iter().filter(|other| other.wanted == group.wanted);
+            let mut members: Vec<u32> = all.map(|group| group.member).collect();
             members.dedup();
             members.len()
         };
@@ -118,16 +118,16 @@ pub fn rollouts(
 const GRID_STARTS: usize = 4;
 
 /// The first rollout from each start, for one sensor: what was recorded, and what the model did.
-pub struct Starts {
+pub struct FirstRollouts {
     /// The sensor.
     pub sensor: String,
     /// What stands in brackets behind it.
     pub unit: Option<String>,
     period_secs: f64,
-    pairs: Vec<Start>,
+    pairs: Vec<FirstRollout>,
 }
 
-struct Start {
+struct FirstRollout {
     /// When it was recorded: models that learned from other rows number them otherwise.
     time: Option<Timestamp>,
     recorded: Vec<f64>,
@@ -142,7 +142,7 @@ pub fn starts(
     trajectories: &Table,
     sensors: &[String],
     period_secs: f64,
-) -> Result<Vec<Starts>, StepError> {
+) -> Result<Vec<FirstRollouts>, StepError> {
     let groups = groups(trajectories)?;
     let mut all = Vec::with_capacity(sensors.len());
     for (sensor, named) in sensors.iter().zip(Columns::of(sensors)) {
@@ -153,48 +153,51 @@ pub fn starts(
         for Group { wanted, time, rows, .. } in &groups {
             if !seen.contains(wanted) {
                 seen.push(*wanted);
-                pairs.push(Start {
+                pairs.push(FirstRollout {
                     time: *time,
                     recorded: recorded[rows.clone()].iter().flatten().copied().collect(),
                     values: values[rows.clone()].to_vec(),
                 });
             }
         }
-        all.push(Starts { sensor: sensor.clone(), unit: None, period_secs, pairs });
+        all.push(FirstRollouts { sensor: sensor.clone(), unit: None, period_secs, pairs });
     }
     Ok(all)
 }
 
-impl Starts {
+impl FirstRollouts {
     /// The rollout from the same start.
-    fn from(&self, start: &Start) -> Option<&[f64]> {
-        let same = |of: &&Start| of.time.is_some() && of.time == start.time;
-        self.pairs.iter().find(same).map(|of| of.values.as_slice())
+    fn from(&self, start: &FirstRollout) -> Option<&[f64]> {
+        let same = |pair: &&FirstRollout| pair.time.is_some() && pair.time == start.time;
+        self.pairs.iter().find(same).map(|pair| pair.values.as_slice())
     }
 }
 
 /// Small plots of one sensor: the starts that most models share, of these those with the longest recorded
 /// trajectories, and each model's rollout from there. Models that share no start with the first have figures of their
 /// own, called after them.
-pub fn grids(models: &[(&str, &Starts)]) -> Vec<RolloutGrid> {
+pub fn grids(models: &[(&str, &FirstRollouts)]) -> Vec<RolloutGrid> {
     let mut grids: Vec<RolloutGrid> = Vec::new();
     let mut left = models.to_vec();
     while let Some(&(_, first)) = left.first() {
-        let usable = || first.pairs.iter().filter(|of| of.recorded.len() > 1);
-        let shares = |(_, of): &(&str, &Starts)| usable().any(|start| of.from(start).is_some());
+        let usable = || first.pairs.iter().filter(|pair| pair.recorded.len() > 1);
+        let shares = |(_, starts): &(&str, &FirstRollouts)| {
+            usable().any(|start| starts.from(start).is_some())
+        };
         let (together, apart): (Vec<_>, Vec<_>) = left.iter().partition(|model| shares(model));
         if together.is_empty() {
             // Nothing was recorded after any start of this model.
             left.remove(0);
             continue;
         }
-        let sharing =
-            |start: &Start| together.iter().filter(|(_, of)| of.from(start).is_some()).count();
-        let mut shown: Vec<(usize, &Start)> = usable().enumerate().collect();
+        let sharing = |start: &FirstRollout| {
+            together.iter().filter(|(_, starts)| starts.from(start).is_some()).count()
+        };
+        let mut shown: Vec<(usize, &FirstRollout)> = usable().enumerate().collect();
         shown.sort_by_key(|(_, start)| Reverse((sharing(start), start.recorded.len())));
         shown.truncate(GRID_STARTS);
         shown.sort_unstable_by_key(|(place, _)| *place);
-        let shown: Vec<&Start> = shown.into_iter().map(|(_, start)| start).collect();
+        let shown: Vec<&FirstRollout> = shown.into_iter().map(|(_, start)| start).collect();
         let mut next = grid(first, &together, &shown);
         if !grids.is_empty() {
             next.sensor = format!("{}, {}", next.sensor, next.models.join(", "));
@@ -205,16 +208,23 @@ pub fn grids(models: &[(&str, &Starts)]) -> Vec<RolloutGrid> {
     grids
 }
 
-fn grid(first: &Starts, models: &[(&str, &Starts)], starts: &[&Start]) -> RolloutGrid {
+fn grid(
+    first: &FirstRollouts,
+    models: &[(&str, &FirstRollouts)],
+    starts: &[&FirstRollout],
+) -> RolloutGrid {
     let trajectory = |label: &str, values: &[f64]| Trajectory {
         label: label.to_owned(),
         period_secs: first.period_secs,
         values: values.to_vec(),
     };
-    let row = |(number, start): (usize, &&Start)| RolloutRow {
+    let row = |(number, start): (usize, &&FirstRollout)| RolloutRow {
         label: format!("start {}", number + 1),
         truth: trajectory("recorded", &start.recorded),
-        rollouts: models.iter().map(|(name, of)| Some(trajectory(name, of.from(start)?))).collect(),
+        rollouts: models
+            .iter()
+            .map(|(name, starts)| Some(trajectory(name, starts.from(start)?)))
+            .collect(),
     };
     RolloutGrid {
         sensor: first.sensor.clone(),
@@ -257,14 +267,14 @@ mod tests {
     use super::*;
 
     /// Of a sensor that stands still: starts are told apart by their times alone.
-    fn starts(times: &[i64]) -> Starts {
-        let start = |&time: &i64| Start {
+    fn starts(times: &[i64]) -> FirstRollouts {
+        let start = |&time: &i64| FirstRollout {
             time: Some(Timestamp::from_micros(time)),
             recorded: vec![5.0; 3],
             values: vec![time as f64, 9.0],
         };
         let pairs = times.iter().map(start).collect();
-        Starts { sensor: "PIT300".to_owned(), unit: None, period_secs: 1.0, pairs }
+        FirstRollouts { sensor: "PIT300".to_owned(), unit: None, period_secs: 1.0, pairs }
     }
 
     #[test]
@@ -273,13 +283,14 @@ mod tests {
         let week = starts(&[4, 7]);
         let other = starts(&[0]);
         let grids = grids(&[("year", &year), ("network", &other), ("week", &week)]);
-        let told: Vec<_> = grids.iter().map(|of| (of.sensor.as_str(), of.rows.len())).collect();
+        let told: Vec<_> =
+            grids.iter().map(|grid| (grid.sensor.as_str(), grid.rows.len())).collect();
         assert_eq!(told, [("PIT300", 2), ("PIT300, network", 1)]);
         assert_eq!(grids[0].models, ["year", "week"]);
         let shown = |row: usize| grids[0].rows[row].rollouts.iter().map(Option::is_some).collect();
         let both: [Vec<bool>; 2] = [shown(0), shown(1)];
         assert_eq!(both, [vec![true, false], vec![true, true]]);
-        let of_week = grids[0].rows[1].rollouts[1].as_ref().map(|of| of.values[0]);
+        let of_week = grids[0].rows[1].rollouts[1].as_ref().map(|trajectory| trajectory.values[0]);
         assert_eq!(
             of_week,
             Some(4.0),

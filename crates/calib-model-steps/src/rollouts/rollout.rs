@@ -263,7 +263,7 @@ fn roll_out(
     let period_secs = model.manifest.period.as_secs();
     let mut files = vec!["trajectories.parquet".to_owned()];
     let rollouts = figures::rollouts(&trajectories, &names, period_secs)?;
-    let placed = figures::placed(rollouts.iter().map(|of| of.sensor.as_str()));
+    let placed = figures::placed(rollouts.iter().map(|grid| grid.sensor.as_str()));
     for (figure, name) in rollouts.iter().zip(placed) {
         let drawn = figures::write(&directory.join("figures"), &name, &figure.figure()?)?;
         files.extend(drawn.map(|name| format!("figures/{name}")));

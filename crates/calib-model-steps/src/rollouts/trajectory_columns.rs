@@ -28,7 +28,7 @@ impl Columns {
         let is_plain = |place: usize| {
             let others = plain.iter().enumerate().filter(|(other, _)| *other != place);
             let taken: BTreeSet<&str> =
-                OTHERS.into_iter().chain(others.flat_map(|(_, of)| of.names())).collect();
+                OTHERS.into_iter().chain(others.flat_map(|(_, column)| column.names())).collect();
             !plain[place].names().iter().any(|name| taken.contains(name))
         };
         let unusual: Vec<bool> = (0..plain.len()).map(|place| !is_plain(place)).collect();

@@ -83,7 +83,7 @@ mod tests {
 
     use super::*;
 
-    fn of(value: f32) -> f32 {
+    fn rounded(value: f32) -> f32 {
         f32::from_bits(upper(Scalar, without_small(Scalar, value)))
     }
 
@@ -122,7 +122,7 @@ mod tests {
         #[test]
         fn numbers_are_rounded_to_the_nearest(bits in any::<u32>()) {
             let value = f32::from_bits(bits);
-            let got = of(value);
+            let got = rounded(value);
             if value.is_nan() {
                 prop_assert!(got.is_nan());
             } else if value.is_infinite() {
@@ -145,20 +145,20 @@ mod tests {
 
     #[test]
     fn the_edges_are_rounded_as_they_should() {
-        assert_eq!(of(1.0), 1.0);
-        assert_eq!(of(1.0 + 2_f32.powi(-8)), 1.0, "a tie, to even");
-        assert_eq!(of(1.0 + 3.0 * 2_f32.powi(-8)), 1.0 + 2_f32.powi(-6), "a tie, to even");
-        assert_eq!(of(f32::MAX), f32::INFINITY);
-        assert_eq!(of(-2_f32.powi(-55)), -2_f32.powi(-55));
-        assert_eq!(of(-2_f32.powi(-55) * 0.999).to_bits(), 0);
-        assert_eq!(of(-0.0).to_bits(), 0);
+        assert_eq!(rounded(1.0), 1.0);
+        assert_eq!(rounded(1.0 + 2_f32.powi(-8)), 1.0, "a tie, to even");
+        assert_eq!(rounded(1.0 + 3.0 * 2_f32.powi(-8)), 1.0 + 2_f32.powi(-6), "a tie, to even");
+        assert_eq!(rounded(f32::MAX), f32::INFINITY);
+        assert_eq!(rounded(-2_f32.powi(-55)), -2_f32.powi(-55));
+        assert_eq!(rounded(-2_f32.powi(-55) * 0.999).to_bits(), 0);
+        assert_eq!(rounded(-0.0).to_bits(), 0);
         let two = join(Scalar, 1.5, -3.0);
         assert_eq!((firsts(Scalar, two), seconds(Scalar, two)), (1.5, -3.0));
         assert_eq!(
             (rectified(Scalar, -1.0), rectified(Scalar, 1e-17), rectified(Scalar, 0.5)),
             (0.0, 0.0, 0.5)
         );
-        assert!(rectified(Scalar, f32::NAN).is_nan() && of(f32::NAN).is_nan());
+        assert!(rectified(Scalar, f32::NAN).is_nan() && rounded(f32::NAN).is_nan());
         assert_eq!((bias(1e-17), bias(-1e-16)), (0.0, -1e-16));
     }
 }

@@ -15,11 +15,11 @@ const STEPS: usize = 160;
 /// Some digits that stand for the numbers that this processor, its system and its libraries compute. Where they are equal, so
 /// are results.
 pub(crate) fn class() -> Result<String, StepError> {
-    let mut of = Fingerprinter::default();
+    let mut fingerprint = Fingerprinter::default();
     for bits in elementary().chain(trained()?) {
-        of.add(&bits.to_le_bytes());
+        fingerprint.add(&bits.to_le_bytes());
     }
-    Ok(of.finish().short().to_owned())
+    Ok(fingerprint.finish().short().to_owned())
 }
 
 /// What the functions of the system's library give that results are computed with.
@@ -52,8 +52,11 @@ fn trained() -> Result<Vec<u64>, StepError> {
         network,
     ];
     let outcomes = train(&stream, 0, &agents, CurveRule::default(), Seed::new(1), &Silent)?;
-    let error =
-        |part| move |of: &calib_agent::RunOutcome| of.scores.of(part).map_or(0.0, |of| of.rmse);
+    let error = |part| {
+        move |outcome: &calib_agent::RunOutcome| {
+            outcome.scores.of(part).map_or(0.0, |score| score.rmse)
+        }
+    };
     Ok(outcomes.iter().map(error(Part::WholeRun)).map(f64::to_bits).collect())
 }
 

@@ -107,9 +107,9 @@ impl Diary {
     }
 
     /// Write what changed. A disk that has no room for it is no reason to lose what is being computed.
-    fn change(&self, of: impl FnOnce(&mut Attempt)) {
+    fn change(&self, edit: impl FnOnce(&mut Attempt)) {
         let mut attempt = self.attempt.lock().unwrap_or_else(PoisonError::into_inner);
-        of(&mut attempt);
+        edit(&mut attempt);
         let _ = write_sealed_json(&self.path, &*attempt);
     }
 }
@@ -118,7 +118,7 @@ impl Diary {
 pub(crate) fn read(folder: &Path) -> Vec<Attempt> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
-    paths.retain(|path| path.extension().is_some_and(|of| of == "json"));
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
     paths.sort();
     paths.iter().filter_map(|path| read_sealed_json(path).ok()).collect()
 }

@@ -73,12 +73,12 @@ mod tests {
 
     #[test]
     fn sensors_are_cut_only_where_a_pass_is_too_long() {
-        let of = |exactly| Division { secs: 1800.0, most: 1000, exactly };
-        assert_eq!(of(None).groups(100, 200, 100.0 * 600.0), 1);
-        assert_eq!(of(None).groups(100, 200, 100.0 * 5400.0), 3);
-        assert_eq!(of(None).groups(100, 2, 100.0 * 90_000.0), 2);
-        assert_eq!(of(Some(40)).groups(9, 2, 1.0), 2);
-        assert_eq!(of(Some(7)).groups(9, 2, 1.0), 1);
+        let division = |exactly| Division { secs: 1800.0, most: 1000, exactly };
+        assert_eq!(division(None).groups(100, 200, 100.0 * 600.0), 1);
+        assert_eq!(division(None).groups(100, 200, 100.0 * 5400.0), 3);
+        assert_eq!(division(None).groups(100, 2, 100.0 * 90_000.0), 2);
+        assert_eq!(division(Some(40)).groups(9, 2, 1.0), 2);
+        assert_eq!(division(Some(7)).groups(9, 2, 1.0), 1);
     }
 
     proptest! {

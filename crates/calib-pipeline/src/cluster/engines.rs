@@ -14,12 +14,12 @@ pub(crate) const RAY_DRIVER: &str = include_str!("../../../../python/calib_ray/c
 
 /// What a task of a plan asks of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Demand {
+pub(crate) struct TaskDemand {
     pub(crate) minutes: u64,
     pub(crate) memory_mb: u64,
 }
 
-impl Demand {
+impl TaskDemand {
     /// Of the shards with these numbers.
     pub(crate) fn of(plan: &PlanFile, shards: &[usize], config: &ClusterConfig) -> Self {
         let shards = || shards.iter().filter_map(|number| plan.shards.get(*number));

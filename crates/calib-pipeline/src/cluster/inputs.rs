@@ -26,7 +26,7 @@ use calib_sweep_steps::sweep::{
 
 use crate::cluster::{
     plan_file::SweepPart,
-    results::{self, Extent, Header, Results, Units},
+    results::{self, Extent, Header, ShardResults, UnitsInOrder},
 };
 
 const STATES: &str = "states.npy";
@@ -87,9 +87,9 @@ pub(crate) fn write(
         written.push(STARTS);
     }
     if !stored.is_empty() {
-        let mut units = Units::new();
+        let mut units = UnitsInOrder::new();
         results::add(&mut units, stored.iter().cloned());
-        let results = Results { header, units, extent: Extent::Whole };
+        let results = ShardResults { header, units, extent: Extent::Whole };
         results.write(&directory.join(STORED))?;
         written.push(STORED);
     }
@@ -110,8 +110,8 @@ fn write_frames(
 }
 
 /// The runs that were there when the work was planned, if there were any.
-pub(crate) fn stored(directory: &Path) -> Option<Units> {
-    Results::read(&directory.join(STORED)).ok().map(|results| results.units)
+pub(crate) fn stored(directory: &Path) -> Option<UnitsInOrder> {
+    ShardResults::read(&directory.join(STORED)).ok().map(|results| results.units)
 }
 
 /// Bytes of these files that a shard of one environment maps: of several members each has a table of its own.
@@ -120,8 +120,10 @@ pub(crate) fn mapped_bytes(
     files: &Files,
     environments: &[EnvironmentSpec],
 ) -> u64 {
-    let members =
-        environments.iter().filter(|of| matches!(of, EnvironmentSpec::Member { .. })).count();
+    let members = environments
+        .iter()
+        .filter(|environment| matches!(environment, EnvironmentSpec::Member { .. }))
+        .count();
     let size = |name: &String| directory.join(name).metadata().map_or(0, |found| found.len());
     let of_members = |name: &&String| name.starts_with("members/");
     let (tables, others): (Vec<&String>, Vec<&String>) = files.keys().partition(of_members);
@@ -166,7 +168,7 @@ pub(crate) struct Inputs<'p> {
     held_out: Option<Frames>,
     starts: BTreeMap<String, Start>,
     /// Runs that were there when the work was planned.
-    pub(crate) stored: Units,
+    pub(crate) stored: UnitsInOrder,
 }
 
 impl<'p> Inputs<'p> {
@@ -177,7 +179,7 @@ impl<'p> Inputs<'p> {
         part: &'p SweepPart,
         opened: BTreeSet<EnvironmentId>,
     ) -> Result<Self, StepError> {
-        let files = Checked { directory, files: &part.files };
+        let files = CheckedFiles { directory, files: &part.files };
         let members: Vec<usize> = opened.iter().filter_map(member).collect();
         let replays = opened.contains(&EnvironmentId::LogReplay);
         // Baselines are fitted on the log, whatever is replayed.
@@ -193,9 +195,9 @@ impl<'p> Inputs<'p> {
         let held_out = held_out.then(|| files.frames(HELD_OUT[0], HELD_OUT[1])).transpose()?;
         let starts = if files.has(STARTS)? { read_starts(directory)? } else { BTreeMap::new() };
         let stored = if files.has(STORED)? {
-            Results::read(&directory.join(STORED))?.units
+            ShardResults::read(&directory.join(STORED))?.units
         } else {
-            Units::new()
+            UnitsInOrder::new()
         };
         Ok(Self { part, opened, states, model, held_out, starts, stored })
     }
@@ -255,12 +257,12 @@ fn member(id: &EnvironmentId) -> Option<usize> {
 }
 
 /// Files that are compared with what was planned when they are asked for.
-struct Checked<'a> {
+struct CheckedFiles<'a> {
     directory: &'a Path,
     files: &'a Files,
 }
 
-impl Checked<'_> {
+impl CheckedFiles<'_> {
     /// Whether there is such a file, which is then whole.
     fn has(&self, name: &str) -> Result<bool, StepError> {
         let Some(written) = self.files.get(name) else { return Ok(false) };

@@ -18,7 +18,7 @@ use calib_files::{
     FileError, FolderRecord, create_directory, is_temporary, remove_known, write_new_sealed_json,
 };
 use calib_study::{Job, Scope, StepKind};
-use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, Stored, UnitRuns};
+use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, StoredUnits, UnitRuns};
 use calib_sweep_steps::sweep::{
     KnownUnits, Source, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep,
     setting::SweepContext, unit_store,
@@ -29,8 +29,8 @@ use crate::cluster::{
     inputs,
     maker::Maker,
     plan_file::{
-        Asked, FORMAT, INPUTS, PLAN, Part, PlanFile, PlannedPass, Shard, SweepPart, inputs_in,
-        path_in,
+        FORMAT, INPUTS, PLAN, Part, PlanFile, PlannedPass, PlannedStudy, Shard, SweepPart,
+        inputs_in, path_in,
     },
     results::{self, Header},
     status::{Summary, summary},
@@ -140,7 +140,7 @@ pub(crate) fn make(
         parts.push(planned);
     }
     let shards = planning.shards(&parts, work);
-    let plan = PlanFile { format: FORMAT, maker, asked: Asked::of(job)?, parts, shards };
+    let plan = PlanFile { format: FORMAT, maker, asked: PlannedStudy::of(job)?, parts, shards };
     let (summary, place) = (summary(&plan), directory.clone());
     if job.policy().is_dry() {
         return Ok(StepResult::Planned(ClusterDryPlan { directory: place, summary }));
@@ -184,7 +184,7 @@ struct Planning<'a> {
 }
 
 /// A pass, and in which stage it is made.
-struct Work {
+struct StagedPass {
     stage: usize,
     pass: PlannedPass,
 }
@@ -196,7 +196,7 @@ impl Planning<'_> {
         number: usize,
         job: &Job,
         context: &RunContext,
-    ) -> Result<Option<(SweepPart, Vec<Work>)>, StepError> {
+    ) -> Result<Option<(SweepPart, Vec<StagedPass>)>, StepError> {
         let study = job.study();
         let setting = match SweepContext::of(job, context)? {
             Ok(setting) => setting,
@@ -213,7 +213,7 @@ impl Planning<'_> {
         let KnownUnits { stored, .. } = KnownUnits::of(&plan, &store, job, Source::default())?;
         let runs: Vec<(EnvironmentId, usize)> = environments
             .iter()
-            .flat_map(|of| (0..of.runs()).map(move |run| (of.id(), run)))
+            .flat_map(|environment| (0..environment.runs()).map(move |run| (environment.id(), run)))
             .collect();
         if plan.left(&stored)? == 0 {
             return Ok(None);
@@ -233,7 +233,7 @@ impl Planning<'_> {
                 if self.is_needed(&plan, &pass, &stored)? {
                     let secs = cost.of(sensors.len());
                     let pass = PlannedPass { part: number, environment, run, group, secs };
-                    work.push(Work { stage: plan.stage(environment, run), pass });
+                    work.push(StagedPass { stage: plan.stage(environment, run), pass });
                 }
             }
         }
@@ -289,14 +289,14 @@ impl Planning<'_> {
         &mut self,
         plan: &Plan<'_>,
         pass: &PassId,
-        stored: &Stored,
+        stored: &StoredUnits,
     ) -> Result<bool, StepError> {
         if plan.stage(pass.environment, pass.run) > 0 {
             return Ok(pass.units().any(|unit| !stored.whole().contains_key(&unit)));
         }
         let ready = plan.ready(std::slice::from_ref(pass), &BTreeMap::new())?;
         let mut is_needed = false;
-        for planned in ready.iter().flat_map(calib_sweep::Ready::units) {
+        for planned in ready.iter().flat_map(calib_sweep::ReadyPass::units) {
             is_needed |= !stored.whole().contains_key(&planned.unit)
                 && self.seen.insert(planned.fingerprint(plan.settings()));
         }
@@ -304,10 +304,10 @@ impl Planning<'_> {
     }
 
     /// The shards of all stages, in each the longest first.
-    fn shards(&self, parts: &[Part], work: Vec<Work>) -> Vec<Shard> {
+    fn shards(&self, parts: &[Part], work: Vec<StagedPass>) -> Vec<Shard> {
         let total: f64 = work.iter().map(|work| work.pass.secs).sum();
         let mut stages: BTreeMap<usize, Vec<PlannedPass>> = BTreeMap::new();
-        for Work { stage, pass } in work {
+        for StagedPass { stage, pass } in work {
             stages.entry(stage).or_default().push(pass);
         }
         let mut shards = Vec::new();
@@ -333,13 +333,13 @@ impl Planning<'_> {
 
 /// Bytes that a shard takes on one thread.
 fn memory(parts: &[Part], passes: &[PlannedPass]) -> u64 {
-    let of = |pass: &PlannedPass| {
+    let training_bytes_of = |pass: &PlannedPass| {
         let part = parts.get(pass.part)?.sweep.as_ref()?;
         let agents = agents_of(&part.candidates);
         let (states, sensors) = (part.span.states(), part.groups[pass.group].len());
         Some(4 * states as u64 + training_bytes(&agents, sensors, part.width, states))
     };
-    let training = passes.iter().filter_map(of).max().unwrap_or(0);
+    let training = passes.iter().filter_map(training_bytes_of).max().unwrap_or(0);
     // Files are mapped: all of those that a part has, as they may be read from anywhere.
     let read: BTreeSet<usize> = passes.iter().map(|pass| pass.part).collect();
     let mapped = |part: &usize| parts.get(*part)?.sweep.as_ref().map(|sweep| sweep.mapped);

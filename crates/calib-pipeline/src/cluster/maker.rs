@@ -44,12 +44,16 @@ impl Maker {
 
     /// How another one differs, if it does.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
-        let of = |maker: &Self| match &maker.commit {
+        let named = |maker: &Self| match &maker.commit {
             Some(commit) => format!("{} (commit {commit}, results {})", maker.tool, maker.results),
             None => format!("{} (results {})", maker.tool, maker.results),
         };
-        if of(self) != of(other) {
-            return Some(format!("{}, and this is {}; use the same program", of(self), of(other)));
+        if named(self) != named(other) {
+            return Some(format!(
+                "{}, and this is {}; use the same program",
+                named(self),
+                named(other)
+            ));
         }
         (self.arithmetic != other.arithmetic).then(|| {
             format!(

@@ -8,12 +8,12 @@ use calib_base::{
     outcome::{Outcome, told},
     output::{Printer, count, counted},
 };
-use calib_sweep_steps::sweep::{Pool, SweepResult, put_together};
+use calib_sweep_steps::sweep::{SharedRuns, SweepResult, put_together};
 
 use crate::{
     cluster::{
         missing::ranges,
-        plan_file::Opened,
+        plan_file::OpenedPlan,
         results::{self, Extent},
     },
     each::{PartResult, Results},
@@ -41,7 +41,7 @@ impl MergedSweeps {
 
 /// Write the results of all shards as the sweep of one process would have written them; each is told when it is there.
 pub(crate) fn merge(directory: &Path, context: &RunContext) -> Result<MergedSweeps, StepError> {
-    let opened = Opened::of(directory)?;
+    let opened = OpenedPlan::of(directory)?;
     opened.plan.maker.check()?;
     let pool = collect(&opened, context)?;
     context.say(&format!(
@@ -68,8 +68,8 @@ pub(crate) fn merge(directory: &Path, context: &RunContext) -> Result<MergedSwee
 ///
 /// # Errors
 /// [`Incomplete`] if one is missing or not what it should be; what is wrong with each is told.
-fn collect(opened: &Opened, printer: &Printer) -> Result<Pool, StepError> {
-    let (mut pool, mut faulty) = (Pool::new(), Vec::new());
+fn collect(opened: &OpenedPlan, printer: &Printer) -> Result<SharedRuns, StepError> {
+    let (mut pool, mut faulty) = (SharedRuns::new(), Vec::new());
     for number in 0..opened.plan.shards.len() {
         let fault = match opened.read(number) {
             Ok(Some(results)) if results.extent == Extent::Whole => {

@@ -12,7 +12,7 @@ use calib_sweep::{Candidate, EnvironmentId, PassId, Span};
 use calib_sweep_steps::sweep::{environments::EnvironmentSpec, planned::PlannedSweep};
 use serde::{Deserialize, Serialize};
 
-use crate::cluster::{maker::Maker, results::Results};
+use crate::cluster::{maker::Maker, results::ShardResults};
 
 /// The file of a plan.
 pub(crate) const PLAN: &str = "plan.json";
@@ -27,14 +27,14 @@ pub(crate) const FORMAT: u32 = 3;
 pub(crate) struct PlanFile {
     pub(crate) format: u32,
     pub(crate) maker: Maker,
-    pub(crate) asked: Asked,
+    pub(crate) asked: PlannedStudy,
     pub(crate) parts: Vec<Part>,
     pub(crate) shards: Vec<Shard>,
 }
 
 /// The study, as it was read once.
 #[derive(Debug, Serialize, Deserialize)]
-pub(crate) struct Asked {
+pub(crate) struct PlannedStudy {
     pub(crate) study: PathBuf,
     pub(crate) text: String,
     pub(crate) set: Vec<String>,
@@ -48,7 +48,7 @@ pub(crate) struct Asked {
     pub(crate) output: Option<PathBuf>,
 }
 
-impl Asked {
+impl PlannedStudy {
     pub(crate) fn of(job: &Job) -> Result<Self, StepError> {
         let request = job.request();
         let absolute = |path: &PathBuf| std::path::absolute(path);
@@ -186,14 +186,14 @@ pub(crate) fn is_plan(directory: &Path) -> bool {
 }
 
 /// A plan that was opened, and where.
-pub(crate) struct Opened {
+pub(crate) struct OpenedPlan {
     pub(crate) directory: PathBuf,
     pub(crate) plan: PlanFile,
     /// Of the plan: what results must name.
     pub(crate) fingerprint: Fingerprint,
 }
 
-impl Opened {
+impl OpenedPlan {
     /// Open the plan in `directory`.
     ///
     /// # Errors
@@ -252,9 +252,9 @@ impl Opened {
     ///
     /// # Errors
     /// What is wrong with them.
-    pub(crate) fn read(&self, shard: usize) -> Result<Option<Results>, StepError> {
+    pub(crate) fn read(&self, shard: usize) -> Result<Option<ShardResults>, StepError> {
         let path = self.results(shard);
-        let results = match Results::read(&path) {
+        let results = match ShardResults::read(&path) {
             Err(error) if error.is_not_found() => return Ok(None),
             results => results?,
         };

@@ -45,10 +45,10 @@ struct Trailer {
 }
 
 /// Results in their order: models and deployments may have units of one name that were made from other inputs.
-pub(crate) type Units = BTreeMap<(Unit, String), UnitRuns>;
+pub(crate) type UnitsInOrder = BTreeMap<(Unit, String), UnitRuns>;
 
 /// Put these runs beside those that are there.
-pub(crate) fn add(units: &mut Units, more: impl IntoIterator<Item = UnitRuns>) {
+pub(crate) fn add(units: &mut UnitsInOrder, more: impl IntoIterator<Item = UnitRuns>) {
     for runs in more {
         match units.entry((runs.unit.clone(), runs.key.clone())) {
             Entry::Occupied(mut own) => own.get_mut().merge(runs),
@@ -59,13 +59,13 @@ pub(crate) fn add(units: &mut Units, more: impl IntoIterator<Item = UnitRuns>) {
 
 /// What is in a file.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Results {
+pub(crate) struct ShardResults {
     pub(crate) header: Header,
-    pub(crate) units: Units,
+    pub(crate) units: UnitsInOrder,
     pub(crate) extent: Extent,
 }
 
-impl Results {
+impl ShardResults {
     /// Write them in place of what was there.
     ///
     /// # Errors
@@ -105,7 +105,7 @@ impl Results {
         let mut lines = body.split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
         let header = lines.next().ok_or_else(|| damaged("it is empty"))?;
         let header: Header = serde_json::from_slice(header).map_err(json)?;
-        let mut units = Units::new();
+        let mut units = UnitsInOrder::new();
         for line in lines {
             let result: UnitRuns = serde_json::from_slice(line).map_err(json)?;
             units.insert((result.unit.clone(), result.key.clone()), result);
@@ -115,9 +115,12 @@ impl Results {
 }
 
 fn seal(body: &[u8], extent: Extent, units: usize) -> Fingerprint {
-    let mut of = calib_files::Fingerprinter::default();
-    of.add(body).add(&[u8::from(extent == Extent::Whole)]).add(&(units as u64).to_le_bytes());
-    of.finish()
+    let mut fingerprint = calib_files::Fingerprinter::default();
+    fingerprint
+        .add(body)
+        .add(&[u8::from(extent == Extent::Whole)])
+        .add(&(units as u64).to_le_bytes());
+    fingerprint.finish()
 }
 
 #[cfg(test)]
@@ -128,7 +131,7 @@ mod tests {
 
     use super::*;
 
-    fn results() -> Results {
+    fn results() -> ShardResults {
         let unit = |run| Unit { sensor: "P 1".to_owned(), environment: EnvironmentId::Online, run };
         let result = |run| UnitRuns {
             key: format!("key {run}"),
@@ -144,7 +147,7 @@ mod tests {
             results: 1,
             arithmetic: "a".to_owned(),
         };
-        Results {
+        ShardResults {
             header: Header { format: FORMAT, plan: "plan".to_owned(), shard: 3, maker },
             units: [2, 0, 1].map(|run| ((unit(run), format!("key {run}")), result(run))).into(),
             extent: Extent::Partial,
@@ -155,22 +158,23 @@ mod tests {
     fn come_back_and_no_byte_can_change() {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("0003.units");
-        for results in
-            [results(), Results { units: Units::new(), extent: Extent::Whole, ..results() }]
-        {
+        for results in [
+            results(),
+            ShardResults { units: UnitsInOrder::new(), extent: Extent::Whole, ..results() },
+        ] {
             results.write(&path).expect("written");
-            assert_eq!(Results::read(&path).expect("whole"), results);
+            assert_eq!(ShardResults::read(&path).expect("whole"), results);
             let whole = fs::read(&path).expect("readable");
             for place in 0..whole.len() {
                 let mut other = whole.clone();
                 other[place] ^= 1 << (place % 8);
                 fs::write(&path, &other).expect("written");
-                assert!(Results::read(&path).is_err(), "byte {place}");
+                assert!(ShardResults::read(&path).is_err(), "byte {place}");
                 fs::write(&path, &whole[..place]).expect("written");
-                assert!(Results::read(&path).is_err(), "cut at {place}");
+                assert!(ShardResults::read(&path).is_err(), "cut at {place}");
             }
             fs::write(&path, [&whole[..], b"\n"].concat()).expect("written");
-            assert!(Results::read(&path).is_err(), "longer");
+            assert!(ShardResults::read(&path).is_err(), "longer");
         }
     }
 }

@@ -16,14 +16,16 @@ use calib_base::{
 };
 use calib_core::{Cancelled, Monitor};
 use calib_files::FileError;
-use calib_sweep::{EnvironmentId, PassId, Plan, Ready, SweepError, Unit, UnitRuns, remove_states};
+use calib_sweep::{
+    EnvironmentId, PassId, Plan, ReadyPass, SweepError, Unit, UnitRuns, remove_states,
+};
 use rayon::prelude::*;
 
 use crate::cluster::{
     attempt::{Diary, RunOutcome},
     inputs::Inputs,
-    plan_file::{Opened, PlannedPass, Shard},
-    results::{self, Extent, Header, Units},
+    plan_file::{OpenedPlan, PlannedPass, Shard},
+    results::{self, Extent, Header, UnitsInOrder},
     sink::ShardSink,
 };
 
@@ -46,7 +48,7 @@ pub(crate) fn run(
     number: usize,
     printer: &Printer,
 ) -> Result<ClusterShard, StepError> {
-    let opened = Opened::of(directory)?;
+    let opened = OpenedPlan::of(directory)?;
     opened.plan.maker.check()?;
     let shard = opened.shard(number)?;
     let diary = Diary::begin(&opened.attempts(number));
@@ -60,7 +62,7 @@ pub(crate) fn run(
 }
 
 struct Running<'a> {
-    opened: &'a Opened,
+    opened: &'a OpenedPlan,
     number: usize,
     shard: &'a Shard,
     diary: &'a Diary,
@@ -68,9 +70,9 @@ struct Running<'a> {
 }
 
 /// A pass of the shard that is ready, and what it was planned to take.
-struct Task<'p> {
+struct ShardPass<'p> {
     plan: &'p Plan<'p>,
-    ready: Ready<'p>,
+    ready: ReadyPass<'p>,
     name: String,
     predicted_secs: f64,
 }
@@ -84,7 +86,7 @@ impl Running<'_> {
                 let (freshness, took) = (Freshness::Kept, clock.elapsed());
                 return Ok(ClusterShard { number, freshness, made: 0, took });
             }
-            Ok(results) => results.map_or_else(Units::new, |results| results.units),
+            Ok(results) => results.map_or_else(UnitsInOrder::new, |results| results.units),
             // No attempt has been here that could have written it.
             Err(_) if self.diary.is_first() => {
                 return Err(FileError::Foreign { path: opened.results(number) }.into());
@@ -94,7 +96,7 @@ impl Running<'_> {
                 self.printer.warn(&format!("{told}; shard {number} begins anew"));
                 // What is written next is not put beside it.
                 calib_files::remove_file(&opened.results(number))?;
-                Units::new()
+                UnitsInOrder::new()
             }
         };
         self.check_memory()?;
@@ -142,8 +144,8 @@ impl Running<'_> {
     }
 
     /// Results of the stages before, by part; in a race they decide which values go on.
-    fn before(&self) -> Result<Units, StepError> {
-        let mut all = Units::new();
+    fn before(&self) -> Result<UnitsInOrder, StepError> {
+        let mut all = UnitsInOrder::new();
         for earlier in 0..self.shard.stage {
             for number in self.opened.plan.of_stage(earlier) {
                 let results = self.opened.read(number)?;
@@ -162,7 +164,12 @@ impl Running<'_> {
     }
 
     /// Make the passes of one part; how many failed.
-    fn part(&self, part: usize, before: &Units, sink: &ShardSink) -> Result<usize, StepError> {
+    fn part(
+        &self,
+        part: usize,
+        before: &UnitsInOrder,
+        sink: &ShardSink,
+    ) -> Result<usize, StepError> {
         let (plan, directory) = (&self.opened.plan, self.opened.inputs(part));
         let planned: Vec<&PlannedPass> =
             self.shard.passes.iter().filter(|pass| pass.part == part).collect();
@@ -178,10 +185,10 @@ impl Running<'_> {
         let earlier =
             sweep.known(&|unit, key| earlier.get(&(unit.clone(), key.to_owned())).cloned())?;
         let ready = sweep.ready(&passes, earlier.whole())?;
-        let tasks: Vec<Task<'_>> = ready
+        let tasks: Vec<ShardPass<'_>> = ready
             .into_iter()
             .zip(planned.iter().zip(&passes))
-            .map(|(ready, (planned, pass))| Task {
+            .map(|(ready, (planned, pass))| ShardPass {
                 name: name(&plan.parts[part].name(), planned, pass),
                 plan: &sweep,
                 ready,
@@ -216,8 +223,8 @@ impl Running<'_> {
     /// Make a pass. One that fails does not keep the others from being made, unless nothing can be written.
     fn task(
         &self,
-        task: &Task<'_>,
-        stored: &Units,
+        task: &ShardPass<'_>,
+        stored: &UnitsInOrder,
         sink: &ShardSink,
         writable: &AtomicBool,
         monitor: &dyn Monitor,
@@ -269,8 +276,8 @@ enum TaskEnd {
 fn name(part: &str, planned: &PlannedPass, pass: &PassId) -> String {
     let sensors: Vec<&str> = pass.sensors.iter().map(String::as_str).take(3).collect();
     let more = if pass.sensors.len() > 3 { ", ..." } else { "" };
-    let of = if part.is_empty() { String::new() } else { format!(" of {part}") };
-    format!("{}{more} in {}, run {}{of}", sensors.join(", "), planned.environment, planned.run)
+    let of_part = if part.is_empty() { String::new() } else { format!(" of {part}") };
+    format!("{}{more} in {}, run {}{of_part}", sensors.join(", "), planned.environment, planned.run)
 }
 
 /// A disk that refuses is no fault of the plan: another attempt may find room.

@@ -8,8 +8,8 @@ use calib_sweep_steps::sweep::planned::PlannedSweep;
 
 use super::{
     inputs,
-    plan_file::Opened,
-    results::{self, Units},
+    plan_file::OpenedPlan,
+    results::{self, UnitsInOrder},
     status::Status,
 };
 
@@ -17,7 +17,7 @@ use super::{
 pub(crate) struct PartRuns {
     names: [Option<String>; 2],
     pub(crate) planned: PlannedSweep,
-    units: Units,
+    units: UnitsInOrder,
 }
 
 impl PartRuns {
@@ -41,9 +41,9 @@ impl PartRuns {
 /// # Errors
 /// If there is no plan, or it is damaged.
 pub(crate) fn standing(directory: &Path) -> Result<(Status, Vec<PartRuns>), StepError> {
-    let mut opened = Opened::of(directory)?;
+    let mut opened = OpenedPlan::of(directory)?;
     let status = Status::of(&opened);
-    let mut made = Units::new();
+    let mut made = UnitsInOrder::new();
     for number in 0..opened.plan.shards.len() {
         if let Ok(Some(results)) = opened.read(number) {
             results::add(&mut made, results.units.into_values());

@@ -113,18 +113,21 @@ impl Status {
     /// If it cannot be passed on.
     pub(crate) fn tell(&self, directory: &Path, printer: &Printer) -> Result<(), StepError> {
         let Self { shards, done, .. } = self;
-        let of = |wanted| shards.iter().filter(move |shard| shard.state == wanted).count();
+        let in_state = |state| shards.iter().filter(move |shard| shard.state == state).count();
         printer.result(&format!(
             "{done} of {} done, {} begun, {} missing, {} faulty; {} of {} training runs",
             counted(shards.len(), "shard"),
-            of(State::Begun),
-            of(State::Missing),
-            of(State::Faulty),
+            in_state(State::Begun),
+            in_state(State::Missing),
+            in_state(State::Faulty),
             count(shards.iter().map(|shard| shard.units).sum()),
-            count(shards.iter().map(|shard| shard.of).sum()),
+            count(shards.iter().map(|shard| shard.all_units).sum()),
         ))?;
-        let left: f64 =
-            shards.iter().filter(|of| of.state != State::Done).map(|of| of.predicted_secs).sum();
+        let left: f64 = shards
+            .iter()
+            .filter(|shard| shard.state != State::Done)
+            .map(|shard| shard.predicted_secs)
+            .sum();
         if left > 0.0 {
             printer.result(&format!("left: {} of one thread, as predicted", span(left)))?;
         }
@@ -132,7 +135,7 @@ impl Status {
             .iter()
             .filter(|shard| shard.note.is_some() || shard.queue.is_some())
             .map(|shard| {
-                let units = format!("{} of {}", count(shard.units), count(shard.of));
+                let units = format!("{} of {}", count(shard.units), count(shard.all_units));
                 let notes = [shard.queue.clone(), shard.note.clone()];
                 let notes: Vec<String> = notes.into_iter().flatten().collect();
                 vec![shard.shard.to_string(), units, notes.join("; ")]

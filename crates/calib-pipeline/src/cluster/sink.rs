@@ -9,7 +9,7 @@ use std::{
 use calib_base::clock::Stopwatch;
 use calib_sweep::{SweepError, Unit, UnitRuns, UnitSink};
 
-use crate::cluster::results::{self, Extent, Header, Results, Units};
+use crate::cluster::results::{self, Extent, Header, ShardResults, UnitsInOrder};
 
 /// The file of a shard, which is rewritten as a whole: after each pass, or, where passes are so short that the shard would do
 /// nothing else, when a twentieth of the time goes into it.
@@ -17,12 +17,12 @@ pub(crate) struct ShardSink {
     path: PathBuf,
     states: PathBuf,
     header: Header,
-    kept: Mutex<Kept>,
+    kept: Mutex<KeptResults>,
 }
 
 /// What there is, and what of it is on the disk.
-struct Kept {
-    units: Units,
+struct KeptResults {
+    units: UnitsInOrder,
     is_written: bool,
     /// When the file was last written, and how long that took.
     last: Option<(Stopwatch, Duration)>,
@@ -33,8 +33,8 @@ const WRITING: u32 = 20;
 
 impl ShardSink {
     /// The file at `path`, which holds `units` already; unfinished passes keep their state in `states`.
-    pub(crate) fn new(path: PathBuf, states: PathBuf, header: Header, units: Units) -> Self {
-        let kept = Mutex::new(Kept { units, is_written: true, last: None });
+    pub(crate) fn new(path: PathBuf, states: PathBuf, header: Header, units: UnitsInOrder) -> Self {
+        let kept = Mutex::new(KeptResults { units, is_written: true, last: None });
         Self { path, states, header, kept }
     }
 
@@ -65,21 +65,22 @@ impl ShardSink {
         self.write(&mut self.locked(), Extent::Whole)
     }
 
-    fn locked(&self) -> MutexGuard<'_, Kept> {
+    fn locked(&self) -> MutexGuard<'_, KeptResults> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Write what there is, and what another attempt at the same shard has written meanwhile: it is the same as far as both have it.
-    fn write(&self, kept: &mut Kept, mut extent: Extent) -> Result<(), SweepError> {
+    fn write(&self, kept: &mut KeptResults, mut extent: Extent) -> Result<(), SweepError> {
         let clock = Stopwatch::start();
-        let other = Results::read(&self.path).ok().filter(|of| of.header == self.header);
+        let other = ShardResults::read(&self.path).ok().filter(|other| other.header == self.header);
         if let Some(other) = other {
             results::add(&mut kept.units, other.units.into_values());
             if other.extent == Extent::Whole {
                 extent = Extent::Whole;
             }
         }
-        let results = Results { header: self.header.clone(), units: kept.units.clone(), extent };
+        let results =
+            ShardResults { header: self.header.clone(), units: kept.units.clone(), extent };
         results.write(&self.path)?;
         kept.is_written = true;
         kept.last = Some((Stopwatch::start(), clock.elapsed()));

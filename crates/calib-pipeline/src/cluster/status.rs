@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::cluster::{
     attempt::{self, Attempt, RunOutcome},
     engines::queue,
-    plan_file::{Opened, PlanFile},
+    plan_file::{OpenedPlan, PlanFile},
     results::Extent,
 };
 
@@ -67,7 +67,8 @@ pub(crate) struct Standing {
     pub(crate) stage: usize,
     pub(crate) state: State,
     pub(crate) units: usize,
-    pub(crate) of: usize,
+    #[serde(rename = "of")]
+    pub(crate) all_units: usize,
     pub(crate) attempts: usize,
     /// Whether an attempt is at work, as far as that can be seen from this machine.
     pub(crate) is_running: bool,
@@ -92,7 +93,7 @@ pub(crate) struct Status {
 
 impl Status {
     /// How the shards of a plan stand.
-    pub(crate) fn of(opened: &Opened) -> Self {
+    pub(crate) fn of(opened: &OpenedPlan) -> Self {
         let queued = queue::states(&opened.directory);
         let of_shard = |number| {
             let queue = queued.get(&number).cloned();
@@ -148,7 +149,7 @@ pub(crate) fn status(
     directory: &Path,
     options: ClusterStatusOptions,
 ) -> Result<ClusterStatus, StepError> {
-    let opened = Opened::of(directory)?;
+    let opened = OpenedPlan::of(directory)?;
     if options.leftovers == Leftovers::Removed {
         clean(&opened)?;
     }
@@ -157,12 +158,12 @@ pub(crate) fn status(
 }
 
 /// Shards whose results are not there, or not what they should be.
-pub(crate) fn missing(opened: &Opened) -> Vec<usize> {
+pub(crate) fn missing(opened: &OpenedPlan) -> Vec<usize> {
     let is_missing = |number: &usize| standing(opened, *number).state != State::Done;
     (0..opened.plan.shards.len()).filter(is_missing).collect()
 }
 
-fn standing(opened: &Opened, number: usize) -> Standing {
+fn standing(opened: &OpenedPlan, number: usize) -> Standing {
     let shard = &opened.plan.shards[number];
     let attempts = attempt::read(&opened.attempts(number));
     let (state, units, fault) = match opened.read(number) {
@@ -184,7 +185,7 @@ fn standing(opened: &Opened, number: usize) -> Standing {
         stage: shard.stage,
         state,
         units,
-        of: shard.units(&opened.plan),
+        all_units: shard.units(&opened.plan),
         attempts: attempts.len(),
         is_running: attempts
             .iter()
@@ -229,7 +230,7 @@ fn is_running(attempt: &Attempt) -> bool {
 }
 
 /// Remove what nobody needs any more: states of shards that are done, and what killed processes left half-written.
-fn clean(opened: &Opened) -> Result<(), StepError> {
+fn clean(opened: &OpenedPlan) -> Result<(), StepError> {
     for number in 0..opened.plan.shards.len() {
         if standing(opened, number).state == State::Done {
             remove_states(&opened.states(number))?;

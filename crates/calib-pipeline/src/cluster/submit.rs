@@ -8,7 +8,7 @@ use std::{
 
 use calib_base::{
     Context as _, StepError, bail, ensure,
-    options::{ClusterSubmitOptions, Engine, Of, Submission},
+    options::{ClusterSubmitOptions, Engine, ShardsToSubmit, Submission},
     outcome::StepResult,
 };
 use calib_files::{FolderRecord, write_atomically};
@@ -17,11 +17,11 @@ use calib_study::{StepKind, shell_words};
 use crate::cluster::{
     config::ClusterConfig,
     engines::{
-        Demand, RAY_DRIVER, kubernetes,
-        queue::{JOBS, Submitted},
+        RAY_DRIVER, TaskDemand, kubernetes,
+        queue::{JOBS, SubmittedJobs},
         slurm,
     },
-    plan_file::Opened,
+    plan_file::OpenedPlan,
     status::missing,
 };
 
@@ -77,7 +77,7 @@ pub(crate) fn submit(
     directory: &Path,
     options: &ClusterSubmitOptions,
 ) -> Result<SubmitResult, StepError> {
-    let opened = Opened::of(&std::path::absolute(directory)?)?;
+    let opened = OpenedPlan::of(&std::path::absolute(directory)?)?;
     let config = ClusterConfig::read(options.config.as_deref())?;
     let submission = Handover { opened: &opened, config: &config, options };
     match options.engine {
@@ -88,7 +88,7 @@ pub(crate) fn submit(
 }
 
 struct Handover<'a> {
-    opened: &'a Opened,
+    opened: &'a OpenedPlan,
     config: &'a ClusterConfig,
     options: &'a ClusterSubmitOptions,
 }
@@ -101,11 +101,11 @@ impl Handover<'_> {
     /// The shards that are submitted, by stage; stages of which none is are left out.
     fn stages(&self) -> Vec<Vec<usize>> {
         let plan = &self.opened.plan;
-        let missing = match self.options.of {
-            Of::All => None,
-            Of::Missing => Some(missing(self.opened)),
+        let missing = match self.options.shards {
+            ShardsToSubmit::All => None,
+            ShardsToSubmit::Missing => Some(missing(self.opened)),
         };
-        let wanted = |number: &usize| missing.as_ref().is_none_or(|of| of.contains(number));
+        let wanted = |number: &usize| missing.as_ref().is_none_or(|shards| shards.contains(number));
         let stages = (0..plan.stages()).map(|stage| plan.of_stage(stage).filter(wanted).collect());
         stages.filter(|shards: &Vec<usize>| !shards.is_empty()).collect()
     }
@@ -124,12 +124,12 @@ impl Handover<'_> {
         let mut scripts = Vec::new();
         for shards in &stages {
             let stage = self.opened.plan.shards[shards[0]].stage;
-            let demand = Demand::of(&self.opened.plan, shards, self.config);
+            let demand = TaskDemand::of(&self.opened.plan, shards, self.config);
             let text = slurm::array(&place, stage, shards, demand, self.config);
             scripts.push(ClusterScript { name: format!("slurm/stage-{stage}.sh"), text });
         }
         let all: Vec<usize> = (0..self.opened.plan.shards.len()).collect();
-        let demand = Demand::of(&self.opened.plan, &all, self.config);
+        let demand = TaskDemand::of(&self.opened.plan, &all, self.config);
         let evaluate = self.config.evaluate.then(|| self.evaluate()).transpose()?;
         let text = slurm::merge(&place, evaluate.as_deref(), demand, self.config);
         scripts.push(ClusterScript { name: "slurm/merge.sh".to_owned(), text });
@@ -137,7 +137,7 @@ impl Handover<'_> {
             return Ok(StepResult::Planned(ClusterScripts { scripts, command: None }));
         }
         let written = self.write(&scripts)?;
-        let mut submitted = Submitted::default();
+        let mut submitted = SubmittedJobs::default();
         let (merge, arrays) = written.split_last().context("there is a script that merges")?;
         for script in arrays {
             // A stage follows from all results of the one before; where some cannot be had, it cannot begin.
@@ -148,7 +148,7 @@ impl Handover<'_> {
         let after = submitted.arrays.last().map(|job| format!("afterany:{job}"));
         submitted.merge = sbatch(merge, after.as_deref())?;
         submitted.write(&self.opened.directory)?;
-        let Submitted { arrays, merge } = submitted;
+        let SubmittedJobs { arrays, merge } = submitted;
         Ok(StepResult::Made(SubmittedPlan::Slurm {
             directory: self.opened.directory.clone(),
             shards: stages.iter().map(Vec::len).sum(),
@@ -193,7 +193,7 @@ impl Handover<'_> {
         let mut scripts = Vec::new();
         for stage in 0..plan.stages() {
             let shards: Vec<usize> = plan.of_stage(stage).collect();
-            let demand = Demand::of(plan, &shards, self.config);
+            let demand = TaskDemand::of(plan, &shards, self.config);
             let text = kubernetes::job(stage, shards.len(), shards[0], demand, self.config);
             scripts.push(ClusterScript { name: format!("kubernetes/stage-{stage}.yaml"), text });
         }

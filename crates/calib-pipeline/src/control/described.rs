@@ -71,8 +71,8 @@ pub(super) fn described(
 ) -> Result<ActionLogSummary, StepError> {
     let log = model.log();
     let own = |spreads: Vec<Spread>| -> Vec<Spread> {
-        let of = |(place, spread): (usize, Spread)| spread.map(|of| names.physical(place, of));
-        spreads.into_iter().enumerate().map(of).collect()
+        let numbered = spreads.into_iter().enumerate();
+        numbered.map(|(place, spread)| spread.map(|value| names.physical(place, value))).collect()
     };
     let counted = log.counts().into_iter().zip(model.covered()).zip(log.spreads()?);
     let told = |(name, ((transitions, covered), spreads)): (&String, _)| ActionTold {
@@ -83,7 +83,7 @@ pub(super) fn described(
     };
     let map = |(place, column): (usize, &String)| -> Result<ColumnMap, StepError> {
         let CoverageMap { upper, states, covered } = model.coverage_map(place, PARTS)?;
-        let upper = upper.into_iter().map(|of| names.physical(place, of)).collect();
+        let upper = upper.into_iter().map(|bound| names.physical(place, bound)).collect();
         Ok(ColumnMap { column: column.clone(), upper, states, covered })
     };
     Ok(ActionLogSummary {

@@ -62,8 +62,8 @@ fn series(number: usize, label: &str, points: Vec<Point>) -> Series {
 
 /// A point for each entry of `values`, from `first` on.
 fn points(first: f64, values: &[f64]) -> Vec<Point> {
-    let of = |(place, &y): (usize, &f64)| Point { x: first + place as f64, y, interval: None };
-    values.iter().enumerate().map(of).collect()
+    let numbered = values.iter().enumerate();
+    numbered.map(|(place, &y)| Point { x: first + place as f64, y, interval: None }).collect()
 }
 
 /// A way to make one number of many.
@@ -88,8 +88,8 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
     }
     let estimate = |own: &str, pooled: Pooled| -> Option<Estimate> {
         let of_member = |returns: &Vec<f64>| {
-            let with = (0..returns.len()).filter(|&of| value(of) == own);
-            pooled(&with.map(|of| returns[of]).collect::<Vec<f64>>())
+            let with = (0..returns.len()).filter(|&candidate| value(candidate) == own);
+            pooled(&with.map(|candidate| returns[candidate]).collect::<Vec<f64>>())
         };
         let returns: Vec<f64> = evaluation.verdict.members.iter().map(of_member).collect();
         let mean = calib_stats::mean(&returns).ok()?;
@@ -98,33 +98,37 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
     let ways = [("mean of the settings", mean as Pooled), ("best of the settings", highest)];
     let point = |(place, own): (usize, &&str), pooled: Pooled| {
         let estimate = estimate(own, pooled);
-        let interval = estimate.and_then(|of| of.interval).map(|of| (of.low, of.high));
-        let y = estimate.map_or(f64::NAN, |of| of.value);
+        let interval = estimate
+            .and_then(|estimate| estimate.interval)
+            .map(|interval| (interval.low, interval.high));
+        let y = estimate.map_or(f64::NAN, |estimate| estimate.value);
         Point { x: place as f64, y, interval }
     };
     let drawn: Vec<Series> = ways
         .iter()
         .enumerate()
         .map(|(number, &(label, pooled))| {
-            let own = values.iter().enumerate().map(|of| point(of, pooled));
+            let own = values.iter().enumerate().map(|placed| point(placed, pooled));
             series(number, label, own.collect())
         })
         .collect();
-    let ends = drawn.iter().flat_map(|series| &series.points).flat_map(|of| {
-        let (low, high) = of.interval.unwrap_or((of.y, of.y));
-        [of.y, low, high]
+    let ends = drawn.iter().flat_map(|series| &series.points).flat_map(|point| {
+        let (low, high) = point.interval.unwrap_or((point.y, point.y));
+        [point.y, low, high]
     });
-    let scale = Scale::linear_around(&ends.filter(|of| of.is_finite()).collect::<Vec<_>>());
+    let scale = Scale::linear_around(&ends.filter(|end| end.is_finite()).collect::<Vec<_>>());
     let name = &evaluation.fields[0][field].0;
     let title = format!("Return in the model against {name}");
     let mark = |candidate: usize, label: &str, dash: Dash| {
-        let place = values.iter().position(|&of| of == value(candidate)).unwrap_or(0);
+        let place = values.iter().position(|&other| other == value(candidate)).unwrap_or(0);
         Rule { x: place as f64, label: label.to_owned(), dash }
     };
-    let default =
-        evaluation.verdict.default.filter(|&of| value(of) != value(evaluation.verdict.chosen));
+    let default = evaluation
+        .verdict
+        .default
+        .filter(|&candidate| value(candidate) != value(evaluation.verdict.chosen));
     let mut rules = vec![mark(evaluation.verdict.chosen, "chosen", Dash::Solid)];
-    rules.extend(default.map(|of| mark(of, "default", Dash::Dashed)));
+    rules.extend(default.map(|candidate| mark(candidate, "default", Dash::Dashed)));
     let row = |(place, own): (usize, &&str)| {
         let shown = drawn.iter().map(|series| Cell::Number(series.points[place].y));
         std::iter::once(Cell::Text((*own).to_owned())).chain(shown).collect()
@@ -145,7 +149,7 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
             title,
             x: Axis {
                 label: name.clone(),
-                scale: Scale::names(values.iter().map(|&of| of.to_owned()).collect()),
+                scale: Scale::names(values.iter().map(|&name| name.to_owned()).collect()),
             },
             left: Axis { label: "return per episode, in the model".to_owned(), scale },
             right: None,
@@ -159,23 +163,25 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
 fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
     let order = show::best(evaluation, CURVES);
     let with: Vec<usize> =
-        order.into_iter().filter(|&of| !evaluation.learning[of].is_empty()).collect();
-    let curves: Vec<&Vec<f64>> = with.iter().map(|&of| &evaluation.learning[of]).collect();
+        order.into_iter().filter(|&candidate| !evaluation.learning[candidate].is_empty()).collect();
+    let curves: Vec<&Vec<f64>> =
+        with.iter().map(|&candidate| &evaluation.learning[candidate]).collect();
     let finite: Vec<f64> =
-        curves.iter().copied().flatten().copied().filter(|of| of.is_finite()).collect();
+        curves.iter().copied().flatten().copied().filter(|value| value.is_finite()).collect();
     if finite.is_empty() {
         return None;
     }
     let label = |candidate: usize| {
         let role = match candidate {
-            of if of == evaluation.verdict.chosen => " (chosen)",
-            of if Some(of) == evaluation.verdict.default => " (default)",
+            other if other == evaluation.verdict.chosen => " (chosen)",
+            other if Some(other) == evaluation.verdict.default => " (default)",
             _ => "",
         };
         format!("{}{role}", show::name(evaluation, candidate))
     };
     let drawn = with.iter().zip(&curves).enumerate();
-    let drawn = drawn.map(|(number, (&of, curve))| series(number, &label(of), points(1.0, curve)));
+    let drawn = drawn
+        .map(|(number, (&candidate, curve))| series(number, &label(candidate), points(1.0, curve)));
     let title = "How agents learn in the model".to_owned();
     let row = |tenth: usize| {
         let shown = curves.iter().map(|curve| Cell::Number(curve[tenth]));
@@ -187,7 +193,7 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
         table: Table {
             title: title.clone(),
             columns: std::iter::once("tenth".to_owned())
-                .chain(with.iter().map(|&of| label(of)))
+                .chain(with.iter().map(|&candidate| label(candidate)))
                 .collect(),
             rows: (0..curves[0].len()).map(row).collect(),
             ..Table::default()
@@ -213,7 +219,8 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
 /// Where along a column the log says what each action does.
 fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
     let title = format!("Where along {} actions are known", map.column);
-    let percent = |shares: &Vec<f64>| shares.iter().map(|of| 100.0 * of).collect::<Vec<f64>>();
+    let percent =
+        |shares: &Vec<f64>| shares.iter().map(|share| 100.0 * share).collect::<Vec<f64>>();
     let own = evaluation.log.actions.iter().zip(&map.covered).enumerate();
     let drawn = own.map(|(number, (action, shares))| {
         series(number, &action.name, points(0.0, &percent(shares)))
@@ -221,7 +228,8 @@ fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
     let name = |upper: &f64| format!("to {}", calib_report::number(*upper));
     let names: Vec<String> = map.upper.iter().map(name).collect();
     let row = |(part, name): (usize, &String)| {
-        let shares = map.covered.iter().map(|of| Cell::Percent(of[part]));
+        let shares =
+            map.covered.iter().map(|shares_of_action| Cell::Percent(shares_of_action[part]));
         std::iter::once(Cell::Text(name.clone())).chain(shares).collect()
     };
     OverviewFigure {
@@ -233,7 +241,7 @@ fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
         table: Table {
             title: title.clone(),
             columns: std::iter::once(map.column.clone())
-                .chain(evaluation.log.actions.iter().map(|of| of.name.clone()))
+                .chain(evaluation.log.actions.iter().map(|action| action.name.clone()))
                 .collect(),
             rows: names.iter().enumerate().map(row).collect(),
             ..Table::default()

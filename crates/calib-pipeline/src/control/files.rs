@@ -6,7 +6,7 @@ use calib_base::{
     StepError,
     artefact::{self, Below, DirectoryLock, Files, Manifest, TOOL},
 };
-use calib_control::{AgentConfig, ControlConfig, Distance, Importance, ReturnVerdict, Run};
+use calib_control::{AgentConfig, Distance, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_report::Decision;
@@ -135,9 +135,10 @@ impl<'a> From<&'a ControlEvaluation> for ControlSummary<'a> {
 /// What a verdict follows from.
 pub(super) fn key(study: &Study, log: &Fingerprint) -> Result<String, StepError> {
     let resamples = study.evaluate.resamples;
-    let laplacian = |of: &&ControlConfig| of.model.distance == Distance::Laplacian;
-    let represented =
-        study.control.as_ref().filter(laplacian).map(|_| study.representation.candidates());
+    let control = study.control.as_ref();
+    let represented = control
+        .filter(|control| control.model.distance == Distance::Laplacian)
+        .map(|_| study.representation.candidates());
     let model = (&study.control, represented);
     artefact::key(&(ControlManifest::FORMAT, TOOL, log, model, study.seed, resamples))
 }
@@ -179,22 +180,22 @@ pub(super) fn write(
 
 /// One row a run: every estimate of every candidate, so that other rules of choice can be tried on them.
 fn table(runs: &[Run], evaluation: &ControlEvaluation) -> Table {
-    let of = |value: fn(&Run) -> u64| -> Vec<i64> {
+    let counts = |value: fn(&Run) -> u64| -> Vec<i64> {
         runs.iter().map(|run| i64::try_from(value(run)).unwrap_or(i64::MAX)).collect()
     };
     Table::new()
         .with("model", runs.iter().map(|run| run.kind.name().to_owned()).collect::<Vec<_>>())
-        .with("member", of(|run| run.member as u64))
-        .with("run", of(|run| run.run as u64))
-        .with("candidate", of(|run| run.candidate as u64))
+        .with("member", counts(|run| run.member as u64))
+        .with("run", counts(|run| run.run as u64))
+        .with("candidate", counts(|run| run.candidate as u64))
         .with(
             "label",
             runs.iter().map(|run| name(evaluation, run.candidate)).collect::<Vec<String>>(),
         )
         .with("mean_return", runs.iter().map(|run| run.mean_return).collect::<Vec<f64>>())
-        .with("episodes", of(|run| run.episodes as u64))
-        .with("terminals", of(|run| run.terminals as u64))
-        .with("steps", of(|run| run.coverage.steps))
-        .with("missing", of(|run| run.coverage.missing))
-        .with("far", of(|run| run.coverage.far))
+        .with("episodes", counts(|run| run.episodes as u64))
+        .with("terminals", counts(|run| run.terminals as u64))
+        .with("steps", counts(|run| run.coverage.steps))
+        .with("missing", counts(|run| run.coverage.missing))
+        .with("far", counts(|run| run.coverage.far))
 }

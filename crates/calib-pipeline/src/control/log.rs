@@ -75,7 +75,7 @@ pub(super) fn read(
     require_memory(&surveyed)?;
     let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
     let column = |name: &str| -> Vec<f64> {
-        let place = names.iter().position(|of| of == name);
+        let place = names.iter().position(|other| other == name);
         place.map_or_else(Vec::new, |place| recorded[place].clone())
     };
     let acted = &recorded[..config.actions.len()];
@@ -84,7 +84,7 @@ pub(super) fn read(
     let rewards = config.reward.of(rows, |name| {
         let mut values = column(name);
         // What a step cost is what was done in it: the action of the row before the one that it led to.
-        if config.actions.iter().any(|of| of == name) && !values.is_empty() {
+        if config.actions.iter().any(|action| action == name) && !values.is_empty() {
             values.rotate_right(1);
         }
         values
@@ -118,17 +118,18 @@ pub(super) fn read(
         let own = decisions.probabilities().unwrap_or_default();
         fingerprint = with_numbers(&fingerprint, b"probabilities 1", own.iter());
     }
-    let actions = (0..levels.values.len()).map(|of| levels.name(of, &config.actions)).collect();
+    let actions =
+        (0..levels.values.len()).map(|level| levels.name(level, &config.actions)).collect();
     let columns = dataset.normaliser.columns();
     let names = Names {
         actions,
         settings: settings_told(config, acted)?,
-        columns: columns.iter().map(|of| of.name.clone()).collect(),
-        bounds: columns.iter().map(|of| of.bounds).collect(),
+        columns: columns.iter().map(|column| column.name.clone()).collect(),
+        bounds: columns.iter().map(|column| column.bounds).collect(),
         levels: levels.values,
         ranges: acted.iter().map(|values| range(values)).collect(),
     };
-    let times = frames.timestamps().iter().map(|of| of.as_micros()).collect();
+    let times = frames.timestamps().iter().map(|time| time.as_micros()).collect();
     Ok(ActionLog { decisions, names, fingerprint, times, period: dataset.period })
 }
 
@@ -160,7 +161,7 @@ fn tell_missing_rewards(frames: &Frames, columns: &Columns<'_>, printer: &Printe
 
 /// Least and largest of what was set; zeros of nothing.
 fn range(values: &[f64]) -> [f64; 2] {
-    let there = || values.iter().copied().filter(|of| !of.is_nan());
+    let there = || values.iter().copied().filter(|value| !value.is_nan());
     let (low, high) = (there().reduce(f64::min), there().reduce(f64::max));
     [low.unwrap_or(0.0), high.unwrap_or(0.0)]
 }
@@ -212,12 +213,12 @@ fn fingerprint(
 
 /// The fingerprint of what has one, and of these numbers.
 fn with_numbers<'a>(
-    of: &Fingerprint,
+    log: &Fingerprint,
     what: &[u8],
     numbers: impl Iterator<Item = &'a f64>,
 ) -> Fingerprint {
     let mut all = Fingerprinter::default();
-    all.add(what).add(of.to_string().as_bytes());
+    all.add(what).add(log.to_string().as_bytes());
     for &number in numbers {
         // Every NaN is the same missing one.
         let number = if number.is_nan() { f64::NAN } else { number };
@@ -235,7 +236,7 @@ fn settings_told(
         return Ok(Vec::new());
     }
     let told = |(column, values): (&String, &Vec<f64>)| {
-        let own: Vec<f64> = values.iter().copied().filter(|of| !of.is_nan()).collect();
+        let own: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
         ensure!(!own.is_empty(), "the log has no value of {column}");
         let share = |share: f64| quantile(&own, share);
         let quantiles = [share(0.0)?, share(0.05)?, share(0.5)?, share(0.95)?, share(1.0)?];
@@ -283,10 +284,10 @@ pub(super) fn starts(
 ) -> Result<Starts, StepError> {
     let rows = start_rows(log, start);
     ensure!(!rows.is_empty(), "the log has no episode");
-    let of = |states: &States| {
+    let at_starts = |states: &States| {
         let values: Vec<f32> =
             rows.iter().flat_map(|&row| states.row(row as usize)).copied().collect();
         States::new(values, rows.len(), states.columns()).context("the first states of episodes")
     };
-    Ok(Starts { observed: of(log.states())?, metric: of(metric)? })
+    Ok(Starts { observed: at_starts(log.states())?, metric: at_starts(metric)? })
 }

@@ -158,7 +158,7 @@ pub(super) fn metric(
 ) -> Result<States, StepError> {
     match config.model.distance {
         Distance::Euclidean => Ok(log.decisions.states().clone()),
-        Distance::Laplacian => decisions::of(job, log.material(), printer),
+        Distance::Laplacian => decisions::open_or_train(job, log.material(), printer),
     }
 }
 
@@ -171,7 +171,7 @@ fn rules(config: &ControlConfig, log: &ActionLog) -> Result<Rules, StepError> {
 }
 
 /// The model of a study: what is there, or made now; where nothing may be written it stays in memory.
-pub(super) fn of(
+pub(super) fn open_or_build(
     job: &Job,
     config: &ControlConfig,
     log: &ActionLog,
@@ -207,7 +207,7 @@ pub(super) fn mend(
     let manifest: Option<ControlModelManifest> = artefact::read(directory);
     let is_whole = manifest.is_some_and(|manifest| artefact::are_whole(directory, &manifest.files));
     if directory.exists() && !is_whole {
-        of(job, config, log, printer)?;
+        open_or_build(job, config, log, printer)?;
     }
     Ok(())
 }
@@ -282,5 +282,5 @@ pub(crate) fn build(job: &Job, printer: &Printer) -> Result<(), StepError> {
     let Some(config) = &job.study().control else { return Err(super::run::no_section(job)) };
     let log = log::read(job, config, printer)?;
     log::require_model(&log.decisions, config)?;
-    of(job, config, &log, printer).map(drop)
+    open_or_build(job, config, &log, printer).map(drop)
 }

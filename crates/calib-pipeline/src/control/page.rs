@@ -75,8 +75,8 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
     let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
     let row = |candidate: usize| {
         let role = match candidate {
-            of if of == verdict.chosen => "chosen",
-            of if Some(of) == verdict.default => "default",
+            other if other == verdict.chosen => "chosen",
+            other if Some(other) == verdict.default => "default",
             _ => "",
         };
         let numbers = [selection.mean_errors[candidate], evaluation.fitted_q_evaluation[candidate]];
@@ -88,8 +88,8 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
             Cell::Percent(verdict.coverage[candidate].uncovered()),
             Cell::Number(numbers[1]),
         ];
-        if let Some(of) = &evaluation.importance_sampling {
-            let Importance { value, effective_episodes } = of[candidate];
+        if let Some(estimates) = &evaluation.importance_sampling {
+            let Importance { value, effective_episodes } = estimates[candidate];
             row.extend([
                 value.map_or(Cell::Missing, Cell::Number),
                 Cell::Number(effective_episodes),
@@ -139,7 +139,7 @@ fn actions(evaluation: &ControlEvaluation) -> Table {
 
 /// The numbers of the maps, a table a column.
 fn maps(evaluation: &ControlEvaluation) -> Vec<Table> {
-    let of = |map: &super::described::ColumnMap| {
+    let coverage = |map: &super::described::ColumnMap| {
         let part = |upper: &f64| format!("to {}", calib_report::number(*upper));
         let row = |(action, covered): (&super::described::ActionTold, &Vec<f64>)| {
             let shares = covered.iter().map(|&share| Cell::Percent(share));
@@ -153,5 +153,5 @@ fn maps(evaluation: &ControlEvaluation) -> Vec<Table> {
             best: None,
         }
     };
-    evaluation.log.map.iter().take(figures::MAPS).map(of).collect()
+    evaluation.log.map.iter().take(figures::MAPS).map(coverage).collect()
 }

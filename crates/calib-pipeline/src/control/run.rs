@@ -22,7 +22,7 @@ use super::{
     files::{self, ControlEvaluation},
     log::{self, ActionLog},
     model, page, show,
-    units::Units,
+    units::RunFiles,
 };
 
 /// From the log of decisions to the verdict.
@@ -62,8 +62,9 @@ pub(crate) fn run(
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
-    let units = Units::open(&job.layout().control_units(), &files::key(study, &log.fingerprint)?)?;
-    let Judged { log, evaluation, runs } = judged(job, config, log, &units, printer)?;
+    let units =
+        RunFiles::open(&job.layout().control_units(), &files::key(study, &log.fingerprint)?)?;
+    let JudgedSettings { log, evaluation, runs } = judged(job, config, log, &units, printer)?;
     let page = || page::write(&directory, job, &evaluation);
     files::write(&directory, study, (&log, &evaluation), &runs, page)?;
     units.remove()?;
@@ -117,7 +118,8 @@ fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Resul
         ),
         "set control.agent.pairs = false, keep fewer columns with data.include, or use fewer threads (--threads)",
     )?;
-    let is_paired = |of: &AgentConfig| of.pairs && of.algorithm != Algorithm::DeepQLearning;
+    let is_paired =
+        |agent: &AgentConfig| agent.pairs && agent.algorithm != Algorithm::DeepQLearning;
     if columns > PAIRED_COLUMNS && candidates.iter().any(is_paired) {
         let times = (columns - 1) / 2 + 1;
         printer.warn(&format!(
@@ -133,7 +135,7 @@ fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Resul
 const PAIRED_COLUMNS: usize = 32;
 
 /// What was judged, and by which runs.
-struct Judged {
+struct JudgedSettings {
     /// Fingerprint of the log.
     log: Fingerprint,
     evaluation: ControlEvaluation,
@@ -145,24 +147,25 @@ fn judged(
     job: &Job,
     config: &ControlConfig,
     log: ActionLog,
-    units: &Units,
+    units: &RunFiles,
     printer: &Printer,
-) -> Result<Judged, StepError> {
+) -> Result<JudgedSettings, StepError> {
     let (study, progress) = (job.study(), printer.progress());
     let seed = Seed::new(study.seed).child("control");
     let candidates = config.grid.candidates(config.agent)?;
     // Agents that live for less than an episode have no longer ones.
     let timeout = config.timeout.min(config.steps);
-    let model = model::of(job, config, &log, printer)?;
+    let model = model::open_or_build(job, config, &log, printer)?;
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
-    let Swept { runs, constants } = swept(config, &model, &candidates, seed, units, printer)?;
+    let SweptSettings { runs, constants } =
+        swept(config, &model, &candidates, seed, units, printer)?;
     let decisions = model.log();
     let support = Support {
         most_uncovered: config.most_uncovered,
         fewest_terminals: config.terminal.as_ref().map_or(0, |_| config.fewest_terminals),
     };
-    let default = candidates.iter().position(|of| *of == config.agent);
+    let default = candidates.iter().position(|candidate| *candidate == config.agent);
     let question = Question {
         log: decisions,
         timeout,
@@ -180,26 +183,26 @@ fn judged(
     let evaluation = ControlEvaluation {
         log: described(&model, config.model.distance, &names)?,
         worst_return: model.worst_return(),
-        fields: candidates.iter().map(|of| named(config, of)).collect(),
+        fields: candidates.iter().map(|candidate| named(config, candidate)).collect(),
         learning: learning(&runs, candidates.len()),
         verdict,
         fitted_q_evaluation: fitted,
         importance_sampling: importance,
         candidates,
     };
-    Ok(Judged { log: fingerprint, evaluation, runs })
+    Ok(JudgedSettings { log: fingerprint, evaluation, runs })
 }
 
 /// What came of the settings, and of actions that need no agent.
-struct Swept {
+struct SweptSettings {
     runs: Vec<Run>,
     constants: Vec<ConstantReturns>,
 }
 
-impl Swept {
+impl SweptSettings {
     /// Add what comes of one kind of model.
-    fn add<M: Ensemble>(&mut self, model: &M, question: &Sweeping<'_>) -> Result<(), StepError> {
-        let Sweeping { actions, candidates, extent, seed, units, monitor } = *question;
+    fn add<M: Ensemble>(&mut self, model: &M, question: &SweepInputs<'_>) -> Result<(), StepError> {
+        let SweepInputs { actions, candidates, extent, seed, units, monitor } = *question;
         self.runs.extend(sweep_keeping(model, candidates, extent, seed, units, monitor)?);
         self.constants.push(constant_returns(model, actions, extent, seed, monitor)?);
         Ok(())
@@ -207,12 +210,12 @@ impl Swept {
 }
 
 /// What all kinds of models have in common.
-struct Sweeping<'a> {
+struct SweepInputs<'a> {
     actions: usize,
     candidates: &'a [AgentConfig],
     extent: Extent,
     seed: Seed,
-    units: &'a Units,
+    units: &'a RunFiles,
     monitor: &'a dyn Monitor,
 }
 
@@ -222,13 +225,13 @@ fn swept(
     model: &ActionModel,
     candidates: &[AgentConfig],
     seed: Seed,
-    units: &Units,
+    units: &RunFiles,
     printer: &Printer,
-) -> Result<Swept, StepError> {
+) -> Result<SweptSettings, StepError> {
     let progress = printer.progress();
     let span = RunLength { steps: config.steps, timeout: config.timeout };
     let extent = Extent { runs: config.runs, span };
-    let question = Sweeping {
+    let question = SweepInputs {
         actions: model.log().levels(),
         candidates,
         extent,
@@ -236,7 +239,7 @@ fn swept(
         units,
         monitor: &progress,
     };
-    let mut swept = Swept { runs: Vec::new(), constants: Vec::new() };
+    let mut swept = SweptSettings { runs: Vec::new(), constants: Vec::new() };
     for &kind in &config.models {
         match kind {
             ActionModelKind::Neighbors => {
@@ -268,7 +271,7 @@ fn named(config: &ControlConfig, candidate: &AgentConfig) -> Vec<(String, String
 
 /// The mean curve of each candidate over the runs that have one.
 fn learning(runs: &[Run], candidates: usize) -> Vec<Vec<f64>> {
-    let of = |candidate: usize| -> Vec<f64> {
+    let mean_curve = |candidate: usize| -> Vec<f64> {
         let own = runs.iter().filter(|run| run.candidate == candidate);
         let curves: Vec<&[f64]> =
             own.map(|run| &run.curve[..]).filter(|curve| !curve.is_empty()).collect();
@@ -278,5 +281,5 @@ fn learning(runs: &[Run], candidates: usize) -> Vec<Vec<f64>> {
         };
         (0..length).map(mean).collect()
     };
-    (0..candidates).map(of).collect()
+    (0..candidates).map(mean_curve).collect()
 }

@@ -78,9 +78,9 @@ pub(super) fn actions(log: &ActionLogSummary) -> String {
 
 /// The ranges of continuous actions.
 fn settings(log: &ActionLogSummary) -> String {
-    let row = |of: &SettingTold| {
-        let quantiles = of.quantiles.iter().map(|&value| significant(value));
-        std::iter::once(of.column.clone()).chain(quantiles).collect::<Vec<_>>()
+    let row = |setting: &SettingTold| {
+        let quantiles = setting.quantiles.iter().map(|&value| significant(value));
+        std::iter::once(setting.column.clone()).chain(quantiles).collect::<Vec<_>>()
     };
     let rows: Vec<_> = log.settings.iter().map(row).collect();
     table(&["set", "least", "5 %", "median", "95 %", "largest"], &rows)
@@ -108,7 +108,7 @@ pub(super) fn best(evaluation: &ControlEvaluation, count: usize) -> Vec<usize> {
     let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
     let mut order: Vec<usize> = (0..evaluation.candidates.len()).collect();
     order.sort_by(|&a, &b| {
-        let is_behind = |of: usize| of != verdict.chosen;
+        let is_behind = |candidate: usize| candidate != verdict.chosen;
         let by_mean = selection.mean_ranks[a].total_cmp(&selection.mean_ranks[b]);
         let by_rule = match verdict.rule {
             RankRule::MeanRank => by_mean,
@@ -119,7 +119,7 @@ pub(super) fn best(evaluation: &ControlEvaluation, count: usize) -> Vec<usize> {
         by_rule.then(is_behind(a).cmp(&is_behind(b))).then(a.cmp(&b))
     });
     order.truncate(count);
-    order.extend(verdict.default.filter(|of| !order.contains(of)));
+    order.extend(verdict.default.filter(|default| !order.contains(default)));
     order
 }
 
@@ -130,8 +130,8 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
     let resamples = verdict.chosen_of_resamples.iter().sum::<usize>().max(1) as f64;
     let row = |&candidate: &usize| {
         let mark = match candidate {
-            of if of == verdict.chosen => "chosen",
-            of if Some(of) == verdict.default => "default",
+            other if other == verdict.chosen => "chosen",
+            other if Some(other) == verdict.default => "default",
             _ => "",
         };
         let fitted = evaluation.fitted_q_evaluation[candidate];
@@ -144,7 +144,12 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
             percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
             if fitted.is_finite() { significant(fitted) } else { "diverged".to_owned() },
         ];
-        row.extend(evaluation.importance_sampling.iter().flat_map(|of| importance(of[candidate])));
+        row.extend(
+            evaluation
+                .importance_sampling
+                .iter()
+                .flat_map(|estimates| importance(estimates[candidate])),
+        );
         row
     };
     let rows: Vec<_> = order.iter().map(row).collect();
@@ -173,9 +178,9 @@ pub(super) fn rank(evaluation: &ControlEvaluation, candidate: usize) -> String {
 }
 
 /// A value by importance sampling, and on how many episodes it rests.
-fn importance(of: Importance) -> [String; 2] {
-    let value = of.value.map_or_else(|| "none".to_owned(), significant);
-    [value, format!("{:.1}", of.effective_episodes)]
+fn importance(estimate: Importance) -> [String; 2] {
+    let value = estimate.value.map_or_else(|| "none".to_owned(), significant);
+    [value, format!("{:.1}", estimate.effective_episodes)]
 }
 
 /// What distinguishes a candidate.

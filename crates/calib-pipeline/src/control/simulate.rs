@@ -88,18 +88,18 @@ pub(crate) fn simulate(
     FolderRecord::open(&wanted.directory)?.note(["log.parquet", "study.toml"])?;
     printer.say(&format!("{} behaviour in {}", wanted.policy.name(), wanted.task.name()));
     match wanted.task {
-        TaskKind::Acrobot => of(wanted, &Acrobot::default(), &log, &study),
-        TaskKind::CartPole => of(wanted, &CartPole::default(), &log, &study),
+        TaskKind::Acrobot => simulated(wanted, &Acrobot::default(), &log, &study),
+        TaskKind::CartPole => simulated(wanted, &CartPole::default(), &log, &study),
         TaskKind::Membrane => {
             let plant = Membrane::new(Seed::new(wanted.seed));
-            of(wanted, &plant, &log, &study)
+            simulated(wanted, &plant, &log, &study)
         }
-        TaskKind::Pendulum => of(wanted, &Pendulum::continuous(), &log, &study),
-        TaskKind::PuddleWorld => of(wanted, &PuddleWorld::default(), &log, &study),
+        TaskKind::Pendulum => simulated(wanted, &Pendulum::continuous(), &log, &study),
+        TaskKind::PuddleWorld => simulated(wanted, &PuddleWorld::default(), &log, &study),
     }
 }
 
-fn of<T: Task>(
+fn simulated<T: Task>(
     wanted: &SimulateTask,
     task: &T,
     log: &Path,
@@ -123,7 +123,7 @@ fn of<T: Task>(
         study: study.to_owned(),
         transitions: wanted.transitions,
         episodes: recorded.lengths.len(),
-        terminals: recorded.endings.iter().filter(|&&of| of == Ending::Terminal).count(),
+        terminals: recorded.endings.iter().filter(|&&ending| ending == Ending::Terminal).count(),
         behaviour: behaved,
     })
 }
@@ -170,28 +170,30 @@ fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> Result<(), Ste
     let mut channels: Vec<(&str, Vec<f32>)> = Vec::new();
     for (place, &(name, low, high)) in T::columns().iter().enumerate() {
         let scaled = recorded.states.iter().skip(place).step_by(width);
-        let own = |&of: &f32| (low + f64::from(of) * (high - low)) as f32;
+        let own = |&share: &f32| (low + f64::from(share) * (high - low)) as f32;
         channels.push((name, scaled.map(own).collect()));
     }
     if let Some(name) = T::continuous() {
         channels.push((name, set_in(recorded)));
     }
     for (name, values) in T::settings().into_iter().filter(|_| T::continuous().is_none()) {
-        let set =
-            |of: &Option<u16>| of.map_or(f32::NAN, |action| values[usize::from(action)] as f32);
+        let set = |action: &Option<u16>| {
+            action.map_or(f32::NAN, |action| values[usize::from(action)] as f32)
+        };
         channels.push((name, recorded.actions.iter().map(set).collect()));
     }
     if T::continuous().is_none() {
-        let probabilities = recorded.probabilities.iter().map(|&of| of as f32).collect();
+        let probabilities =
+            recorded.probabilities.iter().map(|&probability| probability as f32).collect();
         channels.push(("probability", probabilities));
     }
     for (place, &name) in T::logged().iter().enumerate() {
         let own = recorded.beside.iter().skip(place).step_by(T::logged().len());
-        channels.push((name, own.map(|&of| of as f32).collect()));
+        channels.push((name, own.map(|&value| value as f32).collect()));
     }
     if T::logged().is_empty() {
         channels.push(("reward", recorded.rewards.clone()));
-        let terminal = |&of: &Ending| f32::from(u8::from(of == Ending::Terminal));
+        let terminal = |&ending: &Ending| f32::from(u8::from(ending == Ending::Terminal));
         channels.push(("terminal", recorded.endings.iter().map(terminal).collect()));
     }
     Ok(write_log(path, &timestamps, &channels)?)
@@ -220,7 +222,7 @@ fn text(kind: TaskKind, continuous: Option<&str>, seed: u64) -> String {
          temperature = [1.0, 10.0, 100.0]\ninitial_weight = [0.0, 8.0, 16.0]\n",
         name = kind.name(),
         actions = match continuous {
-            Some(of) => format!("actions = [\"{of}\"]\nlevels = 7 # of a torque that is continuous\n"),
+            Some(name) => format!("actions = [\"{name}\"]\nlevels = 7 # of a torque that is continuous\n"),
             None => "actions = [\"action\"]\nprobability = \"probability\" # of the action that was taken\n"
                 .to_owned(),
         },
@@ -233,7 +235,7 @@ fn text(kind: TaskKind, continuous: Option<&str>, seed: u64) -> String {
 /// A study of a membrane plant: four settings, a reward in cents, and what is in neither.
 fn membrane_text(seed: u64) -> String {
     let settings = Membrane::settings();
-    let settings: Vec<&str> = settings.iter().map(|of| of.0).collect();
+    let settings: Vec<&str> = settings.iter().map(|setting| setting.0).collect();
     let (state, logged) = (Membrane::columns(), Membrane::logged());
     let exclude = &logged[..logged.len() - 1];
     let cleaned = logged[logged.len() - 1];
@@ -253,7 +255,7 @@ fn membrane_text(seed: u64) -> String {
          [control.agent]\ngamma = 0.99 # an episode need not end\ntilings = 8\n\n\
          [control.grid]\nstep_size = [0.003, 0.03, 0.3]\ntemperature = [1.0, 10.0, 100.0]\n\
          initial_weight = [0.0, 400.0]\n",
-        state = state.iter().map(|of| of.0).collect::<Vec<_>>().join(", "),
+        state = state.iter().map(|column| column.0).collect::<Vec<_>>().join(", "),
         reward = Membrane::reward(),
         timeout = TaskKind::Membrane.timeout(),
         worst = TaskKind::Membrane.worst_return(),

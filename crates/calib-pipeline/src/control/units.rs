@@ -11,7 +11,7 @@ use calib_files::{read_sealed_json, remove_known, write_sealed_json};
 use serde::{Deserialize, Serialize};
 
 /// Runs in files of their own.
-pub(super) struct Units {
+pub(super) struct RunFiles {
     directory: PathBuf,
     /// Of the verdict that they are for.
     key: String,
@@ -21,12 +21,12 @@ pub(super) struct Units {
 
 /// A run in its file.
 #[derive(Serialize, Deserialize)]
-struct Unit {
+struct RunFile {
     key: String,
     run: Run,
 }
 
-impl Units {
+impl RunFiles {
     /// Keep runs of the verdict `key` in a folder.
     ///
     /// # Errors
@@ -60,16 +60,16 @@ fn is_unit(path: &Path) -> bool {
     name.starts_with("run-") && name.ends_with(".json")
 }
 
-impl RunKeeper for Units {
+impl RunKeeper for RunFiles {
     fn known(&self, id: RunId) -> Option<Run> {
-        let unit: Unit = read_sealed_json(&self.path(id)).ok()?;
+        let unit: RunFile = read_sealed_json(&self.path(id)).ok()?;
         (unit.key == self.key && unit.run.id() == id).then_some(unit.run)
     }
 
     fn keep(&self, run: &Run) -> Result<(), ControlError> {
         Ok(write_sealed_json(
             &self.path(run.id()),
-            &Unit { key: self.key.clone(), run: run.clone() },
+            &RunFile { key: self.key.clone(), run: run.clone() },
         )?)
     }
 }

@@ -7,7 +7,7 @@ use calib_base::{
 use calib_propose::{Asked, Cut, Draft, Horizon, Sensors, Size, horizon};
 use calib_sweep::ENOUGH_WINDOWS;
 
-use super::look::Look;
+use super::look::ExaminedLog;
 
 /// To whole days of several, else to whole hours or minutes.
 fn rounded_up(secs: f64) -> f64 {
@@ -20,7 +20,7 @@ fn rounded_up(secs: f64) -> f64 {
 fn within_states(states: f64, state_secs: f64) -> Option<String> {
     let secs = states * state_secs;
     let units = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "m")];
-    let (size, unit) = units.into_iter().find(|of| secs >= 10.0 * of.0).unwrap_or((1.0, "s"));
+    let (size, unit) = units.into_iter().find(|unit| secs >= 10.0 * unit.0).unwrap_or((1.0, "s"));
     let whole = (secs / size).floor() as u64;
     let is_within = |count: &u64| Horizon::new(*count as f64 * size, state_secs).states <= states;
     (1..=whole).rev().find(is_within).map(|count| format!("{count}{unit}"))
@@ -31,7 +31,7 @@ pub(super) struct Drafting<'a> {
     pub(super) args: &'a ProposeOptions,
     /// `data.path`.
     pub(super) path: &'a str,
-    pub(super) look: &'a Look,
+    pub(super) look: &'a ExaminedLog,
 }
 
 impl Drafting<'_> {
@@ -73,12 +73,12 @@ impl Drafting<'_> {
         if let Some(secs) = self.args.horizon {
             return Horizon::new(secs, sketch.period_secs * spacing as f64);
         }
-        let of = |states: f64| {
+        let proposed = |states: f64| {
             let steps = Size::most_steps(self.look.cut.rows[1] / spacing, states);
             horizon(sketch, &self.look.sensors.proposed, spacing, steps)
         };
         // How far runs of four windows look says whether there are four: longer runs look further.
-        of(of(0.0).states)
+        proposed(proposed(0.0).states)
     }
 
     /// Steps of a run at most, of agents that predict so far ahead.

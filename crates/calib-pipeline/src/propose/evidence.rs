@@ -6,7 +6,7 @@ use calib_base::{
 };
 use calib_propose::{Horizon, ProposedAgent, Sensors, Trial, choose_agent};
 
-use super::trial::{Predicted, Trials, halved};
+use super::trial::{TrialPrediction, Trials, halved};
 
 /// What was tried where only the training range is known, and what follows from it.
 pub(super) struct Evidence {
@@ -14,7 +14,7 @@ pub(super) struct Evidence {
     /// In words.
     pub(super) reason: String,
     /// Of each proposed sensor.
-    pub(super) predicted: Vec<Predicted>,
+    pub(super) predicted: Vec<TrialPrediction>,
 }
 
 impl Evidence {
@@ -29,10 +29,13 @@ impl Evidence {
         let mut predicted = trials.compare(horizon, |at| text(ProposedAgent::Linear, at))?;
         let is_given = trials.args.horizon.is_some();
         let mut shorter = *horizon;
-        while !predicted.iter().any(Predicted::is_predicted) && !is_given && shorter.states >= 4.0 {
+        while !predicted.iter().any(TrialPrediction::is_predicted)
+            && !is_given
+            && shorter.states >= 4.0
+        {
             shorter = halved(shorter);
             let nearer = trials.compare(&mut shorter, |at| text(ProposedAgent::Linear, at))?;
-            if nearer.iter().any(Predicted::is_predicted) {
+            if nearer.iter().any(TrialPrediction::is_predicted) {
                 say(&format!(
                     "nothing predicts {} ahead better than the mean does",
                     span(horizon.secs)
@@ -49,7 +52,7 @@ impl Evidence {
         let mut reason = format!(
             "On the last third of the training range, error divided by that of the best simple predictor (below 1 is better): {errors}"
         );
-        if !predicted.iter().chain(&network).any(Predicted::is_predicted) {
+        if !predicted.iter().chain(&network).any(TrialPrediction::is_predicted) {
             let warning = format!(
                 "nothing that calib tried predicts {} ahead better than the mean; try a shorter --horizon, or other sensors with --sensor",
                 span(horizon.secs)
@@ -82,7 +85,7 @@ impl Evidence {
             .proposed
             .iter()
             .copied()
-            .zip(self.predicted.iter().map(Predicted::is_predicted))
+            .zip(self.predicted.iter().map(TrialPrediction::is_predicted))
             .collect();
         let (first, last): (Vec<_>, Vec<_>) =
             all.into_iter().partition(|(_, predicted)| *predicted);
@@ -91,7 +94,7 @@ impl Evidence {
 }
 
 /// The geometric mean of an agent's errors by the best simple predictors'.
-fn typical(sensors: &[Predicted]) -> f64 {
+fn typical(sensors: &[TrialPrediction]) -> f64 {
     let sum: f64 = sensors.iter().map(|sensor| sensor.agent.ln()).sum();
     (sum / sensors.len() as f64).exp()
 }

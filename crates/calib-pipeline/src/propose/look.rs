@@ -2,7 +2,7 @@
 
 use calib_base::{
     Context as _, StepError,
-    clock::{self, Taken},
+    clock::{self, TimeTaken},
     left_alone::text_left_alone,
     memory,
     options::ProposeOptions,
@@ -17,7 +17,7 @@ use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors, many_left_out};
 use super::{gives, gives_any};
 
 /// What the log is like.
-pub(super) struct Look {
+pub(super) struct ExaminedLog {
     pub(super) sketch: Sketch,
     /// Numbers that were found to stand for a missing value.
     pub(super) sentinels: Vec<Sentinel>,
@@ -29,17 +29,17 @@ pub(super) struct Look {
     pub(super) cleaning: Cleaning,
     pub(super) sensors: Sensors,
     /// What reading the log took.
-    pub(super) read: Taken,
+    pub(super) read: TimeTaken,
 }
 
-impl Look {
+impl ExaminedLog {
     pub(super) fn at(args: &ProposeOptions, printer: &Printer) -> Result<Self, StepError> {
         let study = calib_study::of_data(&args.logs, &args.set)?;
         let mut data = memory::on_this_machine(study.data);
         memory::check_log(&data)?;
         printer.say(&format!("init: looking at {}", data.path.0.join(", ")));
         text_left_alone(&data, printer)?;
-        let (sketched, mut read) = Taken::by(|| sketch(&data, &printer.progress()));
+        let (sketched, mut read) = TimeTaken::by(|| sketch(&data, &printer.progress()));
         let mut sketch = sketched.map_err(contradicting)?;
         warn_of_reading(&sketch, printer);
         let sentinels = if gives(args, "data.missing_values") {
@@ -64,7 +64,8 @@ impl Look {
         if !angles.is_empty() {
             let turns = angles.iter().map(|angle| (angle.channel.clone(), angle.turn));
             data.angles = turns.collect();
-            let (sketched, taken) = Taken::by(|| calib_data::sketch(&data, &printer.progress()));
+            let (sketched, taken) =
+                TimeTaken::by(|| calib_data::sketch(&data, &printer.progress()));
             (sketch, read) = (sketched?, taken);
         }
         let clock = if data.resample.is_none() { Clock::of(&sketch) } else { None };
@@ -246,8 +247,8 @@ fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
 
 /// What is said of channels that stop for longer than they usually do, where the age at which values are forgotten is that of
 /// the slowest channel.
-pub(super) fn bridged(look: &Look) -> Option<String> {
-    let Look { sketch, scope, .. } = look;
+pub(super) fn bridged(look: &ExaminedLog) -> Option<String> {
+    let ExaminedLog { sketch, scope, .. } = look;
     let mut stopped: Vec<&ChannelSketch> =
         scope.channels.iter().map(|&channel| &sketch.channels[channel]).collect();
     stopped.retain(|channel| !channel.bridged.is_none());

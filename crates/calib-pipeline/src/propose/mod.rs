@@ -28,8 +28,8 @@ use serde::Serialize;
 use self::{
     drafting::Drafting,
     evidence::Evidence,
-    look::{Look, bridged},
-    trial::{Spaced, Trials},
+    look::{ExaminedLog, bridged},
+    trial::{StateSpacing, Trials},
 };
 
 /// What was chosen, for `--json`.
@@ -125,7 +125,7 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Propose
     check_output(&args.study, args.standing)?;
     let clock = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
-    let look = Look::at(args, context)?;
+    let look = ExaminedLog::at(args, context)?;
     let args = &with_exclusions(args, &look)?;
     let contradictions = look.cleaning.contradictions.as_ref();
     if let Some((keep, why)) = contradictions.filter(|_| !gives(args, "data.contradictions")) {
@@ -156,7 +156,7 @@ fn given<'a>(args: &'a ProposeOptions, key: &str) -> Option<&'a str> {
 
 /// The same with the channels that calib leaves out added to those of `data.exclude`, if that was given: a list that replaced them
 /// would bring them back.
-fn with_exclusions(args: &ProposeOptions, look: &Look) -> Result<ProposeOptions, StepError> {
+fn with_exclusions(args: &ProposeOptions, look: &ExaminedLog) -> Result<ProposeOptions, StepError> {
     let mut args = args.clone();
     if !gives(&args, EXCLUDE) {
         return Ok(args);
@@ -214,7 +214,7 @@ impl Proposal {
     fn of(
         args: &ProposeOptions,
         path: &str,
-        look: &Look,
+        look: &ExaminedLog,
         begun: Stopwatch,
         context: &RunContext,
     ) -> Result<Self, StepError> {
@@ -225,7 +225,7 @@ impl Proposal {
         let trials = Trials { args, place: &place, model, context };
         let mut sensors = look.sensors.clone();
         let drafting = Drafting { args, path, look };
-        let Spaced { spacing, why, cost } = chosen_spacing(&trials, &drafting)?;
+        let StateSpacing { spacing, why, cost } = chosen_spacing(&trials, &drafting)?;
         if let Some(too_near) = drafting.too_near(spacing) {
             context.warn(&too_near);
         }
@@ -283,11 +283,12 @@ impl Proposal {
     }
 
     /// What the study is, now that it is written.
-    fn written(self, args: &ProposeOptions, look: &Look, took: Duration) -> ProposedStudy {
-        let Look { sketch, scope, .. } = look;
+    fn written(self, args: &ProposeOptions, look: &ExaminedLog, took: Duration) -> ProposedStudy {
+        let ExaminedLog { sketch, scope, .. } = look;
         let name = |&channel: &usize| sketch.channels[channel].name.clone();
         let predicted = self.sensors.proposed.iter().take(self.size.sensors).map(name).collect();
-        let left_out = scope.left_out.iter().map(|of| [of.name.clone(), of.why.to_string()]);
+        let left_out =
+            scope.left_out.iter().map(|channel| [channel.name.clone(), channel.why.to_string()]);
         let angles = look.angles.iter().map(|angle| (angle.channel.clone(), angle.turn));
         let ranges = self.cut.ranges(&sketch.timestamps);
         let chosen = Chosen {
@@ -319,8 +320,8 @@ impl Proposal {
 }
 
 /// How far states are apart. Models decide among spacings where the study chooses by them, which it does not unless it was asked to.
-fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<Spaced, StepError> {
-    let Look { sketch, scope, cut, sensors, .. } = drafting.look;
+fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<StateSpacing, StepError> {
+    let ExaminedLog { sketch, scope, cut, sensors, .. } = drafting.look;
     // Of the last rows of the training range, because it is theirs to be judged on what follows.
     let small = |spacing: usize| {
         let horizon = drafting.ahead(spacing);
@@ -342,7 +343,7 @@ fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<Spaced
     let why = format!("states {} apart: {why}", span(sketch.period_secs * spacing as f64));
     trials.context.say(&why);
     let cost = trials.cost_of_states(spacing, small(spacing))?;
-    Ok(Spaced { spacing, why, cost })
+    Ok(StateSpacing { spacing, why, cost })
 }
 
 /// What agents come to on the last third of the training range, at a `horizon` that is shortened until something is predicted.
@@ -352,7 +353,7 @@ fn tried_agents(
     spacing: usize,
     horizon: &mut Horizon,
 ) -> Result<Evidence, StepError> {
-    let Look { sketch, cut, sensors, .. } = drafting.look;
+    let ExaminedLog { sketch, cut, sensors, .. } = drafting.look;
     let inside =
         cut.shortened(&sketch.timestamps, trial::ROWS * spacing).inside(&sketch.timestamps);
     let mut nearer = *horizon;

@@ -3,7 +3,7 @@
 use calib_agent::SimplePredictor;
 use calib_base::{
     Context as _, StepError, bail,
-    clock::{Stopwatch, Taken},
+    clock::{Stopwatch, TimeTaken},
     log::{
         context::RunContext,
         partition::{self, Parts},
@@ -52,7 +52,7 @@ const HALVED: usize = 6;
 
 /// What grows with the states of the training range, in seconds for [`ROWS`] of them at most.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum OfStates {
+pub(super) enum GrowingCosts {
     /// Building a model: what exact search takes grows with their square at worst.
     Model(f64),
     /// Fitting what agents start from, for as many runs on the replayed log as there can be.
@@ -60,11 +60,11 @@ pub(super) enum OfStates {
 }
 
 /// States of the training range for which that is done in its share of `within` seconds.
-pub(super) fn rows_within(within: f64, cost: OfStates, rows: usize) -> usize {
+pub(super) fn rows_within(within: f64, cost: GrowingCosts, rows: usize) -> usize {
     let measured = rows.min(ROWS);
     let factor = match cost {
-        OfStates::Model(secs) => (BUILD * within / secs.max(1e-3)).sqrt(),
-        OfStates::Fits(secs) => BUILD * within / secs.max(1e-3),
+        GrowingCosts::Model(secs) => (BUILD * within / secs.max(1e-3)).sqrt(),
+        GrowingCosts::Fits(secs) => BUILD * within / secs.max(1e-3),
     };
     if measured == rows {
         rows
@@ -74,7 +74,7 @@ pub(super) fn rows_within(within: f64, cost: OfStates, rows: usize) -> usize {
 }
 
 /// What a study takes.
-pub(super) struct Measured {
+pub(super) struct MeasuredCosts {
     /// On the clock.
     pub(super) time: Costs,
     /// On all processors together, where the system says it.
@@ -83,9 +83,9 @@ pub(super) struct Measured {
     pub(super) best: String,
 }
 
-impl Measured {
+impl MeasuredCosts {
     /// With reading the log, which trials do once together.
-    pub(super) fn with_reading(mut self, read: Taken) -> Self {
+    pub(super) fn with_reading(mut self, read: TimeTaken) -> Self {
         self.time.fixed_secs += read.secs;
         if let Some(processors) = &mut self.processors {
             processors.fixed_secs += read.processor_secs;
@@ -95,9 +95,9 @@ impl Measured {
 }
 
 /// A sweep that was measured.
-struct Swept {
+struct MeasuredSweep {
     agent_steps: f64,
-    taken: Taken,
+    taken: TimeTaken,
 }
 
 /// The costs, if two sweeps of so many steps took so long, and all else `other_secs`.
@@ -119,12 +119,12 @@ struct TrialModel {
 }
 
 /// How far states are apart.
-pub(super) struct Spaced {
+pub(super) struct StateSpacing {
     /// Rows from one to the next.
     pub(super) spacing: usize,
     pub(super) why: String,
     /// What limits how many such states there can be.
-    pub(super) cost: OfStates,
+    pub(super) cost: GrowingCosts,
 }
 
 /// What trials have in common.
@@ -163,23 +163,23 @@ impl Trials<'_> {
         &self,
         spacing: usize,
         text: String,
-    ) -> Result<OfStates, StepError> {
+    ) -> Result<GrowingCosts, StepError> {
         if self.model == ProposedModel::Ensemble {
-            return Ok(OfStates::Model(self.built(spacing, text)?.secs));
+            return Ok(GrowingCosts::Model(self.built(spacing, text)?.secs));
         }
         let job = self.job(text, &format!("spacing-{spacing}"))?;
         let fitting = on_all_threads(self.fitting(&job)?);
-        Ok(OfStates::Fits(MOST_RUNS as f64 * fitting.secs))
+        Ok(GrowingCosts::Fits(MOST_RUNS as f64 * fitting.secs))
     }
 
     /// What it takes to fit all that the agents of one run on the replayed log start from, and what they are compared with.
-    fn fitting(&self, job: &Job) -> Result<Taken, StepError> {
+    fn fitting(&self, job: &Job) -> Result<TimeTaken, StepError> {
         let Parts { dataset, .. } = partition::load(job, &self.context.silent())?;
         let study = job.study();
         let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
         let baselines = Baselines::new(&dataset.train);
         // Agents and simple predictors, each without the rows that the run replays.
-        let ((), taken) = Taken::by(|| {
+        let ((), taken) = TimeTaken::by(|| {
             for row in 0..2 {
                 let rows = FittingRows::AllBut(std::iter::once(row..row + 1).collect());
                 baselines.simple(&sensors, study.agent.gamma, &rows);
@@ -208,7 +208,7 @@ impl Trials<'_> {
         candidates: &[usize],
         text: impl Fn(usize) -> String,
         period_secs: f64,
-    ) -> Result<Spaced, StepError> {
+    ) -> Result<StateSpacing, StepError> {
         let mut best: Option<(usize, usize, String, f64)> = None;
         let mut before = None;
         for &spacing in candidates.iter().take(TRIALS) {
@@ -238,7 +238,7 @@ impl Trials<'_> {
         } else {
             format!("{why}; no spacing that was tried is without a warning")
         };
-        Ok(Spaced { spacing, why, cost: OfStates::Model(secs) })
+        Ok(StateSpacing { spacing, why, cost: GrowingCosts::Model(secs) })
     }
 
     /// What a study takes, measured with short runs, and with longer ones until these take a share of `within` that is worth measuring. The
@@ -248,41 +248,45 @@ impl Trials<'_> {
         most_steps: usize,
         horizon: &mut Horizon,
         text: impl Fn(usize, Horizon) -> (String, Size),
-    ) -> Result<Measured, StepError> {
+    ) -> Result<MeasuredCosts, StepError> {
         let silent = &self.context.silent();
         self.context.say("measuring how long a study takes");
-        let steps = |of: usize| of.min(most_steps);
+        let steps = |length: usize| length.min(most_steps);
         let short = steps(SHORT.max(2 * horizon.states as usize));
-        let (made, before) = Taken::by(|| {
+        let (made, before) = TimeTaken::by(|| {
             let job = self.job(text(short, *horizon).0, COSTS)?;
             self.made_before(&job, silent)
         });
         made?;
-        let sweep = |steps: usize, horizon: &mut Horizon| -> Result<Swept, StepError> {
+        let sweep = |steps: usize, horizon: &mut Horizon| -> Result<MeasuredSweep, StepError> {
             let taken = self.sweep(steps, horizon, &text)?;
-            Ok(Swept { agent_steps: text(steps, *horizon).1.agent_steps(), taken })
+            Ok(MeasuredSweep { agent_steps: text(steps, *horizon).1.agent_steps(), taken })
         };
         let less = sweep(short, horizon)?;
         let mut length = steps(LONGER * short);
         let mut more = sweep(length, horizon)?;
-        let is_worth = |more: &Swept| more.taken.secs - less.taken.secs >= WORTH * self.args.within;
+        let is_worth =
+            |more: &MeasuredSweep| more.taken.secs - less.taken.secs >= WORTH * self.args.within;
         while !is_worth(&more) && steps(LONGER * length) > length {
             length = steps(LONGER * length);
             more = sweep(length, horizon)?;
         }
         let job = self.job(text(length, *horizon).0, COSTS)?;
-        let (judged, verdict) = Taken::by(|| evaluate::run(&job, silent));
+        let (judged, verdict) = TimeTaken::by(|| evaluate::run(&job, silent));
         judged?;
         let fitting = match self.model {
             ProposedModel::None => on_all_threads(self.fitting(&job)?),
             // Its rows are few: a model takes longer than what agents start from.
-            ProposedModel::Ensemble => Taken::default(),
+            ProposedModel::Ensemble => TimeTaken::default(),
         };
-        let costs = |of: fn(Taken) -> f64| {
-            let swept = [&less, &more].map(|swept| (swept.agent_steps, of(swept.taken)));
-            Costs { replay_run_secs: of(fitting), ..costs(swept, of(before) + of(verdict)) }
+        let costs = |measure: fn(TimeTaken) -> f64| {
+            let swept = [&less, &more].map(|swept| (swept.agent_steps, measure(swept.taken)));
+            Costs {
+                replay_run_secs: measure(fitting),
+                ..costs(swept, measure(before) + measure(verdict))
+            }
         };
-        Ok(Measured {
+        Ok(MeasuredCosts {
             best: SimpleErrors::read(&job.layout().sweep())?.best_told(),
             time: costs(|taken| taken.secs),
             processors: (before.processor_secs > 0.0).then(|| costs(|taken| taken.processor_secs)),
@@ -306,7 +310,7 @@ impl Trials<'_> {
         &self,
         horizon: &mut Horizon,
         text: impl Fn(Horizon) -> String,
-    ) -> Result<Vec<Predicted>, StepError> {
+    ) -> Result<Vec<TrialPrediction>, StepError> {
         let silent = &self.context.silent();
         let smallest = match self.model {
             ProposedModel::None => &[][..],
@@ -320,7 +324,7 @@ impl Trials<'_> {
             sweep::run(&study(horizon)?, &DryRunTally::default(), None, silent)
         })?;
         let judged = evaluate::judge(&study(*horizon)?, silent, &*silent.progress())?;
-        Ok(judged.summary.verdicts.iter().map(Predicted::of).collect())
+        Ok(judged.summary.verdicts.iter().map(TrialPrediction::of).collect())
     }
 
     fn sweep(
@@ -328,22 +332,22 @@ impl Trials<'_> {
         steps: usize,
         horizon: &mut Horizon,
         text: &impl Fn(usize, Horizon) -> (String, Size),
-    ) -> Result<Taken, StepError> {
+    ) -> Result<TimeTaken, StepError> {
         let silent = self.context.silent();
         scorable(horizon, |horizon| {
             let job = self.job(text(steps, horizon).0, COSTS)?;
             let (swept, taken) =
-                Taken::by(|| sweep::run(&job, &DryRunTally::default(), None, &silent));
+                TimeTaken::by(|| sweep::run(&job, &DryRunTally::default(), None, &silent));
             swept.map(|_| taken)
         })
     }
 }
 
 /// The time on the clock of what one thread does, where all threads do as much each.
-fn on_all_threads(taken: Taken) -> Taken {
+fn on_all_threads(taken: TimeTaken) -> TimeTaken {
     // On a machine that has other things to do the clock goes faster than the work.
     let secs = taken.secs.max(taken.processor_secs) / rayon::current_num_threads() as f64;
-    Taken { secs, ..taken }
+    TimeTaken { secs, ..taken }
 }
 
 /// What `sweep` gives at a horizon that is halved until some step of it can be scored.
@@ -373,14 +377,14 @@ pub(super) fn halved(horizon: Horizon) -> Horizon {
 
 /// How a sensor was predicted on the last third of the training range, from what came before.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Predicted {
+pub(super) struct TrialPrediction {
     /// Error of the best simple predictor by that of the mean.
     pub(super) simple: f64,
     /// Error of the agent, with the learning rate that the log chooses, by that of the best simple predictor.
     pub(super) agent: f64,
 }
 
-impl Predicted {
+impl TrialPrediction {
     fn of(verdict: &SensorVerdict) -> Self {
         // All of an agent's ratios are of the same windows, so that their quotients compare predictors with each other.
         let ratio = |predictor: SimplePredictor| {
@@ -403,7 +407,7 @@ mod tests {
 
     #[test]
     fn a_model_that_would_take_too_long_learns_from_less() {
-        use OfStates::{Fits, Model};
+        use GrowingCosts::{Fits, Model};
         assert_eq!(rows_within(600.0, Model(3.0), 15_000), 15_000, "it was measured whole");
         assert_eq!(
             rows_within(600.0, Model(30.0), 1_000_000),

@@ -86,7 +86,9 @@ fn studies(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let paths = entries.map(|entry| entry.path());
     let mut studies: Vec<PathBuf> = paths
-        .filter(|path| path.is_file() && path.extension().is_some_and(|of| of == "toml"))
+        .filter(|path| {
+            path.is_file() && path.extension().is_some_and(|extension| extension == "toml")
+        })
         .collect();
     studies.sort();
     studies

@@ -44,7 +44,7 @@ pub(crate) struct Ranked {
 }
 
 /// Logarithms of a setting's errors, by the number of the unit.
-type Logs = BTreeMap<usize, f64>;
+type LogErrors = BTreeMap<usize, f64>;
 
 /// How the settings of a sweep stand, sensor by sensor in the order of the plan.
 pub(super) fn rankings(
@@ -55,7 +55,7 @@ pub(super) fn rankings(
     let owned = |name: Option<&str>| name.map(str::to_owned);
     let of_sensor = |sensor: &str| {
         let own: Vec<&StoredRun<'_>> = stored.iter().filter(|run| run.sensor() == sensor).collect();
-        let mut logs: Vec<Logs> = vec![Logs::new(); planned.labels.len()];
+        let mut logs: Vec<LogErrors> = vec![LogErrors::new(); planned.labels.len()];
         let by_rule = own.iter().any(|run| planned.counts(run.environment()));
         let counts = |run: &StoredRun<'_>| {
             if by_rule {
@@ -91,20 +91,20 @@ pub(super) fn rankings(
 
 /// How a setting stands to the leader.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Standing {
+struct AgainstLeader {
     ratio: Option<f64>,
     interval: Option<[f64; 2]>,
 }
 
-fn diverged(logs: &Logs) -> usize {
+fn diverged(logs: &LogErrors) -> usize {
     logs.values().filter(|log| **log == f64::INFINITY).count()
 }
 
 /// The settings that have runs, the best first. The leader is one of those with the most runs: it diverged in the fewest of
 /// them, and of these has the smallest mean logarithm. A setting is compared with it on the streams that both have, because
 /// a race or a smaller grid has left some with fewer.
-fn ranked(logs: &[Logs]) -> Result<Vec<(usize, Standing)>, StepError> {
-    let most = logs.iter().map(Logs::len).max().unwrap_or(0);
+fn ranked(logs: &[LogErrors]) -> Result<Vec<(usize, AgainstLeader)>, StepError> {
+    let most = logs.iter().map(LogErrors::len).max().unwrap_or(0);
     if most == 0 {
         return Ok(Vec::new());
     }
@@ -122,8 +122,8 @@ fn ranked(logs: &[Logs]) -> Result<Vec<(usize, Standing)>, StepError> {
     let with_runs = (0..logs.len()).filter(|candidate| !logs[*candidate].is_empty());
     let mut all = with_runs
         .map(|candidate| Ok((candidate, against(&logs[candidate], &logs[leader])?)))
-        .collect::<Result<Vec<(usize, Standing)>, StepError>>()?;
-    let place = |(candidate, standing): &(usize, Standing)| {
+        .collect::<Result<Vec<(usize, AgainstLeader)>, StepError>>()?;
+    let place = |(candidate, standing): &(usize, AgainstLeader)| {
         (*candidate != leader, diverged(&logs[*candidate]), standing.ratio.unwrap_or(f64::INFINITY))
     };
     all.sort_by(|a, b| {
@@ -134,30 +134,30 @@ fn ranked(logs: &[Logs]) -> Result<Vec<(usize, Standing)>, StepError> {
 }
 
 /// The error of a setting against that of the leader, on the streams that both have.
-fn against(own: &Logs, leader: &Logs) -> Result<Standing, StepError> {
+fn against(own: &LogErrors, leader: &LogErrors) -> Result<AgainstLeader, StepError> {
     let both = own.iter().filter_map(|(unit, log)| Some((log, leader.get(unit)?)));
     let differences: Vec<f64> =
         both.map(|(own, leader)| if own == leader { 0.0 } else { own - leader }).collect();
     if differences.is_empty() || differences.iter().any(|difference| !difference.is_finite()) {
-        return Ok(Standing::default());
+        return Ok(AgainstLeader::default());
     }
     let summary = summarise(&differences)?;
     let interval = summary.interval.map(|interval| [interval.low.exp(), interval.high.exp()]);
-    Ok(Standing { ratio: Some(summary.mean.exp()), interval })
+    Ok(AgainstLeader { ratio: Some(summary.mean.exp()), interval })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn logs(errors: &[f64]) -> Logs {
+    fn logs(errors: &[f64]) -> LogErrors {
         errors.iter().map(|error| error.ln()).enumerate().collect()
     }
 
     #[test]
     fn settings_are_compared_with_the_leader_on_common_streams() {
-        let short: Logs = [(2, 12.0_f64.ln())].into();
-        let all = [logs(&[2.0, 4.0, 8.0]), logs(&[1.0, 2.0, 4.0]), short, Logs::new()];
+        let short: LogErrors = [(2, 12.0_f64.ln())].into();
+        let all = [logs(&[2.0, 4.0, 8.0]), logs(&[1.0, 2.0, 4.0]), short, LogErrors::new()];
         let ranked = ranked(&all).expect("ranked");
         let order: Vec<usize> = ranked.iter().map(|(candidate, _)| *candidate).collect();
         assert_eq!(order, [1, 0, 2], "one without runs has no place");
@@ -178,6 +178,6 @@ mod tests {
         let ranked = ranked(&all).expect("ranked");
         let order: Vec<usize> = ranked.iter().map(|(candidate, _)| *candidate).collect();
         assert_eq!(order, [1, 0, 2]);
-        assert_eq!(ranked[1].1, Standing::default());
+        assert_eq!(ranked[1].1, AgainstLeader::default());
     }
 }

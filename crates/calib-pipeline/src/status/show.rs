@@ -105,20 +105,20 @@ fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepErro
         printer.result(&format!("{}{part}: {provisional}by {by}", ranking.sensor))?;
         let placed = ranking.settings.iter().enumerate();
         let rows: Vec<Vec<String>> = placed
-            .filter(|(place, of)| *place < SHOWN || of.is_default)
-            .map(|(_, of)| {
+            .filter(|(place, setting)| *place < SHOWN || setting.is_default)
+            .map(|(_, setting)| {
                 let number = |number: f64| format!("{number:.3}");
-                let ratio = of.ratio.map_or_else(|| "diverged".to_owned(), number);
-                let interval = of.interval.filter(|[low, high]| low < high);
+                let ratio = setting.ratio.map_or_else(|| "diverged".to_owned(), number);
+                let interval = setting.interval.filter(|[low, high]| low < high);
                 let interval =
                     interval.map(|[low, high]| format!("{} to {}", number(low), number(high)));
-                let default = if of.is_default { " (the default)" } else { "" };
+                let default = if setting.is_default { " (the default)" } else { "" };
                 vec![
-                    format!("{}{default}", of.setting),
+                    format!("{}{default}", setting.setting),
                     ratio,
                     interval.unwrap_or_default(),
-                    count(of.runs),
-                    if of.diverged > 0 { count(of.diverged) } else { String::new() },
+                    count(setting.runs),
+                    if setting.diverged > 0 { count(setting.diverged) } else { String::new() },
                 ]
             })
             .collect();

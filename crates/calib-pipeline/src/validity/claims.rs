@@ -14,21 +14,23 @@ pub(super) fn tables(validity: &Validity) -> Vec<Table> {
 }
 
 fn tests(tests: &[Test]) -> Table {
-    let row = |of: &Test| {
-        let (value, interval) = match of.claim {
-            Claim::SmallRegret => (Cell::Percent(of.value), at_most(of.upper)),
-            Claim::Better | Claim::NoWorse => (quotient(Some(of.value)), quotients(of.interval)),
+    let row = |test: &Test| {
+        let (value, interval) = match test.claim {
+            Claim::SmallRegret => (Cell::Percent(test.value), at_most(test.upper)),
+            Claim::Better | Claim::NoWorse => {
+                (quotient(Some(test.value)), quotients(test.interval))
+            }
         };
-        let outcome = match of.outcome {
+        let outcome = match test.outcome {
             // The same choices everywhere are no worse, and no better.
-            Outcome::Holds if of.claim == Claim::NoWorse && of.value == 1.0 => "yes, the same",
+            Outcome::Holds if test.claim == Claim::NoWorse && test.value == 1.0 => "yes, the same",
             Outcome::Holds => "yes",
             Outcome::Fails => "no",
             Outcome::Open => "not told",
         };
         vec![
-            Cell::Text(of.method.to_string()),
-            Cell::Text(claimed(of)),
+            Cell::Text(test.method.to_string()),
+            Cell::Text(claimed(test)),
             value,
             interval,
             Cell::Text(outcome.to_owned()),
@@ -43,9 +45,9 @@ fn tests(tests: &[Test]) -> Table {
     )
 }
 
-fn claimed(of: &Test) -> String {
-    let other = of.against.as_ref().map_or_else(String::new, Method::to_string);
-    match of.claim {
+fn claimed(test: &Test) -> String {
+    let other = test.against.as_ref().map_or_else(String::new, Method::to_string);
+    match test.claim {
         Claim::SmallRegret => format!("mean regret below {}", percent(GOOD)),
         Claim::Better => format!("better than {other}"),
         Claim::NoWorse => format!("no worse than {other}"),
@@ -53,16 +55,20 @@ fn claimed(of: &Test) -> String {
 }
 
 fn power(power: &[Power]) -> Table {
-    let row = |of: &Power| {
-        let needed = of.needed.iter().map(|needed| needed.map_or(Cell::Missing, count));
-        [Cell::Text(of.method.to_string()), Cell::Text(of.against.to_string()), count(of.plants)]
-            .into_iter()
-            .chain([
-                of.std.map_or(Cell::Missing, |std| Cell::Text(format!("{std:.3}"))),
-                of.visible.map_or(Cell::Missing, Cell::Percent),
-            ])
-            .chain(needed)
-            .collect()
+    let row = |power: &Power| {
+        let needed = power.needed.iter().map(|needed| needed.map_or(Cell::Missing, count));
+        [
+            Cell::Text(power.method.to_string()),
+            Cell::Text(power.against.to_string()),
+            count(power.plants),
+        ]
+        .into_iter()
+        .chain([
+            power.std.map_or(Cell::Missing, |std| Cell::Text(format!("{std:.3}"))),
+            power.visible.map_or(Cell::Missing, Cell::Percent),
+        ])
+        .chain(needed)
+        .collect()
     };
     let differences = DIFFERENCES.map(|difference| format!("for {}", percent(difference)));
     let columns = ["choice of", "against", "plants", "deviation", "visible"];
@@ -89,20 +95,21 @@ pub(super) const fn finding(finding: Finding) -> &'static str {
 
 /// What was found, a sentence a model.
 pub(super) fn findings(validity: &Validity) -> Vec<String> {
-    let models = validity.methods.iter().filter(|of| of.method.is_model());
-    models.map(|of| sentence(of, validity)).collect()
+    let models = validity.methods.iter().filter(|method| method.method.is_model());
+    models.map(|method| sentence(method, validity)).collect()
 }
 
-fn sentence(of: &MethodSummary, validity: &Validity) -> String {
-    let interval =
-        of.upper.map_or_else(String::new, |of| format!(" (95 %: at most {})", percent(of)));
-    let floors = validity.methods.iter().filter(|of| of.method.is_floor());
+fn sentence(method: &MethodSummary, validity: &Validity) -> String {
+    let interval = method
+        .upper
+        .map_or_else(String::new, |upper| format!(" (95 %: at most {})", percent(upper)));
+    let floors = validity.methods.iter().filter(|floor| floor.method.is_floor());
     let floors: Vec<String> = floors
-        .map(|of| match of.method {
+        .map(|floor| match floor.method {
             Method::AnotherWindow => {
-                format!("choosing by another held-out window {}", percent(of.mean))
+                format!("choosing by another held-out window {}", percent(floor.mean))
             }
-            _ => format!("the best fixed setting {}", percent(of.mean)),
+            _ => format!("the best fixed setting {}", percent(floor.mean)),
         })
         .collect();
     let floors = if floors.is_empty() { String::new() } else { format!("; {}", floors.join(", ")) };
@@ -114,27 +121,28 @@ fn sentence(of: &MethodSummary, validity: &Validity) -> String {
         Method::Random,
     ];
     let others: Vec<String> =
-        others.iter().filter_map(|other| against(of, other, validity)).collect();
+        others.iter().filter_map(|other| against(method, other, validity)).collect();
     let others =
         if others.is_empty() { String::new() } else { format!(" It has {}.", others.join("; ")) };
     format!(
         "{} chooses with a mean regret of {}{interval} over {} pairs{floors}.{others}",
-        of.method,
-        percent(of.mean),
-        of.pairs
+        method.method,
+        percent(method.mean),
+        method.pairs
     )
 }
 
 fn against(method: &MethodSummary, other: &Method, validity: &Validity) -> Option<String> {
-    let mut of = validity.comparisons.iter();
-    let of = of.find(|of| of.method == method.method && of.against == *other)?;
-    let ratio = of.error_ratio;
+    let mut comparisons = validity.comparisons.iter();
+    let comparison = comparisons
+        .find(|comparison| comparison.method == method.method && comparison.against == *other)?;
+    let ratio = comparison.error_ratio;
     let share = match percent((ratio - 1.0).abs()) {
         none if none == percent(0.0) => return Some(format!("the same error as {other}")),
         share if ratio < 1.0 => format!("{share} less"),
         share => format!("{share} more"),
     };
-    let told = match of.finding {
+    let told = match comparison.finding {
         Finding::Better | Finding::Worse => "",
         Finding::NoWorse => " (no worse by more than 1 %)",
         Finding::Untold => ", which may be chance",

@@ -33,17 +33,17 @@ pub(super) fn write(directory: &Path, judged: &JudgedStudies) -> Result<(), Step
 pub(super) fn all(judged: &JudgedStudies) -> Vec<(&'static str, OverviewFigure)> {
     let first = judged.validity();
     let mut all = vec![("regret", regrets(first, "")), ("profile", profile(first))];
-    let later = judged.scores.iter().skip(1).find(|of| of.part == Part::AfterFirstQuarter);
+    let later = judged.scores.iter().skip(1).find(|score| score.part == Part::AfterFirstQuarter);
     all.extend(later.map(|score| {
         let by = format!(". {}", show::of_score(score));
         ("regret-after-first-quarter", regrets(&score.validity, &by))
     }));
     let one_step = "one-step error of the sensor / no change";
-    let of = [
-        ("one-step", one_step, (|of| of.one_step_relative) as fn(&ModelPair) -> Option<f64>),
-        ("dtw", "normalised warping distance", |of| of.dtw),
+    let predictors = [
+        ("one-step", one_step, (|model| model.one_step_relative) as fn(&ModelPair) -> Option<f64>),
+        ("dtw", "normalised warping distance", |model| model.dtw),
     ];
-    for (name, label, value) in of {
+    for (name, label, value) in predictors {
         all.extend(scatter(first, label, value).map(|figure| (name, figure)));
     }
     all
@@ -53,23 +53,26 @@ pub(super) fn all(judged: &JudgedStudies) -> Vec<(&'static str, OverviewFigure)>
 fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
     let methods = &validity.methods;
     let percent = |share: f64| 100.0 * share;
-    let ends =
-        |of: &MethodSummary| of.typical_interval.map(|of| (percent(of.low), percent(of.high)));
+    let ends = |method: &MethodSummary| {
+        method.typical_interval.map(|interval| (percent(interval.low), percent(interval.high)))
+    };
     let points = |models: bool| -> Vec<Point> {
         let numbered = methods.iter().enumerate();
-        let own = numbered.filter(|(_, of)| matches!(of.method, Method::Model(_)) == models);
-        let point = |(place, of): (usize, &MethodSummary)| Point {
+        let own =
+            numbered.filter(|(_, method)| matches!(method.method, Method::Model(_)) == models);
+        let point = |(place, method): (usize, &MethodSummary)| Point {
             x: place as f64,
-            y: percent(of.typical),
-            interval: ends(of),
+            y: percent(method.typical),
+            interval: ends(method),
         };
         own.map(point).collect()
     };
     let values: Vec<f64> = methods
         .iter()
-        .flat_map(|of| {
-            let (low, high) = ends(of).unwrap_or((percent(of.typical), percent(of.typical)));
-            [percent(of.typical), low, high]
+        .flat_map(|method| {
+            let (low, high) =
+                ends(method).unwrap_or((percent(method.typical), percent(method.typical)));
+            [percent(method.typical), low, high]
         })
         .collect();
     let series = [("models", true), ("without a model", false)];
@@ -86,11 +89,11 @@ fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
             columns: ["choice of", "typical regret", "mean regret"].map(str::to_owned).to_vec(),
             rows: methods
                 .iter()
-                .map(|of| {
+                .map(|method| {
                     vec![
-                        Cell::Text(of.method.to_string()),
-                        Cell::Percent(of.typical),
-                        Cell::Percent(of.mean),
+                        Cell::Text(method.method.to_string()),
+                        Cell::Percent(method.typical),
+                        Cell::Percent(method.mean),
                     ]
                 })
                 .collect(),
@@ -101,7 +104,7 @@ fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
             title,
             x: Axis {
                 label: String::new(),
-                scale: Scale::names(methods.iter().map(|of| short(&of.method)).collect()),
+                scale: Scale::names(methods.iter().map(|method| short(&method.method)).collect()),
             },
             left: Axis { label: "typical regret (%)".to_owned(), scale: Scale::around(&values) },
             right: None,
@@ -113,7 +116,7 @@ fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
 
 /// Share of pairs with at most a regret.
 fn profile(validity: &Validity) -> OverviewFigure {
-    let shown = |of: &&MethodSummary| {
+    let shown = |method: &&MethodSummary| {
         let other = [
             Method::LogReplay,
             Method::Default,
@@ -121,25 +124,29 @@ fn profile(validity: &Validity) -> OverviewFigure {
             Method::OtherPlants,
             Method::AnotherWindow,
         ];
-        of.method.is_model() || other.contains(&of.method)
+        method.method.is_model() || other.contains(&method.method)
     };
     let methods: Vec<&MethodSummary> = validity.methods.iter().filter(shown).collect();
     let mut rows = Vec::new();
-    let series = methods.iter().enumerate().map(|(number, of)| {
-        let own = validity.each.iter().filter(|each| each.method == of.method);
+    let series = methods.iter().enumerate().map(|(number, summary)| {
+        let own = validity.each.iter().filter(|each| each.method == summary.method);
         let mut regrets: Vec<f64> = own.map(|each| each.regret).collect();
         regrets.sort_by(f64::total_cmp);
-        let mut row = vec![Cell::Text(of.method.to_string())];
+        let mut row = vec![Cell::Text(summary.method.to_string())];
         row.extend([0.0, 0.05, 0.2, 1.0].map(|limit| {
             let within = regrets.iter().filter(|&&regret| regret <= limit).count();
             Cell::Percent(within as f64 / regrets.len() as f64)
         }));
         rows.push(row);
         Series {
-            label: of.method.to_string(),
+            label: summary.method.to_string(),
             side: Side::Left,
             colour: Colour::Curve(number),
-            dash: if matches!(of.method, Method::Model(_)) { Dash::Solid } else { Dash::Dashed },
+            dash: if matches!(summary.method, Method::Model(_)) {
+                Dash::Solid
+            } else {
+                Dash::Dashed
+            },
             width: 1.8,
             marker: None,
             points: steps(&regrets),
@@ -204,14 +211,15 @@ fn scatter(
 ) -> Option<OverviewFigure> {
     let mut rows = Vec::new();
     let mut of_model = |name: &String| -> Vec<Point> {
-        let own = validity.each.iter().filter(|of| of.method == Method::Model(name.clone()));
-        let points = own.filter_map(|of| {
-            let pair = &validity.judged[of.pair];
+        let own =
+            validity.each.iter().filter(|regret| regret.method == Method::Model(name.clone()));
+        let points = own.filter_map(|regret| {
+            let pair = &validity.judged[regret.pair];
             let model = pair.models.iter().find(|model| model.model == *name)?;
             let x = value(model).filter(|x| *x > 0.0)?;
             let names = [&pair.plant, &pair.sensor, name].map(|name| Cell::Text(name.clone()));
-            rows.push([&names[..], &[Cell::Number(x), Cell::Percent(of.regret)]].concat());
-            Some(Point { x, y: 100.0 * of.regret.clamp(FLOOR, CEILING), interval: None })
+            rows.push([&names[..], &[Cell::Number(x), Cell::Percent(regret.regret)]].concat());
+            Some(Point { x, y: 100.0 * regret.regret.clamp(FLOOR, CEILING), interval: None })
         });
         let mut points: Vec<Point> = points.collect();
         points.sort_by(|a, b| a.x.total_cmp(&b.x));

@@ -12,7 +12,7 @@ use calib_sweep::{Candidate, ChoiceBaseline, RaceRule, SensorVerdict, SweepError
 use calib_sweep_steps::verdict::evaluate::{self, Judged};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
-use super::{race, studies::Listed, task::Task};
+use super::{race, studies::ListedStudy, task::Task};
 
 /// Fewer scored horizons than this after the first quarter say more about the stretch than about the value.
 const HORIZONS: f64 = 200.0;
@@ -31,7 +31,7 @@ pub(super) struct Gathered {
 }
 
 /// One model of a study with what is known of it.
-struct OfModel {
+struct ModelEvidence {
     name: String,
     judged: Judged,
     rollouts: Option<RolloutManifest>,
@@ -39,16 +39,16 @@ struct OfModel {
 }
 
 /// Why a study is not judged.
-pub(super) struct Reason(pub(super) String);
+pub(super) struct ReasonLeftOut(pub(super) String);
 
 /// All sensors of `study` in all its deployments, with what each of `models` chose; or why it is not judged. By two scores: what the
 /// study scores, and the last three quarters of runs that are long enough.
 pub(super) fn gather(
-    study: &Listed,
+    study: &ListedStudy,
     models: &[Option<String>],
     least_windows: usize,
     context: &RunContext,
-) -> Result<Result<Gathered, Reason>, StepError> {
+) -> Result<Result<Gathered, ReasonLeftOut>, StepError> {
     let mut gathered: Option<Gathered> = None;
     let mut reasons = Vec::new();
     for deployment in &study.deployments {
@@ -66,7 +66,7 @@ pub(super) fn gather(
             all.push(of_model(study, (model.as_deref(), deployment), context)?);
         }
         let Some(first) = all.first() else {
-            return Ok(Err(Reason("no model of it can be made here".to_owned())));
+            return Ok(Err(ReasonLeftOut("no model of it can be made here".to_owned())));
         };
         let windows = first.judged.manifest.windows.len();
         if windows < least_windows {
@@ -86,22 +86,22 @@ pub(super) fn gather(
             add(own, sensor, deployment, (study, &all))?;
         }
     }
-    Ok(gathered.ok_or_else(|| Reason(reasons.join("; "))))
+    Ok(gathered.ok_or_else(|| ReasonLeftOut(reasons.join("; "))))
 }
 
 fn of_model(
-    study: &Listed,
+    study: &ListedStudy,
     (model, deployment): (Option<&str>, Option<&str>),
     context: &RunContext,
-) -> Result<OfModel, StepError> {
+) -> Result<ModelEvidence, StepError> {
     let judged = evaluate::judge(&study.job.choose(model, deployment)?, context, &Silent)?;
     let name = judged.job.model_name().to_owned();
     let rollouts = rollout::finished(&judged.job, judged.manifest.model.as_deref())?;
     let one_step = rollouts.as_ref().and_then(|made| one_step::read(&judged.job, &made.model));
-    Ok(OfModel { name, judged, rollouts, one_step })
+    Ok(ModelEvidence { name, judged, rollouts, one_step })
 }
 
-fn networks(models: &[OfModel]) -> Vec<String> {
+fn networks(models: &[ModelEvidence]) -> Vec<String> {
     let networks = models
         .iter()
         .filter(|model| model.judged.study().model.kind.family() == ModelFamily::Network);
@@ -113,7 +113,7 @@ fn add(
     gathered: &mut Gathered,
     sensor: &str,
     deployment: Option<&str>,
-    (study, models): (&Listed, &[OfModel]),
+    (study, models): (&ListedStudy, &[ModelEvidence]),
 ) -> Result<(), StepError> {
     let own = models[0].judged.study().part();
     let parts = [own, Part::AfterFirstQuarter];
@@ -153,11 +153,19 @@ fn add(
 }
 
 /// What a model's sweep says of a sensor by the errors over `part`; none if they have no step there.
-fn verdict(model: &OfModel, sensor: &str, part: Part) -> Result<Option<SensorVerdict>, StepError> {
+fn verdict(
+    model: &ModelEvidence,
+    sensor: &str,
+    part: Part,
+) -> Result<Option<SensorVerdict>, StepError> {
     let Judged { job, manifest, results, summary, .. } = &model.judged;
     let study = job.study();
     if part == study.part() {
-        return Ok(summary.verdicts.iter().find(|of| of.sensor == sensor).cloned());
+        return Ok(summary
+            .verdicts
+            .iter()
+            .find(|verdict_of_sensor| verdict_of_sensor.sensor == sensor)
+            .cloned());
     }
     match evaluate::verdict_of(sensor, part, study, manifest, results) {
         Err(SweepError::NothingScored { .. }) => Ok(None),
@@ -166,19 +174,23 @@ fn verdict(model: &OfModel, sensor: &str, part: Part) -> Result<Option<SensorVer
 }
 
 fn pair(
-    study: &Listed,
+    study: &ListedStudy,
     sensor: &str,
     (truth, candidates): (&Truth, &[Candidate]),
     task: &Task,
 ) -> Pair {
-    let baseline = |of: ChoiceBaseline| truth.baselines.iter().find(|found| found.baseline == of);
-    let chosen = |of: ChoiceBaseline| baseline(of).and_then(|found| found.chosen);
+    let baseline =
+        |wanted: ChoiceBaseline| truth.baselines.iter().find(|found| found.baseline == wanted);
+    let chosen = |wanted: ChoiceBaseline| baseline(wanted).and_then(|found| found.chosen);
     Pair {
         plant: study.plant.clone(),
         sensor: sensor.to_owned(),
         optimiser: task.optimiser.to_owned(),
         task: task.features(),
-        online: truth.scores.candidates[..candidates.len()].iter().map(|of| of.mean).collect(),
+        online: truth.scores.candidates[..candidates.len()]
+            .iter()
+            .map(|candidate| candidate.mean)
+            .collect(),
         skill: truth.best.and_then(|best| truth.scores.skill[best]),
         regrets: truth.regrets.clone(),
         default: chosen(ChoiceBaseline::Default),
@@ -191,24 +203,26 @@ fn pair(
     }
 }
 
-fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> Result<ModelPair, StepError> {
+fn model_pair(model: &ModelEvidence, verdict: &SensorVerdict) -> Result<ModelPair, StepError> {
     let own = |sensor: &String| *sensor == verdict.sensor;
     let one_step = model.one_step.as_ref();
-    let of_sensor = one_step.and_then(|of| of.sensors.iter().find(|of| own(&of.sensor)));
+    let of_sensor =
+        one_step.and_then(|errors| errors.sensors.iter().find(|sensor| own(&sensor.sensor)));
     let comparison = model.rollouts.as_ref().and_then(|rollouts| rollouts.comparison.as_ref());
-    let compared = comparison.and_then(|of| of.sensors.iter().find(|of| own(&of.sensor)));
-    let dtw = compared.and_then(|of| of.dtw.first()).map(|of| {
-        let distance = of.normalized_distance.as_ref().unwrap_or(&of.distance);
+    let compared = comparison
+        .and_then(|comparison| comparison.sensors.iter().find(|sensor| own(&sensor.sensor)));
+    let dtw = compared.and_then(|sensor| sensor.dtw.first()).map(|distances| {
+        let distance = distances.normalized_distance.as_ref().unwrap_or(&distances.distance);
         distance.mean
     });
-    let share = verdict.stability.iter().find(|of| of.candidate == verdict.chosen);
+    let share = verdict.stability.iter().find(|share| share.candidate == verdict.chosen);
     let error_rate = model.judged.job.study().sweep.race_error_rate;
     let raced = race::outcome(&model.judged, verdict, RaceRule::Surely { error_rate })?;
     let halved = race::outcome(&model.judged, verdict, RaceRule::Halving)?;
     let rules = verdict
         .rules
         .iter()
-        .map(|of| RuleChoice { rule: of.rule.name().to_owned(), chosen: of.chosen })
+        .map(|choice| RuleChoice { rule: choice.rule.name().to_owned(), chosen: choice.chosen })
         .chain(
             [("raced", raced.chosen), ("halved", halved.chosen)]
                 .map(|(rule, chosen)| RuleChoice { rule: rule.to_owned(), chosen }),
@@ -217,7 +231,7 @@ fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> Result<ModelPair, Ste
         model: model.name.clone(),
         chosen: verdict.chosen,
         stability: match share {
-            Some(of) => Some(of.share),
+            Some(share) => Some(share.share),
             None if verdict.stability.is_empty() => None,
             None => Some(0.0),
         },
@@ -225,9 +239,9 @@ fn model_pair(model: &OfModel, verdict: &SensorVerdict) -> Result<ModelPair, Ste
         saved: Some(raced.saved),
         saved_by_halving: Some(halved.saved),
         spearman: verdict.truth.as_ref().and_then(|truth| truth.choice.spearman),
-        one_step: of_sensor.and_then(|of| of.error.rmse),
-        one_step_relative: of_sensor.and_then(|of| of.error.relative),
-        one_step_all: one_step.and_then(|of| of.all_columns.rmse),
+        one_step: of_sensor.and_then(|sensor| sensor.error.rmse),
+        one_step_relative: of_sensor.and_then(|sensor| sensor.error.relative),
+        one_step_all: one_step.and_then(|errors| errors.all_columns.rmse),
         dtw,
     })
 }

@@ -35,9 +35,9 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::run_study::RunUntil;
-use gather::{Gathered, Reason, gather};
+use gather::{Gathered, ReasonLeftOut, gather};
 pub use plan::ValidityPlan;
-use studies::{Listed, Listing};
+use studies::{ListedStudy, Listing};
 use task::Task;
 
 /// `validity.json`.
@@ -197,7 +197,7 @@ impl SharedPlants {
 }
 
 fn named(left_out: &[LeftOut]) -> Vec<[&str; 2]> {
-    left_out.iter().map(|of| [of.plant.as_str(), of.reason.as_str()]).collect()
+    left_out.iter().map(|plant| [plant.plant.as_str(), plant.reason.as_str()]).collect()
 }
 
 /// In the folder of the draw, or beside the first study, unless the user says where.
@@ -214,7 +214,7 @@ fn output(args: &ValidityOptions, listing: &Listing) -> PathBuf {
 
 /// What all studies gave.
 #[derive(Default)]
-struct All {
+struct GatheredStudies {
     gathered: Vec<(String, Gathered)>,
     left_out: Vec<LeftOut>,
     /// Model → plants that lack it.
@@ -222,12 +222,16 @@ struct All {
 }
 
 /// Go through all studies.
-fn all(listing: &Listing, args: &ValidityOptions, context: &RunContext) -> Result<All, StepError> {
+fn all(
+    listing: &Listing,
+    args: &ValidityOptions,
+    context: &RunContext,
+) -> Result<GatheredStudies, StepError> {
     let clock = Stopwatch::start();
-    let mut all = All::default();
+    let mut all = GatheredStudies::default();
     let is_own = |place: &usize| args.share.is_none_or(|share| share.has(*place));
     let own = listing.studies.iter().enumerate().filter(|(place, _)| is_own(place));
-    let own: Vec<&Listed> = own.map(|(_, study)| study).collect();
+    let own: Vec<&ListedStudy> = own.map(|(_, study)| study).collect();
     let count = own.len();
     let mut ran = 0;
     for (number, study) in own.into_iter().enumerate() {
@@ -238,7 +242,7 @@ fn all(listing: &Listing, args: &ValidityOptions, context: &RunContext) -> Resul
             && study.left(context)? > 0;
         match take(study, listing, args, &mut all.lacking, context)? {
             Ok(gathered) => all.gathered.push((study.plant.clone(), gathered)),
-            Err(Reason(reason)) => {
+            Err(ReasonLeftOut(reason)) => {
                 context.warn(&format!("{} is left out: {reason}", study.plant));
                 all.left_out.push(LeftOut { plant: study.plant.clone(), reason });
             }
@@ -260,23 +264,23 @@ fn all(listing: &Listing, args: &ValidityOptions, context: &RunContext) -> Resul
 
 /// One study: run what is missing, and take what it says; or why it is left out.
 fn take(
-    study: &Listed,
+    study: &ListedStudy,
     listing: &Listing,
     args: &ValidityOptions,
     lacking: &mut BTreeMap<String, usize>,
     context: &RunContext,
-) -> Result<Result<Gathered, Reason>, StepError> {
+) -> Result<Result<Gathered, ReasonLeftOut>, StepError> {
     if let Some(reason) = study.out_of_reach()? {
-        return Ok(Err(Reason(reason)));
+        return Ok(Err(ReasonLeftOut(reason)));
     }
     let protocol = listing.protocol.as_ref();
     if args.extent == ValidityExtent::Judge && protocol.is_some() && study.left(context)? > 0 {
-        return Ok(Err(Reason("it has not been run".to_owned())));
+        return Ok(Err(ReasonLeftOut("it has not been run".to_owned())));
     }
     if args.extent != ValidityExtent::Judge {
-        let extent = protocol.map_or(RunUntil::Report, protocol::Named::extent);
+        let extent = protocol.map_or(RunUntil::Report, protocol::ProtocolFile::extent);
         if let Some(reason) = study.complete(extent, context)? {
-            return Ok(Err(Reason(reason)));
+            return Ok(Err(ReasonLeftOut(reason)));
         }
     }
     let mut models = Vec::with_capacity(study.models.len());
@@ -288,25 +292,25 @@ fn take(
             models.push(model.clone());
         }
     }
-    gather(study, &models, protocol.map_or(1, protocol::Named::least_windows), context)
+    gather(study, &models, protocol.map_or(1, protocol::ProtocolFile::least_windows), context)
 }
 
 /// Judge what was gathered, by each score.
 fn judged(
-    all: All,
+    all: GatheredStudies,
     listing: &Listing,
     args: &ValidityOptions,
     report: PathBuf,
 ) -> Result<JudgedStudies, StepError> {
-    let All { gathered, left_out, lacking } = all;
+    let GatheredStudies { gathered, left_out, lacking } = all;
     let Some((_, first)) = gathered.first() else {
-        let told = left_out.iter().map(|of| format!("{}: {}", of.plant, of.reason));
+        let told = left_out.iter().map(|plant| format!("{}: {}", plant.plant, plant.reason));
         bail!("no plant is left to judge ({})", told.collect::<Vec<_>>().join("; "));
     };
     let values = first.values.clone();
     let missing = missing(&gathered, &lacking);
     let mut networks: Vec<String> =
-        gathered.iter().flat_map(|(_, of)| of.networks.clone()).collect();
+        gathered.iter().flat_map(|(_, studies)| studies.networks.clone()).collect();
     networks.sort();
     networks.dedup();
     let mut plants = Vec::with_capacity(gathered.len());
@@ -314,7 +318,7 @@ fn judged(
     for (plant, Gathered { task, pairs, .. }) in gathered {
         plants.push(Judged { plant, task });
         for (part, pair) in pairs {
-            match by_score.iter_mut().find(|(of, _)| *of == part) {
+            match by_score.iter_mut().find(|(scored, _)| *scored == part) {
                 Some((_, pairs)) => pairs.push(pair),
                 None => by_score.push((part, vec![pair])),
             }
@@ -348,8 +352,8 @@ fn missing(gathered: &[(String, Gathered)], lacking: &BTreeMap<String, usize>) -
              has built it"
         )
     });
-    let without = gathered.iter().flat_map(|(plant, of)| {
-        of.without.iter().map(move |which| {
+    let without = gathered.iter().flat_map(|(plant, studies)| {
+        studies.without.iter().map(move |which| {
             format!("{which} of {plant}: every setting diverged in the model, so it has no choice")
         })
     });

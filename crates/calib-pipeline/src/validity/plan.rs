@@ -58,12 +58,12 @@ impl ValidityPlan {
 
     /// The plants of which something is left to run.
     pub fn left(&self) -> Vec<&str> {
-        let left = self.plants.iter().filter(|of| matches!(of.state, PlantState::Left(_)));
-        left.map(|of| of.plant.as_str()).collect()
+        let left = self.plants.iter().filter(|plant| matches!(plant.state, PlantState::Left(_)));
+        left.map(|plant| plant.plant.as_str()).collect()
     }
 
     /// How many plants are swept.
     pub(super) fn swept(&self) -> usize {
-        self.plants.iter().filter(|of| matches!(of.state, PlantState::Swept)).count()
+        self.plants.iter().filter(|plant| matches!(plant.state, PlantState::Swept)).count()
     }
 }

@@ -3,20 +3,20 @@
 use std::path::{Path, PathBuf};
 
 use calib_base::{StepError, bail, ensure, options::ValidityOptions};
-use calib_study::{Drawn, Protocol};
+use calib_study::{DrawnStudy, Protocol};
 
 use super::studies::files;
 use crate::run_study::RunUntil;
 
 /// A protocol, its file, and where what follows from it goes.
-pub(super) struct Named {
+pub(super) struct ProtocolFile {
     pub(super) file: PathBuf,
     protocol: Protocol,
     /// The folder of this draw.
     pub(super) directory: PathBuf,
 }
 
-impl Named {
+impl ProtocolFile {
     /// The protocol among the arguments: a file, or the one in a folder, whose other files are then the studies that it draws from.
     pub(super) fn find(args: &ValidityOptions) -> Result<Option<Self>, StepError> {
         let mut found = Vec::new();
@@ -66,7 +66,7 @@ impl Named {
     }
 
     /// All studies, with `overrides` over what is drawn.
-    pub(super) fn draw(&self, overrides: &[String]) -> Result<Vec<Drawn>, StepError> {
+    pub(super) fn draw(&self, overrides: &[String]) -> Result<Vec<DrawnStudy>, StepError> {
         Ok(self.protocol.draw(&self.file, &self.studies(), overrides)?)
     }
 }

@@ -6,7 +6,7 @@ use calib_sweep::{EnvironmentId, Judging, RaceRule, SensorVerdict, UnitResult, r
 use calib_sweep_steps::verdict::evaluate::Judged;
 
 /// A race on the runs that were made.
-pub(super) struct Outcome {
+pub(super) struct RaceOutcome {
     /// Position of the value that the study's rule chooses from what the race leaves.
     pub(super) chosen: usize,
     /// Share of the updates in members and on the log that it would not have made.
@@ -18,7 +18,7 @@ pub(super) fn outcome(
     judged: &Judged,
     whole: &SensorVerdict,
     race: RaceRule,
-) -> Result<Outcome, StepError> {
+) -> Result<RaceOutcome, StepError> {
     let Judged { job, manifest, results, .. } = judged;
     let study = job.study();
     let own = results.iter().filter(|result| result.unit.sensor == whole.sensor).cloned();
@@ -29,7 +29,7 @@ pub(super) fn outcome(
     let judging = Judging::of_choice(whole.part, whole.rule, top_k, &manifest.scales, seed);
     let chosen = verdict(&whole.sensor, &manifest.candidates, &left, &judging)?.chosen;
     let (made, all) = (updates(&left), updates(&own));
-    Ok(Outcome { chosen, saved: if all > 0.0 { 1.0 - made / all } else { 0.0 } })
+    Ok(RaceOutcome { chosen, saved: if all > 0.0 { 1.0 - made / all } else { 0.0 } })
 }
 
 /// Updates of runs that a choice is made from: those Online judge it.

@@ -27,10 +27,10 @@ impl Told<()> for ValidityAnswer {
         }
     }
 
-    fn tell(&self, of: &(), printer: &Printer) -> Result<(), StepError> {
+    fn tell(&self, subject: &(), printer: &Printer) -> Result<(), StepError> {
         match self {
-            Self::Judged(judged) => judged.tell(of, printer),
-            Self::Shared(shared) => shared.tell(of, printer),
+            Self::Judged(judged) => judged.tell(subject, printer),
+            Self::Shared(shared) => shared.tell(subject, printer),
         }
     }
 }
@@ -117,11 +117,12 @@ fn show(judged: &JudgedStudies, printer: &Printer) -> Result<(), StepError> {
     Ok(())
 }
 
-fn print(of: &Table, printer: &Printer) -> Result<(), StepError> {
+fn print(shown: &Table, printer: &Printer) -> Result<(), StepError> {
     printer.result("")?;
-    printer.result(&of.title)?;
-    let header: Vec<&str> = of.columns.iter().map(String::as_str).collect();
-    let rows: Vec<Vec<String>> = of.rows.iter().map(|row| row.iter().map(text).collect()).collect();
+    printer.result(&shown.title)?;
+    let header: Vec<&str> = shown.columns.iter().map(String::as_str).collect();
+    let rows: Vec<Vec<String>> =
+        shown.rows.iter().map(|row| row.iter().map(text).collect()).collect();
     printer.lines(&table(&header, &rows))
 }
 
@@ -178,7 +179,7 @@ pub(super) fn notes(judged: &JudgedStudies) -> Vec<String> {
     let validity = judged.validity();
     let mut notes: Vec<String> = Vec::new();
     if !judged.left_out.is_empty() {
-        let each = judged.left_out.iter().map(|of| format!("{}: {}", of.plant, of.reason));
+        let each = judged.left_out.iter().map(|plant| format!("{}: {}", plant.plant, plant.reason));
         let all = judged.left_out.len() + judged.plants.len();
         let each = each.collect::<Vec<_>>().join("; ");
         notes.push(format!("{} of {all} plants are left out ({each})", judged.left_out.len()));
@@ -205,8 +206,8 @@ pub(super) fn notes(judged: &JudgedStudies) -> Vec<String> {
 
 /// How many regrets count as less than they are.
 fn capped(validity: &Validity) -> Option<String> {
-    let told = |of: &calib_validity::MethodSummary| {
-        (of.capped > 0).then(|| format!("{} of {}", of.capped, of.method))
+    let told = |method: &calib_validity::MethodSummary| {
+        (method.capped > 0).then(|| format!("{} of {}", method.capped, method.method))
     };
     let each: Vec<String> = validity.methods.iter().filter_map(told).collect();
     (!each.is_empty()).then(|| {

@@ -16,22 +16,22 @@ use calib_base::{
 use calib_core::Seed;
 use calib_files::read_regular;
 use calib_model::ModelKind;
-use calib_study::{Drawn, Job, Request, Study, StudyError};
+use calib_study::{DrawnStudy, Job, Request, Study, StudyError};
 use calib_sweep::{Candidate, candidates};
 use calib_sweep_steps::{sweep, verdict::evaluate};
 
-use super::protocol::Named;
+use super::protocol::ProtocolFile;
 use crate::run_study::{self, RunUntil};
 
 /// What is judged together.
 pub(super) struct Listing {
-    pub(super) studies: Vec<Listed>,
+    pub(super) studies: Vec<ListedStudy>,
     /// The protocol that draws them, if one does.
-    pub(super) protocol: Option<Named>,
+    pub(super) protocol: Option<ProtocolFile>,
 }
 
 /// A study, which stands for a plant.
-pub(super) struct Listed {
+pub(super) struct ListedStudy {
     /// What the plant is called: the name of the file without `.toml`.
     pub(super) plant: String,
     /// The whole study, no model or deployment of it chosen.
@@ -41,21 +41,21 @@ pub(super) struct Listed {
     /// Its deployments; `None` for a study with one held-out range that has no name.
     pub(super) deployments: Vec<Option<String>>,
     /// What the file is to be, where a protocol draws it.
-    pub(super) drawn: Option<Drawn>,
+    pub(super) drawn: Option<DrawnStudy>,
 }
 
 /// The studies that `args` name; a folder stands for all `*.toml` in it, in alphabetical order, and a protocol for what it draws.
 pub(super) fn list(args: &ValidityOptions) -> Result<Listing, StepError> {
-    if let Some(protocol) = Named::find(args)? {
+    if let Some(protocol) = ProtocolFile::find(args)? {
         let drawn = protocol.draw(&args.set)?;
-        let listed = |drawn: Drawn| {
+        let listed = |drawn: DrawnStudy| {
             let job = drawn.job(&protocol.studies())?;
-            Ok(Listed::new(drawn.plant.clone(), job, Some(drawn)))
+            Ok(ListedStudy::new(drawn.plant.clone(), job, Some(drawn)))
         };
         let studies = drawn.into_iter().map(listed).collect::<Result<_, StepError>>()?;
         return Ok(Listing { studies, protocol: Some(protocol) });
     }
-    let mut studies: Vec<Listed> = Vec::new();
+    let mut studies: Vec<ListedStudy> = Vec::new();
     for path in &args.studies {
         for path in files(path)? {
             let plant = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
@@ -69,14 +69,14 @@ pub(super) fn list(args: &ValidityOptions) -> Result<Listing, StepError> {
                 );
             }
             let request = Request { set: args.set.clone(), ..Request::new(path) };
-            studies.push(Listed::new(plant, Job::resolve(request)?, None));
+            studies.push(ListedStudy::new(plant, Job::resolve(request)?, None));
         }
     }
     Ok(Listing { studies, protocol: None })
 }
 
-impl Listed {
-    fn new(plant: String, job: Job, drawn: Option<Drawn>) -> Self {
+impl ListedStudy {
+    fn new(plant: String, job: Job, drawn: Option<DrawnStudy>) -> Self {
         let models = or_the_only(job.study().compared_models());
         let deployments = or_the_only(job.study().deployment_names());
         Self { plant, job, models, deployments, drawn }
@@ -104,10 +104,9 @@ impl Listed {
     /// Each of its models in each of its deployments.
     fn parts(&self) -> impl Iterator<Item = Result<Job, StudyError>> {
         self.models.iter().flat_map(|model| {
-            let of = |deployment: &Option<String>| {
-                self.job.choose(model.as_deref(), deployment.as_deref())
-            };
-            self.deployments.iter().map(of)
+            self.deployments
+                .iter()
+                .map(|deployment| self.job.choose(model.as_deref(), deployment.as_deref()))
         })
     }
 
@@ -192,8 +191,8 @@ impl Listed {
 }
 
 /// What is known before anything is run: whether there is held-out data to judge by, and whether all sweep and score the same.
-pub(super) fn check(studies: &[Listed]) -> Result<(), StepError> {
-    let mut first: Option<(&Listed, Vec<String>)> = None;
+pub(super) fn check(studies: &[ListedStudy]) -> Result<(), StepError> {
+    let mut first: Option<(&ListedStudy, Vec<String>)> = None;
     for listed in studies {
         let (study, path, plant) = (listed.study(), listed.path(), &listed.plant);
         let data = &study.data;
@@ -249,7 +248,9 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>, StepError> {
     let mut files: Vec<PathBuf> = entries
         .flatten()
         .map(|entry| entry.path())
-        .filter(|path| path.is_file() && path.extension().is_some_and(|of| of == "toml"))
+        .filter(|path| {
+            path.is_file() && path.extension().is_some_and(|extension| extension == "toml")
+        })
         .collect();
     ensure!(!files.is_empty(), "{} has no study (*.toml)", path.display());
     files.sort();

@@ -27,16 +27,16 @@ pub(super) fn of_score(validity: &Validity) -> Vec<Table> {
 }
 
 fn methods(title: &str, methods: &[MethodSummary]) -> Table {
-    let rows = methods.iter().map(|of| {
+    let rows = methods.iter().map(|method| {
         vec![
-            Cell::Text(of.method.to_string()),
-            count(of.pairs),
-            Cell::Percent(of.mean),
-            at_most(of.upper),
-            Cell::Percent(of.typical),
-            shares(of.typical_interval),
-            Cell::Percent(of.good),
-            count(of.diverged),
+            Cell::Text(method.method.to_string()),
+            count(method.pairs),
+            Cell::Percent(method.mean),
+            at_most(method.upper),
+            Cell::Percent(method.typical),
+            shares(method.typical_interval),
+            Cell::Percent(method.good),
+            count(method.diverged),
         ]
     });
     table(
@@ -51,14 +51,17 @@ fn methods(title: &str, methods: &[MethodSummary]) -> Table {
 }
 
 fn comparisons(title: &str, comparisons: &[Comparison]) -> Table {
-    let rows = comparisons.iter().map(|of| {
+    let rows = comparisons.iter().map(|comparison| {
         vec![
-            Cell::Text(of.method.to_string()),
-            Cell::Text(of.against.to_string()),
-            Cell::Text(format!("{} / {} / {}", of.wins, of.ties, of.losses)),
-            quotient(Some(of.error_ratio)),
-            quotients(of.error_ratio_interval),
-            Cell::Text(claims::finding(of.finding).to_owned()),
+            Cell::Text(comparison.method.to_string()),
+            Cell::Text(comparison.against.to_string()),
+            Cell::Text(format!(
+                "{} / {} / {}",
+                comparison.wins, comparison.ties, comparison.losses
+            )),
+            quotient(Some(comparison.error_ratio)),
+            quotients(comparison.error_ratio_interval),
+            Cell::Text(claims::finding(comparison.finding).to_owned()),
         ]
     });
     table(
@@ -70,16 +73,16 @@ fn comparisons(title: &str, comparisons: &[Comparison]) -> Table {
 }
 
 fn groups(groups: &[GroupSummary]) -> Table {
-    let rows = groups.iter().map(|of| {
+    let rows = groups.iter().map(|group| {
         vec![
-            Cell::Text(format!("{} {}", of.feature, of.group)),
-            Cell::Text(of.method.to_string()),
-            count(of.plants),
-            count(of.pairs),
-            Cell::Percent(of.typical),
-            shares(of.interval),
-            quotient(of.against_default),
-            quotients(of.against_default_interval),
+            Cell::Text(format!("{} {}", group.feature, group.group)),
+            Cell::Text(group.method.to_string()),
+            count(group.plants),
+            count(group.pairs),
+            Cell::Percent(group.typical),
+            shares(group.interval),
+            quotient(group.against_default),
+            quotients(group.against_default_interval),
         ]
     });
     table(
@@ -93,17 +96,19 @@ fn groups(groups: &[GroupSummary]) -> Table {
 
 fn agreement(agreement: &[RankAgreement]) -> Table {
     let number = |value: f64| Cell::Text(format!("{value:.2}"));
-    let rows = agreement.iter().map(|of| {
-        let interval = of.interval.map(|of| format!("{:.2} to {:.2}", of.low, of.high));
+    let rows = agreement.iter().map(|agreement| {
+        let interval = agreement
+            .interval
+            .map(|interval| format!("{:.2} to {:.2}", interval.low, interval.high));
         vec![
-            Cell::Text(of.model.clone()),
-            count(of.pairs),
-            number(of.mean),
+            Cell::Text(agreement.model.clone()),
+            count(agreement.pairs),
+            number(agreement.mean),
             interval.map_or(Cell::Missing, Cell::Text),
-            number(of.smallest),
-            of.stability.map_or(Cell::Missing, Cell::Percent),
-            of.saved.map_or(Cell::Missing, Cell::Percent),
-            of.saved_by_halving.map_or(Cell::Missing, Cell::Percent),
+            number(agreement.smallest),
+            agreement.stability.map_or(Cell::Missing, Cell::Percent),
+            agreement.saved.map_or(Cell::Missing, Cell::Percent),
+            agreement.saved_by_halving.map_or(Cell::Missing, Cell::Percent),
         ]
     });
     table(
@@ -125,23 +130,25 @@ fn agreement(agreement: &[RankAgreement]) -> Table {
 }
 
 fn accuracy(all: &[Accuracy]) -> Table {
-    let rows = all.iter().filter_map(|of| {
-        let correlation = of.correlation?;
-        let predictor = match of.predictor {
+    let rows = all.iter().filter_map(|accuracy| {
+        let correlation = accuracy.correlation?;
+        let predictor = match accuracy.predictor {
             Predictor::OneStep => "one-step error of the sensor",
             Predictor::OneStepAll => "one-step error of all columns",
             Predictor::Dtw => "warping distance",
         };
-        let outcome = match of.outcome {
+        let outcome = match accuracy.outcome {
             Badness::Regret => "regret",
             Badness::Disagreement => "disagreement of rankings",
         };
-        let interval = of.interval.map(|of| format!("{:.2} to {:.2}", of.low, of.high));
+        let interval = accuracy
+            .interval
+            .map(|interval| format!("{:.2} to {:.2}", interval.low, interval.high));
         Some(vec![
             Cell::Text(predictor.to_owned()),
             Cell::Text(outcome.to_owned()),
-            count(of.pairs),
-            count(of.models),
+            count(accuracy.pairs),
+            count(accuracy.models),
             Cell::Text(format!("{correlation:.2}")),
             interval.map_or(Cell::Missing, Cell::Text),
         ])
@@ -177,7 +184,7 @@ pub(super) fn plants(plants: &[Judged]) -> Table {
 
 /// Regret of every method in every pair.
 pub(super) fn each(validity: &Validity) -> Table {
-    let methods: Vec<&Method> = validity.methods.iter().map(|of| &of.method).collect();
+    let methods: Vec<&Method> = validity.methods.iter().map(|summary| &summary.method).collect();
     let mut rows: Vec<Vec<Cell>> = validity
         .judged
         .iter()
@@ -189,9 +196,9 @@ pub(super) fn each(validity: &Validity) -> Table {
             names.into_iter().chain(methods.iter().map(|_| Cell::Missing)).collect()
         })
         .collect();
-    for of in &validity.each {
-        if let Some(place) = methods.iter().position(|method| **method == of.method) {
-            rows[of.pair][3 + place] = Cell::Percent(of.regret);
+    for regret in &validity.each {
+        if let Some(place) = methods.iter().position(|method| **method == regret.method) {
+            rows[regret.pair][3 + place] = Cell::Percent(regret.regret);
         }
     }
     let names = ["plant", "sensor", "best value"].map(str::to_owned).into_iter();
@@ -240,7 +247,9 @@ pub(super) fn quotient(value: Option<f64>) -> Cell {
 }
 
 pub(super) fn quotients(interval: Option<Interval>) -> Cell {
-    interval.map_or(Cell::Missing, |of| Cell::Text(format!("{:.3} to {:.3}", of.low, of.high)))
+    interval.map_or(Cell::Missing, |interval| {
+        Cell::Text(format!("{:.3} to {:.3}", interval.low, interval.high))
+    })
 }
 
 pub(super) fn count(number: usize) -> Cell {

@@ -65,9 +65,11 @@ pub(super) fn channels(count: usize) -> Vec<Channel> {
         channels.extend(pair.iter().map(direct));
     }
     channels.extend(computed);
-    let of = |nature: fn(Nature) -> bool| SIGNALS.iter().filter(move |info| nature(info.nature));
-    channels.extend(of(|nature| nature == Nature::Binary).map(limit_switch));
-    let analog: Vec<&SignalInfo> = of(|nature| matches!(nature, Nature::Analog(_))).collect();
+    let with_nature =
+        |nature: fn(Nature) -> bool| SIGNALS.iter().filter(move |info| nature(info.nature));
+    channels.extend(with_nature(|nature| nature == Nature::Binary).map(limit_switch));
+    let analog: Vec<&SignalInfo> =
+        with_nature(|nature| matches!(nature, Nature::Analog(_))).collect();
     for round in 0.. {
         if channels.len() >= count {
             break;
@@ -78,11 +80,11 @@ pub(super) fn channels(count: usize) -> Vec<Channel> {
     channels
 }
 
-fn living(name: String, unit: &str, description: String, of: Measured) -> Channel {
+fn living(name: String, unit: &str, description: String, measured: Measured) -> Channel {
     Channel {
-        instrument: Instrument::new(&name, of.nature, of.range),
+        instrument: Instrument::new(&name, measured.nature, measured.range),
         info: ChannelInfo { name, unit: unit.to_owned(), description, fate: Fate::Alive },
-        recipe: of.recipe,
+        recipe: measured.recipe,
         availability: Availability::Always,
     }
 }

@@ -40,8 +40,8 @@ mod tests {
     fn fates(count: usize) -> (usize, usize, usize) {
         let channels = channels(count);
         assert_eq!(channels.len(), count);
-        let of = |fate| channels.iter().filter(|c| c.info.fate == fate).count();
-        (of(Fate::Alive), of(Fate::Constant), of(Fate::Missing))
+        let with_fate = |fate| channels.iter().filter(|c| c.info.fate == fate).count();
+        (with_fate(Fate::Alive), with_fate(Fate::Constant), with_fate(Fate::Missing))
     }
 
     #[test]

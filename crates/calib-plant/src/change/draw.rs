@@ -31,8 +31,8 @@ impl Changes {
         }
         let rates = options.change;
         let seed = options.seed.child("change");
-        let of = Span { seed, days: options.days };
-        let pumps = of.events("pump", rates.pumps_per_year, |draw| draw.pump(strength));
+        let span = Span { seed, days: options.days };
+        let pumps = span.events("pump", rates.pumps_per_year, |draw| draw.pump(strength));
         let (permeate, feed) =
             pumps.into_iter().partition(|event| event.value.duty == PumpDuty::Permeate);
         let sensors = Span { seed: seed.child("sensor"), days: options.days };
@@ -43,13 +43,13 @@ impl Changes {
         };
         Self {
             membranes: Timeline::new(
-                of.events("membranes", rates.membranes_per_year, |draw| draw.membranes(strength)),
+                span.events("membranes", rates.membranes_per_year, |draw| draw.membranes(strength)),
             ),
             feeds: Timeline::new(
-                of.events("feed", rates.feeds_per_year, |draw| draw.feed(strength)),
+                span.events("feed", rates.feeds_per_year, |draw| draw.feed(strength)),
             ),
             settings: Timeline::new(
-                of.events("settings", rates.settings_per_year, |draw| draw.settings(strength)),
+                span.events("settings", rates.settings_per_year, |draw| draw.settings(strength)),
             ),
             permeate_pumps: Timeline::new(permeate),
             feed_pumps: Timeline::new(feed),
@@ -72,10 +72,10 @@ impl Changes {
         shown: impl Fn(Signal) -> bool,
     ) -> Vec<Change> {
         fn all<T: Copy>(
-            of: &Timeline<T>,
+            timeline: &Timeline<T>,
             kind: impl Fn(T) -> ChangeKind,
         ) -> Vec<(f64, ChangeKind)> {
-            of.events().iter().map(|event| (event.at, kind(event.value))).collect()
+            timeline.events().iter().map(|event| (event.at, kind(event.value))).collect()
         }
         let mut told = all(&self.membranes, ChangeKind::Membranes);
         told.extend(all(&self.feeds, ChangeKind::Feed));
@@ -231,8 +231,9 @@ mod tests {
 
     #[test]
     fn a_stronger_plant_has_the_same_dates_and_larger_changes() {
-        let of = |strength| changes(3650.0, ChangeOptions { strength, ..ChangeOptions::default() });
-        let (weak, strong) = (of(0.5), of(2.0));
+        let of_strength =
+            |strength| changes(3650.0, ChangeOptions { strength, ..ChangeOptions::default() });
+        let (weak, strong) = (of_strength(0.5), of_strength(2.0));
         assert!(!weak.is_empty() && dates(&weak) == dates(&strong));
         for (weak, strong) in weak.iter().zip(&strong) {
             if let (ChangeKind::Membranes(weak), ChangeKind::Membranes(strong)) =

@@ -129,17 +129,17 @@ impl Feed {
 
     /// `share` of the way to `other`, field by field.
     pub(crate) fn blended(&self, other: &Self, share: f64) -> Self {
-        let of = |field: fn(&Self) -> f64| field(self) + share * (field(other) - field(self));
+        let blend = |field: fn(&Self) -> f64| field(self) + share * (field(other) - field(self));
         Self {
             blending_days: other.blending_days,
-            temperature_offset: of(|feed| feed.temperature_offset),
-            season: of(|feed| feed.season),
-            season_delay_days: of(|feed| feed.season_delay_days),
-            turbidity: of(|feed| feed.turbidity),
-            storms: of(|feed| feed.storms),
-            conductivity_offset: of(|feed| feed.conductivity_offset),
-            acidity_offset: of(|feed| feed.acidity_offset),
-            organics: of(|feed| feed.organics),
+            temperature_offset: blend(|feed| feed.temperature_offset),
+            season: blend(|feed| feed.season),
+            season_delay_days: blend(|feed| feed.season_delay_days),
+            turbidity: blend(|feed| feed.turbidity),
+            storms: blend(|feed| feed.storms),
+            conductivity_offset: blend(|feed| feed.conductivity_offset),
+            acidity_offset: blend(|feed| feed.acidity_offset),
+            organics: blend(|feed| feed.organics),
         }
     }
 }

@@ -2,10 +2,10 @@
 
 use calib_report::{
     Agreement, Alternative, Best, Cell, Channel, ChannelStatus, ChoiceBaseline, DataProfile,
-    Environment, ErrorCurve, ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves,
-    PeriodUse, RankCurve, Reason, RecordedFigure, RecordedPeriod, Report, Reproduction,
-    RolloutFigure, RolloutGrid, RolloutRow, Samples, Score, Sensitivity, Separation, Setting,
-    Table, TopK, Trajectory, Verdict,
+    ErrorCurve, ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves,
+    LearningEnvironment, PeriodUse, RankCurve, Reason, RecordedFigure, RecordedPeriod, Report,
+    Reproduction, RolloutFigure, RolloutGrid, RolloutRow, Samples, Score, Sensitivity, Separation,
+    Setting, Table, TopK, Trajectory, Verdict,
 };
 use calib_stats::{
     Direction, Estimate, Losses, Selection, Summary, kendall_tau_b, select, spearman, summarise,
@@ -287,8 +287,8 @@ pub(crate) fn rollouts() -> Vec<RolloutFigure> {
 
 /// Learning curves of nine rates Online and in two members; the largest diverges.
 pub(crate) fn learning() -> Vec<LearningCurves> {
-    let member = |number| Environment::Member { number, model: None };
-    [Environment::Online, member(0), member(1)]
+    let member = |number| LearningEnvironment::Member { number, model: None };
+    [LearningEnvironment::Online, member(0), member(1)]
         .map(|environment| LearningCurves {
             sensor: "PIT300".to_owned(),
             field: "learning_rate".to_owned(),

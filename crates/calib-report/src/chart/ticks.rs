@@ -23,9 +23,9 @@ pub(crate) fn ticks(scale: &Scale, wanted: usize) -> Vec<Tick> {
         ScaleKind::Time => dates(scale.min, scale.max, wanted),
         ScaleKind::CutTime(stretches) => {
             let recorded: f64 = stretches.iter().map(|(first, last)| last - first).sum();
-            let of =
+            let of_stretch =
                 |&(first, last): &(f64, f64)| dates_apart(first, last, recorded / wanted as f64);
-            stretches.iter().flat_map(of).collect()
+            stretches.iter().flat_map(of_stretch).collect()
         }
         ScaleKind::Names(names) => names
             .iter()

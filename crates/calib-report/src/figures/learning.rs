@@ -3,7 +3,7 @@
 use calib_stats::Summary;
 
 use crate::chart::{Axis, Chart, Colour, Dash, ORDERED, Point, Scale, Series, Side, extent};
-use crate::{Environment, Figure, ReportError, Setting};
+use crate::{Figure, LearningEnvironment, ReportError, Setting};
 
 /// One figure of learning curves, for one sensor in one environment.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,7 +13,7 @@ pub struct LearningCurves {
     /// The swept hyperparameter, as in the study file.
     pub field: String,
     /// Where the agents learned.
-    pub environment: Environment,
+    pub environment: LearningEnvironment,
     /// Steps of a run.
     pub steps: usize,
     /// One curve a value, in the order of the grid.
@@ -132,7 +132,7 @@ mod tests {
         let curves = LearningCurves {
             sensor: "PIT300".to_owned(),
             field: "learning_rate".to_owned(),
-            environment: Environment::Member { number: 0, model: None },
+            environment: LearningEnvironment::Member { number: 0, model: None },
             steps: 10,
             curves: values.iter().map(curve).collect(),
         };

@@ -50,7 +50,9 @@ impl RecordedFigure {
     pub fn outside_training(&self) -> Option<f64> {
         let values = |used_for: PeriodUse| {
             let own = self.periods.iter().filter(move |period| period.used_for == used_for);
-            own.flat_map(|period| &period.points).map(|point| point.1).filter(|of| of.is_finite())
+            own.flat_map(|period| &period.points)
+                .map(|point| point.1)
+                .filter(|value| value.is_finite())
         };
         let (low, high) = extent(&values(PeriodUse::Learning).collect::<Vec<_>>())?;
         let held_out = values(PeriodUse::Deployment);

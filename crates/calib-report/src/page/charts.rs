@@ -76,7 +76,7 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
 /// What the captions of several figures have in common, if they are all the same, and what each then says itself.
 pub(super) fn apart(captions: &[String]) -> (&str, Vec<&str>) {
     match captions {
-        [first, others @ ..] if !others.is_empty() && others.iter().all(|of| of == first) => {
+        [first, others @ ..] if !others.is_empty() && others.iter().all(|other| other == first) => {
             (first, vec![""; captions.len()])
         }
         _ => ("", captions.iter().map(String::as_str).collect()),

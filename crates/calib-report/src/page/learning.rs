@@ -62,7 +62,7 @@ pub(super) fn curves(report: &Report) -> Result<Section, ReportError> {
 
 /// The caption that most figures have, if more than one has it: the others say what is different.
 fn usual(captions: &[String]) -> &str {
-    let times = |caption: &String| captions.iter().filter(|of| *of == caption).count();
+    let times = |caption: &String| captions.iter().filter(|other| *other == caption).count();
     // Of equals the first.
     let most = captions.iter().rev().max_by_key(|caption| times(caption));
     most.filter(|caption| times(caption) > 1).map_or("", String::as_str)

@@ -9,7 +9,7 @@ fn study(text: &str) -> Study {
 /// The keys in which a result of the default study is another one of `text`.
 fn changed(result: StepKind, text: &str) -> Vec<String> {
     let all = study(text).differences(result, &study(""));
-    all.into_iter().map(|of| of.key).collect()
+    all.into_iter().map(|difference| difference.key).collect()
 }
 
 #[test]
@@ -41,26 +41,26 @@ fn what_changes_no_byte_is_no_input() {
 
 #[test]
 fn a_result_follows_from_its_own_keys_alone() {
-    let of = |result, text| changed(result, text).join(" ");
+    let keys = |result, text| changed(result, text).join(" ");
     let gamma = "[agent]\ngamma = 0.5\n";
-    assert_eq!(of(StepKind::BuildModel, gamma), "");
-    assert_eq!(of(StepKind::Rollout, gamma), "");
-    assert_eq!(of(StepKind::Sweep, gamma), "agent.gamma");
-    assert_eq!(of(StepKind::Pretrain, gamma), "agent.gamma");
+    assert_eq!(keys(StepKind::BuildModel, gamma), "");
+    assert_eq!(keys(StepKind::Rollout, gamma), "");
+    assert_eq!(keys(StepKind::Sweep, gamma), "agent.gamma");
+    assert_eq!(keys(StepKind::Pretrain, gamma), "agent.gamma");
     let seed = "seed = 7\n";
-    assert_eq!(of(StepKind::BuildModel, seed), "");
-    assert_eq!(of(StepKind::Sweep, seed), "seed");
+    assert_eq!(keys(StepKind::BuildModel, seed), "");
+    assert_eq!(keys(StepKind::Sweep, seed), "seed");
     let rollouts = "[rollout]\nsteps = 7\nstart = \"recent\"\n";
-    assert_eq!(of(StepKind::Rollout, rollouts), "rollout.start rollout.steps");
-    assert_eq!(of(StepKind::Sweep, rollouts), "rollout.start");
-    assert_eq!(of(StepKind::Sweep, "[sweep]\nstart = \"recent\"\n"), "rollout.start");
+    assert_eq!(keys(StepKind::Rollout, rollouts), "rollout.start rollout.steps");
+    assert_eq!(keys(StepKind::Sweep, rollouts), "rollout.start");
+    assert_eq!(keys(StepKind::Sweep, "[sweep]\nstart = \"recent\"\n"), "rollout.start");
     let held_out = "[data]\ntrain = { end = 2022-01-01 }\nheld_out = { start = 2022-01-01 }\n";
     let train = "data.train.end data.train_fraction";
-    assert_eq!(of(StepKind::BuildModel, held_out), train);
-    assert_eq!(of(StepKind::Rollout, held_out), train);
-    assert_eq!(of(StepKind::Sweep, held_out), format!("data.held_out.start {train}"));
+    assert_eq!(keys(StepKind::BuildModel, held_out), train);
+    assert_eq!(keys(StepKind::Rollout, held_out), train);
+    assert_eq!(keys(StepKind::Sweep, held_out), format!("data.held_out.start {train}"));
     assert_eq!(
-        of(StepKind::Sweep, "[sweep.grid]\ngamma = [0.5, 0.6]\n"),
+        keys(StepKind::Sweep, "[sweep.grid]\ngamma = [0.5, 0.6]\n"),
         "sweep.grid.gamma sweep.grid.learning_rate"
     );
 }
@@ -69,7 +69,7 @@ fn a_result_follows_from_its_own_keys_alone() {
 fn a_network_follows_from_what_its_kind_uses() {
     let differ = |one: &str, other: &str| {
         let all = study(other).differences(StepKind::BuildModel, &study(one));
-        all.into_iter().map(|of| of.key).collect::<Vec<_>>().join(" ")
+        all.into_iter().map(|difference| difference.key).collect::<Vec<_>>().join(" ")
     };
     let nn = "[model]\nkind = \"nn\"\n";
     assert_eq!(differ(nn, &format!("{nn}neighbors = 9\n[dynamics]\nsequence_length = 9\n")), "");

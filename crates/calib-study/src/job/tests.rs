@@ -65,9 +65,9 @@ fn results_lie_where_they_are_asked_for() {
         job.layout().root().display().to_string()
     };
     assert_eq!(root(|_| ()), "folder/there");
-    assert_eq!(root(|of| of.profile = Some("tiny".to_owned())), "folder/there/tiny");
-    assert_eq!(root(|of| of.profile = Some("own".to_owned())), "folder/own");
-    assert_eq!(root(|of| of.output = Some("x".into())), "x");
+    assert_eq!(root(|request| request.profile = Some("tiny".to_owned())), "folder/there/tiny");
+    assert_eq!(root(|request| request.profile = Some("own".to_owned())), "folder/own");
+    assert_eq!(root(|request| request.output = Some("x".into())), "x");
 }
 
 #[test]
@@ -105,9 +105,9 @@ fn values_that_types_cannot_refuse_have_a_place_too() {
     let excerpt = "  |\n3 |   gamma = 2.0\n  |   ^^^^^".to_owned();
     assert_eq!(at(text, &[]), Some((3, 3, excerpt)));
     assert_eq!(at(text, &["agent.gamma=3.0"]), None, "what is wrong is not what stands there");
-    assert_eq!(at("[sweep]\nsteps = 1\n", &["seed=3"]).map(|of| of.0), Some(2));
+    assert_eq!(at("[sweep]\nsteps = 1\n", &["seed=3"]).map(|place| place.0), Some(2));
     let profile = "[agent]\ngamma = 0.5\n[profiles.p]\nagent.gama = 2.0\n";
-    assert_eq!(at(profile, &[]).map(|of| (of.0, of.1)), Some((4, 7)));
+    assert_eq!(at(profile, &[]).map(|place| (place.0, place.1)), Some((4, 7)));
     let types = at("[agent]\ngamma = \"x\"\n", &[]).expect("a place");
     assert_eq!((types.0, types.1), (2, 9));
 }

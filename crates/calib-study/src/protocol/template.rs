@@ -111,7 +111,9 @@ fn move_paths(table: &mut Table, from: &Path, to: &Path) -> Result<(), Problem> 
         Ok(Some(relative(&from.join(text), to)?.display().to_string()))
     };
     for (section, key) in PATHS {
-        let Some(value) = table.get_mut(section).and_then(|of| of.get_mut(key)) else { continue };
+        let Some(value) = table.get_mut(section).and_then(|section| section.get_mut(key)) else {
+            continue;
+        };
         let texts = match value {
             Value::Array(all) => all.iter_mut().collect(),
             one => vec![one],
@@ -154,11 +156,11 @@ mod tests {
 
     #[test]
     fn paths_are_written_from_another_folder() {
-        let of = |path: &str, folder: &str| {
+        let rebased = |path: &str, folder: &str| {
             relative(Path::new(path), Path::new(folder)).expect("paths").display().to_string()
         };
-        assert_eq!(of("a/logs", "a/results/studies"), "../../logs");
-        assert_eq!(of("a/../logs/x", "b/../c"), "../logs/x");
-        assert_eq!(of("a/b", "a"), "b");
+        assert_eq!(rebased("a/logs", "a/results/studies"), "../../logs");
+        assert_eq!(rebased("a/../logs/x", "b/../c"), "../logs/x");
+        assert_eq!(rebased("a/b", "a"), "b");
     }
 }

@@ -2,7 +2,7 @@ use std::fs;
 
 use super::*;
 
-impl Drawn {
+impl DrawnStudy {
     fn table(&self) -> Table {
         toml::from_str(&self.text).expect("TOML")
     }
@@ -44,7 +44,7 @@ fn place() -> tempfile::TempDir {
     place
 }
 
-fn drawn(place: &Path, protocol: &str, overrides: &[&str]) -> Result<Vec<Drawn>, StudyError> {
+fn drawn(place: &Path, protocol: &str, overrides: &[&str]) -> Result<Vec<DrawnStudy>, StudyError> {
     let path = place.join("protocol.toml");
     fs::write(&path, protocol).expect("writable");
     let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
@@ -52,35 +52,38 @@ fn drawn(place: &Path, protocol: &str, overrides: &[&str]) -> Result<Vec<Drawn>,
     found.draw(&path, &place.join("results/draw-7/studies"), &overrides)
 }
 
-fn named<'a>(all: &'a [Drawn], plant: &str) -> &'a Drawn {
-    all.iter().find(|of| of.plant == plant).expect("it is drawn")
+fn named<'a>(all: &'a [DrawnStudy], plant: &str) -> &'a DrawnStudy {
+    all.iter().find(|drawn| drawn.plant == plant).expect("it is drawn")
 }
 
 #[test]
 fn studies_are_drawn_whole() {
     let place = place();
     let all = drawn(place.path(), PROTOCOL, &[]).expect("valid");
-    let names: Vec<&str> = all.iter().map(|of| of.plant.as_str()).collect();
+    let names: Vec<&str> = all.iter().map(|drawn| drawn.plant.as_str()).collect();
     assert_eq!(names, ["simulated-01", "simulated-02", "simulated-03", "real"]);
-    for of in &all[..3] {
-        let job = of.job(Path::new("studies")).expect("a study");
+    for drawn in &all[..3] {
+        let job = drawn.job(Path::new("studies")).expect("a study");
         let study = job.study().clone();
-        assert_eq!(job.layout().root(), Path::new("studies").join(format!("{}-results", of.plant)));
+        assert_eq!(
+            job.layout().root(),
+            Path::new("studies").join(format!("{}-results", drawn.plant))
+        );
         let simulate = study.simulate.expect("simulated");
         assert!((0.3..=3.0).contains(&simulate.drift) && simulate.days == 2.0);
-        assert_eq!(study.data.path.0, [format!("data/{}", of.plant)]);
+        assert_eq!(study.data.path.0, [format!("data/{}", drawn.plant)]);
         assert!((4..=64).contains(&study.agent.batch_size));
         assert!((800..=4000).contains(&study.sweep.steps));
         assert_eq!(study.output, None);
     }
-    let different = |value: fn(&Drawn) -> String| {
+    let different = |value: fn(&DrawnStudy) -> String| {
         let mut values: Vec<String> = all.iter().map(value).collect();
         values.sort();
         values.dedup();
         values.len()
     };
-    assert_eq!(different(|of| of.table()["seed"].to_string()), 4);
-    assert!(different(|of| of.table()["agent"].to_string()) > 2);
+    assert_eq!(different(|drawn| drawn.table()["seed"].to_string()), 4);
+    assert!(different(|drawn| drawn.table()["agent"].to_string()) > 2);
     let real = named(&all, "real");
     assert_eq!(real.table()["sweep"]["steps"].as_integer(), Some(300), "its own draw counts");
     let real = real.table();
@@ -109,11 +112,11 @@ fn a_draw_depends_on_seed_plant_and_key_alone() {
         .replace("[validity.task.draw]", "[validity.task.draw]\n\"agent.gamma\" = [0.5, 0.6]");
     let after = drawn(place.path(), &more, &[]).expect("valid");
     assert_eq!(after.len(), 14);
-    for of in &before {
-        let mut again = named(&after, &of.plant).table().clone();
+    for drawn in &before {
+        let mut again = named(&after, &drawn.plant).table().clone();
         let agent = again["agent"].as_table_mut().expect("a section");
         assert!(agent.remove("gamma").is_some());
-        assert_eq!(again, of.table(), "{}", of.plant);
+        assert_eq!(again, drawn.table(), "{}", drawn.plant);
     }
     let other = drawn(place.path(), &PROTOCOL.replace("seed = 7", "seed = 8"), &[]).expect("valid");
     assert!(before.iter().zip(&other).all(|(a, b)| a.table()["seed"] != b.table()["seed"]));
@@ -126,11 +129,11 @@ fn sections_are_laid_before_the_keys_in_them_and_overrides_last() {
         .replace("\"agent.optimiser\"", "\"agent.hidden_units\" = [48]\n\"agent.optimiser\"")
         .replace("agent = [", "agent = [{ hidden_units = 8 }, ");
     let all = drawn(place.path(), &protocol, &["agent.optimiser=sgd", "sweep.steps=99"]);
-    for of in &all.expect("valid") {
-        let job = of.job(Path::new("")).expect("a study");
+    for drawn in &all.expect("valid") {
+        let job = drawn.job(Path::new("")).expect("a study");
         let study = job.study();
         assert_eq!((study.agent.hidden_units, study.sweep.steps), (48, 99));
-        assert_eq!(of.table()["agent"]["optimiser"].as_str(), Some("sgd"));
+        assert_eq!(drawn.table()["agent"]["optimiser"].as_str(), Some("sgd"));
     }
     // Nested sections mean the same as dotted keys.
     let nested =

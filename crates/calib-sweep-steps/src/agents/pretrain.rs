@@ -34,11 +34,11 @@ use crate::agents::{
         self, PretrainFacts, PretrainManifest, PretrainedAgent, TrainedAgent, agent_key,
         write_agent,
     },
-    shares::{self, OfShares},
+    shares::{self, AgentsOfShares},
 };
 
 /// A sensor to pre-train for, and the key of its agent.
-pub(super) struct Wanted {
+pub(super) struct AgentToTrain {
     pub(super) sensor: String,
     pub(super) column: usize,
     pub(super) key: String,
@@ -85,13 +85,14 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
     let mut done =
         if job.policy().redoes() { BTreeMap::new() } else { finished(&directory, &wanted) };
     let of_shares = if job.policy().redoes() {
-        OfShares::default()
+        AgentsOfShares::default()
     } else {
         shares::finished(&directory, &wanted, &done)
     };
-    let is_missing =
-        |wanted: &Wanted| !done.contains_key(&wanted.sensor) && !of_shares.has(&wanted.sensor);
-    let missing: Vec<&Wanted> = wanted.iter().filter(|wanted| is_missing(wanted)).collect();
+    let is_missing = |wanted: &AgentToTrain| {
+        !done.contains_key(&wanted.sensor) && !of_shares.has(&wanted.sensor)
+    };
+    let missing: Vec<&AgentToTrain> = wanted.iter().filter(|wanted| is_missing(wanted)).collect();
     announce(study, &parts, &wanted, missing.len(), context)?;
     if job.policy().is_dry() {
         context.say(&format!("dry run: nothing written to {}", directory.display()));
@@ -123,7 +124,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
     shares::take(&directory, &of_shares)?;
     let mut diverged = of_shares.diverged;
     done.extend(of_shares.agents);
-    for (Wanted { sensor, column, key }, pretrained) in missing.iter().zip(pretrained) {
+    for (AgentToTrain { sensor, column, key }, pretrained) in missing.iter().zip(pretrained) {
         let pretrained = match pretrained {
             Ok(pretrained) => pretrained,
             Err(PretrainingDiverged { epoch }) => {
@@ -191,13 +192,13 @@ fn check(study: &Study) -> Result<(), StepError> {
     Ok(())
 }
 
-fn wanted(study: &Study, parts: &Parts) -> Result<Vec<Wanted>, StepError> {
+fn wanted(study: &Study, parts: &Parts) -> Result<Vec<AgentToTrain>, StepError> {
     let Parts { dataset, pretrain, .. } = parts;
     let part = pretrain.as_ref().context("agents are pre-trained")?;
     let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?.into_iter();
     let wanted = sensors.map(|(sensor, column)| {
         let key = agent_key(study, &part.fingerprint, &sensor, column)?;
-        Ok(Wanted { sensor, column, key })
+        Ok(AgentToTrain { sensor, column, key })
     });
     wanted.collect()
 }
@@ -217,7 +218,7 @@ fn up_to_date(directory: &Path, study: &Study, parts: &Parts) -> Option<Pretrain
 }
 
 /// The wanted agents that are there already.
-fn finished(directory: &Path, wanted: &[Wanted]) -> BTreeMap<String, PretrainedAgent> {
+fn finished(directory: &Path, wanted: &[AgentToTrain]) -> BTreeMap<String, PretrainedAgent> {
     let Some(manifest) = artefact::read::<PretrainManifest>(directory) else {
         return BTreeMap::new();
     };
@@ -230,7 +231,7 @@ fn finished(directory: &Path, wanted: &[Wanted]) -> BTreeMap<String, PretrainedA
 }
 
 /// Where unfinished training is kept.
-fn state_file(directory: &Path, missing: &[&Wanted]) -> Result<StateFile, StepError> {
+fn state_file(directory: &Path, missing: &[&AgentToTrain]) -> Result<StateFile, StepError> {
     let keys: Vec<&str> = missing.iter().map(|wanted| wanted.key.as_str()).collect();
     Ok(StateFile::new(directory.join(".unfinished.safetensors"), artefact::key(&keys)?))
 }
@@ -238,7 +239,7 @@ fn state_file(directory: &Path, missing: &[&Wanted]) -> Result<StateFile, StepEr
 fn announce(
     study: &Study,
     parts: &Parts,
-    wanted: &[Wanted],
+    wanted: &[AgentToTrain],
     missing: usize,
     printer: &Printer,
 ) -> Result<(), StepError> {
@@ -287,7 +288,7 @@ fn announce(
 pub(super) fn train(
     study: &Study,
     parts: &Parts,
-    missing: &[&Wanted],
+    missing: &[&AgentToTrain],
     file: &StateFile,
     printer: &Printer,
 ) -> Result<Vec<Result<TrainedAgent, PretrainingDiverged>>, StepError> {

@@ -110,7 +110,7 @@ pub(crate) fn write_agent(
     let TrainedAgent { pretrained, baseline } = trained;
     let layer_sizes = layer_sizes(&agent, agent.seen_width(width));
     let [weights, moments] = names(sensor);
-    let of = |prefix: &str, values: Vec<f32>| -> Result<Vec<Tensor>, StepError> {
+    let tensors_of = |prefix: &str, values: Vec<f32>| -> Result<Vec<Tensor>, StepError> {
         let mut tensors =
             Mlp::from_parameters(&layer_sizes, &values)?.to_tensors(Naming::Sequential);
         for tensor in &mut tensors {
@@ -124,11 +124,11 @@ pub(crate) fn write_agent(
         ("gamma".to_owned(), agent.gamma.to_string()),
         ("key".to_owned(), key.clone()),
     ]);
-    let content = Tensors { tensors: of("", parameters)?, metadata: metadata.clone() };
+    let content = Tensors { tensors: tensors_of("", parameters)?, metadata: metadata.clone() };
     write_tensors(&directory.join(&weights), &content)?;
     let mut files = vec![weights];
     if let Some(Moments { mean, square, powers }) = left {
-        let tensors = [of("mean.", mean)?, of("square.", square)?].concat();
+        let tensors = [tensors_of("mean.", mean)?, tensors_of("square.", square)?].concat();
         let powers = ("powers".to_owned(), serde_json::to_string(&powers)?);
         let metadata = metadata.into_iter().chain([powers]).collect();
         write_tensors(&directory.join(&moments), &Tensors { tensors, metadata })?;
@@ -198,15 +198,15 @@ pub(crate) fn curves(agents: &[PretrainedAgent]) -> Table {
         .iter()
         .flat_map(|agent| agent.curve.iter().map(|&epoch| (agent.sensor.as_str(), epoch)))
         .collect();
-    let of = |value: fn(&Epoch) -> f64| rows.iter().map(|(_, epoch)| value(epoch)).collect();
+    let column = |value: fn(&Epoch) -> f64| rows.iter().map(|(_, epoch)| value(epoch)).collect();
     let known = |value: fn(&Epoch) -> Option<f64>| {
         rows.iter().map(|(_, epoch)| value(epoch)).collect::<Vec<_>>()
     };
     Table::new()
         .with("sensor", rows.iter().map(|(sensor, _)| (*sensor).to_owned()).collect())
         .with("epoch", rows.iter().map(|(_, epoch)| epoch.epoch as u32).collect())
-        .with("training_loss", of(|epoch| epoch.training_loss))
-        .with("validation_loss", of(|epoch| epoch.validation_loss))
+        .with("training_loss", column(|epoch| epoch.training_loss))
+        .with("validation_loss", column(|epoch| epoch.validation_loss))
         .with_optional("validation_rmse", known(|epoch| epoch.validation_rmse))
         .with_optional("validation_nrmse", known(|epoch| epoch.validation_nrmse))
 }

@@ -21,7 +21,7 @@ use calib_study::{Job, Share, StepKind};
 use serde::{Deserialize, Serialize};
 
 use crate::agents::{
-    pretrain::{Wanted, train},
+    pretrain::{AgentToTrain, train},
     pretrain_files::{self, PretrainedAgent, write_agent},
 };
 
@@ -35,20 +35,20 @@ const KEY_DIGITS: usize = 16;
 /// What became of a sensor.
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum Ended {
+enum TrainingEnd {
     Trained(Box<PretrainedAgent>),
     Diverged { key: String, epoch: usize },
 }
 
 /// What shares have made.
 #[derive(Default)]
-pub(super) struct OfShares {
+pub(super) struct AgentsOfShares {
     pub(super) agents: BTreeMap<String, PretrainedAgent>,
     /// The epoch in which the agent of a sensor diverged.
     pub(super) diverged: BTreeMap<String, usize>,
 }
 
-impl OfShares {
+impl AgentsOfShares {
     pub(super) fn has(&self, sensor: &str) -> bool {
         self.agents.contains_key(sensor) || self.diverged.contains_key(sensor)
     }
@@ -65,19 +65,21 @@ impl OfShares {
 /// What shares have made of what is `wanted` and not `done`. What is damaged or of other training is nothing.
 pub(super) fn finished(
     directory: &Path,
-    wanted: &[Wanted],
+    wanted: &[AgentToTrain],
     done: &BTreeMap<String, PretrainedAgent>,
-) -> OfShares {
-    let mut found = OfShares::default();
-    for Wanted { sensor, key, .. } in wanted.iter().filter(|of| !done.contains_key(&of.sensor)) {
+) -> AgentsOfShares {
+    let mut found = AgentsOfShares::default();
+    for AgentToTrain { sensor, key, .. } in
+        wanted.iter().filter(|agent| !done.contains_key(&agent.sensor))
+    {
         match read_sealed_json(&record(directory, sensor)) {
-            Ok(Ended::Trained(agent))
+            Ok(TrainingEnd::Trained(agent))
                 if agent.key == *key
                     && artefact::are_whole(&directory.join(SHARES), &agent.files) =>
             {
                 found.agents.insert(sensor.clone(), *agent);
             }
-            Ok(Ended::Diverged { key: own, epoch }) if own == *key => {
+            Ok(TrainingEnd::Diverged { key: own, epoch }) if own == *key => {
                 found.diverged.insert(sensor.clone(), epoch);
             }
             _ => {}
@@ -92,7 +94,7 @@ pub(super) fn run(
     share: Share,
     job: &Job,
     parts: &Parts,
-    (wanted, missing): (&[Wanted], &[&Wanted]),
+    (wanted, missing): (&[AgentToTrain], &[&AgentToTrain]),
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
     let (study, directory) = (job.study(), job.layout().pretrain());
@@ -103,29 +105,29 @@ pub(super) fn run(
         .filter(|(place, _)| share.has(*place))
         .map(|(_, wanted)| wanted.sensor.as_str())
         .collect();
-    let left: Vec<&Wanted> =
-        missing.iter().filter(|of| own.contains(&of.sensor.as_str())).copied().collect();
+    let left: Vec<&AgentToTrain> =
+        missing.iter().filter(|agent| own.contains(&agent.sensor.as_str())).copied().collect();
     let keys: Vec<&str> = left.iter().map(|wanted| wanted.key.as_str()).collect();
     // Called by what it follows from: other shares keep theirs beside it.
     let key = artefact::key(&keys)?;
     let name = format!("{}{UNFINISHED}", &key[..KEY_DIGITS]);
     let file = StateFile::new(directory.join(SHARES).join(name), key);
     let width = parts.dataset.train.states().columns();
-    for (Wanted { sensor, column, key }, ended) in
+    for (AgentToTrain { sensor, column, key }, ended) in
         left.iter().zip(train(study, parts, &left, &file, printer)?)
     {
         let ended = match ended {
             Ok(pretrained) => {
                 let config = study.pretrain.agent(&study.agent);
-                let of = (sensor.as_str(), *column);
+                let state = (sensor.as_str(), *column);
                 // Beside the agents that the manifest tells of, until all are there.
                 let place = directory.join(SHARES);
-                let agent = write_agent(&place, of, key.clone(), config, width, pretrained)?;
-                Ended::Trained(Box::new(agent))
+                let agent = write_agent(&place, state, key.clone(), config, width, pretrained)?;
+                TrainingEnd::Trained(Box::new(agent))
             }
             Err(PretrainingDiverged { epoch }) => {
                 printer.warn(&format!("pre-training for {sensor} diverged in epoch {epoch}"));
-                Ended::Diverged { key: key.clone(), epoch }
+                TrainingEnd::Diverged { key: key.clone(), epoch }
             }
         };
         write_sealed_json(&record(&directory, sensor), &ended)?;
@@ -148,7 +150,7 @@ pub(super) fn run(
 }
 
 /// Put what shares have made where the manifest will look for it.
-pub(super) fn take(directory: &Path, found: &OfShares) -> Result<(), StepError> {
+pub(super) fn take(directory: &Path, found: &AgentsOfShares) -> Result<(), StepError> {
     for name in found.agents.values().flat_map(|agent| agent.files.keys()) {
         link_or_copy(&directory.join(SHARES).join(name), &directory.join(name))?;
     }
@@ -156,10 +158,10 @@ pub(super) fn take(directory: &Path, found: &OfShares) -> Result<(), StepError> 
 }
 
 /// All of it is in the manifest; what else lies beside it stays.
-pub(super) fn remove(directory: &Path, wanted: &[Wanted]) -> Result<(), FileError> {
+pub(super) fn remove(directory: &Path, wanted: &[AgentToTrain]) -> Result<(), FileError> {
     let shares = directory.join(SHARES);
     let mut own: BTreeSet<String> = BTreeSet::new();
-    for Wanted { sensor, .. } in wanted {
+    for AgentToTrain { sensor, .. } in wanted {
         own.extend(pretrain_files::names(sensor));
         own.insert(record_name(sensor));
     }
@@ -178,9 +180,9 @@ pub(super) fn remove(directory: &Path, wanted: &[Wanted]) -> Result<(), FileErro
 fn of_others(shares: &Path) -> Vec<String> {
     let mut found = Vec::new();
     for entry in fs::read_dir(shares).into_iter().flatten().flatten() {
-        let Ok(ended) = read_sealed_json::<Ended>(&entry.path()) else { continue };
+        let Ok(ended) = read_sealed_json::<TrainingEnd>(&entry.path()) else { continue };
         found.push(entry.file_name().to_string_lossy().into_owned());
-        if let Ended::Trained(agent) = ended {
+        if let TrainingEnd::Trained(agent) = ended {
             found.extend(agent.files.into_keys());
         }
     }

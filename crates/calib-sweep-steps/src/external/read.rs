@@ -249,7 +249,9 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
         let values = match labels {
             Some(labels) => labelled(&labels[row]),
             None if fields.is_empty() => vec![("candidate".to_owned(), index.into())],
-            None => fields.iter().map(|(name, of)| (name.clone(), of[index].clone())).collect(),
+            None => {
+                fields.iter().map(|(name, values)| (name.clone(), values[index].clone())).collect()
+            }
         };
         let mut agent = AgentConfig::default();
         if (0.0..1.0).contains(&gamma[row]) {
@@ -268,7 +270,11 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
             );
         }
     }
-    let defaults: Vec<usize> = all.iter().filter(|of| of.is_default).map(|of| of.index).collect();
+    let defaults: Vec<usize> = all
+        .iter()
+        .filter(|candidate| candidate.is_default)
+        .map(|candidate| candidate.index)
+        .collect();
     ensure!(
         defaults.len() <= 1,
         "candidates {} and {} are both the default (is_default); one can be",
@@ -327,7 +333,7 @@ mod tests {
             .with("run", vec![0_u32; 4])
             .with("candidate", candidates.to_vec())
             .with("rmse", rmse.to_vec())
-            .with("step_size", candidates.map(|of| f64::from(of) / 4.0).to_vec())
+            .with("step_size", candidates.map(|number| f64::from(number) / 4.0).to_vec())
     }
 
     fn refused(table: &Table) -> String {
@@ -348,8 +354,8 @@ mod tests {
         let labels: Vec<String> = runs.candidates.iter().map(Candidate::label).collect();
         assert_eq!(labels, ["step_size = 0", "step_size = 0.25"]);
         assert_eq!(runs.results.len(), 2);
-        let errors = |of: usize| -> Vec<Option<f64>> {
-            runs.results[of].rows.iter().map(|row| row.rmse(Part::FinalQuarter)).collect()
+        let errors = |candidate: usize| -> Vec<Option<f64>> {
+            runs.results[candidate].rows.iter().map(|row| row.rmse(Part::FinalQuarter)).collect()
         };
         assert_eq!(errors(0), [Some(1.0), Some(2.0)]);
         assert_eq!(errors(1), [Some(0.5), Some(f64::INFINITY)]);
@@ -381,17 +387,17 @@ mod tests {
 
     #[test]
     fn labels_tell_values() {
-        let of = |label: &str| Candidate {
+        let candidate_of = |label: &str| Candidate {
             index: 0,
             is_default: false,
             values: labelled(label),
             agent: AgentConfig::default(),
         };
         for label in ["learning_rate = 0.1, optimiser = adam", "value = forest", "a = 1e-3"] {
-            assert_eq!(of(label).label(), label);
+            assert_eq!(candidate_of(label).label(), label);
         }
-        assert_eq!(of("forest, deep").label(), "value = forest, deep");
-        assert_eq!(of("a = 0.001").values[0].1.as_f64(), Some(0.001));
+        assert_eq!(candidate_of("forest, deep").label(), "value = forest, deep");
+        assert_eq!(candidate_of("a = 0.001").values[0].1.as_f64(), Some(0.001));
     }
 
     #[test]

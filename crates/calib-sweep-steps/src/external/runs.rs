@@ -58,7 +58,8 @@ pub fn run(path: &Path, study: &Study, output: Option<&Path>) -> Result<Judgemen
         .map(|verdict| verdict_row(verdict, None, &sweep, study, study.model_name()))
         .collect();
     let title = study.evaluate.title.clone();
-    let stem = || path.file_stem().map_or_else(String::new, |of| of.to_string_lossy().into_owned());
+    let stem =
+        || path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     let summary = Summary {
         format: 2,
         tool: TOOL,
@@ -81,9 +82,10 @@ pub fn run(path: &Path, study: &Study, output: Option<&Path>) -> Result<Judgemen
 
 /// Whether the runs of a sensor are such as the rule looks at.
 fn check_evidence(sensor: &str, results: &[UnitResult], rule: Rule) -> Result<(), StepError> {
-    let own = results.iter().filter(|of| of.unit.sensor == *sensor);
-    let environments: BTreeSet<EnvironmentId> = own.map(|of| of.unit.environment).collect();
-    let has_members = environments.iter().any(|of| matches!(of, EnvironmentId::Member(_)));
+    let own = results.iter().filter(|result| result.unit.sensor == *sensor);
+    let environments: BTreeSet<EnvironmentId> = own.map(|result| result.unit.environment).collect();
+    let has_members =
+        environments.iter().any(|environment| matches!(environment, EnvironmentId::Member(_)));
     let has_log = environments.contains(&EnvironmentId::LogReplay);
     ensure!(
         has_members || has_log || !rule.works_without_model(),
@@ -119,7 +121,7 @@ fn report(
     study: &Study,
     path: &Path,
 ) -> Result<Report, StepError> {
-    let of = |verdict| sensitivity(verdict, sweep, study.model_name());
+    let verdicts_of_sensors = summary.verdicts.iter();
     Ok(Report {
         title: summary.title.clone(),
         subtitle: Some(format!("Runs of {}, which calib did not make.", path.display())),
@@ -128,7 +130,9 @@ fn report(
         decision: None,
         verdicts,
         warnings: Vec::new(),
-        sensitivities: summary.verdicts.iter().map(of).collect(),
+        sensitivities: verdicts_of_sensors
+            .map(|verdict| sensitivity(verdict, sweep, study.model_name()))
+            .collect(),
         learning: Vec::new(),
         recorded: Vec::new(),
         rollouts: Vec::new(),
@@ -155,9 +159,9 @@ fn reproduction(path: &Path, study: &Study) -> Result<Reproduction, StepError> {
 }
 
 fn write(directory: &Path, summary: &Summary, report: &Report) -> Result<(), StepError> {
-    let sensors = report.sensitivities.iter().map(|of| of.sensor.as_str());
+    let sensors = report.sensitivities.iter().map(|figure| figure.sensor.as_str());
     let named: Vec<String> =
-        figures::placed(sensors).into_iter().map(|of| format!("sensitivity-{of}")).collect();
+        figures::placed(sensors).into_iter().map(|name| format!("sensitivity-{name}")).collect();
     let drawn = named.iter().flat_map(|name| figures::names(name));
     let drawn = drawn.map(|name| format!("{FIGURES}/{name}"));
     // The folder may be the user's.

@@ -170,7 +170,7 @@ impl SweepStreams {
 
     /// What errors of a sensor are divided by, in normalised units.
     pub fn scale(&self, sensor: &str) -> f64 {
-        self.scales.iter().find(|of| of.sensor == sensor).map_or(1.0, ErrorScale::unit)
+        self.scales.iter().find(|scale| scale.sensor == sensor).map_or(1.0, ErrorScale::unit)
     }
 
     /// The part of a run whose error counts.
@@ -228,10 +228,10 @@ impl SweepStreams {
         candidates: &[ExternalCandidate],
         results: &[ExternalResult],
     ) -> Result<(), StepError> {
-        let candidates = candidates.iter().enumerate().map(|(index, of)| Candidate {
+        let candidates = candidates.iter().enumerate().map(|(index, candidate)| Candidate {
             index,
-            is_default: of.is_default,
-            values: of.values.clone(),
+            is_default: candidate.is_default,
+            values: candidate.values.clone(),
             agent: self.manifest.study.agent.clone(),
         });
         let sweep = SweepFacts {
@@ -239,7 +239,7 @@ impl SweepStreams {
             scales: self.scales.clone(),
             ..self.manifest.clone()
         };
-        let units: Vec<UnitResult> = results.iter().map(|of| self.unit(of)).collect();
+        let units: Vec<UnitResult> = results.iter().map(|result| self.unit(result)).collect();
         let table = external_runs(&sweep, self.part, &units)?;
         let curves = curves_table(&sweep.candidates, &units);
         // The folder is the user's.

@@ -1,6 +1,6 @@
 use std::{io, path::PathBuf};
 
-use calib_sweep::Stopped;
+use calib_sweep::ProgramStopped;
 
 /// Why a program gave no predictions.
 #[derive(Debug, thiserror::Error)]
@@ -55,12 +55,12 @@ fn at_last(text: &str) -> String {
         "" => String::new(),
         text => {
             let lines: Vec<&str> =
-                text.lines().map(str::trim).filter(|of| !of.is_empty()).collect();
+                text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
             format!("; at last it said: {}", lines.join(" | "))
         }
     }
 }
 
-pub(super) fn failed(error: ProgramError) -> Stopped {
-    Stopped::Failed(Box::new(error))
+pub(super) fn failed(error: ProgramError) -> ProgramStopped {
+    ProgramStopped::Failed(Box::new(error))
 }

@@ -19,7 +19,7 @@ use calib_base::{Context as _, StepError};
 use calib_core::Monitor;
 use calib_files::{Fingerprint, Fingerprinter, fingerprint_file};
 use calib_study::Job;
-use calib_sweep::{Predicted, Program, Stopped, Wanted};
+use calib_sweep::{PredictionRequest, Program, ProgramPredictions, ProgramStopped};
 
 use error::{ProgramError, failed};
 use message::{Begin, Predictions, Ready, begin, states};
@@ -63,10 +63,10 @@ impl ExternalAgents {
     fn predicted(
         &self,
         process: &mut Process<'_>,
-        wanted: &Wanted<'_>,
+        wanted: &PredictionRequest<'_>,
         agent: &AgentConfig,
         monitor: &dyn Monitor,
-    ) -> Result<Predicted, Stopped> {
+    ) -> Result<ProgramPredictions, ProgramStopped> {
         let told = Begin {
             sensor: wanted.sensor,
             column: wanted.column,
@@ -76,9 +76,9 @@ impl ExternalAgents {
             steps: wanted.steps,
             parameters: &agent.parameters,
         };
-        let what = Asked::Begin(&agent.parameters);
+        let what = LastRequest::Begin(&agent.parameters);
         process.ask::<Ready>(begin(&told), &what, monitor)?;
-        let mut predicted = Predicted { values: vec![0.0; wanted.steps], updates: 0 };
+        let mut predicted = ProgramPredictions { values: vec![0.0; wanted.steps], updates: 0 };
         for piece in wanted.stream.pieces() {
             if piece.start >= wanted.steps {
                 break;
@@ -87,7 +87,7 @@ impl ExternalAgents {
             let piece = piece.start..piece.end.min(wanted.steps + 1);
             for first in piece.clone().step_by(self.states_per_message) {
                 let part = first..piece.end.min(first + self.states_per_message);
-                let what = Asked::States(part.clone());
+                let what = LastRequest::States(part.clone());
                 let message = states(wanted.stream, &part, &piece);
                 let answer: Predictions = process.ask(message, &what, monitor)?;
                 predicted.updates = answer.updates;
@@ -126,9 +126,9 @@ impl Program for ExternalAgents {
 
     fn predictions(
         &self,
-        wanted: &Wanted<'_>,
+        wanted: &PredictionRequest<'_>,
         monitor: &dyn Monitor,
-    ) -> Result<Vec<Predicted>, Stopped> {
+    ) -> Result<Vec<ProgramPredictions>, ProgramStopped> {
         let mut process = Process::start(self).map_err(failed)?;
         let agents = wanted.agents.iter();
         let all = agents
@@ -143,12 +143,12 @@ impl Program for ExternalAgents {
 }
 
 /// What the program was asked for last.
-enum Asked<'a> {
+enum LastRequest<'a> {
     Begin(&'a std::collections::BTreeMap<String, serde_json::Value>),
     States(Range<usize>),
 }
 
-impl fmt::Display for Asked<'_> {
+impl fmt::Display for LastRequest<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Begin(parameters) => {

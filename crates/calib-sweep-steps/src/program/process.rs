@@ -12,12 +12,12 @@ use std::{
 };
 
 use calib_core::Monitor;
-use calib_sweep::Stopped;
+use calib_sweep::ProgramStopped;
 
 #[cfg(target_os = "linux")]
 use super::guard;
 use super::{
-    Asked, ExternalAgents,
+    ExternalAgents, LastRequest,
     error::{ProgramError, failed},
     is_path,
     message::{Answer, Failure},
@@ -84,9 +84,9 @@ impl<'p> Process<'p> {
     pub(super) fn ask<A: Answer>(
         &mut self,
         message: Vec<u8>,
-        asked: &Asked<'_>,
+        asked: &LastRequest<'_>,
         monitor: &dyn Monitor,
-    ) -> Result<A, Stopped> {
+    ) -> Result<A, ProgramStopped> {
         // Where nobody reads any more, nobody answers either.
         let _ = self.messages.as_ref().map(|messages| messages.send(message));
         let look = LOOK.min(self.program.timeout);
@@ -95,7 +95,7 @@ impl<'p> Process<'p> {
             match self.lines.recv_timeout(look) {
                 Ok(line) => return self.answer(&line, asked).map_err(failed),
                 Err(ended) => {
-                    monitor.check().map_err(Stopped::Cancelled)?;
+                    monitor.check().map_err(ProgramStopped::Cancelled)?;
                     match ended {
                         RecvTimeoutError::Disconnected => return Err(failed(self.ended(asked))),
                         RecvTimeoutError::Timeout => waited += look,
@@ -110,7 +110,7 @@ impl<'p> Process<'p> {
         }
     }
 
-    fn answer<A: Answer>(&self, line: &[u8], asked: &Asked<'_>) -> Result<A, ProgramError> {
+    fn answer<A: Answer>(&self, line: &[u8], asked: &LastRequest<'_>) -> Result<A, ProgramError> {
         match serde_json::from_slice::<A>(line) {
             Ok(answer) if answer.is_valid() => return Ok(answer),
             _ => {}
@@ -142,7 +142,7 @@ impl<'p> Process<'p> {
     }
 
     /// Why it is that no line comes any more.
-    fn ended(&mut self, asked: &Asked<'_>) -> ProgramError {
+    fn ended(&mut self, asked: &LastRequest<'_>) -> ProgramError {
         let how = self.status().map_or_else(|| "has closed its standard output".to_owned(), how);
         let (command, asked) = (self.program.shown(), asked.to_string());
         ProgramError::Ended { command, how, asked, said: self.said_at_last() }

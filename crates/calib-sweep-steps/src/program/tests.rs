@@ -28,12 +28,12 @@ fn program(script: &str, timeout: f64) -> ExternalAgents {
     }
 }
 
-fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<Predicted>, String> {
+fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<ProgramPredictions>, String> {
     let values = (0..12_u8).map(f32::from).collect();
     let states = States::new(values, 12, 1).expect("valid");
     let stream = RowStream::replay(states, &Segments::from_lengths([7, 5]).expect("valid"));
     let agent = AgentConfig::default();
-    let wanted = Wanted {
+    let wanted = PredictionRequest {
         sensor: "A",
         column: 0,
         agents: vec![&agent; agents],
@@ -42,8 +42,8 @@ fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<Predicted>, Stri
         steps: 9,
     };
     program.predictions(&wanted, &Silent).map_err(|stopped| match stopped {
-        Stopped::Cancelled(_) => "interrupted".to_owned(),
-        Stopped::Failed(error) => {
+        ProgramStopped::Cancelled(_) => "interrupted".to_owned(),
+        ProgramStopped::Failed(error) => {
             let source = error.source().map_or_else(String::new, |source| format!(": {source}"));
             format!("{error}{source}")
         }
@@ -56,8 +56,8 @@ fn predictions_come_piece_by_piece() {
     let expected = [1., 2., 3., 4., 1., 2., 0., 1., 2.];
     let got = asked(&program(COUNTING, 20.0), 2).expect("answers");
     assert_eq!(got.len(), 2);
-    for of in got {
-        assert_eq!(of, Predicted { values: expected.to_vec(), updates: 3 });
+    for predicted in got {
+        assert_eq!(predicted, ProgramPredictions { values: expected.to_vec(), updates: 3 });
     }
 }
 
@@ -109,7 +109,7 @@ fn living(word: &str) -> usize {
     let all = std::fs::read_dir("/proc").expect("there").flatten();
     let own = |entry: std::fs::DirEntry| {
         let line = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
-        line.split(|byte| *byte == 0).any(|of| of == word.as_bytes())
+        line.split(|byte| *byte == 0).any(|argument| argument == word.as_bytes())
     };
     all.map(own).filter(|found| *found).count()
 }
@@ -152,13 +152,13 @@ fn a_program_that_is_not_there_is_told() {
 fn the_content_of_files_is_known() {
     let folder = tempfile::tempdir().expect("a folder");
     let command = ["python3", "agent.py", "--fast"].map(str::to_owned);
-    let of = || fingerprint(&command, folder.path()).expect("readable");
-    let absent = of();
+    let fingerprinted = || fingerprint(&command, folder.path()).expect("readable");
+    let absent = fingerprinted();
     std::fs::write(folder.path().join("agent.py"), "1").expect("written");
-    let first = of();
+    let first = fingerprinted();
     std::fs::write(folder.path().join("agent.py"), "2").expect("written");
-    assert!(absent != first && first != of());
-    let before = of();
+    assert!(absent != first && first != fingerprinted());
+    let before = fingerprinted();
     std::fs::write(folder.path().join("python3"), "no path").expect("written");
-    assert_eq!(of(), before, "a name is looked up elsewhere");
+    assert_eq!(fingerprinted(), before, "a name is looked up elsewhere");
 }

@@ -19,7 +19,7 @@ use crate::sweep::setting::{SweepContext, agent_seed};
 
 /// What a pass trains.
 #[derive(Clone, Copy)]
-pub(crate) struct Trained<'a> {
+pub(crate) struct TrainedInPass<'a> {
     pub(crate) study: &'a Study,
     pub(crate) candidates: &'a [Candidate],
     /// Name and column of each.
@@ -30,7 +30,7 @@ pub(crate) struct Trained<'a> {
     pub(crate) steps: usize,
 }
 
-impl<'a> Trained<'a> {
+impl<'a> TrainedInPass<'a> {
     /// What the passes of a sweep train.
     pub(crate) fn of(study: &'a Study, setting: &'a SweepContext) -> Self {
         let SweepContext { candidates, sensors, starts, streams, .. } = setting;
@@ -75,14 +75,14 @@ pub struct MeasuredPasses {
 impl MeasuredPasses {
     /// The seconds of so much work, where nothing more is to be measured.
     fn known(&self, work: f64) -> Option<f64> {
-        let (secs, of) = self.passes.get();
-        (self.spent.get() >= ALL && of > 0.0).then(|| secs * work / of)
+        let (secs, measured_work) = self.passes.get();
+        (self.spent.get() >= ALL && measured_work > 0.0).then(|| secs * work / measured_work)
     }
 
     fn add(&self, clock: &Stopwatch, secs: f64, work: f64) {
         self.spent.set(self.spent.get() + clock.elapsed());
-        let (all, of) = self.passes.get();
-        self.passes.set((all + secs, of + work));
+        let (all, measured_work) = self.passes.get();
+        self.passes.set((all + secs, measured_work + work));
     }
 }
 
@@ -92,7 +92,7 @@ impl Cost {
     /// # Errors
     /// If the sweep has no environments, agents cannot be trained, or the monitor interrupts.
     pub(crate) fn measure(
-        trained: Trained<'_>,
+        trained: TrainedInPass<'_>,
         environments: &[Box<dyn Environment + '_>],
         measured: &MeasuredPasses,
         monitor: &dyn Monitor,
@@ -111,7 +111,7 @@ impl Cost {
     /// # Errors
     /// If agents cannot be trained, or the monitor interrupts.
     pub(crate) fn over(
-        trained: Trained<'_>,
+        trained: TrainedInPass<'_>,
         streamed: &RunStream,
         making: f64,
         measured: &MeasuredPasses,
@@ -159,7 +159,7 @@ impl Agent<'_> {
 }
 
 /// The agents of the first `sensors` sensors, one for each value.
-fn agents(trained: Trained<'_>, sensors: usize) -> Vec<Agent<'_>> {
+fn agents(trained: TrainedInPass<'_>, sensors: usize) -> Vec<Agent<'_>> {
     let of_sensor = |(sensor, column): &(String, usize)| {
         let start = trained.starts.get(sensor).map(|start| &start.checkpoint);
         let configs = trained.candidates.iter().map(|candidate| candidate.agent.clone());
@@ -169,7 +169,7 @@ fn agents(trained: Trained<'_>, sensors: usize) -> Vec<Agent<'_>> {
 }
 
 /// What a pass of these agents costs, in multiplications.
-fn work(trained: Trained<'_>, agents: &[Agent<'_>], width: usize) -> f64 {
+fn work(trained: TrainedInPass<'_>, agents: &[Agent<'_>], width: usize) -> f64 {
     let each = agents.iter().map(|agent| agent.learner().work_per_step(width) as f64);
     each.sum::<f64>() * trained.steps as f64
 }
@@ -193,7 +193,7 @@ fn timeable(all: Vec<Agent<'_>>, width: usize) -> Vec<Agent<'_>> {
 
 /// Of a pass of the first `sensors` sensors over a whole stream.
 fn seconds(
-    trained: Trained<'_>,
+    trained: TrainedInPass<'_>,
     streamed: &RunStream,
     sensors: usize,
     monitor: &dyn Monitor,
@@ -208,7 +208,7 @@ fn seconds(
 
 /// Of a pass of these agents over a whole stream.
 fn seconds_of(
-    trained: Trained<'_>,
+    trained: TrainedInPass<'_>,
     streamed: &RunStream,
     agents: &[Agent<'_>],
     monitor: &dyn Monitor,
@@ -218,17 +218,17 @@ fn seconds_of(
     let learners: Vec<Learner<'_>> = agents.iter().map(Agent::learner).collect();
     let curve = CurveRule { windows: trained.study.sweep.curve_points };
     let seed = agent_seed(trained.study);
-    let timed = |steps: usize| -> Result<Timed, StepError> {
+    let timed = |steps: usize| -> Result<TimingResult, StepError> {
         let run = Run { stream, steps, curve, seed };
         let watch = Deadline { monitor, clock: Stopwatch::start(), done: AtomicU64::new(0) };
         match train_learners(run, &learners, &NoKeeper, &watch) {
             Err(AgentError::Cancelled(_)) if !monitor.interrupted() => {
                 let done = watch.done.into_inner().max(1) as f64;
-                Ok(Timed::Late(watch.clock.elapsed().as_secs_f64() / done * whole as f64))
+                Ok(TimingResult::Late(watch.clock.elapsed().as_secs_f64() / done * whole as f64))
             }
             trained => {
                 trained?;
-                Ok(Timed::Secs(watch.clock.elapsed().as_secs_f64()))
+                Ok(TimingResult::Secs(watch.clock.elapsed().as_secs_f64()))
             }
         }
     };
@@ -236,15 +236,15 @@ fn seconds_of(
     let batches = agents.iter().map(|agent| agent.config.batch_size);
     let first = most.min(WARMING.max(batches.max().unwrap_or(0)));
     let before = match timed(first)? {
-        Timed::Secs(secs) => secs,
-        Timed::Late(secs) => return Ok(secs),
+        TimingResult::Secs(secs) => secs,
+        TimingResult::Late(secs) => return Ok(secs),
     };
     let mut steps = 16;
     loop {
         let last = most.min(first + steps);
         let after = match timed(last)? {
-            Timed::Secs(secs) => secs,
-            Timed::Late(secs) => return Ok(secs),
+            TimingResult::Secs(secs) => secs,
+            TimingResult::Late(secs) => return Ok(secs),
         };
         let took = (after - before).max(0.0);
         if last == whole {
@@ -259,7 +259,7 @@ fn seconds_of(
 }
 
 /// What became of a timing.
-enum Timed {
+enum TimingResult {
     /// What the steps took, in seconds.
     Secs(f64),
     /// They took too long; what all steps take, by those that were made.

@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::sweep::{
-    cost::{Cost, MEASURED_STEPS, Trained},
+    cost::{Cost, MEASURED_STEPS, TrainedInPass},
     plan::{DryRunTally, Memory, Sizes, SweepPlan, agents_of},
     setting::{candidates_of, scorable},
 };
@@ -94,7 +94,7 @@ pub fn before_model(
     let starts = BTreeMap::new();
     let steps = streams.demand.span.steps;
     let trained =
-        Trained { study, candidates: &candidates, sensors: &sensors, starts: &starts, steps };
+        TrainedInPass { study, candidates: &candidates, sensors: &sensors, starts: &starts, steps };
     let online = if dataset.held_out.is_some() { study.sweep.online_runs } else { 0 };
     let passes = study.members() * study.member_runs() + online + study.sweep.log_replay_runs;
     let units = passes * sensors.len();

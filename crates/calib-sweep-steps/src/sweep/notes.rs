@@ -8,7 +8,7 @@ use calib_data::Dataset;
 use calib_sweep::{EnvironmentId, NotFinite, UnitResult};
 
 use crate::sweep::{
-    standing_still::{self, Still},
+    standing_still::{self, ConstantSensor},
     streams::Streams,
 };
 
@@ -18,13 +18,13 @@ pub(crate) fn standing_still(
     streams: &Streams,
     sensors: &[(String, usize)],
     printer: &Printer,
-) -> Vec<Still> {
+) -> Vec<ConstantSensor> {
     let still = match (&streams.online, &dataset.held_out) {
         (Some(windows), Some(held_out)) => standing_still::all(held_out.states(), windows, sensors),
         _ => Vec::new(),
     };
-    for of in &still {
-        printer.warn(&of.note());
+    for sensor in &still {
+        printer.warn(&sensor.note());
     }
     still
 }

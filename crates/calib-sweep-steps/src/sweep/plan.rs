@@ -20,13 +20,13 @@ use crate::sweep::{cost::MeasuredPasses, expected::Expected};
 #[derive(Debug, Default)]
 pub struct DryRunTally {
     units: RefCell<BTreeSet<String>>,
-    expected: RefCell<Vec<OfPart>>,
+    expected: RefCell<Vec<PartPlan>>,
     measured: MeasuredPasses,
 }
 
 /// What the sweep of one model in one deployment will take.
 #[derive(Clone, Debug)]
-pub struct OfPart {
+pub struct PartPlan {
     /// The model, of several.
     pub model: Option<String>,
     /// The deployment, of several.
@@ -46,7 +46,7 @@ impl DryRunTally {
     pub(crate) fn expect(&self, job: &Job, expected: Expected) {
         let (model, deployment) = (job.model(), job.deployment());
         let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
-        self.expected.borrow_mut().push(OfPart { model, deployment, expected });
+        self.expected.borrow_mut().push(PartPlan { model, deployment, expected });
     }
 
     /// What passes of models and deployments before took.
@@ -55,7 +55,7 @@ impl DryRunTally {
     }
 
     /// What was remembered.
-    pub fn expected(&self) -> Vec<OfPart> {
+    pub fn expected(&self) -> Vec<PartPlan> {
         self.expected.borrow().clone()
     }
 }

@@ -135,7 +135,7 @@ impl Rows<'_> {
         let (name, used_for) = match period {
             HELD_OUT => (names.held_out, PeriodUse::Deployment),
             // Beside pre-training, what settings are chosen on is only a part of the training range.
-            TRAINING if self.periods.iter().any(|of| of == PRETRAINING) => {
+            TRAINING if self.periods.iter().any(|period| period == PRETRAINING) => {
                 (names.beside_pretraining, PeriodUse::Learning)
             }
             learned => (learned, PeriodUse::Learning),

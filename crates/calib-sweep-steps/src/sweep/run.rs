@@ -23,7 +23,8 @@ use calib_files::{read_json, write_json};
 use calib_model_steps::model::model_files;
 use calib_study::{Job, Layout, Study};
 use calib_sweep::{
-    Baselines, Candidate, Completed, Plan, Span, Stored, Unit, UnitResult, UnitRuns, UnitStore,
+    Baselines, Candidate, CompletedSweep, Plan, Span, StoredUnits, Unit, UnitResult, UnitRuns,
+    UnitStore,
 };
 use serde::{Deserialize, Serialize};
 
@@ -36,7 +37,7 @@ use crate::sweep::{
     recorded,
     setting::{SkippedDeployment, SweepContext, candidates_of},
     simple,
-    standing_still::Still,
+    standing_still::ConstantSensor,
     streams::{OnlineWindow, Streams, error_scales, online_windows},
     tables as sweep_tables,
 };
@@ -95,7 +96,7 @@ impl Swept {
 }
 
 /// Runs of units by unit and key, as other processes made them.
-pub type Pool = BTreeMap<(Unit, String), UnitRuns>;
+pub type SharedRuns = BTreeMap<(Unit, String), UnitRuns>;
 
 /// Train every candidate in every environment, on a device if one is named. A dry run says what was `counted` before.
 ///
@@ -132,7 +133,7 @@ pub fn on_device(
 /// [`SweepError::Incomplete`](calib_sweep::SweepError::Incomplete) if something is, before anything is written.
 pub fn put_together(
     job: &Job,
-    pool: &Pool,
+    pool: &SharedRuns,
     context: &RunContext,
 ) -> Result<SweepResult, StepError> {
     sweep(job, &DryRunTally::default(), Source { pool: Some(pool), accelerator: None }, context)
@@ -142,7 +143,7 @@ pub fn put_together(
 #[derive(Clone, Copy, Default)]
 pub struct Source<'a> {
     /// Other processes.
-    pool: Option<&'a Pool>,
+    pool: Option<&'a SharedRuns>,
     /// What trains.
     accelerator: Option<&'a dyn Accelerator>,
 }
@@ -174,7 +175,7 @@ fn sweep(
     let passes = plan.passes(&stored)?;
     let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), passes]);
     let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
-    let left = Left { units: missing, runs: plan.runs_left(&stored)?, shared };
+    let left = RemainingRuns { units: missing, runs: plan.runs_left(&stored)?, shared };
     let mut preview = preview(&setting.candidates, &sizes, plan.count(), left, span);
     if let Some(accelerator) = accelerator {
         preview.memory = preview.memory.side_by_side(&sizes, accelerator);
@@ -199,7 +200,7 @@ fn sweep(
         store.clear()?;
     }
     put_shared(&plan, &own, &stored, &store)?;
-    let Completed { results, ran, runs: ran_runs } =
+    let CompletedSweep { results, ran, runs: ran_runs } =
         plan.complete(stored, &store, &context.progress())?;
     let mut manifest = Artefact::new(facts(study, &setting, &plan, &results, context)?);
     if let Some(class) = arithmetic {
@@ -267,7 +268,7 @@ fn facts(
     let notes = [
         setting.notes.clone(),
         streams.notes.clone(),
-        still.iter().map(Still::note).collect(),
+        still.iter().map(ConstantSensor::note).collect(),
         setting.environments.starts.clone(),
         failed,
     ];
@@ -276,7 +277,7 @@ fn facts(
     Ok(SweepFacts {
         key: artefact::key(&(&units, &settings))?,
         windows: windows(dataset, streams),
-        standing_still: still.iter().filter_map(Still::everywhere).collect(),
+        standing_still: still.iter().filter_map(ConstantSensor::everywhere).collect(),
         scales: error_scales(dataset, sensors, candidates),
         settings,
         units,
@@ -298,7 +299,7 @@ fn write_data(directory: &Path, study: &Study, setting: &SweepContext) -> Result
 
 /// What of a sweep is left to be trained.
 #[derive(Clone, Copy)]
-struct Left {
+struct RemainingRuns {
     units: usize,
     runs: usize,
     /// Of the units, those that an earlier part of the same command runs.
@@ -310,7 +311,7 @@ fn preview(
     candidates: &[Candidate],
     sizes: &Sizes,
     units: usize,
-    left: Left,
+    left: RemainingRuns,
     span: Span,
 ) -> SweepPlan {
     let threads = rayon::current_num_threads();
@@ -380,7 +381,7 @@ fn leave_out(
 }
 
 /// Units that are left to run, and that another part of the same command runs before.
-fn shared_units(plan: &Plan<'_>, stored: &Stored, counted: &DryRunTally) -> usize {
+fn shared_units(plan: &Plan<'_>, stored: &StoredUnits, counted: &DryRunTally) -> usize {
     let units = plan.units();
     let left = units.iter().filter(|planned| !stored.whole().contains_key(&planned.unit));
     counted.again(left.map(|planned| planned.fingerprint(plan.settings())))
@@ -389,8 +390,8 @@ fn shared_units(plan: &Plan<'_>, stored: &Stored, counted: &DryRunTally) -> usiz
 /// Put the runs that others have beside a sweep's own.
 fn put_shared(
     plan: &Plan<'_>,
-    own: &Stored,
-    stored: &Stored,
+    own: &StoredUnits,
+    stored: &StoredUnits,
     store: &UnitStore,
 ) -> Result<(), StepError> {
     for (unit, result) in stored.whole() {
@@ -410,10 +411,10 @@ fn put_shared(
 #[derive(Default)]
 pub struct KnownUnits {
     /// What this sweep has.
-    own: Stored,
+    own: StoredUnits,
     /// The same and what others of the study have: Online and log replay are the same for all models, members for all
     /// deployments that give the same start states. And what other processes made.
-    pub stored: Stored,
+    pub stored: StoredUnits,
 }
 
 impl KnownUnits {

@@ -23,11 +23,11 @@ use crate::{
     agents::pretrain_files,
     program::ExternalAgents,
     sweep::{
-        cost::{Cost, MEASURED_STEPS, MeasuredPasses, Trained},
+        cost::{Cost, MEASURED_STEPS, MeasuredPasses, TrainedInPass},
         environments::{Environments, Sources, StreamParameters, open_all},
         notes::standing_still,
         simple::SimpleErrors,
-        standing_still::Still,
+        standing_still::ConstantSensor,
         streams::Streams,
     },
 };
@@ -47,7 +47,7 @@ pub struct SweepContext {
     pub environments: Environments,
     /// Name and column of each.
     pub sensors: Vec<(String, usize)>,
-    pub(crate) still: Vec<Still>,
+    pub(crate) still: Vec<ConstantSensor>,
     /// What agents start from, by sensor, if they were pre-trained.
     pub starts: BTreeMap<String, Start>,
     /// What trains agents, if not calib.
@@ -131,7 +131,7 @@ impl SweepContext {
         let span = self.streams.demand.span;
         let short = Span { steps: span.steps.min(MEASURED_STEPS), ..span };
         let environments = self.open_of(study, short)?;
-        Cost::measure(Trained::of(study, self), &environments, measured, monitor)
+        Cost::measure(TrainedInPass::of(study, self), &environments, measured, monitor)
     }
 
     fn open_of(

@@ -5,41 +5,45 @@ use calib_sweep::Windows;
 
 /// A sensor that has one value throughout some of the windows.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Still {
+pub(crate) struct ConstantSensor {
     sensor: String,
     /// Windows in which it stands still.
     windows: usize,
     /// All windows.
-    of: usize,
+    all_windows: usize,
 }
 
 /// Those of `sensors`, by name and column of the `held_out` states, that stand still in a window.
-pub(crate) fn all(held_out: &States, windows: &Windows, sensors: &[(String, usize)]) -> Vec<Still> {
-    let of = windows.starts.len();
+pub(crate) fn all(
+    held_out: &States,
+    windows: &Windows,
+    sensors: &[(String, usize)],
+) -> Vec<ConstantSensor> {
+    let all_windows = windows.starts.len();
     let still = |(sensor, column): &(String, usize)| {
         let rows = |&&start: &&usize| {
             let own = start..(start + windows.states).min(held_out.rows());
             own.into_iter().all(|row| held_out.row(row)[*column] == held_out.row(start)[*column])
         };
         let windows = windows.starts.iter().filter(rows).count();
-        Still { sensor: sensor.clone(), windows, of }
+        ConstantSensor { sensor: sensor.clone(), windows, all_windows }
     };
     sensors.iter().map(still).filter(|still| still.windows > 0).collect()
 }
 
-impl Still {
+impl ConstantSensor {
     /// The sensor, if it stands still in all windows.
     pub(crate) fn everywhere(&self) -> Option<String> {
-        (self.windows == self.of).then(|| self.sensor.clone())
+        (self.windows == self.all_windows).then(|| self.sensor.clone())
     }
 
     /// What the reader of the results should know.
     pub(crate) fn note(&self) -> String {
-        let Self { sensor, windows, of } = self;
-        let place = match of {
+        let Self { sensor, windows, all_windows } = self;
+        let place = match all_windows {
             1 => "the window".to_owned(),
-            _ if windows == of => format!("all {of} windows"),
-            _ => format!("{windows} of {of} windows"),
+            _ if windows == all_windows => format!("all {all_windows} windows"),
+            _ => format!("{windows} of {all_windows} windows"),
         };
         format!(
             "{sensor} is constant in {place} of the held-out period, though not in the training range: there is nothing to predict, and errors there say nothing about a choice; hold out a period in which it changes"
@@ -67,7 +71,8 @@ mod tests {
         let sensors = ["a", "b", "c"].into_iter().enumerate();
         let sensors: Vec<_> = sensors.map(|(column, name)| (name.to_owned(), column)).collect();
         let still = all(&states, &windows, &sensors);
-        let told: Vec<_> = still.iter().map(|of| (of.sensor.as_str(), of.windows)).collect();
+        let told: Vec<_> =
+            still.iter().map(|sensor| (sensor.sensor.as_str(), sensor.windows)).collect();
         assert_eq!(told, [("a", 1), ("b", 2)]);
         assert_eq!(still[0].everywhere(), None);
         assert_eq!(still[1].everywhere().as_deref(), Some("b"));

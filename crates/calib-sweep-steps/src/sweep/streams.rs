@@ -13,14 +13,14 @@ use calib_base::{
 use calib_core::{Frames, RowStream, Seed, Timestamp};
 use calib_data::Dataset;
 use calib_study::{Job, Study};
-use calib_sweep::{Candidate, Demand, ErrorScale, Span, Windows, candidates};
+use calib_sweep::{Candidate, ErrorScale, ScoringDemand, Span, Windows, candidates};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What streams a sweep has, and why they are not what the study says.
 pub struct Streams {
     /// Steps of a stream, and the part of them that counts.
-    pub demand: Demand,
+    pub demand: ScoringDemand,
     /// Windows of the held-out range; none without one.
     pub(crate) online: Option<Windows>,
     /// Windows of the log.
@@ -55,7 +55,7 @@ impl Streams {
         }
         let gammas = candidates.iter().map(|candidate| candidate.agent.gamma);
         let gamma = gammas.clone().fold(0.0, f64::max);
-        let demand = Demand { span: Span::new(steps, gammas), gamma, part: study.part() };
+        let demand = ScoringDemand { span: Span::new(steps, gammas), gamma, part: study.part() };
         let online = match &dataset.held_out {
             Some(held_out) => Some(held_out_windows(study, held_out, demand, &mut notes)?),
             None => None,
@@ -78,8 +78,8 @@ impl Streams {
 }
 
 /// Why a study without a model has nothing to choose by.
-fn nothing_decides(demand: Demand) -> StepError {
-    let Demand { span, gamma, .. } = demand;
+fn nothing_decides(demand: ScoringDemand) -> StepError {
+    let ScoringDemand { span, gamma, .. } = demand;
     StepError::Unscorable(format!(
         "no window of the training range can be replayed, and without a model (model.kind = \"none\") nothing else would decide: runs have \
          {} steps, and scoring a prediction at gamma = {gamma} needs the {} states after it, in stretches without a gap; use a longer \
@@ -108,14 +108,15 @@ pub fn check(job: &Job, context: &RunContext) -> Result<(), StepError> {
 fn held_out_windows(
     study: &Study,
     held_out: &Frames,
-    demand: Demand,
+    demand: ScoringDemand,
     notes: &mut Vec<String>,
 ) -> Result<Windows, StepError> {
     let asked = study.sweep.online_windows.min(study.sweep.online_runs);
     let windows = Windows::held_out(held_out.segments(), demand, asked);
     if windows.starts.is_empty() {
         let longest = held_out.segments().iter().map(calib_core::Segment::len).max().unwrap_or(0);
-        let range = study.data.held_out.as_ref().map_or_else(String::new, |of| format!(" ({of})"));
+        let range =
+            study.data.held_out.as_ref().map_or_else(String::new, |range| format!(" ({range})"));
         let other = match demand.part {
             Part::WholeRun => "or a smaller gamma",
             _ => "a smaller gamma, or sweep.scored = \"whole_run\"",
@@ -160,11 +161,11 @@ pub struct OnlineWindow {
 /// The windows of the held-out range, with their times.
 pub(crate) fn online_windows(windows: &Windows, held_out: &Frames) -> Vec<OnlineWindow> {
     let time = |row: usize| held_out.timestamps()[row];
-    let of = |&start: &usize| {
+    let window = |&start: &usize| {
         let times = [time(start), time(start + windows.states - 1)];
         OnlineWindow { start_row: start, times }
     };
-    windows.starts.iter().map(of).collect()
+    windows.starts.iter().map(window).collect()
 }
 
 /// The scale of every sensor's errors: what its return spreads over the training range, for each discount factor.
@@ -178,7 +179,7 @@ pub(crate) fn error_scales(
     gammas.dedup();
     let train = &dataset.train;
     let replay = RowStream::replay(train.states().clone(), train.segments());
-    let of = |(sensor, column): &(String, usize)| {
+    let scales_of = |(sensor, column): &(String, usize)| {
         let scale = |&gamma: &f64| ErrorScale {
             sensor: sensor.clone(),
             gamma,
@@ -186,5 +187,5 @@ pub(crate) fn error_scales(
         };
         gammas.iter().map(scale).collect::<Vec<_>>()
     };
-    sensors.iter().flat_map(of).collect()
+    sensors.iter().flat_map(scales_of).collect()
 }

@@ -45,12 +45,14 @@ pub(crate) fn external_runs(
     let of_rows = || rows.iter().map(|(_, row)| &candidates[row.candidate]);
     let mut table = named(&rows)
         .with("label", of_rows().map(Candidate::label).collect())
-        .with("is_default", of_rows().map(|of| of.is_default).collect());
-    let fields = candidates.iter().flat_map(|of| &of.values).map(|(field, _)| field);
+        .with("is_default", of_rows().map(|candidate| candidate.is_default).collect());
+    let fields = candidates.iter().flat_map(|candidate| &candidate.values).map(|(field, _)| field);
     let gamma = sweep.study.agent.gamma;
     for field in fields.collect::<BTreeSet<_>>() {
         let values: Vec<Option<&Value>> = of_rows()
-            .map(|of| of.values.iter().find_map(|(name, value)| (name == field).then_some(value)))
+            .map(|candidate| {
+                candidate.values.iter().find_map(|(name, value)| (name == field).then_some(value))
+            })
             .collect();
         ensure!(
             !(field == "gamma"
@@ -59,9 +61,12 @@ pub(crate) fn external_runs(
             "a swept value cannot be called `{field}`: runs have a column of that name"
         );
         table = if values.iter().flatten().all(|value| value.is_number()) {
-            table.with_optional(field, values.iter().map(|of| of.and_then(Value::as_f64)).collect())
+            table.with_optional(
+                field,
+                values.iter().map(|value| value.and_then(Value::as_f64)).collect(),
+            )
         } else {
-            let texts = values.iter().map(|of| of.map(calib_sweep::written));
+            let texts = values.iter().map(|value| value.map(calib_sweep::written));
             table.with_optional(field, texts.collect())
         };
     }
@@ -116,26 +121,27 @@ fn with_errors(table: Table, sweep: &SweepFacts, part: Part, rows: &[Row<'_>]) -
     let scale = |(result, row): &Row<'_>| {
         ErrorScale::find(&sweep.scales, &result.unit.sensor, &candidates[row.candidate])
     };
-    let scores = |of: &dyn Fn(&PartScore) -> f64, part| -> Vec<Option<f64>> {
-        rows.iter().map(|(_, row)| row.scores.of(part).as_ref().map(of)).collect()
+    let scores = |measure: &dyn Fn(&PartScore) -> f64, part| -> Vec<Option<f64>> {
+        rows.iter().map(|(_, row)| row.scores.of(part).as_ref().map(measure)).collect()
     };
     let rmse = |part| -> Vec<f64> {
         rows.iter().map(|(_, row)| row.rmse(part).unwrap_or(f64::NAN)).collect()
     };
     let errors = rmse(part);
-    let nrmse = errors.iter().zip(rows).map(|(rmse, of)| rmse / scale(of)).collect();
+    let nrmse = errors.iter().zip(rows).map(|(rmse, row)| rmse / scale(row)).collect();
     let skill = errors.iter().zip(rows).map(|(rmse, (_, row))| {
         let std = row.scores.of(part)?.return_std;
         (std > 0.0 && rmse.is_finite()).then(|| 1.0 - rmse / std)
     });
-    let steps = rows.iter().map(|(_, row)| row.scores.of(part).map_or(0, |of| of.scored_steps));
+    let steps =
+        rows.iter().map(|(_, row)| row.scores.of(part).map_or(0, |score| score.scored_steps));
     let mut table = table
         .with("scored_steps", steps.map(|steps| steps as u32).collect())
         .with("rmse", errors.clone())
         .with("nrmse", nrmse)
         .with_optional("skill", skill.collect())
-        .with_optional("mean_return", scores(&|of| of.mean_return, part))
-        .with_optional("return_std", scores(&|of| of.return_std, part))
+        .with_optional("mean_return", scores(&|score| score.mean_return, part))
+        .with_optional("return_std", scores(&|score| score.return_std, part))
         .with("error_scale", rows.iter().map(scale).collect());
     for (name, part) in PARTS {
         table = table.with(name, rmse(part));
@@ -160,12 +166,12 @@ fn with_agent_columns(
     let fields: Vec<String> =
         agents.first().map_or_else(Vec::new, |agent| agent.keys().cloned().collect());
     for field in fields {
-        let of = |candidate: usize| &agents[candidate][&field];
+        let value = |candidate: usize| &agents[candidate][&field];
         table = if agents.iter().all(|agent| agent[&field].is_number()) {
-            let values = rows.clone().map(|row| of(row).as_f64().unwrap_or(f64::NAN));
+            let values = rows.clone().map(|row| value(row).as_f64().unwrap_or(f64::NAN));
             table.with(&field, values.collect())
         } else {
-            let values = rows.clone().map(|row| calib_sweep::written(of(row)));
+            let values = rows.clone().map(|row| calib_sweep::written(value(row)));
             table.with(&field, values.collect::<Vec<String>>())
         };
     }

@@ -16,8 +16,8 @@ use calib_core::Monitor;
 use calib_files::write_json;
 use calib_model_steps::rollouts::{
     comparison::{self, Comparison, Pair},
-    figures::{self, Starts},
-    one_step::Predicting,
+    figures::{self, FirstRollouts},
+    one_step::OneStepModel,
     rollout::{self, RolloutManifest},
 };
 use calib_report::{ErrorCurve, ErrorSource, Report, RolloutGrid, Sensitivity, Verdict, caveats};
@@ -40,7 +40,7 @@ use crate::verdict::{
 pub struct Compared {
     pub(crate) summaries: Summaries,
     /// In the order in which they were judged.
-    pub(crate) places: Vec<Place>,
+    pub(crate) places: Vec<SummaryPlace>,
     /// What models chose, as a table for a terminal.
     pub(crate) choices: String,
     pub(crate) notes: Vec<String>,
@@ -50,7 +50,7 @@ pub struct Compared {
 
 /// Where the summary of a model in a deployment is, and what the two are called together.
 #[derive(Debug)]
-pub(crate) struct Place {
+pub(crate) struct SummaryPlace {
     pub(crate) name: String,
     model: String,
     deployment: Option<String>,
@@ -73,7 +73,7 @@ impl Compared {
     }
 
     /// The summary of a place.
-    pub(crate) fn at(&self, place: &Place) -> Option<&Summary> {
+    pub(crate) fn at(&self, place: &SummaryPlace) -> Option<&Summary> {
         self.summary(&place.model, place.deployment.as_deref())
     }
 
@@ -124,8 +124,8 @@ pub(crate) struct Part {
     pub(crate) rollouts: Option<RolloutManifest>,
     /// Distances of its rollouts from what was recorded.
     pub(crate) pairs: Vec<Pair>,
-    pub(crate) one_step: Option<Predicting>,
-    starts: Vec<Starts>,
+    pub(crate) one_step: Option<OneStepModel>,
+    starts: Vec<FirstRollouts>,
 }
 
 impl Part {
@@ -150,7 +150,7 @@ impl Part {
             None => Vec::new(),
         };
         let one_step = match &rollouts {
-            Some(rollouts) => Predicting::read(job.model_name(), job, &rollouts.model)?,
+            Some(rollouts) => OneStepModel::read(job.model_name(), job, &rollouts.model)?,
             None => None,
         };
         Ok(Self { model, deployment, judged, report, rollouts, pairs, one_step, starts })
@@ -223,7 +223,7 @@ pub(crate) fn run(
             other => outcome = other,
         }
         let (model, deployment) = (part.model_name().to_owned(), part.deployment.clone());
-        places.push(Place { name, model, deployment });
+        places.push(SummaryPlace { name, model, deployment });
     }
     let what_to_deploy = deployed::all(&parts)?;
     let mut whole = whole(job, &parts, &what_to_deploy)?;
@@ -407,7 +407,7 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> 
                     let starts = part.starts.iter().find(|starts| starts.sensor == *sensor)?;
                     Some((part.model_name(), starts))
                 });
-                let own: Vec<(&str, &Starts)> = own.collect();
+                let own: Vec<(&str, &FirstRollouts)> = own.collect();
                 grids.extend(figures::grids(&own).into_iter().map(|mut grid| {
                     if let (true, Some(deployment)) = (follows, &group[0].deployment) {
                         grid.sensor = format!("{} ({deployment})", grid.sensor);

@@ -13,14 +13,14 @@ pub(crate) fn choices(parts: &[Part]) -> String {
     let mut rows = Vec::new();
     for first in &parts[0].report.verdicts {
         for part in deployments.iter().flatten() {
-            let own = part.report.verdicts.iter().find(|of| of.sensor == first.sensor);
+            let own = part.report.verdicts.iter().find(|verdict| verdict.sensor == first.sensor);
             let Some(verdict) = own else { continue };
             let online = verdict.online.as_ref();
             let or_none = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
-            let distances = part.comparison().map_or(&[][..], |of| &of.sensors);
-            let own = distances.iter().find(|of| of.sensor == first.sensor);
-            let warping = own.and_then(|of| {
-                let pattern = of.dtw.first()?;
+            let distances = part.comparison().map_or(&[][..], |comparison| &comparison.sensors);
+            let own = distances.iter().find(|compared| compared.sensor == first.sensor);
+            let warping = own.and_then(|compared| {
+                let pattern = compared.dtw.first()?;
                 Some(pattern.normalized_distance.as_ref().unwrap_or(&pattern.distance).mean)
             });
             let deployment = named.then(|| part.deployment_name().to_owned());
@@ -51,7 +51,7 @@ pub(crate) fn choices(parts: &[Part]) -> String {
 /// How many rollouts stop moving, and half of them by which step.
 fn collapse(part: &Part, sensor: &str) -> Option<String> {
     let collapse = &part.rollouts.as_ref()?.collapse;
-    let own = collapse.sensors.iter().find(|of| of.sensor == sensor)?;
+    let own = collapse.sensors.iter().find(|known| known.sensor == sensor)?;
     let at = own.median_step.map_or_else(String::new, |step| format!(" at {step:.0}"));
     Some(format!("{} of {}{at}", own.collapsed, collapse.rollouts))
 }

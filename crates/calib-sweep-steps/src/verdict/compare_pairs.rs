@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use calib_base::StepError;
 use calib_model_steps::rollouts::{
     comparison::{self, ComparedModel, Comparison, Pair, PairedModels},
-    one_step::{self, PairedErrors, Predicting},
+    one_step::{self, OneStepModel, PairedErrors},
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -24,9 +24,9 @@ pub(crate) struct Comparisons {
 impl Comparisons {
     /// Those of rollouts, of all deployments together where there are several.
     pub(crate) fn of_all_rollouts(&self) -> Vec<&PairedModels> {
-        let most = self.rollouts.iter().map(|of| of.deployments.len()).max();
-        let widest = self.rollouts.iter().filter(|of| Some(of.deployments.len()) == most);
-        widest.map(|of| &of.of).collect()
+        let most = self.rollouts.iter().map(|group| group.deployments.len()).max();
+        let widest = self.rollouts.iter().filter(|group| Some(group.deployments.len()) == most);
+        widest.map(|group| &group.compared).collect()
     }
 }
 
@@ -37,7 +37,7 @@ pub(crate) struct In<T> {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     deployments: Vec<String>,
     #[serde(flatten)]
-    of: T,
+    compared: T,
 }
 
 /// The parts of deployments that share all rollouts, which are compared once.
@@ -54,7 +54,7 @@ pub(crate) fn groups<'a>(deployments: &'a [Vec<&'a Part>]) -> Vec<Group<'a>> {
         let directories: Vec<PathBuf> =
             parts.iter().map(|part| part.judged.paths().rollout()).collect();
         let name = parts[0].deployment.clone();
-        if let Some((_, group)) = groups.iter_mut().find(|(of, _)| *of == directories) {
+        if let Some((_, group)) = groups.iter_mut().find(|(others, _)| *others == directories) {
             group.deployments.extend(name);
         } else {
             let deployments = name.into_iter().collect();
@@ -76,7 +76,7 @@ impl<'a> Group<'a> {
     }
 
     /// Its models whose one-step errors are known.
-    pub(crate) fn predicting(&self) -> Vec<&Predicting> {
+    pub(crate) fn predicting(&self) -> Vec<&OneStepModel> {
         self.parts.iter().filter_map(|part| part.one_step.as_ref()).collect()
     }
 }
@@ -100,9 +100,9 @@ pub(crate) fn pooled(deployments: &[Vec<&Part>]) -> Result<Vec<Pooled>, StepErro
     let mut models: Vec<Vec<&Part>> = Vec::new();
     let compared = |part: &&&Part| part.comparison().is_some();
     for part in deployments.iter().flatten().filter(compared) {
-        let directory = |of: &Part| of.judged.paths().rollout();
+        let directory = |part: &Part| part.judged.paths().rollout();
         match models.iter_mut().find(|parts| parts[0].model_name() == part.model_name()) {
-            Some(parts) if parts.iter().any(|of| directory(of) == directory(part)) => {}
+            Some(parts) if parts.iter().any(|other| directory(other) == directory(part)) => {}
             Some(parts) => parts.push(part),
             None => models.push(vec![part]),
         }
@@ -113,7 +113,7 @@ pub(crate) fn pooled(deployments: &[Vec<&Part>]) -> Result<Vec<Pooled>, StepErro
         let Some((comparison, pairs)) = comparison::pool(&compared.collect::<Vec<_>>())? else {
             continue;
         };
-        let members = parts[0].rollouts.as_ref().map_or(0, |of| of.members.len());
+        let members = parts[0].rollouts.as_ref().map_or(0, |rollouts| rollouts.members.len());
         all.push(Pooled { name: parts[0].model_name().to_owned(), members, comparison, pairs });
     }
     Ok(all)
@@ -123,9 +123,9 @@ pub(crate) fn pooled(deployments: &[Vec<&Part>]) -> Result<Vec<Pooled>, StepErro
 pub(crate) fn comparisons(deployments: &[Vec<&Part>]) -> Result<Comparisons, StepError> {
     let (mut all, groups) = (Comparisons::default(), groups(deployments));
     for group in &groups {
-        let placed = |of| In { deployments: group.deployments.clone(), of };
+        let placed = |compared| In { deployments: group.deployments.clone(), compared };
         all.rollouts.extend(comparison::all_pairs(&group.compared())?.into_iter().map(placed));
-        let placed = |of| In { deployments: group.deployments.clone(), of };
+        let placed = |compared| In { deployments: group.deployments.clone(), compared };
         all.one_step.extend(one_step::all_pairs(&group.predicting())?.into_iter().map(placed));
     }
     if groups.len() > 1 {
@@ -133,7 +133,7 @@ pub(crate) fn comparisons(deployments: &[Vec<&Part>]) -> Result<Comparisons, Ste
         let models: Vec<ComparedModel<'_>> = pooled.iter().map(Pooled::compared).collect();
         let names: Vec<String> =
             groups.iter().flat_map(|group| group.deployments.clone()).collect();
-        let placed = |of| In { deployments: names.clone(), of };
+        let placed = |compared| In { deployments: names.clone(), compared };
         all.rollouts.extend(comparison::all_pairs(&models)?.into_iter().map(placed));
     }
     Ok(all)

@@ -117,7 +117,8 @@ fn places(parts: &[Part], holds: impl Fn(&&Part) -> bool) -> String {
 /// The data that the models of one deployment were built from: that of the model that saw most, with what each saw where
 /// they differ; and fingerprints.
 pub(crate) fn data_of_models(group: &[&Part]) -> (Option<DataProfile>, String) {
-    let most = group.iter().filter_map(|part| part.report.data.as_ref()).max_by_key(|of| of.rows);
+    let most =
+        group.iter().filter_map(|part| part.report.data.as_ref()).max_by_key(|data| data.rows);
     let mut data = most.cloned();
     let same = |part: &&&Part| {
         part.report.reproduction.fingerprint == group[0].report.reproduction.fingerprint

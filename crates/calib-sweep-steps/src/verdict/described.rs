@@ -26,9 +26,8 @@ impl Descriptions {
             None => BTreeMap::new(),
         };
         let nothing = Description::default();
-        let of = |channel: &calib_data::ChannelProfile| {
-            let of = |all: &BTreeMap<String, Description>| all.get(&channel.name).cloned();
-            let given = of(&study.sensors).unwrap_or_default();
+        let described = |channel: &calib_data::ChannelProfile| {
+            let given = study.sensors.get(&channel.name).cloned().unwrap_or_default();
             // A list of tags knows the angle, and not the two channels that are made of it.
             let tag = tags.get(&channel.name).cloned().or_else(|| {
                 let angle = channel.angle.as_ref()?;
@@ -37,13 +36,23 @@ impl Descriptions {
             let given = given.or(tag.as_ref().unwrap_or(&nothing));
             (channel.name.clone(), given.or(&channel.description))
         };
-        Ok(Self(profile.channels.iter().map(of).filter(|(_, of)| !of.is_empty()).collect()))
+        Ok(Self(
+            profile
+                .channels
+                .iter()
+                .map(described)
+                .filter(|(_, description)| !description.is_empty())
+                .collect(),
+        ))
     }
 
     /// What the header of a log says of its channels.
     pub fn of_log(profile: &Profile) -> Self {
-        let all = profile.channels.iter().map(|of| (of.name.clone(), of.description.clone()));
-        Self(all.filter(|(_, of)| !of.is_empty()).collect())
+        let all = profile
+            .channels
+            .iter()
+            .map(|channel| (channel.name.clone(), channel.description.clone()));
+        Self(all.filter(|(_, description)| !description.is_empty()).collect())
     }
 
     /// What stands in brackets behind the name of a sensor: its label and its unit.

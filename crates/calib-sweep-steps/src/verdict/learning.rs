@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use calib_base::StepError;
-use calib_report::{Environment, LearningCurve, LearningCurves};
+use calib_report::{LearningCurve, LearningCurves, LearningEnvironment};
 use calib_stats::{Summary, summarise};
 use calib_study::{Job, Study};
 use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
@@ -59,13 +59,13 @@ pub(crate) fn curves(
 }
 
 /// An environment as the report has it; `model` is what the model is called where there are several.
-fn shown(environment: EnvironmentId, model: Option<&str>) -> Environment {
+fn shown(environment: EnvironmentId, model: Option<&str>) -> LearningEnvironment {
     match environment {
-        EnvironmentId::Online => Environment::Online,
+        EnvironmentId::Online => LearningEnvironment::Online,
         EnvironmentId::Member(number) => {
-            Environment::Member { number, model: model.map(str::to_owned) }
+            LearningEnvironment::Member { number, model: model.map(str::to_owned) }
         }
-        EnvironmentId::LogReplay => Environment::LogReplay,
+        EnvironmentId::LogReplay => LearningEnvironment::LogReplay,
     }
 }
 
@@ -80,16 +80,20 @@ pub(crate) fn of_several(
         if deployments.len() == 1 {
             let all = parts.iter().enumerate().flat_map(|(number, part)| {
                 let own = part.report.learning.iter();
-                own.filter(move |of| number == 0 || !of.environment.is_shared())
+                own.filter(move |curves| number == 0 || !curves.environment.is_shared())
             });
-            return all.filter(|of| of.sensor == *sensor).cloned().collect();
+            return all.filter(|curves| curves.sensor == *sensor).cloned().collect();
         }
         let online = deployments.iter().flat_map(|group| {
             let own = group[0].report.learning.iter();
-            let own =
-                own.filter(|of| of.sensor == *sensor && of.environment == Environment::Online);
-            own.map(|of| LearningCurves { sensor: group[0].in_deployment(sensor), ..of.clone() })
-                .collect::<Vec<_>>()
+            let own = own.filter(|curves| {
+                curves.sensor == *sensor && curves.environment == LearningEnvironment::Online
+            });
+            own.map(|curves| LearningCurves {
+                sensor: group[0].in_deployment(sensor),
+                ..curves.clone()
+            })
+            .collect::<Vec<_>>()
         });
         online.collect()
     };
@@ -148,8 +152,10 @@ mod tests {
         let other = run(&[(10, 1.0), (20, 1.0), (30, 1.0)], None);
         let all = [&first, &second, &other];
         let points = points(&[&first, &second], &all).expect("summarised");
-        let told: Vec<_> =
-            points.iter().map(|(step, of)| (*step, of.mean, of.runs, of.diverged)).collect();
+        let told: Vec<_> = points
+            .iter()
+            .map(|(step, point)| (*step, point.mean, point.runs, point.diverged))
+            .collect();
         let infinite = f64::INFINITY;
         assert_eq!(told, [(10, 4.0, 2, 0), (20, infinite, 2, 1), (30, infinite, 2, 1)]);
         let lost = super::points(&[&second], &all).expect("summarised");

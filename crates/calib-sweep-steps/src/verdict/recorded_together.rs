@@ -26,17 +26,17 @@ fn together(
     deployments: &[&RecordedFigure],
 ) -> Option<RecordedFigure> {
     let (_, first) = models.first()?;
-    let learned = |of: &RecordedPeriod| of.used_for == PeriodUse::Learning;
+    let is_learned = |period: &RecordedPeriod| period.used_for == PeriodUse::Learning;
     let mut periods: Vec<(Vec<&str>, RecordedPeriod)> = Vec::new();
     for (model, figure) in models {
-        for period in figure.periods.iter().filter(|of| learned(of)) {
+        for period in figure.periods.iter().filter(|period| is_learned(period)) {
             match periods.iter_mut().find(|(_, known)| known == period) {
                 Some((names, _)) => names.push(model),
                 None => periods.push((vec![model], period.clone())),
             }
         }
     }
-    let start = |of: &RecordedPeriod| of.points.first().map_or(f64::NAN, |point| point.0);
+    let start = |period: &RecordedPeriod| period.points.first().map_or(f64::NAN, |point| point.0);
     periods.sort_by(|(_, a), (_, b)| start(a).total_cmp(&start(b)));
     let named = |(names, period): (Vec<&str>, RecordedPeriod)| {
         let name = if names.len() == models.len() {
@@ -46,7 +46,9 @@ fn together(
         };
         RecordedPeriod { name, ..period }
     };
-    let held_out = deployments.iter().flat_map(|of| of.periods.iter().filter(|of| !learned(of)));
+    let held_out = deployments
+        .iter()
+        .flat_map(|figure| figure.periods.iter().filter(|period| !is_learned(period)));
     let periods = periods.into_iter().map(named).chain(held_out.cloned()).collect();
     Some(RecordedFigure { periods, ..(*first).clone() })
 }

@@ -19,8 +19,8 @@ use calib_model_steps::{
     rollouts::{
         collapse,
         comparison::{self, ComparedModel},
-        figures::{self, Starts},
-        one_step::{self, Predicting},
+        figures::{self, FirstRollouts},
+        one_step::{self, OneStepModel},
         rollout::{self, RolloutManifest},
         trajectory_columns::Columns,
     },
@@ -63,19 +63,20 @@ fn write_all(
     write_json(&paths.evaluate().join(SUMMARY), summary)?;
     let directory = paths.evaluate().join(FIGURES);
     let mut written = write_comparisons(&directory, report)?;
-    let names_of = figures::placed(report.sensitivities.iter().map(|of| of.sensor.as_str()));
+    let names_of =
+        figures::placed(report.sensitivities.iter().map(|figure| figure.sensor.as_str()));
     for (sensitivity, name) in report.sensitivities.iter().zip(names_of) {
         monitor.check()?;
         let name = format!("sensitivity-{name}");
         written.extend(figures::write(&directory, &name, &sensitivity.figure()?)?);
     }
-    let names_of = figures::placed(report.learning.iter().map(|of| of.sensor.as_str()));
+    let names_of = figures::placed(report.learning.iter().map(|figure| figure.sensor.as_str()));
     for (curves, name) in report.learning.iter().zip(names_of) {
         monitor.check()?;
         let name = format!("learning-{name}-{}", curves.environment.file_name());
         written.extend(figures::write(&directory, &name, &curves.figure()?)?);
     }
-    let names_of = figures::placed(report.rollouts.iter().map(|of| of.sensor.as_str()));
+    let names_of = figures::placed(report.rollouts.iter().map(|figure| figure.sensor.as_str()));
     for (rollout, name) in report.rollouts.iter().zip(names_of) {
         monitor.check()?;
         let name = format!("rollout-{name}");
@@ -115,7 +116,7 @@ pub(crate) fn write_comparisons(
         let panels = Sensitivity::panels(&report.sensitivities)?;
         written.extend(figures::write(directory, "sensitivity", &panels)?);
     }
-    let names = figures::placed(report.recorded.iter().map(|of| of.sensor.as_str()));
+    let names = figures::placed(report.recorded.iter().map(|figure| figure.sensor.as_str()));
     for (recorded, name) in report.recorded.iter().zip(names) {
         let name = format!("recorded-{name}");
         written.extend(figures::write(directory, &name, &recorded.figure()?)?);
@@ -198,7 +199,7 @@ fn tables(
     let mut tables = Vec::new();
     if let Some(rollouts) = rollouts {
         tables.extend(collapse::report_table(name, &rollouts.collapse));
-        let one_step = Predicting::read(name, job, &rollouts.model)?;
+        let one_step = OneStepModel::read(name, job, &rollouts.model)?;
         tables.extend(one_step::report_tables(&one_step.iter().collect::<Vec<_>>())?);
         let members = rollouts.members.len();
         // Beside no other model the means are all there is to show.
@@ -252,7 +253,7 @@ pub(crate) fn representation_table(study: &Study, paths: &Layout) -> Option<Tabl
 pub(crate) fn rollout_figures(
     paths: &Layout,
     manifest: &RolloutManifest,
-) -> Result<(Vec<RolloutFigure>, Vec<Starts>), StepError> {
+) -> Result<(Vec<RolloutFigure>, Vec<FirstRollouts>), StepError> {
     let mut columns =
         ["member", "rollout", "wanted_row", "wanted_timestamp"].map(str::to_owned).to_vec();
     let of_sensors = Columns::of(&manifest.sensors).into_iter();

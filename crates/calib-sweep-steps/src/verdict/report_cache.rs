@@ -32,7 +32,7 @@ impl Facts for ReportFacts {
 /// Whether a study was judged after the sweeps in `folders` were finished.
 pub fn is_judged_since(job: &Job, folders: &[PathBuf]) -> bool {
     let finished =
-        |folder: &Path| folder.join(MANIFEST).metadata().and_then(|of| of.modified()).ok();
+        |folder: &Path| folder.join(MANIFEST).metadata().and_then(|file| file.modified()).ok();
     let directory = job.layout().evaluate();
     let judged = artefact::read::<ReportManifest>(&directory).and_then(|_| finished(&directory));
     judged.is_some_and(|judged| {

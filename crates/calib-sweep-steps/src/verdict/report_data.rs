@@ -30,9 +30,9 @@ pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {
 fn windows(manifest: &SweepFacts, held_out_rows: u64) -> String {
     let (count, steps) = (manifest.windows.len(), manifest.span.steps);
     let share = (count * steps) as f64 / held_out_rows as f64;
-    let of = if count == 1 { "window" } else { "windows" };
+    let unit = if count == 1 { "window" } else { "windows" };
     format!(
-        "{count} {of} of {} steps ({} of the states)",
+        "{count} {unit} of {} steps ({} of the states)",
         calib_report::count(steps as u64),
         calib_report::percent(share)
     )
@@ -83,14 +83,14 @@ pub(crate) fn is_of_deployment(fact: &str) -> bool {
     HELD_OUT.contains(&fact)
 }
 
-fn channel(of: &ChannelProfile) -> Channel {
+fn channel(channel: &ChannelProfile) -> Channel {
     Channel {
-        name: of.name.clone(),
+        name: channel.name.clone(),
         unit: None,
-        min: of.values.as_ref().map(|values| values.min),
-        max: of.values.as_ref().map(|values| values.max),
-        missing: of.missing_fraction,
-        status: of
+        min: channel.values.as_ref().map(|values| values.min),
+        max: channel.values.as_ref().map(|values| values.max),
+        missing: channel.missing_fraction,
+        status: channel
             .dropped
             .as_ref()
             .map_or(ChannelStatus::Kept, |reason| ChannelStatus::Dropped(reason.to_string())),

@@ -43,9 +43,9 @@ pub(crate) fn verdict_row(
     model: &str,
 ) -> Verdict {
     let candidates = &sweep.candidates;
-    let of = |index: usize| setting(&candidates[index]);
+    let setting_at = |index: usize| setting(&candidates[index]);
     let selection = verdict.selection.as_ref();
-    let streams = |of: &EnvironmentScores| of.streams;
+    let streams = |scores: &EnvironmentScores| scores.streams;
     let of_members: usize = verdict.members.iter().map(streams).sum();
     let of_all = of_members + verdict.log_replay.as_ref().map_or(0, streams);
     let sources = match (&verdict.log_replay, selection) {
@@ -57,7 +57,7 @@ pub(crate) fn verdict_row(
         sensor: verdict.sensor.clone(),
         field: field(candidates),
         model: model.to_owned(),
-        chosen: of(verdict.chosen),
+        chosen: setting_at(verdict.chosen),
         grade: verdict.grade,
         reason: match verdict.rule {
             Rule::WorstRank => Reason::WorstRank,
@@ -69,15 +69,16 @@ pub(crate) fn verdict_row(
             Rule::OneStandardError => Reason::OneStandardError { streams: of_all, sources },
         },
         evidence: separation(&verdict.scores),
-        tie_set: selection
-            .map_or_else(Vec::new, |ranks| ranks.tie_set.iter().map(|&tied| of(tied)).collect()),
+        tie_set: selection.map_or_else(Vec::new, |ranks| {
+            ranks.tie_set.iter().map(|&tied| setting_at(tied)).collect()
+        }),
         worst_rank: selection.map_or(0, |ranks| ranks.worst_ranks[verdict.chosen]),
         values: candidates.len(),
         members: verdict.members.len(),
         stability: verdict
             .stability
             .iter()
-            .map(|of| (setting(&candidates[of.candidate]), of.share))
+            .map(|choice| (setting(&candidates[choice.candidate]), choice.share))
             .collect(),
         stability_nearby: verdict.stability_nearby,
         outside_training,
@@ -86,15 +87,15 @@ pub(crate) fn verdict_row(
         simple: verdict
             .simple
             .iter()
-            .map(|of| SimpleRow { predictor: of.predictor, error: of.online_error })
+            .map(|simple| SimpleRow { predictor: simple.predictor, error: simple.online_error })
             .collect(),
         parts: verdict
             .parts
             .iter()
-            .map(|of| PartRow {
-                part: run_part(of.part),
-                chosen: setting(&candidates[of.chosen]),
-                error: of.online_error_of_verdict,
+            .map(|choice| PartRow {
+                part: run_part(choice.part),
+                chosen: setting(&candidates[choice.chosen]),
+                error: choice.online_error_of_verdict,
             })
             .collect(),
         start_up_share: verdict.start_up_share,
@@ -144,7 +145,7 @@ fn beside(simple: &SimpleComparison, verdict: &SensorVerdict, sweep: &SweepFacts
         is_better: simple.is_better(),
         typical_errors: unit
             .zip(agent)
-            .map(|(unit, agent)| [simple.online_rmse, agent].map(|of| of * unit)),
+            .map(|(unit, agent)| [simple.online_rmse, agent].map(|error| error * unit)),
         has_baseline: sweep.candidates[verdict.chosen].agent.baseline.is_some(),
     }
 }
@@ -165,11 +166,11 @@ fn start_of(
 fn at_the_end(verdict: &SensorVerdict, sweep: &SweepFacts) -> Option<String> {
     let candidates = &sweep.candidates;
     let numbers: Vec<f64> =
-        candidates.iter().map(|of| setting(of).as_number()).collect::<Option<_>>()?;
+        candidates.iter().map(|candidate| setting(candidate).as_number()).collect::<Option<_>>()?;
     let online = verdict.truth.as_ref();
     let told_apart = match online {
         Some(truth) => {
-            truth.regrets.as_deref().is_some_and(|of| separation(of) == Separation::Apart)
+            truth.regrets.as_deref().is_some_and(|regrets| separation(regrets) == Separation::Apart)
         }
         None => separation(&verdict.scores) == Separation::Apart,
     };
@@ -233,7 +234,11 @@ pub(crate) fn sensitivity(verdict: &SensorVerdict, sweep: &SweepFacts, model: &s
         label: label.to_owned(),
         source,
         over: if scores.streams == 1 { Samples::Runs } else { Samples::Windows },
-        summaries: scores.candidates.iter().map(|of| (of.runs > 0).then_some(*of)).collect(),
+        summaries: scores
+            .candidates
+            .iter()
+            .map(|scores| (scores.runs > 0).then_some(*scores))
+            .collect(),
     };
     let mut errors = Vec::new();
     if let Some(truth) = &verdict.truth {
@@ -290,7 +295,7 @@ fn dimensions(candidates: &[Candidate]) -> Vec<Dimension> {
     }
     let dimension = |(place, (field, _)): (usize, &(String, Value))| Dimension {
         field: field.clone(),
-        values: candidates.iter().map(|of| single(&of.values[place].1)).collect(),
+        values: candidates.iter().map(|candidate| single(&candidate.values[place].1)).collect(),
     };
     fields.iter().enumerate().map(dimension).collect()
 }
@@ -308,7 +313,7 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
     let log = verdict.log_replay.iter().filter(|_| verdict.rule != Rule::MeanLogError);
     let is_log_alone = verdict.rule == Rule::LogReplay && verdict.log_replay.is_some();
     let members = verdict.members.iter().filter(|_| !is_log_alone);
-    let streams = members.chain(log).map(|of| of.streams).sum();
+    let streams = members.chain(log).map(|scores| scores.streams).sum();
     let point = |(value, &mean_log): (usize, &f64)| {
         let mean = mean_log.exp();
         let diverged = usize::from(mean.is_infinite());

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use calib_core::Monitor;
 use serde::{Deserialize, Serialize};
 
-use super::{Job, Lookup, Plan, Stored, Survivors};
+use super::{Lookup, Plan, StoredUnits, Survivors, UnitJob};
 use crate::{
     EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitRuns, UnitSink, cohorts,
 };
@@ -40,21 +40,21 @@ impl PassId {
 }
 
 /// A pass whose values are known, as far as it has no results.
-pub struct Ready<'p> {
-    jobs: Vec<Job<'p>>,
+pub struct ReadyPass<'p> {
+    jobs: Vec<UnitJob<'p>>,
 }
 
-impl<'p> Ready<'p> {
+impl<'p> ReadyPass<'p> {
     /// What is to be trained of it beside the runs that `look_up` finds.
-    fn rest(&self, look_up: Lookup<'_>) -> Vec<Job<'p>> {
-        let mut stored = Stored::default();
+    fn rest(&self, look_up: Lookup<'_>) -> Vec<UnitJob<'p>> {
+        let mut stored = StoredUnits::default();
         stored.read(&self.jobs, look_up);
         self.jobs.iter().filter_map(|job| stored.rest(job)).collect()
     }
 
     /// Its units, each with the fingerprint of what it follows from.
     pub fn units(&self) -> impl Iterator<Item = PlannedUnit> + '_ {
-        self.jobs.iter().map(Job::planned)
+        self.jobs.iter().map(UnitJob::planned)
     }
 
     /// Whether `look_up` finds every run of it.
@@ -78,17 +78,18 @@ impl Plan<'_> {
         &'p self,
         passes: &[PassId],
         before: &BTreeMap<Unit, UnitResult>,
-    ) -> Result<Vec<Ready<'p>>, SweepError> {
+    ) -> Result<Vec<ReadyPass<'p>>, SweepError> {
         let mut survivors = Survivors::default();
         self.decide(&mut survivors, before)?;
-        let of: BTreeMap<Unit, usize> = passes
+        let pass_of: BTreeMap<Unit, usize> = passes
             .iter()
             .enumerate()
             .flat_map(|(number, pass)| pass.units().map(move |unit| (unit, number)))
             .collect();
-        let mut ready: Vec<Ready<'p>> = passes.iter().map(|_| Ready { jobs: Vec::new() }).collect();
-        for job in self.jobs_of(&survivors, &|unit| of.contains_key(unit)) {
-            ready[of[&job.unit]].jobs.push(job);
+        let mut ready: Vec<ReadyPass<'p>> =
+            passes.iter().map(|_| ReadyPass { jobs: Vec::new() }).collect();
+        for job in self.jobs_of(&survivors, &|unit| pass_of.contains_key(unit)) {
+            ready[pass_of[&job.unit]].jobs.push(job);
         }
         Ok(ready)
     }
@@ -97,7 +98,7 @@ impl Plan<'_> {
     ///
     /// # Errors
     /// [`SweepError::Incomplete`], or as [`stored`](Self::stored).
-    pub fn collected(&self, found: &Stored) -> Result<(), SweepError> {
+    pub fn collected(&self, found: &StoredUnits) -> Result<(), SweepError> {
         let missing = self.missing(found.whole())?;
         match missing.first() {
             Some(example) => Err(SweepError::Incomplete {
@@ -115,7 +116,7 @@ impl Plan<'_> {
     /// As [`complete`](Self::complete).
     pub fn train_ready(
         &self,
-        ready: &Ready<'_>,
+        ready: &ReadyPass<'_>,
         look_up: Lookup<'_>,
         sink: &dyn UnitSink,
         monitor: &dyn Monitor,

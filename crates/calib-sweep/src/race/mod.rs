@@ -42,12 +42,12 @@ pub(crate) struct Race {
     rounds: Rounds,
     values: usize,
     part: Part,
-    drop: Drop,
+    drop: DropRule,
 }
 
 /// Who is dropped after a round.
 #[derive(Clone, Debug, PartialEq)]
-enum Drop {
+enum DropRule {
     /// None where there are too few observations for any look.
     Worse(Option<SequentialTest>),
     Half,
@@ -67,9 +67,9 @@ impl Race {
         let (rounds, drop) = match rule {
             RaceRule::Surely { error_rate } => {
                 let test = surely(streams.count() / STREAMS, values, error_rate)?;
-                (streams.run_by_run(), Drop::Worse(test))
+                (streams.run_by_run(), DropRule::Worse(test))
             }
-            RaceRule::Halving => (streams.doubling(values), Drop::Half),
+            RaceRule::Halving => (streams.doubling(values), DropRule::Half),
         };
         Ok(Self { rounds, values, part, drop })
     }
@@ -104,8 +104,8 @@ impl Race {
                 }
             }
             match &self.drop {
-                Drop::Worse(test) => drop_worse(&mut left, &logs, test.as_ref())?,
-                Drop::Half => keep_best(&mut left, &logs, self.values.div_ceil(2 << round)),
+                DropRule::Worse(test) => drop_worse(&mut left, &logs, test.as_ref())?,
+                DropRule::Half => keep_best(&mut left, &logs, self.values.div_ceil(2 << round)),
             }
             after.push(left.clone());
         }
@@ -222,11 +222,15 @@ pub fn raced(
     let mut made = Vec::new();
     for result in results {
         let Unit { sensor, environment, run } = &result.unit;
-        let Some(before) = race.round(*environment, *run).and_then(|of| of.checked_sub(1)) else {
+        let Some(before) = race.round(*environment, *run).and_then(|round| round.checked_sub(1))
+        else {
             made.push(result.clone());
             continue;
         };
-        let Some(survivors) = left[sensor].get(before).filter(|of| of.len() > 1) else { continue };
+        let Some(survivors) = left[sensor].get(before).filter(|survivors| survivors.len() > 1)
+        else {
+            continue;
+        };
         let rows = result.rows.iter().filter(|row| survivors.contains(&row.candidate));
         made.push(UnitResult { rows: rows.cloned().collect(), ..result.clone() });
     }

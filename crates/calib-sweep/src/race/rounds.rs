@@ -34,7 +34,7 @@ impl Streams {
     /// Round r is the r-th run of every member and as large a share of the windows, in their order.
     pub(super) fn run_by_run(&self) -> Rounds {
         let round = |round: usize| {
-            let members = self.members.iter().map(|&of| (EnvironmentId::Member(of), round));
+            let members = self.members.iter().map(|&member| (EnvironmentId::Member(member), round));
             let of_round = |window: &usize| window * self.runs / self.windows.max(1) == round;
             let windows = (0..self.windows).filter(of_round);
             members.chain(windows.map(|window| (EnvironmentId::LogReplay, window))).collect()
@@ -60,8 +60,9 @@ impl Streams {
     /// All streams in an order of which each beginning has members and windows in their proportion, but for one of each at first, and windows
     /// from all of the log.
     fn spread(&self) -> Vec<Run> {
-        let members = (0..self.runs)
-            .flat_map(|run| self.members.iter().map(move |&of| (EnvironmentId::Member(of), run)));
+        let members = (0..self.runs).flat_map(|run| {
+            self.members.iter().map(move |&member| (EnvironmentId::Member(member), run))
+        });
         let windows = far_apart(self.windows).map(|window| (EnvironmentId::LogReplay, window));
         let mut placed: Vec<(f64, Run)> = placed(members, self.members.len() * self.runs)
             .chain(placed(windows, self.windows))

@@ -42,7 +42,7 @@ pub(super) fn dropped(
     let members: BTreeSet<EnvironmentId> = results
         .iter()
         .map(|result| result.unit.environment)
-        .filter(|of| matches!(of, EnvironmentId::Member(_)))
+        .filter(|environment| matches!(environment, EnvironmentId::Member(_)))
         .collect();
     let members: Vec<EnvironmentId> = if members.is_empty() {
         vec![EnvironmentId::LogReplay]
@@ -105,8 +105,8 @@ pub(super) fn select_among(
         whole.worst_ranks[candidate] = inner.worst_ranks[place];
         whole.mean_ranks[candidate] = inner.mean_ranks[place];
         whole.mean_errors[candidate] = inner.mean_errors[place];
-        for (ranks, of) in whole.ranks.iter_mut().zip(&inner.ranks) {
-            ranks[candidate] = of[place];
+        for (ranks, ranks_of_others) in whole.ranks.iter_mut().zip(&inner.ranks) {
+            ranks[candidate] = ranks_of_others[place];
         }
     }
     for (place, dropped) in dropped.iter().enumerate() {

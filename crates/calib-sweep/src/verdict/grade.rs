@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use calib_agent::SimplePredictor;
 
 use super::{
-    rule::Standing,
+    rule::ChoiceStanding,
     simple::{self, SimpleComparison},
     truth::Truth,
 };
@@ -50,12 +50,12 @@ impl Grade {
     /// 10. *fair* otherwise.
     ///
     pub(super) fn of(
-        standing: Standing,
+        standing: ChoiceStanding,
         truth: Option<&Truth>,
         simple: &[SimpleComparison],
         stands_still: bool,
     ) -> Self {
-        if standing == Standing::Diverged {
+        if standing == ChoiceStanding::Diverged {
             return Self::Poor;
         }
         let Some(truth) = truth else { return Self::Unchecked };

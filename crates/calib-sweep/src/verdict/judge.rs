@@ -10,7 +10,7 @@ use super::{
     errors::Errors,
     nearby::share_nearby,
     parts,
-    rule::{Chooser, Evidence, Rule, Standing},
+    rule::{ChoiceStanding, Chooser, Evidence, Rule},
     simple,
     truth::{correlations, least},
     warnings,
@@ -29,7 +29,7 @@ pub fn verdict(
 ) -> Result<SensorVerdict, SweepError> {
     let own: Vec<&UnitResult> =
         results.iter().filter(|result| result.unit.sensor == sensor).collect();
-    let all = Measured::new(&own, candidates, judging)?;
+    let all = MeasuredErrors::new(&own, candidates, judging)?;
     let compared = all.compared().map(Errors::means).collect::<Result<Vec<_>, _>>()?;
     let dropped = dropped(&own, candidates.len(), &compared);
     let chooser = Chooser {
@@ -37,20 +37,20 @@ pub fn verdict(
         default: candidates.iter().position(|candidate| candidate.is_default),
         values: candidates.len(),
     };
-    let runs = Runs::new(&all)?;
+    let runs = NestedRuns::new(&all)?;
     let whole = runs.whole();
     let evidence = whole.evidence();
     let chosen = chooser.choose(judging.rule, evidence)?;
     let selection = evidence.members.map(|_| chooser.selection(evidence)).transpose()?;
-    let windows = runs.online.as_ref().map_or_else(Vec::new, |of| of.whole().means());
+    let windows = runs.online.as_ref().map_or_else(Vec::new, |errors| errors.whole().means());
     let losses = Losses::new(&windows)?;
     let rule = |rule| -> Result<RuleChoice, SweepError> {
         let chosen = chooser.choose(rule, evidence)?;
         Ok(RuleChoice { rule, chosen, regret: losses.regret(chosen) })
     };
     let ranking = chooser.scores(judging.rule, evidence)?;
-    let standing = Standing::of(judging.rule, chosen, &ranking, selection.as_ref());
-    let truth = Truthful { all: &all, candidates, judging, losses: &losses, dropped: &dropped };
+    let standing = ChoiceStanding::of(judging.rule, chosen, &ranking, selection.as_ref());
+    let truth = TruthInputs { all: &all, candidates, judging, losses: &losses, dropped: &dropped };
     let truth = all.online.as_ref().map(|online| truth.of(online, chosen, &ranking)).transpose()?;
     // What was dropped cannot be drawn anew: the others would only be found to be firm among themselves.
     let stability = match dropped[..] {
@@ -122,13 +122,13 @@ fn learning_off(candidates: &[Candidate], chosen: usize, truth: Option<&Truth>) 
 }
 
 /// What was measured, environment by environment.
-pub(super) struct Measured {
+pub(super) struct MeasuredErrors {
     pub(super) members: Vec<Errors>,
     pub(super) log: Option<Errors>,
     pub(super) online: Option<Errors>,
 }
 
-impl Measured {
+impl MeasuredErrors {
     /// Where values are compared with each other: in the members, or on the log where there is no model.
     fn compared(&self) -> impl Iterator<Item = &Errors> {
         let log = self.log.iter().filter(|_| self.members.is_empty());
@@ -144,11 +144,15 @@ impl Measured {
             results.iter().map(|result| result.unit.environment).collect();
         ids.sort_unstable();
         ids.dedup();
-        let of = |id| Errors::new(id, results, (judging.part, judging.scales), candidates);
-        let one = |id: EnvironmentId| ids.contains(&id).then(|| of(id)).transpose();
+        let errors = |id| Errors::new(id, results, (judging.part, judging.scales), candidates);
+        let one = |id: EnvironmentId| ids.contains(&id).then(|| errors(id)).transpose();
         let is_member = |id: &&EnvironmentId| matches!(id, EnvironmentId::Member(_));
         Ok(Self {
-            members: ids.iter().filter(is_member).map(|&id| of(id)).collect::<Result<_, _>>()?,
+            members: ids
+                .iter()
+                .filter(is_member)
+                .map(|&id| errors(id))
+                .collect::<Result<_, _>>()?,
             log: one(EnvironmentId::LogReplay)?,
             online: one(EnvironmentId::Online)?,
         })
@@ -156,17 +160,17 @@ impl Measured {
 }
 
 /// The same for resampling: members with their rollouts, windows with their runs.
-pub(super) struct Runs {
+pub(super) struct NestedRuns {
     /// None without a model; then there is a log.
     members: Option<Nested>,
     log: Option<Nested>,
     online: Option<Nested>,
 }
 
-impl Runs {
+impl NestedRuns {
     /// # Errors
     /// If there are neither members nor a replayed log.
-    pub(super) fn new(all: &Measured) -> Result<Self, StatsError> {
+    pub(super) fn new(all: &MeasuredErrors) -> Result<Self, StatsError> {
         let is_without = all.members.is_empty() && all.log.is_some();
         let of_members = || Nested::new(all.members.iter().flat_map(Errors::units).collect());
         Ok(Self {
@@ -177,8 +181,8 @@ impl Runs {
     }
 
     /// All of them, each once.
-    pub(super) fn whole(&self) -> Whole<'_> {
-        Whole {
+    pub(super) fn whole(&self) -> AllRuns<'_> {
+        AllRuns {
             members: self.members.as_ref().map(Nested::whole),
             log: self.log.as_ref().map(Nested::whole),
         }
@@ -192,12 +196,12 @@ impl Runs {
 }
 
 /// All runs that a choice is made from.
-pub(super) struct Whole<'a> {
+pub(super) struct AllRuns<'a> {
     members: Option<Drawn<'a>>,
     log: Option<Drawn<'a>>,
 }
 
-impl<'a> Whole<'a> {
+impl<'a> AllRuns<'a> {
     pub(super) fn evidence(&self) -> Evidence<'_, 'a> {
         Evidence { members: self.members.as_ref(), log: self.log.as_ref() }
     }
@@ -205,7 +209,7 @@ impl<'a> Whole<'a> {
 
 /// What is chosen from other draws of members, of windows of the log and of their runs.
 fn redrawn(
-    runs: &Runs,
+    runs: &NestedRuns,
     chooser: &Chooser<'_>,
     judging: &Judging<'_>,
     sensor: &str,
@@ -237,15 +241,15 @@ fn shares(choices: &ChoiceOfResamples) -> Vec<Share> {
 }
 
 /// What the truth is put together from.
-struct Truthful<'a> {
-    all: &'a Measured,
+struct TruthInputs<'a> {
+    all: &'a MeasuredErrors,
     candidates: &'a [Candidate],
     judging: &'a Judging<'a>,
     losses: &'a Losses,
     dropped: &'a [Dropped],
 }
 
-impl Truthful<'_> {
+impl TruthInputs<'_> {
     fn of(&self, online: &Errors, chosen: usize, ranking: &[f64]) -> Result<Truth, SweepError> {
         let Self { candidates, judging, losses, .. } = self;
         let scores = online.scores()?;
@@ -269,7 +273,7 @@ impl Truthful<'_> {
         };
         let windows = windows(online);
         let scored = windows.iter().map(|window| window.scored_steps).min().unwrap_or(0);
-        let gamma = candidates.iter().map(|of| of.agent.gamma).fold(0.0, f64::max);
+        let gamma = candidates.iter().map(|candidate| candidate.agent.gamma).fold(0.0, f64::max);
         Ok(Truth {
             horizons: scored as f64 * (1.0 - gamma),
             windows,
@@ -301,7 +305,7 @@ impl Truthful<'_> {
         let random = means
             .map(|means| means.iter().map(|loss| loss.exp_m1()).sum::<f64>() / means.len() as f64);
         // Pairs of windows are no sample, and nor are the values of a grid: neither has a bound.
-        let of = |baseline, regret: Option<f64>| {
+        let of_regret = |baseline, regret: Option<f64>| {
             let regret = regret.map(|value| Bounded { value, upper: None });
             BaselineRegret { baseline, chosen: None, regret }
         };
@@ -309,9 +313,9 @@ impl Truthful<'_> {
             of_value(ChoiceBaseline::Default, self.default()),
             of_value(ChoiceBaseline::LogReplay, replayed.transpose()?),
             of_value(ChoiceBaseline::LatestWindow, latest),
-            of(ChoiceBaseline::Random, random),
+            of_regret(ChoiceBaseline::Random, random),
             of_value(ChoiceBaseline::Hindsight, best),
-            of(ChoiceBaseline::AnotherWindow, losses.another_window()),
+            of_regret(ChoiceBaseline::AnotherWindow, losses.another_window()),
         ])
     }
 
@@ -327,7 +331,7 @@ impl Truthful<'_> {
 
 /// Each window, and what is best in it.
 fn windows(online: &Errors) -> Vec<WindowTruth> {
-    let of = |stream: &super::errors::Stream| {
+    let truth = |stream: &super::errors::Stream| {
         let errors = stream.means();
         let best = least(&errors);
         WindowTruth {
@@ -337,5 +341,5 @@ fn windows(online: &Errors) -> Vec<WindowTruth> {
             best: errors[best].is_finite().then_some(best),
         }
     };
-    online.streams.iter().map(of).collect()
+    online.streams.iter().map(truth).collect()
 }

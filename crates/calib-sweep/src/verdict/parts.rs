@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Judging,
-    judge::{Measured, Runs},
+    judge::{MeasuredErrors, NestedRuns},
     rule::Chooser,
 };
 use crate::{Candidate, EnvironmentId, SweepError, UnitResult};
@@ -33,8 +33,8 @@ pub(super) fn choices(
     let mut choices = Vec::new();
     for part in Part::ALL {
         let judging = Judging { part, ..*judging };
-        let Ok(measured) = Measured::new(results, candidates, &judging) else { continue };
-        let runs = Runs::new(&measured)?;
+        let Ok(measured) = MeasuredErrors::new(results, candidates, &judging) else { continue };
+        let runs = NestedRuns::new(&measured)?;
         let own = chooser.choose(judging.rule, runs.whole().evidence())?;
         let online = measured.online.as_ref().map(super::errors::Errors::means).transpose()?;
         let error = |candidate: usize| {
@@ -54,7 +54,7 @@ pub(super) fn choices(
 /// anything is learnt. By the points of learning curves; none where there are fewer than ten, or no error.
 pub(super) fn start_up_share(results: &[&UnitResult], candidate: usize) -> Option<f64> {
     let (mut first, mut all) = (0.0, 0.0);
-    for result in results.iter().filter(|of| of.unit.environment == EnvironmentId::Online) {
+    for result in results.iter().filter(|result| result.unit.environment == EnvironmentId::Online) {
         let row = result.rows.iter().find(|row| row.candidate == candidate)?;
         if row.diverged_at.is_some() || row.curve.len() < 10 {
             return None;

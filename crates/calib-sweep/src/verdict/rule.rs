@@ -113,13 +113,18 @@ impl Chooser<'_> {
         let by_ranks = |key: fn(&Selection, usize) -> [f64; 2]| -> Result<usize, StatsError> {
             let mut selection = self.selection(evidence)?;
             self.without_dropped(&mut selection.mean_errors);
-            let keys: Vec<[f64; 2]> = (0..self.values).map(|of| key(&selection, of)).collect();
+            let keys: Vec<[f64; 2]> =
+                (0..self.values).map(|value| key(&selection, value)).collect();
             Ok(first_smallest(&keys))
         };
         match rule {
             Rule::WorstRank => Ok(self.selection(evidence)?.chosen),
-            Rule::MeanRank => by_ranks(|of, value| [of.mean_ranks[value], of.mean_errors[value]]),
-            Rule::MeanError => by_ranks(|of, value| [of.mean_errors[value], of.mean_ranks[value]]),
+            Rule::MeanRank => by_ranks(|selection, value| {
+                [selection.mean_ranks[value], selection.mean_errors[value]]
+            }),
+            Rule::MeanError => by_ranks(|selection, value| {
+                [selection.mean_errors[value], selection.mean_ranks[value]]
+            }),
             Rule::MeanLogError | Rule::Pooled | Rule::LogReplay => {
                 let streams = evidence.sources(rule);
                 let LogChoice { chosen, .. } = choose_by_mean_log(&streams)?;
@@ -187,14 +192,14 @@ fn least_divergent(streams: &[&[f64]]) -> usize {
 
 /// How a choice stands in the evidence that it was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Standing {
+pub(super) enum ChoiceStanding {
     /// It never diverged.
     Finite,
     /// It diverged in some stream, and so did every other value.
     Diverged,
 }
 
-impl Standing {
+impl ChoiceStanding {
     /// Of the choice of a rule that ranks values by `scores`.
     pub(super) fn of(
         rule: Rule,

@@ -100,8 +100,10 @@ fn ratio(logarithms: &[f64]) -> Result<Estimate, SweepError> {
         return Ok(Estimate { value: if diverged { f64::INFINITY } else { 0.0 }, interval: None });
     }
     let summary = summarise(logarithms)?;
-    let interval =
-        summary.interval.map(|of| calib_stats::Interval { low: of.low.exp(), high: of.high.exp() });
+    let interval = summary.interval.map(|interval| calib_stats::Interval {
+        low: interval.low.exp(),
+        high: interval.high.exp(),
+    });
     Ok(Estimate { value: summary.mean.exp(), interval })
 }
 

@@ -13,13 +13,13 @@ const INF: f64 = f64::INFINITY;
 
 /// Three values, the last of which is the default.
 fn candidates() -> Vec<Candidate> {
-    let of = |index| Candidate {
+    let candidate = |index| Candidate {
         index,
         is_default: index == 2,
         values: vec![("learning_rate".to_owned(), (index + 1).into())],
         agent: AgentConfig { gamma: 0.9, ..AgentConfig::default() },
     };
-    (0..3).map(of).collect()
+    (0..3).map(candidate).collect()
 }
 
 /// One run whose errors are these, over a stream whose returns spread by 1.
@@ -111,9 +111,9 @@ fn the_log_decides_alone_where_there_is_no_model() {
     let with_online = || all.iter().cloned().chain(online()).collect::<Vec<_>>();
     let judged = judge(Rule::LogReplay, &with_online());
     assert_eq!((judged.chosen, judged.selection.as_ref(), judged.members.len()), (1, None, 0));
-    let rules: Vec<Rule> = judged.rules.iter().map(|of| of.rule).collect();
+    let rules: Vec<Rule> = judged.rules.iter().map(|choice| choice.rule).collect();
     assert_eq!(rules, [Rule::LogReplay, Rule::OneStandardError]);
-    let shares: f64 = judged.stability.iter().map(|of| of.share).sum();
+    let shares: f64 = judged.stability.iter().map(|share| share.share).sum();
     near(shares, 1.0);
     assert!(
         judged.stability[0].candidate == 1 && judged.stability.len() > 1,
@@ -132,7 +132,10 @@ fn the_log_decides_alone_where_there_is_no_model() {
     let alike = [log(0, [0.2; 3]), log(1, [0.2; 3])];
     let alike = judge(Rule::LogReplay, &alike);
     assert!(!alike.tells_apart());
-    assert!(alike.warnings.iter().any(|of| of.starts_with("all settings tie")), "{alike:?}");
+    assert!(
+        alike.warnings.iter().any(|warning| warning.starts_with("all settings tie")),
+        "{alike:?}"
+    );
     for rule in [Rule::WorstRank, Rule::MeanRank, Rule::MeanError] {
         verdict("A", &candidates(), &all, &judging(rule)).expect_err("there is nothing to rank in");
     }
@@ -156,7 +159,8 @@ fn what_a_race_on_the_log_dropped_is_told_with_its_error_there() {
     let verdict = judge(Rule::LogReplay, &results);
     assert_eq!((verdict.chosen, verdict.dropped.len()), (0, 1));
     near(verdict.dropped[0].mean_error, 0.4);
-    let told = verdict.warnings.iter().find(|of| of.contains("the race dropped")).expect("told");
+    let told =
+        verdict.warnings.iter().find(|warning| warning.contains("the race dropped")).expect("told");
     assert!(
         told.contains("that the others made, on the log (") && !told.contains("model"),
         "{told}"
@@ -167,8 +171,9 @@ fn what_a_race_on_the_log_dropped_is_told_with_its_error_there() {
 fn what_a_race_dropped_is_not_chosen() {
     // Value 1 made one run, in a stream that was easy for all; its error there is the smallest of all means.
     let errors = [[0.1, 0.15, 0.2], [0.4, 0.0, 0.5], [0.4, 0.0, 0.5], [0.4, 0.0, 0.5]];
-    let of = |number: usize| run(EnvironmentId::Member(number / 2), number % 2, 0, errors[number]);
-    let mut results: Vec<UnitResult> = (0..4).map(of).collect();
+    let member_run =
+        |number: usize| run(EnvironmentId::Member(number / 2), number % 2, 0, errors[number]);
+    let mut results: Vec<UnitResult> = (0..4).map(member_run).collect();
     for result in &mut results[1..] {
         result.rows.retain(|row| row.candidate != 1);
     }
@@ -215,12 +220,13 @@ fn what_diverges_is_not_chosen() {
 
 /// Two windows with two runs each; value 1 is best in the first, value 0 in the second.
 fn online() -> Vec<UnitResult> {
-    let of = |number, window, errors| run(EnvironmentId::Online, number, window, errors);
+    let online_run =
+        |number, online_run, errors| run(EnvironmentId::Online, number, online_run, errors);
     vec![
-        of(0, 100, [0.3, 0.1, 0.4]),
-        of(1, 900, [0.2, 0.4, 0.4]),
-        of(2, 100, [0.5, 0.3, 0.4]),
-        of(3, 900, [0.2, 0.4, 0.4]),
+        online_run(0, 100, [0.3, 0.1, 0.4]),
+        online_run(1, 900, [0.2, 0.4, 0.4]),
+        online_run(2, 100, [0.5, 0.3, 0.4]),
+        online_run(3, 900, [0.2, 0.4, 0.4]),
     ]
 }
 
@@ -228,8 +234,11 @@ fn online() -> Vec<UnitResult> {
 fn regrets_are_geometric_over_windows() {
     let verdict = judge(Rule::WorstRank, &with(online()));
     let truth = verdict.truth.expect("held out");
-    assert_eq!(truth.windows.iter().map(|of| of.start_row).collect::<Vec<_>>(), [100, 900]);
-    assert_eq!(truth.windows.iter().map(|of| of.best).collect::<Vec<_>>(), [Some(1), Some(0)]);
+    assert_eq!(truth.windows.iter().map(|window| window.start_row).collect::<Vec<_>>(), [100, 900]);
+    assert_eq!(
+        truth.windows.iter().map(|window| window.best).collect::<Vec<_>>(),
+        [Some(1), Some(0)]
+    );
     // Mean errors are 0.4, 0.2, 0.4 and 0.2, 0.4, 0.4: by the best 2, 1, 2 and 1, 2, 2.
     let regrets = truth.regrets.expect("finite");
     near(regrets[0], 2.0_f64.sqrt() - 1.0);
@@ -237,7 +246,7 @@ fn regrets_are_geometric_over_windows() {
     near(regrets[2], 1.0);
     assert_eq!((truth.best, truth.scores.streams, truth.scores.runs), (Some(0), 2, 4));
     let cost = |baseline| {
-        let own = truth.baselines.iter().find(|of| of.baseline == baseline).expect("there");
+        let own = truth.baselines.iter().find(|known| known.baseline == baseline).expect("there");
         own.regret.map(|regret| regret.value)
     };
     near(cost(ChoiceBaseline::AnotherWindow).expect("two windows"), 1.0);
@@ -300,7 +309,12 @@ fn one_window_in_which_all_diverge_is_no_good_word() {
     let lost = run(EnvironmentId::Online, 4, 2000, [INF, INF, INF]);
     let verdict = judge(Rule::WorstRank, &with(online().into_iter().chain([lost])));
     assert_eq!(verdict.grade, Grade::Poor, "the choice diverged there too");
-    assert!(verdict.warnings.iter().any(|of| of.contains("diverged in 1 of 3 held-out windows")));
+    assert!(
+        verdict
+            .warnings
+            .iter()
+            .any(|warning| warning.contains("diverged in 1 of 3 held-out windows"))
+    );
 }
 
 #[test]
@@ -314,8 +328,9 @@ fn a_divergence_of_another_windows_choice_excuses_nothing() {
     ];
     let verdict = judge(Rule::WorstRank, &with(windows));
     let truth = verdict.truth.expect("held out");
-    let another = truth.baselines.iter().find(|of| of.baseline == ChoiceBaseline::AnotherWindow);
-    let another = another.and_then(|of| of.regret).expect("pairs without divergence").value;
+    let another =
+        truth.baselines.iter().find(|known| known.baseline == ChoiceBaseline::AnotherWindow);
+    let another = another.and_then(|known| known.regret).expect("pairs without divergence").value;
     // 0.2 / 0.2 of 0.15, 9 of 0.1; 0.15 by itself: the pairs that did not diverge.
     let expected = ((1.0_f64.ln() + 9.0_f64.ln() + (0.2_f64 / 0.15).ln() + 0.0) / 4.0).exp_m1();
     near(another, expected);
@@ -333,7 +348,7 @@ fn values_that_all_diverge_in_the_evidence_are_not_recommended() {
     let verdict = judge(Rule::Pooled, &results);
     assert_eq!(verdict.chosen, 0, "of those that diverged once the best elsewhere");
     assert_eq!(verdict.grade, Grade::Poor);
-    assert!(verdict.warnings.iter().any(|of| of.contains("recommends none of them")));
+    assert!(verdict.warnings.iter().any(|warning| warning.contains("recommends none of them")));
     assert_eq!(judge(Rule::WorstRank, &results).grade, Grade::Fair, "members did not diverge");
 }
 
@@ -364,9 +379,12 @@ fn windows_of_the_log_that_overlap_count_as_often_as_they_fit() {
 #[test]
 fn stability_counts_what_other_draws_choose() {
     let verdict = judge(Rule::WorstRank, &members());
-    let shares: f64 = verdict.stability.iter().map(|of| of.share).sum();
+    let shares: f64 = verdict.stability.iter().map(|share| share.share).sum();
     near(shares, 1.0);
-    assert!(verdict.stability.iter().all(|of| of.candidate != 2), "the default is never better");
+    assert!(
+        verdict.stability.iter().all(|share| share.candidate != 2),
+        "the default is never better"
+    );
     assert!(verdict.stability.len() == 2, "both others are chosen from some draws");
     assert_eq!(judge(Rule::WorstRank, &members()), verdict, "the same seed, the same draws");
 }
@@ -544,7 +562,8 @@ fn the_start_up_and_other_parts_of_a_run_are_told() {
         .collect();
     let verdict = judge(Rule::WorstRank, &results);
     near(verdict.start_up_share.expect("curves"), 0.5);
-    let parts: Vec<(Part, usize)> = verdict.parts.iter().map(|of| (of.part, of.chosen)).collect();
+    let parts: Vec<(Part, usize)> =
+        verdict.parts.iter().map(|choice| (choice.part, choice.chosen)).collect();
     assert_eq!(parts, [(Part::WholeRun, 1), (Part::FinalQuarter, 0)]);
     near(verdict.parts[1].online_error.expect("held out"), 0.1);
     near(verdict.parts[1].online_error_of_verdict.expect("held out"), 0.3);
@@ -561,7 +580,7 @@ proptest! {
             prop_assert!((regret - (error / best - 1.0)).abs() < 1e-9);
         }
         prop_assert_eq!(truth.choice.regret.expect("known").upper, None);
-        prop_assert_eq!(truth.choice.against_default.and_then(|of| of.interval), None);
+        prop_assert_eq!(truth.choice.against_default.and_then(|estimate| estimate.interval), None);
         prop_assert_ne!(verdict.grade, Grade::Good);
         prop_assert!(verdict.grade != Grade::Poor || errors[verdict.chosen] >= 1.0, "one run is no proof");
     }

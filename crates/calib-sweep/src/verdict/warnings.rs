@@ -1,7 +1,9 @@
 use calib_agent::Part;
 use calib_stats::Selection;
 
-use super::{Dropped, Judging, PartChoice, Rule, differ, rule::Standing, told_apart, truth::Truth};
+use super::{
+    Dropped, Judging, PartChoice, Rule, differ, rule::ChoiceStanding, told_apart, truth::Truth,
+};
 use crate::{Candidate, UnitResult};
 
 /// Fewer scored horizons than this say more about the stretch that was scored than about the value.
@@ -27,8 +29,9 @@ pub(super) fn of_parts(
             100.0 * share
         ));
     }
-    let other =
-        parts.iter().find(|of| of.part != part && !are_neighbours(candidates, of.chosen, chosen));
+    let other = parts
+        .iter()
+        .find(|choice| choice.part != part && !are_neighbours(candidates, choice.chosen, chosen));
     if let Some(other) = other {
         let (name, key) = match other.part {
             Part::WholeRun => ("over whole runs", "whole_run"),
@@ -54,7 +57,12 @@ fn are_neighbours(candidates: &[Candidate], a: usize, b: usize) -> bool {
 pub(super) fn all(
     results: &[&UnitResult],
     candidates: &[Candidate],
-    (selection, judging, chosen, standing): (Option<&Selection>, &Judging<'_>, usize, Standing),
+    (selection, judging, chosen, standing): (
+        Option<&Selection>,
+        &Judging<'_>,
+        usize,
+        ChoiceStanding,
+    ),
     (scores, dropped): (&[f64], &[Dropped]),
     truth: Option<&Truth>,
 ) -> Vec<String> {
@@ -84,11 +92,11 @@ pub(super) fn all(
         warnings.push("all settings tie: the evidence shows no clear difference between them; use longer runs (sweep.steps), or settings that differ more".to_owned());
     } else if judging.rule == Rule::WorstRank
         && candidates.len() > 1
-        && selection.is_some_and(|of| of.tie_set.len() == candidates.len())
+        && selection.is_some_and(|selection| selection.tie_set.len() == candidates.len())
     {
         warnings.push("all settings tie in worst rank; the mean rank decides".to_owned());
     }
-    if standing == Standing::Diverged {
+    if standing == ChoiceStanding::Diverged {
         let label = candidates[chosen].label();
         warnings.push(format!(
             "every setting diverged in at least one training run, so calib recommends none of them ({label} is the first by the rule); add smaller learning rates to sweep.grid"

@@ -83,8 +83,8 @@ impl Population {
         let networks = Stack::new(sizes, &own, device)?;
         // Networks that fill a product up are of the first run and learner.
         let count = networks.parameters.size()[0] as usize;
-        let of_all = |of: &dyn Fn(usize) -> i64| -> Result<Tensor, TchError> {
-            let own = (0..runs as usize * learners.len()).map(of);
+        let of_all = |number: &dyn Fn(usize) -> i64| -> Result<Tensor, TchError> {
+            let own = (0..runs as usize * learners.len()).map(number);
             let all: Vec<i64> = own.chain(std::iter::repeat(0)).take(count).collect();
             Tensor::f_from_slice(&all)?.f_to_device(device)
         };
@@ -171,12 +171,12 @@ impl Population {
     fn renew_targets(&mut self) -> Result<(), TchError> {
         let Some((target, periods)) = &self.target else { return Ok(()) };
         let shape = [self.runs, self.learners, -1];
-        let [present, target] =
-            [&self.networks.parameters, target].map(|of| self.wanted(of)?.f_view_(shape));
+        let [present, target] = [&self.networks.parameters, target]
+            .map(|parameters| self.wanted(parameters)?.f_view_(shape));
         let (present, target) = (present?, target?);
         for (learner, &period) in periods.iter().enumerate() {
             if period > 0 && self.updates.is_multiple_of(period) {
-                let own = |of: &Tensor| of.f_select(1, learner as i64);
+                let own = |parameters: &Tensor| parameters.f_select(1, learner as i64);
                 own(&target)?.f_copy_(&own(&present)?)?;
             }
         }
@@ -185,9 +185,9 @@ impl Population {
 
     fn make(&mut self, steps: &Steps) -> Result<LockstepResults, TchError> {
         let (runs, count) = (self.runs, steps.present.len() as i64 / self.runs);
-        let numbers = |of: &[u32], shape: &[i64]| -> Result<Tensor, TchError> {
-            let of: Vec<i64> = of.iter().map(|&number| i64::from(number)).collect();
-            Tensor::f_from_slice(&of)?.f_view_(shape)?.f_to_device(self.device)
+        let numbers = |numbers: &[u32], shape: &[i64]| -> Result<Tensor, TchError> {
+            let numbers: Vec<i64> = numbers.iter().map(|&number| i64::from(number)).collect();
+            Tensor::f_from_slice(&numbers)?.f_view_(shape)?.f_to_device(self.device)
         };
         let present = numbers(&steps.present, &[count, runs, 1])?;
         let (mut predictions, mut finite) = (Vec::new(), Vec::new());

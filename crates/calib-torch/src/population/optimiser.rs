@@ -45,13 +45,14 @@ impl Descent {
             all.map(|learner| number(learner.config)).collect()
         };
         let on_device = |number: fn(&AgentConfig) -> f64| {
-            let numbers: Vec<f32> = of_all(number).into_iter().map(|of| of as f32).collect();
+            let numbers: Vec<f32> =
+                of_all(number).into_iter().map(|number| number as f32).collect();
             column(&numbers, device)
         };
         let is_adam = learners[0].config.optimiser == OptimiserKind::Adam;
         let adam = is_adam.then(|| -> Result<Adam, TchError> {
             let [mean, square] = moments(learners, runs, networks)?;
-            let (beta1, beta2) = (of_all(|of| of.beta1), of_all(|of| of.beta2));
+            let (beta1, beta2) = (of_all(|config| config.beta1), of_all(|config| config.beta2));
             let start = |learner: &Learner<'_>| {
                 let moments = learner.start.and_then(|start| start.moments.as_ref());
                 moments.map_or([1.0; 2], |moments| [moments.powers.0, moments.powers.1])
@@ -59,9 +60,9 @@ impl Descent {
             Ok(Adam {
                 mean,
                 square,
-                beta1: [on_device(|of| of.beta1)?, on_device(|of| 1.0 - of.beta1)?],
-                beta2: [on_device(|of| of.beta2)?, on_device(|of| 1.0 - of.beta2)?],
-                epsilon: on_device(|of| of.epsilon)?,
+                beta1: [on_device(|config| config.beta1)?, on_device(|config| 1.0 - config.beta1)?],
+                beta2: [on_device(|config| config.beta2)?, on_device(|config| 1.0 - config.beta2)?],
+                epsilon: on_device(|config| config.epsilon)?,
                 betas: beta1.into_iter().zip(beta2).map(|(one, two)| [one, two]).collect(),
                 powers: {
                     let own = (0..runs).flat_map(|_| learners.iter());
@@ -70,12 +71,12 @@ impl Descent {
                 ahead: [Tensor::new(), Tensor::new()],
             })
         });
-        let rate = on_device(|of| of.learning_rate)?;
+        let rate = on_device(|config| config.learning_rate)?;
         Ok(Self {
             frozen: rate.f_eq(0)?.f_view_([-1])?,
-            keep: on_device(|of| 1.0 - of.learning_rate * of.weight_decay)?,
+            keep: on_device(|config| 1.0 - config.learning_rate * config.weight_decay)?,
             rate,
-            rates: of_all(|of| of.learning_rate),
+            rates: of_all(|config| config.learning_rate),
             adam: adam.transpose()?,
         })
     }
@@ -95,7 +96,7 @@ impl Descent {
         }
         let shape = [count as i64, adam.powers.len() as i64, 1];
         let [rates, corrections] = [rates, corrections]
-            .map(|of| Tensor::f_from_slice(&of)?.f_view_(shape)?.f_to_device(device));
+            .map(|values| Tensor::f_from_slice(&values)?.f_view_(shape)?.f_to_device(device));
         adam.ahead = [rates?, corrections?];
         Ok(())
     }

@@ -53,11 +53,13 @@ fn judged(pairs: Vec<Pair>) -> Validity {
 }
 
 fn summary<'a>(validity: &'a Validity, name: &str) -> &'a MethodSummary {
-    validity.methods.iter().find(|of| of.method.name() == name).expect("it is there")
+    validity.methods.iter().find(|method| method.method.name() == name).expect("it is there")
 }
 
 fn comparison<'a>(all: &'a [Comparison], method: &str, against: &str) -> &'a Comparison {
-    let found = all.iter().find(|of| of.method.name() == method && of.against.name() == against);
+    let found = all.iter().find(|comparison| {
+        comparison.method.name() == method && comparison.against.name() == against
+    });
     found.expect("it is there")
 }
 
@@ -88,9 +90,9 @@ fn regrets_of_all_methods_by_hand() {
     // One-step errors prefer a everywhere; there are no warping distances, and no latest windows.
     near(mean("most_accurate_model"), 1.25 / 3.0);
     let absent = [Method::LeastWarped, Method::LatestWindow, Method::BestDefaultOfOptimiser];
-    assert!(validity.methods.iter().all(|of| !absent.contains(&of.method)));
+    assert!(validity.methods.iter().all(|method| !absent.contains(&method.method)));
     assert_eq!(validity.agreement[0].stability, Some(0.75));
-    let saved: Vec<_> = validity.agreement.iter().map(|of| of.saved).collect();
+    let saved: Vec<_> = validity.agreement.iter().map(|agreement| agreement.saved).collect();
     assert_eq!(saved, [Some(0.5), Some(0.25)]);
 }
 
@@ -105,7 +107,8 @@ fn a_default_may_depend_on_the_optimiser() {
     // All: products 6, 3.75, 9. Adam's: 2, 1.25, 4.5. SGD's: 3, 3, 2.
     assert_eq!(validity.best_default, 1);
     let own = validity.best_defaults_of_optimisers.iter();
-    let own: Vec<(&str, usize)> = own.map(|of| (of.optimiser.as_str(), of.value)).collect();
+    let own: Vec<(&str, usize)> =
+        own.map(|default| (default.optimiser.as_str(), default.value)).collect();
     assert_eq!(own, [("adam", 1), ("sgd", 2)]);
     near(summary(&validity, "best_default_of_optimiser").mean, (0.0 + 0.25 + 0.0 + 1.0) / 4.0);
     // The north has no other plant with Adam; the west says x (regret 2) for the south, the south z (regret 1) for the west.
@@ -117,12 +120,12 @@ fn a_default_may_depend_on_the_optimiser() {
 #[test]
 fn two_by_two() {
     let validity = judged(pairs());
-    let of = |method: &str, against: &str| comparison(&validity.comparisons, method, against);
-    let random = of("model:a", "random"); // 0, 0.25, 1 against 1, 0.25, 1
+    let compared = |method: &str, against: &str| comparison(&validity.comparisons, method, against);
+    let random = compared("model:a", "random"); // 0, 0.25, 1 against 1, 0.25, 1
     assert_eq!((random.wins, random.ties, random.losses), (1, 2, 0));
     near(random.difference, -1.0 / 3.0);
     near(random.error_ratio, 0.5_f64.cbrt());
-    let replay = of("model:b", "log_replay"); // 2, 0.5, 0 against 1, 0, 2
+    let replay = compared("model:b", "log_replay"); // 2, 0.5, 0 against 1, 0, 2
     assert_eq!((replay.wins, replay.ties, replay.losses), (1, 0, 2));
     near(replay.error_ratio, (1.5_f64 * 1.5 / 3.0).cbrt());
     assert_eq!(
@@ -131,22 +134,23 @@ fn two_by_two() {
         "two plants"
     );
     // Two models are compared once.
-    assert_eq!(of("model:a", "model:b").wins, 2);
+    assert_eq!(compared("model:a", "model:b").wins, 2);
     assert!(
         validity
             .comparisons
             .iter()
-            .all(|of| of.method.name() != "model:b" || !of.against.is_model())
+            .all(|comparison| comparison.method.name() != "model:b"
+                || !comparison.against.is_model())
     );
 }
 
 /// So many plants with one sensor each, in which the model chooses value 1.
 fn plants(count: usize, regrets: impl Fn(usize) -> [f64; 3]) -> Validity {
-    let of = |plant: usize| Pair {
+    let plant_pair = |plant: usize| Pair {
         models: vec![model("a", 1, 1.0, 1.0)],
         ..pair(&format!("plant {plant}"), "p", regrets(plant))
     };
-    judged((0..count).map(of).collect())
+    judged((0..count).map(plant_pair).collect())
 }
 
 #[test]
@@ -155,10 +159,10 @@ fn eight_plants_have_the_interval_of_students_t_on_logarithms() {
     let regrets =
         |plant: usize| [0.0, if plant.is_multiple_of(2) { 1_f64.exp_m1() } else { 0.0 }, 1.0];
     let validity = plants(8, regrets);
-    let of = comparison(&validity.comparisons, "model:a", "log_replay");
+    let compared = comparison(&validity.comparisons, "model:a", "log_replay");
     // Mean ½, s = √(2/7), t(7) = 2.364624252.
     let half = 2.364_624_252 * (2.0_f64 / 7.0 / 8.0).sqrt();
-    let interval = of.error_ratio_interval.expect("eight plants");
+    let interval = compared.error_ratio_interval.expect("eight plants");
     assert!((interval.low - (0.5 - half).exp()).abs() < 1e-8, "{interval:?}");
     assert!((interval.high - (0.5 + half).exp()).abs() < 1e-8, "{interval:?}");
     let own = summary(&validity, "model:a");
@@ -179,8 +183,9 @@ fn eight_plants_have_the_interval_of_students_t_on_logarithms() {
 fn what_plants_can_tell_follows_from_their_means() {
     let validity = judged(pairs());
     let power = validity.power.iter();
-    let power =
-        power.clone().find(|of| of.method.name() == "model:a" && of.against == Method::Random);
+    let power = power
+        .clone()
+        .find(|power| power.method.name() == "model:a" && power.against == Method::Random);
     let power = power.expect("it is there");
     // The north's mean logarithm is −ln 2 / 2, the south's 0: a deviation of ln 2 / 2 / √2.
     let std = 2.0_f64.ln() / 8.0_f64.sqrt();
@@ -195,52 +200,54 @@ fn what_plants_can_tell_follows_from_their_means() {
 fn claims_are_of_models_against_what_one_would_do_without() {
     let values = ["x", "y", "z"].map(str::to_owned).to_vec();
     let validity = judge(values, pairs(), &["b".to_owned()]).expect("valid");
-    let of = |claim, method: &str, against: Option<&str>| -> Option<&Test> {
-        validity.tests.iter().find(|of| {
-            let other = of.against.as_ref().map(Method::name);
-            of.claim == claim && of.method.name() == method && other.as_deref() == against
+    let test_of = |claim, method: &str, against: Option<&str>| -> Option<&Test> {
+        validity.tests.iter().find(|test| {
+            let other = test.against.as_ref().map(Method::name);
+            test.claim == claim && test.method.name() == method && other.as_deref() == against
         })
     };
-    let regret = of(Claim::SmallRegret, "model:a", None).expect("claimed");
+    let regret = test_of(Claim::SmallRegret, "model:a", None).expect("claimed");
     assert_eq!(regret.outcome, Outcome::Open, "two plants");
     near(regret.value, 1.25 / 3.0);
-    assert!(of(Claim::NoWorse, "model:a", Some("log_replay")).is_some());
-    assert!(of(Claim::Better, "model:a", Some("model:b")).is_some(), "b is a network");
-    assert!(of(Claim::Better, "model:b", Some("default")).is_some());
-    assert!(validity.tests.iter().all(|of| !of.against.as_ref().is_some_and(Method::is_floor)));
+    assert!(test_of(Claim::NoWorse, "model:a", Some("log_replay")).is_some());
+    assert!(test_of(Claim::Better, "model:a", Some("model:b")).is_some(), "b is a network");
+    assert!(test_of(Claim::Better, "model:b", Some("default")).is_some());
+    assert!(validity.tests.iter().all(|test| !test.against.as_ref().is_some_and(Method::is_floor)));
 }
 
 #[test]
 fn the_more_accurate_model_chooses_better_or_not() {
     let validity = judged(pairs());
-    let of = |predictor, outcome| {
+    let accuracy_of = |predictor, outcome| {
         let mut all = validity.accuracy.iter();
-        all.find(|of| of.predictor == predictor && of.outcome == outcome).expect("there").clone()
+        all.find(|accuracy| accuracy.predictor == predictor && accuracy.outcome == outcome)
+            .expect("there")
+            .clone()
     };
     // a is more accurate in all three pairs and has the smaller regret in two of them.
-    let regret = of(Predictor::OneStep, Badness::Regret);
+    let regret = accuracy_of(Predictor::OneStep, Badness::Regret);
     assert_eq!((regret.pairs, regret.models), (3, 6));
     near(regret.correlation.expect("defined"), 1.0 / 3.0);
-    let ranking = of(Predictor::OneStep, Badness::Disagreement);
+    let ranking = accuracy_of(Predictor::OneStep, Badness::Disagreement);
     near(ranking.correlation.expect("defined"), 1.0);
-    assert_eq!(of(Predictor::Dtw, Badness::Regret).correlation, None);
+    assert_eq!(accuracy_of(Predictor::Dtw, Badness::Regret).correlation, None);
 }
 
 #[test]
 fn rules_are_compared_over_the_pairs_of_all_models() {
     let validity = judged(pairs());
     let rule = |name: &str| {
-        let found = validity.rules.iter().find(|of| of.method.name() == name);
+        let found = validity.rules.iter().find(|rule| rule.method.name() == name);
         found.expect("it is there").mean
     };
     near(rule("model:a:worst_rank"), 1.25 / 3.0);
     near(rule("model:b:pooled"), 1.0);
     assert_eq!(validity.rule_comparisons.len(), 1, "two rules are compared once");
     // 0, 0.25, 1 of a and 2, 0.5, 0 of b against 1, 0, 2 in both.
-    let of = comparison(&validity.rule_comparisons, "rule:worst_rank", "rule:pooled");
-    assert_eq!((of.pairs, of.wins, of.ties, of.losses), (6, 3, 0, 3));
-    near(of.error_ratio, (2.5_f64 * 4.5 / 36.0).powf(1.0 / 6.0));
-    assert_eq!(of.of_plants.len(), 2, "the plant stays the unit");
+    let compared = comparison(&validity.rule_comparisons, "rule:worst_rank", "rule:pooled");
+    assert_eq!((compared.pairs, compared.wins, compared.ties, compared.losses), (6, 3, 0, 3));
+    near(compared.error_ratio, (2.5_f64 * 4.5 / 36.0).powf(1.0 / 6.0));
+    assert_eq!(compared.of_plants.len(), 2, "the plant stays the unit");
 }
 
 #[test]
@@ -251,13 +258,13 @@ fn tasks_that_are_alike_are_summarised() {
     }
     let validity = judged(all);
     let mut groups = validity.groups.iter();
-    let own = groups.find(|of| of.group == "0.8" && of.method.name() == "model:a");
+    let own = groups.find(|group| group.group == "0.8" && group.method.name() == "model:a");
     let own = own.expect("it is there");
     assert_eq!((own.feature.as_str(), own.pairs, own.plants), ("gamma", 2, 1));
     near(own.typical, 1.25_f64.sqrt() - 1.0);
     near(own.against_default.expect("known"), (1.25_f64 / 4.5).sqrt());
     assert_eq!(own.interval, None, "one plant alone has none");
-    assert!(validity.groups.iter().all(|of| of.feature == "gamma"), "all have one optimiser");
+    assert!(validity.groups.iter().all(|group| group.feature == "gamma"), "all have one optimiser");
 }
 
 #[test]
@@ -275,8 +282,8 @@ fn diverged_choices_count_as_the_cap() {
     let against = comparison(&validity.comparisons, "model:b", "log_replay");
     assert_eq!((against.wins, against.losses, against.pairs), (1, 2, 3));
     near(against.error_ratio, (121.0_f64 / 6.0).cbrt());
-    let each = validity.each.iter().find(|of| of.method.name() == "model:b");
-    assert_eq!(each.map(|of| of.regret), Some(f64::INFINITY), "what it was stays known");
+    let each = validity.each.iter().find(|regret| regret.method.name() == "model:b");
+    assert_eq!(each.map(|regret| regret.regret), Some(f64::INFINITY), "what it was stays known");
 }
 
 #[test]

@@ -81,12 +81,12 @@ fn nothing_leaves_the_range_of_the_log() {
 #[test]
 fn the_same_for_any_number_of_threads() {
     let config = NetworkConfig { updates: 30, ..NetworkConfig::default() };
-    let of = |threads: usize| {
+    let networks = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| model(config)).networks
     };
-    assert_eq!(of(1), of(3));
-    assert_ne!(of(1)[0], of(1)[1], "members differ");
+    assert_eq!(networks(1), networks(3));
+    assert_ne!(networks(1)[0], networks(1)[1], "members differ");
 }
 
 #[test]

@@ -52,7 +52,7 @@ fn unless_zero(spread: f32) -> f32 {
 impl Scales {
     pub(super) fn new(log: &Decisions) -> Self {
         let all = || (0..log.len()).map(TransitionIndex::new);
-        let of = |column: usize| {
+        let spread_of = |column: usize| {
             let values = all().flat_map(move |at| log.ends(at).map(|state| state[column]));
             let Reward { mean, std, lowest, highest } = spread(values);
             let squares = all().map(|at| {
@@ -63,7 +63,7 @@ impl Scales {
             Column { mean, std, change, lowest, highest }
         };
         Self {
-            columns: (0..log.states().columns()).map(of).collect(),
+            columns: (0..log.states().columns()).map(spread_of).collect(),
             reward: spread(log.rewards().iter().copied()),
             actions: log.levels(),
         }
@@ -168,7 +168,7 @@ pub(super) fn train(
 ) -> Result<Mlp, ControlError> {
     let known = blocks.transitions_of(member).map(TransitionIndex::get);
     let known = Examples::new(log, scales, known);
-    let held_back = blocks.own(member).map(|of| of as usize);
+    let held_back = blocks.own(member).map(|transition| transition as usize);
     let held_back = Examples::new(log, scales, held_back);
     if known.len() == 0 || held_back.len() == 0 {
         return Err(ControlError::FewTransitions { members: config.members });
@@ -196,20 +196,20 @@ pub(super) fn train(
             said.zip(targets.chunks(outputs)).zip(gradient.chunks_mut(outputs))
         {
             loss(output, target, own);
-            for of in own {
-                *of /= config.batch as f32;
+            for derivative in own {
+                *derivative /= config.batch as f32;
             }
         }
         let gradients = network.backward(&batch, &gradient, &mut workspace);
         adam.step(network.parameters_mut(), gradients);
         if update.is_multiple_of(every) || update == config.updates {
             let loss = mean_loss(&network, &held_back, &mut workspace, config.batch);
-            let is_better = best.as_ref().is_none_or(|of| loss < of.0);
+            let is_better = best.as_ref().is_none_or(|best| loss < best.0);
             if loss.is_finite() && is_better {
                 best = Some((loss, network.clone()));
             }
         }
         monitor.advance(1);
     }
-    best.map(|of| of.1).ok_or(ControlError::NetworkDiverged { member })
+    best.map(|best| best.1).ok_or(ControlError::NetworkDiverged { member })
 }

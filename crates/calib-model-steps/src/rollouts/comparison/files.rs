@@ -65,10 +65,10 @@ fn dtw(pairs: &[Pair]) -> Table {
     let patterns = pairs.iter().flat_map(|_| STEP_PATTERNS.map(str::to_owned));
     of_pairs(pairs, STEP_PATTERNS.len())
         .with("step_pattern", patterns.collect::<Vec<String>>())
-        .with("distance", distances().map(|of| of.0).collect::<Vec<f64>>())
+        .with("distance", distances().map(|distance| distance.0).collect::<Vec<f64>>())
         .with_optional(
             "normalized_distance",
-            distances().map(|of| of.1).collect::<Vec<Option<f64>>>(),
+            distances().map(|distance| distance.1).collect::<Vec<Option<f64>>>(),
         )
 }
 
@@ -103,8 +103,11 @@ fn from_tables(dtw: &Table, others: &Table) -> Result<Vec<Pair>, StepError> {
     let sensors = others.column::<String>("sensor")?;
     let of_warping = [dtw.column::<u32>("member")?, dtw.column::<u32>("rollout")?];
     let pair = |(row, warping): (usize, &[(f64, Option<f64>)])| {
-        let same = [members, rollouts].map(|of| of[row]);
-        ensure!(of_warping.map(|of| of[row * patterns]) == same, "row {row} is of another rollout");
+        let same = [members, rollouts].map(|column| column[row]);
+        ensure!(
+            of_warping.map(|column| column[row * patterns]) == same,
+            "row {row} is of another rollout"
+        );
         Ok(Pair {
             member: members[row],
             rollout: rollouts[row],
@@ -113,7 +116,7 @@ fn from_tables(dtw: &Table, others: &Table) -> Result<Vec<Pair>, StepError> {
             sensor: sensors[row].clone(),
             steps: steps[row],
             warping: warping.to_vec(),
-            measures: measures.iter().map(|of| of[row]).collect(),
+            measures: measures.iter().map(|column| column[row]).collect(),
         })
     };
     warping.chunks_exact(patterns).enumerate().map(pair).collect()

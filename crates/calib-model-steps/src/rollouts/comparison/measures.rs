@@ -12,34 +12,36 @@ pub(super) struct Measure {
     pub(super) column: &'static str,
     /// What people read.
     pub(super) label: &'static str,
-    pub(super) of: Distance,
+    pub(super) distance: DistanceFunction,
 }
 
 /// Of a rollout and the recorded series; `None` where it is not defined.
-type Distance = fn(&[f64], &[f64]) -> Result<Option<f64>, StepError>;
+type DistanceFunction = fn(&[f64], &[f64]) -> Result<Option<f64>, StepError>;
 
 pub(super) const MEASURES: [Measure; 5] = [
     Measure {
         column: "wasserstein",
         label: "Wasserstein distance of values",
-        of: |rollout, recorded| Ok(Some(wasserstein(rollout, recorded)?)),
+        distance: |rollout, recorded| Ok(Some(wasserstein(rollout, recorded)?)),
     },
     Measure {
         column: "wasserstein_increments",
         label: "Wasserstein distance of changes",
-        of: |rollout, recorded| Ok(Some(wasserstein(&increments(rollout), &increments(recorded))?)),
+        distance: |rollout, recorded| {
+            Ok(Some(wasserstein(&increments(rollout), &increments(recorded))?))
+        },
     },
     Measure {
         column: "autocorrelation_distance",
         label: "autocorrelation distance",
-        of: |rollout, recorded| {
+        distance: |rollout, recorded| {
             Ok(autocorrelation_distance(rollout, recorded, usual_lags(rollout.len()))?)
         },
     },
     Measure {
         column: "spectral_distance",
         label: "spectral distance (dB)",
-        of: |rollout, recorded| {
+        distance: |rollout, recorded| {
             let segment = usual_segment(rollout.len());
             segment.map(|segment| Ok(spectral_distance(rollout, recorded, segment)?)).transpose()
         },
@@ -47,7 +49,7 @@ pub(super) const MEASURES: [Measure; 5] = [
     Measure {
         column: "time_warp_edit",
         label: "time warp edit distance per sample",
-        of: |rollout, recorded| {
+        distance: |rollout, recorded| {
             let samples = (rollout.len() + recorded.len()) as f64;
             Ok(Some(TimeWarpEdit::default().distance(rollout, recorded)? / samples))
         },

@@ -107,13 +107,13 @@ pub(crate) struct MeasureSummary {
 }
 
 /// All pairs, and their summary.
-pub(crate) struct Compared {
+pub(crate) struct ComparedPairs {
     pub(crate) pairs: Vec<Pair>,
     pub(crate) summary: Comparison,
 }
 
 /// A rollout that can be compared, and as many recorded states as it has comparable ones.
-struct Job<'a> {
+struct ComparisonJob<'a> {
     member: usize,
     rollout: usize,
     wanted: RequestedStart,
@@ -130,10 +130,10 @@ pub(crate) fn compare(
     sensors: &[(String, usize)],
     steps: usize,
     printer: &Printer,
-) -> Result<Compared, StepError> {
+) -> Result<ComparedPairs, StepError> {
     let set = PatternSet::new(step_patterns()?, Settings::default());
     let (jobs, ended_early) = jobs(record, all, steps);
-    let pairs: Vec<(&Job<'_>, usize)> =
+    let pairs: Vec<(&ComparisonJob<'_>, usize)> =
         jobs.iter().flat_map(|job| (0..sensors.len()).map(move |sensor| (job, sensor))).collect();
     let progress = printer.progress();
     progress.begin("comparing", pairs.len() as u64);
@@ -147,8 +147,9 @@ pub(crate) fn compare(
             let query = job.trajectory.values(states, column, reference.len());
             let query: Vec<f64> = query.into_iter().map(f64::from).collect();
             let warping = set.distances(&query, &reference)?.into_iter();
-            let warping = warping.map(|of| of.map(|of| (of.raw, of.normalised)));
-            let measures = MEASURES.iter().map(|measure| (measure.of)(&query, &reference));
+            let warping =
+                warping.map(|warped| warped.map(|distance| (distance.raw, distance.normalised)));
+            let measures = MEASURES.iter().map(|measure| (measure.distance)(&query, &reference));
             let pair = Pair {
                 member: job.member as u32,
                 rollout: job.rollout as u32,
@@ -173,7 +174,7 @@ pub(crate) fn compare(
     };
     let counts = Counts { rollouts: jobs.len(), left_out, ended_early };
     let summary = summary(&pairs, counts, against)?;
-    Ok(Compared { pairs, summary })
+    Ok(ComparedPairs { pairs, summary })
 }
 
 fn is_of_deployment(trajectory: &Trajectory) -> bool {
@@ -185,7 +186,11 @@ fn step_patterns() -> Result<Vec<StepPattern>, StepError> {
 }
 
 /// What is compared, and how many rollouts ended too early for that.
-fn jobs<'a>(record: Record<'a>, all: &'a [Vec<Trajectory>], steps: usize) -> (Vec<Job<'a>>, usize) {
+fn jobs<'a>(
+    record: Record<'a>,
+    all: &'a [Vec<Trajectory>],
+    steps: usize,
+) -> (Vec<ComparisonJob<'a>>, usize) {
     let (mut jobs, mut ended_early) = (Vec::new(), 0);
     for (member, rollouts) in all.iter().enumerate() {
         for (number, rollout) in rollouts.iter().enumerate() {
@@ -201,7 +206,14 @@ fn jobs<'a>(record: Record<'a>, all: &'a [Vec<Trajectory>], steps: usize) -> (Ve
                 continue;
             }
             let trajectory = rollout;
-            jobs.push(Job { member, rollout: number, wanted, start, trajectory, recorded });
+            jobs.push(ComparisonJob {
+                member,
+                rollout: number,
+                wanted,
+                start,
+                trajectory,
+                recorded,
+            });
         }
     }
     (jobs, ended_early)

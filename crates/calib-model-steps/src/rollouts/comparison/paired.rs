@@ -75,7 +75,7 @@ impl<'a> ComparedModel<'a> {
 
     /// What a distance is on average.
     pub(super) fn summary(&self, sensor: &str, distance: Distance) -> Option<&'a ClusterSummary> {
-        let own = self.comparison.sensors.iter().find(|of| of.sensor == sensor)?;
+        let own = self.comparison.sensors.iter().find(|compared| compared.sensor == sensor)?;
         match distance {
             Distance::Raw(place) => Some(&own.dtw.get(place)?.distance),
             Distance::Normalised(place) => own.dtw.get(place)?.normalized_distance.as_ref(),
@@ -90,7 +90,7 @@ impl<'a> ComparedModel<'a> {
         sensor: &str,
         distance: Distance,
     ) -> Result<Option<Difference>, StepError> {
-        let known = |of: &Self| of.known(sensor, distance);
+        let known = |model: &Self| model.known(sensor, distance);
         let (own, others) = (known(self), known(other));
         if own.is_empty() || others.is_empty() || !self.is_held_to_the_record_of(other) {
             return Ok(None);
@@ -101,7 +101,7 @@ impl<'a> ComparedModel<'a> {
 
     /// Whether what both are compared with was recorded in the same place.
     pub(super) fn is_held_to_the_record_of(&self, other: &Self) -> bool {
-        let are_known = [self, other].iter().all(|of| !of.comparison.sensors.is_empty());
+        let are_known = [self, other].iter().all(|model| !model.comparison.sensors.is_empty());
         !are_known || self.comparison.against == other.comparison.against
     }
 
@@ -130,14 +130,14 @@ fn two(
     one: &ComparedModel<'_>,
     other: &ComparedModel<'_>,
 ) -> Result<Option<PairedModels>, StepError> {
-    let shared = one.comparison.sensors.iter().map(|of| of.sensor.as_str());
+    let shared = one.comparison.sensors.iter().map(|compared| compared.sensor.as_str());
     let shared = shared.filter(|sensor| other.pairs.contains_key(sensor));
     let sensors: Vec<PairedSensor> =
         shared.map(|sensor| of_sensor(one, other, sensor)).collect::<Result<_, StepError>>()?;
     if sensors.is_empty() || !one.is_held_to_the_record_of(other) {
         return Ok(None);
     }
-    Ok(Some(PairedModels { models: [one, other].map(|of| of.name.to_owned()), sensors }))
+    Ok(Some(PairedModels { models: [one, other].map(|model| model.name.to_owned()), sensors }))
 }
 
 fn of_sensor(
@@ -169,21 +169,23 @@ fn difference(
     others: &[(&Pair, f64)],
     members: bool,
 ) -> Result<Difference, StepError> {
-    let stretches =
-        |of: &[(&Pair, f64)]| of.iter().map(|(pair, _)| stretch(pair)).collect::<BTreeSet<_>>();
+    let stretches = |pairs: &[(&Pair, f64)]| {
+        pairs.iter().map(|(pair, _)| stretch(pair)).collect::<BTreeSet<_>>()
+    };
     let (all, all_others) = (stretches(own), stretches(others));
     let shared: Vec<&Stretch> = all.intersection(&all_others).collect();
     if shared.is_empty() || 2 * shared.len() < all.len().min(all_others.len()) {
-        let starts = |of: &[(&Pair, f64)]| of.iter().map(|(pair, _)| pair.start).collect();
-        let values = |of: &[(&Pair, f64)]| of.iter().map(|(_, value)| *value).collect();
-        let sample = |of| -> (Vec<Timestamp>, Vec<f64>) { (starts(of), values(of)) };
+        let starts = |pairs: &[(&Pair, f64)]| pairs.iter().map(|(pair, _)| pair.start).collect();
+        let values = |pairs: &[(&Pair, f64)]| pairs.iter().map(|(_, value)| *value).collect();
+        let sample = |pairs| -> (Vec<Timestamp>, Vec<f64>) { (starts(pairs), values(pairs)) };
         let ((x_starts, x), (y_starts, y)) = (sample(own), sample(others));
         return Ok(unpaired_difference((&x_starts, &x), (&y_starts, &y))?);
     }
     let (mut starts, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
     let means = (means(own)?, means(others)?);
-    let of_members = |of: &[(&Pair, f64)]| -> BTreeMap<_, f64> {
-        of.iter()
+    let of_members = |pairs: &[(&Pair, f64)]| -> BTreeMap<_, f64> {
+        pairs
+            .iter()
             .map(|(pair, value)| ((stretch(pair), pair.member, pair.rollout), *value))
             .collect()
     };
@@ -209,10 +211,13 @@ fn stretch(pair: &Pair) -> Stretch {
 }
 
 /// Means over the rollouts of each stretch.
-fn means(of: &[(&Pair, f64)]) -> Result<BTreeMap<Stretch, f64>, StepError> {
+fn means(pairs: &[(&Pair, f64)]) -> Result<BTreeMap<Stretch, f64>, StepError> {
     let (stretches, values): (Vec<Stretch>, Vec<f64>) =
-        of.iter().map(|(pair, value)| (stretch(pair), *value)).unzip();
-    Ok(cluster_means(&stretches, &values)?.into_iter().map(|(of, mean)| (*of, mean)).collect())
+        pairs.iter().map(|(pair, value)| (stretch(pair), *value)).unzip();
+    Ok(cluster_means(&stretches, &values)?
+        .into_iter()
+        .map(|(stretch, mean)| (*stretch, mean))
+        .collect())
 }
 
 #[cfg(test)]
@@ -243,29 +248,35 @@ mod tests {
         // Member 1 of the second lacks the second start: member 0 alone counts there.
         let one = [pair(0, 5, 1.0), pair(1, 5, 5.0), pair(0, 90, 2.0), pair(1, 90, 60.0)];
         let other = [pair(0, 5, 2.0), pair(1, 5, 7.0), pair(0, 90, 6.0)];
-        let of = minus((2, &one), (2, &other));
-        assert_eq!((of.mean, of.clusters, of.smaller), (-2.75, [2, 2], Some([2, 0])));
+        let difference = minus((2, &one), (2, &other));
+        assert_eq!(
+            (difference.mean, difference.clusters, difference.smaller),
+            (-2.75, [2, 2], Some([2, 0]))
+        );
         // Another number of members leaves out other blocks: means over members are compared.
         // (3 - 4.5) and (31 - 6).
-        let of = minus((2, &one), (3, &other));
-        assert_eq!((of.mean, of.smaller), (11.75, Some([1, 1])));
+        let difference = minus((2, &one), (3, &other));
+        assert_eq!((difference.mean, difference.smaller), (11.75, Some([1, 1])));
     }
 
     #[test]
     fn a_network_is_compared_with_the_mean_of_an_ensemble() {
         let ensemble = [pair(0, 5, 1.0), pair(1, 5, 3.0), pair(0, 90, 4.0), pair(1, 90, 6.0)];
         let network = [pair(0, 5, 3.0), pair(0, 90, 3.0), pair(0, 150, 9.0)];
-        let of = minus((2, &ensemble), (1, &network));
-        assert_eq!((of.mean, of.clusters, of.smaller), (0.5, [2, 2], Some([1, 1])));
+        let difference = minus((2, &ensemble), (1, &network));
+        assert_eq!(
+            (difference.mean, difference.clusters, difference.smaller),
+            (0.5, [2, 2], Some([1, 1]))
+        );
     }
 
     #[test]
     fn models_that_share_hardly_any_start_are_independent_samples() {
         let one: Vec<Pair> = [1, 20, 40, 60].map(|row| pair(0, row, f64::from(row))).to_vec();
         let other: Vec<Pair> = [1, 25, 45, 65].map(|row| pair(0, row, f64::from(row))).to_vec();
-        let of = minus((1, &one), (1, &other));
-        assert_eq!((of.smaller, of.clusters), (None, [4, 4]));
-        assert!(of.interval.is_some());
+        let difference = minus((1, &one), (1, &other));
+        assert_eq!((difference.smaller, difference.clusters), (None, [4, 4]));
+        assert!(difference.interval.is_some());
         // Another number of steps is another stretch.
         let shorter: Vec<Pair> = one.iter().map(|pair| Pair { steps: 9, ..pair.clone() }).collect();
         assert_eq!(minus((1, &one), (1, &shorter)).smaller, None);
@@ -284,7 +295,7 @@ mod tests {
             ComparedModel::new("d", 1, &empty, &[]),
         ];
         let all = all_pairs(&models).expect("valid");
-        let named: Vec<&[String; 2]> = all.iter().map(|of| &of.models).collect();
+        let named: Vec<&[String; 2]> = all.iter().map(|paired| &paired.models).collect();
         assert_eq!(named, [&["a".to_owned(), "c".to_owned()]]);
         let difference = all[0].sensors[0].measures[0].value.expect("defined");
         assert_eq!((difference.mean, difference.smaller), (0.0, Some([0, 0])));

@@ -26,15 +26,18 @@ pub(crate) fn show(comparison: &Comparison, printer: &Printer) -> Result<(), Ste
     printer.result("normalised warping distance")?;
     let header = [&["sensor"], STEP_PATTERNS.as_slice()].concat();
     let warping = |sensor: &SensorComparison| {
-        let of = sensor.dtw.iter().map(|of| of.normalized_distance.as_ref().or(Some(&of.distance)));
-        of.map(mean_and_half).collect::<Vec<_>>()
+        let normalised = sensor
+            .dtw
+            .iter()
+            .map(|pattern| pattern.normalized_distance.as_ref().or(Some(&pattern.distance)));
+        normalised.map(mean_and_half).collect::<Vec<_>>()
     };
     list(comparison, &header, warping, printer)?;
     printer.result("other distances")?;
     let header = ["sensor", "values", "changes", "autocorr.", "spectrum (dB)", "edit"];
     let others = |sensor: &SensorComparison| {
-        let of = sensor.measures.iter().map(|of| of.value.as_ref());
-        of.map(mean_and_half).collect::<Vec<_>>()
+        let values = sensor.measures.iter().map(|measure| measure.value.as_ref());
+        values.map(mean_and_half).collect::<Vec<_>>()
     };
     list(comparison, &header, others, printer)
 }
@@ -100,7 +103,7 @@ pub(super) fn plus_minus(interval: Interval) -> String {
 
 fn mean_and_half(summary: Option<&ClusterSummary>) -> String {
     let Some(summary) = summary else { return "–".to_owned() };
-    let half = summary.interval.map(|of| format!(" {}", plus_minus(of)));
+    let half = summary.interval.map(|interval| format!(" {}", plus_minus(interval)));
     format!("{}{}", significant(summary.mean), half.unwrap_or_default())
 }
 
@@ -114,9 +117,10 @@ pub fn show_pairs(pairs: &[&PairedModels], printer: &Printer) -> Result<(), Step
         for PairedModels { models: [one, other], sensors } in pairs {
             let Some(sensor) = sensors.get(place) else { continue };
             let pattern = sensor.dtw.first();
-            let known = pattern.and_then(|of| of.normalized_distance.or(of.distance));
+            let known =
+                pattern.and_then(|pattern| pattern.normalized_distance.or(pattern.distance));
             let Some(difference) = known else { continue };
-            let half = difference.interval.map(|of| format!(" {}", plus_minus(of)));
+            let half = difference.interval.map(|interval| format!(" {}", plus_minus(interval)));
             let mean = format!("{}{}", significant(difference.mean), half.unwrap_or_default());
             let nearer = difference.smaller.map(|[one, other]| format!("{one} : {other}"));
             let nearer = nearer.unwrap_or_else(|| "–".to_owned());

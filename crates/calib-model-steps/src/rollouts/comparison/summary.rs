@@ -142,7 +142,7 @@ mod tests {
     use super::*;
     use crate::rollouts::comparison::pair::tests::pair;
 
-    fn of(pairs: &[Pair]) -> Comparison {
+    fn summarised(pairs: &[Pair]) -> Comparison {
         let counts = Counts { rollouts: pairs.len(), left_out: 0, ended_early: 0 };
         summary(pairs, counts, Against::Model).expect("valid")
     }
@@ -150,14 +150,14 @@ mod tests {
     #[test]
     fn members_of_a_start_are_one_observation() {
         let pairs = [pair(0, 5, 1.0), pair(1, 5, 3.0), pair(0, 90, 4.0), pair(1, 90, 6.0)];
-        let told = of(&pairs);
+        let told = summarised(&pairs);
         assert_eq!((told.rollouts, told.start_states, told.overlapping), (4, 2, 0));
         let warping = told.sensors[0].dtw[0].distance;
         assert_eq!((warping.runs, warping.clusters, warping.mean), (4, 2, 3.5));
         assert!(warping.interval.is_some());
-        let one = of(&pairs[..2]);
+        let one = summarised(&pairs[..2]);
         assert_eq!(one.sensors[0].dtw[0].distance.interval, None, "one start says nothing");
-        let none = of(&[]);
+        let none = summarised(&[]);
         assert!(none.sensors.is_empty() && none.start_states == 0);
     }
 
@@ -165,13 +165,13 @@ mod tests {
     fn what_is_not_defined_does_not_count() {
         let mut pairs = [pair(0, 5, 1.0), pair(1, 5, 3.0), pair(0, 90, 4.0)];
         pairs[1].measures = vec![None; MEASURES.len()];
-        let told = of(&pairs);
+        let told = summarised(&pairs);
         let measure = told.sensors[0].measures[0].value.expect("two are");
         assert_eq!((measure.runs, measure.clusters), (2, 2));
         for pair in &mut pairs {
             pair.measures = vec![None; MEASURES.len()];
         }
-        assert!(of(&pairs).sensors[0].measures[0].value.is_none());
+        assert!(summarised(&pairs).sensors[0].measures[0].value.is_none());
     }
 
     #[test]

@@ -23,7 +23,7 @@ const OF_OTHERS: [&str; 2] = ["sensor", "distance"];
 /// If an interval cannot be computed.
 pub fn report_tables(models: &[ComparedModel<'_>]) -> Result<Vec<Table>, StepError> {
     // A model of which nothing could be compared has empty columns beside those of others.
-    let Some(first) = models.iter().find(|of| !of.comparison.sensors.is_empty()) else {
+    let Some(first) = models.iter().find(|model| !model.comparison.sensors.is_empty()) else {
         return Ok(Vec::new());
     };
     let (mut warping, mut others) = (Rows::default(), Rows::default());
@@ -50,8 +50,8 @@ pub fn report_tables(models: &[ComparedModel<'_>]) -> Result<Vec<Table>, StepErr
         rows: rows.cells,
         best: Some(Best::Cells(rows.bold)),
     };
-    let is_equal = |of: &Comparison| of.fewest_steps == of.most_steps;
-    let equal = models.iter().all(|of| is_equal(of.comparison));
+    let is_equal = |comparison: &Comparison| comparison.fewest_steps == comparison.most_steps;
+    let equal = models.iter().all(|model| is_equal(model.comparison));
     let raw = if equal { "" } else { " Raw distances grow with the number of steps." };
     let mut tables = vec![
         table(
@@ -91,8 +91,8 @@ impl Rows {
     ) -> Result<(), StepError> {
         let leading = row.len();
         let summaries: Vec<Option<&ClusterSummary>> =
-            models.iter().map(|of| of.summary(sensor, distance)).collect();
-        row.extend(summaries.iter().flat_map(|of| cells(*of)));
+            models.iter().map(|model| model.summary(sensor, distance)).collect();
+        row.extend(summaries.iter().flat_map(|summary| cells(*summary)));
         let place = self.cells.len();
         for model in not_worse(models, &summaries, sensor, distance)? {
             self.bold.push((place, leading + 2 * model));
@@ -109,8 +109,9 @@ fn not_worse(
     sensor: &str,
     distance: Distance,
 ) -> Result<Vec<usize>, StepError> {
-    let known =
-        || summaries.iter().enumerate().filter_map(|(model, of)| Some((model, (*of)?.mean)));
+    let known = || {
+        summaries.iter().enumerate().filter_map(|(model, summary)| Some((model, (*summary)?.mean)))
+    };
     let best = known().min_by(|(_, one), (_, other)| one.total_cmp(other));
     let Some((best, _)) = best.filter(|_| known().count() > 1 && are_alike(models)) else {
         return Ok(Vec::new());
@@ -118,7 +119,7 @@ fn not_worse(
     let mut all = Vec::new();
     for (model, _) in known() {
         let apart = || models[model].minus(&models[best], sensor, distance);
-        if model == best || !apart()?.is_some_and(|of| of.is_told()) {
+        if model == best || !apart()?.is_some_and(|difference| difference.is_told()) {
             all.push(model);
         }
     }
@@ -131,13 +132,13 @@ fn are_alike(models: &[ComparedModel<'_>]) -> bool {
 }
 
 fn columns(models: &[ComparedModel<'_>], leading: &[&str]) -> Vec<String> {
-    let models = models.iter().flat_map(|of| [of.name.to_owned(), "95 %".to_owned()]);
+    let models = models.iter().flat_map(|model| [model.name.to_owned(), "95 %".to_owned()]);
     leading.iter().map(|&name| name.to_owned()).chain(models).collect()
 }
 
 fn cells(summary: Option<&ClusterSummary>) -> [Cell; 2] {
     let Some(summary) = summary else { return [Cell::Missing, Cell::Missing] };
-    let half = summary.interval.map_or(Cell::Missing, |of| Cell::Text(plus_minus(of)));
+    let half = summary.interval.map_or(Cell::Missing, |interval| Cell::Text(plus_minus(interval)));
     [Cell::Number(summary.mean), half]
 }
 
@@ -153,9 +154,9 @@ fn caption(models: &[ComparedModel<'_>], how: &str) -> String {
         (!are_alike(models), " Models are held to different records: none is best."),
     ];
     let sentences = sentences.into_iter().filter(|(holds, _)| *holds).map(|(_, text)| text);
-    let missing = models.iter().flat_map(|of| {
-        let whose = if several { format!(" of {}", of.name) } else { String::new() };
-        left_out(of.comparison)
+    let missing = models.iter().flat_map(|model| {
+        let whose = if several { format!(" of {}", model.name) } else { String::new() };
+        left_out(model.comparison)
             .map(move |(number, why)| format!(" {number} rollouts{whose} are left out: {why}."))
     });
     let more: String = sentences.map(str::to_owned).chain(missing).collect();
@@ -168,11 +169,11 @@ fn caption(models: &[ComparedModel<'_>], how: &str) -> String {
 /// What the means of each model are over; models of which it is the same are named together.
 fn bases(models: &[ComparedModel<'_>]) -> String {
     let mut bases: Vec<(String, Vec<&str>)> = Vec::new();
-    for of in models.iter().filter(|of| !of.comparison.sensors.is_empty()) {
-        let own = basis(of.comparison);
+    for model in models.iter().filter(|model| !model.comparison.sensors.is_empty()) {
+        let own = basis(model.comparison);
         match bases.iter_mut().find(|(basis, _)| *basis == own) {
-            Some((_, names)) => names.push(of.name),
-            None => bases.push((own, vec![of.name])),
+            Some((_, names)) => names.push(model.name),
+            None => bases.push((own, vec![model.name])),
         }
     }
     if let [(only, _)] = bases.as_slice() {
@@ -200,7 +201,7 @@ fn two_by_two(
             let mut row = vec![Cell::Text(sensor.sensor.clone()), Cell::Text(distance.label())];
             for (one, other) in &pairs {
                 let difference = one.minus(other, &sensor.sensor, distance)?;
-                if difference.is_some_and(|of| of.is_told()) {
+                if difference.is_some_and(|difference| difference.is_told()) {
                     rows.bold.push((rows.cells.len(), row.len()));
                 }
                 row.extend(of_two(difference));
@@ -229,7 +230,10 @@ fn two_by_two(
 
 fn of_two(difference: Option<Difference>) -> [Cell; 2] {
     let Some(difference) = difference else { return [Cell::Missing, Cell::Missing] };
-    let half = difference.interval.map(|of| format!(" {}", plus_minus(of))).unwrap_or_default();
+    let half = difference
+        .interval
+        .map(|interval| format!(" {}", plus_minus(interval)))
+        .unwrap_or_default();
     let nearer = difference.smaller.map(|[one, other]| Cell::Text(format!("{one} : {other}")));
     let mean = Cell::Text(format!("{}{half}", significant(difference.mean)));
     [mean, nearer.unwrap_or(Cell::Missing)]

@@ -24,9 +24,9 @@ use crate::model::{
     model_files::{self, OpenModel},
 };
 
-use steps::Steps;
+use steps::SquaredErrors;
 pub(crate) use tables::show;
-pub use tables::{PairedErrors, Predicting, all_pairs, report_tables};
+pub use tables::{OneStepModel, PairedErrors, all_pairs, report_tables};
 
 /// Transitions that are predicted at most, evenly spaced over the held-out range: more would hardly change the error.
 const MOST_TRANSITIONS: usize = 4000;
@@ -85,13 +85,13 @@ impl PredictionError {
     /// Of a sensor, or of all columns.
     fn new(
         (rmse, no_change_rmse): (f64, f64),
-        steps: &Steps,
+        steps: &SquaredErrors,
         sensor: Option<&str>,
     ) -> Result<Self, StepError> {
         let rmse = Some(rmse).filter(|rmse| rmse.is_finite());
         let relative = rmse.filter(|_| no_change_rmse > 0.0).map(|rmse| rmse / no_change_rmse);
         let beside = steps.beside_no_change(sensor)?.filter(|_| relative.is_some());
-        let relative_interval = beside.and_then(|of| of.interval);
+        let relative_interval = beside.and_then(|ratio| ratio.interval);
         Ok(Self { rmse, no_change_rmse, relative, relative_interval })
     }
 }
@@ -101,7 +101,7 @@ impl PredictionError {
 pub fn read(job: &Job, model: &str) -> Option<OneStep> {
     let (study, paths) = (job.study(), job.layout());
     let stored: OneStep = read_sealed_json(&paths.rollout().join(FILE)).ok()?;
-    let steps = fingerprint_file(&Steps::file(&paths.rollout())).ok()?;
+    let steps = fingerprint_file(&SquaredErrors::file(&paths.rollout())).ok()?;
     let same =
         stored.model == model && stored.window == study.data.held_out && stored.steps == steps;
     (stored.format == FORMAT && same).then_some(stored)
@@ -110,13 +110,13 @@ pub fn read(job: &Job, model: &str) -> Option<OneStep> {
 /// Whether there are one-step errors that cannot be used: they are of another model or range, or damaged.
 pub fn is_stale(job: &Job, model: &str) -> bool {
     let directory = job.layout().rollout();
-    let is_there = directory.join(FILE).exists() || Steps::file(&directory).exists();
+    let is_there = directory.join(FILE).exists() || SquaredErrors::file(&directory).exists();
     is_there && read(job, model).is_none()
 }
 
 /// Nothing is known one step ahead.
 pub(crate) fn remove(paths: &Layout) -> Result<(), StepError> {
-    for path in [paths.rollout().join(FILE), Steps::file(&paths.rollout())] {
+    for path in [paths.rollout().join(FILE), SquaredErrors::file(&paths.rollout())] {
         remove_file(&path)?;
     }
     Ok(())
@@ -166,7 +166,7 @@ pub(crate) fn ensure(
         members: model.model.members(),
         all_columns: PredictionError::new(errors.of_all(), &steps, None)?,
         sensors: sensors.iter().map(of_sensor).collect::<Result<_, StepError>>()?,
-        steps: fingerprint_file(&Steps::file(&paths.rollout()))?,
+        steps: fingerprint_file(&SquaredErrors::file(&paths.rollout()))?,
     };
     write_sealed_json(&paths.rollout().join(FILE), &one_step)?;
     Ok(Some(one_step))
@@ -186,12 +186,12 @@ fn errors(
     rows: &[RowIndex],
     sensors: &[(String, usize)],
     monitor: &dyn Monitor,
-) -> Result<(StepErrors, Steps), StepError> {
+) -> Result<(StepErrors, SquaredErrors), StepError> {
     let states = held_out.states();
     let columns = states.columns();
     let mut errors = StepErrors::new(columns);
     let times = rows.iter().map(|row| held_out.timestamps()[row.get()]).collect();
-    let mut steps = Steps::new(times, sensors.iter().map(|(name, _)| name));
+    let mut steps = SquaredErrors::new(times, sensors.iter().map(|(name, _)| name));
     let of_sensors: Vec<usize> = sensors.iter().map(|(_, column)| *column).collect();
     let members = model.model.members();
     let mut add = |predicted: &[f64], (step, row): (usize, &RowIndex)| {

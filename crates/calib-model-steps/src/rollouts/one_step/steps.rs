@@ -15,16 +15,16 @@ const FILE: &str = "one_step.parquet";
 
 /// Squared errors of every predicted transition, in the order of time.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Steps {
+pub(crate) struct SquaredErrors {
     /// When what is predicted from was recorded.
     times: Vec<Timestamp>,
     /// Of each sensor, and last the mean over all columns.
-    series: Vec<Series>,
+    series: Vec<SensorSquaredErrors>,
 }
 
 /// Those of one sensor.
 #[derive(Clone, Debug, PartialEq)]
-struct Series {
+struct SensorSquaredErrors {
     /// None of all columns.
     sensor: Option<String>,
     /// Mean over members.
@@ -33,7 +33,7 @@ struct Series {
     of_no_change: Vec<f64>,
 }
 
-impl Steps {
+impl SquaredErrors {
     /// Where they are written.
     pub(super) fn file(directory: &Path) -> PathBuf {
         directory.join(FILE)
@@ -44,7 +44,7 @@ impl Steps {
         times: Vec<Timestamp>,
         sensors: impl Iterator<Item = &'a String>,
     ) -> Self {
-        let series = |sensor| Series {
+        let series = |sensor| SensorSquaredErrors {
             sensor,
             squares: vec![0.0; times.len()],
             of_no_change: vec![0.0; times.len()],
@@ -69,7 +69,8 @@ impl Steps {
                 ((predicted[column] - to).powi(2), (f64::from(from[column]) - to).powi(2))
             })
             .collect();
-        let sum = squares.iter().fold((0.0, 0.0), |sum, of| (sum.0 + of.0, sum.1 + of.1));
+        let sum =
+            squares.iter().fold((0.0, 0.0), |sum, squares| (sum.0 + squares.0, sum.1 + squares.1));
         let columns = squares.len() as f64;
         let of_all = (sum.0 / columns, sum.1 / columns);
         let own = sensors.iter().map(|&column| squares[column]).chain([of_all]);
@@ -84,7 +85,7 @@ impl Steps {
         &self,
         sensor: Option<&str>,
     ) -> Result<Option<ErrorRatio>, StepError> {
-        let Some(own) = self.series(sensor).filter(|of| !of.squares.is_empty()) else {
+        let Some(own) = self.series(sensor).filter(|series| !series.squares.is_empty()) else {
             return Ok(None);
         };
         Ok(error_ratio(&own.squares, &own.of_no_change)?)
@@ -110,22 +111,22 @@ impl Steps {
         Ok(error_ratio(&x, &y)?)
     }
 
-    fn series(&self, sensor: Option<&str>) -> Option<&Series> {
-        self.series.iter().find(|of| of.sensor.as_deref() == sensor)
+    fn series(&self, sensor: Option<&str>) -> Option<&SensorSquaredErrors> {
+        self.series.iter().find(|series| series.sensor.as_deref() == sensor)
     }
 
     /// One row a transition and sensor; no sensor stands for all columns.
     pub(super) fn write(&self, directory: &Path) -> Result<(), StepError> {
-        let all = |of: fn(&Series) -> &Vec<f64>| -> Vec<f64> {
-            self.series.iter().flat_map(of).copied().collect()
+        let all = |values: fn(&SensorSquaredErrors) -> &Vec<f64>| -> Vec<f64> {
+            self.series.iter().flat_map(values).copied().collect()
         };
         let times = self.series.iter().flat_map(|_| &self.times).copied();
-        let sensor = |of: &Series| vec![of.sensor.clone(); self.times.len()];
+        let sensor = |series: &SensorSquaredErrors| vec![series.sensor.clone(); self.times.len()];
         let table = Table::new()
             .with("timestamp", times.collect::<Vec<Timestamp>>())
             .with_optional("sensor", self.series.iter().flat_map(sensor).collect())
-            .with("squared_error", all(|of| &of.squares))
-            .with("no_change_squared_error", all(|of| &of.of_no_change));
+            .with("squared_error", all(|series| &series.squares))
+            .with("no_change_squared_error", all(|series| &series.of_no_change));
         write_table(table, &Self::file(directory))
     }
 
@@ -136,11 +137,15 @@ impl Steps {
         let sensors = table.optional::<String>("sensor")?;
         let squares = table.column::<f64>("squared_error")?;
         let of_no_change = table.column::<f64>("no_change_squared_error")?;
-        let mut series: Vec<Series> = Vec::new();
+        let mut series: Vec<SensorSquaredErrors> = Vec::new();
         for (row, sensor) in sensors.iter().enumerate() {
             if series.last().is_none_or(|last| last.sensor != *sensor) {
                 let sensor = sensor.clone();
-                series.push(Series { sensor, squares: Vec::new(), of_no_change: Vec::new() });
+                series.push(SensorSquaredErrors {
+                    sensor,
+                    squares: Vec::new(),
+                    of_no_change: Vec::new(),
+                });
             }
             if let Some(last) = series.last_mut() {
                 last.squares.push(squares[row]);
@@ -149,7 +154,7 @@ impl Steps {
         }
         let steps = series.first().map_or(0, |first| first.squares.len());
         ensure!(
-            series.iter().all(|of| of.squares.len() == steps),
+            series.iter().all(|series| series.squares.len() == steps),
             "sensors have different numbers of transitions in {}",
             Self::file(directory).display()
         );
@@ -162,10 +167,10 @@ mod tests {
     use super::*;
 
     /// Errors of one sensor in two columns, at these seconds.
-    fn steps(errors: &[(i64, f64)]) -> Steps {
+    fn steps(errors: &[(i64, f64)]) -> SquaredErrors {
         let times = errors.iter().map(|(second, _)| Timestamp::from_micros(second * 1_000_000));
         let sensor = "PIT300".to_owned();
-        let mut steps = Steps::new(times.collect(), [&sensor].into_iter());
+        let mut steps = SquaredErrors::new(times.collect(), [&sensor].into_iter());
         for (step, (_, error)) in errors.iter().enumerate() {
             for sign in [1.0, -1.0] {
                 let predicted = [0.0, 5.0 + sign * error];
@@ -200,7 +205,7 @@ mod tests {
         let directory = tempfile::tempdir().expect("a directory");
         let written = steps(&[(1, 1.0), (2, f64::INFINITY)]);
         written.write(directory.path()).expect("writable");
-        assert_eq!(Steps::read(directory.path()).expect("readable"), written);
-        assert!(Steps::read(&directory.path().join("none")).is_err());
+        assert_eq!(SquaredErrors::read(directory.path()).expect("readable"), written);
+        assert!(SquaredErrors::read(&directory.path().join("none")).is_err());
     }
 }

@@ -10,13 +10,13 @@ use calib_study::{Job, StepKind};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::{OneStep, PredictionError, read, steps::Steps};
+use super::{OneStep, PredictionError, read, steps::SquaredErrors};
 
 /// A model whose one-step errors are known.
-pub struct Predicting {
+pub struct OneStepModel {
     name: String,
     one_step: OneStep,
-    steps: Steps,
+    steps: SquaredErrors,
 }
 
 /// Two models, in the summary of several: RMSE of the first / RMSE of the second.
@@ -46,7 +46,7 @@ pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepErro
         .map(|(name, error)| {
             let or_none = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
             let no_change = significant(error.no_change_rmse);
-            let range = error.relative_interval.map(|of| format!(" ({})", range(of)));
+            let range = error.relative_interval.map(|interval| format!(" ({})", range(interval)));
             let relative = or_none(error.relative) + &range.unwrap_or_default();
             vec![label(name), or_none(error.rmse), no_change, relative]
         })
@@ -56,7 +56,10 @@ pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepErro
 
 /// Sensors, and last all columns together, which have no name.
 fn named(one_step: &OneStep) -> impl Iterator<Item = (Option<&str>, &PredictionError)> {
-    let sensors = one_step.sensors.iter().map(|of| (Some(of.sensor.as_str()), &of.error));
+    let sensors = one_step
+        .sensors
+        .iter()
+        .map(|predicted| (Some(predicted.sensor.as_str()), &predicted.error));
     sensors.chain([(None, &one_step.all_columns)])
 }
 
@@ -72,14 +75,14 @@ fn range(interval: Interval) -> String {
 ///
 /// # Errors
 /// If an interval cannot be computed.
-pub fn all_pairs(models: &[&Predicting]) -> Result<Vec<PairedErrors>, StepError> {
-    let of_two = |(one, other): (&Predicting, &Predicting)| {
-        let sensors = one.one_step.sensors.iter().map(|of| {
-            let ratio = one.steps.beside(&other.steps, Some(&of.sensor))?;
-            Ok(SensorRatio { sensor: of.sensor.clone(), ratio })
+pub fn all_pairs(models: &[&OneStepModel]) -> Result<Vec<PairedErrors>, StepError> {
+    let of_two = |(one, other): (&OneStepModel, &OneStepModel)| {
+        let sensors = one.one_step.sensors.iter().map(|predicted| {
+            let ratio = one.steps.beside(&other.steps, Some(&predicted.sensor))?;
+            Ok(SensorRatio { sensor: predicted.sensor.clone(), ratio })
         });
         Ok(PairedErrors {
-            models: [one, other].map(|of| of.name.clone()),
+            models: [one, other].map(|model| model.name.clone()),
             all_columns: one.steps.beside(&other.steps, None)?,
             sensors: sensors.collect::<Result<_, StepError>>()?,
         })
@@ -88,8 +91,8 @@ pub fn all_pairs(models: &[&Predicting]) -> Result<Vec<PairedErrors>, StepError>
 }
 
 fn two_by_two<'a>(
-    models: &'a [&Predicting],
-) -> impl Iterator<Item = (&'a Predicting, &'a Predicting)> {
+    models: &'a [&OneStepModel],
+) -> impl Iterator<Item = (&'a OneStepModel, &'a OneStepModel)> {
     models
         .iter()
         .enumerate()
@@ -101,20 +104,20 @@ fn two_by_two<'a>(
 ///
 /// # Errors
 /// If an interval cannot be computed.
-pub fn report_tables(models: &[&Predicting]) -> Result<Vec<Table>, StepError> {
+pub fn report_tables(models: &[&OneStepModel]) -> Result<Vec<Table>, StepError> {
     let Some(first) = models.first() else { return Ok(Vec::new()) };
     let several = models.len() > 1;
     let (mut rows, mut bold) = (Vec::new(), Vec::new());
     for (place, (sensor, error)) in named(&first.one_step).enumerate() {
         let mut row = vec![Cell::Text(label(sensor))];
-        row.extend(models.iter().flat_map(|of| cells(of.error(sensor))));
+        row.extend(models.iter().flat_map(|model| cells(model.error(sensor))));
         row.push(Cell::Text(significant(error.no_change_rmse)));
         rows.push(row);
         let best = if several { not_worse(models, sensor)? } else { Vec::new() };
         bold.extend(best.into_iter().map(|model| (place, 1 + 3 * model)));
     }
     let mut columns = vec!["sensor".to_owned()];
-    for Predicting { name, .. } in models {
+    for OneStepModel { name, .. } in models {
         columns.extend([name.clone(), format!("{name} / no change"), "95 %".to_owned()]);
     }
     columns.push("no change".to_owned());
@@ -137,14 +140,14 @@ pub fn report_tables(models: &[&Predicting]) -> Result<Vec<Table>, StepError> {
     Ok([side_by_side].into_iter().chain(quotients(models)?).collect())
 }
 
-impl Predicting {
+impl OneStepModel {
     /// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study.
     ///
     /// # Errors
     /// If the errors of single transitions, which are in a table of their own, cannot be read.
     pub fn read(name: &str, job: &Job, model: &str) -> Result<Option<Self>, StepError> {
         let Some(one_step) = read(job, model) else { return Ok(None) };
-        let steps = Steps::read(&job.layout().rollout())
+        let steps = SquaredErrors::read(&job.layout().rollout())
             .with_context(|| format!("run `{} --force`", job.command(StepKind::Rollout)))?;
         Ok(Some(Self { name: name.to_owned(), one_step, steps }))
     }
@@ -156,19 +159,19 @@ impl Predicting {
 
 fn cells(error: Option<&PredictionError>) -> [Cell; 3] {
     let number = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
-    let interval = error.and_then(|of| of.relative_interval);
+    let interval = error.and_then(|error| error.relative_interval);
     [
-        number(error.and_then(|of| of.rmse)),
-        number(error.and_then(|of| of.relative)),
-        interval.map_or(Cell::Missing, |of| Cell::Text(range(of))),
+        number(error.and_then(|error| error.rmse)),
+        number(error.and_then(|error| error.relative)),
+        interval.map_or(Cell::Missing, |interval| Cell::Text(range(interval))),
     ]
 }
 
 /// The model with the smallest error, and all that cannot be told apart from it.
-fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> Result<Vec<usize>, StepError> {
+fn not_worse(models: &[&OneStepModel], sensor: Option<&str>) -> Result<Vec<usize>, StepError> {
     let known = || {
         let own = models.iter().enumerate();
-        own.filter_map(|(place, of)| Some((place, of.error(sensor)?.rmse?)))
+        own.filter_map(|(place, model)| Some((place, model.error(sensor)?.rmse?)))
     };
     let Some((best, _)) = known().min_by(|(_, one), (_, other)| one.total_cmp(other)) else {
         return Ok(Vec::new());
@@ -176,7 +179,7 @@ fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> Result<Vec<usize>,
     let mut all = Vec::new();
     for (place, _) in known() {
         let ratio = || models[place].steps.beside(&models[best].steps, sensor);
-        if place == best || !ratio()?.is_some_and(|of| of.is_told()) {
+        if place == best || !ratio()?.is_some_and(|ratio| ratio.is_told()) {
             all.push(place);
         }
     }
@@ -184,15 +187,15 @@ fn not_worse(models: &[&Predicting], sensor: Option<&str>) -> Result<Vec<usize>,
 }
 
 /// Quotients of the errors of every two models, if there are several.
-fn quotients(models: &[&Predicting]) -> Result<Option<Table>, StepError> {
-    let pairs: Vec<(&Predicting, &Predicting)> = two_by_two(models).collect();
+fn quotients(models: &[&OneStepModel]) -> Result<Option<Table>, StepError> {
+    let pairs: Vec<(&OneStepModel, &OneStepModel)> = two_by_two(models).collect();
     let Some((first, _)) = pairs.first() else { return Ok(None) };
     let (mut rows, mut bold) = (Vec::new(), Vec::new());
     for (sensor, _) in named(&first.one_step) {
         let mut row = vec![Cell::Text(label(sensor))];
         for (one, other) in &pairs {
             let ratio = one.steps.beside(&other.steps, sensor)?;
-            if ratio.is_some_and(|of| of.is_told()) {
+            if ratio.is_some_and(|ratio| ratio.is_told()) {
                 bold.push((rows.len(), row.len()));
             }
             row.extend(of_two(ratio));
@@ -217,7 +220,8 @@ fn quotients(models: &[&Predicting]) -> Result<Option<Table>, StepError> {
 
 fn of_two(ratio: Option<ErrorRatio>) -> [Cell; 2] {
     let Some(ratio) = ratio else { return [Cell::Missing, Cell::Missing] };
-    let range = ratio.interval.map(|of| format!(" ({})", range(of))).unwrap_or_default();
+    let range =
+        ratio.interval.map(|interval| format!(" ({})", range(interval))).unwrap_or_default();
     let [one, other] = ratio.smaller;
     [
         Cell::Text(format!("{}{range}", significant(ratio.ratio))),

@@ -1,6 +1,6 @@
 //! An Indexed Job for Kubernetes. It is rendered and was never run.
 
-use super::Demand;
+use super::TaskDemand;
 use crate::cluster::config::ClusterConfig;
 
 /// The manifest of a stage: one pod a shard, which is not tried again where that would be in vain (2).
@@ -10,12 +10,12 @@ pub(crate) fn job(
     stage: usize,
     shards: usize,
     first: usize,
-    demand: Demand,
+    demand: TaskDemand,
     config: &ClusterConfig,
 ) -> String {
     let ClusterConfig { image, volume, threads, at_once, requeues, .. } = config;
     let parallel = at_once.unwrap_or(shards).min(shards);
-    let Demand { memory_mb, .. } = demand;
+    let TaskDemand { memory_mb, .. } = demand;
     format!(
         r#"# Rendered by calib and not run here: look it over before you apply it. The volume holds the plan at /plan.
 apiVersion: batch/v1
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn a_pod_is_a_shard_and_what_is_in_vain_is_not_tried_again() {
-        let demand = Demand { minutes: 9, memory_mb: 700 };
+        let demand = TaskDemand { minutes: 9, memory_mb: 700 };
         let text = job(1, 40, 12, demand, &ClusterConfig::default());
         for part in
             ["completions: 40", "values: [2]", "JOB_COMPLETION_INDEX + 12", "memory: \"700Mi\""]

@@ -11,13 +11,13 @@ pub(crate) const JOBS: &str = "slurm/jobs.json";
 
 /// Jobs that were submitted of a plan, the last time.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Submitted {
+pub(crate) struct SubmittedJobs {
     /// Arrays, one a stage.
     pub(crate) arrays: Vec<String>,
     pub(crate) merge: String,
 }
 
-impl Submitted {
+impl SubmittedJobs {
     /// Keep it beside the scripts.
     pub(crate) fn write(&self, plan: &Path) -> Result<(), StepError> {
         Ok(write_json(&plan.join(JOBS), self)?)
@@ -26,7 +26,7 @@ impl Submitted {
 
 /// What the queue says of each shard: `running`, `pending` and so on. Nothing where nothing was submitted, or no queue can be asked.
 pub(crate) fn states(plan: &Path) -> BTreeMap<usize, String> {
-    let Ok(submitted) = read_json::<Submitted>(&plan.join(JOBS)) else {
+    let Ok(submitted) = read_json::<SubmittedJobs>(&plan.join(JOBS)) else {
         return BTreeMap::new();
     };
     let jobs = submitted.arrays.join(",");

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Demand, quoted};
+use super::{TaskDemand, quoted};
 use crate::cluster::{config::ClusterConfig, missing::ranges};
 
 /// The script of an array whose tasks are shards.
@@ -13,7 +13,7 @@ pub(crate) fn array(
     plan: &str,
     stage: usize,
     shards: &[usize],
-    demand: Demand,
+    demand: TaskDemand,
     config: &ClusterConfig,
 ) -> String {
     let mut options = vec![
@@ -56,7 +56,7 @@ exit "$code"
 pub(crate) fn merge(
     plan: &str,
     evaluate: Option<&str>,
-    demand: Demand,
+    demand: TaskDemand,
     config: &ClusterConfig,
 ) -> String {
     let mut options = vec![
@@ -76,7 +76,7 @@ pub(crate) fn merge(
     script(&options, &[], config, &format!("set -e\n{body}"))
 }
 
-fn limits(demand: Demand) -> [(String, String); 2] {
+fn limits(demand: TaskDemand) -> [(String, String); 2] {
     [
         ("time".to_owned(), demand.minutes.to_string()),
         ("mem".to_owned(), format!("{}M", demand.memory_mb)),
@@ -121,7 +121,7 @@ mod tests {
         config.setup.push("module load calib".to_owned());
         config.slurm.insert("time".to_owned(), "7".to_owned());
         config.slurm.insert("account".to_owned(), "abc".to_owned());
-        let demand = Demand { minutes: 62, memory_mb: 900 };
+        let demand = TaskDemand { minutes: 62, memory_mb: 900 };
         let text = array("/a plan", 1, &[3, 4, 7], demand, &config);
         for line in [
             "#SBATCH --array=3-4,7%50",
@@ -133,7 +133,7 @@ mod tests {
             "module load calib",
             "plan='/a plan'",
         ] {
-            assert!(text.lines().any(|of| of == line), "{line} is not in\n{text}");
+            assert!(text.lines().any(|other| other == line), "{line} is not in\n{text}");
         }
         assert!(!text.contains("--time=62"), "{text}");
         let merge = merge("/a plan", Some("calib evaluate s.toml"), demand, &config);

@@ -54,7 +54,8 @@ fn evidence(
                 Entry::Occupied(same) => {
                     let place: &usize = same.get();
                     let rows = &mut all[*place].rows;
-                    own.rows.retain(|row| rows.iter().all(|of| of.candidate != row.candidate));
+                    own.rows
+                        .retain(|row| rows.iter().all(|other| other.candidate != row.candidate));
                     rows.extend(own.rows);
                     rows.sort_by_key(|row| row.candidate);
                     continue;
@@ -127,7 +128,7 @@ mod tests {
         let second = [result(0, "b", [0.3, 0.2, 0.1])];
         let both = evidence(&[&first, &second], &BTreeSet::new(), 3);
         assert_eq!(
-            both.iter().map(|of| of.unit.environment).collect::<Vec<_>>(),
+            both.iter().map(|result| result.unit.environment).collect::<Vec<_>>(),
             [0, 1].map(EnvironmentId::Member)
         );
         assert_eq!(chosen(Rule::WorstRank, &both), 1, "second in both, never third");
@@ -148,7 +149,7 @@ mod tests {
         let first = [result(0, "a", [0.1, 0.2, 0.3]), log.clone(), online];
         let second = [result(0, "a", [0.1, 0.2, 0.3]), log, result(1, "c", [0.1, 0.2, 0.3])];
         let both = evidence(&[&first, &second], &BTreeSet::new(), 3);
-        let environments: Vec<_> = both.iter().map(|of| of.unit.environment).collect();
+        let environments: Vec<_> = both.iter().map(|result| result.unit.environment).collect();
         let [own, other] = [0, 2].map(EnvironmentId::Member);
         assert_eq!(environments, [own, EnvironmentId::LogReplay, other]);
     }

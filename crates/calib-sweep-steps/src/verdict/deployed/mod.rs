@@ -156,19 +156,19 @@ fn header(rows: &[Deployed]) -> Vec<String> {
     leading.chain(deployments).chain(["for all".to_owned()]).collect()
 }
 
-fn row(of: &Deployed) -> Vec<String> {
-    let choices = of.choices.iter().map(Choice::text);
-    [of.sensor.clone()]
+fn row(deployed: &Deployed) -> Vec<String> {
+    let choices = deployed.choices.iter().map(Choice::text);
+    [deployed.sensor.clone()]
         .into_iter()
-        .chain(of.is_by_model.then(|| of.model.clone()))
+        .chain(deployed.is_by_model.then(|| deployed.model.clone()))
         .chain(choices)
-        .chain([for_all_text(of)])
+        .chain([for_all_text(deployed)])
         .collect()
 }
 
 /// "1e-4 (at most 25 %; not learned in july)".
-fn for_all_text(of: &Deployed) -> String {
-    if of.is_not_learnt() {
+fn for_all_text(deployed: &Deployed) -> String {
+    if deployed.is_not_learnt() {
         return Grade::NotLearnt.word().to_owned();
     }
     // What stands still has a regret, of 0, that says nothing.
@@ -176,10 +176,11 @@ fn for_all_text(of: &Deployed) -> String {
         let stands_still = choice.grade == Grade::Unchecked && choice.regret.is_some();
         choice.is_not_learnt() || stands_still
     };
-    let learnt = of.choices.iter().zip(&of.regrets).filter(|(choice, _)| !says_nothing(choice));
+    let learnt =
+        deployed.choices.iter().zip(&deployed.regrets).filter(|(choice, _)| !says_nothing(choice));
     let regrets: Vec<Option<f64>> = learnt.map(|(_, regret)| *regret).collect();
     let cost = largest(&regrets).map(|regret| format!("at most {}", percent(regret)));
-    let without: Vec<&str> = of
+    let without: Vec<&str> = deployed
         .choices
         .iter()
         .filter(|choice| choice.is_not_learnt())
@@ -188,9 +189,9 @@ fn for_all_text(of: &Deployed) -> String {
     let without = (!without.is_empty()).then(|| format!("not learned in {}", without.join(", ")));
     let told: Vec<String> = cost.into_iter().chain(without).collect();
     if told.is_empty() {
-        of.for_all.clone()
+        deployed.for_all.clone()
     } else {
-        format!("{} ({})", of.for_all, told.join("; "))
+        format!("{} ({})", deployed.for_all, told.join("; "))
     }
 }
 
@@ -221,7 +222,7 @@ pub(crate) fn report_table(rows: &[Deployed]) -> Option<Table> {
     } else {
         "from the replayed log"
     };
-    let cells = |of: &Deployed| row(of).into_iter().map(Cell::Text).collect();
+    let cells = |deployed: &Deployed| row(deployed).into_iter().map(Cell::Text).collect();
     Some(Table {
         title: "What to deploy".to_owned(),
         caption: format!(
@@ -266,14 +267,17 @@ mod tests {
             choice("april", "1e-4", Some(0.0), Grade::Good),
             choice("july", "1e-3", None, Grade::Unchecked),
         ];
-        let of = deployed(choices, vec![Some(0.0), Some(0.25)]);
-        assert!(of.disagrees());
+        let told = deployed(choices, vec![Some(0.0), Some(0.25)]);
+        assert!(told.disagrees());
         let still =
             deployed(vec![choice("may", "0.1", Some(0.0), Grade::Unchecked)], vec![Some(0.0)]);
         assert_eq!(row(&still)[2..], ["0.1 (not checked)", "1e-4"]);
-        assert_eq!(row(&of), ["PIT300", "year", "1e-4 (0 %, good)", "1e-3", "1e-4 (at most 25 %)"]);
-        let alone = Deployed { is_by_model: false, ..of.clone() };
-        assert_eq!(header(&[of]), ["sensor", "model", "april", "july", "for all"]);
+        assert_eq!(
+            row(&told),
+            ["PIT300", "year", "1e-4 (0 %, good)", "1e-3", "1e-4 (at most 25 %)"]
+        );
+        let alone = Deployed { is_by_model: false, ..told.clone() };
+        assert_eq!(header(&[told]), ["sensor", "model", "april", "july", "for all"]);
         assert_eq!(row(&alone), ["PIT300", "1e-4 (0 %, good)", "1e-3", "1e-4 (at most 25 %)"]);
         let table = report_table(std::slice::from_ref(&alone)).expect("a row");
         assert_eq!(table.columns, ["sensor", "april", "july", "for all"]);
@@ -283,12 +287,12 @@ mod tests {
     #[test]
     fn what_is_not_learnt_is_not_recommended() {
         let not_learnt = |name| choice(name, "1e-4", Some(0.0), Grade::NotLearnt);
-        let of = deployed(vec![not_learnt("april"), not_learnt("july")], vec![Some(0.0); 2]);
-        assert_eq!(row(&of)[2..], ["not learned", "not learned", "not learned"]);
+        let told = deployed(vec![not_learnt("april"), not_learnt("july")], vec![Some(0.0); 2]);
+        assert_eq!(row(&told)[2..], ["not learned", "not learned", "not learned"]);
         let fair = choice("april", "1e-4", Some(0.1), Grade::Fair);
-        let of = deployed(vec![fair, not_learnt("july")], vec![Some(0.1), Some(0.0)]);
+        let told = deployed(vec![fair, not_learnt("july")], vec![Some(0.1), Some(0.0)]);
         assert_eq!(
-            row(&of)[2..],
+            row(&told)[2..],
             ["1e-4 (10 %, fair)", "not learned", "1e-4 (at most 10 %; not learned in july)"]
         );
     }
