@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use calib_pipeline::{ProposeOptions, Standing};
+use calib_pipeline::{ExistingFile, ProposeOptions};
 use clap::Args;
 
 use super::OUTPUT;
@@ -52,13 +52,13 @@ pub(crate) struct InitArgs {
     pub(crate) json: bool,
 }
 
-/// A span of time as people type it, in seconds: `90s`, `10m`, `2h`, `1d`; without a unit, seconds.
+/// A span of time as people type it, in seconds: `90s`, `10m`, `2h`, `1d`. Without a unit nobody knows which is meant.
 fn seconds(text: &str) -> Result<f64, String> {
-    let expected = || format!("expected a time such as 90s, 10m or 2h, got '{text}'");
+    let expected = || format!("expected a time with a unit, such as 90s, 10m or 2h, got '{text}'");
     let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.').trim();
     let number: f64 = text[..text.len() - unit.len()].trim().parse().map_err(|_| expected())?;
     let factor = match unit {
-        "" | "s" | "sec" => 1.0,
+        "s" | "sec" => 1.0,
         "m" | "min" => 60.0,
         "h" => 3_600.0,
         "d" => 86_400.0,
@@ -87,8 +87,8 @@ pub(crate) struct ImportArgs {
 impl From<InitArgs> for ProposeOptions {
     fn from(args: InitArgs) -> Self {
         let InitArgs { logs, study, within, sensors, horizon, set, force, json: _ } = args;
-        let standing = if force { Standing::Replaced } else { Standing::Kept };
-        Self { logs, study, within, sensors, horizon, set, standing }
+        let existing = if force { ExistingFile::Replaced } else { ExistingFile::Kept };
+        Self { logs, study, within, sensors, horizon, set, existing }
     }
 }
 
@@ -98,9 +98,9 @@ mod tests {
 
     #[test]
     fn spans_of_time_are_read_as_people_write_them() {
-        let read = ["90", "90s", "10m", "1.5 h", "2d"].map(|text| seconds(text).expect("a time"));
-        assert_eq!(read, [90.0, 90.0, 600.0, 5_400.0, 172_800.0]);
-        for bad in ["", "soon", "-3m", "0", "10 apples", "."] {
+        let read = ["90s", "10m", "1.5 h", "2d"].map(|text| seconds(text).expect("a time"));
+        assert_eq!(read, [90.0, 600.0, 5_400.0, 172_800.0]);
+        for bad in ["", "90", "soon", "-3m", "0", "10 apples", "."] {
             assert!(seconds(bad).is_err(), "{bad}");
         }
     }

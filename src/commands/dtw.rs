@@ -3,7 +3,7 @@ use std::{io::Write as _, path::Path};
 use calib_dtw::{Alignment, Distance, Dtw, Ends, PatternSet, Series, Settings, StepPattern};
 use calib_files::{FileError, check_output, is_same_file, write_output};
 use calib_pipeline::{
-    Context as _, Outcome, Printer, Standing, StepError, bail,
+    Context as _, ExistingFile, Outcome, Printer, StepError, bail,
     output::{count, table},
     require_memory,
 };
@@ -39,9 +39,9 @@ impl PatternResult {
 
 /// Compare two series, with one or several step patterns.
 pub(super) fn run(args: &DtwArgs, printer: &Printer) -> Result<Outcome, StepError> {
-    let standing = if args.force { Standing::Replaced } else { Standing::Kept };
+    let existing = if args.force { ExistingFile::Replaced } else { ExistingFile::Kept };
     if let Some(path) = &args.path {
-        check_output(path, standing)?;
+        check_output(path, existing)?;
         if [&args.query, &args.reference]
             .iter()
             .any(|argument| is_same_file(&series::path(argument), path))
@@ -69,7 +69,7 @@ pub(super) fn run(args: &DtwArgs, printer: &Printer) -> Result<Outcome, StepErro
         },
     };
     let results = match &args.path {
-        Some(path) => vec![aligned(args, settings, query, reference, (path, standing), printer)?],
+        Some(path) => vec![aligned(args, settings, query, reference, (path, existing), printer)?],
         None => compared(args, settings, query, reference)?,
     };
     if printer.is_json() {
@@ -98,7 +98,7 @@ fn aligned(
     settings: Settings,
     query: Series<'_>,
     reference: Series<'_>,
-    (path, standing): (&Path, Standing),
+    (path, existing): (&Path, ExistingFile),
     printer: &Printer,
 ) -> Result<PatternResult, StepError> {
     let [pattern] = args.step_pattern.as_slice() else {
@@ -112,7 +112,7 @@ fn aligned(
     let needed = dtw.path_bytes(query.len(), reference.len());
     require_memory(needed, "the warping path", "shorten the series, or leave --path out")?;
     let alignment = dtw.align(query, reference)?;
-    write_path(path, standing, &alignment)?;
+    write_path(path, existing, &alignment)?;
     printer.say(&format!(
         "wrote {}: {} matched samples, counted from 0",
         path.display(),
@@ -121,8 +121,8 @@ fn aligned(
     Ok(PatternResult::new(pattern, alignment.distance))
 }
 
-fn write_path(path: &Path, standing: Standing, alignment: &Alignment) -> Result<(), FileError> {
-    write_output(path, standing, |file| {
+fn write_path(path: &Path, existing: ExistingFile, alignment: &Alignment) -> Result<(), FileError> {
+    write_output(path, existing, |file| {
         writeln!(file, "query,reference")?;
         for (query, reference) in &alignment.path {
             writeln!(file, "{query},{reference}")?;

@@ -1,6 +1,6 @@
 use calib_data::{Dropped, Imported, Shape, without_times};
 use calib_pipeline::{
-    Outcome, Printer, Standing, StepError, check_log, ensure, on_this_machine,
+    ExistingFile, Outcome, Printer, StepError, check_log, ensure, on_this_machine,
     output::{count, counted},
     text_left_alone,
 };
@@ -19,8 +19,8 @@ pub(super) fn run(args: &ImportArgs, printer: &Printer) -> Result<Outcome, StepE
     printer.say(&format!("import: reading {}", data.path.0.join(", ")));
     text_left_alone(&data, printer)?;
     check_log(&data)?;
-    let standing = if args.force { Standing::Replaced } else { Standing::Kept };
-    let imported = calib_data::import(&data, &args.out, standing, &printer.progress())?;
+    let existing = if args.force { ExistingFile::Replaced } else { ExistingFile::Kept };
+    let imported = calib_data::import(&data, &args.out, existing, &printer.progress())?;
     if printer.is_json() {
         printer.json(&imported)?;
         return Ok(Outcome::Done);

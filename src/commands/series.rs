@@ -24,7 +24,7 @@ impl Samples {
 
 /// A file and, where it was given, a column of it.
 #[derive(Debug, PartialEq)]
-struct Source {
+struct SeriesFile {
     path: PathBuf,
     format: Format,
     column: Option<String>,
@@ -59,16 +59,16 @@ pub(super) fn path(text: &str) -> PathBuf {
 }
 
 /// Split at the colon after the file's extension: both parts may hold others.
-fn source(text: &str) -> Result<Source, StepError> {
+fn source(text: &str) -> Result<SeriesFile, StepError> {
     let lower = text.to_ascii_lowercase();
     for (format, extension) in Format::ALL {
         if lower.ends_with(extension) {
-            return Ok(Source { path: text.into(), format, column: None });
+            return Ok(SeriesFile { path: text.into(), format, column: None });
         }
         if let Some(start) = lower.find(&format!("{extension}:")) {
             let (path, column) = text.split_at(start + extension.len());
             let column = Some(column[1..].to_owned());
-            return Ok(Source { path: path.into(), format, column });
+            return Ok(SeriesFile { path: path.into(), format, column });
         }
     }
     bail!(

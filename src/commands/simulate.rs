@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use calib_data::Moment;
 use calib_pipeline::{
-    Job, Outcome, Printer, Request, SimulateTask, Standing, StepError, Stopwatch, bail, ensure,
+    ExistingFile, Job, Outcome, Printer, Request, SimulateTask, StepError, Stopwatch, bail, ensure,
     output::duration, plant_of,
 };
 use calib_plant::PlantOptions;
@@ -54,7 +54,7 @@ fn of_task(args: &SimulateArgs, task: Task, printer: &Printer) -> Result<Outcome
             && args.profile.is_none(),
         "--task takes --policy, --transitions, --seed and --force; the other options are of the plant"
     );
-    let standing = if args.force { Standing::Replaced } else { Standing::Kept };
+    let existing = if args.force { ExistingFile::Replaced } else { ExistingFile::Kept };
     let simulated = calib_pipeline::simulate_task(
         &SimulateTask {
             directory: args.target.clone(),
@@ -62,7 +62,7 @@ fn of_task(args: &SimulateArgs, task: Task, printer: &Printer) -> Result<Outcome
             policy: args.task.policy.map_or_else(Default::default, Into::into),
             transitions: args.task.transitions.unwrap_or(TRANSITIONS),
             seed: seed.unwrap_or(0),
-            standing,
+            existing,
         },
         printer,
     )?;

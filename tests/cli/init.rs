@@ -188,7 +188,7 @@ fn a_log_without_a_sensor_says_so() {
     assert!(error.contains("A never changes"), "{error}");
     assert!(!place.path().join("study.toml").exists());
     let unknown = place.calib(&["init", "log.csv", "--within", "soon"]).fails(2);
-    assert!(unknown.contains("expected a time such as 90s"), "{unknown}");
+    assert!(unknown.contains("expected a time with a unit, such as 90s"), "{unknown}");
 }
 
 /// A log as loggers write it: dates and times in two columns, decimal commas, -200 for "no value", a clock that starts anew at midnight, the

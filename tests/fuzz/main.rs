@@ -137,8 +137,12 @@ fn read_text(path: &Path) {
     let data = DataConfig { memory: Some(1 << 30), ..DataConfig::at(path) };
     let _ = calib_data::sketch(&data, &calib_core::Silent);
     let written = path.with_extension("parquet");
-    let _ =
-        calib_data::import(&data, &written, calib_files::Standing::Replaced, &calib_core::Silent);
+    let _ = calib_data::import(
+        &data,
+        &written,
+        calib_files::ExistingFile::Replaced,
+        &calib_core::Silent,
+    );
     let _ = calib_data::read_tags(path);
 }
 

@@ -225,7 +225,7 @@ impl Default for AgentConfig {
 /// A hyperparameter outside its range.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 #[error("agent hyperparameter `{field}`: expected {expected}, got {got}")]
-pub struct ConfigError {
+pub struct AgentConfigError {
     /// The field's name, as in a study.
     pub field: &'static str,
     /// Its value.
@@ -247,7 +247,7 @@ impl AgentConfig {
     ///
     /// # Errors
     /// The first field that is outside.
-    pub fn check(&self) -> Result<(), ConfigError> {
+    pub fn check(&self) -> Result<(), AgentConfigError> {
         self.check_kind()?;
         let mlp = self.value_function == ValueFunction::Mlp;
         let uniform = self.replay == ReplayKind::Uniform;
@@ -359,7 +359,7 @@ impl AgentConfig {
     }
 
     /// What eligibility traces go with, and their ranges.
-    fn check_online(&self) -> Result<(), ConfigError> {
+    fn check_online(&self) -> Result<(), AgentConfigError> {
         require((0.0..=1.0).contains(&self.lambda), "lambda", &self.lambda, "a number in [0, 1]")?;
         require(
             (0.0..=1e3).contains(&self.meta_step_size),
@@ -427,7 +427,7 @@ impl AgentConfig {
         width * (1 + self.traces.len())
     }
 
-    fn check_traces(&self) -> Result<(), ConfigError> {
+    fn check_traces(&self) -> Result<(), AgentConfigError> {
         let decays = &self.traces;
         let fits = |(place, decay): (usize, &f64)| {
             (0.0..1.0).contains(decay) && !decays[..place].contains(decay)
@@ -455,11 +455,11 @@ fn require(
     field: &'static str,
     got: &dyn Display,
     expected: &str,
-) -> Result<(), ConfigError> {
+) -> Result<(), AgentConfigError> {
     if holds {
         Ok(())
     } else {
-        Err(ConfigError { field, got: in_short(got), expected: expected.to_owned() })
+        Err(AgentConfigError { field, got: in_short(got), expected: expected.to_owned() })
     }
 }
 

@@ -1,13 +1,13 @@
 use calib_core::Cancelled;
 
-use crate::ConfigError;
+use crate::AgentConfigError;
 
 /// Why agents could not be trained.
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
 pub enum AgentError {
     /// A hyperparameter is outside its range.
     #[error(transparent)]
-    Config(#[from] ConfigError),
+    Config(#[from] AgentConfigError),
     /// The sensor to predict is not in the state.
     #[error(
         "cumulant column {got} does not exist: expected a column below {width}, the width of a state"

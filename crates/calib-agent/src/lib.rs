@@ -76,7 +76,7 @@ mod values;
 pub use accelerator::{Accelerator, Lockstep, LockstepResults, Networks, Steps};
 pub use checkpointer::{Checkpointer, NoKeeper, RunProgress, RunState, ValueState};
 pub use config::{
-    AgentConfig, AgentKind, ConfigError, OptimiserKind, Precision, ReplayKind, ValueFunction,
+    AgentConfig, AgentConfigError, AgentKind, OptimiserKind, Precision, ReplayKind, ValueFunction,
 };
 pub use curve::{CurvePoint, CurveRule};
 pub use error::AgentError;

@@ -164,7 +164,7 @@ pub fn pretrain<'a>(
 const WORK_BETWEEN_EPOCHS: u64 = 500_000_000_000;
 
 /// Learners that one thread trains.
-struct Group {
+struct LearnerGroup {
     values: Box<dyn Values>,
     /// Their positions among all learners.
     members: Vec<usize>,
@@ -172,7 +172,7 @@ struct Group {
 
 struct PretrainRun<'a> {
     training: Pretraining<'a>,
-    groups: Vec<Group>,
+    groups: Vec<LearnerGroup>,
     /// Of each learner.
     validations: Vec<Validation<'a>>,
     courses: Vec<Course>,
@@ -194,7 +194,7 @@ impl<'a> PretrainRun<'a> {
                     values.restore(agent, &ValueState::from(start));
                 }
             }
-            Group { values, members: members.to_vec() }
+            LearnerGroup { values, members: members.to_vec() }
         };
         let validation = |learner: &Learner<'a>| Validation::new(stream, learner, validate);
         Self {
@@ -219,7 +219,7 @@ impl<'a> PretrainRun<'a> {
         let epochs: Vec<Vec<(usize, Option<Epoch>)>> = self
             .groups
             .par_iter_mut()
-            .map(|Group { values, members }| {
+            .map(|LearnerGroup { values, members }| {
                 let live: Vec<usize> =
                     (0..members.len()).filter(|&agent| !courses[members[agent]].stopped).collect();
                 let mut learned = vec![Learned::default(); live.len()];
@@ -279,7 +279,7 @@ impl<'a> PretrainRun<'a> {
 
     /// A learner as it stands.
     fn state(&self, learner: usize) -> ValueState {
-        let find = |group: &Group| {
+        let find = |group: &LearnerGroup| {
             let agent = group.members.iter().position(|&member| member == learner)?;
             Some(group.values.state(agent))
         };
@@ -317,7 +317,7 @@ impl<'a> PretrainRun<'a> {
                 self.best[number - count] = Some(state.checkpoint);
                 continue;
             }
-            for Group { values, members } in &mut self.groups {
+            for LearnerGroup { values, members } in &mut self.groups {
                 if let Some(agent) = members.iter().position(|&member| member == number) {
                     values.restore(agent, &state);
                 }

@@ -80,7 +80,7 @@ pub enum ValidityExtent {
     Run,
 }
 
-pub use calib_files::Standing;
+pub use calib_files::ExistingFile;
 
 /// A study to write of a log that nobody has looked at.
 #[derive(Clone, Debug)]
@@ -98,7 +98,7 @@ pub struct ProposeOptions {
     /// Keys of `[data]`, as `SECTION.KEY=VALUE`; they hold for the study too.
     pub set: Vec<String>,
     /// What becomes of a study file that is there.
-    pub standing: Standing,
+    pub existing: ExistingFile,
 }
 
 /// How work is to be divided between processes.

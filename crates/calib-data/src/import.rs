@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, io, path::Path};
 
 use calib_core::{Cancelled, Monitor, Timestamp};
-use calib_files::{FileError, Spill, Standing, check_output, is_same_file, write_output};
+use calib_files::{ExistingFile, FileError, Spill, check_output, is_same_file, write_output};
 use pl::{IntoColumn as _, NewChunkedArray as _};
 use polars::prelude as pl;
 use schemars::JsonSchema;
@@ -81,10 +81,10 @@ struct Column {
 pub fn import(
     data: &DataConfig,
     path: &Path,
-    standing: Standing,
+    existing: ExistingFile,
     monitor: &dyn Monitor,
 ) -> Result<Imported, DataError> {
-    check_output(path, standing)?;
+    check_output(path, existing)?;
     if log_files(data)?.iter().any(|log| is_same_file(log, path)) {
         return Err(FileError::Input { path: path.to_owned() }.into());
     }
@@ -115,7 +115,7 @@ pub fn import(
     };
     let mut spill = Spill::new(&data.scratch)?;
     let columns = spill_columns(&log, &wanted, &mut spill, &mut imported, monitor)?;
-    write((path, standing), &log.rows.timestamps, &columns, &spill, monitor)?;
+    write((path, existing), &log.rows.timestamps, &columns, &spill, monitor)?;
     Ok(imported)
 }
 
@@ -181,7 +181,7 @@ fn spill_columns(
 }
 
 fn write(
-    (path, standing): (&Path, Standing),
+    (path, existing): (&Path, ExistingFile),
     timestamps: &[Timestamp],
     columns: &[Column],
     spill: &Spill,
@@ -190,7 +190,7 @@ fn write(
     let group = group_rows(columns.len());
     monitor.begin("writing rows", timestamps.len() as u64);
     let mut interrupted = false;
-    let written = write_output(path, standing, |file| {
+    let written = write_output(path, existing, |file| {
         let empty = frame(&[], 0, columns, spill)?;
         let mut writer = pl::ParquetWriter::new(file)
             .with_compression(pl::ParquetCompression::Zstd(None))

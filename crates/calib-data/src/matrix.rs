@@ -7,7 +7,7 @@ use calib_files::{Scratch, ScratchFile, ScratchPlace};
 use calib_text::format_time;
 use rayon::prelude::*;
 
-use crate::{DataError, sample::Samples, survey::Part};
+use crate::{DataError, sample::Samples, survey::RangeSamples};
 
 /// Rows of the states that one task fills.
 const BLOCK_ROWS: usize = 256;
@@ -15,7 +15,7 @@ const BLOCK_ROWS: usize = 256;
 /// The states of one range, row by row in memory. In a file they lie column by column until all are known: columns that
 /// are written one after the other would touch each page of the rows once for each batch of channels.
 pub(crate) struct Matrix<'a> {
-    part: &'a Part,
+    part: &'a RangeSamples,
     values: Values,
     width: usize,
 }
@@ -29,7 +29,7 @@ enum Values {
 
 impl<'a> Matrix<'a> {
     pub(crate) fn new(
-        part: &'a Part,
+        part: &'a RangeSamples,
         width: usize,
         place: &ScratchPlace,
     ) -> Result<Self, DataError> {

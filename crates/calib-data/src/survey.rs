@@ -39,8 +39,8 @@ pub(crate) struct Survey {
     pub(crate) sensors: Vec<Sensor>,
     pub(crate) modes: Option<Modes>,
     /// Runs of rows that are not dropped.
-    pub(crate) train: Part,
-    pub(crate) held_out: Option<Part>,
+    pub(crate) train: RangeSamples,
+    pub(crate) held_out: Option<RangeSamples>,
 }
 
 /// A channel that is a column of the states.
@@ -51,7 +51,7 @@ pub(crate) struct Sensor {
 }
 
 /// The rows of one range.
-pub(crate) struct Part {
+pub(crate) struct RangeSamples {
     pub(crate) runs: Vec<Range<usize>>,
     pub(crate) samples: Samples,
 }
@@ -86,7 +86,7 @@ impl Survey {
         let contradictions =
             scan.contradictions.into_inner().unwrap_or_else(PoisonError::into_inner);
         let dropped = scan.dropped_rows;
-        let part = |rows: &Range<usize>| -> Result<(Part, PartProfile), DataError> {
+        let part = |rows: &Range<usize>| -> Result<(RangeSamples, PartProfile), DataError> {
             let inside = crate::log::inside(&stretches, rows);
             let runs = clean(&inside, |row| dropped[row].load(Relaxed));
             let samples =
@@ -105,7 +105,7 @@ impl Survey {
                 segments: samples.segments.len() as u64,
                 transitions: samples.transitions() as u64,
             };
-            Ok((Part { runs, samples }, profile))
+            Ok((RangeSamples { runs, samples }, profile))
         };
         let (train, train_profile) = part(&log.train)?;
         let (held_out, held_out_profile) = log.held_out.as_ref().map(part).transpose()?.unzip();

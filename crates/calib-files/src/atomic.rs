@@ -21,7 +21,7 @@ pub fn write_atomically(
     path: &Path,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> Result<(), FileError> {
-    write_whole(path, Standing::Replaced, fill)
+    write_whole(path, ExistingFile::Replaced, fill)
 }
 
 /// As [`write_atomically`], of a file that must not be there yet: of several processes that write it, one does.
@@ -32,18 +32,18 @@ pub fn write_new(
     path: &Path,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> Result<(), FileError> {
-    write_whole(path, Standing::Kept, fill)
+    write_whole(path, ExistingFile::Kept, fill)
 }
 
 fn write_whole(
     path: &Path,
-    standing: Standing,
+    existing: ExistingFile,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> Result<(), FileError> {
     let directory = directory_of(path);
     create_directory(directory)?;
-    put(path, directory, standing, fill).map_err(|source| match source.kind() {
-        io::ErrorKind::AlreadyExists if standing == Standing::Kept => {
+    put(path, directory, existing, fill).map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists if existing == ExistingFile::Kept => {
             FileError::Occupied { path: path.to_owned() }
         }
         _ => FileError::io("write", path, source),
@@ -52,7 +52,7 @@ fn write_whole(
 
 /// What becomes of a file that is there already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
+pub enum ExistingFile {
     /// It stays, and nothing is written.
     Kept,
     /// It is replaced.
@@ -64,8 +64,8 @@ pub enum Standing {
 ///
 /// # Errors
 /// As [`write_output`]; `path` is untouched.
-pub fn check_output(path: &Path, standing: Standing) -> Result<(), FileError> {
-    if Target::of(path, standing)? == Target::Device {
+pub fn check_output(path: &Path, existing: ExistingFile) -> Result<(), FileError> {
+    if Target::of(path, existing)? == Target::Device {
         return Ok(());
     }
     let directory = directory_of(path);
@@ -86,10 +86,10 @@ fn temporary_in(directory: &Path) -> io::Result<tempfile::NamedTempFile> {
 fn put(
     path: &Path,
     directory: &Path,
-    standing: Standing,
+    existing: ExistingFile,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> io::Result<()> {
-    if standing == Standing::Replaced {
+    if existing == ExistingFile::Replaced {
         refuse_link(path)?;
     }
     reach(Operation::Create, path)?;
@@ -98,16 +98,16 @@ fn put(
     reach(Operation::Sync, path)?;
     temporary.as_file().sync_all()?;
     reach(Operation::Rename, path)?;
-    let kept = match standing {
-        Standing::Kept => temporary.persist_noclobber(path),
-        Standing::Replaced => temporary.persist(path),
+    let kept = match existing {
+        ExistingFile::Kept => temporary.persist_noclobber(path),
+        ExistingFile::Replaced => temporary.persist(path),
     };
     match kept {
         // A file system that has neither links nor renames that replace nothing.
-        Err(failed) if standing == Standing::Kept && fs::symlink_metadata(path).is_err() => {
+        Err(failed) if existing == ExistingFile::Kept && fs::symlink_metadata(path).is_err() => {
             failed.file.persist(path).map_err(|failed| failed.error)?;
         }
-        Err(failed) if standing == Standing::Kept => {
+        Err(failed) if existing == ExistingFile::Kept => {
             return Err(io::Error::new(io::ErrorKind::AlreadyExists, failed.error));
         }
         kept => drop(kept.map_err(|failed| failed.error)?),
@@ -212,11 +212,11 @@ fn link(from: &Path, path: &Path, directory: &Path) -> io::Result<Linked> {
 /// As [`write_atomically`], and [`FileError::Occupied`] for a file that is to stay.
 pub fn write_output(
     path: &Path,
-    standing: Standing,
+    existing: ExistingFile,
     fill: impl FnOnce(&mut Output<'_>) -> io::Result<()>,
 ) -> Result<(), FileError> {
-    match Target::of(path, standing)? {
-        Target::File => write_whole(path, standing, fill),
+    match Target::of(path, existing)? {
+        Target::File => write_whole(path, existing, fill),
         Target::Device => {
             let refused = |source| FileError::io("write", path, source);
             let mut device = File::options().write(true).open(path).map_err(refused)?;
@@ -235,7 +235,7 @@ enum Target {
 }
 
 impl Target {
-    fn of(path: &Path, standing: Standing) -> Result<Self, FileError> {
+    fn of(path: &Path, existing: ExistingFile) -> Result<Self, FileError> {
         let refused = |source| FileError::io("write", path, source);
         match fs::metadata(path) {
             Ok(end) if end.is_dir() => {
@@ -245,8 +245,8 @@ impl Target {
             Err(error) if error.kind() != io::ErrorKind::NotFound => Err(refused(error)),
             end => {
                 refuse_link(path).map_err(refused)?;
-                match standing {
-                    Standing::Kept if end.is_ok() => {
+                match existing {
+                    ExistingFile::Kept if end.is_ok() => {
                         Err(FileError::Occupied { path: path.to_owned() })
                     }
                     _ => Ok(Self::File),
@@ -283,25 +283,27 @@ mod tests {
         symlink("own", at("link")).expect("linked");
         symlink("later", at("dangling")).expect("linked");
         for link in ["link", "dangling"] {
-            for standing in [Standing::Kept, Standing::Replaced] {
-                let refused = write_output(&at(link), standing, |file| file.write_all(b"new"));
+            for existing in [ExistingFile::Kept, ExistingFile::Replaced] {
+                let refused = write_output(&at(link), existing, |file| file.write_all(b"new"));
                 assert!(format!("{refused:?}").contains("it is a link"), "{refused:?}");
-                assert!(check_output(&at(link), standing).is_err());
+                assert!(check_output(&at(link), existing).is_err());
             }
             assert!(write_atomically(&at(link), |file| file.write_all(b"new")).is_err());
             assert!(fs::symlink_metadata(at(link)).expect("there").is_symlink());
         }
         assert!(!at("later").exists());
-        let kept = write_output(&at("own"), Standing::Kept, |file| file.write_all(b"new"));
+        let kept = write_output(&at("own"), ExistingFile::Kept, |file| file.write_all(b"new"));
         assert!(matches!(kept, Err(FileError::Occupied { .. })), "{kept:?}");
         assert_eq!(fs::read(at("own")).expect("readable"), b"old");
-        write_output(&at("own"), Standing::Replaced, |file| file.write_all(b"new")).expect("named");
+        write_output(&at("own"), ExistingFile::Replaced, |file| file.write_all(b"new"))
+            .expect("named");
         assert_eq!(fs::read(at("own")).expect("readable"), b"new");
         symlink("/dev/null", at("null")).expect("linked");
-        write_output(&at("null"), Standing::Kept, |file| file.write_all(b"new")).expect("written");
+        write_output(&at("null"), ExistingFile::Kept, |file| file.write_all(b"new"))
+            .expect("written");
         let device = fs::metadata(at("null")).expect("there");
         assert!(device.file_type().is_char_device());
-        assert!(write_output(directory.path(), Standing::Replaced, |_| Ok(())).is_err());
+        assert!(write_output(directory.path(), ExistingFile::Replaced, |_| Ok(())).is_err());
     }
 
     #[test]
@@ -321,12 +323,12 @@ mod tests {
     fn whether_a_file_could_be_written_is_told_before() {
         let directory = tempfile::tempdir().expect("a directory");
         let at = |name: &str| directory.path().join(name);
-        check_output(&at("new/file.txt"), Standing::Kept).expect("writable");
+        check_output(&at("new/file.txt"), ExistingFile::Kept).expect("writable");
         assert_eq!(fs::read_dir(at("new")).expect("made").count(), 0, "nothing is left there");
         fs::write(at("file"), b"old").expect("written");
-        assert!(check_output(&at("file/below"), Standing::Replaced).is_err());
-        assert!(check_output(&at("file"), Standing::Kept).is_err());
-        check_output(&at("file"), Standing::Replaced).expect("could be replaced");
+        assert!(check_output(&at("file/below"), ExistingFile::Replaced).is_err());
+        assert!(check_output(&at("file"), ExistingFile::Kept).is_err());
+        check_output(&at("file"), ExistingFile::Replaced).expect("could be replaced");
         assert_eq!(fs::read(at("file")).expect("readable"), b"old");
     }
 

@@ -53,8 +53,8 @@ mod writer;
 
 pub use array::{Array, array_bytes, read_array};
 pub use atomic::{
-    Below, Standing, check_output, link_or_copy, remove_temporaries, write_atomically, write_new,
-    write_output,
+    Below, ExistingFile, check_output, link_or_copy, remove_temporaries, write_atomically,
+    write_new, write_output,
 };
 pub use csv::{CsvColumn, NotANumber, read_csv};
 pub use disk::{

@@ -49,7 +49,7 @@ pub use calib_base::{
     memory::{MemorySize, check_log, check_table, on_this_machine, require as require_memory},
     options::{
         ArrayOf, BuildOptions, ClusterPlanOptions, ClusterStatusOptions, ClusterSubmitOptions,
-        Device, Engine, Leftovers, Logs, ProposeOptions, ShardsToSubmit, Spill, Standing,
+        Device, Engine, ExistingFile, Leftovers, Logs, ProposeOptions, ShardsToSubmit, Spill,
         Submission, ValidityExtent, ValidityOptions,
     },
     outcome::{Freshness, NoPlan, Outcome, StepResult, Told},

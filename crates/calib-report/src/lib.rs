@@ -39,8 +39,8 @@ pub use figures::{
 pub use number::{count, duration, number, percent, setting};
 pub use overview::{Decision, Overview, OverviewFigure, Support};
 pub use report::{
-    Agreement, Alternative, Best, Cell, Channel, ChannelStatus, ChoiceBaseline, DataProfile, Grade,
-    JumpStatistics, PartRow, Reason, Report, Reproduction, Separation, SimpleRow, Simpler, Sources,
-    Table, TopK, Verdict, caveats, listed,
+    Alternative, Best, Cell, Channel, ChannelStatus, ChoiceBaseline, DataProfile, Grade,
+    HeldOutResult, JumpStatistics, PartRow, Reason, Report, Reproduction, Separation, SimpleRow,
+    Simpler, Sources, Table, TopK, Verdict, caveats, listed,
 };
 pub use setting::Setting;

@@ -95,7 +95,7 @@ impl Default for LaplacianConfig {
 /// A hyperparameter outside its range.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{field}`: expected {expected}, got {got}")]
-pub struct ConfigError {
+pub struct RepresentConfigError {
     /// The field's name, as in a study.
     pub field: &'static str,
     /// The values it may have.
@@ -109,14 +109,22 @@ impl LaplacianConfig {
     ///
     /// # Errors
     /// The first field that is outside.
-    pub fn check(&self) -> Result<(), ConfigError> {
+    pub fn check(&self) -> Result<(), RepresentConfigError> {
         let real = |field, got: f64, most: f64, expected| {
             let ok = got > 0.0 && got.is_finite() && got <= most;
-            if ok { Ok(()) } else { Err(ConfigError { field, expected, got: format!("{got:?}") }) }
+            if ok {
+                Ok(())
+            } else {
+                Err(RepresentConfigError { field, expected, got: format!("{got:?}") })
+            }
         };
         let whole = |field, got: usize, least, most, expected| {
             let ok = (least..=most).contains(&got);
-            if ok { Ok(()) } else { Err(ConfigError { field, expected, got: got.to_string() }) }
+            if ok {
+                Ok(())
+            } else {
+                Err(RepresentConfigError { field, expected, got: got.to_string() })
+            }
         };
         let positive = "a number above 0";
         real("attraction", self.loss.attraction, f64::MAX, positive)?;

@@ -1,14 +1,14 @@
 use calib_core::Cancelled;
 use calib_files::FileError;
 
-use crate::ConfigError;
+use crate::RepresentConfigError;
 
 /// Why a representation cannot be trained, read or chosen.
 #[derive(Debug, thiserror::Error)]
 pub enum RepresentError {
     /// A hyperparameter is outside its range.
     #[error(transparent)]
-    Config(#[from] ConfigError),
+    Config(#[from] RepresentConfigError),
     /// No pair of states can be drawn.
     #[error(
         "no two successive states lie in the {part} part of the training range ({rows} states); \

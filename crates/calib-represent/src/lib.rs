@@ -49,7 +49,7 @@ mod stepper;
 mod train;
 mod training;
 
-pub use config::{ConfigError, LaplacianConfig, LossConfig, LossForm};
+pub use config::{LaplacianConfig, LossConfig, LossForm, RepresentConfigError};
 pub use eigen::symmetric_eigenvalues;
 pub use encoder::{encode, read_encoder, write_encoder};
 pub use error::RepresentError;

@@ -1,7 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ConfigError, LaplacianConfig, LossConfig, LossForm, OneOrMore};
+use crate::{LaplacianConfig, LossConfig, LossForm, OneOrMore, RepresentConfigError};
 
 /// Where neighbours are searched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
@@ -127,17 +127,17 @@ impl RepresentationConfig {
     ///
     /// # Errors
     /// The first that is outside, or is named twice; an import without a file.
-    pub fn check(&self) -> Result<(), ConfigError> {
+    pub fn check(&self) -> Result<(), RepresentConfigError> {
         let candidates = self.candidates();
         candidates.iter().try_for_each(LaplacianConfig::check)?;
         if let Some(twice) =
             (1..candidates.len()).find(|&at| candidates[..at].contains(&candidates[at]))
         {
             let got = format!("{:?}", candidates[twice]);
-            return Err(ConfigError { field: "lists", expected: "each value once", got });
+            return Err(RepresentConfigError { field: "lists", expected: "each value once", got });
         }
         if self.kind == RepresentationKind::Import && self.path.is_none() {
-            return Err(ConfigError {
+            return Err(RepresentConfigError {
                 field: "path",
                 expected: "the file to import, such as \"psi.npy\"",
                 got: "nothing".to_owned(),

@@ -16,7 +16,7 @@ use toml::{Table, Value};
 use crate::{
     Job, Request, SimulateConfig, Study, StudyError,
     error::{Problem, refuse, require},
-    source::Source,
+    source::StudyText,
     toml_json::to_json,
     written,
 };
@@ -103,7 +103,7 @@ impl Protocol {
         if !toml::from_str::<Table>(&text).is_ok_and(|table| table.contains_key(KEY)) {
             return Ok(None);
         }
-        let File { validity } = written::of_text(&Source::new(path, text))?;
+        let File { validity } = written::of_text(&StudyText::new(path, text))?;
         validity.check().map_err(|problem| given(path, &problem))?;
         Ok(Some(validity))
     }

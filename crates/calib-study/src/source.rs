@@ -8,7 +8,7 @@ use toml::de::{DeTable, DeValue};
 
 /// The text of a study, and where its keys stand.
 #[derive(Clone, Debug)]
-pub(crate) struct Source {
+pub(crate) struct StudyText {
     path: PathBuf,
     text: String,
     /// Every key with the bytes of its last part: `sweep.steps` → those of `steps`.
@@ -49,7 +49,7 @@ impl fmt::Display for Place {
     }
 }
 
-impl Source {
+impl StudyText {
     pub(crate) fn new(path: &Path, text: String) -> Self {
         let mut keys = Vec::new();
         // Text that is no TOML has no keys, and its mistake has a place of its own.
@@ -119,8 +119,8 @@ fn collect(table: &DeTable<'_>, above: &str, keys: &mut Vec<(String, Range<usize
 mod tests {
     use super::*;
 
-    fn source(text: &str) -> Source {
-        Source::new(Path::new("study.toml"), text.to_owned())
+    fn source(text: &str) -> StudyText {
+        StudyText::new(Path::new("study.toml"), text.to_owned())
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! A study file as it was read: once a command.
 
-use std::{io, path::Path};
+use std::{fs, io, path::Path};
 
 use calib_files::{FileError, read_regular};
 use serde::{Deserialize as _, de::DeserializeOwned};
@@ -13,7 +13,7 @@ use crate::{
     models, overrides,
     profiles::{self, ChosenProfile, Results},
     protocol,
-    source::Source,
+    source::StudyText,
     without_model,
 };
 
@@ -24,7 +24,7 @@ pub(crate) struct WrittenStudy {
     pub(crate) table: Table,
     /// Where the results of the profile go.
     pub(crate) results: Results,
-    pub(crate) source: Source,
+    pub(crate) source: StudyText,
 }
 
 impl WrittenStudy {
@@ -37,7 +37,7 @@ impl WrittenStudy {
 
     /// `text`, as if it stood in the file that `request` names.
     pub(crate) fn of_text(request: Request, text: String) -> Result<Self, StudyError> {
-        let source = Source::new(&request.study, text);
+        let source = StudyText::new(&request.study, text);
         // The text is read for its own sake first, because only then a mistake has a place.
         let table = parse(&source)?;
         let profile = request.profile.clone();
@@ -168,21 +168,48 @@ impl WrittenStudy {
     }
 }
 
-/// Refuse a log in the place of a study.
+/// Refuse a log or a folder in the place of a study.
 fn refuse_log(path: &Path) -> Result<(), StudyError> {
+    if path.is_dir() {
+        let message = format!("this is a folder, and a study is expected, {}", study_beside(path));
+        return Err(StudyError::Given { study: path.display().to_string(), message });
+    }
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let name = [".gz", ".zst"].iter().find_map(|packed| name.strip_suffix(packed)).unwrap_or(&name);
     let is_log = [".csv", ".tsv", ".txt", ".parquet", ".xlsx"]
         .iter()
         .any(|extension| name.ends_with(extension));
-    if is_log || path.is_dir() {
-        let path = path.display().to_string();
-        let command = crate::shell_words(["calib".to_owned(), "init".to_owned(), path.clone()]);
-        let message =
-            format!("this is a log, and a study is expected, a TOML file: `{command}` writes one");
-        return Err(StudyError::Given { study: path, message });
+    if is_log {
+        let message = format!(
+            "this is a log, and a study is expected, a TOML file: {} writes one",
+            init_command(path)
+        );
+        return Err(StudyError::Given { study: path.display().to_string(), message });
     }
     Ok(())
+}
+
+/// Which file to give instead of a folder: the study that made these results, a study in it, or what `calib init` writes for a log.
+fn study_beside(folder: &Path) -> String {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy();
+    let of_results =
+        name.strip_suffix("-results").map(|stem| folder.with_file_name(format!("{stem}.toml")));
+    if let Some(study) = of_results.filter(|study| study.is_file()) {
+        return format!("a TOML file: give {}, which these results are of", study.display());
+    }
+    let inside =
+        fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    let first =
+        inside.filter(|path| path.extension().is_some_and(|extension| extension == "toml")).min();
+    match first {
+        Some(study) => format!("a TOML file, such as {}", study.display()),
+        None => format!("a TOML file: if it holds a log, {} writes one", init_command(folder)),
+    }
+}
+
+fn init_command(log: &Path) -> String {
+    let words = ["calib".to_owned(), "init".to_owned(), log.display().to_string()];
+    format!("`{}`", crate::shell_words(words))
 }
 
 /// What stands in a file.
@@ -236,7 +263,7 @@ pub(crate) fn typed(mut table: Table) -> Result<Study, Problem> {
     Study::deserialize(Value::Table(table)).map_err(|error| located(&error))
 }
 
-fn parse(source: &Source) -> Result<Table, StudyError> {
+fn parse(source: &StudyText) -> Result<Table, StudyError> {
     let table: Table = of_text(source)?;
     if table.contains_key(protocol::KEY) {
         let path = source.path().display();
@@ -250,7 +277,7 @@ fn parse(source: &Source) -> Result<Table, StudyError> {
 }
 
 /// What a text says; a mistake is named with its place.
-pub(crate) fn of_text<T: DeserializeOwned>(source: &Source) -> Result<T, StudyError> {
+pub(crate) fn of_text<T: DeserializeOwned>(source: &StudyText) -> Result<T, StudyError> {
     toml::from_str(source.text()).map_err(|error| StudyError::Written {
         place: Box::new(source.place(error.span().unwrap_or(0..0))),
         message: friendly(error.message()),

@@ -20,7 +20,7 @@ pub struct RecordReader<'a> {
     marks: Marks,
     text: &'a [u8],
     read: usize,
-    source: Source<'a>,
+    source: CellText<'a>,
     /// Where each cell of the record ends in `source`.
     ends: Vec<usize>,
     count: usize,
@@ -28,7 +28,7 @@ pub struct RecordReader<'a> {
 }
 
 /// Where the cells of a record lie.
-enum Source<'a> {
+enum CellText<'a> {
     /// In the text, with a separator between two of them. This is the record without its end of line.
     Text(&'a [u8]),
     /// In a copy without quotes, one after the other.
@@ -51,9 +51,9 @@ impl<'a> RecordReader<'a> {
             text,
             read: 0,
             source: if is_unquoted(text, marks.quote) {
-                Source::Text(&[])
+                CellText::Text(&[])
             } else {
-                Source::Copy(vec![0; 1 << 10])
+                CellText::Copy(vec![0; 1 << 10])
             },
             ends: vec![0; 64],
             count: 0,
@@ -63,7 +63,7 @@ impl<'a> RecordReader<'a> {
 
     /// Go to the next record; false if there is none.
     pub fn advance(&mut self) -> bool {
-        let Source::Copy(cells) = &mut self.source else { return self.advance_in_text() };
+        let CellText::Copy(cells) = &mut self.source else { return self.advance_in_text() };
         let (mut written, mut count) = (0, 0);
         loop {
             let (result, read, more_text, more_cells) = self.reader.read_record(
@@ -108,7 +108,7 @@ impl<'a> RecordReader<'a> {
             self.ends.extend(memchr::memchr_iter(self.marks.separator, record));
             self.ends.push(record.len());
             self.count = self.ends.len();
-            self.source = Source::Text(record);
+            self.source = CellText::Text(record);
             return true;
         }
         false
@@ -125,8 +125,8 @@ impl<'a> RecordReader<'a> {
     pub fn cell(&self, position: usize) -> &[u8] {
         let before = position.checked_sub(1).map(|before| self.ends[before]);
         match &self.source {
-            Source::Text(record) => &record[before.map_or(0, |end| end + 1)..self.ends[position]],
-            Source::Copy(cells) => &cells[before.unwrap_or(0)..self.ends[position]],
+            CellText::Text(record) => &record[before.map_or(0, |end| end + 1)..self.ends[position]],
+            CellText::Copy(cells) => &cells[before.unwrap_or(0)..self.ends[position]],
         }
     }
 
@@ -194,8 +194,8 @@ mod tests {
             let marks = Marks { separator: b',', quote: b'"' };
             let cut = RecordReader::new(text.as_bytes(), marks);
             let mut copied = RecordReader::new(text.as_bytes(), marks);
-            prop_assert!(matches!(cut.source, Source::Text(_)));
-            copied.source = Source::Copy(vec![0; 1 << 10]);
+            prop_assert!(matches!(cut.source, CellText::Text(_)));
+            copied.source = CellText::Copy(vec![0; 1 << 10]);
             prop_assert_eq!(all_of(cut), all_of(copied));
         }
     }

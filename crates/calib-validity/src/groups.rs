@@ -38,7 +38,7 @@ pub struct GroupSummary {
 }
 
 /// Pairs with a feature in common.
-struct Group {
+struct PairGroup {
     feature: String,
     name: String,
     /// Numbers of the pairs.
@@ -66,7 +66,7 @@ pub(crate) fn groups(
 }
 
 fn summary(
-    group: &Group,
+    group: &PairGroup,
     method: &Chosen,
     default: Option<&Chosen>,
     plants: &OverPlants,
@@ -102,7 +102,7 @@ fn summary(
 }
 
 /// The groups of every feature in which pairs differ.
-fn all_groups(pairs: &[Pair]) -> Result<Vec<Group>, StatsError> {
+fn all_groups(pairs: &[Pair]) -> Result<Vec<PairGroup>, StatsError> {
     let optimiser = |pair: &Pair| Some(TaskValue::Name(pair.optimiser.clone()));
     let mut all = groups_of("optimiser", pairs, optimiser)?;
     let mut features: Vec<&String> = Vec::new();
@@ -126,7 +126,7 @@ fn groups_of(
     feature: &str,
     pairs: &[Pair],
     value_of: impl Fn(&Pair) -> Option<TaskValue>,
-) -> Result<Vec<Group>, StatsError> {
+) -> Result<Vec<PairGroup>, StatsError> {
     let values: Vec<(usize, TaskValue)> =
         pairs.iter().enumerate().filter_map(|(pair, own)| Some((pair, value_of(own)?))).collect();
     let mut numbers: Vec<f64> = values.iter().filter_map(|(_, value)| value.number()).collect();
@@ -139,21 +139,21 @@ fn groups_of(
         TaskValue::Number(number) if *number <= middle => format!("up to {middle}"),
         TaskValue::Number(_) => format!("above {middle}"),
     };
-    let mut groups: Vec<(TaskValue, Group)> = Vec::new();
+    let mut groups: Vec<(TaskValue, PairGroup)> = Vec::new();
     for (pair, value) in values {
         let name = name(&value);
         if let Some((_, group)) = groups.iter_mut().find(|(_, group)| group.name == name) {
             group.pairs.push(pair);
         } else {
             let feature = feature.to_owned();
-            groups.push((value, Group { feature, name, pairs: vec![pair] }));
+            groups.push((value, PairGroup { feature, name, pairs: vec![pair] }));
         }
     }
     groups.sort_by(|(a, x), (b, y)| match (a.number(), b.number()) {
         (Some(a), Some(b)) => a.total_cmp(&b),
         _ => x.name.cmp(&y.name),
     });
-    let groups: Vec<Group> = groups.into_iter().map(|(_, group)| group).collect();
+    let groups: Vec<PairGroup> = groups.into_iter().map(|(_, group)| group).collect();
     Ok(if groups.len() > 1 { groups } else { Vec::new() })
 }
 

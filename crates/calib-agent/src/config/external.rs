@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{AgentConfig, ConfigError, require};
+use super::{AgentConfig, AgentConfigError, require};
 
 /// Whose agents learn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
@@ -77,7 +77,7 @@ impl AgentConfig {
     }
 
     /// What is of programs is there where one is, and only there; and nothing that a program would not see.
-    pub(super) fn check_kind(&self) -> Result<(), ConfigError> {
+    pub(super) fn check_kind(&self) -> Result<(), AgentConfigError> {
         let external = self.is_external();
         let names_a_program = self.command.first().is_some_and(|program| !program.is_empty());
         require(
@@ -115,13 +115,13 @@ impl AgentConfig {
     }
 
     /// A program knows nothing of the keys of calib's own agents.
-    fn check_nothing_is_lost(&self) -> Result<(), ConfigError> {
+    fn check_nothing_is_lost(&self) -> Result<(), AgentConfigError> {
         let default = Self { gamma: self.gamma, ..Self::default() };
         let (own, unset) =
             (Self { kind: AgentKind::Td, ..self.clone() }.fields(), default.fields());
         let set = unset.iter().find(|(field, value)| own.get(*field) != Some(value));
         let Some((field, _)) = set else { return Ok(()) };
-        Err(ConfigError {
+        Err(AgentConfigError {
             field: OWN_FIELDS.into_iter().find(|own_field| own_field == field).unwrap_or("kind"),
             got: own[field].to_string(),
             expected: "nothing with kind = \"external\": what a program is to know stands in [agent.parameters]"

@@ -174,12 +174,12 @@ struct Place {
 /// The files of a log.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Sources {
-    files: Vec<Source>,
+    files: Vec<SourceFile>,
 }
 
 /// A file of a log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Source {
+struct SourceFile {
     path: PathBuf,
     #[serde(flatten)]
     stamp: Option<FileStat>,
@@ -333,7 +333,7 @@ impl Place {
             held_out: dataset.held_out_fingerprint,
         };
         // A log that was written to while it was read is read again next time.
-        if self.sources.files.iter().all(Source::is_same) {
+        if self.sources.files.iter().all(SourceFile::is_same) {
             write_sealed_json(&directory.join(SOURCES), &self.sources)?;
         }
         let kept = claim.finish(facts, written.iter().flatten().map(String::as_str))?;
@@ -383,7 +383,7 @@ impl Place {
     }
 }
 
-impl Source {
+impl SourceFile {
     fn is_same(&self) -> bool {
         self.stamp.is_some() && FileStat::of(&self.path).is_ok_and(|stamp| stamp == self.stamp)
     }
@@ -412,7 +412,7 @@ fn sources(data: &DataConfig) -> Result<Sources, StepError> {
     let source = |path: PathBuf| {
         let path =
             fs::canonicalize(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        Ok(Source { stamp: FileStat::of(&path)?, path })
+        Ok(SourceFile { stamp: FileStat::of(&path)?, path })
     };
     Ok(Sources { files: files.map(source).collect::<Result<_, StepError>>()? })
 }

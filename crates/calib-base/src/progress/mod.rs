@@ -3,5 +3,5 @@
 mod note;
 mod recorder;
 
-pub use note::{Note, Standing, running};
+pub use note::{CommandState, Note, running};
 pub use recorder::recorded;

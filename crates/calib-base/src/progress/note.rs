@@ -74,7 +74,7 @@ pub struct Task {
 /// Whether the command of a note is at work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Standing {
+pub enum CommandState {
     /// It is.
     Running,
     /// It was killed: a command that ends removes its note.
@@ -105,13 +105,13 @@ impl Note {
     }
 
     /// Whether its command is at work.
-    pub fn standing(&self) -> Standing {
+    pub fn standing(&self) -> CommandState {
         let is_here = self.host == host_name();
         let is_running = match (is_here, self.process_began) {
             (true, Some(began)) => process_began(self.process) == Some(began),
             _ => unix_secs() - self.written < STALE_SECS,
         };
-        if is_running { Standing::Running } else { Standing::Killed }
+        if is_running { CommandState::Running } else { CommandState::Killed }
     }
 }
 
@@ -142,17 +142,17 @@ mod tests {
     #[test]
     fn a_note_of_a_process_that_is_gone_is_of_a_killed_one() {
         let note = Note::begun("run", Path::new("study.toml"));
-        assert_eq!(note.standing(), Standing::Running);
+        assert_eq!(note.standing(), CommandState::Running);
         let other = Note { host: "another machine".to_owned(), ..note.clone() };
-        assert_eq!(other.standing(), Standing::Running);
+        assert_eq!(other.standing(), CommandState::Running);
         let old = Note { written: unix_secs() - 2.0 * STALE_SECS, ..other };
-        assert_eq!(old.standing(), Standing::Killed);
+        assert_eq!(old.standing(), CommandState::Killed);
         if let Some(began) = note.process_began {
             // The number was given to another process.
             let killed = Note { process_began: Some(began + 1), ..note.clone() };
-            assert_eq!(killed.standing(), Standing::Killed);
+            assert_eq!(killed.standing(), CommandState::Killed);
             let long = Note { written: 0.0, ..note };
-            assert_eq!(long.standing(), Standing::Running, "stopped in a debugger, say");
+            assert_eq!(long.standing(), CommandState::Running, "stopped in a debugger, say");
         }
     }
 }

@@ -15,7 +15,7 @@ use calib_core::Monitor;
 use calib_files::{remove_note, write_note};
 use calib_study::Job;
 
-use super::note::{FOLDER, Note, Standing, Task, notes};
+use super::note::{CommandState, FOLDER, Note, Task, notes};
 use crate::{
     StepError,
     clock::{Stopwatch, unix_secs},
@@ -117,7 +117,7 @@ impl Recorder {
     /// Write a note every second, until the command is over.
     fn tick(&self) {
         for (path, note) in notes(&self.results) {
-            if note.standing() == Standing::Killed {
+            if note.standing() == CommandState::Killed {
                 remove_note(&path, &self.results);
             }
         }

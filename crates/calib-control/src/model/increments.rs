@@ -33,14 +33,14 @@ pub struct Increments {
     /// Least and largest recorded value of each column.
     extremes: [Vec<f32>; 2],
     /// One an action, or one of all where actions are numbers.
-    groups: Vec<Group>,
+    groups: Vec<ActionSources>,
     /// As that of the model, in the scaled states.
     radius: f32,
 }
 
 /// The sources of some transitions, one after the other in memory.
 #[derive(Clone, Debug)]
-struct Group {
+struct ActionSources {
     /// `[transitions, columns]`.
     points: Vec<f32>,
     columns: usize,
@@ -48,7 +48,7 @@ struct Group {
     transitions: Vec<u32>,
 }
 
-impl Group {
+impl ActionSources {
     fn new(points: &States, transitions: Vec<u32>, log: &Decisions) -> Self {
         let sources = log.transitions().sources();
         let rows = transitions.iter().map(|&number| points.row(sources[number as usize] as usize));
@@ -94,7 +94,7 @@ impl Increments {
                     (0..log.levels()).map(|action| log.with_action(action)).collect();
                 let radius =
                     radius::radius(&sources, of_action.iter().cloned(), coverage, monitor)?;
-                let groups = of_action.into_iter().map(|own| Group::new(states, own, log));
+                let groups = of_action.into_iter().map(|own| ActionSources::new(states, own, log));
                 (groups.collect(), radius)
             }
             Some(settings) => {
@@ -103,7 +103,7 @@ impl Increments {
                 let all: Vec<u32> = (0..log.len() as u32).collect();
                 let each = std::iter::once(all.clone());
                 let radius = radius::radius(&sources, each, coverage, monitor)?;
-                (vec![Group::new(&taken, all, log)], radius)
+                (vec![ActionSources::new(&taken, all, log)], radius)
             }
         };
         let mut increments = Self {

@@ -131,7 +131,8 @@ pub(crate) fn import(
         undecided: 0,
     };
     let mut instants = clock.rows();
-    let read = |records: Records<'_>| Part::read(records, width, time, clock.notation(), fractions);
+    let read =
+        |records: Records<'_>| WideChunk::read(records, width, time, clock.notation(), fractions);
     file.read_parts(read, |part| imported.add(part, &mut instants, store), monitor)?;
     imported.undecided = instants.finish(&mut |(), instant| {
         imported.times.push(instant);
@@ -143,7 +144,7 @@ pub(crate) fn import(
 impl Imported {
     fn add(
         &mut self,
-        mut part: Part,
+        mut part: WideChunk,
         instants: &mut Instants<()>,
         store: &mut Store,
     ) -> Result<(), DataError> {
@@ -169,13 +170,13 @@ impl Imported {
 }
 
 /// What one thread read: cells column by column.
-struct Part {
+struct WideChunk {
     stamps: Vec<Option<ParsedTime>>,
     cells: Vec<u64>,
     seen: Seen,
 }
 
-impl Part {
+impl WideChunk {
     fn read(
         mut records: Records<'_>,
         width: usize,

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::{
     columns::Stored,
-    source::Source,
+    source::PartitionedFile,
     values::{RawColumn, each_label},
 };
 use crate::{
@@ -30,7 +30,7 @@ const SLICE_ROWS: usize = 1 << 20;
 
 /// A file whose footer has been read.
 pub(crate) struct LogFile {
-    pub(crate) source: Source,
+    pub(crate) source: PartitionedFile,
     pub(crate) fields: Vec<Field>,
     pub(crate) rows: usize,
     pub(crate) bytes: u64,
@@ -99,7 +99,7 @@ pub(crate) enum FieldKind {
 }
 
 impl LogFile {
-    pub(crate) fn open(source: Source) -> Result<Self, DataError> {
+    pub(crate) fn open(source: PartitionedFile) -> Result<Self, DataError> {
         let file = HeldFile::open(&source.path)?;
         let footer = file.file()?;
         let bytes =
@@ -140,7 +140,7 @@ impl LogFile {
 
     /// A text file that was read into `stored`.
     pub(crate) fn stored(
-        source: Source,
+        source: PartitionedFile,
         fields: Vec<Field>,
         file: &TextFile,
         stored: Stored,

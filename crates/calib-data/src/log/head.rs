@@ -4,7 +4,7 @@ use std::{fs::File, io::Read as _, path::Path};
 
 use super::{
     file::{FieldKind, LogFile},
-    source::Source,
+    source::PartitionedFile,
     values::each_label,
 };
 use crate::{
@@ -17,7 +17,7 @@ pub(crate) enum Head {
     Parquet(Box<LogFile>),
     Text(Box<TextFile>),
     /// Annotated CSV of InfluxDB: tables with headers of their own.
-    Annotated(Source, u64),
+    Annotated(PartitionedFile, u64),
 }
 
 /// A column by its header.
@@ -28,7 +28,7 @@ pub(crate) struct HeadColumn {
 }
 
 impl Head {
-    pub(crate) fn open(source: Source, data: &DataConfig) -> Result<Self, DataError> {
+    pub(crate) fn open(source: PartitionedFile, data: &DataConfig) -> Result<Self, DataError> {
         if is_parquet(&source.path)? {
             return Ok(Self::Parquet(Box::new(LogFile::open(source)?)));
         }

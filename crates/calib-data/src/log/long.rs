@@ -22,7 +22,7 @@ use crate::{
 
 /// Samples that one thread read, with names of its own for tags and words.
 #[derive(Default)]
-struct Part {
+struct LongChunk {
     tags: Vec<u32>,
     stamps: Vec<Option<ParsedTime>>,
     cells: Vec<u64>,
@@ -92,12 +92,12 @@ pub(crate) fn stream_text(
     monitor: &dyn Monitor,
 ) -> Result<(), DataError> {
     let mut pouring = Pouring::new(clock, sink);
-    let read = |records: Records<'_>| Part::read(records, roles, clock.notation(), fractions);
+    let read = |records: Records<'_>| LongChunk::read(records, roles, clock.notation(), fractions);
     file.read_parts(read, |part| part.pour(&mut pouring), monitor)?;
     pouring.finish()
 }
 
-impl Part {
+impl LongChunk {
     fn read(
         mut records: Records<'_>,
         roles: &Roles,
@@ -211,7 +211,7 @@ pub(crate) fn stream_parquet(
     for slice in file.slices(&(0..file.rows)) {
         monitor.check()?;
         let columns = file.read(&fields, &slice)?;
-        let mut part = Part::default();
+        let mut part = LongChunk::default();
         let times = Times::of(&columns[0], file, data, slice.start)?;
         part.stamps = times.stamps(&mut unit, file, roles.time)?;
         part.cells = vec![Cell::Missing.encode(); slice.len()];

@@ -19,7 +19,7 @@ use super::{
     series::Sink,
     shape::{Recognised, Roles, recognise, time_column},
     shared_times::{self, SharedTimes},
-    source::{self, Source},
+    source::{self, PartitionedFile},
     times,
 };
 use crate::{
@@ -230,8 +230,10 @@ fn tables(
     for (position, head) in heads.into_iter().enumerate() {
         files.push(match (head, imported.remove(&position)) {
             (Head::Text(file), Some(read)) => {
-                let source =
-                    Source { path: file.path.clone(), partitions: source::partitions(&file.path) };
+                let source = PartitionedFile {
+                    path: file.path.clone(),
+                    partitions: source::partitions(&file.path),
+                };
                 let columns = file.columns().iter().zip(&read.words_only);
                 let fields = columns.map(|(column, words)| field_of(column, *words)).collect();
                 let stored =
@@ -324,15 +326,15 @@ fn summary(head: &Head, rows: usize) -> FileSummary {
 }
 
 /// Of samples the times of a file are not known apart: folders that are no dates and no tags are plants.
-fn refuse_several_plants(sources: &[Source]) -> Result<(), DataError> {
+fn refuse_several_plants(sources: &[PartitionedFile]) -> Result<(), DataError> {
     let known = ["year", "month", "day", "date", "dt", "hour", "tag", "sensor", "point", "channel"];
     let is_plant = |key: &str| !known.contains(&key.to_lowercase().as_str());
     sources.windows(2).try_for_each(|pair| refuse_pair(&pair[0], &pair[1], &is_plant))
 }
 
 pub(super) fn refuse_pair(
-    first: &Source,
-    second: &Source,
+    first: &PartitionedFile,
+    second: &PartitionedFile,
     counts: &dyn Fn(&str) -> bool,
 ) -> Result<(), DataError> {
     let differing = first.partitions.iter().find(|(key, value)| {

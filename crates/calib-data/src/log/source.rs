@@ -13,13 +13,13 @@ use crate::{DataConfig, DataError};
 
 /// A file of the log, and the partitions (`key=value` folders) that it lies in.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Source {
+pub(crate) struct PartitionedFile {
     pub(crate) path: PathBuf,
     pub(crate) partitions: BTreeMap<String, String>,
 }
 
 /// The files that `data.path` and `data.partitions` select, each once, in order of their names.
-pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<Source>, DataError> {
+pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<PartitionedFile>, DataError> {
     if data.path.0.is_empty() {
         return Err(DataError::NoPath);
     }
@@ -37,8 +37,10 @@ pub(crate) fn find_files(data: &DataConfig) -> Result<Vec<Source>, DataError> {
         }
         paths.extend(found);
     }
-    let mut sources: Vec<Source> =
-        paths.into_iter().map(|path| Source { partitions: partitions(&path), path }).collect();
+    let mut sources: Vec<PartitionedFile> = paths
+        .into_iter()
+        .map(|path| PartitionedFile { partitions: partitions(&path), path })
+        .collect();
     for (key, value) in &data.partitions {
         let available: BTreeSet<String> = sources
             .iter()
@@ -131,7 +133,7 @@ fn has_parquet_logs(found: &mut Vec<PathBuf>) -> bool {
 
 /// Whether calib wrote a Parquet file as a result. A damaged one is none: whoever reads it says what is wrong with it.
 fn is_result(path: &Path) -> bool {
-    let source = Source { path: path.to_owned(), partitions: BTreeMap::new() };
+    let source = PartitionedFile { path: path.to_owned(), partitions: BTreeMap::new() };
     LogFile::open(source).is_ok_and(|file| file.is_result)
 }
 
@@ -237,7 +239,7 @@ mod tests {
         };
         data.resolve(folder);
         let sources = find_files(&data)?;
-        let relative = |source: &Source| {
+        let relative = |source: &PartitionedFile| {
             let path = source.path.strip_prefix(folder).expect("inside");
             path.to_string_lossy().into_owned()
         };

@@ -7,7 +7,7 @@ use calib_data::{
     AnglePart, Contradictions, DataConfig, PreprocessConfig, Profile, Resample, format_time,
     import, inspect, load, sketch, survey, table::Table,
 };
-use calib_files::Standing;
+use calib_files::ExistingFile;
 
 use crate::support::{Folder, load_with, log, log_at, optional, refused, seconds, train_values};
 
@@ -185,7 +185,7 @@ fn all_shapes_give_the_same_states() {
     // A file of the result has the two as ordinary channels.
     let imported = folders[3].file("imported.parquet");
     let data = with(&folders[1], &angles);
-    let written = import(&data, &imported, Standing::Kept, &Silent).expect("written");
+    let written = import(&data, &imported, ExistingFile::Kept, &Silent).expect("written");
     assert_eq!((written.channels, written.dropped.repeated), (3, 0));
     let again = DataConfig { train_fraction: 1.0, ..DataConfig::at(imported.as_path()) };
     let again = load_with(&again, &PreprocessConfig::default());
@@ -300,7 +300,7 @@ fn the_same_direction_is_no_contradiction_and_another_is_told_once() {
         let looked = sketch(&data, &Silent).expect_err("one of five rows").to_string();
         assert_eq!(looked, error);
         let file = other.file("imported.parquet");
-        let refused = import(&data, &file, Standing::Kept, &Silent).expect_err("refused");
+        let refused = import(&data, &file, ExistingFile::Kept, &Silent).expect_err("refused");
         assert_eq!(refused.to_string(), error);
         data.contradictions = Contradictions::Last;
         let last = load_with(&data, &PreprocessConfig::default());

@@ -81,15 +81,15 @@ pub fn rollouts(
     for (sensor, named) in sensors.iter().zip(Columns::of(sensors)) {
         let values = trajectories.column::<f64>(&named.physical)?;
         let recorded = trajectories.optional::<f64>(&named.recorded)?;
-        let known = |group: &Group| recorded[group.rows.clone()].iter().flatten().count();
-        let sharing = |group: &Group| {
+        let known = |group: &RolloutRows| recorded[group.rows.clone()].iter().flatten().count();
+        let sharing = |group: &RolloutRows| {
             let all = groups.iter().filter(|other| other.wanted == group.wanted);
             let mut members: Vec<u32> = all.map(|group| group.member).collect();
             members.dedup();
             members.len()
         };
         // Of equally long ones the first, so that the figure does not depend on anything else.
-        let best = |group: &&Group| (sharing(group), known(group));
+        let best = |group: &&RolloutRows| (sharing(group), known(group));
         let Some(shown) = groups.iter().rev().max_by_key(best) else { continue };
         let truth = recorded[shown.rows.clone()].iter().flatten().copied().collect();
         let mut members: Vec<u32> = Vec::new();
@@ -150,7 +150,7 @@ pub fn starts(
         let recorded = trajectories.optional::<f64>(&named.recorded)?;
         let mut seen: Vec<u32> = Vec::new();
         let mut pairs = Vec::new();
-        for Group { wanted, time, rows, .. } in &groups {
+        for RolloutRows { wanted, time, rows, .. } in &groups {
             if !seen.contains(wanted) {
                 seen.push(*wanted);
                 pairs.push(FirstRollout {
@@ -235,7 +235,7 @@ fn grid(
 }
 
 /// The rows of one rollout in the table of trajectories.
-struct Group {
+struct RolloutRows {
     member: u32,
     /// The row that was asked for as the start, and its time.
     wanted: u32,
@@ -243,7 +243,7 @@ struct Group {
     rows: std::ops::Range<usize>,
 }
 
-fn groups(trajectories: &Table) -> Result<Vec<Group>, StepError> {
+fn groups(trajectories: &Table) -> Result<Vec<RolloutRows>, StepError> {
     let members = trajectories.column::<u32>("member")?;
     let numbers = trajectories.column::<u32>("rollout")?;
     let wanted = trajectories.column::<u32>("wanted_row")?;
@@ -255,7 +255,7 @@ fn groups(trajectories: &Table) -> Result<Vec<Group>, StepError> {
             || (members[next], numbers[next]) != (members[first], numbers[first]);
         if ends {
             let (member, wanted, time) = (members[first], wanted[first], times[first]);
-            groups.push(Group { member, wanted, time, rows: first..next });
+            groups.push(RolloutRows { member, wanted, time, rows: first..next });
             first = next;
         }
     }

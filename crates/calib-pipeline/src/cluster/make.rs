@@ -20,7 +20,7 @@ use calib_files::{
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, StoredUnits, UnitRuns};
 use calib_sweep_steps::sweep::{
-    KnownUnits, Source, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep,
+    KnownUnits, ResultSource, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep,
     setting::SweepContext, unit_store,
 };
 
@@ -29,7 +29,7 @@ use crate::cluster::{
     inputs,
     maker::Maker,
     plan_file::{
-        FORMAT, INPUTS, PLAN, Part, PlanFile, PlannedPass, PlannedStudy, Shard, SweepPart,
+        FORMAT, INPUTS, PLAN, PlanFile, PlannedPart, PlannedPass, PlannedStudy, Shard, SweepPart,
         inputs_in, path_in,
     },
     results::{self, Header},
@@ -128,7 +128,7 @@ pub(crate) fn make(
     let (mut parts, mut work) = (Vec::new(), Vec::new());
     for part in job.parts(Scope::Deployment)? {
         let (model, deployment) = (part.model(), part.deployment());
-        let mut planned = Part {
+        let mut planned = PlannedPart {
             model: model.map(str::to_owned),
             deployment: deployment.map(str::to_owned),
             sweep: None,
@@ -210,7 +210,8 @@ impl Planning<'_> {
         let baselines = Baselines::new(&setting.dataset.train);
         let plan = setting.plan(study, &environments, &baselines, None)?;
         let store = unit_store(&job.layout().sweep(), None);
-        let KnownUnits { stored, .. } = KnownUnits::of(&plan, &store, job, Source::default())?;
+        let KnownUnits { stored, .. } =
+            KnownUnits::of(&plan, &store, job, ResultSource::default())?;
         let runs: Vec<(EnvironmentId, usize)> = environments
             .iter()
             .flat_map(|environment| (0..environment.runs()).map(move |run| (environment.id(), run)))
@@ -304,7 +305,7 @@ impl Planning<'_> {
     }
 
     /// The shards of all stages, in each the longest first.
-    fn shards(&self, parts: &[Part], work: Vec<StagedPass>) -> Vec<Shard> {
+    fn shards(&self, parts: &[PlannedPart], work: Vec<StagedPass>) -> Vec<Shard> {
         let total: f64 = work.iter().map(|work| work.pass.secs).sum();
         let mut stages: BTreeMap<usize, Vec<PlannedPass>> = BTreeMap::new();
         for StagedPass { stage, pass } in work {
@@ -332,7 +333,7 @@ impl Planning<'_> {
 }
 
 /// Bytes that a shard takes on one thread.
-fn memory(parts: &[Part], passes: &[PlannedPass]) -> u64 {
+fn memory(parts: &[PlannedPart], passes: &[PlannedPass]) -> u64 {
     let training_bytes_of = |pass: &PlannedPass| {
         let part = parts.get(pass.part)?.sweep.as_ref()?;
         let agents = agents_of(&part.candidates);

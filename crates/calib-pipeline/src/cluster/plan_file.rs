@@ -28,7 +28,7 @@ pub(crate) struct PlanFile {
     pub(crate) format: u32,
     pub(crate) maker: Maker,
     pub(crate) asked: PlannedStudy,
-    pub(crate) parts: Vec<Part>,
+    pub(crate) parts: Vec<PlannedPart>,
     pub(crate) shards: Vec<Shard>,
 }
 
@@ -80,7 +80,7 @@ impl PlannedStudy {
 
 /// A model and deployment.
 #[derive(Debug, Serialize, Deserialize)]
-pub(crate) struct Part {
+pub(crate) struct PlannedPart {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) model: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -90,7 +90,7 @@ pub(crate) struct Part {
     pub(crate) sweep: Option<SweepPart>,
 }
 
-impl Part {
+impl PlannedPart {
     /// What it is called, where there are several.
     pub(crate) fn name(&self) -> String {
         let names = [self.model.as_deref(), self.deployment.as_deref()];

@@ -62,7 +62,7 @@ pub(crate) enum State {
 }
 
 #[derive(Debug, Serialize, JsonSchema)]
-pub(crate) struct Standing {
+pub(crate) struct ShardStatus {
     pub(crate) shard: usize,
     pub(crate) stage: usize,
     pub(crate) state: State,
@@ -88,7 +88,7 @@ pub(crate) struct Standing {
 pub(crate) struct Status {
     pub(crate) plan: Summary,
     pub(crate) done: usize,
-    pub(crate) shards: Vec<Standing>,
+    pub(crate) shards: Vec<ShardStatus>,
 }
 
 impl Status {
@@ -97,9 +97,9 @@ impl Status {
         let queued = queue::states(&opened.directory);
         let of_shard = |number| {
             let queue = queued.get(&number).cloned();
-            Standing { queue, ..standing(opened, number) }
+            ShardStatus { queue, ..standing(opened, number) }
         };
-        let shards: Vec<Standing> = (0..opened.plan.shards.len()).map(of_shard).collect();
+        let shards: Vec<ShardStatus> = (0..opened.plan.shards.len()).map(of_shard).collect();
         let done = shards.iter().filter(|shard| shard.state == State::Done).count();
         Self { plan: summary(&opened.plan), done, shards }
     }
@@ -163,7 +163,7 @@ pub(crate) fn missing(opened: &OpenedPlan) -> Vec<usize> {
     (0..opened.plan.shards.len()).filter(is_missing).collect()
 }
 
-fn standing(opened: &OpenedPlan, number: usize) -> Standing {
+fn standing(opened: &OpenedPlan, number: usize) -> ShardStatus {
     let shard = &opened.plan.shards[number];
     let attempts = attempt::read(&opened.attempts(number));
     let (state, units, fault) = match opened.read(number) {
@@ -180,7 +180,7 @@ fn standing(opened: &OpenedPlan, number: usize) -> Standing {
         _ => fault.or_else(|| attempts.last().map(told)),
     };
     let made = attempts.iter().flat_map(|attempt| &attempt.made);
-    Standing {
+    ShardStatus {
         shard: number,
         stage: shard.stage,
         state,

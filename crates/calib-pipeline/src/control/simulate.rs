@@ -30,7 +30,7 @@ pub struct SimulateTask {
     /// Root of all randomness.
     pub seed: u64,
     /// Whether files that are there may be replaced.
-    pub standing: calib_base::options::Standing,
+    pub existing: calib_base::options::ExistingFile,
 }
 
 /// A log of a task whose truth is known.
@@ -82,7 +82,7 @@ pub(crate) fn simulate(
     let log = wanted.directory.join("log.parquet");
     let study = wanted.directory.join("study.toml");
     for path in [&log, &study] {
-        check_output(path, wanted.standing)?;
+        check_output(path, wanted.existing)?;
     }
     // What is replaced is what calib wrote: the folder was named, and not its files.
     FolderRecord::open(&wanted.directory)?.note(["log.parquet", "study.toml"])?;
@@ -117,7 +117,7 @@ fn simulated<T: Task>(
         record(&mut behaviour, &mut logged, wanted.transitions, timeout, seed.child("log"));
     write::<T>(log, &recorded, step(kind))?;
     let text = text(kind, T::continuous(), wanted.seed);
-    write_output(study, wanted.standing, |file| file.write_all(text.as_bytes()))?;
+    write_output(study, wanted.existing, |file| file.write_all(text.as_bytes()))?;
     Ok(SimulatedTask {
         log: log.to_owned(),
         study: study.to_owned(),

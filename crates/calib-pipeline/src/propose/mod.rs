@@ -122,7 +122,7 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Propose
         ensure!(!gives(args, key), "--set {key} has no effect on `calib init`: {instead}");
     }
     // Before the trials, and not after them.
-    check_output(&args.study, args.standing)?;
+    check_output(&args.study, args.existing)?;
     let clock = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
     let look = ExaminedLog::at(args, context)?;
@@ -137,7 +137,7 @@ pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<Propose
         context.warn(&bridged);
     }
     let proposal = Proposal::of(args, &path, &look, clock, context)?;
-    write_output(&args.study, args.standing, |file| {
+    write_output(&args.study, args.existing, |file| {
         std::io::Write::write_all(file, proposal.text.as_bytes())
     })?;
     Ok(proposal.written(args, &look, clock.elapsed()))

@@ -11,7 +11,7 @@ use calib_base::{
     artefact::{self, CONTROL_VERDICT},
     log::context::RunContext,
     output::Printer,
-    progress::{self, Note, Standing},
+    progress::{self, CommandState, Note},
 };
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep_steps::{
@@ -83,7 +83,7 @@ pub(crate) enum Overall {
 /// A command on the study.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Command {
-    pub(crate) standing: Standing,
+    pub(crate) standing: CommandState,
     #[serde(flatten)]
     pub(crate) note: Note,
 }
@@ -145,7 +145,7 @@ fn of_study(job: &Job, printer: &Printer) -> Result<StudyStanding, StepError> {
         .collect();
     let at_work: Vec<&Note> = commands
         .iter()
-        .filter(|command| command.standing == Standing::Running)
+        .filter(|command| command.standing == CommandState::Running)
         .map(|command| &command.note)
         .collect();
     let steps = steps(job, &at_work, printer)?;

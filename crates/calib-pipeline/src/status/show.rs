@@ -4,7 +4,7 @@ use calib_base::{
     StepError,
     clock::unix_secs,
     output::{Printer, count, duration_of_secs, percent, table},
-    progress::Standing,
+    progress::CommandState,
 };
 
 use super::{
@@ -56,7 +56,7 @@ fn tell_study(study: &StudyStanding, printer: &Printer) -> Result<(), StepError>
 fn command_line(Command { standing, note }: &Command) -> String {
     let since = duration_of_secs(unix_secs() - note.began);
     let place = format!("calib {} (process {} on {})", note.command, note.process, note.host);
-    if *standing == Standing::Killed {
+    if *standing == CommandState::Killed {
         return format!("{place} was killed; it had begun {since} ago");
     }
     let names = [note.doing.as_deref(), note.part.as_deref()];

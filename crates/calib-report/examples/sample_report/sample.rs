@@ -1,8 +1,8 @@
 //! Made-up numbers that look like those of a study.
 
 use calib_report::{
-    Agreement, Alternative, Best, Cell, Channel, ChannelStatus, ChoiceBaseline, DataProfile,
-    ErrorCurve, ErrorSource, Grade, JumpStatistics, LearningCurve, LearningCurves,
+    Alternative, Best, Cell, Channel, ChannelStatus, ChoiceBaseline, DataProfile, ErrorCurve,
+    ErrorSource, Grade, HeldOutResult, JumpStatistics, LearningCurve, LearningCurves,
     LearningEnvironment, PeriodUse, RankCurve, Reason, RecordedFigure, RecordedPeriod, Report,
     Reproduction, RolloutFigure, RolloutGrid, RolloutRow, Samples, Score, Sensitivity, Separation,
     Setting, Table, TopK, Trajectory, Verdict,
@@ -156,7 +156,7 @@ impl Sensor {
                     members: MEMBERS,
                     stability: vec![(RATES[chosen].into(), 0.9), (RATES[best].into(), 0.1)],
                     stability_nearby: Some(1.0),
-                    online: Some(Agreement {
+                    online: Some(HeldOutResult {
                         part: "whole runs".to_owned(),
                         windows: 1,
                         runs: 5,

@@ -3,7 +3,7 @@
 use super::Chart;
 use super::frame::vertical_axis_width;
 use super::layout::{LegendPlace, MARGIN, NARROW, Sides, WIDE, heading, panel, rule_height};
-use super::scene::{Anchor, Group, GroupKind, Mark, Rect, Scene, Text, Weight, lines};
+use super::scene::{Anchor, GroupKind, Mark, MarkGroup, Rect, Scene, Text, Weight, lines};
 
 const HEADING: f64 = 22.0;
 const HEADING_SIZE: u32 = 14;
@@ -144,7 +144,7 @@ fn heading_left(sides: Sides, picture: f64) -> f64 {
 }
 
 /// Lines of text of which the last stands at `y`.
-fn column_heading(lines: Vec<String>, y: f64, left: f64) -> Group {
+fn column_heading(lines: Vec<String>, y: f64, left: f64) -> MarkGroup {
     let last = lines.len().saturating_sub(1);
     let line = |(place, line): (usize, String)| {
         let up = HEADING_ROW * (last - place) as f64;
@@ -153,5 +153,5 @@ fn column_heading(lines: Vec<String>, y: f64, left: f64) -> Group {
         Mark::Text(text)
     };
     let marks = lines.into_iter().enumerate().map(line).collect();
-    Group { kind: GroupKind::Heading, plot: Rect::default(), marks }
+    MarkGroup { kind: GroupKind::Heading, plot: Rect::default(), marks }
 }

@@ -4,7 +4,7 @@ use super::frame::{
     Edge, NAME_ROW, horizontal_axis, name_rows, vertical_axis, vertical_axis_width,
 };
 use super::legend;
-use super::scene::{Anchor, Group, GroupKind, Mark, Rect, Scene, Text, Weight, text_width};
+use super::scene::{Anchor, GroupKind, Mark, MarkGroup, Rect, Scene, Text, Weight, text_width};
 use super::{Chart, Colour, Dash, Marker, Point, Scale, Series, Side};
 
 /// Width of pictures for files, paper and wide screens.
@@ -76,14 +76,19 @@ impl Sides {
 }
 
 /// Title and legend; returns where the picture goes on below them.
-pub(super) fn heading(groups: &mut Vec<Group>, chart: &Chart, title: &str, sides: Sides) -> f64 {
+pub(super) fn heading(
+    groups: &mut Vec<MarkGroup>,
+    chart: &Chart,
+    title: &str,
+    sides: Sides,
+) -> f64 {
     let mut title = Text::new(sides.left, MARGIN + 16.0, title, 17, Anchor::Start);
     title.weight = Weight::Bold;
     let top = MARGIN + 28.0;
     let entries = legend::place(legend::keys(chart), sides.left, top, sides.width);
     let bottom = top + legend::height(&entries, top) + 6.0;
     let marks = std::iter::once(Mark::Text(title)).chain(legend::marks(&entries)).collect();
-    groups.push(Group { kind: GroupKind::Heading, plot: Rect::default(), marks });
+    groups.push(MarkGroup { kind: GroupKind::Heading, plot: Rect::default(), marks });
     bottom
 }
 
@@ -93,7 +98,7 @@ pub(super) fn panel(scene: &mut Scene, chart: &Chart, Sides { left, width }: Sid
     let top = scene.height + height_of(&rule_labels) + 6.0;
     let plot = Rect { x: left, y: top, width, height };
     let picture = scene.width;
-    let mut add = |kind, marks| scene.groups.push(Group { kind, plot, marks });
+    let mut add = |kind, marks| scene.groups.push(MarkGroup { kind, plot, marks });
     add(GroupKind::Axis("x"), horizontal_axis(&chart.x, plot, picture));
     add(GroupKind::Axis("left"), vertical_axis(&chart.left, plot, Edge::Left));
     if let Some(axis) = &chart.right {

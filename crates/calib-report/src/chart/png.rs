@@ -143,12 +143,12 @@ fn encode(pixels: Pixmap) -> Result<Vec<u8>, ReportError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::{Dash, scene::Group};
+    use crate::chart::{Dash, scene::MarkGroup};
 
     /// Rows of pixels of a scene of 20 x 20 with one mark in the middle of a plot of 10 x 10.
     fn painted(kind: GroupKind, mark: Mark) -> Vec<[u8; 3]> {
         let plot = Rect { x: 8.0, y: 5.0, width: 4.0, height: 10.0 };
-        let groups = vec![Group { kind, plot, marks: vec![mark] }];
+        let groups = vec![MarkGroup { kind, plot, marks: vec![mark] }];
         let scene = Scene { width: 20.0, height: 20.0, plot, groups };
         let bytes = png(&scene).expect("a picture");
         let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("PNG");

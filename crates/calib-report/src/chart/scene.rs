@@ -9,12 +9,12 @@ pub(crate) struct Scene {
     pub(crate) height: f64,
     /// The rectangle between the axes, of the last plot where there are several.
     pub(crate) plot: Rect,
-    pub(crate) groups: Vec<Group>,
+    pub(crate) groups: Vec<MarkGroup>,
 }
 
 /// Marks that belong together.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Group {
+pub(crate) struct MarkGroup {
     pub(crate) kind: GroupKind,
     /// The plot it belongs to; curves are clipped to it.
     pub(crate) plot: Rect,

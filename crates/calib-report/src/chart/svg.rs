@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::legend::{Key, SAMPLE, sample};
 use super::scene::{
-    Anchor, CIRCLE_RADIUS, Group, GroupKind, Mark, Rect, Scene, Text, Weight, outline,
+    Anchor, CIRCLE_RADIUS, GroupKind, Mark, MarkGroup, Rect, Scene, Text, Weight, outline,
 };
 use super::{Colour, Marker};
 
@@ -48,7 +48,7 @@ fn write_clip(out: &mut String, plot: Rect, id: &str, number: usize) {
     );
 }
 
-fn write_group(out: &mut String, group: &Group, id: &str, clip: usize) {
+fn write_group(out: &mut String, group: &MarkGroup, id: &str, clip: usize) {
     if group.marks.is_empty() {
         return;
     }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use maud::{Markup, html};
 
 use super::figure::{Drawn, Numbers, still};
-use super::{Part, Section, several, text::prose};
+use super::{Section, SectionEntry, several, text::prose};
 use crate::chart::Detail;
 use crate::number::count;
 use crate::{
@@ -40,7 +40,7 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
                 caption,
                 &sensitivity_table(sensitivity),
             )?);
-            parts.push(Part { id, title: sensitivity.sensor.clone() });
+            parts.push(SectionEntry { id, title: sensitivity.sensor.clone() });
             continue;
         }
         let figure = sensitivity.figure()?;
@@ -54,7 +54,7 @@ pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
             details: &[],
         };
         figures.push(drawn.markup());
-        parts.push(Part { id, title: sensitivity.sensor.clone() });
+        parts.push(SectionEntry { id, title: sensitivity.sensor.clone() });
     }
     let two_axes = report.sensitivities.iter().any(Sensitivity::has_two_axes);
     let body = html! {
@@ -145,13 +145,13 @@ pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
             details,
         };
         figures.push(drawn.markup());
-        parts.push(Part { id, title: rollout.sensor.clone() });
+        parts.push(SectionEntry { id, title: rollout.sensor.clone() });
     }
     let mut stills = Vec::new();
     for (index, grid) in report.rollout_grids.iter().enumerate() {
         let id = format!("grid-{index}");
         stills.push(still(&grid.figure()?, &id, ""));
-        parts.push(Part { id, title: format!("{}, start by start", grid.sensor) });
+        parts.push(SectionEntry { id, title: format!("{}, start by start", grid.sensor) });
     }
     let body = html! {
         p.lead {
@@ -198,6 +198,9 @@ impl Sensitivity {
             } else {
                 " Of a model: the geometric mean over the training runs that it chose by."
             });
+        }
+        if self.cuts_intervals() {
+            caption.push_str(" Intervals that leave a plot are cut off at its edge, so that differences between settings can be seen.");
         }
         if !self.worst_ranks.is_empty() {
             caption.push_str(

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::charts::common_caption;
 use super::figure::{Drawn, Numbers};
-use super::{Part, Section};
+use super::{Section, SectionEntry};
 use crate::{Cell, LearningCurves, Report, ReportError, Table};
 
 /// More curves than there are colours and patterns for are switched off at first.
@@ -37,7 +37,7 @@ pub(super) fn curves(report: &Report) -> Result<Section, ReportError> {
             figures.push(drawn);
         } else {
             sensors.push((&curves.sensor, vec![drawn]));
-            parts.push(Part { id, title: curves.sensor.clone() });
+            parts.push(SectionEntry { id, title: curves.sensor.clone() });
         }
     }
     let body = html! {

@@ -95,12 +95,12 @@ struct Section {
     id: &'static str,
     title: &'static str,
     /// Its figures and tables, in order.
-    parts: Vec<Part>,
+    parts: Vec<SectionEntry>,
     body: Markup,
 }
 
 /// A figure or table that the contents of its section lead to.
-struct Part {
+struct SectionEntry {
     id: String,
     title: String,
 }

@@ -3,7 +3,7 @@
 use maud::html;
 
 use super::{
-    Part, Section, document,
+    Section, SectionEntry, document,
     figure::{Drawn, Numbers},
     tables::table,
     text::prose,
@@ -47,8 +47,10 @@ pub(crate) fn overview(overview: &Overview) -> String {
     if !figures.is_empty() {
         let id = |number: usize| format!("figure-{number}");
         let parts = figures.iter().enumerate();
-        let parts = parts
-            .map(|(number, figure)| Part { id: id(number), title: figure.chart.title.clone() });
+        let parts = parts.map(|(number, figure)| SectionEntry {
+            id: id(number),
+            title: figure.chart.title.clone(),
+        });
         let body = html! {
             @for (number, figure) in figures.iter().enumerate() {
                 (Drawn {
@@ -67,8 +69,8 @@ pub(crate) fn overview(overview: &Overview) -> String {
     if !tables.is_empty() {
         let id = |number: usize| format!("table-{number}");
         let parts = tables.iter().enumerate();
-        let parts =
-            parts.map(|(number, table)| Part { id: id(number), title: table.title.clone() });
+        let parts = parts
+            .map(|(number, table)| SectionEntry { id: id(number), title: table.title.clone() });
         let body =
             html! { @for (number, own) in tables.iter().enumerate() { (table(own, &id(number))) } };
         sections.push(Section { id: "tables", title: "Tables", parts: parts.collect(), body });

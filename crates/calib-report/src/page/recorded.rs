@@ -4,7 +4,7 @@ use maud::html;
 
 use super::charts::common_caption;
 use super::figure::still;
-use super::{Part, Section};
+use super::{Section, SectionEntry};
 use crate::{Report, ReportError};
 
 /// How to read the plots of a sensor.
@@ -17,7 +17,7 @@ pub(super) fn recorded(report: &Report) -> Result<Section, ReportError> {
         let figure = recorded.figure()?;
         let id = format!("recorded-{index}");
         stills.push(still(&figure, &id, ""));
-        parts.push(Part { id, title: recorded.sensor.clone() });
+        parts.push(SectionEntry { id, title: recorded.sensor.clone() });
     }
     let body = html! {
         p.lead {

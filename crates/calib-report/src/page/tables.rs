@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::text::prose;
-use super::{Part, Section};
+use super::{Section, SectionEntry};
 use crate::number::{count, duration, number, percent};
 use crate::{
     Cell, Channel, ChannelStatus, DataProfile, JumpStatistics, Report, Reproduction, Setting, Table,
@@ -80,7 +80,7 @@ pub(super) fn statistics(report: &Report) -> Section {
     for (index, shown) in report.tables.iter().chain(&jumps).enumerate() {
         let id = format!("table-{index}");
         body.push(table(shown, &id));
-        parts.push(Part { id, title: shown.title.clone() });
+        parts.push(SectionEntry { id, title: shown.title.clone() });
     }
     let body = html! { @for table in body { (table) } };
     Section { id: "tables", title: "The models in numbers", parts, body }

@@ -17,7 +17,9 @@ pub use sentence::listed;
 pub use simple::{SimpleRow, Simpler};
 pub(crate) use summary::{are_of_several_models, summary};
 pub use table::{Best, Cell, Table};
-pub use verdict::{Agreement, Alternative, PartRow, Reason, Separation, Sources, TopK, Verdict};
+pub use verdict::{
+    Alternative, HeldOutResult, PartRow, Reason, Separation, Sources, TopK, Verdict,
+};
 
 use crate::{
     LearningCurves, RecordedFigure, ReportError, RolloutFigure, RolloutGrid, Score, Sensitivity,

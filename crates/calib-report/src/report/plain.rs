@@ -1,6 +1,6 @@
 //! What a verdict means for the plant, in one or two sentences without statistics.
 
-use super::sentence::{assigned, ratio_interval};
+use super::sentence::{assigned, chance_of_change, changed};
 use super::{ChoiceBaseline, Grade, Separation, Simpler, Verdict};
 use crate::number::{number, percent};
 
@@ -77,11 +77,15 @@ impl Verdict {
             return None;
         }
         let against = self.online.as_ref()?.against_default;
-        let interval = against.and_then(ratio_interval);
-        let interval = interval
-            .map_or_else(String::new, |text| format!(" (its error / that of {default}: {text})"));
+        let difference = against.filter(|against| against.interval.is_some()).map_or_else(
+            String::new,
+            |against| {
+                let (change, chance) = (changed(against.value), chance_of_change(against));
+                format!(": it has {change} error than the default{chance}")
+            },
+        );
         Some(format!(
-            "An agent that goes on learning, with {}, is not shown to do better on held-out data{interval}. So keep the default, {}.",
+            "An agent that goes on learning, with {}, is not shown to do better on held-out data{difference}. So keep the default, {}.",
             self.assigned(),
             assigned(&self.field, default)
         ))

@@ -1,11 +1,13 @@
 //! What a grade is called, and what it allows to say.
 
 use calib_agent::SimplePredictor;
+use calib_sweep::ENOUGH_WINDOWS;
 
-use super::{Agreement, Grade, Separation, Simpler, Verdict, simple::WORTH_MENTIONING};
+use super::{Grade, HeldOutResult, Separation, Simpler, Verdict, simple::WORTH_MENTIONING};
 
 const SIMPLER_IS_BETTER: &str = "Simpler is better: no agent needed";
 const UNDECIDED: &str = "Undecided: the agent may be better";
+const FEW_WINDOWS: &str = "Undecided: too few held-out windows to tell";
 
 impl Verdict {
     /// Whether a choice that could be used is as good as any other, as far as it was chosen from anything.
@@ -24,6 +26,7 @@ impl Verdict {
         match (&self.online, self.grade) {
             _ if self.is_arbitrary() => "No clear difference: all settings did alike",
             _ if self.may_gain_by_learning() => UNDECIDED,
+            (_, Grade::Good | Grade::Fair) if self.has_few_windows() => FEW_WINDOWS,
             _ if self.without_learning().is_some() => SIMPLER_IS_BETTER,
             (Some(online), _) if online.stands_still => {
                 "Not checked: the sensor is constant in the held-out period"
@@ -52,6 +55,11 @@ impl Verdict {
         let against = self.online.as_ref().and_then(|online| online.against_default);
         self.without_learning().is_some()
             && against.is_some_and(|ratio| ratio.value < WORTH_MENTIONING)
+    }
+
+    /// Whether so few windows were held out that they tell hardly any difference from chance.
+    pub(super) fn has_few_windows(&self) -> bool {
+        self.online.as_ref().is_some_and(|online| online.windows < ENOUGH_WINDOWS)
     }
 
     /// What to do, in a word or two.
@@ -102,7 +110,7 @@ impl Verdict {
     }
 }
 
-impl Agreement {
+impl HeldOutResult {
     /// Whether the choice predicts no better than the mean return.
     pub(super) fn is_unskilled(&self) -> bool {
         self.chosen_skill.is_some_and(|skill| skill <= 0.0)

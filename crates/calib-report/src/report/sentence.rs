@@ -2,7 +2,7 @@
 
 use calib_stats::{Bounded, Estimate, Interval};
 
-use super::{Agreement, Alternative, ChoiceBaseline, Grade, Reason, Separation, Verdict};
+use super::{Alternative, ChoiceBaseline, Grade, HeldOutResult, Reason, Separation, Verdict};
 use crate::number::{number, percent};
 use crate::{Score, Setting};
 
@@ -37,10 +37,19 @@ impl Verdict {
                     "Use {} for {sensor} for now: further learning may help, but it is not shown.",
                     predictor.label()
                 ),
+                Some(predictor) if self.has_few_windows() => format!(
+                    "Use {} for {sensor} for now: too few held-out windows to tell whether further learning helps.",
+                    predictor.label()
+                ),
                 Some(predictor) => format!(
                     "Use {} for {sensor}: further learning adds nothing.",
                     predictor.label()
                 ),
+                None if self.has_few_windows() => {
+                    format!(
+                        "Use {choice} for {sensor} for now: too few held-out windows to be sure."
+                    )
+                }
                 None => format!("Use {choice} for {sensor}."),
             },
             Grade::Poor if self.has_all_diverged() => {
@@ -159,7 +168,7 @@ impl Verdict {
     }
 
     /// How it did on held-out data, beside other ways to choose.
-    fn reasons_of_online(&self, online: &Agreement, score: &Score) -> Vec<String> {
+    fn reasons_of_online(&self, online: &HeldOutResult, score: &Score) -> Vec<String> {
         let mut reasons = vec![online_sentence(self, online, score)];
         if online.stands_still || self.has_all_diverged() {
             return reasons;
@@ -301,7 +310,7 @@ impl Verdict {
         Some(format!("{when} calib resamples {evidence}, {}.{nearby}", listed(&each)))
     }
 
-    fn default_sentence(&self, online: &Agreement) -> Option<String> {
+    fn default_sentence(&self, online: &HeldOutResult) -> Option<String> {
         let default = self.alternative(ChoiceBaseline::Default)?;
         let value = default.value.as_ref()?;
         if *value == self.chosen {
@@ -342,7 +351,7 @@ impl Verdict {
         Some(format!("{name} ({value}) would have had a regret of {}.", with_interval(regret)))
     }
 
-    fn window_sentence(&self, online: &Agreement) -> String {
+    fn window_sentence(&self, online: &HeldOutResult) -> String {
         let cost = |baseline| self.regret_of(baseline).map(percent);
         let Some(another) = cost(ChoiceBaseline::AnotherWindow) else {
             let reason = match online.windows {
@@ -365,7 +374,7 @@ impl Verdict {
 }
 
 /// "20 % less", of a quotient of errors.
-fn changed(ratio: f64) -> String {
+pub(super) fn changed(ratio: f64) -> String {
     match ratio {
         ratio if ratio.is_infinite() => "divergence".to_owned(),
         ratio if ratio <= 1.0 => format!("{} less", percent(1.0 - ratio)),
@@ -382,10 +391,9 @@ fn between(Interval { low, high }: Interval) -> String {
     }
 }
 
-/// "1.20, 95 %: 1.10 to 1.31".
-pub(super) fn ratio_interval(ratio: Estimate) -> Option<String> {
-    let interval = ratio.interval?;
-    Some(format!("{:.2}, 95 %: {:.2} to {:.2}", ratio.value, interval.low, interval.high))
+/// " (95 %: 10 % to 30 % less)", of a quotient of errors; nothing where no interval is known.
+pub(super) fn chance_of_change(ratio: Estimate) -> String {
+    ratio.interval.map_or_else(String::new, |interval| format!(" (95 %: {})", between(interval)))
 }
 
 /// "2.5 % (95 %: at most 4 %)".
@@ -395,7 +403,7 @@ pub(super) fn with_interval(regret: Bounded) -> String {
     regret.upper.map_or_else(|| value.clone(), bound)
 }
 
-fn online_sentence(verdict: &Verdict, online: &Agreement, score: &Score) -> String {
+fn online_sentence(verdict: &Verdict, online: &HeldOutResult, score: &Score) -> String {
     let Verdict { sensor, chosen, values, .. } = verdict;
     let error = number(online.chosen_error);
     let name = &score.name;
@@ -435,13 +443,13 @@ fn online_sentence(verdict: &Verdict, online: &Agreement, score: &Score) -> Stri
 }
 
 /// "4 windows, 16 runs".
-fn windows(online: &Agreement) -> String {
+fn windows(online: &HeldOutResult) -> String {
     let plural =
         |count: usize, name: &str| format!("{count} {name}{}", if count == 1 { "" } else { "s" });
     format!("{}, {}", plural(online.windows, "window"), plural(online.runs, "run"))
 }
 
-fn skill_sentence(online: &Agreement) -> Option<String> {
+fn skill_sentence(online: &HeldOutResult) -> Option<String> {
     let skill = online.chosen_skill?;
     let best = online.best_skill.filter(|best| best - skill > 0.005);
     let best =
@@ -467,7 +475,7 @@ fn signed(skill: f64) -> String {
     format!("{skill:.2}").replace("-0.00", "0.00")
 }
 
-fn agreement_sentence(online: &Agreement) -> String {
+fn agreement_sentence(online: &HeldOutResult) -> String {
     let top = online.top_k.map_or(String::new(), |top| {
         let not = if top.hit { "" } else { "not " };
         format!(" The choice is {not}among the {} best there.", top.k)

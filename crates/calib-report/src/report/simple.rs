@@ -1,11 +1,11 @@
 //! Simple predictors beside the chosen agent.
 
 use calib_agent::SimplePredictor;
-use calib_stats::Estimate;
+use calib_stats::{Estimate, Interval};
 
 use super::Verdict;
-use super::sentence::{listed, ratio_interval};
-use crate::number::{number, percent};
+use super::sentence::{chance_of_change, changed, listed};
+use crate::number::number;
 
 /// A simple predictor on the held-out windows.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,20 +34,19 @@ pub struct Simpler {
     pub has_baseline: bool,
 }
 
-/// "42 % less error", of what has `ratio` times the error of another.
-fn less_or_more(ratio: f64) -> String {
-    let (share, word) = if ratio <= 1.0 { (1.0 - ratio, "less") } else { (ratio - 1.0, "more") };
-    format!("{} {word} error", percent(share))
-}
-
 impl Simpler {
-    /// "42 % less error", of the predictor beside the agent.
+    /// Error of the predictor by that of the agent, where neither is without bounds.
+    fn inverse(&self) -> Option<Estimate> {
+        let ratio = self.ratio.filter(|ratio| ratio.value.is_finite() && ratio.value != 0.0)?;
+        let interval = ratio
+            .interval
+            .map(|interval| Interval { low: 1.0 / interval.high, high: 1.0 / interval.low });
+        Some(Estimate { value: 1.0 / ratio.value, interval })
+    }
+
+    /// "42 % less", of the error of the predictor beside the agent's.
     fn difference(&self) -> Option<String> {
-        let ratio = self.ratio?.value;
-        if ratio.is_infinite() || ratio == 0.0 {
-            return None;
-        }
-        Some(less_or_more(1.0 / ratio))
+        Some(changed(self.inverse()?.value))
     }
 
     /// Whether the agent has less error by more than a rounding, which could be chance.
@@ -69,16 +68,12 @@ impl Simpler {
 
     /// That the agent matches it.
     pub(super) fn matched_sentence(&self) -> Option<String> {
-        let ratio = self.ratio?;
-        if !ratio.value.is_finite() || ratio.value == 0.0 {
-            return None;
-        }
-        let difference = less_or_more(ratio.value);
-        let name = self.predictor.label();
-        let interval = ratio_interval(ratio)
-            .map_or_else(String::new, |text| format!(" (agent / {name}: {text})"));
+        let ratio = self.ratio.filter(|ratio| ratio.value.is_finite() && ratio.value != 0.0)?;
         Some(format!(
-            "It has {difference} than {name}, the simple predictor that the log prefers{interval}.{}",
+            "It has {} error than {}, the simple predictor that the log prefers{}.{}",
+            changed(ratio.value),
+            self.predictor.label(),
+            chance_of_change(ratio),
             self.typical()
         ))
     }
@@ -86,10 +81,8 @@ impl Simpler {
     /// What that means, and what to try.
     pub(super) fn plain(&self) -> String {
         let name = self.predictor.label();
-        let interval = self.ratio.and_then(ratio_interval);
-        let interval =
-            interval.map_or_else(String::new, |text| format!(" (agent / {name}: {text})"));
-        let difference = self.difference().unwrap_or_else(|| "less error".to_owned());
+        let interval = self.inverse().map_or_else(String::new, chance_of_change);
+        let difference = self.difference().unwrap_or_else(|| "less".to_owned());
         let typical = self.typical();
         let chance = if self.is_better { "" } else { ", which could be chance" };
         let hint = if self.may_be_worse() {
@@ -104,7 +97,7 @@ impl Simpler {
             )
         };
         format!(
-            "On held-out data {name} has {difference} than the chosen agent{chance}{interval}.{typical}{hint}"
+            "On held-out data {name} has {difference} error than the chosen agent{chance}{interval}.{typical}{hint}"
         )
     }
 }
@@ -115,7 +108,7 @@ impl Verdict {
         let (name, sensor) = (simpler.predictor.label(), &self.sensor);
         match simpler.difference() {
             Some(difference) if simpler.is_better => {
-                format!("Use {name} for {sensor}, not an agent: it has {difference}.")
+                format!("Use {name} for {sensor}, not an agent: it has {difference} error.")
             }
             _ if simpler.is_better => format!("Use {name} for {sensor}, not an agent."),
             _ if simpler.may_be_worse() => {
@@ -141,9 +134,9 @@ impl Verdict {
             return None;
         }
         Some(format!(
-            "The best simple predictor on these windows is {}. The agent has {} than that.",
+            "The best simple predictor on these windows is {}. The agent has {} error than that.",
             best.predictor.label(),
-            less_or_more(agent / best.error)
+            changed(agent / best.error)
         ))
     }
 

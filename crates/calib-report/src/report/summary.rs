@@ -242,10 +242,10 @@ fn costs(verdicts: &[&Verdict], are_all: bool) -> Option<String> {
 mod tests {
     use calib_agent::SimplePredictor;
 
-    use super::super::{Agreement, Separation, sentence::tests::verdict};
+    use super::super::{HeldOutResult, Separation, sentence::tests::verdict};
     use super::*;
 
-    fn of_model(model: &str, change: impl Fn(&mut Verdict, &mut Agreement)) -> Verdict {
+    fn of_model(model: &str, change: impl Fn(&mut Verdict, &mut HeldOutResult)) -> Verdict {
         let mut verdict = Verdict { model: model.to_owned(), ..verdict() };
         let mut online = verdict.online.take().unwrap();
         change(&mut verdict, &mut online);
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn what_no_model_learns_is_not_recommended() {
-        let not_learnt = |verdict: &mut Verdict, online: &mut Agreement| {
+        let not_learnt = |verdict: &mut Verdict, online: &mut HeldOutResult| {
             verdict.grade = Grade::NotLearnt;
             online.chosen_skill = Some(-0.1);
             online.best_error = 0.9;
@@ -270,7 +270,7 @@ mod tests {
 
     #[test]
     fn a_sensor_that_left_its_training_range_does_not_hardly_vary() {
-        let elsewhere = |verdict: &mut Verdict, online: &mut Agreement| {
+        let elsewhere = |verdict: &mut Verdict, online: &mut HeldOutResult| {
             verdict.grade = Grade::NotLearnt;
             verdict.outside_training = Some(0.93);
             online.best_error = 0.2;
@@ -286,7 +286,7 @@ mod tests {
 
     #[test]
     fn what_hardly_varies_is_told_from_what_is_not_learnt() {
-        let quiet = |verdict: &mut Verdict, online: &mut Agreement| {
+        let quiet = |verdict: &mut Verdict, online: &mut HeldOutResult| {
             verdict.grade = Grade::NotLearnt;
             online.best_error = 0.2;
         };
@@ -296,7 +296,7 @@ mod tests {
 
     #[test]
     fn models_whose_agents_need_not_learn_on_agree_that_none_is_needed() {
-        let frozen = |verdict: &mut Verdict, _: &mut Agreement| {
+        let frozen = |verdict: &mut Verdict, _: &mut HeldOutResult| {
             verdict.frozen = Some(SimplePredictor::Ridge);
         };
         assert_eq!(
@@ -309,13 +309,13 @@ mod tests {
 
     #[test]
     fn choices_stand_beside_how_far_they_can_be_relied_on() {
-        let good = |_: &mut Verdict, _: &mut Agreement| {};
+        let good = |_: &mut Verdict, _: &mut HeldOutResult| {};
         let own = [of_model("a", good), of_model("b", good)];
         assert_eq!(
             choices_of_models(&own),
             ["PIT300: all models choose learning_rate = 1e-4 (2.5 % regret, good)."]
         );
-        let unskilled = |verdict: &mut Verdict, online: &mut Agreement| {
+        let unskilled = |verdict: &mut Verdict, online: &mut HeldOutResult| {
             verdict.grade = Grade::Poor;
             online.chosen_skill = Some(-0.1);
         };
@@ -329,7 +329,7 @@ mod tests {
         let own = [of_model("a", good), of_model("b", unskilled)];
         let told = choices_of_models(&own);
         assert!(told[0].contains("(2.5 % regret, good) and b chooses"), "{told:?}");
-        let alike = |verdict: &mut Verdict, online: &mut Agreement| {
+        let alike = |verdict: &mut Verdict, online: &mut HeldOutResult| {
             verdict.grade = Grade::Unchecked;
             online.values = Separation::Alike;
         };

@@ -38,7 +38,7 @@ pub struct Verdict {
     /// Share of the held-out values outside of the range that was learned from; none where it is not known.
     pub outside_training: Option<f64>,
     /// How the choice did Online; `None` if no data was held out.
-    pub online: Option<Agreement>,
+    pub online: Option<HeldOutResult>,
     /// Other ways to choose, and what they would have cost.
     pub alternatives: Vec<Alternative>,
     /// Simple predictors on the same held-out windows, the simplest first; empty where they are not known.
@@ -126,7 +126,7 @@ pub enum Reason {
 
 /// The choice, judged by held-out data.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Agreement {
+pub struct HeldOutResult {
     /// What was judged: "over the whole run".
     pub part: String,
     /// Windows of the held-out range that were replayed.

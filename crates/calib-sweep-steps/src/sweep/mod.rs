@@ -18,6 +18,6 @@ pub(crate) mod tables;
 pub use manifest::SweepManifest;
 pub(crate) use manifest::{LearnedStates, SweepFacts};
 pub use run::{
-    KnownUnits, SharedRuns, Source, SweepResult, Swept, on_device, put_together, run, unit_store,
-    wall_secs,
+    KnownUnits, ResultSource, SharedRuns, SweepResult, Swept, on_device, put_together, run,
+    unit_store, wall_secs,
 };

@@ -109,7 +109,7 @@ pub fn run(
     context: &RunContext,
 ) -> Result<SweepResult, StepError> {
     let accelerator = on_device(device, job.study())?;
-    sweep(job, counted, Source { pool: None, accelerator: accelerator.as_deref() }, context)
+    sweep(job, counted, ResultSource { pool: None, accelerator: accelerator.as_deref() }, context)
 }
 
 /// What trains the agents of a study on a device, if one is named, before anything is read or made.
@@ -136,12 +136,17 @@ pub fn put_together(
     pool: &SharedRuns,
     context: &RunContext,
 ) -> Result<SweepResult, StepError> {
-    sweep(job, &DryRunTally::default(), Source { pool: Some(pool), accelerator: None }, context)
+    sweep(
+        job,
+        &DryRunTally::default(),
+        ResultSource { pool: Some(pool), accelerator: None },
+        context,
+    )
 }
 
 /// Where results come from, if not from this program's own arithmetic.
 #[derive(Clone, Copy, Default)]
-pub struct Source<'a> {
+pub struct ResultSource<'a> {
     /// Other processes.
     pool: Option<&'a SharedRuns>,
     /// What trains.
@@ -151,7 +156,7 @@ pub struct Source<'a> {
 fn sweep(
     job: &Job,
     counted: &DryRunTally,
-    Source { pool, accelerator }: Source<'_>,
+    ResultSource { pool, accelerator }: ResultSource<'_>,
     context: &RunContext,
 ) -> Result<SweepResult, StepError> {
     let clock = Stopwatch::start();
@@ -167,7 +172,7 @@ fn sweep(
     let arithmetic = accelerator.map(Accelerator::class);
     let store = unit_store(&directory, arithmetic);
     let KnownUnits { own, stored } =
-        KnownUnits::of(&plan, &store, job, Source { pool, accelerator })?;
+        KnownUnits::of(&plan, &store, job, ResultSource { pool, accelerator })?;
     let missing = plan.left(&stored)?;
     if pool.is_some() && missing > 0 {
         plan.collected(&stored)?;
@@ -426,7 +431,7 @@ impl KnownUnits {
         plan: &Plan<'_>,
         store: &UnitStore,
         job: &Job,
-        Source { pool, accelerator }: Source<'_>,
+        ResultSource { pool, accelerator }: ResultSource<'_>,
     ) -> Result<Self, StepError> {
         if job.policy().redoes() {
             return Ok(Self::default());

@@ -116,7 +116,7 @@ pub(crate) struct DeploymentSummary {
 }
 
 /// A model in a deployment, with all that is known of it.
-pub(crate) struct Part {
+pub(crate) struct JudgedModel {
     pub(crate) model: Option<String>,
     pub(crate) deployment: Option<String>,
     pub(crate) judged: Judged,
@@ -128,7 +128,7 @@ pub(crate) struct Part {
     starts: Vec<FirstRollouts>,
 }
 
-impl Part {
+impl JudgedModel {
     fn new(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<Self, StepError> {
         let judged = judge(job, context, monitor)?;
         let (paths, manifest) = (job.layout(), &judged.manifest);
@@ -209,13 +209,13 @@ pub(crate) fn run(
     let monitor = context.progress();
     let mut judged = Vec::with_capacity(parts.len());
     for job in &parts {
-        judged.push(Part::new(job, context, &*monitor)?);
+        judged.push(JudgedModel::new(job, context, &*monitor)?);
     }
     let parts = judged;
     same_arithmetic(&names, &parts)?;
     let mut places = Vec::with_capacity(parts.len());
     for (name, part) in names.into_iter().zip(&parts) {
-        let Part { judged, report, .. } = part;
+        let JudgedModel { judged, report, .. } = part;
         let written = report::write(&judged.job, report, &judged.summary, &*monitor);
         artefact::or_read_only(written, &judged.paths().report(), context)?;
         match told(&judged.summary) {
@@ -239,8 +239,8 @@ pub(crate) fn run(
 }
 
 /// Refuse sweeps of which one was made on a device and another one was not: they round otherwise.
-fn same_arithmetic(names: &[String], parts: &[Part]) -> Result<(), StepError> {
-    let trained_by = |part: &Part| {
+fn same_arithmetic(names: &[String], parts: &[JudgedModel]) -> Result<(), StepError> {
+    let trained_by = |part: &JudgedModel| {
         let class = part.judged.manifest.arithmetic.clone();
         class.unwrap_or_else(|| "calib itself".to_owned())
     };
@@ -283,7 +283,7 @@ fn write_figures(paths: &Layout, whole: &Report) -> Result<Vec<String>, StepErro
 
 fn summaries(
     title: String,
-    parts: Vec<Part>,
+    parts: Vec<JudgedModel>,
     what_to_deploy: Vec<Deployed>,
     comparisons: Comparisons,
 ) -> Summaries {
@@ -307,8 +307,8 @@ fn summaries(
 }
 
 /// The parts of each deployment, in the order in which deployments come first.
-pub(crate) fn by_deployment(parts: &[Part]) -> Vec<Vec<&Part>> {
-    let mut groups: Vec<Vec<&Part>> = Vec::new();
+pub(crate) fn by_deployment(parts: &[JudgedModel]) -> Vec<Vec<&JudgedModel>> {
+    let mut groups: Vec<Vec<&JudgedModel>> = Vec::new();
     for part in parts {
         match groups.iter_mut().find(|group| group[0].deployment == part.deployment) {
             Some(group) => group.push(part),
@@ -319,7 +319,11 @@ pub(crate) fn by_deployment(parts: &[Part]) -> Vec<Vec<&Part>> {
 }
 
 /// Verdicts sensor by sensor, all rank curves over the same Online errors, distances side by side.
-fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> Result<Report, StepError> {
+fn whole(
+    job: &Job,
+    parts: &[JudgedModel],
+    what_to_deploy: &[Deployed],
+) -> Result<Report, StepError> {
     let study = job.study();
     let deployments = by_deployment(parts);
     let first = &parts[0].report;
@@ -393,7 +397,7 @@ fn whole(job: &Job, parts: &[Part], what_to_deploy: &[Deployed]) -> Result<Repor
 }
 
 /// Every model's rollouts from the same starts: a figure a sensor, and a deployment where starts follow from it.
-fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> {
+fn rollout_grids(study: &Study, deployments: &[Vec<&JudgedModel>]) -> Vec<RolloutGrid> {
     let mut grids = Vec::new();
     for sensor in &study.sweep.sensors {
         for (number, group) in deployments.iter().enumerate() {
@@ -421,8 +425,8 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&Part>]) -> Vec<RolloutGrid> 
 }
 
 /// The panel of one sensor in one deployment: Online, and the worst ranks of all models.
-fn sensitivity(sensor: &str, group: &[&Part]) -> Option<Sensitivity> {
-    let own = |part: &&Part| {
+fn sensitivity(sensor: &str, group: &[&JudgedModel]) -> Option<Sensitivity> {
+    let own = |part: &&JudgedModel| {
         part.report.sensitivities.iter().find(|figure| figure.sensor == sensor).cloned()
     };
     let all: Vec<Sensitivity> = group.iter().filter_map(own).collect();

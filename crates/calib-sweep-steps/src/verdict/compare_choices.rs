@@ -2,11 +2,11 @@
 
 use calib_base::output::{percent, significant, table};
 
-use crate::verdict::compare::{Part, by_deployment};
+use crate::verdict::compare::{JudgedModel, by_deployment};
 
 /// What each model chose, how that did Online, and how far its rollouts are from what was recorded; what was chosen in each deployment
 /// where there is no model.
-pub(crate) fn choices(parts: &[Part]) -> String {
+pub(crate) fn choices(parts: &[JudgedModel]) -> String {
     let deployments = by_deployment(parts);
     let has_models = parts.iter().any(|part| part.judged.study().has_model());
     let named = parts.iter().any(|part| part.deployment.is_some());
@@ -49,7 +49,7 @@ pub(crate) fn choices(parts: &[Part]) -> String {
 }
 
 /// How many rollouts stop moving, and half of them by which step.
-fn collapse(part: &Part, sensor: &str) -> Option<String> {
+fn collapse(part: &JudgedModel, sensor: &str) -> Option<String> {
     let collapse = &part.rollouts.as_ref()?.collapse;
     let own = collapse.sensors.iter().find(|known| known.sensor == sensor)?;
     let at = own.median_step.map_or_else(String::new, |step| format!(" at {step:.0}"));

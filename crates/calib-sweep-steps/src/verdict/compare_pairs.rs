@@ -10,7 +10,7 @@ use calib_model_steps::rollouts::{
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::verdict::compare::Part;
+use crate::verdict::compare::JudgedModel;
 
 /// In `summary.json` of several.
 #[derive(Debug, Default, Serialize, JsonSchema)]
@@ -41,15 +41,15 @@ pub(crate) struct In<T> {
 }
 
 /// The parts of deployments that share all rollouts, which are compared once.
-pub(crate) struct Group<'a> {
-    pub(crate) parts: &'a [&'a Part],
+pub(crate) struct SharedRollouts<'a> {
+    pub(crate) parts: &'a [&'a JudgedModel],
     /// Their deployments.
     deployments: Vec<String>,
 }
 
 /// The groups of all parts, by deployment.
-pub(crate) fn groups<'a>(deployments: &'a [Vec<&'a Part>]) -> Vec<Group<'a>> {
-    let mut groups: Vec<(Vec<PathBuf>, Group<'a>)> = Vec::new();
+pub(crate) fn groups<'a>(deployments: &'a [Vec<&'a JudgedModel>]) -> Vec<SharedRollouts<'a>> {
+    let mut groups: Vec<(Vec<PathBuf>, SharedRollouts<'a>)> = Vec::new();
     for parts in deployments {
         let directories: Vec<PathBuf> =
             parts.iter().map(|part| part.judged.paths().rollout()).collect();
@@ -58,16 +58,16 @@ pub(crate) fn groups<'a>(deployments: &'a [Vec<&'a Part>]) -> Vec<Group<'a>> {
             group.deployments.extend(name);
         } else {
             let deployments = name.into_iter().collect();
-            groups.push((directories, Group { parts, deployments }));
+            groups.push((directories, SharedRollouts { parts, deployments }));
         }
     }
     groups.into_iter().map(|(_, group)| group).collect()
 }
 
-impl<'a> Group<'a> {
+impl<'a> SharedRollouts<'a> {
     /// Its models whose rollouts were compared.
     pub(crate) fn compared(&self) -> Vec<ComparedModel<'a>> {
-        let own = |part: &&'a Part| {
+        let own = |part: &&'a JudgedModel| {
             let members = part.rollouts.as_ref()?.members.len();
             let name = part.model_name();
             Some(ComparedModel::new(name, members, part.comparison()?, &part.pairs))
@@ -96,11 +96,11 @@ impl Pooled {
 }
 
 /// The rollouts of each model in all deployments; those that deployments share count once.
-pub(crate) fn pooled(deployments: &[Vec<&Part>]) -> Result<Vec<Pooled>, StepError> {
-    let mut models: Vec<Vec<&Part>> = Vec::new();
-    let compared = |part: &&&Part| part.comparison().is_some();
+pub(crate) fn pooled(deployments: &[Vec<&JudgedModel>]) -> Result<Vec<Pooled>, StepError> {
+    let mut models: Vec<Vec<&JudgedModel>> = Vec::new();
+    let compared = |part: &&&JudgedModel| part.comparison().is_some();
     for part in deployments.iter().flatten().filter(compared) {
-        let directory = |part: &Part| part.judged.paths().rollout();
+        let directory = |part: &JudgedModel| part.judged.paths().rollout();
         match models.iter_mut().find(|parts| parts[0].model_name() == part.model_name()) {
             Some(parts) if parts.iter().any(|other| directory(other) == directory(part)) => {}
             Some(parts) => parts.push(part),
@@ -120,7 +120,7 @@ pub(crate) fn pooled(deployments: &[Vec<&Part>]) -> Result<Vec<Pooled>, StepErro
 }
 
 /// Every two models in every group, and in all deployments where there are several groups.
-pub(crate) fn comparisons(deployments: &[Vec<&Part>]) -> Result<Comparisons, StepError> {
+pub(crate) fn comparisons(deployments: &[Vec<&JudgedModel>]) -> Result<Comparisons, StepError> {
     let (mut all, groups) = (Comparisons::default(), groups(deployments));
     for group in &groups {
         let placed = |compared| In { deployments: group.deployments.clone(), compared };

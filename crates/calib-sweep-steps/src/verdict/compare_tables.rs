@@ -11,13 +11,13 @@ use calib_model_steps::rollouts::{
 use calib_report::{DataProfile, Table};
 
 use crate::verdict::{
-    compare::Part,
+    compare::JudgedModel,
     compare_pairs::{Pooled, groups, pooled},
     report,
 };
 
 /// Distances of rollouts, start states, collapse and representations; `deployments` are all parts, by deployment.
-pub(crate) fn tables(deployments: &[Vec<&Part>]) -> Result<Vec<Table>, StepError> {
+pub(crate) fn tables(deployments: &[Vec<&JudgedModel>]) -> Result<Vec<Table>, StepError> {
     let mut tables = Vec::new();
     // Deployments that share all rollouts have one table.
     let groups = groups(deployments);
@@ -69,7 +69,7 @@ pub(crate) fn tables(deployments: &[Vec<&Part>]) -> Result<Vec<Table>, StepError
 }
 
 /// What to know before relying on any of it; each once, with where it holds unless that is everywhere.
-pub(crate) fn warnings(parts: &[Part]) -> Vec<String> {
+pub(crate) fn warnings(parts: &[JudgedModel]) -> Vec<String> {
     let mut all: Vec<&String> = Vec::new();
     for warning in parts.iter().flat_map(|part| &part.report.warnings) {
         if !all.contains(&warning) {
@@ -77,7 +77,7 @@ pub(crate) fn warnings(parts: &[Part]) -> Vec<String> {
         }
     }
     let placed = |warning: &String| {
-        let holds = |part: &&Part| part.report.warnings.contains(warning);
+        let holds = |part: &&JudgedModel| part.report.warnings.contains(warning);
         match places(parts, holds).as_str() {
             "" => warning.clone(),
             places => format!("{places}: {warning}"),
@@ -88,13 +88,16 @@ pub(crate) fn warnings(parts: &[Part]) -> Vec<String> {
 
 /// The parts for which something holds: nothing to say if these are all; else deployments or models where it holds for
 /// all of one or for none.
-fn places(parts: &[Part], holds: impl Fn(&&Part) -> bool) -> String {
+fn places(parts: &[JudgedModel], holds: impl Fn(&&JudgedModel) -> bool) -> String {
     if parts.iter().all(|part| holds(&part)) {
         return String::new();
     }
-    for name in [|part: &Part| part.deployment.clone(), |part: &Part| part.model.clone()] {
-        let differ =
-            |(one, other): (&Part, &Part)| name(one) == name(other) && holds(&one) != holds(&other);
+    for name in
+        [|part: &JudgedModel| part.deployment.clone(), |part: &JudgedModel| part.model.clone()]
+    {
+        let differ = |(one, other): (&JudgedModel, &JudgedModel)| {
+            name(one) == name(other) && holds(&one) != holds(&other)
+        };
         let mut pairs = parts.iter().flat_map(|one| parts.iter().map(move |other| (one, other)));
         if !pairs.any(differ) {
             let mut names: Vec<String> = Vec::new();
@@ -106,7 +109,7 @@ fn places(parts: &[Part], holds: impl Fn(&&Part) -> bool) -> String {
             return names.join(", ");
         }
     }
-    let name = |part: &Part| {
+    let name = |part: &JudgedModel| {
         let names: Vec<&str> =
             part.model.iter().chain(&part.deployment).map(String::as_str).collect();
         names.join(" in ")
@@ -116,11 +119,11 @@ fn places(parts: &[Part], holds: impl Fn(&&Part) -> bool) -> String {
 
 /// The data that the models of one deployment were built from: that of the model that saw most, with what each saw where
 /// they differ; and fingerprints.
-pub(crate) fn data_of_models(group: &[&Part]) -> (Option<DataProfile>, String) {
+pub(crate) fn data_of_models(group: &[&JudgedModel]) -> (Option<DataProfile>, String) {
     let most =
         group.iter().filter_map(|part| part.report.data.as_ref()).max_by_key(|data| data.rows);
     let mut data = most.cloned();
-    let same = |part: &&&Part| {
+    let same = |part: &&&JudgedModel| {
         part.report.reproduction.fingerprint == group[0].report.reproduction.fingerprint
     };
     if group.iter().all(|part| same(&part)) {

@@ -9,7 +9,7 @@ use calib_study::{Job, Study};
 use calib_sweep::{Candidate, EnvironmentId, RunRow, UnitResult};
 
 use crate::verdict::{
-    compare::Part,
+    compare::JudgedModel,
     verdict_rows::{field, setting},
 };
 
@@ -73,8 +73,8 @@ fn shown(environment: EnvironmentId, model: Option<&str>) -> LearningEnvironment
 /// the report shows Online only: members' curves are in the report of each.
 pub(crate) fn of_several(
     study: &Study,
-    parts: &[Part],
-    deployments: &[Vec<&Part>],
+    parts: &[JudgedModel],
+    deployments: &[Vec<&JudgedModel>],
 ) -> Vec<LearningCurves> {
     let of_sensor = |sensor: &String| -> Vec<LearningCurves> {
         if deployments.len() == 1 {

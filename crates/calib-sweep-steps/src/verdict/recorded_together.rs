@@ -2,11 +2,14 @@
 
 use calib_report::{PeriodUse, RecordedFigure, RecordedPeriod};
 
-use crate::verdict::compare::Part;
+use crate::verdict::compare::JudgedModel;
 
 /// One figure a sensor of all parts of a study: what any model was learned from, and every deployment.
-pub(crate) fn of_parts(sensors: &[String], deployments: &[Vec<&Part>]) -> Vec<RecordedFigure> {
-    fn own<'a>(part: &'a Part, sensor: &str) -> Option<&'a RecordedFigure> {
+pub(crate) fn of_parts(
+    sensors: &[String],
+    deployments: &[Vec<&JudgedModel>],
+) -> Vec<RecordedFigure> {
+    fn own<'a>(part: &'a JudgedModel, sensor: &str) -> Option<&'a RecordedFigure> {
         part.report.recorded.iter().find(|figure| figure.sensor == sensor)
     }
     let figure = |sensor: &String| {

@@ -3,10 +3,7 @@
 use calib_data::{ChannelProfile, format_time};
 use calib_report::{Channel, ChannelStatus, DataProfile};
 
-use crate::{
-    sweep::SweepFacts,
-    verdict::{evaluate::Judged, learned::Learned},
-};
+use crate::verdict::{evaluate::Judged, learned::Learned};
 
 /// What was learned from, and what it was judged by.
 pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {
@@ -17,7 +14,7 @@ pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {
             let [start, end] = held_out.times.map(format_time);
             let name = judged.job.deployment();
             let name = name.map_or_else(String::new, |name| format!("{name}, "));
-            let windows = windows(&judged.manifest, held_out.rows);
+            let windows = windows(judged, held_out.rows);
             format!(
                 "{period}; judged on {windows} of {name}{start} to {end}, which nothing had learned from."
             )
@@ -27,15 +24,34 @@ pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {
 }
 
 /// What of the held-out rows was replayed: windows may be fewer than fit, and the rest of the range has judged nothing.
-fn windows(manifest: &SweepFacts, held_out_rows: u64) -> String {
-    let (count, steps) = (manifest.windows.len(), manifest.span.steps);
+fn windows(judged: &Judged, held_out_rows: u64) -> String {
+    let (count, steps) = (judged.manifest.windows.len(), judged.manifest.span.steps);
     let share = (count * steps) as f64 / held_out_rows as f64;
     let unit = if count == 1 { "window" } else { "windows" };
+    let beside_gaps = share_beside_gaps(judged)
+        .filter(|share| *share < 1.0 - LOST_TO_GAPS)
+        .map(|share| format!("; gaps leave {} of them to score", calib_report::percent(share)));
     format!(
-        "{count} {unit} of {} steps ({} of the states)",
+        "{count} {unit} of {} steps ({} of the states{})",
         calib_report::count(steps as u64),
-        calib_report::percent(share)
+        calib_report::percent(share),
+        beside_gaps.unwrap_or_default()
     )
+}
+
+/// Gaps that take a larger share of the steps are told. Our choice.
+const LOST_TO_GAPS: f64 = 0.1;
+
+/// The share of the windows' steps that are scored, of those that would be without gaps.
+fn share_beside_gaps(judged: &Judged) -> Option<f64> {
+    let (study, span) = (judged.job.study(), judged.manifest.span);
+    let unbroken = 0..span.states();
+    let whole =
+        study.part().scored_steps(std::slice::from_ref(&unbroken), study.agent.gamma, span.steps);
+    let truth = judged.summary.verdicts.iter().find_map(|verdict| verdict.truth.as_ref())?;
+    let scored: usize = truth.windows.iter().map(|window| window.scored_steps).sum();
+    let all = whole * truth.windows.len();
+    (all > 0).then(|| scored as f64 / all as f64)
 }
 
 /// What the data looked like, and what was kept of it.

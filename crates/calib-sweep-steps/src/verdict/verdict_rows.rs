@@ -2,7 +2,7 @@
 
 use calib_agent::{Part, SimplePredictor};
 use calib_report::{
-    Agreement, Alternative, Dimension, ErrorCurve, ErrorSource, PartRow, RankCurve, Reason,
+    Alternative, Dimension, ErrorCurve, ErrorSource, HeldOutResult, PartRow, RankCurve, Reason,
     Samples, Score, Sensitivity, Separation, Setting, SimpleRow, Simpler, Sources, TopK, Verdict,
 };
 use calib_stats::Summary;
@@ -201,11 +201,11 @@ fn agreement(
     truth: &Truth,
     sweep: &SweepFacts,
     study: &Study,
-) -> Agreement {
+) -> HeldOutResult {
     let candidates = &sweep.candidates;
     let best = truth.best.unwrap_or(verdict.chosen);
     let choice = &truth.choice;
-    Agreement {
+    HeldOutResult {
         part: part_name(verdict.part).to_owned(),
         windows: truth.windows.len(),
         runs: truth.scores.runs,
@@ -245,10 +245,13 @@ pub(crate) fn sensitivity(verdict: &SensorVerdict, sweep: &SweepFacts, model: &s
         errors.push(curve(&truth.scores, "held-out period", ErrorSource::Online));
         errors.extend(simple_line(verdict, sweep));
     }
-    if let Some(replay) = &verdict.log_replay {
-        errors.push(curve(replay, "Log replay", ErrorSource::LogReplay));
+    let evidence = evidence(verdict, model);
+    // Where log replay decides alone, what decides is drawn, and its mean over windows would be all but the same curve.
+    let replay = verdict.log_replay.as_ref();
+    if let Some(replay) = replay.filter(|_| evidence.is_none() || verdict.selection.is_some()) {
+        errors.push(curve(replay, "log replay", ErrorSource::LogReplay));
     }
-    errors.extend(evidence(verdict, model));
+    errors.extend(evidence);
     Sensitivity {
         sensor: verdict.sensor.clone(),
         field: field(candidates),

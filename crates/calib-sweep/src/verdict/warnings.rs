@@ -33,19 +33,22 @@ pub(super) fn of_parts(
         .iter()
         .find(|choice| choice.part != part && !are_neighbours(candidates, choice.chosen, chosen));
     if let Some(other) = other {
-        let (name, key) = match other.part {
-            Part::WholeRun => ("over whole runs", "whole_run"),
-            Part::AfterFirstQuarter => {
-                ("without the first quarter of each run", "after_first_quarter")
-            }
-            Part::FinalQuarter => ("over the final quarter of each run", "final_quarter"),
-        };
+        let ((counted, _), (name, key)) = (words(part), words(other.part));
         warnings.push(format!(
-            "scored {name}, the choice would be {}; set sweep.scored = \"{key}\" if that part is what counts at the plant",
+            "errors {counted} decided; errors {name} would choose {}; set sweep.scored = \"{key}\" if that part is what counts at your plant",
             candidates[other.chosen].label()
         ));
     }
     warnings
+}
+
+/// What errors of a part are, and the value of `sweep.scored` that counts them.
+const fn words(part: Part) -> (&'static str, &'static str) {
+    match part {
+        Part::WholeRun => ("over whole runs", "whole_run"),
+        Part::AfterFirstQuarter => ("after the first quarter of each run", "after_first_quarter"),
+        Part::FinalQuarter => ("over the final quarter of each run", "final_quarter"),
+    }
 }
 
 /// Whether two values are the same or next to each other in a grid of one hyperparameter.
@@ -129,12 +132,14 @@ fn few_horizons(truth: &Truth, part: Part) -> Option<String> {
     };
     // 500 · (1 − 0.9) is a little less than 50 in binary.
     (truth.horizons < FEW_HORIZONS - 1e-6).then(|| {
-        let runs: usize = truth.windows.iter().map(|window| window.runs).sum();
         format!(
-            "only {:.1} effective horizons of 1 / (1 − gamma) steps are scored in a held-out window ({} of them, {runs} runs): \
-             regrets say as much about these windows as about the settings; use a larger sweep.steps, and a held-out period that is long enough for it{whole}",
+            "each held-out window scores only {:.1} horizons (of 1 / (1 − gamma) steps), so the verdict depends on what happened in {} as much as \
+             on the settings; use longer runs (sweep.steps), and hold out enough for them{whole}",
             truth.horizons,
-            truth.windows.len(),
+            match truth.windows.len() {
+                1 => "that one".to_owned(),
+                windows => format!("those {windows}"),
+            },
         )
     })
 }

@@ -1,6 +1,6 @@
 //! Axes of a sensitivity figure, and its description.
 
-use calib_stats::Direction;
+use calib_stats::{Direction, Summary};
 
 use super::Sensitivity;
 use crate::Setting;
@@ -28,23 +28,34 @@ impl Sensitivity {
         Axis { label: self.field.clone(), scale }
     }
 
+    /// Mean scores that can be drawn, and their intervals.
+    fn drawn_summaries(&self) -> impl Iterator<Item = &Summary> + Clone {
+        let summaries = self.errors.iter().flat_map(|curve| curve.summaries.iter().flatten());
+        summaries.filter(|summary| summary.mean.is_finite())
+    }
+
+    /// The least and the greatest end of an interval that the plot has room for. A single wild interval must not press all curves
+    /// flat: it may reach one spread beyond the means, and not so far towards zero that a logarithmic axis would show little else.
+    fn room_of_intervals(&self) -> Option<(f64, f64)> {
+        let means: Vec<f64> = self.drawn_summaries().map(|summary| summary.mean).collect();
+        let (lowest, highest) = extent(&means)?;
+        let spread = highest - lowest;
+        let floor = if lowest > 0.0 { 0.5 * lowest } else { f64::NEG_INFINITY };
+        Some(((lowest - spread).max(floor), highest + spread))
+    }
+
+    /// Whether intervals reach farther than the plot.
+    pub(crate) fn cuts_intervals(&self) -> bool {
+        let Some((least, greatest)) = self.room_of_intervals() else { return false };
+        let mut ends = self.drawn_summaries().filter_map(|summary| summary.interval);
+        ends.any(|ends| ends.low < least || ends.high > greatest)
+    }
+
     pub(super) fn score_axis(&self) -> Axis {
-        let summaries: Vec<_> = self
-            .errors
-            .iter()
-            .flat_map(|curve| curve.summaries.iter().flatten())
-            .filter(|summary| summary.mean.is_finite())
-            .collect();
-        let mut values: Vec<f64> = summaries.iter().map(|summary| summary.mean).collect();
-        if let Some((lowest, highest)) = extent(&values) {
-            // A single wild interval must not press all curves flat: it may reach one spread beyond the means,
-            // and not so far towards zero that a logarithmic axis would show little else.
-            let spread = highest - lowest;
-            let floor = if lowest > 0.0 { 0.5 * lowest } else { f64::NEG_INFINITY };
-            let ends = summaries.iter().filter_map(|summary| summary.interval);
-            values.extend(ends.flat_map(|ends| {
-                [ends.low.max(lowest - spread).max(floor), ends.high.min(highest + spread)]
-            }));
+        let mut values: Vec<f64> = self.drawn_summaries().map(|summary| summary.mean).collect();
+        if let Some((least, greatest)) = self.room_of_intervals() {
+            let ends = self.drawn_summaries().filter_map(|summary| summary.interval);
+            values.extend(ends.flat_map(|ends| [ends.low.max(least), ends.high.min(greatest)]));
         }
         let scale = Scale::around(&values);
         let spacing = if scale.is_log() { " (log scale)" } else { "" };

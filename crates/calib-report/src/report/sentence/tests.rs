@@ -29,7 +29,7 @@ pub(in crate::report) fn verdict() -> Verdict {
         stability: vec![(Setting::from(1e-4), 0.7), (Setting::from(3e-4), 0.3)],
         stability_nearby: None,
         outside_training: None,
-        online: Some(Agreement {
+        online: Some(HeldOutResult {
             part: "whole runs".to_owned(),
             windows: 4,
             runs: 8,

@@ -6,12 +6,12 @@ use calib_base::StepError;
 use calib_core::Seed;
 use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, verdict};
 
-use crate::verdict::compare::Part;
+use crate::verdict::compare::JudgedModel;
 
 /// What the study's rule chooses from the members of all deployments and the replayed log.
 pub(super) fn choice(
     sensor: &str,
-    parts: &[&Part],
+    parts: &[&JudgedModel],
     verdicts: &[SensorVerdict],
 ) -> Result<usize, StepError> {
     let (study, manifest) = (parts[0].judged.study(), &parts[0].judged.manifest);
@@ -75,7 +75,7 @@ fn evidence(
 
 #[cfg(test)]
 mod tests {
-    use calib_agent::{AgentConfig, Part as RunPart, PartScore, Scores};
+    use calib_agent::{AgentConfig, Part, PartScore, Scores};
     use calib_sweep::{Candidate, Rule, RunRow, Unit};
 
     use super::*;
@@ -117,7 +117,7 @@ mod tests {
             agent: AgentConfig::default(),
         };
         let candidates: Vec<Candidate> = (0..3).map(candidate).collect();
-        let judging = Judging::of_choice(RunPart::WholeRun, rule, 1, &[], Seed::new(0));
+        let judging = Judging::of_choice(Part::WholeRun, rule, 1, &[], Seed::new(0));
         verdict("A", &candidates, results, &judging).expect("judged").chosen
     }
 

@@ -14,7 +14,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::verdict::{
-    compare::{Part, by_deployment},
+    compare::{JudgedModel, by_deployment},
     verdict_rows,
 };
 
@@ -89,7 +89,7 @@ impl Choice {
 }
 
 /// Sensor by sensor and model by model; nothing where there are no several deployments.
-pub(crate) fn all(parts: &[Part]) -> Result<Vec<Deployed>, StepError> {
+pub(crate) fn all(parts: &[JudgedModel]) -> Result<Vec<Deployed>, StepError> {
     let deployments = by_deployment(parts);
     if deployments.len() < 2 {
         return Ok(Vec::new());
@@ -98,7 +98,7 @@ pub(crate) fn all(parts: &[Part]) -> Result<Vec<Deployed>, StepError> {
     for sensor in &parts[0].judged.study().sweep.sensors {
         for model in &deployments[0] {
             let own = deployments.iter().flatten().copied();
-            let own: Vec<&Part> =
+            let own: Vec<&JudgedModel> =
                 own.filter(|part| part.model_name() == model.model_name()).collect();
             rows.extend(of_sensor(sensor, &own)?);
         }
@@ -106,8 +106,8 @@ pub(crate) fn all(parts: &[Part]) -> Result<Vec<Deployed>, StepError> {
     Ok(rows)
 }
 
-fn of_sensor(sensor: &str, parts: &[&Part]) -> Result<Option<Deployed>, StepError> {
-    let judged = |part: &Part| {
+fn of_sensor(sensor: &str, parts: &[&JudgedModel]) -> Result<Option<Deployed>, StepError> {
+    let judged = |part: &JudgedModel| {
         let mut verdicts = part.judged.summary.verdicts.iter();
         verdicts.find(|verdict| verdict.sensor == sensor).cloned()
     };
