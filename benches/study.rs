@@ -31,9 +31,12 @@ fn scaled(column: &[f32]) -> Option<Vec<f32>> {
     let known = column.iter().copied().filter(|value| value.is_finite());
     let (low, high) =
         known.fold((f32::MAX, f32::MIN), |(low, high), value| (low.min(value), high.max(value)));
-    let normalise =
-        |value: &f32| if value.is_finite() { (value - low) / (high - low) } else { 0.0 };
-    (high > low).then(|| column.iter().map(normalise).collect())
+    (high > low).then(|| {
+        column
+            .iter()
+            .map(|value: &f32| if value.is_finite() { (value - low) / (high - low) } else { 0.0 })
+            .collect()
+    })
 }
 
 fn study(criterion: &mut Criterion) {
@@ -64,11 +67,12 @@ fn study(criterion: &mut Criterion) {
             ..AgentConfig::default()
         })
         .to_vec();
-    let fit = || {
-        let curve = CurveRule { windows: 10 };
-        train(&stream, 0, &agents, curve, seed, &Silent).expect("trained")
-    };
-    group.bench_function("train 3 values for 1,000 steps", |bencher| bencher.iter(fit));
+    group.bench_function("train 3 values for 1,000 steps", |bencher| {
+        bencher.iter(|| {
+            let curve = CurveRule { windows: 10 };
+            train(&stream, 0, &agents, curve, seed, &Silent).expect("trained")
+        });
+    });
 }
 
 criterion_group!(benches, study);

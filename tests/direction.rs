@@ -133,7 +133,9 @@ fn first_name(text: &str) -> String {
 
 /// The first names of a list of imports, `a::{b, c}, d}`, as far as its closing brace.
 fn outer_names(list: &str) -> Vec<String> {
-    let (mut depth, mut names, mut name) = (0, Vec::new(), String::new());
+    let mut depth = 0;
+    let mut names = Vec::new();
+    let mut name = String::new();
     for letter in list.chars() {
         match letter {
             '{' => depth += 1,

@@ -220,9 +220,12 @@ impl PyActionModel {
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let log = self.model().log();
-        let terminal = |ending: &calib_control::Ending| *ending == calib_control::Ending::Terminal;
         let actions = log.actions().iter().map(|&action| i64::from(action)).collect();
-        let terminals = log.endings().iter().map(terminal).collect();
+        let terminals = log
+            .endings()
+            .iter()
+            .map(|ending: &calib_control::Ending| *ending == calib_control::Ending::Terminal)
+            .collect();
         Ok((
             owned(py, actions, &[log.len()])?,
             owned(py, log.rewards().to_vec(), &[log.len()])?,
@@ -279,10 +282,6 @@ impl PyActionModel {
             let known = names.columns.len();
             return Err(PyIndexError::new_err(format!("column {column}: the model has {known}")));
         }
-        let map = |column: usize| {
-            let bounds = names.columns[column].bounds;
-            (column, if physical { bounds } else { Bounds::IDENTITY })
-        };
         let pessimism = if pessimistic { Pessimism::MinimumReturn } else { Pessimism::Nearest };
         let mut walkers = Walkers::new(self.model(), &members);
         walkers = walkers.by(match kind {
@@ -297,7 +296,13 @@ impl PyActionModel {
         Ok(ActionWalkers {
             walkers,
             kept: Arc::clone(&self.kept),
-            columns: columns.into_iter().map(map).collect(),
+            columns: columns
+                .into_iter()
+                .map(|column: usize| {
+                    let bounds = names.columns[column].bounds;
+                    (column, if physical { bounds } else { Bounds::IDENTITY })
+                })
+                .collect(),
             rules: Rules { pessimism, worst_return },
             timeout,
             live,

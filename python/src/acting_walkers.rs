@@ -86,10 +86,12 @@ impl ActionWalkers {
     }
 
     fn arrays<'py>(&self, py: Python<'py>, went: &[Went]) -> PyResult<Arrays<'py>> {
-        let (count, width) = (went.len(), self.columns.len());
-        let (mut seen, mut displaced) =
-            (Vec::with_capacity(count * width), Vec::with_capacity(count * width));
-        let (mut rows, mut times) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let count = went.len();
+        let width = self.columns.len();
+        let mut seen = Vec::with_capacity(count * width);
+        let mut displaced = Vec::with_capacity(count * width);
+        let mut rows = Vec::with_capacity(count);
+        let mut times = Vec::with_capacity(count);
         for number in 0..count {
             self.look(number, &mut seen, &mut displaced);
             let row = self.row(number);
@@ -141,18 +143,21 @@ impl ActionWalkers {
                 ranges.len()
             )));
         }
-        let share = |(place, &value): (usize, &f64)| {
-            let [low, high] = ranges[place % ranges.len()];
-            if !value.is_finite() {
-                let number = place / ranges.len();
-                return Err(errors::value(format!(
-                    "walker {number} sets {value}, which is no number"
-                )));
-            }
-            let range = if high > low { high - low } else { 1.0 };
-            Ok(((value.clamp(low, high) - low) / range) as f32)
-        };
-        let shares = values.iter().enumerate().map(share).collect::<PyResult<_>>()?;
+        let shares = values
+            .iter()
+            .enumerate()
+            .map(|(place, &value): (usize, &f64)| {
+                let [low, high] = ranges[place % ranges.len()];
+                if !value.is_finite() {
+                    let number = place / ranges.len();
+                    return Err(errors::value(format!(
+                        "walker {number} sets {value}, which is no number"
+                    )));
+                }
+                let range = if high > low { high - low } else { 1.0 };
+                Ok(((value.clamp(low, high) - low) / range) as f32)
+            })
+            .collect::<PyResult<_>>()?;
         Ok(Done::Set(shares, ranges.len()))
     }
 }
@@ -187,7 +192,8 @@ impl ActionWalkers {
 
     /// Coverage and drift of all steps so far, as JSON.
     fn lived(&self) -> PyResult<String> {
-        let (coverage, drift) = (self.walkers.coverage(), self.walkers.drift());
+        let coverage = self.walkers.coverage();
+        let drift = self.walkers.drift();
         let lived = Lived { coverage, drift };
         serde_json::to_string(&lived).map_err(|error| errors::value(error.to_string()))
     }
@@ -216,9 +222,12 @@ impl ActionWalkers {
         let count = self.walkers.walks().len();
         let done = self.done(actions, count)?;
         let model = Arc::clone(&self.kept.opened.model);
-        let (rules, timeout, walkers) = (self.rules, self.timeout, &mut self.walkers);
-        let step = |number: usize| walkers.step(&model, number, done.of(number), rules, timeout);
-        let went: Vec<Went> = (0..count).map(step).collect();
+        let rules = self.rules;
+        let timeout = self.timeout;
+        let walkers = &mut self.walkers;
+        let went: Vec<Went> = (0..count)
+            .map(|number: usize| walkers.step(&model, number, done.of(number), rules, timeout))
+            .collect();
         self.arrays(py, &went)
     }
 
@@ -235,13 +244,15 @@ impl ActionWalkers {
         let target = Target::Level(level as usize);
         let went = self.walkers.step(&model, 0, target, self.rules, self.timeout);
         let width = self.columns.len();
-        let (mut seen, mut displaced) = (Vec::with_capacity(width), Vec::with_capacity(width));
+        let mut seen = Vec::with_capacity(width);
+        let mut displaced = Vec::with_capacity(width);
         self.look(0, &mut seen, &mut displaced);
         let row = self.row(0);
         self.kept.since.check(py)?;
         let Went { reward, terminated, truncated, distance, covered } = went;
         let time = self.kept.opened.times[row as usize];
-        let (seen, displaced) = (owned(py, seen, &[width])?, owned(py, displaced, &[width])?);
+        let seen = owned(py, seen, &[width])?;
+        let displaced = owned(py, displaced, &[width])?;
         Ok((seen, reward, terminated, truncated, row, time, distance, covered, displaced))
     }
 }

@@ -76,7 +76,8 @@ pub(crate) fn owned<'py, T: Number>(
     debug_assert_eq!(values.len(), shape.iter().product::<usize>());
     // Nothing of ours reads the values again: the array may write to them.
     let address = values.as_ptr() as usize;
-    let (shape, kind) = (shape.to_vec(), T::TYPE);
+    let shape = shape.to_vec();
+    let kind = T::TYPE;
     let kept: Option<Arc<dyn Any + Send + Sync>> = Some(Arc::new(values));
     shown(py, Memory { address, shape, kind, access: Access::Writable, _kept: kept })
 }
@@ -92,7 +93,9 @@ pub(crate) fn view<'py, T: Number, K: Any + Send + Sync>(
     if values.len() != shape.iter().product::<usize>() {
         return Err(PyValueError::new_err("a view of another shape than its values"));
     }
-    let (address, shape, kind) = (values.as_ptr() as usize, shape.to_vec(), T::TYPE);
+    let address = values.as_ptr() as usize;
+    let shape = shape.to_vec();
+    let kind = T::TYPE;
     let kept: Arc<dyn Any + Send + Sync> = Arc::clone(keeper) as _;
     shown(py, Memory { address, shape, kind, access: Access::ReadOnly, _kept: Some(kept) })
 }

@@ -63,10 +63,13 @@ fn value(object: &Bound<'_, PyAny>, path: &str, left: usize) -> PyResult<Value> 
     if object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>() {
         let left = deeper(path, left)?;
         let values = object.try_iter()?.enumerate();
-        let each = |(at, item): (usize, PyResult<Bound<'_, PyAny>>)| {
-            value(&item?, &format!("{path}[{at}]"), left)
-        };
-        return Ok(Value::Array(values.map(each).collect::<PyResult<_>>()?));
+        return Ok(Value::Array(
+            values
+                .map(|(at, item): (usize, PyResult<Bound<'_, PyAny>>)| {
+                    value(&item?, &format!("{path}[{at}]"), left)
+                })
+                .collect::<PyResult<_>>()?,
+        ));
     }
     // Dates and times, paths, and the numbers and arrays of NumPy.
     if object.hasattr("isoformat")? {

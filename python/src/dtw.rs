@@ -38,7 +38,8 @@ pub(crate) fn dtw<'py>(
     let dtw = Dtw::with_settings(pattern, Settings { local_distance, window, ends });
     let series = [(query, "query"), (reference, "reference")];
     let [query, reference] = series.map(|(values, name)| copied::<f64>(values, name, &[1, 2]));
-    let (query, reference) = (query?, reference?);
+    let query = query?;
+    let reference = reference?;
     if path {
         let samples = |(_, shape): &(Vec<f64>, Vec<usize>)| shape[0];
         let needed = dtw.path_bytes(samples(&query), samples(&reference));

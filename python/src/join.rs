@@ -44,16 +44,20 @@ pub(crate) fn knn_join<'py>(
     // More than there are is refused by the search, whatever it would take.
     let needed = points.search_need(count, k.min(points.len()), rayon::current_num_threads());
     require_memory(needed, "the nearest neighbours", "lower k, or ask for fewer points at a time")?;
-    let work = |watch: &Arc<Watch>| -> Result<PointNeighbors, calib_knn::KnnError> {
-        let monitor = Watching(Arc::clone(watch));
-        if let Some((values, shape)) = queries {
-            let states = States::new(values, shape[0], shape[1])?;
-            return points.nearest(&states, k, kind, &monitor);
-        }
-        let self_match = if exclude_self { SelfMatch::Excluded } else { SelfMatch::Allowed };
-        points.join(k, self_match, kind, &monitor)
-    };
-    let found = watched(py, Needs::Threads, observer, work)?;
+    let found = watched(
+        py,
+        Needs::Threads,
+        observer,
+        |watch: &Arc<Watch>| -> Result<PointNeighbors, calib_knn::KnnError> {
+            let monitor = Watching(Arc::clone(watch));
+            if let Some((values, shape)) = queries {
+                let states = States::new(values, shape[0], shape[1])?;
+                return points.nearest(&states, k, kind, &monitor);
+            }
+            let self_match = if exclude_self { SelfMatch::Excluded } else { SelfMatch::Allowed };
+            points.join(k, self_match, kind, &monitor)
+        },
+    )?;
     let found = found.map_err(|error| errors::value(error.to_string()))?;
     Ok((owned(py, found.neighbors, &[count, k])?, owned(py, found.distances, &[count, k])?))
 }

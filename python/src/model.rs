@@ -139,7 +139,8 @@ impl Model {
             .map_err(|error| errors::value(format!("model: {error}")))?;
         let weights = config.weights().map_err(|error| errors::of_any(py, &error))?;
         let (values, shape) = copied::<f32>(states, "states", &[2])?;
-        let (rows, columns) = (shape[0], shape[1]);
+        let rows = shape[0];
+        let columns = shape[1];
         let threads = rayon::current_num_threads();
         let needed = MemoryNeed::predict(rows, columns, &config, threads).working;
         require_memory(
@@ -147,14 +148,17 @@ impl Model {
             "building the model",
             "lower neighbors or members, or take fewer rows",
         )?;
-        let work =
+        let knn = watched(
+            py,
+            Needs::Threads,
+            observer,
             |watch: &Arc<Watch>| -> Result<KnnModel, Box<dyn std::error::Error + Send + Sync>> {
                 let states = States::new(values, rows, columns)?;
                 let segments = Segments::from_lengths(segments.unwrap_or_else(|| vec![rows]))?;
                 let monitor = Watching(Arc::clone(watch));
                 Ok(KnnModel::build(states, Transitions::new(segments), &config, &monitor)?)
-            };
-        let knn = watched(py, Needs::Threads, observer, work)?;
+            },
+        )?;
         let knn = Box::new(knn.map_err(|error| errors::of_any(py, &*error))?);
         Ok(Self { kept: Arc::new(Kept::Built { knn, weights }) })
     }
@@ -310,7 +314,8 @@ impl Model {
             )));
         }
         let (values, shape) = copied::<f32>(states, "states", &[2])?;
-        let (count, kept) = (shape[0], &self.kept);
+        let count = shape[0];
+        let kept = &self.kept;
         let need = kept.knn().search_need(k, rayon::current_num_threads()).working;
         let cells = (count as u64).saturating_mul(k as u64);
         let needed = need.saturating_add(cells.saturating_mul(8 + 16));

@@ -26,10 +26,9 @@ pub(crate) fn simulate(
         .try_into()
         .map_err(|error| errors::value(format!("simulate: {error}")))?;
     let plant = config.plant().map_err(|error| errors::of_study(py, &error))?;
-    let work = |watch: &Arc<Watch>| {
+    let simulated = watched(py, Needs::Tables, observer, |watch: &Arc<Watch>| {
         let printer = Printer::new(Arc::new(Ears(Arc::clone(watch))));
         calib_pipeline::simulate_plant(&directory, plant, force, &printer)
-    };
-    let simulated = watched(py, Needs::Tables, observer, work)?;
+    })?;
     simulated.map(|simulated| simulated.line()).map_err(|error| errors::of_step(py, &error))
 }

@@ -61,18 +61,20 @@ impl Score {
     /// For each part of the run that has steps to score, what its errors and returns are.
     #[getter]
     fn parts(&self) -> BTreeMap<&'static str, BTreeMap<&'static str, f64>> {
-        let told = |part: Part| {
-            let score = self.of(part)?;
-            let numbers = [
-                ("rmse", score.rmse),
-                ("skill", skill(score)),
-                ("scored_steps", score.scored_steps as f64),
-                ("mean_return", score.mean_return),
-                ("return_std", score.return_std),
-            ];
-            Some((part_name(part), numbers.into()))
-        };
-        Part::ALL.into_iter().filter_map(told).collect()
+        Part::ALL
+            .into_iter()
+            .filter_map(|part: Part| {
+                let score = self.of(part)?;
+                let numbers = [
+                    ("rmse", score.rmse),
+                    ("skill", skill(score)),
+                    ("scored_steps", score.scored_steps as f64),
+                    ("mean_return", score.mean_return),
+                    ("return_std", score.return_std),
+                ];
+                Some((part_name(part), numbers.into()))
+            })
+            .collect()
     }
 }
 
@@ -108,11 +110,10 @@ impl Streams {
         observer: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let job = &job.get().job;
-        let work = |watch: &Arc<Watch>| {
-            SweepStreams::of_job(job, &Printer::new(Arc::new(Ears(Arc::clone(watch)))))
-        };
         let since = Since::now();
-        let streams = watched(py, Needs::Tables, observer, work)?;
+        let streams = watched(py, Needs::Tables, observer, |watch: &Arc<Watch>| {
+            SweepStreams::of_job(job, &Printer::new(Arc::new(Ears(Arc::clone(watch)))))
+        })?;
         let streams = streams.map_err(|error| errors::of_step(py, &error))?;
         since.check(py)?;
         Ok(Self { streams, since })
@@ -149,7 +150,8 @@ impl Streams {
     fn states<'py>(&self, py: Python<'py>, stream: usize) -> PyResult<States<'py>> {
         self.check(stream)?;
         let states = &self.streams.runs()[stream].stream;
-        let (count, width) = (states.len(), states.width());
+        let count = states.len();
+        let width = states.width();
         let mut values = Vec::with_capacity(count * width);
         for t in 0..count {
             values.extend_from_slice(states.state(t));
@@ -206,8 +208,9 @@ impl Streams {
         if let Some(bad) = results.iter().find(|result| result.candidate >= candidates.len()) {
             return Err(errors::value(format!("there is no candidate {}", bad.candidate)));
         }
-        let work = |_: &_| self.streams.write(&path, &candidates, &results);
-        let written = watched(py, Needs::Tables, None, work)?;
+        let written = watched(py, Needs::Tables, None, |_: &_| {
+            self.streams.write(&path, &candidates, &results)
+        })?;
         written.map_err(|error| errors::of_step(py, &error))
     }
 }

@@ -69,7 +69,8 @@ pub(crate) fn write_tuned_page(py: Python<'_>, path: PathBuf, page: &str) -> PyR
 
 impl TunedPage {
     fn overview(self) -> Overview {
-        let (figures, tables) = (vec![self.returns()], vec![self.table()]);
+        let figures = vec![self.returns()];
+        let tables = vec![self.table()];
         Overview {
             title: self.title,
             subtitle: Some(self.subtitle),
@@ -84,17 +85,6 @@ impl TunedPage {
 
     /// Every setting, in the order of the rule.
     fn table(&self) -> Table {
-        let row = |setting: &PageSetting| {
-            vec![
-                Cell::Text(setting.name.clone()),
-                Cell::Text(setting.role.clone()),
-                Cell::Number(setting.mean_rank),
-                Cell::Number(setting.worst_rank),
-                Cell::Number(setting.mean_return.unwrap_or(f64::NAN)),
-                Cell::Percent(setting.uncovered),
-                Cell::Percent(setting.chosen_again),
-            ]
-        };
         let columns = [
             "setting",
             "",
@@ -109,16 +99,27 @@ impl TunedPage {
             caption: "By mean rank over the ensemble members of all kinds of models. The return in the model ranks settings, and is not what the plant will give. Not covered: steps for which the log has no such action near. Chosen again: the share of resamples of the runs in which the setting is chosen."
                 .to_owned(),
             columns: columns.map(str::to_owned).to_vec(),
-            rows: self.settings.iter().map(row).collect(),
+            rows: self.settings.iter().map(|setting: &PageSetting| {
+            vec![
+                Cell::Text(setting.name.clone()),
+                Cell::Text(setting.role.clone()),
+                Cell::Number(setting.mean_rank),
+                Cell::Number(setting.worst_rank),
+                Cell::Number(setting.mean_return.unwrap_or(f64::NAN)),
+                Cell::Percent(setting.uncovered),
+                Cell::Percent(setting.chosen_again),
+            ]
+        }).collect(),
             best: None,
         }
     }
 
     /// Mean return of each setting in each kind of model, with intervals over ensemble members.
     fn returns(&self) -> OverviewFigure {
-        let is_drawn =
-            |(place, setting): &(usize, &PageSetting)| *place < DRAWN || setting.role == "default";
-        let placed = self.settings.iter().enumerate().filter(is_drawn);
+        let placed =
+            self.settings.iter().enumerate().filter(|(place, setting): &(usize, &PageSetting)| {
+                *place < DRAWN || setting.role == "default"
+            });
         let drawn: Vec<&PageSetting> = placed.map(|(_, setting)| setting).collect();
         let mut series = Vec::with_capacity(self.kinds.len());
         for (kind, name) in self.kinds.iter().enumerate() {

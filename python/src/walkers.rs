@@ -57,15 +57,18 @@ impl Walkers {
         reward: Mapped,
         most: u64,
     ) -> Self {
-        let walker = |(number, member): (usize, usize)| Walker {
-            member,
-            at: TransitionIndex(0),
-            rng: rng(0, number),
-            steps: 0,
-            over: true,
-            distance: 0.0,
-        };
-        let walks = members.into_iter().enumerate().map(walker).collect();
+        let walks = members
+            .into_iter()
+            .enumerate()
+            .map(|(number, member): (usize, usize)| Walker {
+                member,
+                at: TransitionIndex(0),
+                rng: rng(0, number),
+                steps: 0,
+                over: true,
+                distance: 0.0,
+            })
+            .collect();
         Self { kept, walks, columns, reward, most }
     }
 
@@ -92,8 +95,9 @@ impl Walkers {
     fn seen<'py>(&self, py: Python<'py>, begun: &[bool]) -> PyResult<Arrays<'py>> {
         let count = self.walks.len();
         let mut seen = Vec::with_capacity(count * self.columns.len());
-        let (mut rewards, mut rows, mut times) =
-            (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
+        let mut rewards = Vec::with_capacity(count);
+        let mut rows = Vec::with_capacity(count);
+        let mut times = Vec::with_capacity(count);
         for (number, begun) in begun.iter().enumerate() {
             let (reward, row, time) = self.look(number, &mut seen);
             rewards.push(if *begun { 0.0 } else { reward });
@@ -205,7 +209,8 @@ impl Walkers {
     /// `int64 [n]`, distances `float32 [n]`. One that was over begins anew, and has no reward for that.
     fn step<'py>(&mut self, py: Python<'py>) -> PyResult<Arrays<'py>> {
         let begun: Vec<bool> = self.walks.iter().map(|walker| walker.over).collect();
-        let (kept, most) = (Arc::clone(&self.kept), self.most);
+        let kept = Arc::clone(&self.kept);
+        let most = self.most;
         for walker in &mut self.walks {
             if walker.over {
                 walker.begin(&kept);
@@ -221,12 +226,14 @@ impl Walkers {
         &mut self,
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyAny>, f64, bool, i64, i64, f32)> {
-        let (kept, most) = (Arc::clone(&self.kept), self.most);
+        let kept = Arc::clone(&self.kept);
+        let most = self.most;
         let Some(walker) = self.walks.first_mut() else {
             return Err(errors::value("there is no walker"));
         };
         walker.step(&kept, most);
-        let (over, distance) = (walker.over, walker.distance);
+        let over = walker.over;
+        let distance = walker.distance;
         let mut seen = Vec::with_capacity(self.columns.len());
         let (reward, row, time) = self.look(0, &mut seen);
         self.kept.check(py)?;

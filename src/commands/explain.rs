@@ -89,14 +89,16 @@ fn keys(schema: &Value, at: &Value, above: &str) -> Vec<String> {
 /// Keys that are called nearly so, the nearest first.
 fn near<'a>(path: &str, all: &'a [String]) -> Vec<&'a str> {
     let wanted = path.rsplit('.').next().unwrap_or(path).to_lowercase();
-    let likeness = |key: &'a String| {
-        let name = key.rsplit('.').next().unwrap_or(key);
-        let contains = wanted.len() > 2 && (name.contains(&wanted) || wanted.contains(name));
-        let likeness = strsim::jaro_winkler(&wanted, name) + f64::from(u8::from(contains));
-        (likeness, key.as_str())
-    };
-    let mut found: Vec<(f64, &str)> =
-        all.iter().map(likeness).filter(|key| key.0 > ALIKE).collect();
+    let mut found: Vec<(f64, &str)> = all
+        .iter()
+        .map(|key: &'a String| {
+            let name = key.rsplit('.').next().unwrap_or(key);
+            let contains = wanted.len() > 2 && (name.contains(&wanted) || wanted.contains(name));
+            let likeness = strsim::jaro_winkler(&wanted, name) + f64::from(u8::from(contains));
+            (likeness, key.as_str())
+        })
+        .filter(|key| key.0 > ALIKE)
+        .collect();
     found.sort_by(|left, right| right.0.total_cmp(&left.0));
     found.into_iter().map(|(_, key)| key).take(SUGGESTED).collect()
 }
@@ -123,11 +125,13 @@ fn list(schema: &Value, at: &Value, above: &str) -> String {
 fn about(schema: &Value, node: &Value) -> String {
     let own = node["description"].as_str();
     let text = own.or_else(|| target(schema, node)["description"].as_str()).unwrap_or_default();
-    let paragraph = |text: &str| match text {
-        table if table.starts_with('|') => table.to_owned(),
-        wrapped => wrapped.replace('\n', " "),
-    };
-    text.split("\n\n").map(paragraph).collect::<Vec<_>>().join("\n\n")
+    text.split("\n\n")
+        .map(|text: &str| match text {
+            table if table.starts_with('|') => table.to_owned(),
+            wrapped => wrapped.replace('\n', " "),
+        })
+        .collect::<Vec<_>>()
+        .join("\n\n")
 }
 
 fn describe(schema: &Value, node: &Value, path: &str) -> String {

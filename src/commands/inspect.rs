@@ -71,7 +71,8 @@ fn settings(args: &InspectArgs) -> Result<Settings, StepError> {
             profile: args.profile.clone(),
             ..Request::new(&args.data)
         })?;
-        let (study, data) = (job.study(), data_of(&job)?);
+        let study = job.study();
+        let data = data_of(&job)?;
         let with_data = |name: String| {
             let held_out = study.deployments.get(&name).cloned();
             (name, DataConfig { held_out, ..data.clone() })

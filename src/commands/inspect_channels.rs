@@ -40,13 +40,16 @@ pub(super) fn show_channels(
         let header = ["kept", "min", "max", "mean", "missing", "stuck", "step", "distinct", "unit"];
         let described = kept.iter().any(|channel| descriptions.words(&channel.name).is_some());
         let columns = if described { header.len() } else { header.len() - 1 };
-        let row = |channel: &&ChannelProfile| {
-            let mut row = channel_row(channel);
-            row.push(descriptions.words(&channel.name).unwrap_or_default());
-            row.truncate(columns);
-            row
-        };
-        let rows: Vec<Vec<String>> = kept.iter().take(limit).map(row).collect();
+        let rows: Vec<Vec<String>> = kept
+            .iter()
+            .take(limit)
+            .map(|channel: &&ChannelProfile| {
+                let mut row = channel_row(channel);
+                row.push(descriptions.words(&channel.name).unwrap_or_default());
+                row.truncate(columns);
+                row
+            })
+            .collect();
         printer.result("")?;
         printer.lines(&table(&header[..columns], &rows))?;
         more(limit, kept.len())?;

@@ -45,7 +45,8 @@ impl Format {
 /// Read the series that `text` names.
 pub(super) fn read(text: &str) -> Result<Samples, StepError> {
     let source = source(text)?;
-    let (path, column) = (&source.path, source.column.as_deref());
+    let path = &source.path;
+    let column = source.column.as_deref();
     match source.format {
         Format::Npy => from_npy(path, column),
         Format::Csv => from_csv(path, column).map(Samples::of_column),

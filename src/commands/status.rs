@@ -21,7 +21,8 @@ const STEP: Duration = Duration::from_millis(100);
 
 /// Say how what is asked for stands.
 pub(super) fn run(args: StatusArgs, printer: &Printer) -> Result<Outcome, StepError> {
-    let (watch, serve) = (args.watch, args.serve);
+    let watch = args.watch;
+    let serve = args.serve;
     let request = StatusRequest::from(args);
     let standing = calib_pipeline::status(&request, printer)?;
     if let Some(address) = serve {

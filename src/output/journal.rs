@@ -60,7 +60,8 @@ impl Journal {
     ) -> std::result::Result<Self, StepError> {
         let file = path.map(open).transpose()?;
         let started = Stopwatch::start();
-        let (stage, file) = (Mutex::new(None), file.map(|file| Arc::new(Mutex::new(file))));
+        let stage = Mutex::new(None);
+        let file = file.map(|file| Arc::new(Mutex::new(file)));
         Ok(Self { terminal, voice, started, stage, file })
     }
 

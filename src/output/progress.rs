@@ -105,7 +105,8 @@ impl ProgressMonitor {
     /// A line of how far the task is, if it is time for one.
     fn line(&self, lines: &Mutex<Lines>) -> Option<String> {
         let mut lines = lines.try_lock().ok()?;
-        let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
+        let done = self.bar.position();
+        let total = self.bar.length().unwrap_or(0);
         if total == 0 {
             return None;
         }

@@ -53,7 +53,8 @@ fn a_build_killed_twenty_times_gives_the_same_bytes() {
     assert!(start(&place, "whole").wait().expect("it ends").success());
     let whole = clock.elapsed();
     let directory = place.path().join("killed");
-    let (mut killed, mut seen) = (0, 0);
+    let mut killed = 0;
+    let mut seen = 0;
     // At each part as soon as it is there, then at moments spread over the whole build.
     for part in 1..=3 {
         let mut child = start(&place, "killed");
@@ -84,7 +85,8 @@ fn a_build_killed_twenty_times_gives_the_same_bytes() {
     }
     assert!(killed >= 20, "killed {killed} times");
     place.calib(&["build-model", "study.toml", "--output", "killed", "--verify", "5"]).succeeds();
-    let (whole, killed) = (place.content("whole"), place.content("killed"));
+    let whole = place.content("whole");
+    let killed = place.content("killed");
     assert_eq!(whole.keys().collect::<Vec<_>>(), killed.keys().collect::<Vec<_>>());
     for (path, content) in &whole {
         assert!(killed[path] == *content, "{} differs", path.display());
@@ -134,8 +136,12 @@ fn kill_while_judging(place: &Place, directory: &Path) -> Option<Vec<SystemTime>
         .filter(|path| path.extension().is_some_and(|e| e == "part"))
         .collect();
     parts.sort();
-    let written = |path| fs::metadata(path).and_then(|of| of.modified()).expect("a time");
-    Some(parts.into_iter().map(written).collect())
+    Some(
+        parts
+            .into_iter()
+            .map(|path| fs::metadata(path).and_then(|of| of.modified()).expect("a time"))
+            .collect(),
+    )
 }
 
 #[test]

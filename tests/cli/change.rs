@@ -42,7 +42,8 @@ fn changes_are_told_and_lie_beside_the_log() {
     let line = format!("{} changes from 2022-11-", changes.len());
     assert!(told.contains(&line) && told.contains("in data/changes.json"), "{told}");
     for change in changes {
-        let (at, words) = (change["at"].as_str().expect("a time"), change["told"].as_str());
+        let at = change["at"].as_str().expect("a time");
+        let words = change["told"].as_str();
         let at = at.replace('T', " ").replace('Z', "");
         assert!(told.contains(&format!("{at}  {}", words.expect("words"))), "{told}");
     }

@@ -155,13 +155,15 @@ fn of_several_plannings_of_one_folder_one_succeeds() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     for fault in ["", "lockless"] {
         let plan = format!("plan-{fault}");
-        let start = |shards: &&str| {
-            let args = ["cluster", "plan", "study.toml", "--shards", shards, "-o", &plan];
-            let mut command = place.command(&args);
-            command.env("CALIB_FAULT", fault).stdout(Stdio::null()).stderr(Stdio::piped());
-            command.spawn().expect("calib runs")
-        };
-        let all: Vec<_> = ["1", "2", "3"].iter().map(start).collect();
+        let all: Vec<_> = ["1", "2", "3"]
+            .iter()
+            .map(|shards: &&str| {
+                let args = ["cluster", "plan", "study.toml", "--shards", shards, "-o", &plan];
+                let mut command = place.command(&args);
+                command.env("CALIB_FAULT", fault).stdout(Stdio::null()).stderr(Stdio::piped());
+                command.spawn().expect("calib runs")
+            })
+            .collect();
         let ended = all.into_iter().map(|child| child.wait_with_output().expect("it ends"));
         let (done, refused): (Vec<_>, Vec<_>) = ended.partition(|of| of.status.success());
         assert_eq!(done.len(), 1, "{fault}");
@@ -258,7 +260,8 @@ fn shards_that_are_killed_a_hundred_times_give_the_same_bytes() {
     place.edit_study("steps = 800", "steps = 2000");
     let alone = alone(&place);
     let count = plan(&place, "plan", "7");
-    let (mut killed, mut attempts) = (0, 0_u64);
+    let mut killed = 0;
+    let mut attempts = 0_u64;
     while killed < 100 && attempts < 600 {
         let shard = attempts as usize % count;
         let args = ["cluster", "run", "plan", "--shard", &shard.to_string(), "--threads", "1"];
@@ -473,10 +476,8 @@ fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
         asked.replace(&*place.path().to_string_lossy(), "PLACE")
     };
     let script = |name: &str| format!("PLACE/plan/slurm/{name}.sh");
-    let (after_ok, after_any) = (
-        "--parsable --kill-on-invalid-dep=yes --dependency=afterok:",
-        "--parsable --kill-on-invalid-dep=yes --dependency=afterany:",
-    );
+    let after_ok = "--parsable --kill-on-invalid-dep=yes --dependency=afterok:";
+    let after_any = "--parsable --kill-on-invalid-dep=yes --dependency=afterany:";
     let asked = submit(&[]);
     let expected = [
         format!("--parsable {}", script("stage-0")),

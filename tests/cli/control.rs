@@ -86,8 +86,10 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     let mut child = place.command(&args).spawn().expect("calib runs");
     let runs = || {
         let entries = fs::read_dir(&units).into_iter().flatten().flatten();
-        let name = |of: fs::DirEntry| of.file_name().to_string_lossy().into_owned();
-        entries.map(name).filter(|name| name.starts_with("run-")).count()
+        entries
+            .map(|of: fs::DirEntry| of.file_name().to_string_lossy().into_owned())
+            .filter(|name| name.starts_with("run-"))
+            .count()
     };
     while runs() < 3 && child.try_wait().expect("a status").is_none() {
         std::thread::sleep(std::time::Duration::from_millis(5));
@@ -301,7 +303,8 @@ fn neighbours_can_be_near_in_a_representation() {
     assert!(inspected.stderr().contains("distances are those of states"), "{}", inspected.stderr());
     control(&[]).ends(&[0, 1]);
     let representation = "pole/study-results/control-representation";
-    let (first, psi) = (place.content("pole/study-results/control"), place.content(representation));
+    let first = place.content("pole/study-results/control");
+    let psi = place.content(representation);
     let again = control(&[]);
     assert!(again.stderr().contains("up to date"), "{}", again.stderr());
     control(&["--force", "--threads", "1"]).ends(&[0, 1]);

@@ -137,8 +137,11 @@ fn a_damaged_copy_of_the_log_is_made_again() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
     let before = place.content("study-results");
-    let is_of_log = |path: &&PathBuf| path.starts_with("dataset") && !path.ends_with(".lock");
-    let damaged: Vec<PathBuf> = before.keys().filter(is_of_log).cloned().collect();
+    let damaged: Vec<PathBuf> = before
+        .keys()
+        .filter(|path: &&PathBuf| path.starts_with("dataset") && !path.ends_with(".lock"))
+        .cloned()
+        .collect();
     assert_eq!(damaged.len(), 5, "{damaged:?}");
     for name in damaged {
         let path = place.path().join("study-results").join(&name);

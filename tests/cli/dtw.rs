@@ -21,11 +21,13 @@ fn numbers(values: &Value) -> Vec<f64> {
 fn results(json: &str) -> BTreeMap<String, (f64, Option<f64>)> {
     let json: Value = serde_json::from_str(json).expect("JSON on stdout");
     let results = json["results"].as_array().expect("a list");
-    let entry = |of: &Value| {
-        let name = of["step_pattern"].as_str().expect("a name").to_owned();
-        (name, (of["distance"].as_f64().expect("a number"), of["normalized_distance"].as_f64()))
-    };
-    results.iter().map(entry).collect()
+    results
+        .iter()
+        .map(|of: &Value| {
+            let name = of["step_pattern"].as_str().expect("a name").to_owned();
+            (name, (of["distance"].as_f64().expect("a number"), of["normalized_distance"].as_f64()))
+        })
+        .collect()
 }
 
 fn close(found: f64, expected: f64) -> bool {
@@ -198,7 +200,8 @@ fn rollouts_are_compared_with_what_was_recorded() {
     assert!(shown.contains("over 6 rollouts of") && shown.contains("rabinerJuang:6c"), "{shown}");
     let directory = place.path().join("study-results/rollout");
     let read = |name: &str| read_parquet(&directory.join(name)).expect("readable");
-    let (dtw, measures) = (read("dtw.parquet"), read("measures.parquet"));
+    let dtw = read("dtw.parquet");
+    let measures = read("measures.parquet");
     // 3 members, 2 rollouts, 2 sensors; 4 step patterns.
     assert_eq!((dtw.rows(), measures.rows()), (48, 12));
     assert!(measures.numbers("time_warp_edit").expect("numbers").iter().all(|&of| of > 0.0));
@@ -207,7 +210,8 @@ fn rollouts_are_compared_with_what_was_recorded() {
     let trajectories = read("trajectories.parquet");
     let steps = dtw.column::<u32>("steps").expect("a column")[0] as usize;
     let column = |name: &str| trajectories.numbers(name).expect("numbers")[..=steps].to_vec();
-    let (visited, recorded) = (column("PIT300"), column("PIT300.recorded"));
+    let visited = column("PIT300");
+    let recorded = column("PIT300.recorded");
     let normalised = column("PIT300.normalised");
     let other = visited.iter().position(|value| *value != visited[0]).expect("it moves");
     let scale = (visited[other] - visited[0]) / (normalised[other] - normalised[0]);

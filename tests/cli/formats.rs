@@ -36,7 +36,8 @@ fn a_long_table_is_shown_and_imported() {
         let text = place.calib(&["inspect", log, "--json"]).succeeds();
         serde_json::from_str(&text).expect("JSON")
     };
-    let (long, wide) = (json("history.csv"), json("wide.parquet"));
+    let long = json("history.csv");
+    let wide = json("wide.parquet");
     assert_eq!(long["shape"], "long");
     assert_eq!(long["train"], wide["train"]);
     for channel in 0..2 {

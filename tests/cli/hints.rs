@@ -40,11 +40,12 @@ fn stderr(output: &Output) -> String {
 
 /// What stands behind `next:` and `or:`.
 fn next(text: &str) -> Vec<String> {
-    let hint = |line: &str| {
-        let line = line.trim();
-        line.strip_prefix("next: ").or(line.strip_prefix("or: ")).map(str::to_owned)
-    };
-    text.lines().filter_map(hint).collect()
+    text.lines()
+        .filter_map(|line: &str| {
+            let line = line.trim();
+            line.strip_prefix("next: ").or(line.strip_prefix("or: ")).map(str::to_owned)
+        })
+        .collect()
 }
 
 /// What an error says to run.

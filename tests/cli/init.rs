@@ -11,14 +11,16 @@ fn log() -> String {
 
 fn log_of(rows: u32) -> String {
     let mut text = String::from("time;LIT100;TIT200;FIT300;FQ300;XV400\n;kPa;°C;m3/h;m3;\n");
-    let (mut total, mut noise) = (0.0, 1_u32);
+    let mut total = 0.0;
+    let mut noise = 1_u32;
     for row in 0..rows {
         noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let rough = f64::from(noise >> 16) / 65_536.0;
         let at = f64::from(row);
         let flow = 10.0 + (at / 5.0).sin() + rough;
         total += flow / 30.0;
-        let (minute, day) = (2 * row % 1_440, 13 + 2 * row / 1_440);
+        let minute = 2 * row % 1_440;
+        let day = 13 + 2 * row / 1_440;
         writeln!(
             text,
             "2024-03-{day} {:02}:{:02}:00;{:.3};{:.3};{flow:.3};{total:.3};1",
@@ -206,10 +208,16 @@ fn loggers() -> String {
             300.0 + 200.0 * (at / 5.0 + 0.4).sin() + 9.0 * rough,
             15.0 + 8.0 * (at / 30.0).cos() + 0.4 * rough,
         ];
-        let value = |value: &f64| {
-            if row % 90 == 11 { "-200".to_owned() } else { format!("{value:.2}").replace('.', ",") }
-        };
-        let values: Vec<String> = values.iter().map(value).collect();
+        let values: Vec<String> = values
+            .iter()
+            .map(|value: &f64| {
+                if row % 90 == 11 {
+                    "-200".to_owned()
+                } else {
+                    format!("{value:.2}").replace('.', ",")
+                }
+            })
+            .collect();
         let late = if row < 1_100 {
             String::new()
         } else {
@@ -218,7 +226,8 @@ fn loggers() -> String {
         if row == 700 {
             text.push_str("14/03/2024;0\r\n");
         }
-        let (minute, day) = (2 * row % 1_440, 13 + 2 * row / 1_440);
+        let minute = 2 * row % 1_440;
+        let day = 13 + 2 * row / 1_440;
         writeln!(
             text,
             "{day}/3/2024;{:02}.{:02}.00;{};{};{};{late}\r",
@@ -484,12 +493,14 @@ fn steps_back_and_rows_without_values_are_said() {
     place.write("log.csv", &text);
     let init = ["init", "log.csv", "--within", "5s", "--set", "data.contradictions=first"];
     let ran = place.calib(&init);
-    let (out, warned) = (ran.succeeds(), ran.stderr());
+    let out = ran.succeeds();
+    let warned = ran.stderr();
     assert!(out.contains("that lack \"TIT200\" for long)"), "{out}");
     assert!(!warned.contains("times go back"), "three nights are no rule: {warned}");
     let days = 9;
     let rows = (0..days * 96).map(|row| {
-        let (day, quarter) = (1 + row / 96, row % 96);
+        let day = 1 + row / 96;
+        let quarter = row % 96;
         let day = if quarter == 0 && day > 1 { day - 1 } else { day };
         let value = f64::from(row);
         format!(

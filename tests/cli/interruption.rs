@@ -28,7 +28,8 @@ fn kill_and_rerun(place: &Place, args: &[&str]) {
 
 /// What was made at once and what was made in pieces are the same files, to the byte.
 fn same(place: &Place, command: &str) {
-    let (whole, killed) = (place.content("whole"), place.content("killed"));
+    let whole = place.content("whole");
+    let killed = place.content("killed");
     assert_eq!(whole.keys().collect::<Vec<_>>(), killed.keys().collect::<Vec<_>>());
     for (path, content) in &whole {
         assert!(killed[path] == *content, "{command}: {} differs", path.display());

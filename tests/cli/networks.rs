@@ -93,7 +93,8 @@ fn networks_are_the_same_bytes_for_any_number_of_threads() {
             place.calib(&args).succeeds();
         }
     }
-    let (one, four) = (place.content("one"), place.content("four"));
+    let one = place.content("one");
+    let four = place.content("four");
     assert_eq!(one.keys().collect::<Vec<_>>(), four.keys().collect::<Vec<_>>());
     for (path, content) in &one {
         assert!(four[path] == *content, "{} differs", path.display());
@@ -208,7 +209,9 @@ fn residuals_keep_rollouts_moving() {
         args("evaluate").succeeds();
         table
     };
-    let (still, moving, blocks) = (spread("none"), spread("residual"), spread("block"));
+    let still = spread("none");
+    let moving = spread("residual");
+    let blocks = spread("block");
     assert!(still != moving && moving != blocks);
     assert!(spread("residual") == moving, "the same seeds");
 }
@@ -224,12 +227,14 @@ fn native_and_libtorch_training_agree_about_the_model() {
         let text = fs::read(path).expect("written");
         serde_json::from_slice::<serde_json::Value>(&text).expect("JSON")
     };
-    let (native, torch) = (build("native", &[]), build("torch", &["--device", "cpu"]));
+    let native = build("native", &[]);
+    let torch = build("torch", &["--device", "cpu"]);
     assert_eq!(native["key"], torch["key"]);
     let loss = |manifest: &serde_json::Value| {
         manifest["training"]["validation_loss"].as_f64().expect("a number")
     };
-    let (a, b) = (loss(&native), loss(&torch));
+    let a = loss(&native);
+    let b = loss(&torch);
     assert!((a - b).abs() < 0.02 * a, "{a} {b}");
 }
 

@@ -129,7 +129,8 @@ fn early_stopping_keeps_the_best_epoch() {
     let json = place.calib(&args).succeeds();
     let manifest: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
     for agent in manifest["agents"].as_array().expect("a list") {
-        let (epoch, epochs) = (&agent["epoch"], agent["curve"].as_array().expect("a list").len());
+        let epoch = &agent["epoch"];
+        let epochs = agent["curve"].as_array().expect("a list").len();
         assert!(epochs < 400, "{epochs}");
         assert_eq!(epoch.as_u64().expect("a number") + 2, epochs as u64);
     }

@@ -66,7 +66,8 @@ fn a_sweep_keeps_the_extremes_of_what_was_recorded_in_physical_units() {
             let kept = kept(&place, period, sensor);
             assert!(kept.times.is_sorted(), "{period}, {sensor}");
             assert!((100..=1300).contains(&kept.times.len()), "{} points", kept.times.len());
-            let (first, last) = (kept.times[0], kept.times[kept.times.len() - 1]);
+            let first = kept.times[0];
+            let last = kept.times[kept.times.len() - 1];
             let (low, high) = kept.ends();
             let (least, most) = logged(&place, sensor, first, last).ends();
             assert!((low - least).abs() < 1e-3 && (high - most).abs() < 1e-3, "{period}, {sensor}");

@@ -48,7 +48,8 @@ fn results_are_the_same_bytes_for_any_number_of_threads() {
                 .succeeds();
         }
     }
-    let (one, four) = (place.content("one"), place.content("four"));
+    let one = place.content("one");
+    let four = place.content("four");
     assert_eq!(one.keys().collect::<Vec<_>>(), four.keys().collect::<Vec<_>>());
     for (path, content) in &one {
         assert!(four[path] == *content, "{} differs", path.display());

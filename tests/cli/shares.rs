@@ -19,7 +19,8 @@ fn a_grid_of_representations_in_shares_is_that_of_one_process() {
         place.edit_study("[1e-3, 3e-3]", "[1e-3, 2e-3, 3e-3]");
         place
     };
-    let (alone, shared) = (place(), place());
+    let alone = place();
+    let shared = place();
     alone.calib(&["represent", "study.toml"]).succeeds();
     let share = |of: &str| shared.calib(&["represent", "study.toml", "--share", of]);
     // In any order, and one twice; of one nothing is left to do.
@@ -51,7 +52,8 @@ fn agents_that_shares_pre_train_are_those_of_one_process() {
         place.edit_study("[\"PIT300\", \"TIT101\"]", "[\"PIT300\", \"TUIT101\", \"TIT101\"]");
         place
     };
-    let (alone, shared) = (place(), place());
+    let alone = place();
+    let shared = place();
     alone.calib(&["pretrain", "study.toml"]).succeeds();
     let share = |of: &str| shared.calib(&["pretrain", "study.toml", "--share", of]);
     assert!(share("0/2").succeeds().contains("share 0/2: 2 agents pre-trained, of 3"));

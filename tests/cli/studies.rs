@@ -29,7 +29,8 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     for command in ["build-model", "rollout", "sweep", "evaluate"] {
         place.calib(&[command, "study.toml", "--output", "steps"]).succeeds();
     }
-    let (by_steps, mut whole) = (place.content("steps"), place.content("study-results"));
+    let by_steps = place.content("steps");
+    let mut whole = place.content("study-results");
     whole.insert("report.html".into(), by_steps[std::path::Path::new("report.html")].clone());
     assert!(by_steps == whole, "but for the report's command lines");
 
@@ -204,7 +205,8 @@ fn models_of_a_part_of_the_range_have_the_units_of_all_of_it() {
         let text = std::fs::read(place.path().join(path)).expect("written");
         serde_json::from_slice(&text).expect("JSON")
     };
-    let (all, day) = (manifest("all"), manifest("day"));
+    let all = manifest("all");
+    let day = manifest("day");
     assert_eq!(all["normaliser"], day["normaliser"]);
     assert!(day["rows"].as_u64() < all["rows"].as_u64().map(|rows| rows * 2 / 3));
     assert!(day["times"][0].as_str().expect("a time").starts_with("2022-11-02"));
@@ -238,10 +240,8 @@ fn models_that_differ_in_their_rollouts_share_tables() {
     // Each is the same to the byte as alone.
     let alone = ["build-model", "study.toml", "--model", "near", "--output", "alone"];
     place.calib(&alone).succeeds();
-    let (mut copied, mut made) = (
-        place.content("study-results/models/near/model"),
-        place.content("alone/models/near/model"),
-    );
+    let mut copied = place.content("study-results/models/near/model");
+    let mut made = place.content("alone/models/near/model");
     for content in [&mut copied, &mut made] {
         content.retain(|path, _| path.file_name().is_some_and(|name| name != "manifest.json"));
     }

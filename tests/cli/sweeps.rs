@@ -136,14 +136,19 @@ fn a_halving_chooses_from_a_part_of_the_runs_and_says_so() {
     let chosen = |place: &Place| {
         let told = place.calib(&["evaluate", "study.toml", "--json"]).stdout();
         let verdict: serde_json::Value = serde_json::from_str(&told).expect("JSON");
-        let of = |one: &serde_json::Value| one["chosen"].as_u64().expect("a number");
-        verdict["verdicts"].as_array().expect("a list").iter().map(of).collect::<Vec<_>>()
+        verdict["verdicts"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .map(|one: &serde_json::Value| one["chosen"].as_u64().expect("a number"))
+            .collect::<Vec<_>>()
     };
     let made = |place: &Place| runs(place).column::<u32>("candidate").expect("there").len();
     for command in ["build-model", "sweep"] {
         place.calib(&[command, "study.toml"]).succeeds();
     }
-    let (whole, all) = (chosen(&place), made(&place));
+    let whole = chosen(&place);
+    let all = made(&place);
     place.edit_study("member_runs = 4", "member_runs = 4\nrace = \"halving\"");
     place.calib(&["sweep", "study.toml"]).succeeds();
     assert_eq!(chosen(&place), whole);
@@ -200,7 +205,8 @@ fn one_more_value_in_the_grid_trains_that_value_alone() {
     let small = "learning_rate = [1e-5, 1e-3, 1e-2]";
     let large = "learning_rate = [1e-5, 1e-4, 1e-3, 1e-2]";
     for race in ["none", "halving", "sure"] {
-        let (grown, fresh) = (Place::with_study(), Place::with_study());
+        let grown = Place::with_study();
+        let fresh = Place::with_study();
         for place in [&grown, &fresh] {
             place.edit_study("member_runs = 2", &format!("member_runs = 3\nrace = \"{race}\""));
             place.calib(&["build-model", "study.toml"]).succeeds();

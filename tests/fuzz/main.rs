@@ -69,7 +69,8 @@ fn edited(whole: &[u8], edits: &[Edit]) -> Vec<u8> {
                 bytes[place..end].copy_from_slice(&number.to_le_bytes()[..end - place]);
             }
             Edit::Copy(from, to) => {
-                let (from, to) = (from.index(length), to.index(length));
+                let from = from.index(length);
+                let to = to.index(length);
                 let count = 16.min(length - from.max(to));
                 bytes.copy_within(from..from + count, to);
             }

@@ -169,7 +169,8 @@ fn with_runs() -> Place {
 
 /// Everything in a place but folders, by its path there.
 fn listed(place: &Place) -> BTreeSet<PathBuf> {
-    let (mut found, mut pending) = (BTreeSet::new(), vec![place.path().to_owned()]);
+    let mut found = BTreeSet::new();
+    let mut pending = vec![place.path().to_owned()];
     while let Some(folder) = pending.pop() {
         for entry in fs::read_dir(&folder).expect("readable").flatten() {
             if entry.file_type().expect("known").is_dir() {

@@ -214,7 +214,8 @@ impl Bases {
 fn import(base: &Place, draws: &mut Draws) -> (String, Ended) {
     let place = copied(base);
     let path = place.path().join("psi.npy");
-    let (rows, columns) = (216, 1 + draws.below(3));
+    let rows = 216;
+    let columns = 1 + draws.below(3);
     let values: Vec<f32> = (0..rows * columns).map(|place| (place as f32).sin()).collect();
     write_npy(&path, &values, rows, columns).expect("written");
     let mut bytes = fs::read(&path).expect("readable");

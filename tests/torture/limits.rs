@@ -165,8 +165,10 @@ impl Tally {
             }
             Ended::Wrong(how) => {
                 counts[2] += 1;
-                let told = || (format!("{kind}: {case}: {how}"), 0);
-                self.wrong.entry(bare(&how)).or_insert_with(told).1 += 1;
+                self.wrong
+                    .entry(bare(&how))
+                    .or_insert_with(|| (format!("{kind}: {case}: {how}"), 0))
+                    .1 += 1;
             }
         }
     }
@@ -183,8 +185,11 @@ impl Tally {
         for (message, count) in &self.helpless {
             println!("says not what to do ({count}): {message}");
         }
-        let told = |(case, count): &(String, usize)| format!("{count} such: {case}");
-        let shown: Vec<String> = self.wrong.values().map(told).collect();
+        let shown: Vec<String> = self
+            .wrong
+            .values()
+            .map(|(case, count): &(String, usize)| format!("{count} such: {case}"))
+            .collect();
         assert!(shown.is_empty(), "{} kinds of wrong:\n{}", shown.len(), shown.join("\n\n"));
         assert!(self.helpless.is_empty(), "{} messages do not say what to do", self.helpless.len());
     }

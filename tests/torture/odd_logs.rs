@@ -39,7 +39,10 @@ const COMMANDS: [&[&str]; 8] = [
 /// One log of each shape alone, then drawn ones.
 fn shape(case: usize, draws: &mut Draws) -> Shape {
     let plain = Shape { kind: "f64", content: "wave", times: "us", files: "one" };
-    let (kinds, contents, times, files) = (KINDS.len(), CONTENTS.len(), TIMES.len(), FILES.len());
+    let kinds = KINDS.len();
+    let contents = CONTENTS.len();
+    let times = TIMES.len();
+    let files = FILES.len();
     match case {
         case if case < kinds => Shape { kind: KINDS[case], ..plain },
         case if case < kinds + contents => Shape { content: CONTENTS[case - kinds], ..plain },

@@ -265,7 +265,8 @@ fn grouped(whole: u64, sign: char) -> String {
 
 /// A number of thousandths as it is written in a row of a file, and what it is: fractions that cannot be written are left out.
 fn number(numbers: &str, thousandths: u64, row: usize, file: usize) -> (String, Option<f64>) {
-    let (whole, fraction) = (thousandths / 1_000, thousandths % 1_000);
+    let whole = thousandths / 1_000;
+    let fraction = thousandths % 1_000;
     let half = whole as f64 + 0.5;
     let late = row >= 430;
     let text_and_value = |text: String, value: f64| (text, Some(value));

@@ -254,9 +254,9 @@ pub(crate) fn column(name: &str, kind: &str, values: &[(f64, bool)]) -> Column {
     let there = values.iter().filter(|(_, there)| *there).map(|(value, _)| *value);
     let bytes = if kind == "bool" {
         let bits: Vec<bool> = there.map(|value| value > 50.0).collect();
-        let byte =
-            |bits: &[bool]| bits.iter().rev().fold(0, |byte, &bit| byte << 1 | u8::from(bit));
-        bits.chunks(8).map(byte).collect()
+        bits.chunks(8)
+            .map(|bits: &[bool]| bits.iter().rev().fold(0, |byte, &bit| byte << 1 | u8::from(bit)))
+            .collect()
     } else if kind == "dictionary of text" {
         [plain(kind, 1.0), plain(kind, -1.0)].concat()
     } else {

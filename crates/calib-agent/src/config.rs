@@ -429,11 +429,11 @@ impl AgentConfig {
 
     fn check_traces(&self) -> Result<(), AgentConfigError> {
         let decays = &self.traces;
-        let fits = |(place, decay): (usize, &f64)| {
-            (0.0..1.0).contains(decay) && !decays[..place].contains(decay)
-        };
         require(
-            decays.len() <= 16 && decays.iter().enumerate().all(fits),
+            decays.len() <= 16
+                && decays.iter().enumerate().all(|(place, decay): (usize, &f64)| {
+                    (0.0..1.0).contains(decay) && !decays[..place].contains(decay)
+                }),
             "traces",
             &format!("{decays:?}"),
             "at most 16 different numbers in [0, 1), such as [0.9, 0.99]",

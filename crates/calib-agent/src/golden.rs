@@ -43,7 +43,8 @@ struct Case {
 
 /// Predictions before each update and parameters after the last, in the file's order.
 fn trained(golden: &Golden, config: &AgentConfig) -> (Vec<f32>, Vec<f32>) {
-    let (steps, width) = (golden.states.len(), golden.states[0].len());
+    let steps = golden.states.len();
+    let width = golden.states[0].len();
     let states = States::new(golden.states.concat(), steps, width).expect("valid");
     let stream = RowStream::unbroken(states, (0..steps).map(RowIndex::new).collect());
     let learners = [Learner { config, cumulant: golden.cumulant, start: None, baseline: None }];
@@ -58,13 +59,17 @@ fn trained(golden: &Golden, config: &AgentConfig) -> (Vec<f32>, Vec<f32>) {
     };
     let parameters = golden.parameters[name].clone();
     values.restore(0, &ValueState::from(&Checkpoint { parameters, moments: None }));
-    let learn = |(number, starts): (usize, &Vec<usize>)| {
-        let mut learned = [Learned::default()];
-        let batch = Batch { stream: &stream, starts, present: Some(number) };
-        values.learn(batch, &[0], &mut learned);
-        learned[0].prediction.expect("asked for")
-    };
-    let predictions = golden.batches.iter().enumerate().map(learn).collect();
+    let predictions = golden
+        .batches
+        .iter()
+        .enumerate()
+        .map(|(number, starts): (usize, &Vec<usize>)| {
+            let mut learned = [Learned::default()];
+            let batch = Batch { stream: &stream, starts, present: Some(number) };
+            values.learn(batch, &[0], &mut learned);
+            learned[0].prediction.expect("asked for")
+        })
+        .collect();
     (predictions, values.state(0).checkpoint.parameters)
 }
 

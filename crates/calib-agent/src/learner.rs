@@ -118,12 +118,14 @@ impl Cumulants {
         let mut series = vec![];
         let mut series_of = Vec::with_capacity(learners.len());
         for learner in learners {
-            let same = |other: &&Learner<'_>| other.has_cumulant_of(learner);
-            let place = known.iter().position(same).unwrap_or_else(|| {
-                known.push(learner);
-                series.push(learner.cumulants(stream));
-                series.len() - 1
-            });
+            let place = known
+                .iter()
+                .position(|other: &&Learner<'_>| other.has_cumulant_of(learner))
+                .unwrap_or_else(|| {
+                    known.push(learner);
+                    series.push(learner.cumulants(stream));
+                    series.len() - 1
+                });
             series_of.push(place);
         }
         Self { series, series_of }

@@ -53,25 +53,31 @@ impl LinearValues {
         let mut weights = Mlp::new(&[width, 1], parameter_seed(seed)).parameters().to_vec();
         weights.resize(padded, 0.0);
         let Cumulants { series, series_of } = Cumulants::new(learners, stream);
-        let agent = |(learner, series): (&Learner<'_>, usize)| {
-            let clock = TargetClock::new(learner.config.target_network_period);
-            let weights =
-                if learner.baseline.is_some() { vec![0.0; padded] } else { weights.clone() };
-            Agent {
-                config: learner.config.clone(),
-                series,
-                target: clock.is_on().then(|| weights.clone()),
-                clock,
-                gradient: vec![0.0; padded],
-                optimiser: optimiser(learner.config, padded),
-                weights,
-            }
-        };
         let mut states = vec![0.0; BLOCK * padded];
         states.iter_mut().skip(width).step_by(padded).for_each(|one| *one = 1.0);
         Self {
             gamma: learners[0].config.gamma as f32,
-            agents: learners.iter().zip(series_of).map(agent).collect(),
+            agents: learners
+                .iter()
+                .zip(series_of)
+                .map(|(learner, series): (&Learner<'_>, usize)| {
+                    let clock = TargetClock::new(learner.config.target_network_period);
+                    let weights = if learner.baseline.is_some() {
+                        vec![0.0; padded]
+                    } else {
+                        weights.clone()
+                    };
+                    Agent {
+                        config: learner.config.clone(),
+                        series,
+                        target: clock.is_on().then(|| weights.clone()),
+                        clock,
+                        gradient: vec![0.0; padded],
+                        optimiser: optimiser(learner.config, padded),
+                        weights,
+                    }
+                })
+                .collect(),
             cumulants: vec![[0.0; BLOCK]; series.len()],
             series,
             length: width + 1,
@@ -138,7 +144,8 @@ impl Values for LinearValues {
     }
 
     fn restore(&mut self, agent: usize, state: &ValueState) {
-        let (agent, padded) = (&mut self.agents[agent], self.padded);
+        let agent = &mut self.agents[agent];
+        let padded = self.padded;
         let pad = |values: &[f32]| {
             let mut values = values.to_vec();
             values.resize(padded, 0.0);
@@ -227,11 +234,14 @@ impl Pass<'_> {
         let LinearValues { gamma, agents, series, cumulants, padded, states, ahead, .. } =
             &mut *self.values;
         let stream = self.batch.stream;
-        let (gamma, width, padded) = (*gamma, stream.width(), *padded);
+        let gamma = *gamma;
+        let width = stream.width();
+        let padded = *padded;
         let with_targets = agents[0].target.is_some();
         let rows = states.chunks_exact_mut(padded).zip(ahead.chunks_exact_mut(padded));
         for (t, (state, ahead)) in starts.into_iter().zip(rows) {
-            let (now, next) = (stream.state(t), stream.state(t + 1));
+            let now = stream.state(t);
+            let next = stream.state(t + 1);
             state[..width].copy_from_slice(now);
             let kept = if with_targets { 0.0 } else { -1.0 };
             for ((ahead, next), now) in ahead.iter_mut().zip(next).zip(now) {
@@ -324,11 +334,13 @@ mod tests {
     /// TD(0) with linear values converges to the w with Σ x (x − γx')ᵀ w = Σ x o (Bradtke & Barto 1996).
     #[test]
     fn converges_to_the_fixed_point_of_td() {
-        let (n, gamma) = (400, 0.8);
+        let n = 400;
+        let gamma = 0.8;
         let mut rng = Seed::new(6).rng();
         let mut values = vec![0.0_f64; 2];
         for t in 1..n {
-            let (a, b) = (values[2 * t - 2], values[2 * t - 1]);
+            let a = values[2 * t - 2];
+            let b = values[2 * t - 1];
             values.push(0.7 * a - 0.3 * b + 0.5 * rng.normal());
             values.push(0.4 * a + 0.6 * b * b.cos() + 0.2);
         }

@@ -58,7 +58,8 @@ pub fn train_together(
         check_accelerated(learner.config)?;
     }
     for run in runs {
-        let (got, expected) = (run.stream.width(), first.stream.width());
+        let got = run.stream.width();
+        let expected = first.stream.width();
         if got != expected {
             return Err(AgentError::Widths { got, expected });
         }
@@ -66,7 +67,8 @@ pub fn train_together(
     }
     let mut outcomes: Vec<Vec<Option<RunOutcome>>> = vec![vec![None; learners.len()]; runs.len()];
     let steps: u64 = runs.iter().map(|run| run.steps as u64).sum();
-    let (mut done, mut reported) = (0, 0);
+    let mut done = 0;
+    let mut reported = 0;
     for group in groups(learners) {
         let own: Vec<Learner<'_>> = group.iter().map(|&place| learners[place]).collect();
         let mut cohort = Cohort::new(runs, &own)?;

@@ -15,11 +15,14 @@ use crate::{
 ///   the states with traces, if any, 4 bytes each; returns, 8 bytes a step and sensor; the replay buffer, which
 ///   is a list of step numbers, 4 bytes a step.
 pub fn training_bytes(agents: &[AgentConfig], sensors: usize, width: usize, states: usize) -> u64 {
-    let population = |first: &AgentConfig| {
-        let size = agents.iter().filter(|agent| can_share(first, agent)).count();
-        population_bytes(first, size * sensors, sensors, width, states)
-    };
-    agents.iter().map(population).max().unwrap_or(0)
+    agents
+        .iter()
+        .map(|first: &AgentConfig| {
+            let size = agents.iter().filter(|agent| can_share(first, agent)).count();
+            population_bytes(first, size * sensors, sensors, width, states)
+        })
+        .max()
+        .unwrap_or(0)
 }
 
 /// Bytes that [`pretrain`](crate::pretrain) takes at most beside the stream, with one `agent` for each of `sensors`

@@ -64,22 +64,25 @@ impl MlpValues {
         zeroed[count - network.hidden_units() - 1..].fill(0.0);
         zero_output.set_parameters(&zeroed);
         let Cumulants { series, series_of } = Cumulants::new(learners, stream);
-        let agent = |(learner, series): (&Learner<'_>, usize)| {
-            let clock = TargetClock::new(learner.config.target_network_period);
-            let network = if learner.baseline.is_some() { &zero_output } else { &network };
-            Agent {
-                config: learner.config.clone(),
-                target: clock.is_on().then(|| network.clone()),
-                clock,
-                optimiser: optimiser(learner.config, count),
-                network: network.clone(),
-                series,
-                learns: learner.learns(),
-            }
-        };
         Self {
             gamma: shape.gamma as f32,
-            agents: learners.iter().zip(series_of).map(agent).collect(),
+            agents: learners
+                .iter()
+                .zip(series_of)
+                .map(|(learner, series): (&Learner<'_>, usize)| {
+                    let clock = TargetClock::new(learner.config.target_network_period);
+                    let network = if learner.baseline.is_some() { &zero_output } else { &network };
+                    Agent {
+                        config: learner.config.clone(),
+                        target: clock.is_on().then(|| network.clone()),
+                        clock,
+                        optimiser: optimiser(learner.config, count),
+                        network: network.clone(),
+                        series,
+                        learns: learner.learns(),
+                    }
+                })
+                .collect(),
             pass,
             cumulants: Vec::with_capacity(series.len() * batch),
             series,
@@ -101,7 +104,8 @@ impl MlpValues {
 
     fn learn_one(&mut self, agent: usize, present: bool) -> Learned {
         let Self { gamma, agents, series, pass, cumulants, .. } = self;
-        let (next_values, output_gradient) = (&mut self.next_values, &mut self.output_gradient);
+        let next_values = &mut self.next_values;
+        let output_gradient = &mut self.output_gradient;
         let agent = &mut agents[agent];
         let batch = cumulants.len() / series.len();
         let cumulants = &cumulants[agent.series * batch..][..batch];
@@ -256,7 +260,8 @@ mod tests {
         let after = agents.agents[0].network.parameters().to_vec();
         let mut network = before.clone();
         for (index, after) in after.into_iter().enumerate() {
-            let (at, step) = (before.parameters()[index], 1e-2);
+            let at = before.parameters()[index];
+            let step = 1e-2;
             network.parameters_mut()[index] = at + step;
             let above = loss(&network);
             network.parameters_mut()[index] = at - step;

@@ -130,7 +130,8 @@ impl Agent {
         let value = self.value(features);
         let error = reward + gamma * value - self.memory.value;
         let Rule { lambda, bound, meta_step_size, .. } = self.rule;
-        let (length, value_step) = (self.weights.len(), self.memory.value_step);
+        let length = self.weights.len();
+        let value_step = self.memory.value_step;
         let decay = gamma * lambda;
         let Memory {
             log_rates,
@@ -184,7 +185,9 @@ impl Agent {
             p,
             ..
         } = &mut self.memory;
-        let (mut rate, mut overlap, mut value_step) = (0.0, 0.0, 0.0);
+        let mut rate = 0.0;
+        let mut overlap = 0.0;
+        let mut value_step = 0.0;
         for (i, x) in features.iter().enumerate() {
             rate += log_rates[i].exp() * x * x;
             overlap += trace[i] * x;
@@ -218,20 +221,23 @@ impl OnlineValues {
     pub(crate) fn new(learners: &[Learner<'_>], stream: &dyn Stream) -> Self {
         let length = stream.width() + 1;
         let Cumulants { series, series_of } = Cumulants::new(learners, stream);
-        let agent = |(learner, series): (&Learner<'_>, usize)| {
-            let rule = Rule::of(learner.config);
-            Agent {
-                rule,
-                series,
-                learns: learner.learns(),
-                weights: vec![0.0; length],
-                memory: Memory::new(length, learner.config.learning_rate, rule),
-                updates: 0,
-            }
-        };
         Self {
             gamma: learners[0].config.gamma as f32,
-            agents: learners.iter().zip(series_of).map(agent).collect(),
+            agents: learners
+                .iter()
+                .zip(series_of)
+                .map(|(learner, series): (&Learner<'_>, usize)| {
+                    let rule = Rule::of(learner.config);
+                    Agent {
+                        rule,
+                        series,
+                        learns: learner.learns(),
+                        weights: vec![0.0; length],
+                        memory: Memory::new(length, learner.config.learning_rate, rule),
+                        updates: 0,
+                    }
+                })
+                .collect(),
             series,
             features: vec![1.0; length],
         }
@@ -349,7 +355,8 @@ mod tests {
     fn the_published_implementation_gives_the_same() {
         let golden: Golden =
             serde_json::from_str(include_str!("../tests/golden/swift_td.json")).expect("reads");
-        let (steps, width) = (golden.features.len(), golden.features[0].len());
+        let steps = golden.features.len();
+        let width = golden.features[0].len();
         // A state is all features but the constant, and the reward that comes with it.
         let values = golden.features.iter().zip(&golden.rewards);
         let values: Vec<f32> = values

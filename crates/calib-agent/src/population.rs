@@ -89,20 +89,21 @@ impl<'a> Truth<'a> {
         let mut distinct: Vec<usize> = learners.iter().map(|learner| learner.cumulant).collect();
         distinct.sort_unstable();
         distinct.dedup();
-        let place = |learner: &Learner<'_>| {
-            distinct.partition_point(|&cumulant| cumulant < learner.cumulant)
-        };
-        let columns = learners.iter().map(place).collect();
+        let columns = learners
+            .iter()
+            .map(|learner: &Learner<'_>| {
+                distinct.partition_point(|&cumulant| cumulant < learner.cumulant)
+            })
+            .collect();
         let returns: Vec<_> =
             distinct.iter().map(|&column| discounted_returns(stream, column, gamma)).collect();
         let scored = returns
             .iter()
             .map(|returns| {
                 let pieces = stream.pieces();
-                let scored = |part: Part| {
+                let all = Part::ALL.map(|part: Part| {
                     ScoredReturns::new(returns, pieces, gamma, part.first_step(steps)..steps)
-                };
-                let all = Part::ALL.map(scored);
+                });
                 let whole = all[Part::WholeRun as usize];
                 whole.map(|_| all).ok_or_else(|| nothing_to_score(pieces, gamma, 0, steps))
             })

@@ -186,21 +186,26 @@ impl<'a> PretrainRun<'a> {
         let Pretraining { stream, seed, .. } = training;
         let of_group = learners.len().div_ceil(rayon::current_num_threads());
         let positions: Vec<usize> = (0..learners.len()).collect();
-        let group = |(members, learners): (&[usize], &[Learner<'_>])| {
-            let batch = learners[0].config.batch_size;
-            let mut values = values_of(learners, stream, batch, seed);
-            for (agent, learner) in learners.iter().enumerate() {
-                if let Some(start) = learner.start {
-                    values.restore(agent, &ValueState::from(start));
-                }
-            }
-            LearnerGroup { values, members: members.to_vec() }
-        };
-        let validation = |learner: &Learner<'a>| Validation::new(stream, learner, validate);
         Self {
             training,
-            groups: positions.chunks(of_group).zip(learners.chunks(of_group)).map(group).collect(),
-            validations: learners.iter().map(validation).collect(),
+            groups: positions
+                .chunks(of_group)
+                .zip(learners.chunks(of_group))
+                .map(|(members, learners): (&[usize], &[Learner<'_>])| {
+                    let batch = learners[0].config.batch_size;
+                    let mut values = values_of(learners, stream, batch, seed);
+                    for (agent, learner) in learners.iter().enumerate() {
+                        if let Some(start) = learner.start {
+                            values.restore(agent, &ValueState::from(start));
+                        }
+                    }
+                    LearnerGroup { values, members: members.to_vec() }
+                })
+                .collect(),
+            validations: learners
+                .iter()
+                .map(|learner: &Learner<'a>| Validation::new(stream, learner, validate))
+                .collect(),
             courses: vec![Course::default(); learners.len()],
             best: vec![None; learners.len()],
             epochs: 0,
@@ -214,8 +219,10 @@ impl<'a> PretrainRun<'a> {
         batch: usize,
         monitor: &dyn Monitor,
     ) -> Result<(), AgentError> {
-        let (stream, number) = (self.training.stream, self.epochs + 1);
-        let (courses, validations) = (&self.courses, &self.validations);
+        let stream = self.training.stream;
+        let number = self.epochs + 1;
+        let courses = &self.courses;
+        let validations = &self.validations;
         let epochs: Vec<Vec<(usize, Option<Epoch>)>> = self
             .groups
             .par_iter_mut()
@@ -235,17 +242,24 @@ impl<'a> PretrainRun<'a> {
                     }
                     monitor.advance(starts.len() as u64);
                 }
-                let epoch = |(&agent, loss): (&usize, f64)| {
-                    let learner = members[agent];
-                    let training_loss = loss / order.len() as f64;
-                    let epoch =
-                        validations[learner].epoch(number, training_loss, stream, |steps, out| {
-                            values.predict_all(agent, stream, steps, out);
-                        });
-                    let losses = [training_loss, epoch.validation_loss, epoch.error()];
-                    (learner, losses.iter().all(|loss| loss.is_finite()).then_some(epoch))
-                };
-                Ok(live.iter().zip(losses).map(epoch).collect())
+                Ok(live
+                    .iter()
+                    .zip(losses)
+                    .map(|(&agent, loss): (&usize, f64)| {
+                        let learner = members[agent];
+                        let training_loss = loss / order.len() as f64;
+                        let epoch = validations[learner].epoch(
+                            number,
+                            training_loss,
+                            stream,
+                            |steps, out| {
+                                values.predict_all(agent, stream, steps, out);
+                            },
+                        );
+                        let losses = [training_loss, epoch.validation_loss, epoch.error()];
+                        (learner, losses.iter().all(|loss| loss.is_finite()).then_some(epoch))
+                    })
+                    .collect())
             })
             .collect::<Result<_, Cancelled>>()?;
         for (learner, epoch) in epochs.into_iter().flatten() {
@@ -279,13 +293,12 @@ impl<'a> PretrainRun<'a> {
 
     /// A learner as it stands.
     fn state(&self, learner: usize) -> ValueState {
-        let find = |group: &LearnerGroup| {
-            let agent = group.members.iter().position(|&member| member == learner)?;
-            Some(group.values.state(agent))
-        };
         self.groups
             .iter()
-            .find_map(find)
+            .find_map(|group: &LearnerGroup| {
+                let agent = group.members.iter().position(|&member| member == learner)?;
+                Some(group.values.state(agent))
+            })
             .unwrap_or_else(|| unreachable!("every learner is in a group"))
     }
 
@@ -328,15 +341,18 @@ impl<'a> PretrainRun<'a> {
     fn finish(mut self) -> Vec<Result<Pretrained, PretrainingDiverged>> {
         let last: Vec<Checkpoint> =
             (0..self.courses.len()).map(|learner| self.state(learner).checkpoint).collect();
-        let outcome = |((course, last), best): ((Course, Checkpoint), Option<Checkpoint>)| {
-            if let Some(epoch) = course.diverged {
-                return Err(PretrainingDiverged { epoch });
-            }
-            let epoch = if best.is_some() { course.best } else { course.curve.len() };
-            Ok(Pretrained { checkpoint: best.unwrap_or(last), epoch, curve: course.curve })
-        };
         let courses = std::mem::take(&mut self.courses).into_iter();
-        courses.zip(last).zip(self.best).map(outcome).collect()
+        courses
+            .zip(last)
+            .zip(self.best)
+            .map(|((course, last), best): ((Course, Checkpoint), Option<Checkpoint>)| {
+                if let Some(epoch) = course.diverged {
+                    return Err(PretrainingDiverged { epoch });
+                }
+                let epoch = if best.is_some() { course.best } else { course.curve.len() };
+                Ok(Pretrained { checkpoint: best.unwrap_or(last), epoch, curve: course.curve })
+            })
+            .collect()
     }
 }
 

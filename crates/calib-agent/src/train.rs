@@ -123,7 +123,8 @@ pub fn train_learners(
     };
     let mut outcomes: Vec<Option<RunOutcome>> = vec![None; learners.len()];
     let mut progress = Progress { monitor, agents: learners.len() as u64, done: 0, reported: 0 };
-    let (mut work, mut told) = (0_u64, 0_u64);
+    let mut work = 0_u64;
+    let mut told = 0_u64;
     for (number, members) in groups.iter().enumerate() {
         let of_group: Vec<Learner<'_>> = members.iter().map(|&member| learners[member]).collect();
         let decays = &of_group[0].config.traces;
@@ -131,7 +132,8 @@ pub fn train_learners(
         let seen = traced.as_ref().map_or(stream, |traced| traced as &dyn Stream);
         let task = Task { stream: seen, ..task };
         let truth = Truth::new(task, &of_group)?;
-        let (size, before) = (members.len() as u64, progress.done);
+        let size = members.len() as u64;
+        let before = progress.done;
         if number >= finished {
             let own = members.iter().map(|&member| trackers[member].clone()).collect();
             let mut population = Population::new(task, &truth, &of_group, own);
@@ -172,8 +174,7 @@ pub fn train_learners(
         }
         progress.set(before + size * steps as u64);
         for (position, &member) in members.iter().enumerate() {
-            let returns = |part| truth.scored(position, part);
-            let outcome = trackers[member].clone().outcome(returns);
+            let outcome = trackers[member].clone().outcome(|part| truth.scored(position, part));
             outcomes[member] = Some(outcome);
         }
     }
@@ -184,8 +185,10 @@ pub fn train_learners(
 pub(crate) fn populations(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = vec![];
     for (index, learner) in learners.iter().enumerate() {
-        let fits = |group: &&mut Vec<usize>| can_share(learners[group[0]].config, learner.config);
-        match groups.iter_mut().find(fits) {
+        match groups
+            .iter_mut()
+            .find(|group: &&mut Vec<usize>| can_share(learners[group[0]].config, learner.config))
+        {
             Some(group) => group.push(index),
             None => groups.push(vec![index]),
         }

@@ -41,8 +41,11 @@ impl<'a> Validation<'a> {
         stream: &dyn Stream,
         mut predict: impl FnMut(Range<usize>, &mut Vec<f32>),
     ) -> Epoch {
-        let (mut loss, mut transitions) = (0.0, 0_usize);
-        let (mut squares, mut sum, mut steps) = (0.0, 0.0, 0_usize);
+        let mut loss = 0.0;
+        let mut transitions = 0_usize;
+        let mut squares = 0.0;
+        let mut sum = 0.0;
+        let mut steps = 0_usize;
         let mut values = Vec::new();
         for (stretch, known) in self.stretches.iter().zip(&self.known) {
             values.clear();

@@ -122,7 +122,8 @@ impl<T: Facts> Artefact<T> {
         }
         for other in job.layout().of_other_models(T::STEP) {
             let Some(found) = Self::find(&other, key) else { continue };
-            let (result, place) = (T::STEP.result(), other.display());
+            let result = T::STEP.result();
+            let place = other.display();
             printer.say(&format!("the {result} is that in {place}, and is copied"));
             let claim = DirectoryLock::begun(&directory)?;
             for name in found.files.keys() {

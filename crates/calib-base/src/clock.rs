@@ -76,7 +76,8 @@ pub struct TimeTaken {
 impl TimeTaken {
     /// By this work.
     pub fn by<T>(work: impl FnOnce() -> T) -> (T, Self) {
-        let (clock, before) = (Stopwatch::start(), processor_secs());
+        let clock = Stopwatch::start();
+        let before = processor_secs();
         let made = work();
         let secs = clock.elapsed().as_secs_f64();
         (made, Self { secs, processor_secs: processor_secs() - before })

@@ -23,7 +23,8 @@ pub fn write_states(path: &Path, frames: &Frames) -> Result<(), StepError> {
 /// If the file cannot be read, or is no array of states.
 pub fn map_states(path: &Path) -> Result<States, StepError> {
     let mapped = map_npy::<f32>(path)?;
-    let (rows, columns) = (mapped.rows(), mapped.columns());
+    let rows = mapped.rows();
+    let columns = mapped.columns();
     Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
 }
 

@@ -173,11 +173,13 @@ fn limits(root: &Path, groups: &str) -> Vec<u64> {
             // Pages of files count as used, but give way, those that were used lately among them: a log that was just
             // prepared is nothing else.
             let told = fs::read_to_string(directory.join("memory.stat")).unwrap_or_default();
-            let pages = |line: &str| -> Option<u64> {
-                let inactive = line.strip_prefix("inactive_file ");
-                inactive.or_else(|| line.strip_prefix("active_file "))?.trim().parse().ok()
-            };
-            let cached: u64 = told.lines().filter_map(pages).sum();
+            let cached: u64 = told
+                .lines()
+                .filter_map(|line: &str| -> Option<u64> {
+                    let inactive = line.strip_prefix("inactive_file ");
+                    inactive.or_else(|| line.strip_prefix("active_file "))?.trim().parse().ok()
+                })
+                .sum();
             left.push(limit.saturating_sub(used.saturating_sub(cached)));
         }
     }

@@ -39,7 +39,8 @@ fn main() -> Outcome<()> {
         Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
     };
     let directory = Path::new(arguments.first().ok_or("where to write?")?);
-    let (logs, truth_runs) = (number(1, 10)?, number(2, 30)?);
+    let logs = number(1, 10)?;
+    let truth_runs = number(2, 30)?;
     fs::create_dir_all(directory)?;
     let candidates = Grid::published().candidates(AgentConfig::default())?;
     let truth = true_returns(&directory.join("truth.json"), &candidates, truth_runs)?;
@@ -57,14 +58,20 @@ fn main() -> Outcome<()> {
 /// True mean return of each candidate.
 fn true_returns(path: &Path, candidates: &[AgentConfig], runs: usize) -> Outcome<Vec<f64>> {
     if !path.exists() {
-        let make = || Simulated::new(Pendulum::default(), Begin::AsTheTask);
         let extent = Extent { runs, span: SPAN };
-        let runs = truth(make, candidates, extent, Seed::new(1), &Silent)?;
+        let runs = truth(
+            || Simulated::new(Pendulum::default(), Begin::AsTheTask),
+            candidates,
+            extent,
+            Seed::new(1),
+            &Silent,
+        )?;
         fs::write(path, json!(runs).to_string())?;
     }
     let runs: Vec<Vec<f64>> = serde_json::from_slice(&fs::read(path)?)?;
-    let mean = |of: usize| runs.iter().map(|run| run[of]).sum::<f64>() / runs.len() as f64;
-    Ok((0..candidates.len()).map(mean).collect())
+    Ok((0..candidates.len())
+        .map(|of: usize| runs.iter().map(|run| run[of]).sum::<f64>() / runs.len() as f64)
+        .collect())
 }
 
 /// The model of one log with each weight.
@@ -86,7 +93,8 @@ fn one(
     let starts = starts(&log)?;
     for weight in WEIGHTS.into_iter().filter(|&weight| !done(weight)) {
         let config = ActionModelConfig { action_weight: weight, ..Default::default() };
-        let (metric, worst) = (log.states().clone(), KIND.worst_return());
+        let metric = log.states().clone();
+        let worst = KIND.worst_return();
         let model =
             ActionModel::build(log.clone(), &metric, starts.clone(), &config, worst, &Silent)?;
         let extent = Extent { runs: 1, span: SPAN };

@@ -36,7 +36,9 @@ fn main() -> Outcome<()> {
         Ok(arguments.get(place).map_or(Ok(default), |text| text.parse())?)
     };
     let directory = Path::new(arguments.first().ok_or("where to write?")?);
-    let (plants, transitions, truth_runs) = (number(1, 20)?, number(2, 5000)?, number(3, 3)?);
+    let plants = number(1, 20)?;
+    let transitions = number(2, 5000)?;
+    let truth_runs = number(3, 3)?;
     let policy: Quality = match arguments.get(4) {
         Some(name) => serde_json::from_value(json!(name))?,
         None => Quality::Perturbed,
@@ -78,10 +80,11 @@ impl Study {
     fn lines(&self) -> Vec<Value> {
         let text = fs::read_to_string(self.path()).unwrap_or_default();
         let lines = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-        let own = |line: &Value| {
-            line["policy"] == self.policy.name() && line["transitions"] == self.transitions
-        };
-        lines.filter(own).collect()
+        lines
+            .filter(|line: &Value| {
+                line["policy"] == self.policy.name() && line["transitions"] == self.transitions
+            })
+            .collect()
     }
 
     fn plant(&self, number: usize) -> Outcome<()> {
@@ -108,17 +111,19 @@ impl Study {
         let log = model.log();
         // Plants hardly ever trip: terminals are few wherever operators are careful.
         let support = Support { fewest_terminals: 0, ..Support::default() };
-        let (rule, new) = (RankRule::WorstRank, Question::new(log, span.timeout, candidates.len()));
+        let rule = RankRule::WorstRank;
+        let new = Question::new(log, span.timeout, candidates.len());
         let verdict = judge(&runs, &Question { default: untuned, rule, support, ..new }, seed)?;
         let fitted = fitted_q_evaluation(log, &starts, &candidates, STEPS, span.timeout, &Silent)?;
         let best_fitted =
             (0..fitted.len()).max_by(|&a, &b| fitted[a].total_cmp(&fitted[b]).then(b.cmp(&a)));
         let extent = Extent { runs: self.truth_runs, span };
         let lives = truth(make, &candidates, extent, seed, &Silent)?;
-        let mean = |candidate: usize| {
-            lives.iter().map(|run| run[candidate]).sum::<f64>() / lives.len() as f64
-        };
-        let means: Vec<f64> = (0..candidates.len()).map(mean).collect();
+        let means: Vec<f64> = (0..candidates.len())
+            .map(|candidate: usize| {
+                lives.iter().map(|run| run[candidate]).sum::<f64>() / lives.len() as f64
+            })
+            .collect();
         let taught = |config| self.taught(&model, config, make, span, seed);
         let by_policy = |of: &mut Behaviour| {
             of.mean_return(&mut make(), 100, span.timeout, seed.child("policy"))
@@ -178,11 +183,13 @@ impl Study {
             let seed = seed.child("taught").number(member as u64);
             live(&mut agent, &mut model.walk(member), span, seed);
         }
-        let run = |run: usize| {
-            let seed = seed.child("truth").number(run as u64);
-            live(&mut agent.clone(), &mut make(), span, seed).mean_return()
-        };
-        (0..self.truth_runs).map(run).sum::<f64>() / self.truth_runs as f64
+        (0..self.truth_runs)
+            .map(|run: usize| {
+                let seed = seed.child("truth").number(run as u64);
+                live(&mut agent.clone(), &mut make(), span, seed).mean_return()
+            })
+            .sum::<f64>()
+            / self.truth_runs as f64
     }
 
     fn table(&self) -> Outcome<()> {

@@ -155,16 +155,22 @@ impl Study<'_> {
         if !path.exists() {
             let span = RunLength { steps: STEPS, timeout: kind.timeout() };
             let extent = Extent { runs: self.truth_runs, span };
-            let make = || Simulated::new(task.clone(), Begin::AsTheTask);
-            let runs = truth(make, &Self::candidates()?, extent, Seed::new(1), &Silent)?;
+            let runs = truth(
+                || Simulated::new(task.clone(), Begin::AsTheTask),
+                &Self::candidates()?,
+                extent,
+                Seed::new(1),
+                &Silent,
+            )?;
             fs::write(&path, json!({ "returns": runs }).to_string())?;
         }
         let read: Value = serde_json::from_slice(&fs::read(&path)?)?;
         let runs: Vec<Vec<f64>> = serde_json::from_value(read["returns"].clone())?;
-        let mean = |candidate: usize| {
-            runs.iter().map(|run| run[candidate]).sum::<f64>() / runs.len() as f64
-        };
-        Ok((0..runs[0].len()).map(mean).collect())
+        Ok((0..runs[0].len())
+            .map(|candidate: usize| {
+                runs.iter().map(|run| run[candidate]).sum::<f64>() / runs.len() as f64
+            })
+            .collect())
     }
 
     /// One log of each behaviour and length.
@@ -226,8 +232,8 @@ impl Study<'_> {
             Some(fitted as usize)
         } else {
             let values = fitted_q_evaluation(&log, &starts, &candidates, STEPS, timeout, &Silent)?;
-            let better = |&a: &usize, &b: &usize| values[a].total_cmp(&values[b]).then(b.cmp(&a));
-            (0..values.len()).max_by(better)
+            (0..values.len())
+                .max_by(|&a: &usize, &b: &usize| values[a].total_cmp(&values[b]).then(b.cmp(&a)))
         };
         let mut line = json!({
             "rule": self.pessimism,
@@ -258,7 +264,8 @@ impl Study<'_> {
             Model::Laplacian => represented(log, starts, seed.child("representation"))?,
             Model::Pool => unreachable!("has lines of its own"),
             Model::Network => {
-                let (config, seed_of) = (NetworkConfig::default(), seed.child("networks"));
+                let config = NetworkConfig::default();
+                let seed_of = seed.child("networks");
                 let model = NetworkModel::train(log, starts.clone(), &config, seed_of, &Silent)?;
                 return Ok(sweep(&model, candidates, extent, seed.child("sweep"), &Silent)?);
             }
@@ -276,7 +283,8 @@ impl Study<'_> {
         begin: Starts,
     ) -> Outcome<ActionModel> {
         let config = ActionModelConfig { pessimism: self.pessimism, ..Default::default() };
-        let (log, worst) = (log.clone(), kind.worst_return());
+        let log = log.clone();
+        let worst = kind.worst_return();
         Ok(ActionModel::build(log, metric, begin, &config, worst, &Silent)?)
     }
 
@@ -332,7 +340,8 @@ impl Study<'_> {
 
 /// ψ of the states of a log and of those in which episodes begin, trained on pairs along its episodes.
 fn represented(log: &Decisions, starts: &States, seed: Seed) -> Outcome<[States; 2]> {
-    let (states, segments) = (log.states(), log.transitions().segments());
+    let states = log.states();
+    let segments = log.transitions().segments();
     // All of it: nothing is chosen between representations.
     let split = Split { training: 0..states.rows(), validation: 0..states.rows() };
     let config = laplacian();

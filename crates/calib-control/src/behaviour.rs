@@ -158,10 +158,13 @@ impl Behaviour {
         match self {
             Self::Random => {}
             Self::Fixed { rule, ranges, says, .. } => {
-                let own = |(&scaled, (_, low, high)): (&f32, &(_, f64, f64))| {
-                    low + f64::from(scaled) * (high - low)
-                };
-                let observed: Vec<f64> = state.iter().zip(*ranges).map(own).collect();
+                let observed: Vec<f64> = state
+                    .iter()
+                    .zip(*ranges)
+                    .map(|(&scaled, (_, low, high)): (&f32, &(_, f64, f64))| {
+                        low + f64::from(scaled) * (high - low)
+                    })
+                    .collect();
                 *says = rule(&observed);
             }
             Self::Learnt { agent, .. } if first => agent.look(state),
@@ -319,7 +322,8 @@ mod tests {
         };
         for recorded in [recording(learnt), recording(Behaviour::Random)] {
             let taken = recorded.actions.iter().zip(&recorded.probabilities);
-            let (mut expected, mut ones) = (0.0, 0.0);
+            let mut expected = 0.0;
+            let mut ones = 0.0;
             for (action, &probability) in taken {
                 let Some(action) = action else {
                     assert!(probability.is_nan());
@@ -344,7 +348,8 @@ mod tests {
             behaviour.mean_return(&mut cart_pole(), 50, 200, Seed::new(3))
         };
         let mut half = learnt.clone().perturbed(Quality::Medium.random_share());
-        let (learnt, random) = (mean_return(&mut learnt), mean_return(&mut Behaviour::Random));
+        let learnt = mean_return(&mut learnt);
+        let random = mean_return(&mut Behaviour::Random);
         assert!(learnt > 50.0 && random < 30.0, "{learnt} {random}");
         let half = mean_return(&mut half);
         assert!(half < learnt && half > random, "{random} {half} {learnt}");

@@ -48,8 +48,10 @@ pub fn constant_returns<M: Ensemble>(
     let units = model.members() * actions;
     monitor.begin("constant actions", units as u64);
     let lived = (0..units).into_par_iter().map(|unit| -> Result<_, ControlError> {
-        let (member, action) = (unit / actions, unit % actions);
-        let (mut sum, mut coverage) = (0.0, Coverage::default());
+        let member = unit / actions;
+        let action = unit % actions;
+        let mut sum = 0.0;
+        let mut coverage = Coverage::default();
         for run in 0..extent.runs {
             monitor.check()?;
             let seed = seed.child("member").number(member as u64).number(run as u64);

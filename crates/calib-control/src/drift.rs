@@ -50,11 +50,14 @@ impl Drift {
             return Vec::new();
         }
         let count = self.episodes as f64;
-        let mean_and_error = |(sum, squares): (&f64, &f64)| {
-            let mean = sum / count;
-            let variance = ((squares - sum * mean) / (count - 1.0)).max(0.0);
-            [mean, (variance / count).sqrt()]
-        };
-        self.sums.iter().zip(&self.squares).map(mean_and_error).collect()
+        self.sums
+            .iter()
+            .zip(&self.squares)
+            .map(|(sum, squares): (&f64, &f64)| {
+                let mean = sum / count;
+                let variance = ((squares - sum * mean) / (count - 1.0)).max(0.0);
+                [mean, (variance / count).sqrt()]
+            })
+            .collect()
     }
 }

@@ -100,9 +100,11 @@ fn evaluated(
     let pairs = if states.columns() > PAIRED_COLUMNS { Pairs::No } else { Pairs::Too };
     // Features are found anew in every pass: those of all rows of a long log would take more memory than the log.
     let mut tiles = Tiles::new(TILINGS, TILES, states.columns(), pairs);
-    let (mut here, mut ahead) = (Vec::new(), Vec::new());
+    let mut here = Vec::new();
+    let mut ahead = Vec::new();
     let mut row_here = None;
-    let (actions, length) = (log.levels(), tiles.len());
+    let actions = log.levels();
+    let length = tiles.len();
     let mut weights = vec![0.0_f64; actions * length];
     let rewards = log.rewards().iter().copied().map(f64::from);
     let extreme = |reward: f64, other: f64| (timeout as f64 * reward).min(other.min(reward));
@@ -143,11 +145,14 @@ fn evaluated(
 
 /// Σ π(a) q(a) at `features`.
 fn mean_value(weights: &[f64], length: usize, policy: &[f64], features: &[u32]) -> f64 {
-    let expected_value = |(action, probability): (usize, &f64)| {
-        let own = &weights[action * length..][..length];
-        probability * features.iter().map(|&feature| own[feature as usize]).sum::<f64>()
-    };
-    policy.iter().enumerate().map(expected_value).sum()
+    policy
+        .iter()
+        .enumerate()
+        .map(|(action, probability): (usize, &f64)| {
+            let own = &weights[action * length..][..length];
+            probability * features.iter().map(|&feature| own[feature as usize]).sum::<f64>()
+        })
+        .sum()
 }
 
 #[cfg(test)]
@@ -160,8 +165,10 @@ pub(crate) mod tests {
     /// A corridor of ten places, −1 a step, left or right by chance; right of the last is the end.
     pub(crate) fn corridor() -> Decisions {
         let mut rng = Seed::new(1).rng();
-        let (mut states, mut actions, mut endings, mut lengths) =
-            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut states = Vec::new();
+        let mut actions = Vec::new();
+        let mut endings = Vec::new();
+        let mut lengths = Vec::new();
         while states.len() < 6000 {
             let mut place = rng.below(10) as i32;
             let mut length = 1;

@@ -61,10 +61,13 @@ pub fn importance_sampling(
 /// ln π(a | s) − ln b(a | s) of each transition for the policy that the candidate learns from the log.
 fn log_ratios(log: &Decisions, logged: &[f64], config: AgentConfig, updates: usize) -> Vec<f64> {
     let mut agent = from_log(log, config, updates);
-    let source = |number: usize| {
-        log.states().row(log.transitions().source(TransitionIndex::new(number)).get())
-    };
-    let all = policies(&mut agent, &config, (0..log.len()).map(source));
+    let all = policies(
+        &mut agent,
+        &config,
+        (0..log.len()).map(|number: usize| {
+            log.states().row(log.transitions().source(TransitionIndex::new(number)).get())
+        }),
+    );
     let log_ratio = |(number, policy): (usize, &[f64])| {
         let own = policy[usize::from(log.actions()[number])];
         // A policy that diverged does nothing that was recorded.
@@ -88,7 +91,8 @@ fn estimate(episodes: &[Episode<'_>], gamma: f64, timeout: usize) -> Importance 
     let longest =
         episodes.iter().map(|episode| episode.rewards.len()).max().unwrap_or(0).min(timeout);
     let mut weights = vec![0.0; episodes.len()];
-    let (mut value, mut discount) = (0.0, 1.0);
+    let mut value = 0.0;
+    let mut discount = 1.0;
     for step in 0..longest {
         let mut counted: Vec<(f64, f64)> = Vec::with_capacity(episodes.len());
         for (episode, weight) in episodes.iter().zip(&mut weights) {

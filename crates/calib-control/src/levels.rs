@@ -36,11 +36,15 @@ impl Levels {
                 values.insert(place, here);
             }
         }
-        let number = |row: usize| {
-            let here = of_row(row)?;
-            values.binary_search_by(|level| compare(level, &here)).ok().map(|place| place as u16)
-        };
-        let of_rows = (0..rows).map(number).collect();
+        let of_rows = (0..rows)
+            .map(|row: usize| {
+                let here = of_row(row)?;
+                values
+                    .binary_search_by(|level| compare(level, &here))
+                    .ok()
+                    .map(|place| place as u16)
+            })
+            .collect();
         Ok(Self { values, of_rows })
     }
 

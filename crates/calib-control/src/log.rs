@@ -60,7 +60,9 @@ impl Decisions {
             return Err(ControlError::Rows { what, expected: rows, got });
         }
         let transitions = Transitions::new(Segments::from_lengths(episodes(segments, &columns))?);
-        let (mut actions, mut rewards, mut endings) = (Vec::new(), Vec::new(), Vec::new());
+        let mut actions = Vec::new();
+        let mut rewards = Vec::new();
+        let mut endings = Vec::new();
         for number in 0..transitions.len() {
             let transition = TransitionIndex::new(number);
             let from = transitions.source(transition).get();
@@ -79,7 +81,8 @@ impl Decisions {
         if actions.is_empty() {
             return Err(ControlError::NoTransitions);
         }
-        let (probabilities, settings) = (None, None);
+        let probabilities = None;
+        let settings = None;
         Ok(Self { states, transitions, actions, rewards, endings, probabilities, settings, levels })
     }
 
@@ -102,7 +105,8 @@ impl Decisions {
     /// # Errors
     /// If there is not one a row, or one that counts is not above 0 and up to 1.
     pub fn with_probabilities(self, of_rows: &[f64]) -> Result<Self, ControlError> {
-        let (expected, got) = (self.states.rows(), of_rows.len());
+        let expected = self.states.rows();
+        let got = of_rows.len();
         if got != expected {
             return Err(ControlError::Rows { what: "probabilities", expected, got });
         }
@@ -201,8 +205,12 @@ impl Decisions {
 
     /// The transitions with `action`, ascending.
     pub fn with_action(&self, action: usize) -> Vec<u32> {
-        let is = |&(_, &taken): &(usize, &u16)| usize::from(taken) == action;
-        self.actions.iter().enumerate().filter(is).map(|(number, _)| number as u32).collect()
+        self.actions
+            .iter()
+            .enumerate()
+            .filter(|&(_, &taken): &(usize, &u16)| usize::from(taken) == action)
+            .map(|(number, _)| number as u32)
+            .collect()
     }
 
     /// How many transitions have each action.
@@ -296,7 +304,8 @@ mod tests {
 
     #[test]
     fn episodes_end_before_rows_without_a_reward() {
-        let (actions, endings) = ([Some(0); 8], [ON; 8]);
+        let actions = [Some(0); 8];
+        let endings = [ON; 8];
         let rewards = [f32::NAN, 1.0, f32::NAN, 3.0, f32::NAN, 5.0, 6.0, 7.0];
         let known = log(&actions, &rewards, &endings).expect("valid");
         // Rows 0-1, 2-3 (then a gap), 4-5-6-7: the first rows of episodes need no reward.

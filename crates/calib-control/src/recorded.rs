@@ -80,7 +80,9 @@ pub(crate) mod tests {
 
     /// Episodes of so many steps of −1, each of which ends in a terminal if so.
     pub(crate) fn log(episodes: &[(usize, Ending)]) -> Decisions {
-        let (mut actions, mut rewards, mut endings) = (Vec::new(), Vec::new(), Vec::new());
+        let mut actions = Vec::new();
+        let mut rewards = Vec::new();
+        let mut endings = Vec::new();
         for &(steps, ending) in episodes {
             actions.extend((0..steps).map(|step| Some((step % 2) as u16)));
             actions.push(None);

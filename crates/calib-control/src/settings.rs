@@ -72,8 +72,10 @@ impl Levels {
             each.map(|((value, low), range)| ((value - low) / range) as f32).collect()
         };
         let of_levels: Vec<f32> = values.iter().flat_map(|set| shares(set)).collect();
-        let (width, rows) = (columns.len(), columns.first().map_or(0, Vec::len));
-        let (mut of_rows, mut nearest) = (Vec::with_capacity(rows * width), Vec::new());
+        let width = columns.len();
+        let rows = columns.first().map_or(0, Vec::len);
+        let mut of_rows = Vec::with_capacity(rows * width);
+        let mut nearest = Vec::new();
         for row in 0..rows {
             let set: Vec<f64> = columns.iter().map(|column| column[row]).collect();
             let there = set.iter().all(|value| !value.is_nan());
@@ -88,10 +90,12 @@ impl Levels {
 
 /// The level nearest to what was set, the first of several.
 fn nearest_of(levels: &[f32], set: &[f32]) -> u16 {
-    let squared = |level: &[f32]| -> f32 {
-        level.iter().zip(set).map(|(level, set)| (level - set).powi(2)).sum()
-    };
-    let distances = levels.chunks(set.len()).map(squared).enumerate();
+    let distances = levels
+        .chunks(set.len())
+        .map(|level: &[f32]| -> f32 {
+            level.iter().zip(set).map(|(level, set)| (level - set).powi(2)).sum()
+        })
+        .enumerate();
     distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |nearest| nearest.0 as u16)
 }
 

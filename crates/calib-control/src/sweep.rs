@@ -130,35 +130,39 @@ pub fn sweep_keeping<M: Ensemble>(
         ActionModelKind::Network => "agents in networks",
     };
     monitor.begin(task, units as u64);
-    let one = |unit: usize| -> Result<Run, ControlError> {
-        monitor.check()?;
-        let (member, rest) = (unit / of_member, unit % of_member);
-        let (run, candidate) = (rest / candidates.len(), rest % candidates.len());
-        let id = RunId { kind: model.kind(), member, run, candidate };
-        if let Some(known) = keeper.known(id) {
+    let runs: Vec<Result<Run, ControlError>> = (0..units)
+        .into_par_iter()
+        .map(|unit: usize| -> Result<Run, ControlError> {
+            monitor.check()?;
+            let member = unit / of_member;
+            let rest = unit % of_member;
+            let run = rest / candidates.len();
+            let candidate = rest % candidates.len();
+            let id = RunId { kind: model.kind(), member, run, candidate };
+            if let Some(known) = keeper.known(id) {
+                monitor.advance(1);
+                return Ok(known);
+            }
+            let seed = seed.child("member").number(member as u64).number(run as u64);
+            let mut walk = model.walk(member);
+            let life = one_life(candidates[candidate], &mut walk, extent.span, seed);
+            let lived = Run {
+                kind: model.kind(),
+                member,
+                run,
+                candidate,
+                mean_return: life.mean_return(),
+                episodes: life.returns.len(),
+                terminals: life.terminals,
+                coverage: walk.coverage(),
+                curve: tenths(&life.returns),
+                drift: walk.drift(),
+            };
+            keeper.keep(&lived)?;
             monitor.advance(1);
-            return Ok(known);
-        }
-        let seed = seed.child("member").number(member as u64).number(run as u64);
-        let mut walk = model.walk(member);
-        let life = one_life(candidates[candidate], &mut walk, extent.span, seed);
-        let lived = Run {
-            kind: model.kind(),
-            member,
-            run,
-            candidate,
-            mean_return: life.mean_return(),
-            episodes: life.returns.len(),
-            terminals: life.terminals,
-            coverage: walk.coverage(),
-            curve: tenths(&life.returns),
-            drift: walk.drift(),
-        };
-        keeper.keep(&lived)?;
-        monitor.advance(1);
-        Ok(lived)
-    };
-    let runs: Vec<Result<Run, ControlError>> = (0..units).into_par_iter().map(one).collect();
+            Ok(lived)
+        })
+        .collect();
     runs.into_iter().collect()
 }
 
@@ -179,7 +183,8 @@ pub fn truth<E: Environment>(
         .into_par_iter()
         .map(|unit| {
             monitor.check()?;
-            let (run, candidate) = (unit / candidates.len(), unit % candidates.len());
+            let run = unit / candidates.len();
+            let candidate = unit % candidates.len();
             let seed = seed.child("truth").number(run as u64);
             let life = one_life(candidates[candidate], &mut make(), extent.span, seed);
             monitor.advance(1);

@@ -27,12 +27,15 @@ impl Decisions {
         if rows.is_empty() {
             return Ok(Vec::new());
         }
-        let spread = |column: usize| -> Result<Spread, ControlError> {
-            let value = |&row: &usize| f64::from(self.states().row(row)[column]);
-            let values: Vec<f64> = rows.iter().map(value).collect();
-            Ok([quantile(&values, 0.05)?, quantile(&values, 0.5)?, quantile(&values, 0.95)?])
-        };
-        (0..self.states().columns()).map(spread).collect()
+        (0..self.states().columns())
+            .map(|column: usize| -> Result<Spread, ControlError> {
+                let values: Vec<f64> = rows
+                    .iter()
+                    .map(|&row: &usize| f64::from(self.states().row(row)[column]))
+                    .collect();
+                Ok([quantile(&values, 0.05)?, quantile(&values, 0.5)?, quantile(&values, 0.95)?])
+            })
+            .collect()
     }
 }
 
@@ -59,11 +62,12 @@ impl ActionModel {
     /// If there is no such column.
     pub fn coverage_map(&self, column: usize, parts: usize) -> Result<CoverageMap, ControlError> {
         let log = self.log();
-        let value = |number: usize| {
-            let next = log.transitions().next(TransitionIndex::new(number));
-            f64::from(log.states().row(next.get())[column])
-        };
-        let values: Vec<f64> = (0..log.len()).map(value).collect();
+        let values: Vec<f64> = (0..log.len())
+            .map(|number: usize| {
+                let next = log.transitions().next(TransitionIndex::new(number));
+                f64::from(log.states().row(next.get())[column])
+            })
+            .collect();
         let mut upper = (1..=parts)
             .map(|part| quantile(&values, part as f64 / parts as f64))
             .collect::<Result<Vec<f64>, _>>()?;

@@ -218,11 +218,10 @@ impl ReturnVerdict {
     /// Whether the chosen candidate is ahead of the default in the models, whatever else speaks against deploying it. Models rank better
     /// than they promise: docs/control.md has the regret of such choices.
     pub fn is_ahead_of_default(&self) -> bool {
-        let denies = |doubt: &Doubt| {
-            matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart | Doubt::Diverged)
-        };
         self.default.is_some_and(|default| default != self.chosen)
-            && !self.doubts.iter().any(denies)
+            && !self.doubts.iter().any(|doubt: &Doubt| {
+                matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart | Doubt::Diverged)
+            })
     }
 
     /// How far the kinds of models agree on the order of the candidates: Spearman's correlation of their mean ranks, as a mean over pairs of
@@ -232,12 +231,15 @@ impl ReturnVerdict {
         if self.kinds.len() < 2 || self.selection.mean_ranks.len() < FEWEST_ORDERED {
             return None;
         }
-        let mean_ranks = |own: &KindReturns| {
-            select_by(RankRule::MeanRank, &own.members, HIGHER)
-                .map(|selection| selection.mean_ranks)
-        };
-        let ranks: Vec<Vec<f64>> =
-            self.kinds.iter().map(mean_ranks).collect::<Result<_, _>>().ok()?;
+        let ranks: Vec<Vec<f64>> = self
+            .kinds
+            .iter()
+            .map(|own: &KindReturns| {
+                select_by(RankRule::MeanRank, &own.members, HIGHER)
+                    .map(|selection| selection.mean_ranks)
+            })
+            .collect::<Result<_, _>>()
+            .ok()?;
         let mut correlations = Vec::new();
         for (place, one) in ranks.iter().enumerate() {
             for other in &ranks[place + 1..] {
@@ -282,11 +284,15 @@ pub fn judge(
     };
     let random: Vec<f64> =
         members.iter().map(|returns| returns.iter().sum::<f64>() / candidates as f64).collect();
-    let choose = |drawn: &[Drawn<'_>]| {
-        Ok(Some(select_by(rule, &of_all_kinds(&drawn[0].means(), candidates), HIGHER)?.chosen))
-    };
     let mut rng = seed.child("resamples").rng();
-    let mut shares = hierarchical(&[&nested], resamples, |n| rng.below(n), choose)?;
+    let mut shares = hierarchical(
+        &[&nested],
+        resamples,
+        |n| rng.below(n),
+        |drawn: &[Drawn<'_>]| {
+            Ok(Some(select_by(rule, &of_all_kinds(&drawn[0].means(), candidates), HIGHER)?.chosen))
+        },
+    )?;
     shares.counts.truncate(candidates);
     // Of the first kind: neighbours, where there are any, which alone know what a step rests on and how far it jumps.
     let first = runs.iter().filter(|run| run.kind == kinds[0]);
@@ -347,11 +353,13 @@ fn best_constant(
         constants.iter().filter(|constant| kinds.contains(&constant.kind)).collect();
     let Some(first) = constants.first() else { return Ok(None) };
     let of_action = |action: usize| -> Vec<f64> {
-        let over_kinds = |member: usize| {
-            let sum: f64 = constants.iter().map(|constant| constant.members[member][action]).sum();
-            sum / constants.len() as f64
-        };
-        (0..own.len()).map(over_kinds).collect()
+        (0..own.len())
+            .map(|member: usize| {
+                let sum: f64 =
+                    constants.iter().map(|constant| constant.members[member][action]).sum();
+                sum / constants.len() as f64
+            })
+            .collect()
     };
     let mean = |returns: &[f64]| returns.iter().sum::<f64>() / returns.len() as f64;
     let actions = (0..first.coverage.len()).map(|action| (action, of_action(action)));

@@ -91,17 +91,21 @@ impl Walkers {
     /// Walks through these members of `model`, whose episodes have not begun; walk i draws as if it was seeded with i.
     pub fn new(model: &ActionModel, members: &[usize]) -> Self {
         let columns = model.log().states().columns();
-        let walker = |(number, &member): (usize, &usize)| Walker {
-            member,
-            at: At::Start(0),
-            steps: 0,
-            over: true,
-            coverage: Coverage::default(),
-            rng: draws(number as u64),
-        };
-        let walks: Vec<Walker> = members.iter().enumerate().map(walker).collect();
+        let walks: Vec<Walker> = members
+            .iter()
+            .enumerate()
+            .map(|(number, &member): (usize, &usize)| Walker {
+                member,
+                at: At::Start(0),
+                steps: 0,
+                over: true,
+                coverage: Coverage::default(),
+                rng: draws(number as u64),
+            })
+            .collect();
         let displacements = vec![0.0; walks.len() * columns];
-        let (drift, states) = (Drift::default(), Vec::new());
+        let drift = Drift::default();
+        let states = Vec::new();
         Self { walks, columns, displacements, drift, states, moves: Moves::Recorded }
     }
 
@@ -165,10 +169,6 @@ impl Walkers {
     }
 
     fn fits(&self, model: &ActionModel, like: &Self) -> bool {
-        let known = |walker: &Walker| match walker.at {
-            At::Start(start) => (start as usize) < model.starts().rows(),
-            At::After(transition) => (transition as usize) < model.log().len(),
-        };
         let members =
             |walkers: &Self| walkers.walks.iter().map(|walk| walk.member).collect::<Vec<_>>();
         self.columns == like.columns
@@ -176,7 +176,10 @@ impl Walkers {
             && self.states.len() == like.states.len()
             && self.states.iter().all(|value| value.is_finite())
             && members(self) == members(like)
-            && self.walks.iter().all(known)
+            && self.walks.iter().all(|walker: &Walker| match walker.at {
+                At::Start(start) => (start as usize) < model.starts().rows(),
+                At::After(transition) => (transition as usize) < model.log().len(),
+            })
     }
 
     /// Begin an episode of walk `number`.
@@ -223,7 +226,9 @@ impl Walkers {
                 let Target::Level(action) = target else { panic!("a network knows levels alone") };
                 let state = &mut self.states[of_walk.clone()];
                 let outcome = networks.step(walker.member, action, place, state);
-                let (drawn, covered, distance) = (None, Covered::Near, 0.0);
+                let drawn = None;
+                let covered = Covered::Near;
+                let distance = 0.0;
                 let Outcome { reward, ending } = outcome;
                 Step { drawn, reward, ending, covered, distance }
             }
@@ -268,7 +273,8 @@ mod tests {
     fn model(levels: Option<usize>) -> ActionModel {
         let mut rng = Seed::new(3).rng();
         let rows = 600;
-        let (mut level, mut valve) = (0.5_f64, Vec::new());
+        let mut level = 0.5_f64;
+        let mut valve = Vec::new();
         let mut values = Vec::new();
         for _ in 0..rows {
             values.push(level as f32);
@@ -304,7 +310,9 @@ mod tests {
         let model = model(None);
         let mut walkers = Walkers::new(&model, &[1, 2]);
         walkers.seed(0, 5);
-        let (mut walk, mut rng, mut state) = (model.walk(1), draws(5), [0.0]);
+        let mut walk = model.walk(1);
+        let mut rng = draws(5);
+        let mut state = [0.0];
         walkers.begin(&model, 0);
         walk.start(&mut rng, &mut state);
         for number in 0..500 {
@@ -336,7 +344,9 @@ mod tests {
         let new = || Walkers::new(&model, &[1, 2]).by(moves.clone());
         let mut walkers = new();
         walkers.seed(0, 5);
-        let (mut walk, mut rng, mut state) = (ensemble.walk(1), draws(5), [0.0]);
+        let mut walk = ensemble.walk(1);
+        let mut rng = draws(5);
+        let mut state = [0.0];
         walkers.begin(&model, 0);
         walk.start(&mut rng, &mut state);
         for number in 0..300 {
@@ -371,7 +381,9 @@ mod tests {
         let moves = Moves::by_network(Arc::clone(&networks));
         let mut walkers = Walkers::new(&model, &[1, 2]).by(moves);
         walkers.seed(1, 5);
-        let (mut walk, mut rng, mut state) = (networks.walk(2), draws(5), [0.0]);
+        let mut walk = networks.walk(2);
+        let mut rng = draws(5);
+        let mut state = [0.0];
         walkers.begin(&model, 1);
         walk.start(&mut rng, &mut state);
         for number in 0..20 {
@@ -445,7 +457,8 @@ mod tests {
                 }
                 (seen, walkers)
             };
-            let ((first, _), (second, walkers)) = (way(&model), way(&opened));
+            let (first, _) = way(&model);
+            let (second, walkers) = way(&opened);
             assert_eq!(first, second);
             let again = walkers.clone().restored(&model, &Walkers::new(&model, &[0, 1, 2]));
             assert!(again.is_some());

@@ -87,7 +87,8 @@ impl Rng {
     /// Standard normal (Marsaglia's polar method, one of the pair).
     pub fn normal(&mut self) -> f64 {
         loop {
-            let (x, y) = (self.uniform(-1.0, 1.0), self.uniform(-1.0, 1.0));
+            let x = self.uniform(-1.0, 1.0);
+            let y = self.uniform(-1.0, 1.0);
             let square = x * x + y * y;
             if square > 0.0 && square < 1.0 {
                 return x * (-2.0 * square.ln() / square).sqrt();

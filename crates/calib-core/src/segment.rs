@@ -109,7 +109,9 @@ impl Segments {
     /// ranges of `0..length`, one for each segment that it touches.
     pub fn looped_pieces(&self, start: usize, length: usize) -> Vec<Range<usize>> {
         let rows = self.rows();
-        let (mut pieces, mut done, mut from) = (Vec::new(), 0, start);
+        let mut pieces = Vec::new();
+        let mut done = 0;
+        let mut from = start;
         while done < length && from < rows {
             let to = rows.min(from + length - done);
             for segment in &self.0[self.position_of(from).unwrap_or(self.0.len())..] {

@@ -76,11 +76,14 @@ pub unsafe fn write_arrow_stream(
     if rows == 0 {
         return Err(ArrowError::NoRows);
     }
-    let column = |(field, chunks): (&Field, Vec<Box<dyn Array>>)| {
-        catch_panic(|| Ok(pl::Series::try_from((field, chunks))?.into_column()))
-            .map_err(|reason| ArrowError::Stream(format!("column {}: {reason}", field.name)))
-    };
-    let columns = fields.iter().zip(batches).map(column).collect::<Result<Vec<_>, _>>()?;
+    let columns = fields
+        .iter()
+        .zip(batches)
+        .map(|(field, chunks): (&Field, Vec<Box<dyn Array>>)| {
+            catch_panic(|| Ok(pl::Series::try_from((field, chunks))?.into_column()))
+                .map_err(|reason| ArrowError::Stream(format!("column {}: {reason}", field.name)))
+        })
+        .collect::<Result<Vec<_>, _>>()?;
     let taken = TakenOver { rows, columns: columns.len() };
     write_frame(path, rows, columns, Vec::new())?;
     Ok(taken)

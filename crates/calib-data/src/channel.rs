@@ -117,7 +117,8 @@ impl Movement {
     /// Of `values` inside each of `stretches`; a missing value ends a run.
     pub(crate) fn of(values: &[f64], timestamps: &[Timestamp], stretches: &[Range<usize>]) -> Self {
         let mut movement = Self::default();
-        let (mut pairs, mut same) = (0_u64, 0_u64);
+        let mut pairs = 0_u64;
+        let mut same = 0_u64;
         let mut smallest = f64::INFINITY;
         let mut distinct = HashSet::new();
         for stretch in stretches {

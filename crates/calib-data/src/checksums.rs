@@ -97,7 +97,8 @@ impl Chunk {
             return Ok(Some("is cut off".to_owned()));
         }
         let mut reader = BufReader::with_capacity(WINDOW, file);
-        let (mut seen, mut place) = (0_i64, self.bytes[0]);
+        let mut seen = 0_i64;
+        let mut place = self.bytes[0];
         let mut content = Vec::new();
         while seen < self.values && place < self.bytes[1] {
             let left = (self.bytes[1] - place) as usize;
@@ -190,7 +191,8 @@ fn counts_its_nulls(header: &PageHeader, content: &[u8]) -> bool {
 
 /// How many of `count` levels are 1, in the hybrid of run lengths and packed bits that levels are written in.
 fn ones(mut levels: &[u8], count: i32) -> Option<i32> {
-    let (mut left, mut ones) = (count, 0);
+    let mut left = count;
+    let mut ones = 0;
     while left > 0 {
         let mut head = 0_u32;
         for shift in (0..).step_by(7) {

@@ -290,12 +290,14 @@ impl Survey {
         }
         if profile.imputed > 0 {
             let timestamps = &self.log.rows.timestamps;
-            let (missing, limit) = (preprocess.missing, preprocess.fill_limit);
+            let missing = preprocess.missing;
+            let limit = preprocess.fill_limit;
             impute(values, timestamps, &self.stretches, missing, limit, |_| {});
         }
         let bounds = sensor.bounds;
         if preprocess.clip {
-            let (low, high) = (bounds.offset, bounds.offset + bounds.scale);
+            let low = bounds.offset;
+            let high = bounds.offset + bounds.scale;
             for value in values {
                 *value = value.clamp(low, high);
             }

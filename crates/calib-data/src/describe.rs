@@ -21,7 +21,8 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
     times.sort_unstable();
     times.dedup();
     times.truncate(EXAMPLES);
-    let (start, end) = (rows.timestamps[0], rows.timestamps[rows.timestamps.len() - 1]);
+    let start = rows.timestamps[0];
+    let end = rows.timestamps[rows.timestamps.len() - 1];
     Profile {
         shape: log.shape,
         utc: log.utc,

@@ -235,10 +235,11 @@ fn frame(
         let present = values.iter().map(|&value| (!value.is_nan()).then_some(value));
         all.push(match &column.labels {
             None => pl::Float64Chunked::from_iter_options(name, present).into_column(),
-            Some(labels) => {
-                let label = |code: Option<f64>| code.map(|code| labels[code as usize].as_str());
-                pl::StringChunked::from_iter_options(name, present.map(label)).into_column()
-            }
+            Some(labels) => pl::StringChunked::from_iter_options(
+                name,
+                present.map(|code: Option<f64>| code.map(|code| labels[code as usize].as_str())),
+            )
+            .into_column(),
         });
     }
     pl::DataFrame::new(rows, all).map_err(io::Error::other)

@@ -37,7 +37,8 @@ pub(crate) fn impute(
                 }
                 (Missing::Linear, Some(before), Some(after)) if length <= limit => {
                     let span = timestamps[after].micros_since(timestamps[before]) as f64;
-                    let (from, to) = (values[before], values[after]);
+                    let from = values[before];
+                    let to = values[after];
                     for row in run.clone() {
                         let passed = timestamps[row].micros_since(timestamps[before]) as f64;
                         let share = passed / span;
@@ -148,7 +149,8 @@ mod tests {
             Missing::DropRow => None,
             Missing::ForwardFill => before.filter(|at| row - at <= limit).map(|at| values[at]),
             Missing::Linear => {
-                let (before, after) = (before?, after?);
+                let before = before?;
+                let after = after?;
                 let share = (row - before) as f64 / (after - before) as f64;
                 (after - before - 1 <= limit)
                     .then(|| values[before] * (1.0 - share) + values[after] * share)

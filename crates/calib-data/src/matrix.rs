@@ -73,7 +73,8 @@ impl<'a> Matrix<'a> {
         columns: &[Column],
     ) -> Result<Frames, DataError> {
         let samples = &self.part.samples;
-        let (rows, width) = (samples.rows(), self.width);
+        let rows = samples.rows();
+        let width = self.width;
         let values = match self.values {
             Values::Rows(states) => states,
             Values::Columns(file, directory) => by_rows(&file, rows, width, directory)?,
@@ -127,7 +128,8 @@ fn by_rows(
     let strip_rows = (STRIP / width.max(1)).clamp(1, rows.max(1));
     let mut strip = vec![0.0; strip_rows * width];
     for (number, filled) in states.chunks_mut((strip_rows * width).max(1)).enumerate() {
-        let (first, len) = (number * strip_rows, filled.len() / width);
+        let first = number * strip_rows;
+        let len = filled.len() / width;
         let pieces = strip.par_chunks_mut(strip_rows).enumerate();
         pieces.try_for_each(|(column, piece)| {
             columns.read(column * rows + first, &mut piece[..len])

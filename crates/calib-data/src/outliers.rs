@@ -53,7 +53,8 @@ impl Fences {
         if looked_at.is_empty() {
             return None;
         }
-        let (low, high) = (quantile(&mut looked_at, TAIL), quantile(&mut looked_at, 1.0 - TAIL));
+        let low = quantile(&mut looked_at, TAIL);
+        let high = quantile(&mut looked_at, 1.0 - TAIL);
         if is_same(low, high) {
             return None;
         }

@@ -84,11 +84,13 @@ impl Extremes {
         let mut best = Vec::new();
         for low in 0..KEPT {
             for high in 0..KEPT {
-                let (bottom, top) = (self.low[low].0, self.high[high].0);
+                let bottom = self.low[low].0;
+                let top = self.high[high].0;
                 let width = top - bottom;
-                let away = |end: &(f64, u64)| (end.0, (bottom - end.0).max(end.0 - top) / width);
                 let ends = || self.low[..low].iter().chain(&self.high[..high]);
-                let far: Vec<(f64, f64)> = ends().map(away).collect();
+                let far: Vec<(f64, f64)> = ends()
+                    .map(|end: &(f64, u64)| (end.0, (bottom - end.0).max(end.0 - top) / width))
+                    .collect();
                 if width > 0.0
                     && far.len() > best.len()
                     && ends().all(is_often)
@@ -149,18 +151,20 @@ pub(crate) fn sentinels(channels: &[(&str, &Extremes)]) -> Vec<Sentinel> {
     }
     candidates
         .retain(|&(value, [far, alone])| far >= 1 && looks_missing(decimal(value)) || alone >= 2);
-    let told = |(value, _): (f64, [usize; 2])| {
-        let having = channels.iter().filter(|(_, extremes)| extremes.times(value) > 0);
-        let count = having.clone().map(|(_, extremes)| extremes.times(value)).sum();
-        let all: u64 = having.clone().map(|(_, extremes)| extremes.count).sum();
-        Sentinel {
-            value: decimal(value),
-            count,
-            share: count as f64 / all.max(1) as f64,
-            channels: having.map(|(name, _)| (*name).to_owned()).collect(),
-        }
-    };
-    let mut found: Vec<Sentinel> = candidates.into_iter().map(told).collect();
+    let mut found: Vec<Sentinel> = candidates
+        .into_iter()
+        .map(|(value, _): (f64, [usize; 2])| {
+            let having = channels.iter().filter(|(_, extremes)| extremes.times(value) > 0);
+            let count = having.clone().map(|(_, extremes)| extremes.times(value)).sum();
+            let all: u64 = having.clone().map(|(_, extremes)| extremes.count).sum();
+            Sentinel {
+                value: decimal(value),
+                count,
+                share: count as f64 / all.max(1) as f64,
+                channels: having.map(|(name, _)| (*name).to_owned()).collect(),
+            }
+        })
+        .collect();
     found.sort_by(|left, right| {
         right.count.cmp(&left.count).then(left.value.total_cmp(&right.value))
     });
@@ -239,7 +243,8 @@ mod tests {
 
     #[test]
     fn numbers_for_no_value_are_told() {
-        let (co, sensor) = (wave(0.1, 11.9, &[-200.0; 40]), wave(647.0, 2_040.0, &[-200.0; 9]));
+        let co = wave(0.1, 11.9, &[-200.0; 40]);
+        let sensor = wave(647.0, 2_040.0, &[-200.0; 9]);
         assert_eq!(found(&[&co, &sensor]), [(-200.0, 49, 2)], "also where it is not that far");
         assert_eq!(found(&[&wave(1.0, 9.0, &[9_999.0; 5])]), [(9_999.0, 5, 1)]);
         let both = wave(1.0, 9.0, &[-999.9, -999.9, -999.9, 9_999.0, 9_999.0, 9_999.0, 9_999.0]);

@@ -172,7 +172,8 @@ impl Look<'_> {
             return self.seldom(source, seldom, channel.contradictions.count);
         }
         let values = &mut channel.values;
-        let (timestamps, stretches) = (&self.log.rows.timestamps, &self.log.steps.stretches);
+        let timestamps = &self.log.rows.timestamps;
+        let stretches = &self.log.steps.stretches;
         let (movement, spikes) = treated(values, timestamps, stretches);
         let values = &*values;
         let moments = Moments::of(values);
@@ -236,11 +237,14 @@ impl Look<'_> {
         for sample in there.iter().filter(|sample| sample.row % self.every == 0) {
             thinned[sample.row / self.every] = sample.value;
         }
-        let share = |bin: &Range<usize>| inside(bin).len() as f64 / bin.len().max(1) as f64;
         ChannelSketch {
             name: source.name.clone(),
             angle: source.angle.clone(),
-            present: self.bins.iter().map(share).collect(),
+            present: self
+                .bins
+                .iter()
+                .map(|bin: &Range<usize>| inside(bin).len() as f64 / bin.len().max(1) as f64)
+                .collect(),
             moves: self.bins.iter().map(moves).collect(),
             distinct: movement.distinct,
             range: moments.map(|moments| [moments.min, moments.max]),
@@ -334,8 +338,11 @@ impl Changes {
         let wraps = turn([low, high]).filter(|turn| goes_around(&changes, *turn));
         let middle = changes.len() / 2;
         let median = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let is_even = |change: &&f64| (**change - median).abs() <= 1e-6 * median.abs();
-        let even = changes.iter().filter(is_even).count() as f64 / count;
+        let even = changes
+            .iter()
+            .filter(|change: &&f64| (**change - median).abs() <= 1e-6 * median.abs())
+            .count() as f64
+            / count;
         Self { rises, even, restarts, wraps }
     }
 }
@@ -372,10 +379,8 @@ fn turn([low, high]: [f64; 2]) -> Option<f64> {
 fn autocorrelation(values: &[f64], stretches: &[Range<usize>], variance: f64) -> Vec<(usize, f64)> {
     variogram(variance, |lag, pairs| {
         for stretch in stretches.iter().filter(|stretch| stretch.len() > lag) {
-            let (first, second) = (
-                &values[stretch.start..stretch.end - lag],
-                &values[stretch.start + lag..stretch.end],
-            );
+            let first = &values[stretch.start..stretch.end - lag];
+            let second = &values[stretch.start + lag..stretch.end];
             first.iter().zip(second).for_each(|(first, second)| pairs.add(*first, *second));
         }
     })

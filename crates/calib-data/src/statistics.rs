@@ -153,7 +153,8 @@ impl Extent {
 
     /// What is said of text may be cut off: its values lie within.
     fn of_text(column: &pl::Column, min: Option<&[u8]>, max: Option<&[u8]>) -> Option<Self> {
-        let (min, max) = (min?, max?);
+        let min = min?;
+        let max = max?;
         let text = column.cast(&pl::DataType::String).ok()?;
         let mut texts = text.str().ok()?.iter().flatten();
         let first = texts.next()?;

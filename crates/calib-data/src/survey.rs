@@ -178,7 +178,8 @@ impl Scan<'_> {
         modes: Option<&Modes>,
         monitor: &dyn Monitor,
     ) -> Result<Scanned, DataError> {
-        let (include, exclude) = (Names::new(&data.include), Names::new(&data.exclude));
+        let include = Names::new(&data.include);
+        let exclude = Names::new(&data.exclude);
         let mut profiles: Vec<ChannelProfile> = Vec::new();
         let mut to_read = Vec::new();
         for (index, channel) in self.log.channels.iter().enumerate() {
@@ -202,7 +203,8 @@ impl Scan<'_> {
             profiles[modes.channel].imputed = modes.imputed;
             profiles[modes.channel].unfilled = modes.left.len() as u64;
         }
-        let (mut sensors, mut extremes) = (Vec::new(), Vec::new());
+        let mut sensors = Vec::new();
+        let mut extremes = Vec::new();
         let mut batch = Batch::default();
         monitor.begin("inspecting channels", to_read.len() as u64);
         for channels in to_read.chunks(self.log.batch_size()) {
@@ -263,7 +265,8 @@ impl Scan<'_> {
                 let bounds = fit(in_train, looked.in_train, has_words, self.preprocess);
                 (looked, bounds)
             };
-        let (mut imputed, mut unfilled) = (0, 0);
+        let mut imputed = 0;
+        let mut unfilled = 0;
         if bounds.is_ok() && looked.missing > 0 {
             imputed = impute(
                 &mut channel.values,

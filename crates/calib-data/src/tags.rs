@@ -34,7 +34,9 @@ pub fn read_tags(path: &Path) -> Result<BTreeMap<String, Description>, DataError
         header = (0..records.count()).map(|at| plain(&decode(records.cell(at)))).collect();
     }
     let find = |known: &[&str]| header.iter().position(|name| known.contains(&name.as_str()));
-    let (tag, unit, label) = (find(&TAGS), find(&UNITS), find(&LABELS));
+    let tag = find(&TAGS);
+    let unit = find(&UNITS);
+    let label = find(&LABELS);
     let (Some(tag), true) = (tag, unit.is_some() || label.is_some()) else {
         let reason = "expected a header with the names of tags (tag, name or point) and units (unit, uom) or descriptions (description, label)";
         return Err(DataError::NotText { path: path.to_owned(), reason: reason.to_owned() });

@@ -22,7 +22,8 @@ fn length() -> usize {
 
 fn patterns(criterion: &mut Criterion) {
     let len = length();
-    let (query, reference) = (series(len, 0.0), series(len, 0.7));
+    let query = series(len, 0.0);
+    let reference = series(len, 0.7);
     let mut group = criterion.benchmark_group("pattern");
     group.throughput(Throughput::Elements((len * len) as u64));
     for name in [
@@ -45,7 +46,8 @@ fn patterns(criterion: &mut Criterion) {
 
 fn instruction_sets(criterion: &mut Criterion) {
     let len = length();
-    let (query, reference) = (series(len, 0.0), series(len, 0.7));
+    let query = series(len, 0.0);
+    let reference = series(len, 0.7);
     let mut group = criterion.benchmark_group("instructions");
     group.throughput(Throughput::Elements((len * len) as u64));
     for set in InstructionSet::available() {
@@ -60,7 +62,8 @@ fn instruction_sets(criterion: &mut Criterion) {
 
 fn windows_and_paths(criterion: &mut Criterion) {
     let len = length();
-    let (query, reference) = (series(len, 0.0), series(len, 0.7));
+    let query = series(len, 0.0);
+    let reference = series(len, 0.7);
     let mut group = criterion.benchmark_group("pair");
     let radius = len / 10;
     for window in [Window::SakoeChiba { radius }, Window::Itakura] {
@@ -79,7 +82,8 @@ fn windows_and_paths(criterion: &mut Criterion) {
 fn several(criterion: &mut Criterion) {
     let channels = 4;
     let len = length();
-    let (query, reference) = (series(len * channels, 0.0), series(len * channels, 0.7));
+    let query = series(len * channels, 0.0);
+    let reference = series(len * channels, 0.7);
     let query = Series::with_channels(&query, channels).expect("whole samples");
     let reference = Series::with_channels(&reference, channels).expect("whole samples");
     let names = ["symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c"];

@@ -86,7 +86,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let settings = Settings { local_distance, ..Settings::default() };
     let patterns = names.split(',').map(str::parse).collect::<Result<Vec<StepPattern>, _>>()?;
-    let (query, reference) = (read(query)?, read(reference)?);
+    let query = read(query)?;
+    let reference = read(reference)?;
     let length = match length.first() {
         Some(length) => length.parse()?,
         None => query.len().max(reference.len()),
@@ -98,7 +99,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         .collect();
     let cells: usize = pairs.iter().map(|(query, reference)| query.len() * reference.len()).sum();
     let repeats: u32 = repeats.parse()?;
-    let (mut seconds, mut raw) = (Vec::new(), Vec::new());
+    let mut seconds = Vec::new();
+    let mut raw = Vec::new();
     let busy = processor_seconds();
     for _ in 0..repeats {
         let start = Instant::now();

@@ -98,8 +98,12 @@ pub(crate) fn distances(
     }
     for number in 0..sweep.strips() - 1 {
         sweep.run(number, m, |_, _| {});
-        let above = |track: &Track| track.halo > 0 && track.input.least() > bound;
-        if purpose == Purpose::Bounded && sweep.patterns.iter().all(above) {
+        if purpose == Purpose::Bounded
+            && sweep
+                .patterns
+                .iter()
+                .all(|track: &Track| track.halo > 0 && track.input.least() > bound)
+        {
             return patterns.iter().map(|_| Outcome::Above).collect();
         }
     }
@@ -117,7 +121,8 @@ pub(crate) fn distances(
 
 /// Sweeps the last strip, and finds the best end of each pattern.
 pub(crate) fn finish(sweep: &mut Sweep<'_>, patterns: &[StepPattern]) -> Vec<Option<Distance>> {
-    let (n, m) = (sweep.query.len(), sweep.reference.len());
+    let n = sweep.query.len();
+    let m = sweep.reference.len();
     let mut ends: Vec<_> = patterns
         .iter()
         .map(|pattern| BestEnd {

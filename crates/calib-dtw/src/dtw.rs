@@ -144,12 +144,14 @@ impl Dtw {
         reference: impl Into<Series<'a>>,
         stop: &dyn Fn() -> bool,
     ) -> Result<Distance, DtwError> {
-        let (query, reference) = (query.into(), reference.into());
+        let query = query.into();
+        let reference = reference.into();
         let outcome = self.outcome(query, reference, f64::INFINITY, Some(stop))?;
         if matches!(outcome, Outcome::Stopped) {
             return Err(DtwError::Stopped);
         }
-        let (n, m) = (query.len(), reference.len());
+        let n = query.len();
+        let m = reference.len();
         Ok(found(&outcome, &self.pattern, self.settings, n, m)?)
     }
 
@@ -164,7 +166,8 @@ impl Dtw {
         reference: impl Into<Series<'a>>,
         bound: f64,
     ) -> Result<Option<Distance>, DtwError> {
-        let (query, reference) = (query.into(), reference.into());
+        let query = query.into();
+        let reference = reference.into();
         match self.outcome(query, reference, bound, None)? {
             Outcome::Found(distance) => Ok(Some(distance)),
             Outcome::Above => Ok(None),
@@ -201,9 +204,11 @@ impl Dtw {
         reference: impl Into<Series<'a>>,
         stop: &dyn Fn() -> bool,
     ) -> Result<Alignment, DtwError> {
-        let (query, reference) = (query.into(), reference.into());
+        let query = query.into();
+        let reference = reference.into();
         self.check(query, reference)?;
-        let (set, pattern) = (self.instruction_set, &self.pattern);
+        let set = self.instruction_set;
+        let pattern = &self.pattern;
         match align(set, pattern, self.settings, query, reference, Some(stop)) {
             Aligned::Found(alignment) => Ok(alignment),
             Aligned::NoPath => Err(self.no_path(query, reference).into()),

@@ -261,7 +261,8 @@ impl Tracer<'_> {
     /// Local distance `up` rows above (i, j); zero in the virtual row.
     fn local(&self, i: usize, up: usize, j: usize) -> f64 {
         let Some(i) = i.checked_sub(up) else { return 0.0 };
-        let (x, y) = (self.sweep.query.sample(i), self.sweep.reference.sample(j));
+        let x = self.sweep.query.sample(i);
+        let y = self.sweep.reference.sample(j);
         self.sweep.settings.local_distance.between(x, y)
     }
 }

@@ -56,11 +56,13 @@ impl PatternSet {
         query: impl Into<Series<'a>>,
         reference: impl Into<Series<'a>>,
     ) -> Result<ByPattern, DtwError> {
-        let (query, reference) = (query.into(), reference.into());
+        let query = query.into();
+        let reference = reference.into();
         check(&self.patterns, self.settings, query, reference)?;
         let together = if query.channels() == 1 { 1 } else { self.patterns.len().max(1) };
         let set = InstructionSet::best();
-        let (n, m) = (query.len(), reference.len());
+        let n = query.len();
+        let m = reference.len();
         let outcomes = self.patterns.chunks(together).flat_map(|patterns| {
             distances(set, patterns, self.settings, query, reference, f64::INFINITY, None)
         });

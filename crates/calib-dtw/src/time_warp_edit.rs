@@ -83,9 +83,11 @@ impl TimeWarpEdit {
         query: impl Into<Series<'a>>,
         reference: impl Into<Series<'a>>,
     ) -> Result<f64, DtwError> {
-        let (query, reference) = (query.into(), reference.into());
+        let query = query.into();
+        let reference = reference.into();
         check(&[], Settings::default(), query, reference)?;
-        let (n, m) = (query.len(), reference.len());
+        let n = query.len();
+        let m = reference.len();
         let input = EditInput {
             // Each channel on its own, because cells go along one channel at a time.
             query: planes(query, false),
@@ -117,13 +119,14 @@ impl TimeWarpEdit {
 
 /// The channels of a series one after the other, `[channels][n + 1]`, each beginning with a zero.
 fn planes(series: Series<'_>, reverse: bool) -> Vec<Vec<f64>> {
-    let plane = |channel: usize| {
-        let samples = (0..series.len()).map(|index| series.sample(index)[channel]);
-        let mut plane: Vec<f64> = std::iter::once(0.0).chain(samples).collect();
-        if reverse {
-            plane.reverse();
-        }
-        plane
-    };
-    (0..series.channels()).map(plane).collect()
+    (0..series.channels())
+        .map(|channel: usize| {
+            let samples = (0..series.len()).map(|index| series.sample(index)[channel]);
+            let mut plane: Vec<f64> = std::iter::once(0.0).chain(samples).collect();
+            if reverse {
+                plane.reverse();
+            }
+            plane
+        })
+        .collect()
 }

@@ -30,7 +30,8 @@ impl Window {
     /// The open reference samples of query sample `row`, for `query` × `reference` cells.
     /// Both ends of the range never decrease with `row`. May be empty.
     pub fn columns(self, row: usize, query: usize, reference: usize) -> Range<usize> {
-        let (last_row, last_column) = (query - 1, reference - 1);
+        let last_row = query - 1;
+        let last_column = reference - 1;
         let range = match self {
             Self::None => 0..reference,
             Self::SakoeChiba { radius } => {
@@ -101,8 +102,10 @@ mod tests {
 
     /// The defining inequality of each window, cell by cell.
     fn open(window: Window, i: usize, j: usize, query: usize, reference: usize) -> bool {
-        let (i, j) = (i as i64, j as i64);
-        let (n, m) = (query as i64 - 1, reference as i64 - 1);
+        let i = i as i64;
+        let j = j as i64;
+        let n = query as i64 - 1;
+        let m = reference as i64 - 1;
         match window {
             Window::None => true,
             Window::SakoeChiba { radius } => (i - j).abs() <= radius as i64,

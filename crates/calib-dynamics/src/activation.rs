@@ -41,7 +41,8 @@ mod tests {
     fn both_are_within_rounding_of_the_exact_functions() {
         for step in -40_000..=40_000 {
             let x = f64::from(step) * 5e-4;
-            let (s, t) = (1.0 / (1.0 + (-x).exp()), x.tanh());
+            let s = 1.0 / (1.0 + (-x).exp());
+            let t = x.tanh();
             let x = x as f32;
             assert!((f64::from(sigmoid(x)) - s).abs() < 2e-7, "sigmoid {x}");
             assert!((f64::from(tanh(x)) - t).abs() < 3e-7, "tanh {x}");

@@ -112,7 +112,8 @@ mod tests {
         let transitions = Transitions::new(Segments::from_lengths([7, 5]).expect("valid"));
         let data = Transitioning::new(&states, &transitions, 0.3).expect("ten transitions");
         assert_eq!((data.training(), data.validation()), (0..7, 7..10));
-        let (mut inputs, mut targets) = (Vec::new(), Vec::new());
+        let mut inputs = Vec::new();
+        let mut targets = Vec::new();
         data.gather(&[5, 6], &mut inputs, &mut targets);
         assert_eq!((inputs, targets), (vec![5.0, 7.0], vec![6.0, 8.0]));
         assert_eq!(data.persistence_loss(), 1.0, "each step is one up");

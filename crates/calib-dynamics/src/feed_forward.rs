@@ -14,7 +14,8 @@ impl FeedForward {
     /// # Errors
     /// If it does not map states to states.
     pub fn new(network: Mlp) -> Result<Self, DynamicsError> {
-        let (inputs, outputs) = (network.inputs(), network.outputs());
+        let inputs = network.inputs();
+        let outputs = network.outputs();
         if inputs != outputs {
             let reason = format!("{inputs} values go in and {outputs} come out, expected as many");
             return Err(DynamicsError::Weights { reason });

@@ -44,7 +44,8 @@ impl Residuals {
     /// # Errors
     /// If the model cannot be run, or a prediction is not finite.
     pub fn of(model: &dyn Dynamics, data: &Transitioning<'_>) -> Result<Self, DynamicsError> {
-        let (states, transitions) = (data.states(), data.transitions());
+        let states = data.states();
+        let transitions = data.transitions();
         let sources: Vec<RowIndex> = transitions.sources()[data.validation()]
             .iter()
             .map(|&source| RowIndex(source))
@@ -235,8 +236,9 @@ mod tests {
             source.add_to(&mut state);
             drawn.push(state[0]);
         }
-        let follows = |pair: &&[f32]| pair[1] == pair[0] + 1.0;
-        let share = drawn.windows(2).filter(follows).count() as f64 / 19_999.0;
+        let share = drawn.windows(2).filter(|pair: &&[f32]| pair[1] == pair[0] + 1.0).count()
+            as f64
+            / 19_999.0;
         assert!((0.94..0.99).contains(&share), "{share}");
         assert!(!drawn.windows(2).any(|pair| pair[0] == 49.0 && pair[1] == 50.0), "a gap");
     }

@@ -146,7 +146,8 @@ impl Rollouts<'_> {
         steps: usize,
         monitor: &dyn Monitor,
     ) -> Result<Vec<Prediction>, DynamicsError> {
-        let (model, states) = (self.model.columns(), self.states.columns());
+        let model = self.model.columns();
+        let states = self.states.columns();
         if model != states {
             let reason = format!("the model has {model} columns, the states have {states}");
             return Err(DynamicsError::Weights { reason });
@@ -207,7 +208,8 @@ impl Rollouts<'_> {
             }
             let mut all = Vec::with_capacity((steps + 1) * columns);
             all.extend_from_slice(row);
-            let (start, ended) = (start.row, Ended::Complete);
+            let start = start.row;
+            let ended = Ended::Complete;
             rollouts.push(Prediction { start, columns, states: all, ended });
         }
         for step in 1..=steps {
@@ -267,7 +269,8 @@ mod tests {
 
     #[test]
     fn together_and_alone_are_the_same_bits() {
-        let (rows, columns) = (90, 7);
+        let rows = 90;
+        let columns = 7;
         let states = states(rows, columns);
         let segments = Segments::from_lengths([40, 3, 47]).expect("valid");
         let starts: Vec<RowIndex> = (0..37).map(|r| RowIndex::new(r * 29 % rows)).collect();

@@ -99,7 +99,8 @@ impl Recurrent {
             }
         };
         let layers = (0..layers).map(&mut layer).collect();
-        let (head_weight, head_bias) = (draw(columns * hidden), draw(columns));
+        let head_weight = draw(columns * hidden);
+        let head_bias = draw(columns);
         Self { columns, hidden, layers, head_weight, head_bias, history }
     }
 
@@ -206,7 +207,8 @@ impl Walk for RecurrentWalk<'_> {
             let [reset, keep, new, new_hidden, past] = &mut self.gates;
             for ((of_input, of_hidden), hidden) in lanes.zip(hidden.chunks_exact_mut(units)) {
                 past.copy_from_slice(hidden);
-                let (bias_ih, bias_hh) = (&layer.bias_ih, &layer.bias_hh);
+                let bias_ih = &layer.bias_ih;
+                let bias_hh = &layer.bias_hh;
                 let products = Products { of_input, of_hidden, bias_ih, bias_hh };
                 activate(products, past, Activated { reset, keep, new, new_hidden, hidden });
             }
@@ -248,7 +250,8 @@ mod tests {
         let model = Recurrent::new(vec![layer], vec![2.0], vec![0.5], 0).expect("valid");
         let mut walk = model.walk().expect("it runs");
         let mut next = vec![0.0; LANES];
-        let (mut h, sigmoid) = (0.0_f64, |x: f64| 1.0 / (1.0 + (-x).exp()));
+        let mut h = 0.0_f64;
+        let sigmoid = |x: f64| 1.0 / (1.0 + (-x).exp());
         for x in [0.7_f64, -1.2, 0.3] {
             walk.step(&[x as f32; LANES], &mut next).expect("a step");
             let r = sigmoid(0.5 * x + 0.01 + 0.1 * h - 0.01);

@@ -32,7 +32,8 @@ pub(crate) struct GruShape {
 
 impl GruShape {
     pub(crate) fn of(model: &Recurrent) -> Self {
-        let (hidden, columns) = (model.hidden(), model.head().1.len());
+        let hidden = model.hidden();
+        let columns = model.head().1.len();
         let mut end = 0;
         let mut take = |count: usize| {
             let start = end;
@@ -50,7 +51,8 @@ impl GruShape {
                 bias_hh: take(layer.bias_hh.len()),
             })
             .collect();
-        let (head_weight, head_bias) = (take(columns * hidden), take(columns));
+        let head_weight = take(columns * hidden);
+        let head_bias = take(columns);
         Self { columns, hidden, layers, head_weight, head_bias, parameters: end }
     }
 }
@@ -341,7 +343,9 @@ fn differentiate(
 ) {
     let units = d_hidden.len();
     for unit in 0..units {
-        let (reset, keep, new) = (past.reset[unit], past.keep[unit], past.new[unit]);
+        let reset = past.reset[unit];
+        let keep = past.keep[unit];
+        let new = past.new[unit];
         let d = d_hidden[unit];
         let d_new = d * (1.0 - keep) * (1.0 - new * new);
         let d_keep = d * (past.hidden[unit] - new) * keep * (1.0 - keep);

@@ -50,7 +50,8 @@ impl Learnable for Gru<'_> {
         let GruWorkspace { inputs, targets, pass } = workspace;
         inputs.clear();
         targets.clear();
-        let (states, transitions) = (self.data.states(), self.data.transitions());
+        let states = self.data.states();
+        let transitions = self.data.transitions();
         for step in 0..self.length {
             for &first in items {
                 let row = transitions.source(TransitionIndex(first)).get() + step;
@@ -85,7 +86,8 @@ impl<'a> RecurrentTrainer<'a> {
         config: &DynamicsConfig,
         seed: Seed,
     ) -> Result<Self, DynamicsError> {
-        let (length, stride) = (config.sequence_length, config.sequence_stride);
+        let length = config.sequence_length;
+        let stride = config.sequence_stride;
         let part = |part, range| match sequences(data.transitions(), range, length, stride) {
             found if found.is_empty() => Err(DynamicsError::NoSequence { part, length }),
             found => Ok(found),
@@ -101,7 +103,8 @@ impl<'a> RecurrentTrainer<'a> {
             length - 1,
             seed_of_parameters(seed),
         );
-        let (shape, parameters) = (GruShape::of(&start), start.flat());
+        let shape = GruShape::of(&start);
+        let parameters = start.flat();
         let gru = Gru { data: *data, start, shape, length };
         Ok(Self::with(gru, config, seed, parts, parameters))
     }
@@ -192,17 +195,19 @@ mod tests {
         let golden: Golden =
             serde_json::from_str(include_str!("../tests/golden/dynamics.json")).expect("reads");
         let tensor = |name: String| golden.tensors[&name].clone();
-        let layer = |number: usize| GruLayer {
-            weight_ih: tensor(format!("gru.weight_ih_l{number}")),
-            weight_hh: tensor(format!("gru.weight_hh_l{number}")),
-            bias_ih: tensor(format!("gru.bias_ih_l{number}")),
-            bias_hh: tensor(format!("gru.bias_hh_l{number}")),
-        };
-        let layers = (0..golden.layers).map(layer).collect();
+        let layers = (0..golden.layers)
+            .map(|number: usize| GruLayer {
+                weight_ih: tensor(format!("gru.weight_ih_l{number}")),
+                weight_hh: tensor(format!("gru.weight_hh_l{number}")),
+                bias_ih: tensor(format!("gru.bias_ih_l{number}")),
+                bias_hh: tensor(format!("gru.bias_hh_l{number}")),
+            })
+            .collect();
         let [weight, bias] = ["head.weight", "head.bias"].map(|name| tensor(name.to_owned()));
         let model = Recurrent::new(layers, weight, bias, 0).expect("sizes agree");
         let shape = GruShape::of(&model);
-        let (count, length) = (golden.states.len(), golden.states[0].len() - 1);
+        let count = golden.states.len();
+        let length = golden.states[0].len() - 1;
         let at = |offset: usize| -> Vec<f32> {
             (0..length)
                 .flat_map(|step| {
@@ -210,7 +215,8 @@ mod tests {
                 })
                 .collect()
         };
-        let (inputs, targets) = (at(0), at(1));
+        let inputs = at(0);
+        let targets = at(1);
         let sequences = Sequences { inputs: &inputs, targets: &targets, length, count };
         let values = (count * length * golden.columns) as f64;
         let mut parameters = model.flat();
@@ -258,7 +264,8 @@ mod tests {
             let pool =
                 rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             pool.install(|| {
-                let (config, seed) = (config(25), Seed::new(5));
+                let config = config(25);
+                let seed = Seed::new(5);
                 let mut trainer = RecurrentTrainer::new(&data, &config, seed).expect("sequences");
                 while !trainer.record().is_complete(&config) {
                     trainer.epoch(&Silent).expect("finite");

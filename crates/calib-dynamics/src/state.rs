@@ -54,7 +54,8 @@ impl TrainingState {
         let Some(Ok((record, powers))) = progress else {
             return Err(wrong("the checkpoint does not say how far it went"));
         };
-        let (mean, square) = (array("adam.mean")?, array("adam.square")?);
+        let mean = array("adam.mean")?;
+        let square = array("adam.square")?;
         Ok(Self {
             parameters: array("parameters")?,
             kept: array("kept")?,

@@ -122,7 +122,8 @@ impl<L: Learnable> NativeTrainer<L> {
 
     /// The sum of squared errors; with a scale the halves hold the gradients of their share of it.
     fn squared_error(&mut self, items: &[u32], scale: Option<f32>) -> f64 {
-        let (learnable, parameters) = (&self.learnable, &self.parameters[..]);
+        let learnable = &self.learnable;
+        let parameters = &self.parameters[..];
         let (mine, theirs) = items.split_at(cut(items.len()));
         let [first, second] = &mut self.halves;
         if theirs.is_empty() {

@@ -53,7 +53,8 @@ impl FeedForward {
 impl Recurrent {
     /// The weights, named as in PyTorch: `gru.weight_ih_l0` … of a `GRU`, `head.weight` and `head.bias` of a `Linear`.
     pub fn to_tensors(&self) -> Tensors {
-        let (units, columns) = (self.hidden(), self.head().1.len());
+        let units = self.hidden();
+        let columns = self.head().1.len();
         let mut tensors = Vec::new();
         for (number, layer) in self.layers().iter().enumerate() {
             let inputs = layer.weight_ih.len() / (3 * units);

@@ -54,13 +54,14 @@ fn assert_close(what: &str, got: &[f32], expected: &[f64]) {
 fn a_gru_predicts_what_pytorch_predicts() {
     let golden = golden();
     let tensor = |name: String| golden.tensors[&name].clone();
-    let layer = |number: usize| GruLayer {
-        weight_ih: tensor(format!("gru.weight_ih_l{number}")),
-        weight_hh: tensor(format!("gru.weight_hh_l{number}")),
-        bias_ih: tensor(format!("gru.bias_ih_l{number}")),
-        bias_hh: tensor(format!("gru.bias_hh_l{number}")),
-    };
-    let layers = (0..golden.layers).map(layer).collect();
+    let layers = (0..golden.layers)
+        .map(|number: usize| GruLayer {
+            weight_ih: tensor(format!("gru.weight_ih_l{number}")),
+            weight_hh: tensor(format!("gru.weight_hh_l{number}")),
+            bias_ih: tensor(format!("gru.bias_ih_l{number}")),
+            bias_hh: tensor(format!("gru.bias_hh_l{number}")),
+        })
+        .collect();
     let head = ["head.weight", "head.bias"].map(|name| golden.tensors[name].clone());
     let [weight, bias] = head;
     let model = Recurrent::new(layers, weight, bias, 0).expect("sizes agree");
@@ -83,8 +84,11 @@ fn a_gru_predicts_what_pytorch_predicts() {
 fn a_feed_forward_network_learns_as_in_pytorch() {
     let golden = golden();
     let network = Mlp::from_parameters(&golden.nn_sizes, &golden.nn_parameters).expect("fits");
-    let now = |sequence: &Vec<Vec<f32>>| sequence[..sequence.len() - 1].concat();
-    let inputs: Vec<f32> = golden.states.iter().flat_map(now).collect();
+    let inputs: Vec<f32> = golden
+        .states
+        .iter()
+        .flat_map(|sequence: &Vec<Vec<f32>>| sequence[..sequence.len() - 1].concat())
+        .collect();
     let targets: Vec<f32> =
         golden.states.iter().flat_map(|sequence| sequence[1..].concat()).collect();
     let rows = inputs.len() / golden.columns;

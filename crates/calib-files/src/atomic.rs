@@ -171,8 +171,7 @@ pub fn remove_temporaries(directory: &Path, below: Below) -> Result<(), FileErro
 pub fn link_or_copy(from: &Path, path: &Path) -> Result<(), FileError> {
     let directory = directory_of(path);
     create_directory(directory)?;
-    let refused = |source| FileError::io("write", path, source);
-    match link(from, path, directory).map_err(refused)? {
+    match link(from, path, directory).map_err(|source| FileError::io("write", path, source))? {
         Linked::Yes => Ok(()),
         Linked::NotHere => {
             let mut file = crate::open_regular(from)?;

@@ -137,7 +137,8 @@ impl Iterator for Records<'_> {
     type Item = Record;
 
     fn next(&mut self) -> Option<Record> {
-        let (mut written, mut cells) = (0, 0);
+        let mut written = 0;
+        let mut cells = 0;
         loop {
             let (result, read, more_text, more_cells) = self.reader.read_record(
                 self.rest,

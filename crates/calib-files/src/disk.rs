@@ -38,8 +38,9 @@ impl Announced<'_> {
 
 impl Write for Announced<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let half = || drop(self.file.write_all(&bytes[..bytes.len() / 2]));
-        reach_or_half(Operation::Write, self.path, half)?;
+        reach_or_half(Operation::Write, self.path, || {
+            drop(self.file.write_all(&bytes[..bytes.len() / 2]));
+        })?;
         self.file.write(bytes)
     }
 
@@ -130,7 +131,8 @@ fn remove_below(
     let refused = |source| FileError::io("read the folder", folder, source);
     for entry in fs::read_dir(folder).map_err(refused)? {
         let entry = entry.map_err(refused)?;
-        let (path, kind) = (inside.join(entry.file_name()), entry.file_type().map_err(refused)?);
+        let path = inside.join(entry.file_name());
+        let kind = entry.file_type().map_err(refused)?;
         if kind.is_dir() {
             remove_below(&entry.path(), &path, is_ours)?;
         } else if kind.is_file() && is_ours(&path) {

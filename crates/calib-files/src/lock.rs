@@ -80,7 +80,8 @@ mod tests {
     #[test]
     fn links_are_not_followed() {
         let directory = tempfile::tempdir().expect("a directory");
-        let (lock, own) = (directory.path().join(".lock"), directory.path().join("thesis.tex"));
+        let lock = directory.path().join(".lock");
+        let own = directory.path().join("thesis.tex");
         fs::write(&own, b"a user's own").expect("written");
         std::os::unix::fs::symlink(&own, &lock).expect("linked");
         let error = format!("{:?}", open_lock(&lock).expect_err("refused"));

@@ -17,7 +17,8 @@ static RANGES: [Range; MOST] =
 /// Whether a file that calib maps lies at `address`. A handler of signals may ask: nothing is locked or allocated.
 pub fn is_mapped(address: usize) -> bool {
     RANGES.iter().any(|range| {
-        let (start, end) = (range.start.load(Ordering::Acquire), range.end.load(Ordering::Acquire));
+        let start = range.start.load(Ordering::Acquire);
+        let end = range.end.load(Ordering::Acquire);
         (start..end).contains(&address)
     })
 }
@@ -29,7 +30,8 @@ pub(crate) struct Known(Option<usize>);
 impl Known {
     /// The file that was mapped to these bytes.
     pub(crate) fn of(bytes: &[u8]) -> Self {
-        let (start, end) = (bytes.as_ptr() as usize, bytes.as_ptr() as usize + bytes.len());
+        let start = bytes.as_ptr() as usize;
+        let end = bytes.as_ptr() as usize + bytes.len();
         let free = RANGES.iter().position(|range| {
             let taken = range.start.compare_exchange(0, start, Ordering::AcqRel, Ordering::Relaxed);
             taken.is_ok()

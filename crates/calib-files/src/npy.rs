@@ -115,7 +115,8 @@ pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
     let bad = |reason: String| FileError::Npy { path: path.to_owned(), reason };
     let header = NpyHeader::parse(&map).map_err(bad)?;
     if header.description != T::DESCRIPTION {
-        let (expected, got) = (T::DESCRIPTION, header.description);
+        let expected = T::DESCRIPTION;
+        let got = header.description;
         return Err(bad(format!("expected elements of type '{expected}', got '{got}'")));
     }
     if header.is_column_major {
@@ -124,7 +125,8 @@ pub fn map_npy<T: NpyElement>(path: &Path) -> Result<MappedNpy<T>, FileError> {
     let &[rows, columns] = &header.shape[..] else {
         return Err(bad(format!("expected a shape of two dimensions, got {:?}", header.shape)));
     };
-    let (offset, expected) = (header.data, header.bytes(size_of::<T>()));
+    let offset = header.data;
+    let expected = header.bytes(size_of::<T>());
     if Some(map.len() - offset) != expected {
         let got = map.len() - offset;
         let expected = expected.map_or_else(|| "more".to_owned(), |bytes| bytes.to_string());

@@ -68,7 +68,9 @@ struct Dictionary<'a> {
 
 impl<'a> Dictionary<'a> {
     fn header(mut self) -> Result<NpyHeader<'a>, String> {
-        let (mut description, mut is_column_major, mut shape) = (None, None, None);
+        let mut description = None;
+        let mut is_column_major = None;
+        let mut shape = None;
         self.expect("{")?;
         while !self.take("}") {
             let key = self.string()?;

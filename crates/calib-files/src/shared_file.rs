@@ -134,8 +134,8 @@ mod tests {
         let path = directory.path().join("a");
         std::fs::write(&path, b"0123456789").expect("written");
         let held = HeldFile::open(&path).expect("there");
-        let (mut first, mut second) =
-            (held.reader(2).expect("open"), held.reader(7).expect("open"));
+        let mut first = held.reader(2).expect("open");
+        let mut second = held.reader(7).expect("open");
         let mut bytes = [0; 2];
         first.read_exact(&mut bytes).expect("there");
         assert_eq!(&bytes, b"23");

@@ -206,7 +206,8 @@ mod tests {
     #[test]
     fn come_back_bit_by_bit_and_write_the_same_bytes() {
         let directory = tempfile::tempdir().unwrap();
-        let (a, b) = (directory.path().join("a"), directory.path().join("b"));
+        let a = directory.path().join("a");
+        let b = directory.path().join("b");
         let mut written = content();
         write_tensors(&a, &written).unwrap();
         let read = read_tensors(&a).unwrap();

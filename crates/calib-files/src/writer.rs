@@ -32,12 +32,13 @@ pub fn host_name() -> &'static str {
 /// Some digits that stand for the processes that this one can see: those of this machine, or of its container.
 fn machine() -> Option<&'static str> {
     static MACHINE: OnceLock<Option<String>> = OnceLock::new();
-    let digits = || {
-        let processes = fs::read_link("/proc/self/ns/pid").ok()?;
-        let text = format!("{} {}", host_name(), processes.display());
-        Some(Fingerprint::of(text.as_bytes()).short().to_owned())
-    };
-    MACHINE.get_or_init(digits).as_deref()
+    MACHINE
+        .get_or_init(|| {
+            let processes = fs::read_link("/proc/self/ns/pid").ok()?;
+            let text = format!("{} {}", host_name(), processes.display());
+            Some(Fingerprint::of(text.as_bytes()).short().to_owned())
+        })
+        .as_deref()
 }
 
 /// What the names of temporary files of this process begin with.
@@ -64,7 +65,8 @@ fn middle(path: &Path) -> Option<&str> {
 /// it is a day older than what is written beside it now.
 pub(crate) fn is_abandoned(path: &Path) -> io::Result<bool> {
     let mut parts = middle(path).unwrap_or_default().split('-');
-    let (writer, process) = (parts.next(), parts.next().and_then(|text| text.parse::<u32>().ok()));
+    let writer = parts.next();
+    let process = parts.next().and_then(|text| text.parse::<u32>().ok());
     match (writer, process) {
         (Some(writer), Some(process)) if Some(writer) == machine() => {
             Ok(!Path::new("/proc").join(process.to_string()).exists())

@@ -71,7 +71,9 @@ fn main() {
 
     let by_columns = data(rows, &[1, 2, 3, 4, 6, 8]);
     let windowed = data(windowed_rows, &[1, 2, 3]);
-    let (tree, join, auto) = (IndexKind::KdTree, IndexKind::Join, IndexKind::Auto);
+    let tree = IndexKind::KdTree;
+    let join = IndexKind::Join;
+    let auto = IndexKind::Auto;
     let cells = |states, kinds: &[IndexKind], theiler| -> Vec<Cell<'_>> {
         kinds.iter().map(|&kind| Cell { states, kind, theiler, least: f64::INFINITY }).collect()
     };

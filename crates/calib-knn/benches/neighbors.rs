@@ -39,7 +39,8 @@ fn changed(states: &States, change: impl Fn(usize, &mut [f32])) -> States {
 
 fn by_shape(criterion: &mut Criterion) {
     let rows = if testing() { 500 } else { 20_000 };
-    let (plant, gaussian) = (plant(rows, 142), gaussian(rows, 142));
+    let plant = plant(rows, 142);
+    let gaussian = gaussian(rows, 142);
     let still = |states: &States| {
         changed(states, |row, state| {
             if row % 1000 < 500 {

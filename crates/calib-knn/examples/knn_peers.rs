@@ -35,7 +35,8 @@ fn main() -> Outcome<()> {
             graph(&open(states, rows)?, &read_rows(queries)?, out.as_ref(), k.parse()?)
         }
         ["kiddo", states, rows, queries, out, k, budget] => {
-            let (log, queries) = (open(states, rows)?, read_rows(queries)?);
+            let log = open(states, rows)?;
+            let queries = read_rows(queries)?;
             kiddo(&log, &queries, out.as_ref(), k.parse()?, budget.parse()?)
         }
         // `cargo test` and `cargo bench` run examples without arguments.
@@ -73,7 +74,8 @@ impl Log {
 }
 
 fn open(path: &str, rows: &str) -> Outcome<Log> {
-    let (file, rows) = (map_npy::<f32>(path.as_ref())?, rows.parse()?);
+    let file = map_npy::<f32>(path.as_ref())?;
+    let rows = rows.parse()?;
     if file.rows() < rows {
         return Err(format!("{path} has {} rows, expected {rows}", file.rows()).into());
     }
@@ -92,7 +94,8 @@ fn peak_kib() -> u64 {
 }
 
 fn calib(log: Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
-    let (rows, columns) = (log.rows, log.file.columns());
+    let rows = log.rows;
+    let columns = log.file.columns();
     let clock = Instant::now();
     let states = States::from_shared(Arc::new(log), rows, columns)?;
     let transitions = Transitions::new(Segments::from_lengths([rows])?);
@@ -120,7 +123,8 @@ fn calib(log: Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
 
 /// What a graph of neighbours is elsewhere: of every row of member 0, its sources and the row after them, the nearest others.
 fn graph(log: &Log, queries: &[usize], out: &Path, k: usize) -> Outcome<()> {
-    let (sources, columns) = (log.sources(), log.file.columns());
+    let sources = log.sources();
+    let columns = log.file.columns();
     let values = log.as_ref()[sources.start * columns..(sources.end + 1) * columns].to_vec();
     let clock = Instant::now();
     let points = Points::new(values, columns)?;

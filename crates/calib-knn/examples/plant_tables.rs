@@ -106,7 +106,8 @@ fn simulate(rows: usize, period_secs: f64, path: &Path) -> Outcome<()> {
     for day in plant {
         for row in 0..day.timestamps.len().min(left) {
             for (last, &channel) in last.iter_mut().zip(&alive) {
-                let (value, (low, high)) = (day.columns[channel][row], ranges[channel]);
+                let value = day.columns[channel][row];
+                let (low, high) = ranges[channel];
                 if value.is_finite() {
                     *last = (value - low) / (high - low).max(f32::MIN_POSITIVE);
                 }
@@ -159,7 +160,8 @@ fn processor_secs() -> f64 {
 
 fn build(how: &str, path: &Path, workplace: &Workplace, sample: usize) -> Outcome<()> {
     let mapped = map_npy::<f32>(path)?;
-    let (rows, columns) = (mapped.rows(), mapped.columns());
+    let rows = mapped.rows();
+    let columns = mapped.columns();
     let watch = Watch {
         peak_anonymous_kib: 0.into(),
         peak_mapped_kib: 0.into(),
@@ -170,12 +172,14 @@ fn build(how: &str, path: &Path, workplace: &Workplace, sample: usize) -> Outcom
         let result = (|| -> Outcome<()> {
             let states = States::from_shared(Arc::new(mapped), rows, columns)?;
             let transitions = Transitions::new(Segments::from_lengths([rows])?);
-            let (clock, processor) = (Instant::now(), processor_secs());
+            let clock = Instant::now();
+            let processor = processor_secs();
             let config = ModelConfig { remove_traps: how == "build", ..ModelConfig::default() };
             let need = MemoryNeed::predict(rows, columns, &config, rayon::current_num_threads());
             let (model, built) =
                 KnnModel::build_in(states, transitions, &config, workplace, &Silent)?;
-            let (wall, processor) = (clock.elapsed().as_secs_f64(), processor_secs() - processor);
+            let wall = clock.elapsed().as_secs_f64();
+            let processor = processor_secs() - processor;
             let verification = verify(&model, sample, Seed::new(0), &Silent)?;
             println!(
                 "{{\"rows\": {rows}, \"columns\": {columns}, \"wall_secs\": {wall:.2}, \"processor_secs\": {processor:.2}, \

@@ -29,7 +29,8 @@ impl Bits {
     /// # Panics
     /// If it is not below the length.
     pub(crate) fn insert(&mut self, number: u32) -> bool {
-        let (word, bit) = (&mut self.words[number as usize / WORD], number as usize % WORD);
+        let word = &mut self.words[number as usize / WORD];
+        let bit = number as usize % WORD;
         let new = *word >> bit & 1 == 0;
         *word |= 1 << bit;
         new
@@ -75,8 +76,9 @@ impl Bits {
 
     /// The runs of consecutive numbers in the set, ascending.
     pub(crate) fn runs(&self) -> impl Iterator<Item = Range<u32>> + '_ {
-        let begins = |&number: &u32| number == 0 || !self.contains(number - 1);
-        self.iter().filter(begins).map(|start| start..self.first_absent(start))
+        self.iter()
+            .filter(|&number: &u32| number == 0 || !self.contains(number - 1))
+            .map(|start| start..self.first_absent(start))
     }
 
     /// The numbers in the set, ascending.

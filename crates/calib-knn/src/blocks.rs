@@ -64,7 +64,8 @@ impl Blocks {
     /// All `transitions` in one member that leaves none out: no ensemble, but a search over everything.
     pub(crate) fn undivided(transitions: &Transitions) -> Self {
         let count = transitions.len() as u32;
-        let (own, dropped) = (0..count, count..count);
+        let own = 0..count;
+        let dropped = count..count;
         Self { transitions: count, own: vec![own], dropped: vec![dropped] }
     }
 

@@ -24,7 +24,8 @@ pub(crate) fn leading_components(
     count: usize,
     monitor: &dyn Monitor,
 ) -> Result<States, KnnError> {
-    let (rows, columns) = (states.rows(), states.columns());
+    let rows = states.rows();
+    let columns = states.columns();
     if count >= columns {
         return Err(KnnError::Components { components: count, columns });
     }
@@ -68,7 +69,8 @@ mod tests {
 
     #[test]
     fn components_keep_the_distances_that_vary() {
-        let (rows, columns) = (300, 20);
+        let rows = 300;
+        let columns = 20;
         let mut rng = Seed::new(2).rng();
         let loadings: Vec<f64> = (0..3 * columns).map(|_| rng.normal()).collect();
         let mut values = Vec::new();
@@ -83,8 +85,8 @@ mod tests {
         let three = leading_components(&states, 3, &Silent).expect("fewer than columns");
         assert_eq!((three.rows(), three.columns()), (rows, 3));
         for a in 0..rows {
-            let (full, reduced) =
-                (squared(states.row(0), states.row(a)), squared(three.row(0), three.row(a)));
+            let full = squared(states.row(0), states.row(a));
+            let reduced = squared(three.row(0), three.row(a));
             assert!((full - reduced).abs() <= 1e-4 * (1.0 + full), "{full} {reduced}");
         }
         let error = leading_components(&states, 20, &Silent).expect_err("all columns");

@@ -113,7 +113,8 @@ fn see_strip(model: &KnnModel, searches: &mut [Search], strip: std::ops::Range<u
     for start in strip.clone().step_by(TILE) {
         let sources = &model.transitions().sources()[start..strip.end.min(start + TILE)];
         for (number, &row) in sources.iter().enumerate() {
-            let (first, lane) = (number / LANES * columns, number % LANES);
+            let first = number / LANES * columns;
+            let lane = number % LANES;
             let state = model.states().row(row as usize);
             for (out, &value) in tile[first..].iter_mut().zip(state) {
                 out[lane] = f64::from(value);

@@ -45,8 +45,10 @@ impl LeftOut {
 
     /// Whether row `row` of the table cannot hold `transition`.
     pub(crate) fn bars(&self, row: u32, transition: u32) -> bool {
-        let inside = |runs: &Vec<Range<u32>>| runs.iter().any(|run| run.contains(&transition));
-        self.for_all.contains(transition) || self.exits.get(&row).is_some_and(inside)
+        self.for_all.contains(transition)
+            || self.exits.get(&row).is_some_and(|runs: &Vec<Range<u32>>| {
+                runs.iter().any(|run| run.contains(&transition))
+            })
     }
 
     /// What is left out for all queries, as searches are told.

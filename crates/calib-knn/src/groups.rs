@@ -76,7 +76,8 @@ impl Groups {
 
     /// Each transition by itself, where nothing is gained from knowing equal states.
     pub(crate) fn singletons(sources: &Sources<'_>) -> Self {
-        let (count, candidates) = (sources.candidates_len() as u32, sources.candidates());
+        let count = sources.candidates_len() as u32;
+        let candidates = sources.candidates();
         let transitions = (0..count).map(|number| candidates.nth(number)).collect();
         Self::with_rows(transitions, (0..=count).collect(), sources.transitions().sources())
     }

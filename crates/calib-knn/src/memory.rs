@@ -41,7 +41,8 @@ impl MemoryNeed {
     /// `k_centre` takes `236 n` before the images. A scan has no images. The arrays of the k-d tree cannot be in files, so `"auto"`
     /// takes none if they should be; where it is asked for, `(8 d + 44) n` are left. Derived, and checked against measurements.
     pub fn predict(rows: usize, columns: usize, config: &ModelConfig, threads: usize) -> Self {
-        let (n, d) = (rows as u64, columns as u64);
+        let n = rows as u64;
+        let d = columns as u64;
         let searched = if config.components > 0 { config.components } else { columns };
         let width = match config.index {
             IndexKind::Scan => 0,
@@ -51,7 +52,8 @@ impl MemoryNeed {
         };
         let tree = if config.index == IndexKind::KdTree { 8 * searched as u64 + 44 } else { 0 };
         // More neighbours than there are rows are refused, whatever they would take.
-        let (neighbors, members) = (n.min(config.neighbors as u64), n.min(config.members as u64));
+        let neighbors = n.min(config.neighbors as u64);
+        let members = n.min(config.members as u64);
         let tables = 8_u64.saturating_mul(neighbors).saturating_mul(members);
         let most = (8 * width + 32).max(
             tables.saturating_add(8_u64.saturating_mul(neighbors)).saturating_add(4 * width + 84),

@@ -96,11 +96,13 @@ impl KnnModel {
         let candidates =
             chosen.as_deref().map_or(Candidates::Every(shortcuts.prototypes), Candidates::Chosen);
         let sources = sources.with_candidates(candidates).with_leaf_budget(shortcuts.leaf_budget);
-        let (k, weights) = (config.neighbors, config.weights()?);
+        let k = config.neighbors;
+        let weights = config.weights()?;
         let (mut tables, planned) =
             find_tables(&sources, k, exclusion, config.index, workplace, monitor)?;
         let place = &workplace.scratch;
-        let (planned_by, sources) = (&planned, &sources);
+        let planned_by = &planned;
+        let sources = &sources;
         let search =
             TableSearch { planned: planned_by, sources, k, exclusion, weights, place, monitor };
         let members = if config.remove_traps {
@@ -209,14 +211,15 @@ impl KnnModel {
         let tables: Vec<NeighborTable> = (0..members)
             .map(|member| found.remove(&member).unwrap_or_else(|| NeighborTable::empty(k)))
             .collect();
-        let left_out = |member: usize| {
-            if !opened.contains(&member) {
-                return Ok(LeftOut::default());
-            }
-            let directory = member_directory(directory, member);
-            open_left_out(&directory, &blocks, member, &tables[member])
-        };
-        let left_out = (0..members).map(left_out).collect::<Result<_, _>>()?;
+        let left_out = (0..members)
+            .map(|member: usize| {
+                if !opened.contains(&member) {
+                    return Ok(LeftOut::default());
+                }
+                let directory = member_directory(directory, member);
+                open_left_out(&directory, &blocks, member, &tables[member])
+            })
+            .collect::<Result<_, _>>()?;
         Ok(Self { states, transitions, blocks, tables, left_out, exclusion })
     }
 

@@ -58,8 +58,9 @@ pub(crate) fn covering(
         .flat_map_iter(|cluster| {
             let cluster = if monitor.interrupted() { &[] } else { *cluster };
             let count = cluster.len().div_ceil(every as usize);
-            let point = |group: u32| &points[group as usize * width..][..width];
-            let taken = farthest_first(cluster, width, count, point);
+            let taken = farthest_first(cluster, width, count, |group: u32| {
+                &points[group as usize * width..][..width]
+            });
             taken.into_iter().flat_map(|group| groups.transitions(group as usize))
         })
         .copied()

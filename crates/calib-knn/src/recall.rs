@@ -43,7 +43,8 @@ pub fn recall(
 ) -> Result<Recall, KnnError> {
     let cells = sampled(model, sample, seed);
     let lists = by_definition(model, &cells, monitor)?;
-    let (mut found, mut copies_missed) = (0, 0);
+    let mut found = 0;
+    let mut copies_missed = 0;
     let mut ratios = Vec::with_capacity(cells.len());
     for (&(number, transition), exact) in cells.iter().zip(&lists) {
         let (_, distances) = model.member(number).neighbors(transition);
@@ -75,7 +76,8 @@ fn wilson(share: f64, trials: usize) -> [f64; 2] {
     if trials == 0 {
         return anywhere();
     }
-    let (n, z) = (trials as f64, 1.959_963_984_540_054_f64);
+    let n = trials as f64;
+    let z = 1.959_963_984_540_054_f64;
     let centre = share + z * z / (2.0 * n);
     let half = z * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).max(0.0).sqrt();
     [centre - half, centre + half].map(|end| (end / (1.0 + z * z / n)).clamp(0.0, 1.0))

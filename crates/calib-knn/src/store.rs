@@ -10,7 +10,8 @@ use crate::{Blocks, KnnError, LeftOut, NeighborTable, bits::Bits};
 /// # Errors
 /// If a file cannot be written.
 pub fn write_table(directory: &Path, table: &NeighborTable) -> Result<(), FileError> {
-    let (rows, k) = (table.len(), table.k());
+    let rows = table.len();
+    let k = table.k();
     write_npy(&directory.join("neighbors.npy"), table.neighbors(), rows, k)?;
     write_npy(&directory.join("distances.npy"), table.distances(), rows, k)
 }
@@ -30,7 +31,8 @@ pub fn open_table(
     let neighbors = map_npy::<u32>(&directory.join("neighbors.npy"))?;
     let distances = map_npy::<f32>(&directory.join("distances.npy"))?;
     let damaged = |reason: String| KnnError::Table { member, reason };
-    let (rows, k) = (neighbors.rows(), neighbors.columns());
+    let rows = neighbors.rows();
+    let k = neighbors.columns();
     if rows != blocks.transitions() || k == 0 {
         return Err(damaged(format!(
             "neighbors.npy has shape ({rows}, {k}), expected ({}, k) with k of at least 1",
@@ -80,7 +82,8 @@ pub(crate) fn open_left_out(
     let file = map_npy::<u32>(&directory.join("left_out.npy"))?;
     let damaged = |reason: String| KnnError::Table { member, reason };
     if file.columns() != 3 {
-        let (rows, columns) = (file.rows(), file.columns());
+        let rows = file.rows();
+        let columns = file.columns();
         return Err(damaged(format!(
             "left_out.npy has shape ({rows}, {columns}), expected (n, 3)"
         )));
@@ -88,7 +91,8 @@ pub(crate) fn open_left_out(
     let mut for_all = Bits::new(blocks.transitions());
     let mut exits: BTreeMap<u32, Vec<Range<u32>>> = BTreeMap::new();
     for line in file.as_slice().chunks_exact(3) {
-        let (row, run) = (line[0], line[1]..line[2]);
+        let row = line[0];
+        let run = line[1]..line[2];
         let of_member = |row: u32| blocks.contains(member, TransitionIndex(row));
         if run.is_empty() || run.end as usize > blocks.transitions() {
             return Err(damaged(format!("left_out.npy has the run {run:?} of transitions")));
@@ -140,8 +144,9 @@ fn check_row(
         return Err(format!("row {row} names transition {bad}, which is not in the member"));
     }
     let ascending = distances.windows(2).all(|pair| pair[0] <= pair[1]);
-    let valid = |distance: &f32| distance.is_finite() && *distance >= 0.0;
-    if !ascending || !distances.iter().all(valid) {
+    if !ascending
+        || !distances.iter().all(|distance: &f32| distance.is_finite() && *distance >= 0.0)
+    {
         return Err(format!(
             "row {row} has distances {distances:?}, expected finite numbers from 0 in ascending order"
         ));

@@ -132,7 +132,8 @@ pub(crate) fn find_tables<'a>(
     workplace: &Workplace,
     monitor: &dyn Monitor,
 ) -> Result<(Vec<Filling>, Planned<'a>), KnnError> {
-    let (transitions, blocks) = (sources.transitions(), sources.blocks());
+    let transitions = sources.transitions();
+    let blocks = sources.blocks();
     check_candidates(transitions, blocks, sources.candidates(), k, exclusion)?;
     let queries = Queries::next_states(sources, exclusion);
     let planned = sources.index(kind, &queries, k, &workplace.scratch, monitor)?;
@@ -142,10 +143,12 @@ pub(crate) fn find_tables<'a>(
 
 /// Tables of `k` neighbours that do not change any more.
 pub(crate) fn finished(tables: Vec<Filling>, k: usize) -> Vec<NeighborTable> {
-    let finished = |(neighbors, distances): Filling| {
-        NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), k)
-    };
-    tables.into_iter().map(finished).collect()
+    tables
+        .into_iter()
+        .map(|(neighbors, distances): Filling| {
+            NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), k)
+        })
+        .collect()
 }
 
 /// Search part by part. A second thread puts what was found in its place and keeps it, while the next part is searched.
@@ -156,7 +159,8 @@ fn fill(
     workplace: &Workplace,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Filling>, KnnError> {
-    let (members, order) = (queries.members(), &planned.order[..]);
+    let members = queries.members();
+    let order = &planned.order[..];
     let part = workplace.parts.as_ref().map_or(PART_QUERIES, Parts::queries);
     // What fits in one part is found again sooner than it is written.
     let kept = workplace.parts.as_ref().filter(|_| order.len() > part);
@@ -167,7 +171,8 @@ fn fill(
         .collect::<Result<Vec<Filling>, KnnError>>()?;
     let (send, receive) = mpsc::sync_channel::<(usize, NeighborLists, Origin)>(1);
     let (searched, stored) = thread::scope(|scope| {
-        let (tables, kept) = (&mut tables, &kept);
+        let tables = &mut tables;
+        let kept = &kept;
         let storing = scope.spawn(move || -> Result<(), KnnError> {
             for (number, found, origin) in receive {
                 let order = &order[number * part..][..found.len()];
@@ -221,7 +226,8 @@ fn new_table(cells: usize, place: &ScratchPlace) -> Result<Filling, KnnError> {
 
 /// Put the lists of the queries `order` in their rows.
 fn put(table: &mut Filling, member: usize, order: &[u32], found: &NeighborLists) {
-    let (neighbors, distances) = (&mut table.0[..], &mut table.1[..]);
+    let neighbors = &mut table.0[..];
+    let distances = &mut table.1[..];
     let k = found.k();
     for (place, &query) in order.iter().enumerate() {
         let list = found.list(place, member);

@@ -75,12 +75,15 @@ pub fn faults(
     seed: Seed,
 ) -> Vec<(usize, TransitionIndex, Fault)> {
     let cells = sampled(model, sample, seed);
-    let first = |&cell: &Cell| Some((cell.0, cell.1, fault(model, shortcuts, cell)?));
-    cells.par_iter().filter_map(first).collect()
+    cells
+        .par_iter()
+        .filter_map(|&cell: &Cell| Some((cell.0, cell.1, fault(model, shortcuts, cell)?)))
+        .collect()
 }
 
 fn fault(model: &KnnModel, shortcuts: Shortcuts, (member, transition): Cell) -> Option<Fault> {
-    let (transitions, states) = (model.transitions(), model.states());
+    let transitions = model.transitions();
+    let states = model.states();
     let query = transitions.next(transition);
     let forbidden = model.exclusion().forbidden(transitions, query);
     let prototypes = shortcuts.prototypes;
@@ -146,13 +149,14 @@ mod tests {
         model.write_members(directory.path()).expect("written");
         let table = model.table(0);
         let row = 3 * model.member(0).nth(20).get();
-        let (mut neighbors, mut distances) =
-            (table.neighbors().to_vec(), table.distances().to_vec());
+        let mut neighbors = table.neighbors().to_vec();
+        let mut distances = table.distances().to_vec();
         change(&mut neighbors[row..row + 3], &mut distances[row..row + 3], &model);
         let at = directory.path().join("members/0");
         calib_files::write_npy(&at.join("neighbors.npy"), &neighbors, table.len(), 3).expect("ok");
         calib_files::write_npy(&at.join("distances.npy"), &distances, table.len(), 3).expect("ok");
-        let (states, transitions) = (model.states().clone(), model.transitions().clone());
+        let states = model.states().clone();
+        let transitions = model.transitions().clone();
         let exclusion = model.exclusion();
         let changed = KnnModel::open(directory.path(), states, transitions, 2, exclusion);
         let changed = changed.expect("nothing that opening sees");

@@ -39,14 +39,17 @@ pub fn verify(
 ) -> Result<Verification, KnnError> {
     let cells = sampled(model, sample, seed);
     let lists = by_definition(model, &cells, monitor)?;
-    let differs = |&((number, transition), ref expected): &(Cell, Vec<(f64, u32)>)| {
-        let (neighbors, distances) = model.member(number).neighbors(transition);
-        let table = neighbors.iter().copied().zip(distances.iter().copied());
-        !expected.iter().map(|&(squared, j)| (j, stored(squared))).eq(table)
-    };
     let rows = cells.len();
-    let different: Vec<Cell> =
-        cells.into_iter().zip(lists).filter(differs).map(|(cell, _)| cell).collect();
+    let different: Vec<Cell> = cells
+        .into_iter()
+        .zip(lists)
+        .filter(|&((number, transition), ref expected): &(Cell, Vec<(f64, u32)>)| {
+            let (neighbors, distances) = model.member(number).neighbors(transition);
+            let table = neighbors.iter().copied().zip(distances.iter().copied());
+            !expected.iter().map(|&(squared, j)| (j, stored(squared))).eq(table)
+        })
+        .map(|(cell, _)| cell)
+        .collect();
     Ok(Verification { rows, identical: rows - different.len(), different })
 }
 

@@ -30,7 +30,8 @@ fn plant() -> States {
     for &channel in &alive {
         let values = || days.iter().flat_map(|day| day.columns[channel].iter().copied());
         let finite = || values().filter(|value| value.is_finite());
-        let (low, high) = (finite().fold(f32::MAX, f32::min), finite().fold(f32::MIN, f32::max));
+        let low = finite().fold(f32::MAX, f32::min);
+        let high = finite().fold(f32::MIN, f32::max);
         let mut last = 0.0;
         let scaled = values().map(|value| {
             if value.is_finite() {

@@ -51,7 +51,8 @@ fn memory(name: &str) -> u64 {
 
 /// The most memory while `work` is done: of all, or, looked at often, of what is not of files.
 fn most(files_too: bool, work: impl FnOnce()) -> u64 {
-    let (done, anonymous) = (AtomicBool::new(false), AtomicU64::new(0));
+    let done = AtomicBool::new(false);
+    let anonymous = AtomicU64::new(0);
     thread::scope(|scope| {
         scope.spawn(|| {
             while !done.load(Ordering::Relaxed) {
@@ -72,7 +73,8 @@ fn child(number: usize, times: usize) {
     // A scan takes the square of the rows.
     let rows = if config.index == IndexKind::Scan { ROWS / 8 } else { times * ROWS };
     let mut rng = Seed::new(1).rng();
-    let (mut values, mut state) = (Vec::with_capacity(rows * columns), vec![0.0; columns]);
+    let mut values = Vec::with_capacity(rows * columns);
+    let mut state = vec![0.0; columns];
     for _ in 0..rows {
         for value in &mut state {
             *value = 0.99 * *value + 0.1 * rng.normal();
@@ -133,7 +135,8 @@ fn a_build_takes_no_more_than_is_predicted() {
         let &(columns, _, config, on_disk) = case;
         if columns == 40 && !on_disk {
             let (more, much) = built(number, 4);
-            let (grows, predicted) = (more - took, much - predicted);
+            let grows = more - took;
+            let predicted = much - predicted;
             println!("    three times the rows: {grows} of {predicted} bytes");
             // What an allocator keeps differs by some megabytes from run to run.
             let most = predicted + predicted / 20;

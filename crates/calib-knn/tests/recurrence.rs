@@ -87,14 +87,17 @@ impl Naive<'_> {
                 (node, drawn.filter(|(_, p)| *p > 0.0).map(|(&(_, to), _)| to).collect())
             })
             .collect();
-        let closure = |&start: &u32| {
-            let (mut known, mut open) = (BTreeSet::from([start]), vec![start]);
-            while let Some(node) = open.pop() {
-                open.extend(edges[&node].iter().copied().filter(|&to| known.insert(to)));
-            }
-            (start, known)
-        };
-        self.inside.iter().map(closure).collect()
+        self.inside
+            .iter()
+            .map(|&start: &u32| {
+                let mut known = BTreeSet::from([start]);
+                let mut open = vec![start];
+                while let Some(node) = open.pop() {
+                    open.extend(edges[&node].iter().copied().filter(|&to| known.insert(to)));
+                }
+                (start, known)
+            })
+            .collect()
     }
 
     /// Closed classes: sets that are reached from each of their transitions, and reach nothing else.
@@ -114,7 +117,8 @@ impl Naive<'_> {
     /// How many of these are not followed by the same state.
     fn lost<'t>(&self, nodes: impl IntoIterator<Item = &'t u32>) -> usize {
         let is_still = |node: u32| {
-            let (source, next) = (self.transitions.source(TransitionIndex(node)), self.next(node));
+            let source = self.transitions.source(TransitionIndex(node));
+            let next = self.next(node);
             self.distance(source, next) == 0.0
                 && self.transitions.starting_at(next).is_some_and(|next| {
                     self.inside.contains(&next.0) && next.0.is_multiple_of(self.config.prototypes)
@@ -169,11 +173,13 @@ impl Naive<'_> {
         let shares =
             [8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15].map(|n| f64::from(n) / 16.0);
         let shares = shares.into_iter().chain([1.0 / 32.0]);
-        let component = |share: f64| {
-            let probe = table[&self.inside[(share * self.inside.len() as f64) as usize]][0].1;
-            reached[&probe].iter().filter(|&to| reached[to].contains(&probe)).count()
-        };
-        shares.map(component).max().expect("some")
+        shares
+            .map(|share: f64| {
+                let probe = table[&self.inside[(share * self.inside.len() as f64) as usize]][0].1;
+                reached[&probe].iter().filter(|&to| reached[to].contains(&probe)).count()
+            })
+            .max()
+            .expect("some")
     }
 
     /// The other way: standstills are left out, and what remains has exits; nothing if that does not help.
@@ -204,24 +210,29 @@ impl Naive<'_> {
     }
 
     fn lead_out(&mut self, class: &BTreeSet<u32>) -> Result<(), usize> {
-        let ends = |node: &&u32| {
-            let next = self.transitions.starting_at(self.next(**node));
-            next.is_none_or(|next| {
-                !self.inside.contains(&next.0)
-                    || self.left_out.contains(&next.0)
-                    || !next.0.is_multiple_of(self.config.prototypes)
+        let mut among: Vec<u32> = class
+            .iter()
+            .filter(|node: &&u32| {
+                let next = self.transitions.starting_at(self.next(**node));
+                next.is_none_or(|next| {
+                    !self.inside.contains(&next.0)
+                        || self.left_out.contains(&next.0)
+                        || !next.0.is_multiple_of(self.config.prototypes)
+                })
             })
-        };
-        let mut among: Vec<u32> = class.iter().filter(ends).copied().collect();
+            .copied()
+            .collect();
         if among.is_empty() {
             among = class.iter().copied().collect();
         }
-        let outside = |node: u32| {
-            let barred = self.exits.get(&node).into_iter().flatten().chain(class).copied();
-            let list = self.list(self.next(node), self.exclusion, &barred.collect());
-            list.first().map(|&(squared, _)| (squared.sqrt() as f32, node))
-        };
-        let best = among.into_iter().filter_map(outside).reduce(|a, b| if b < a { b } else { a });
+        let best = among
+            .into_iter()
+            .filter_map(|node: u32| {
+                let barred = self.exits.get(&node).into_iter().flatten().chain(class).copied();
+                let list = self.list(self.next(node), self.exclusion, &barred.collect());
+                list.first().map(|&(squared, _)| (squared.sqrt() as f32, node))
+            })
+            .reduce(|a, b| if b < a { b } else { a });
         let (_, node) = best.ok_or(0_usize)?;
         self.exits.entry(node).or_default().extend(class);
         self.row(node).map(|_| ())
@@ -240,7 +251,8 @@ impl Case {
     }
 
     fn expected(&self, member: usize) -> Result<Expected, KnnError> {
-        let (states, transitions) = (self.states(), self.transitions());
+        let states = self.states();
+        let transitions = self.transitions();
         let blocks = Blocks::new(&transitions, self.config.members)?;
         let naive = Naive {
             states: &states,
@@ -378,7 +390,8 @@ proptest! {
 
 /// Sizes of the closed classes of the tables, the largest first: what is reached from each transition that is reached from one.
 fn closed_by_definition(model: &KnnModel, member: usize, weights: Weights) -> Vec<usize> {
-    let (member, len) = (model.member(member), model.transitions().len());
+    let member = model.member(member);
+    let len = model.transitions().len();
     let nodes: Vec<usize> =
         (0..member.len()).map(|position| member.nth(position).0 as usize).collect();
     let mut edges = vec![Vec::new(); len];
@@ -388,7 +401,8 @@ fn closed_by_definition(model: &KnnModel, member: usize, weights: Weights) -> Ve
         edges[node] = drawn.filter(|(_, p)| *p > 0.0).map(|(&to, _)| to as usize).collect();
     }
     let closure = |start: usize| {
-        let (mut known, mut reached) = (vec![false; len], vec![start]);
+        let mut known = vec![false; len];
+        let mut reached = vec![start];
         known[start] = true;
         let mut next = 0;
         while let Some(&node) = reached.get(next) {
@@ -455,14 +469,16 @@ fn a_log_that_comes_back_by_small_steps_has_a_closed_class() {
     const ROWS: usize = 30;
     let mut rng = Seed::new(3).rng();
     let mut value = |row: usize| {
-        let (tooth, rise) = ((row / ROWS) as f64, (row % ROWS) as f64 / ROWS as f64);
+        let tooth = (row / ROWS) as f64;
+        let rise = (row % ROWS) as f64 / ROWS as f64;
         (rise - tooth + 1e-4 * rng.normal()) as f32
     };
     let values = (0..TEETH * ROWS).map(&mut value).collect();
     let states = States::new(values, TEETH * ROWS, 1).expect("finite");
     let segments = Segments::from_lengths([TEETH * ROWS]).expect("valid");
     let config = ModelConfig { members: 2, ..ModelConfig::default() };
-    let (transitions, place) = (Transitions::new(segments), Workplace::default());
+    let transitions = Transitions::new(segments);
+    let place = Workplace::default();
     let built = KnnModel::build_in(states, transitions, &config, &place, &Silent);
     let (model, built) = built.expect("built");
     let weights = config.weights().expect("valid");
@@ -476,7 +492,8 @@ fn a_log_that_comes_back_by_small_steps_has_a_closed_class() {
 fn model_of(values: Vec<f32>, lengths: &[usize]) -> Result<(KnnModel, Built), KnnError> {
     let states = States::new(values, lengths.iter().sum(), 1).expect("finite");
     let segments = Segments::from_lengths(lengths.iter().copied()).expect("valid");
-    let (config, place) = (ModelConfig::default(), Workplace::default());
+    let config = ModelConfig::default();
+    let place = Workplace::default();
     KnnModel::build_in(states, Transitions::new(segments), &config, &place, &Silent)
 }
 

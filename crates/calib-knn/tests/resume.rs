@@ -151,7 +151,8 @@ fn what_was_kept_is_what_the_tables_hold() {
     let whole = build(IndexKind::Join, 12, &Workplace::default(), &Silent).expect("built");
     let mut marked = 0;
     for member in 0..whole.members() {
-        let (built, whole) = (built.table(member), whole.table(member));
+        let built = built.table(member);
+        let whole = whole.table(member);
         assert_eq!(built.neighbors(), whole.neighbors());
         for (&from_part, &searched) in built.distances().iter().zip(whole.distances()) {
             marked += usize::from(from_part == 7777.5);

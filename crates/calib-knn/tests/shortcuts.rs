@@ -105,7 +105,8 @@ fn same_by_all(config: ModelConfig) -> KnnModel {
     let first = models.next().expect("four models");
     for other in models {
         for member in 0..5 {
-            let (a, b) = (first.table(member), other.table(member));
+            let a = first.table(member);
+            let b = other.table(member);
             assert_eq!((a.neighbors(), a.distances()), (b.neighbors(), b.distances()));
         }
     }

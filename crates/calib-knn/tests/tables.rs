@@ -34,7 +34,8 @@ impl Case {
 
     /// The lists of `member` by the definition, written without the crate's own search code.
     fn expected(&self, member: usize) -> Result<Lists, usize> {
-        let (states, all) = (self.states(), self.transitions());
+        let states = self.states();
+        let all = self.transitions();
         let ends = |i: usize| {
             let i = TransitionIndex::new(i);
             [all.source(i), all.next(i)]
@@ -79,7 +80,8 @@ impl Case {
     }
 
     fn build(&self, kind: IndexKind) -> Result<Vec<NeighborTable>, KnnError> {
-        let (states, transitions) = (self.states(), self.transitions());
+        let states = self.states();
+        let transitions = self.transitions();
         let blocks = Blocks::new(&transitions, self.members)?;
         build_tables(&states, &transitions, &blocks, self.k, self.exclusion, kind, &Silent)
     }
@@ -294,7 +296,8 @@ impl Monitor for Impatient {
 #[test]
 fn work_ends_when_the_user_asks() {
     let case = sawtooth(8000, 4);
-    let (states, transitions) = (case.states(), case.transitions());
+    let states = case.states();
+    let transitions = case.transitions();
     let blocks = Blocks::new(&transitions, 4).expect("valid");
     for kind in KINDS {
         let monitor = Impatient(0.into(), 0);
@@ -337,7 +340,8 @@ impl Monitor for Counting {
 #[test]
 fn progress_reaches_its_end_and_a_scan_ends_inside_a_block() {
     let case = sawtooth(8000, 4);
-    let (states, transitions) = (case.states(), case.transitions());
+    let states = case.states();
+    let transitions = case.transitions();
     let blocks = Blocks::new(&transitions, 4).expect("valid");
     let build = |kind, most| {
         let monitor = Counting::new(most);

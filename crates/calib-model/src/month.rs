@@ -18,7 +18,8 @@ fn year_and_month(timestamp: Timestamp) -> (i64, u8) {
     const DAYS_TO_MARCH_OF_YEAR_0: i64 = 719_468;
     const DAYS_IN_400_YEARS: i64 = 146_097;
     let days = timestamp.as_micros().div_euclid(MICROS_A_DAY) + DAYS_TO_MARCH_OF_YEAR_0;
-    let (era, day) = (days.div_euclid(DAYS_IN_400_YEARS), days.rem_euclid(DAYS_IN_400_YEARS));
+    let era = days.div_euclid(DAYS_IN_400_YEARS);
+    let day = days.rem_euclid(DAYS_IN_400_YEARS);
     let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
     let day_of_year = day - (365 * year + year / 4 - year / 100);
     let months_since_march = (5 * day_of_year + 2) / 153;

@@ -48,9 +48,10 @@ impl CalibrationModel for NeighborModel {
         Search { place, monitor }: Search<'_>,
     ) -> Result<Vec<Vec<ModelStart>>, ModelError> {
         let all = start_states_of_all(&self.knn, source, count, seed, place, monitor)?;
-        let of_member =
-            |starts: Vec<StartState>| starts.into_iter().map(ModelStart::State).collect();
-        Ok(all.into_iter().map(of_member).collect())
+        Ok(all
+            .into_iter()
+            .map(|starts: Vec<StartState>| starts.into_iter().map(ModelStart::State).collect())
+            .collect())
     }
 
     fn roll_out(
@@ -80,11 +81,13 @@ impl CalibrationModel for NeighborModel {
         &Rolling { steps, weights, seed }: &Rolling,
     ) -> Result<Vec<Trajectory>, ModelError> {
         let member = self.knn.member(member);
-        let trajectory = |(number, start): (usize, &ModelStart)| {
-            let seed = rollout_seed(seed, member.number(), number);
-            Ok(Trajectory::Recorded(rollout(&member, searched(start)?, steps, weights, seed)))
-        };
-        numbers.zip(starts).map(trajectory).collect()
+        numbers
+            .zip(starts)
+            .map(|(number, start): (usize, &ModelStart)| {
+                let seed = rollout_seed(seed, member.number(), number);
+                Ok(Trajectory::Recorded(rollout(&member, searched(start)?, steps, weights, seed)))
+            })
+            .collect()
     }
 
     fn expected_next(

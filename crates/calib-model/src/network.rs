@@ -32,7 +32,8 @@ impl NetworkModel {
             let reason = format!("the model has {columns} columns, the states have {states}");
             return Err(DynamicsError::Weights { reason }.into());
         }
-        let (states, segments) = (frames.states().clone(), frames.segments().clone());
+        let states = frames.states().clone();
+        let segments = frames.segments().clone();
         Ok(Self { dynamics, states, segments, noise: Noise::None, residuals: None })
     }
 
@@ -56,26 +57,36 @@ impl NetworkModel {
 
 /// The rows of starts, if they are those of a network.
 fn rows_of(starts: &[ModelStart]) -> Result<Vec<StartRow>, ModelError> {
-    let row = |start: &ModelStart| match start {
-        ModelStart::Row(start) => Ok(*start),
-        ModelStart::State(_) => Err(ModelError::OtherStart),
-    };
-    starts.iter().map(row).collect()
+    starts
+        .iter()
+        .map(|start: &ModelStart| match start {
+            ModelStart::Row(start) => Ok(*start),
+            ModelStart::State(_) => Err(ModelError::OtherStart),
+        })
+        .collect()
 }
 
 /// The starts of rollouts that are numbered from `first` on.
 fn seeded(starts: &[StartRow], first: usize, seed: Seed) -> Vec<Start> {
-    let start = |(place, start): (usize, &StartRow)| Start {
-        row: start.row,
-        seed: rollout_seed(seed, 0, first + place),
-    };
-    starts.iter().enumerate().map(start).collect()
+    starts
+        .iter()
+        .enumerate()
+        .map(|(place, start): (usize, &StartRow)| Start {
+            row: start.row,
+            seed: rollout_seed(seed, 0, first + place),
+        })
+        .collect()
 }
 
 fn trajectories(predictions: Vec<Prediction>, starts: Vec<StartRow>) -> Vec<Trajectory> {
-    let trajectory =
-        |(prediction, start)| Trajectory::Predicted { prediction: Arc::new(prediction), start };
-    predictions.into_iter().zip(starts).map(trajectory).collect()
+    predictions
+        .into_iter()
+        .zip(starts)
+        .map(|(prediction, start)| Trajectory::Predicted {
+            prediction: Arc::new(prediction),
+            start,
+        })
+        .collect()
 }
 
 impl CalibrationModel for NetworkModel {
@@ -132,7 +143,8 @@ impl CalibrationModel for NetworkModel {
         _weights: Weights,
         Search { monitor, .. }: Search<'_>,
     ) -> Result<Vec<Vec<f64>>, ModelError> {
-        let (states, segments) = (frames.states(), frames.segments());
+        let states = frames.states();
+        let segments = frames.segments();
         let columns = states.columns();
         let mut expected = Vec::with_capacity(rows.len() * columns);
         for prediction in predict(&*self.dynamics, states, segments, rows, 1, monitor)? {

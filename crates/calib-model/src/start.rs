@@ -140,15 +140,18 @@ pub fn start_states_of_all(
         let (rows, drawn) = drawn(states, count, seed)?;
         let nearest = model.nearest_sources(&drawn, 1, place, monitor)?;
         let wanted = || rows.iter().copied().map(RequestedStart::Deployment);
-        let starts = |(member, nearest): (Member<'_>, Vec<Vec<Neighbor>>)| {
-            replaced_by(&member, &nearest, wanted(), search)
-        };
-        return members.zip(nearest).map(starts).collect();
+        return members
+            .zip(nearest)
+            .map(|(member, nearest): (Member<'_>, Vec<Vec<Neighbor>>)| {
+                replaced_by(&member, &nearest, wanted(), search)
+            })
+            .collect();
     }
-    let starts = |member: Member<'_>| {
-        recorded(&member, source, count, source.seed_of(seed, member.number()), search)
-    };
-    members.map(starts).collect()
+    members
+        .map(|member: Member<'_>| {
+            recorded(&member, source, count, source.seed_of(seed, member.number()), search)
+        })
+        .collect()
 }
 
 /// A member without transitions has no states to start from.
@@ -177,7 +180,8 @@ fn recorded(
     seed: Seed,
     search: Search<'_>,
 ) -> Result<Vec<StartState>, RolloutError> {
-    let (transitions, rows) = (member.model().transitions(), member.model().states().rows());
+    let transitions = member.model().transitions();
+    let rows = member.model().states().rows();
     if let Some(rows) = recorded_rows(source, transitions, rows, count, seed)? {
         let absent = match source {
             StartSource::Rows { absent, .. } => absent,
@@ -234,8 +238,10 @@ fn replaced_by(
     wanted: impl Iterator<Item = RequestedStart>,
     search: Search<'_>,
 ) -> Result<Vec<StartState>, RolloutError> {
-    let source = |near: &Vec<Neighbor>| member.model().transitions().source(near[0].transition);
-    let rows: Vec<RowIndex> = nearest.iter().map(source).collect();
+    let rows: Vec<RowIndex> = nearest
+        .iter()
+        .map(|near: &Vec<Neighbor>| member.model().transitions().source(near[0].transition))
+        .collect();
     let mut starts = at_rows(member, &rows, Absent::External, search)?;
     for ((start, near), wanted) in starts.iter_mut().zip(nearest).zip(wanted) {
         start.wanted = wanted;

@@ -46,13 +46,18 @@ pub struct JumpStatistics {
 impl JumpStatistics {
     /// The statistics of trajectories taken together; each is the rows of one rollout.
     pub fn of<'a>(trajectories: impl IntoIterator<Item = &'a [RowIndex]>) -> Self {
-        let (mut rows, mut steps, mut departures) = (Vec::new(), 0, 0);
-        let (mut runs, mut longest_run) = (0, 0);
+        let mut rows = Vec::new();
+        let mut steps = 0;
+        let mut departures = 0;
+        let mut runs = 0;
+        let mut longest_run = 0;
         for trajectory in trajectories {
             rows.extend_from_slice(trajectory);
             steps += trajectory.len().saturating_sub(1);
-            let departs = |pair: &&[RowIndex]| pair[1].0.abs_diff(pair[0].0 + 1) > VICINITY;
-            departures += trajectory.windows(2).filter(departs).count();
+            departures += trajectory
+                .windows(2)
+                .filter(|pair: &&[RowIndex]| pair[1].0.abs_diff(pair[0].0 + 1) > VICINITY)
+                .count();
             for run in trajectory.chunk_by(|now, then| then.0 == now.0 + 1) {
                 runs += 1;
                 longest_run = longest_run.max(run.len());
@@ -101,7 +106,8 @@ mod tests {
 
     #[test]
     fn runs_and_jumps_are_counted() {
-        let (a, b) = (rows(&[4, 5, 6, 2, 3, 3, 90]), rows(&[6, 7]));
+        let a = rows(&[4, 5, 6, 2, 3, 3, 90]);
+        let b = rows(&[6, 7]);
         let statistics = JumpStatistics::of([&a[..], &b[..]]);
         assert_eq!((statistics.steps, statistics.jumps), (7, 3));
         assert_eq!(statistics.jump_rate, 3.0 / 7.0);

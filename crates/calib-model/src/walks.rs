@@ -111,7 +111,8 @@ impl Walks {
             .collect();
         drawn.sort_unstable();
         // Pairs of steps of different walks, and those of them that are at the same transition; each pair in both orders.
-        let (all, own) = (drawn.len(), drawn.len() / WALKS);
+        let all = drawn.len();
+        let own = drawn.len() / WALKS;
         let pairs = all * all - WALKS * own * own;
         let same = drawn.chunk_by(|a, b| a.0 == b.0).map(|row| {
             let own: usize =
@@ -123,9 +124,10 @@ impl Walks {
     }
 
     fn steps_to_end(&self, ends: &Ends) -> Option<f64> {
-        let has_ended = |row: &u32| ends.contains(TransitionIndex(*row));
-        let before: Vec<Option<usize>> =
-            self.all().map(|walk| walk.iter().position(has_ended)).collect();
+        let before: Vec<Option<usize>> = self
+            .all()
+            .map(|walk| walk.iter().position(|row: &u32| ends.contains(TransitionIndex(*row))))
+            .collect();
         let ended = before.iter().flatten().count();
         let steps: usize = before.into_iter().map(|steps| steps.unwrap_or(self.steps)).sum();
         (ended > 0).then(|| steps as f64 / ended as f64)
@@ -133,12 +135,17 @@ impl Walks {
 
     fn mixing_steps(&self, member: &Member<'_>) -> Option<usize> {
         let dropped = member.model().blocks().dropped(member.number());
-        let part = |&row: &u32| {
-            let before = if row < dropped.start { 0 } else { dropped.len() };
-            (row as usize - before) * PARTS / member.len()
-        };
-        let walks: Vec<Vec<usize>> =
-            self.all().map(|walk| walk.iter().map(part).collect()).collect();
+        let walks: Vec<Vec<usize>> = self
+            .all()
+            .map(|walk| {
+                walk.iter()
+                    .map(|&row: &u32| {
+                        let before = if row < dropped.start { 0 } else { dropped.len() };
+                        (row as usize - before) * PARTS / member.len()
+                    })
+                    .collect()
+            })
+            .collect();
         mixing_steps(&walks)
     }
 }
@@ -162,8 +169,11 @@ fn mixing_steps(walks: &[Vec<usize>]) -> Option<usize> {
             moves = product(&moves, &moves);
         }
         let mean = stationary(&moves, &share);
-        let near = |(row, rare): (&[f64; PARTS], &bool)| *rare || variation(row, &mean) <= MIXED;
-        if moves.iter().zip(&rare).all(near) {
+        if moves
+            .iter()
+            .zip(&rare)
+            .all(|(row, rare): (&[f64; PARTS], &bool)| *rare || variation(row, &mean) <= MIXED)
+        {
             return Some(lag);
         }
     }
@@ -205,8 +215,9 @@ fn stationary(moves: &Moves, share: &[f64; PARTS]) -> [f64; PARTS] {
     for _ in 0..LONG_RUN {
         long = product(&long, &long);
     }
-    let to = |part: usize| long.iter().zip(share).map(|(row, share)| share * row[part]).sum();
-    std::array::from_fn(to)
+    std::array::from_fn(|part: usize| {
+        long.iter().zip(share).map(|(row, share)| share * row[part]).sum()
+    })
 }
 
 /// Half of the sum of differences.

@@ -69,8 +69,9 @@ pub(crate) fn recorded_rows(
         }
         StartSource::Recent { timestamps, before, window } => {
             check_timestamps(timestamps, rows)?;
-            let pool = |row: &RowIndex| before.is_none_or(|before| timestamps[row.get()] < before);
-            let pool: Vec<RowIndex> = ends(transitions).filter(pool).collect();
+            let pool: Vec<RowIndex> = ends(transitions)
+                .filter(|row: &RowIndex| before.is_none_or(|before| timestamps[row.get()] < before))
+                .collect();
             if pool.is_empty() {
                 return Err(RolloutError::NothingBefore);
             }
@@ -82,8 +83,9 @@ pub(crate) fn recorded_rows(
                 return Err(RolloutError::Month { got: month });
             }
             check_timestamps(timestamps, rows)?;
-            let pool = |row: &RowIndex| is_in_earlier_year(timestamps[row.get()], month, before);
-            let pool: Vec<RowIndex> = ends(transitions).filter(pool).collect();
+            let pool: Vec<RowIndex> = ends(transitions)
+                .filter(|row: &RowIndex| is_in_earlier_year(timestamps[row.get()], month, before))
+                .collect();
             if pool.is_empty() {
                 return Err(RolloutError::EmptyMonth { month, before: before.map(year_of) });
             }
@@ -120,7 +122,10 @@ mod tests {
     fn the_same_month_of_an_earlier_calendar_year() {
         let day = |text: i64| Timestamp::from_micros(text * 86_400_000_000);
         // 1971-01-10; 1970-12-30; 1970-01-05; 1971-12-30.
-        let (january, december, first, later) = (day(374), day(363), day(4), day(728));
+        let january = day(374);
+        let december = day(363);
+        let first = day(4);
+        let later = day(728);
         assert!(is_in_earlier_year(first, 1, Some(january)));
         assert!(!is_in_earlier_year(first, 12, Some(january)));
         assert!(

@@ -57,7 +57,8 @@ fn closed_classes_and_tables_are_those_of_scipy() {
     for case in Case::all() {
         let (model, built) = case.build();
         for (number, expected) in case.expected.iter().enumerate() {
-            let (name, found) = (format!("{} {number}", case.name), &built.recurrence[number]);
+            let name = format!("{} {number}", case.name);
+            let found = &built.recurrence[number];
             assert_eq!(found.before.largest, expected.before, "{name}");
             assert_eq!(found.after.largest, expected.after, "{name}");
             assert_eq!((found.lost, found.exits), (expected.lost, 0), "{name}");
@@ -82,11 +83,12 @@ fn statistics_of_walks_estimate_what_linear_algebra_says() {
         let weights = case.config().weights().expect("valid");
         let (model, built) = case.build();
         for (number, expected) in case.expected.iter().enumerate() {
-            let of = |time: u64| {
-                let seed = Seed::new(5).number(time);
-                WalkStatistics::of(&model.member(number), &built.ends[number], weights, seed)
-            };
-            let walks: Vec<WalkStatistics> = (0..TIMES).map(of).collect();
+            let walks: Vec<WalkStatistics> = (0..TIMES)
+                .map(|time: u64| {
+                    let seed = Seed::new(5).number(time);
+                    WalkStatistics::of(&model.member(number), &built.ends[number], weights, seed)
+                })
+                .collect();
             let few = expected.after.iter().any(|&size| size < 200);
             assert!(few || walks.iter().all(|walks| walks.trapped == 0));
             let mean = |value: &dyn Fn(&WalkStatistics) -> Option<f64>| {

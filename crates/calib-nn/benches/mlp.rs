@@ -54,7 +54,8 @@ fn rounded_step(criterion: &mut Criterion) {
     let rows = 2 * BATCH + 1;
     let mut workspace = Bf16Workspace::new(&network, rows, BATCH);
     let mut batch = Bf16Batch::new(SIZES[0], rows, BATCH);
-    let (input, gradient) = (values(rows * SIZES[0]), values(BATCH));
+    let input = values(rows * SIZES[0]);
+    let gradient = values(BATCH);
     let mut gradients = values(network.parameter_count());
     let networks = [
         ("bf16 142-256-256-1", Bf16Network::new(&network)),
@@ -77,7 +78,8 @@ fn rounded_step(criterion: &mut Criterion) {
         group.bench_function("rounding parameters", |bencher| {
             bencher.iter(|| rounded.set(&network));
         });
-        let (mut learning, rule) = (network.clone(), AdamRule::default());
+        let mut learning = network.clone();
+        let rule = AdamRule::default();
         let mut adam = Optimiser::adam(rule, network.parameter_count());
         group.bench_function("backward, Adam, rounding parameters", |bencher| {
             bencher.iter(|| {
@@ -92,7 +94,8 @@ fn rounded_step(criterion: &mut Criterion) {
 fn shared_input(criterion: &mut Criterion) {
     const NETWORKS: usize = 9;
     let [inputs, units, rows] = [SIZES[0], SIZES[1], 2 * BATCH + 1];
-    let (input, weights) = (values(rows * inputs), values(inputs * NETWORKS * units));
+    let input = values(rows * inputs);
+    let weights = values(inputs * NETWORKS * units);
     let mut out = vec![0.0; rows * NETWORKS * units];
     let mut group = criterion.benchmark_group("first layer of nine");
     let left = Matrix::new(&input, rows, inputs);
@@ -139,10 +142,8 @@ fn bare_products(criterion: &mut Criterion) {
     let mut run = |index: usize| {
         let (_, (m, n, k), transposed) = shapes[index];
         let mut out = operands[index].2.clone();
-        let (left_strides, right_strides) = (
-            if transposed.0 { (1, m) } else { (k, 1) },
-            if transposed.1 { (1, k) } else { (n, 1) },
-        );
+        let left_strides = if transposed.0 { (1, m) } else { (k, 1) };
+        let right_strides = if transposed.1 { (1, k) } else { (n, 1) };
         move |left: &[f32], right: &[f32]| {
             // SAFETY: the strides address `[m, k]`, `[k, n]` and `[m, n]` values, which the vectors hold.
             unsafe {

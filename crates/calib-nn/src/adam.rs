@@ -228,7 +228,8 @@ mod tests {
     #[test]
     fn goes_on_from_its_moments() {
         let mut whole = Adam::new(AdamRule::default(), 2);
-        let (mut expected, mut got) = ([1.0, -1.0], [1.0, -1.0]);
+        let mut expected = [1.0, -1.0];
+        let mut got = [1.0, -1.0];
         whole.step(&mut expected, &[0.3, -2.0]);
         whole.step(&mut got.clone(), &[0.0, 0.0]);
         let mut first = Adam::new(AdamRule::default(), 2);

@@ -41,18 +41,22 @@ pub enum LayoutError {
 impl Mlp {
     /// The parameters as PyTorch lays out `Linear`: weights `[outputs, inputs]` and biases `[outputs]`, layer by layer.
     pub fn to_tensors(&self, naming: Naming) -> Vec<Tensor> {
-        let of_layer = |(number, layer): (usize, &Layer)| {
-            let weights = &self.parameters()[layer.weights.clone()];
-            let (inputs, outputs) = (layer.inputs, layer.outputs);
-            let weight = Tensor {
-                name: naming.name(number, "weight"),
-                shape: vec![outputs, inputs],
-                values: transposed(weights, inputs, outputs),
-            };
-            let bias = self.parameters()[layer.bias.clone()].to_vec();
-            [weight, Tensor::flat(naming.name(number, "bias"), bias)]
-        };
-        self.layers().iter().enumerate().flat_map(of_layer).collect()
+        self.layers()
+            .iter()
+            .enumerate()
+            .flat_map(|(number, layer): (usize, &Layer)| {
+                let weights = &self.parameters()[layer.weights.clone()];
+                let inputs = layer.inputs;
+                let outputs = layer.outputs;
+                let weight = Tensor {
+                    name: naming.name(number, "weight"),
+                    shape: vec![outputs, inputs],
+                    values: transposed(weights, inputs, outputs),
+                };
+                let bias = self.parameters()[layer.bias.clone()].to_vec();
+                [weight, Tensor::flat(naming.name(number, "bias"), bias)]
+            })
+            .collect()
     }
 
     /// The network of [these](Self::to_tensors) tensors, whose names may have a `prefix`; layers are counted by their names.
@@ -64,7 +68,8 @@ impl Mlp {
         prefix: &str,
         naming: Naming,
     ) -> Result<Self, LayoutError> {
-        let (mut sizes, mut parameters) = (Vec::new(), Vec::new());
+        let mut sizes = Vec::new();
+        let mut parameters = Vec::new();
         let get = |layer: usize, part: &str| {
             let name = format!("{prefix}{}", naming.name(layer, part));
             tensors.get(&name).ok_or(LayoutError::Missing(name))

@@ -204,7 +204,8 @@ fn layout(sizes: &[usize]) -> Vec<Layer> {
     sizes
         .windows(2)
         .map(|pair| {
-            let (inputs, outputs) = (pair[0], pair[1]);
+            let inputs = pair[0];
+            let outputs = pair[1];
             let middle = start + inputs * outputs;
             let layer =
                 Layer { inputs, outputs, weights: start..middle, bias: middle..middle + outputs };

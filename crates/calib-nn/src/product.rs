@@ -69,7 +69,9 @@ const FEW: usize = 256;
 /// # Panics
 /// If the sizes do not agree.
 pub fn multiply(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
-    let (m, k, n) = (left.rows, left.columns, right.columns);
+    let m = left.rows;
+    let k = left.columns;
+    let n = right.columns;
     assert_eq!(k, right.rows, "inner sizes of a product agree");
     assert_eq!(out.len(), m * n, "the result covers its values");
     if m == 0 || n == 0 {
@@ -96,7 +98,8 @@ pub fn multiply(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
 
 /// Sets `out` to the product over the inner indices `first..first + count`, or adds it where `first` is not 0.
 fn add_part(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>, first: usize, count: usize) {
-    let (m, n) = (left.rows, right.columns);
+    let m = left.rows;
+    let n = right.columns;
     assert!(first + count <= left.columns && left.columns == right.rows && out.len() == m * n);
     let left_values = &left.values[first * left.column_stride..];
     let right_values = &right.values[first * right.row_stride..];
@@ -131,10 +134,12 @@ fn add_part(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>, first: usize, 
 
 /// The definition, loop by loop: for processors without fused multiply-adds, and for products that are hardly any.
 fn chains(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
-    let (k, n) = (left.columns, right.columns);
+    let k = left.columns;
+    let n = right.columns;
     let part = k.div_ceil(k.div_ceil(CHAIN).max(1)).max(1);
     for (index, out) in out.iter_mut().enumerate() {
-        let (i, j) = (index / n, index % n);
+        let i = index / n;
+        let j = index % n;
         let chain = |first: usize| {
             let inner = first..k.min(first + part);
             inner.fold(0.0, |sum, l| left.at(i, l).mul_add(right.at(l, j), sum))

@@ -147,9 +147,11 @@ pub fn sweep(
     printer: &Printer,
 ) -> Result<Results<SweepResult>, StepError> {
     recorded(StepKind::Sweep.command(), job, printer, |printer| {
-        let (context, counted) = (&RunContext::new(printer), DryRunTally::default());
-        let run = |job: &Job, _| sweeping::run(job, &counted, device, context);
-        each(StepKind::Sweep, job, printer, run)
+        let context = &RunContext::new(printer);
+        let counted = DryRunTally::default();
+        each(StepKind::Sweep, job, printer, |job: &Job, _| {
+            sweeping::run(job, &counted, device, context)
+        })
     })
 }
 

@@ -80,7 +80,8 @@ impl Check<'_> {
             self.checked.unfinished.push(folder.to_owned());
         }
         for entry in entries {
-            let (path, kind) = (entry.path(), entry.file_type().with_context(read)?);
+            let path = entry.path();
+            let kind = entry.file_type().with_context(read)?;
             // What a link leads to is somebody else's.
             if kind.is_dir() {
                 self.folder(&path)?;

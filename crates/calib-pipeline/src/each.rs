@@ -104,8 +104,10 @@ fn each_of<T: Told>(
             printer.heading(&part.name());
         }
         let result = told(run(part, which)?, part, printer)?;
-        let (model, deployment) = (part.model(), part.deployment());
-        let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
+        let model = part.model();
+        let deployment = part.deployment();
+        let model = model.map(str::to_owned);
+        let deployment = deployment.map(str::to_owned);
         results.push(PartResult { model, deployment, result });
     }
     Ok(Results { parts: results })

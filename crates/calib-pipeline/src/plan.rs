@@ -161,8 +161,10 @@ impl Plan {
 
 impl PlannedStep {
     fn new(step: StepKind, part: &Job, state: State) -> Self {
-        let (model, deployment) = (part.model(), part.deployment());
-        let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
+        let model = part.model();
+        let deployment = part.deployment();
+        let model = model.map(str::to_owned);
+        let deployment = deployment.map(str::to_owned);
         Self { step, model, deployment, state, expected: None }
     }
 

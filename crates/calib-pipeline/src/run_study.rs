@@ -158,7 +158,9 @@ pub(crate) fn run_to(
     {
         talk.say(&format!("then: {}", remaining(&models).join(", ")));
         tell(&plan, job, context)?;
-        let (evaluation, left_out, outcome) = (None, Vec::new(), ended.0);
+        let evaluation = None;
+        let left_out = Vec::new();
+        let outcome = ended.0;
         return Ok(StudyRun { evaluation, left_out, outcome });
     }
     streams::check(&models[0].job.before_deployment()?, talk)?;
@@ -277,18 +279,20 @@ fn judge(
 /// The models of a study, all of them checked before the first step begins.
 fn models(job: &Job) -> Result<Vec<Model>, StepError> {
     let several = job.model().is_none();
-    let model = |job: Job| {
-        let name = job.model().filter(|_| several).map(str::to_owned);
-        let study = job.study();
-        ensure!(
-            !study.sweep.sensors.is_empty(),
-            "sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]"
-        );
-        let seed = Seed::new(study.seed).child("sweep");
-        calib_sweep::candidates(&study.sweep, &study.agent, seed)?;
-        Ok(Model { name, job, left_out: None })
-    };
-    job.models()?.into_iter().map(model).collect()
+    job.models()?
+        .into_iter()
+        .map(|job: Job| {
+            let name = job.model().filter(|_| several).map(str::to_owned);
+            let study = job.study();
+            ensure!(
+                !study.sweep.sensors.is_empty(),
+                "sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]"
+            );
+            let seed = Seed::new(study.seed).child("sweep");
+            calib_sweep::candidates(&study.sweep, &study.agent, seed)?;
+            Ok(Model { name, job, left_out: None })
+        })
+        .collect()
 }
 
 /// Make the log, unless it is there. Returns whether there is one to go on with, which a dry run may lack.

@@ -148,6 +148,7 @@ fn a_log_that_changed_between_two_steps_is_read_again() {
         calib_pipeline::build_model(&job, &BuildOptions::default(), &printer).expect("built");
         Calibration::of_job(&job).expect("there").frames().rows()
     };
-    let (more, fewer) = (built(3000), built(2000));
+    let more = built(3000);
+    let fewer = built(2000);
     assert!(fewer < more, "{fewer} and {more} rows");
 }

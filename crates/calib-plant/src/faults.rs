@@ -121,7 +121,8 @@ mod tests {
         // Mean of a log-normal: median · exp(σ²/2).
         let expected = 20.0 * 10.0 * 0.5_f64.exp() / 86_400.0;
         for period_secs in [1.0, 60.0] {
-            let (mut faulty, mut all) = (0, 0);
+            let mut faulty = 0;
+            let mut all = 0;
             for day in 0..2000 {
                 let grid = grid(day, period_secs);
                 let spans = faults(1, 20.0, 10.0).touching(&grid, 1.0);

@@ -190,7 +190,8 @@ impl Hydraulics {
     /// Write flows, levels, valves, pumps and volumes.
     pub(crate) fn record(&self, demand: &Demand, pressure: f64, frame: &mut Frame) {
         let open = |wanted: f64| f64::from(u8::from(wanted > 0.0));
-        let (feed, permeate) = (self.feed.value, self.permeate.value);
+        let feed = self.feed.value;
+        let permeate = self.permeate.value;
         frame[Signal::FeedFlow] = feed;
         frame[Signal::PermeateFlow] = permeate;
         frame[Signal::BackPulseFlow] = self.back_pulse.value;
@@ -233,9 +234,11 @@ mod tests {
 
     fn run(hydraulics: &mut Hydraulics, mode: Mode, secs: u32) -> (f64, f64) {
         let mut rng = Seed::new(1).rng();
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut low = f64::INFINITY;
+        let mut high = f64::NEG_INFINITY;
         for elapsed in 0..secs {
-            let (elapsed, lasting) = (f64::from(elapsed), f64::from(secs));
+            let elapsed = f64::from(elapsed);
+            let lasting = f64::from(secs);
             let demand = Demand::of(mode, elapsed, lasting, hydraulics.level(), 0.3);
             hydraulics.step(&demand, &mut rng);
             low = low.min(hydraulics.level());

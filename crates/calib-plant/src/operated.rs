@@ -130,7 +130,8 @@ impl OperatedPlant {
 
     /// Begin with a membrane in any condition short of a trip.
     pub fn start_anywhere(&mut self, rng: &mut Rng) {
-        let (cake, pores) = (rng.uniform(0.0, 30.0), rng.uniform(2.0, 30.0));
+        let cake = rng.uniform(0.0, 30.0);
+        let pores = rng.uniform(2.0, 30.0);
         self.start(rng, cake, pores);
     }
 
@@ -177,8 +178,10 @@ impl OperatedPlant {
     /// Operate by `recipe` until the next decision, or until the plant trips.
     pub fn operate(&mut self, recipe: &Recipe, rng: &mut Rng) -> Account {
         self.account = Account::default();
-        let (mut highest, mut relieved) = (0.0_f64, self.reading.resistance);
-        let (mut done, mut weathered) = (0.0, 0.0);
+        let mut highest = 0.0_f64;
+        let mut relieved = self.reading.resistance;
+        let mut done = 0.0;
+        let mut weathered = 0.0;
         while done < DECISION_SECS && !self.account.tripped {
             if self.since_pulse >= recipe.interval_secs {
                 done += self.pulse(recipe, rng);
@@ -238,7 +241,8 @@ mod tests {
         let mut plant = OperatedPlant::new(Seed::new(3));
         let mut rng = Seed::new(4).rng();
         plant.start_clean(&mut rng);
-        let (mut permeate, mut trips) = (0.0, 0);
+        let mut permeate = 0.0;
+        let mut trips = 0;
         for _ in 0..decisions {
             let account = plant.operate(&RECIPES[policy(plant.reading())], &mut rng);
             permeate += account.permeate_m3;
@@ -252,8 +256,10 @@ mod tests {
 
     #[test]
     fn a_higher_flow_brings_more_and_trips_more() {
-        let rule = |reading: Reading| operators_rule(reading.pressure_kpa, reading.turbidity_ntu);
-        let (by_rule, rare) = year(rule, 5000);
+        let (by_rule, rare) = year(
+            |reading: Reading| operators_rule(reading.pressure_kpa, reading.turbidity_ntu),
+            5000,
+        );
         let (_, often) = year(|_| 5, 5000);
         assert!(often > 3 * rare.max(1), "{often} trips, {rare} by the rule");
         assert!((0.2..0.5).contains(&(by_rule / 5000.0)), "{by_rule}");
@@ -261,7 +267,7 @@ mod tests {
 
     #[test]
     fn a_dose_and_frequent_pulses_keep_the_pressure_low() {
-        let highest = |recipe: usize| {
+        let [long, normal, careful] = [2, 1, 4].map(|recipe: usize| {
             let mut plant = OperatedPlant::new(Seed::new(5));
             let mut rng = Seed::new(6).rng();
             plant.start_clean(&mut rng);
@@ -271,8 +277,7 @@ mod tests {
                 sum += plant.reading().pressure_kpa;
             }
             sum / 300.0
-        };
-        let [long, normal, careful] = [2, 1, 4].map(highest);
+        });
         assert!(long > normal + 1.0 && normal > careful + 1.0, "{long} {normal} {careful}");
     }
 

@@ -164,7 +164,8 @@ pub(crate) fn within(
     if range.contains(&got) {
         return Ok(());
     }
-    let (low, high) = (range.start(), range.end());
+    let low = range.start();
+    let high = range.end();
     let expected = if *low == f64::MIN_POSITIVE {
         format!("above 0 and up to {high}")
     } else {

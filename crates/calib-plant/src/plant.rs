@@ -97,8 +97,8 @@ impl Plant {
 
     /// What changes while the log is written, in the order of time. A sensor is in the list if a channel is made from it.
     pub fn changes(&self) -> Vec<Change> {
-        let shown = |signal| self.channels.iter().any(|channel| channel.shows(signal));
-        self.changes.told(&self.options, shown)
+        self.changes
+            .told(&self.options, |signal| self.channels.iter().any(|channel| channel.shows(signal)))
     }
 
     /// Number of the next day.
@@ -174,7 +174,8 @@ impl Iterator for Plant {
                 if whole { values } else { written.iter().map(|&row| values[row]).collect() }
             })
             .collect();
-        let (start, period) = (self.options.start, self.options.period);
+        let start = self.options.start;
+        let period = self.options.period;
         Some(DayLog {
             day: grid.day,
             start: Timestamp::from_micros(start.as_micros() + i64::from(grid.day) * 86_400_000_000),

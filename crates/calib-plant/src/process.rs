@@ -100,7 +100,8 @@ impl Process {
             }
         }
         let conditions = self.weather.step(t);
-        let (mode, began) = (self.schedule.mode(), self.schedule.began());
+        let mode = self.schedule.mode();
+        let began = self.schedule.began();
         let lasting = self.schedule.ends() - began;
         let level = self.hydraulics.level();
         let target = self.production_target(t, &conditions);
@@ -242,13 +243,15 @@ mod tests {
             ..ChangeOptions::default()
         };
         for seed in 0..3 {
-            let (seed, days) = (Seed::new(seed), 365.0);
+            let seed = Seed::new(seed);
+            let days = 365.0;
             let options = PlantOptions { seed, days, change: often, ..at(1200.0) };
             for frame in rows_of(&options, 72 * 365) {
                 for info in crate::signal::SIGNALS {
                     // Where membranes are bad and the water cold, an instrument may be at its end.
                     let beyond = 0.5 * (info.range.1 - info.range.0);
-                    let (low, high) = (info.range.0 - beyond, info.range.1 + beyond);
+                    let low = info.range.0 - beyond;
+                    let high = info.range.1 + beyond;
                     let value = frame[info.signal];
                     assert!(value >= low && value <= high, "{} is {value}", info.tag);
                 }
@@ -278,7 +281,8 @@ mod tests {
             let mean = |rows: &[Frame]| {
                 rows.iter().map(|frame| frame[signal]).sum::<f64>() / rows.len() as f64
             };
-            let (a, b) = (mean(&fine), mean(&coarse));
+            let a = mean(&fine);
+            let b = mean(&coarse);
             assert!((a / b - 1.0).abs() < 0.05, "{signal:?} {a} {b}");
         }
     }

@@ -114,7 +114,8 @@ mod tests {
         let mut schedule = Schedule::new(Seed::new(seed), Timeline::default());
         let mut segments = Vec::new();
         while schedule.ends() < days * SECONDS_PER_DAY {
-            let (mode, began) = (schedule.mode(), schedule.began());
+            let mode = schedule.mode();
+            let began = schedule.began();
             let seconds = schedule.ends() - began;
             schedule.advance();
             segments.push((mode, schedule.mode(), seconds));

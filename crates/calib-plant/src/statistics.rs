@@ -64,7 +64,8 @@ pub(crate) fn duration_at(seconds: &[f64; 15], level: f64) -> f64 {
     let after = LEVELS.iter().position(|&tabulated| tabulated > level).unwrap_or(LEVELS.len() - 1);
     let before = after - 1;
     let fraction = (level - LEVELS[before]) / (LEVELS[after] - LEVELS[before]);
-    let (low, high) = (seconds[before].ln(), seconds[after].ln());
+    let low = seconds[before].ln();
+    let high = seconds[after].ln();
     (low + (high - low) * fraction).exp()
 }
 

@@ -51,7 +51,8 @@ pub(crate) fn column(
 /// Values before any instrument.
 fn ideal(recipe: Recipe, signals: &Signals, grid: &DayGrid) -> Vec<f32> {
     let both = |a, b, combine: fn(f32, f32) -> f32| {
-        let (a, b) = (signals.day(a), signals.day(b));
+        let a = signals.day(a);
+        let b = signals.day(b);
         a.iter().zip(b).map(|(&a, &b)| combine(a, b)).collect()
     };
     match recipe {
@@ -72,9 +73,12 @@ fn ideal(recipe: Recipe, signals: &Signals, grid: &DayGrid) -> Vec<f32> {
         Recipe::Sum(a, b) => both(a, b, |a, b| a + b),
         Recipe::Difference(a, b) => both(a, b, |a, b| a - b),
         Recipe::Ratio(a, b, least) => {
-            let (a, b) = (signals.day(a), signals.day(b));
-            let ratio = |(&a, &b): (&f32, &f32)| if b >= least { a / b } else { 0.0 };
-            a.iter().zip(b).map(ratio).collect()
+            let a = signals.day(a);
+            let b = signals.day(b);
+            a.iter()
+                .zip(b)
+                .map(|(&a, &b): (&f32, &f32)| if b >= least { a / b } else { 0.0 })
+                .collect()
         }
         Recipe::Constant(value) => vec![value; grid.rows],
     }
@@ -98,7 +102,8 @@ fn measure(
     let mut rng = seed.child("noise").number(u64::from(grid.day)).rng();
     let noise = noise * options.noise;
     let drift = drift * options.drift;
-    let (from, to) = (drift * wander(seed, grid.day), drift * wander(seed, grid.day + 1));
+    let from = drift * wander(seed, grid.day);
+    let to = drift * wander(seed, grid.day + 1);
     let per_step = 1.0 / resolution;
     for (row, value) in values.iter_mut().enumerate() {
         let mut exact = f64::from(*value) + from + (to - from) * grid.share(row);
@@ -132,8 +137,10 @@ fn noise_factor(sensor: Option<&Timeline<Sensor>>, t: f64) -> f64 {
 /// and phases belong to the channel. In between it is linear.
 fn wander(seed: Seed, day: u32) -> f64 {
     let mut rng = seed.child("drift").rng();
-    let (slow, fast) = (rng.uniform(20.0, 60.0), rng.uniform(3.0, 10.0));
-    let (slow_phase, fast_phase) = (rng.unit(), rng.unit());
+    let slow = rng.uniform(20.0, 60.0);
+    let fast = rng.uniform(3.0, 10.0);
+    let slow_phase = rng.unit();
+    let fast_phase = rng.unit();
     let day = f64::from(day);
     0.7 * (TAU * (day / slow + slow_phase)).sin() + 0.3 * (TAU * (day / fast + fast_phase)).sin()
 }
@@ -150,7 +157,8 @@ fn stuck_periods(options: &PlantOptions, seed: Seed) -> Faults {
 
 /// Outages of an input card: many short ones, so that a channel misses the wanted share.
 fn card_outages(options: &PlantOptions, card: u64) -> Faults {
-    let (median_secs, spread) = (8.0, 1.0);
+    let median_secs = 8.0;
+    let spread = 1.0;
     let mean_secs = median_secs * f64::exp(spread * spread / 2.0);
     Faults {
         seed: options.seed.child("card").number(card),

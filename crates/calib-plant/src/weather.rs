@@ -97,7 +97,8 @@ impl Weather {
 
 /// Smooth floor at 0.1 °C: water does not cool below freezing.
 fn above_freezing(celsius: f64) -> f64 {
-    let (floor, softness) = (0.1, 0.5);
+    let floor = 0.1;
+    let softness = 0.5;
     let above = (celsius - floor) / softness;
     // ln(1 + eˣ), which is x for large x.
     floor + softness * if above > 30.0 { above } else { above.exp().ln_1p() }
@@ -201,7 +202,8 @@ mod tests {
             let mut weather = Weather::new(&PlantOptions::default(), feeds, 60.0);
             (0..20 * 1440).map(|minute| weather.step(f64::from(minute) * 60.0).river).collect()
         };
-        let (with, without) = (river(&Timeline::new(feeds.to_vec())), river(&Timeline::default()));
+        let with = river(&Timeline::new(feeds.to_vec()));
+        let without = river(&Timeline::default());
         let shift: Vec<f64> =
             with.iter().zip(&without).map(|(with, without)| with - without).collect();
         assert!(shift[..10 * 1440].iter().all(|&shift| shift == 0.0));

@@ -45,7 +45,8 @@ fn column(log: &[DayLog], channel: usize) -> Vec<f32> {
 
 /// Rows in which two logs differ in a channel.
 fn differing(a: &[DayLog], b: &[DayLog], channel: usize) -> Vec<usize> {
-    let (a, b) = (column(a, channel), column(b, channel));
+    let a = column(a, channel);
+    let b = column(b, channel);
     assert_eq!(a.len(), b.len());
     (0..a.len()).filter(|&row| a[row].to_bits() != b[row].to_bits()).collect()
 }
@@ -74,7 +75,8 @@ fn a_plant_whose_rates_are_zero_is_the_plant_without_change() {
     let still = options(2.0, 10.0, STILL);
     let none = options(2.0, 10.0, ChangeOptions::default());
     assert!(plant(&still).changes().is_empty());
-    let (still, none) = (log(&still), log(&none));
+    let still = log(&still);
+    let none = log(&none);
     for channel in 0..still[0].columns.len() {
         assert_eq!(differing(&still, &none, channel), [] as [usize; 0]);
     }
@@ -95,7 +97,8 @@ fn the_log_before_the_first_change_is_that_of_the_plant_without() {
         let same = PlantOptions { change: ChangeOptions::default(), ..changing.clone() };
         let first = plant(&changing).changes().first().map(|first| row_of(first, &changing));
         let first = first.expect("something changes in 40 days");
-        let (changing, same) = (log(&changing), log(&same));
+        let changing = log(&changing);
+        let same = log(&same);
         let rows: Vec<Vec<usize>> = (0..changing[0].columns.len())
             .map(|channel| differing(&changing, &same, channel))
             .collect();
@@ -119,7 +122,8 @@ fn a_sensor_changes_its_channels_and_no_others() {
         .collect();
     let names: Vec<String> =
         plant(&changing).schema().iter().map(|channel| channel.name.clone()).collect();
-    let (changing, same) = (log(&changing), log(&same));
+    let changing = log(&changing);
+    let same = log(&same);
     assert!(tags.len() > 3 && tags.len() < names.len());
     for (at, name) in names.iter().enumerate() {
         let own = name.split('.').next().expect("a part");
@@ -177,9 +181,11 @@ fn a_feed_comes_without_a_jump() {
         channels: 24,
         ..options(60.0, 300.0, change)
     };
-    let (changing, same) = (quiet(often), quiet(ChangeOptions::default()));
+    let changing = quiet(often);
+    let same = quiet(ChangeOptions::default());
     assert!(plant(&changing).changes().len() > 2);
-    let (with, without) = (log(&changing), log(&same));
+    let with = log(&changing);
+    let without = log(&same);
     // Of what flows through the pipe the salt alone keeps its value while the feed is off, for hours at most.
     let at = position(&changing, "CIT101");
     let shift: Vec<f64> = column(&with, at)
@@ -205,7 +211,8 @@ fn membranes_and_pumps_are_exchanged_while_the_plant_stands_still() {
         let first = row_of(&plant(&changing).changes()[0], &changing);
         let mode = position(&changing, MODE_CHANNEL);
         let of = position(&changing, name);
-        let (with, without) = (log(&changing), log(&same));
+        let with = log(&changing);
+        let without = log(&same);
         let modes = column(&with, mode);
         let rows = differing(&with, &without, of);
         let seen = *rows.first().expect("it is seen");
@@ -279,13 +286,17 @@ fn a_changing_day_is_the_same_whether_or_not_the_days_before_it_were_made() {
 /// Mean squared error, in variances of what was learnt from, of a model of the first `known` rows in the rows after
 /// them: a channel's mean in each mode.
 fn error_after(log: &[DayLog], known: usize, channel: usize, mode: usize) -> f64 {
-    let (values, modes) = (column(log, channel), column(log, mode));
+    let values = column(log, channel);
+    let modes = column(log, mode);
     let rows = |range: std::ops::Range<usize>| {
-        let of = |row: usize| (modes[row].to_bits(), f64::from(values[row]));
-        range.map(of).filter(|(_, value)| !value.is_nan()).collect::<Vec<_>>()
+        range
+            .map(|row: usize| (modes[row].to_bits(), f64::from(values[row])))
+            .filter(|(_, value)| !value.is_nan())
+            .collect::<Vec<_>>()
     };
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    let (learnt, after) = (rows(0..known), rows(known..values.len()));
+    let learnt = rows(0..known);
+    let after = rows(known..values.len());
     let all: Vec<f64> = learnt.iter().map(|(_, value)| *value).collect();
     let whole = mean(&all);
     let variance = mean(&all.iter().map(|value| (value - whole).powi(2)).collect::<Vec<_>>());
@@ -298,8 +309,12 @@ fn error_after(log: &[DayLog], known: usize, channel: usize, mode: usize) -> f64
         .map(|of| f32::from(of.number()).to_bits())
         .map(|of| (of, in_mode(of)))
         .collect();
-    let error = |(mode, value): &(u32, f64)| (value - means.get(mode).unwrap_or(&whole)).powi(2);
-    mean(&after.iter().map(error).collect::<Vec<_>>()) / variance
+    mean(
+        &after
+            .iter()
+            .map(|(mode, value): &(u32, f64)| (value - means.get(mode).unwrap_or(&whole)).powi(2))
+            .collect::<Vec<_>>(),
+    ) / variance
 }
 
 #[test]

@@ -43,8 +43,10 @@ fn found(values: &[f32]) -> Fate {
 /// Equal to the bit, missing values included.
 fn same(a: &DayLog, b: &DayLog) -> bool {
     let bits = |day: &DayLog| -> Vec<Vec<u32>> {
-        let of = |column: &Vec<f32>| column.iter().map(|value| value.to_bits()).collect();
-        day.columns.iter().map(of).collect()
+        day.columns
+            .iter()
+            .map(|column: &Vec<f32>| column.iter().map(|value| value.to_bits()).collect())
+            .collect()
     };
     (a.day, a.start, &a.timestamps) == (b.day, b.start, &b.timestamps) && bits(a) == bits(b)
 }
@@ -119,7 +121,8 @@ fn bytes_do_not_depend_on_threads_and_do_on_the_seed() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| log(&options))
     };
-    let (one, four) = (with_threads(1), with_threads(4));
+    let one = with_threads(1);
+    let four = with_threads(4);
     assert!(same(&one[0], &four[0]));
     let other = log(&PlantOptions { seed: Seed::new(1), ..options.clone() });
     assert!(!same(&one[0], &other[0]));
@@ -127,9 +130,12 @@ fn bytes_do_not_depend_on_threads_and_do_on_the_seed() {
 
 #[test]
 fn a_channel_does_not_depend_on_its_neighbours() {
-    let (small, large) = (options(24, 1.0, 10.0), options(480, 1.0, 10.0));
-    let (small_log, large_log) = (log(&small), log(&large));
-    let (small, large) = (Plant::new(small).unwrap(), Plant::new(large).unwrap());
+    let small = options(24, 1.0, 10.0);
+    let large = options(480, 1.0, 10.0);
+    let small_log = log(&small);
+    let large_log = log(&large);
+    let small = Plant::new(small).unwrap();
+    let large = Plant::new(large).unwrap();
     for (at, channel) in small.schema().iter().enumerate() {
         let there = position(&large, &channel.name);
         let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
@@ -221,10 +227,13 @@ fn the_log_shows_the_schedule_of_the_pilot() {
 fn pressure_builds_up_and_drops_after_a_back_pulse() {
     let log =
         log(&PlantOptions { gaps_per_day: 0.0, missing_fraction: 0.0, ..options(4, 10.0, 5.0) });
-    let (pressure, modes) = (series(&log, 0), series(&log, 3));
+    let pressure = series(&log, 0);
+    let modes = series(&log, 3);
     let number = |mode: Mode| f32::from(mode.number());
     let mean = |rows: &[f32]| f64::from(rows.iter().sum::<f32>()) / rows.len() as f64;
-    let (mut before, mut after, mut pulse) = (Vec::new(), Vec::new(), Vec::new());
+    let mut before = Vec::new();
+    let mut after = Vec::new();
+    let mut pulse = Vec::new();
     for start in 240..modes.len() - 240 {
         let begins = modes[start] == number(Mode::BackPulse) && modes[start - 1] != modes[start];
         let produced =
@@ -253,7 +262,8 @@ fn pressure_builds_up_and_drops_after_a_back_pulse() {
 #[test]
 fn pressure_creeps_up_until_the_clean() {
     let log = log(&options(4, 60.0, 60.0));
-    let (pressure, modes) = (series(&log, 0), series(&log, 3));
+    let pressure = series(&log, 0);
+    let modes = series(&log, 3);
     let clean = modes.iter().position(|&mode| mode == f32::from(Mode::ChemicalClean.number()));
     let clean = clean.expect("a clean within 60 days");
     let production = |rows: std::ops::Range<usize>| {
@@ -265,7 +275,8 @@ fn pressure_creeps_up_until_the_clean() {
             .collect();
         values.iter().sum::<f32>() / values.len() as f32
     };
-    let (first, last) = (production(0..1440), production(clean - 1440..clean));
+    let first = production(0..1440);
+    let last = production(clean - 1440..clean);
     let cleaned = production(clean + 360..clean + 1800);
     assert!(last > first + 3.0 && cleaned < last - 3.0, "{first} {last} {cleaned}");
 }
@@ -312,8 +323,9 @@ fn noise_and_drift_can_be_switched_off() {
     let noisy = PlantOptions { noise: 2.0, ..plain.clone() };
     let drifting = PlantOptions { drift: 10.0, ..plain.clone() };
     let temperature = |options: &PlantOptions| series(&log(options), 1);
-    let (plain, noisy, drifting) =
-        (temperature(&plain), temperature(&noisy), temperature(&drifting));
+    let plain = temperature(&plain);
+    let noisy = temperature(&noisy);
+    let drifting = temperature(&drifting);
     let difference = |other: &[f32]| -> Vec<f64> {
         let pairs = plain.iter().zip(other).filter(|(a, b)| !a.is_nan() && !b.is_nan());
         pairs.map(|(a, b)| f64::from(b - a)).collect()

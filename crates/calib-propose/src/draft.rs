@@ -228,11 +228,12 @@ impl Draft<'_> {
         let train = start..start + cut.rows[0];
         let missing = |channel: usize| {
             let bins = sketch.bins.iter().zip(&sketch.channels[channel].present);
-            let of_bin = |(bin, present): (&Range<usize>, &f64)| {
+            bins.map(|(bin, present): (&Range<usize>, &f64)| {
                 let inside = bin.start.max(train.start)..bin.end.min(train.end);
                 inside.len() as f64 * (1.0 - present)
-            };
-            bins.map(of_bin).sum::<f64>() / train.len().max(1) as f64
+            })
+            .sum::<f64>()
+                / train.len().max(1) as f64
         };
         let predicted = self.sensors.proposed.iter().take(self.size.sensors);
         let all = predicted.map(|&channel| (missing(channel), channel));
@@ -250,8 +251,13 @@ impl Draft<'_> {
     fn fill_limit(&self) -> (usize, String) {
         let (limit, why) = &self.cleaning.fill_limit;
         let rows = (self.horizon.states * self.spacing.0 as f64 * FILLED) as usize;
-        let misses = |&channel: &usize| self.sketch.channels[channel].missing_run > 0;
-        if rows.max(1) < *limit && self.sensors.proposed.iter().any(misses) {
+        if rows.max(1) < *limit
+            && self
+                .sensors
+                .proposed
+                .iter()
+                .any(|&channel: &usize| self.sketch.channels[channel].missing_run > 0)
+        {
             let share = 100.0 * FILLED;
             return (
                 rows.max(1),

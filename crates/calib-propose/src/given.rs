@@ -23,10 +23,10 @@ fn with(text: &str, path: &str, value: &str) -> String {
     };
     let length = lines[start..].iter().position(|line| line.starts_with('['));
     let end = length.map_or(lines.len(), |length| start + length);
-    let is_key =
-        |line: &&str| line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('='));
     let mut all: Vec<&str> = lines[..start].to_vec();
-    if let Some(at) = lines[start..end].iter().position(is_key) {
+    if let Some(at) = lines[start..end].iter().position(|line: &&str| {
+        line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('='))
+    }) {
         let at = start + at;
         // A list over several lines ends with its bracket.
         let rows = if lines[at].trim_end().ends_with('[') {

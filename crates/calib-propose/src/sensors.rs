@@ -80,14 +80,16 @@ impl Sensors {
                 .iter()
                 .filter(|(channel, _)| !proposed.contains(channel))
                 .map(|&(channel, worth)| {
-                    let alike = |&other: &usize| {
-                        correlation(
-                            &sketch.channels[channel].thinned,
-                            &sketch.channels[other].thinned,
-                        )
-                        .abs()
-                    };
-                    let most = proposed.iter().map(alike).fold(0.0, f64::max);
+                    let most = proposed
+                        .iter()
+                        .map(|&other: &usize| {
+                            correlation(
+                                &sketch.channels[channel].thinned,
+                                &sketch.channels[other].thinned,
+                            )
+                            .abs()
+                        })
+                        .fold(0.0, f64::max);
                     (channel, worth * (1.0 - most))
                 })
                 .fold(None, |best: Option<(usize, f64)>, next| match best {
@@ -124,7 +126,8 @@ fn familiar(sketch: &Sketch, scope: &Scope, channel: &ChannelSketch) -> f64 {
     let there = |rows: std::ops::Range<usize>| {
         channel.thinned[rows].iter().copied().filter(|value| !value.is_nan()).collect::<Vec<f64>>()
     };
-    let (before, after) = (there(inside.start..cut), there(cut..inside.end));
+    let before = there(inside.start..cut);
+    let after = there(cut..inside.end);
     let low = before.iter().copied().fold(f64::INFINITY, f64::min);
     let high = before.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let known = after.iter().filter(|value| (low..=high).contains(*value)).count();
@@ -164,8 +167,7 @@ pub(crate) fn explained(sketch: &Sketch, channel: usize, others: &[usize]) -> f6
 fn centred(values: &[f64]) -> Vec<f64> {
     let there = values.iter().filter(|value| !value.is_nan());
     let mean = there.clone().sum::<f64>() / there.count().max(1) as f64;
-    let centred = |value: &f64| if value.is_nan() { 0.0 } else { value - mean };
-    values.iter().map(centred).collect()
+    values.iter().map(|value: &f64| if value.is_nan() { 0.0 } else { value - mean }).collect()
 }
 
 /// Pearson's correlation of what both have; 1 where that says nothing, so that such pairs are not taken for unlike.
@@ -178,8 +180,11 @@ fn correlation(left: &[f64], right: &[f64]) -> f64 {
         .collect();
     let count = both.len() as f64;
     let mean = |side: fn(&(f64, f64)) -> f64| both.iter().map(side).sum::<f64>() / count;
-    let (x, y) = (mean(|pair| pair.0), mean(|pair| pair.1));
-    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+    let x = mean(|pair| pair.0);
+    let y = mean(|pair| pair.1);
+    let mut xx = 0.0;
+    let mut yy = 0.0;
+    let mut xy = 0.0;
     for (left, right) in &both {
         xx += (left - x).powi(2);
         yy += (right - y).powi(2);

@@ -139,13 +139,14 @@ impl Size {
         most_steps: usize,
         sensors: usize,
     ) -> Self {
-        let fit = |level: Self| Self {
-            steps: level.steps.min(most_steps).max(LEAST_STEPS.min(most_steps)),
-            sensors: level.sensors.min(sensors),
-            ..level
-        };
         let planned = PLANNED * within_secs;
-        let mut levels = Self::levels(agent, model).map(fit).into_iter();
+        let mut levels = Self::levels(agent, model)
+            .map(|level: Self| Self {
+                steps: level.steps.min(most_steps).max(LEAST_STEPS.min(most_steps)),
+                sensors: level.sensors.min(sensors),
+                ..level
+            })
+            .into_iter();
         let smallest =
             levels.next().unwrap_or_else(|| Self::trial(agent, model, most_steps, sensors));
         let largest = levels.rfind(|level| level.secs(costs) <= planned).unwrap_or(smallest);

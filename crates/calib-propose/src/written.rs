@@ -7,20 +7,29 @@ use toml_writer::{ToTomlValue as _, TomlStringBuilder};
 /// As TOML has it, on one line, whatever is in it.
 pub(crate) fn quoted(text: &str) -> String {
     let quoted = TomlStringBuilder::new(text).as_basic().to_toml_value();
-    let written = |letter: char| {
-        if breaks_out(letter) {
-            format!("\\u{:04X}", u32::from(letter))
-        } else {
-            letter.to_string()
-        }
-    };
-    if quoted.contains(breaks_out) { quoted.chars().map(written).collect() } else { quoted }
+    if quoted.contains(breaks_out) {
+        quoted
+            .chars()
+            .map(|letter: char| {
+                if breaks_out(letter) {
+                    format!("\\u{:04X}", u32::from(letter))
+                } else {
+                    letter.to_string()
+                }
+            })
+            .collect()
+    } else {
+        quoted
+    }
 }
 
 /// As a key of TOML, on one line, whatever is in it: in quotes, where it needs them.
 pub(crate) fn key(text: &str) -> Cow<'_, str> {
-    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '_' | '-');
-    if !text.is_empty() && text.chars().all(is_plain) {
+    if !text.is_empty()
+        && text
+            .chars()
+            .all(|letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '_' | '-'))
+    {
         Cow::Borrowed(text)
     } else {
         Cow::Owned(quoted(text))
@@ -32,10 +41,17 @@ pub(crate) fn comment(text: &str) -> Cow<'_, str> {
     if !text.contains(breaks_out) {
         return Cow::Borrowed(text);
     }
-    let written = |letter: char| {
-        if breaks_out(letter) { letter.escape_unicode().to_string() } else { letter.to_string() }
-    };
-    Cow::Owned(text.chars().map(written).collect())
+    Cow::Owned(
+        text.chars()
+            .map(|letter: char| {
+                if breaks_out(letter) {
+                    letter.escape_unicode().to_string()
+                } else {
+                    letter.to_string()
+                }
+            })
+            .collect(),
+    )
 }
 
 /// Control characters, separators of lines, and marks that turn the direction of what follows: all of them have four digits.

@@ -16,7 +16,8 @@
 /// assert!(kept.len() <= 100 && kept.contains(&7_777));
 /// ```
 pub fn min_max_indices(values: &[f64], max_points: usize) -> Vec<usize> {
-    let (n, max_points) = (values.len(), max_points.max(4));
+    let n = values.len();
+    let max_points = max_points.max(4);
     if n <= max_points {
         return (0..n).collect();
     }

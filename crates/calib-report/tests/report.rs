@@ -99,8 +99,8 @@ fn identifiers_are_unique() {
 #[test]
 fn equal_reports_give_equal_bytes_whatever_was_drawn_before() {
     let first = report();
-    let (html, png) =
-        (first.html().unwrap(), first.sensitivities[0].figure().unwrap().png().unwrap());
+    let html = first.html().unwrap();
+    let png = first.sensitivities[0].figure().unwrap().png().unwrap();
     let second = report();
     for figure in &second.rollouts {
         figure.figure().unwrap().png().unwrap();

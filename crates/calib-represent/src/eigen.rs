@@ -33,12 +33,14 @@ fn rotate(a: &mut [f64], n: usize, p: usize, q: usize) {
     let cosine = 1.0 / tangent.hypot(1.0);
     let sine = tangent * cosine;
     for k in 0..n {
-        let (x, y) = (a[k * n + p], a[k * n + q]);
+        let x = a[k * n + p];
+        let y = a[k * n + q];
         a[k * n + p] = cosine * x - sine * y;
         a[k * n + q] = sine * x + cosine * y;
     }
     for k in 0..n {
-        let (x, y) = (a[p * n + k], a[q * n + k]);
+        let x = a[p * n + k];
+        let y = a[q * n + k];
         a[p * n + k] = cosine * x - sine * y;
         a[q * n + k] = sine * x + cosine * y;
     }

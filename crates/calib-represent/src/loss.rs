@@ -63,7 +63,8 @@ pub fn laplacian_loss<'b>(
     buffers: &'b mut LossBuffers,
 ) -> (Loss, &'b [f32]) {
     let LossBuffers { batch, dimension, second_moment, gradient } = buffers;
-    let (batch, dimension) = (*batch, *dimension);
+    let batch = *batch;
+    let dimension = *dimension;
     let block = batch * dimension;
     assert_eq!(outputs.len(), 3 * block, "a batch has u, v and x");
     let (quartic, quadratic) = config.repulsion();
@@ -78,13 +79,15 @@ pub fn laplacian_loss<'b>(
 
     let of_products = 4.0 * quartic / pairs;
     let of_norms = 4.0 * quadratic / batch as f64;
-    let (mut norms, mut fourth_powers) = (0.0, 0.0);
+    let mut norms = 0.0;
+    let mut fourth_powers = 0.0;
     let rows = outputs[2 * block..].chunks_exact(dimension);
     for (psi, gradient) in rows.zip(gradient[2 * block..].chunks_exact_mut(dimension)) {
         let norm: f64 = psi.iter().map(|&value| f64::from(value * value)).sum();
         norms += norm;
         fourth_powers += norm * norm;
-        let (scale, shrink) = (of_products as f32, (of_products * norm + of_norms) as f32);
+        let scale = of_products as f32;
+        let shrink = (of_products * norm + of_norms) as f32;
         for (gradient, psi) in gradient.iter_mut().zip(psi) {
             *gradient = scale * *gradient - shrink * psi;
         }
@@ -102,7 +105,8 @@ fn attract(c: f64, outputs: &[f32], gradient: &mut [f32], batch: usize, dimensio
     let scale = (2.0 * c / batch as f64) as f32;
     let (of_u, rest) = gradient.split_at_mut(block);
     let of_v = &mut rest[..block];
-    let (u, v) = (&outputs[..block], &outputs[block..2 * block]);
+    let u = &outputs[..block];
+    let v = &outputs[block..2 * block];
     let mut sum = 0.0;
     for row in 0..batch {
         let at = row * dimension..(row + 1) * dimension;
@@ -139,8 +143,10 @@ mod tests {
         let mut repulsion = 0.0;
         for i in 0..batch {
             for j in (0..batch).filter(|&j| j != i) {
-                let (a, b) = (row(2 * batch + i), row(2 * batch + j));
-                let (square, norms) = (dot(a, b).powi(2), config.zeta * (dot(a, a) + dot(b, b)));
+                let a = row(2 * batch + i);
+                let b = row(2 * batch + j);
+                let square = dot(a, b).powi(2);
+                let norms = config.zeta * (dot(a, a) + dot(b, b));
                 repulsion += match config.form {
                     LossForm::A => config.beta * (square - norms),
                     LossForm::B => config.beta * square - norms,
@@ -152,7 +158,8 @@ mod tests {
 
     #[test]
     fn value_and_gradient_follow_the_definition() {
-        let (batch, dimension) = (5, 3);
+        let batch = 5;
+        let dimension = 3;
         for form in [LossForm::A, LossForm::B] {
             let config = LossConfig { form, attraction: 0.5, beta: 5.0, zeta: 0.05 };
             let mut rng = Seed::new(3).rng();

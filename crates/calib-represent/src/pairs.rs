@@ -30,7 +30,8 @@ impl PairSampler {
     ) -> Option<Self> {
         assert!(kappa > 0.0 && kappa <= 1.0 && trajectory >= 2, "checked with the configuration");
         let mut runs = Vec::new();
-        let (mut pairs, mut counted) = (0, 0);
+        let mut pairs = 0;
+        let mut counted = 0;
         for segment in segments.iter() {
             let start = segment.rows().start.max(rows.start);
             let end = segment.rows().end.min(rows.end);

@@ -102,7 +102,8 @@ impl RepresentationConfig {
                     for &kappa in &self.kappa.0 {
                         for &learning_rate in &self.learning_rate.0 {
                             for &zeta in &self.zeta.0 {
-                                let (form, attraction) = (self.form, self.attraction);
+                                let form = self.form;
+                                let attraction = self.attraction;
                                 candidates.push(LaplacianConfig {
                                     loss: LossConfig { form, attraction, beta, zeta },
                                     kappa,

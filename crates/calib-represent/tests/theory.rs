@@ -142,11 +142,14 @@ impl Learned {
     /// E[ψψᵀ] as an operator on functions of the node, ψψᵀ/n, and what theory says of it: the positive part of
     /// ζI − c(I − P̄)/β. Both `[n, n]`; they have the same eigenvalues and live subspace if theory holds.
     fn operators(&self, loss: &LossConfig, eigenvectors: &[(f64, Vec<f64>)]) -> [Vec<f64>; 2] {
-        let (n, d) = (self.n, self.dimension);
-        let (mut got, mut expected) = (vec![0.0; n * n], vec![0.0; n * n]);
+        let n = self.n;
+        let d = self.dimension;
+        let mut got = vec![0.0; n * n];
+        let mut expected = vec![0.0; n * n];
         for i in 0..n {
             for j in 0..n {
-                let (a, b) = (&self.psi[i * d..(i + 1) * d], &self.psi[j * d..(j + 1) * d]);
+                let a = &self.psi[i * d..(i + 1) * d];
+                let b = &self.psi[j * d..(j + 1) * d];
                 got[i * n + j] = a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / n as f64;
             }
         }
@@ -291,7 +294,8 @@ fn neighbours_respect_a_bottleneck_that_euclidean_ones_cross() {
     let chain = Chain::on(2 * length, along.chain([(0, length)]), 0.3);
     let (nodes, segments) = chain.walks(1_000, 60, Seed::new(2));
     let place = |node: usize, rng: &mut Rng| {
-        let (x, side) = (node % length, node / length);
+        let x = node % length;
+        let side = node / length;
         // The wall is thinner than a step is long.
         [x as f32 * 0.2, side as f32 * 0.1 + 0.02 * rng.unit() as f32]
     };

@@ -50,7 +50,8 @@ pub fn upper_bound(losses: &[f64]) -> Result<Option<f64>, StatsError> {
     let Some(std) = sample_std(losses)?.filter(|&std| is_enough && std > 0.0) else {
         return Ok(None);
     };
-    let (n, mean) = (losses.len() as f64, mean(losses)?);
+    let n = losses.len() as f64;
+    let mean = mean(losses)?;
     let shape = SQUARED_NORMAL.min((n - 1.0) / n * (mean / std).powi(2));
     let freedom = 2.0 * n * shape;
     let quantile = ChiSquared::new(freedom).ok().map(|distribution| distribution.inverse_cdf(0.05));

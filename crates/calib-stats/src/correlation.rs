@@ -15,10 +15,13 @@ use crate::{StatsError, average_ranks};
 /// The inputs are empty, differ in length, or hold NaN.
 pub fn spearman(x: &[f64], y: &[f64]) -> Result<Option<f64>, StatsError> {
     check_pair(("x", x), ("y", y))?;
-    let (x, y) = (average_ranks(x)?, average_ranks(y)?);
+    let x = average_ranks(x)?;
+    let y = average_ranks(y)?;
     // Average ranks of n numbers always have the mean (n + 1)/2.
     let centre = (x.len() + 1) as f64 / 2.0;
-    let (mut xy, mut xx, mut yy) = (0.0, 0.0, 0.0);
+    let mut xy = 0.0;
+    let mut xx = 0.0;
+    let mut yy = 0.0;
     for (x, y) in x.iter().zip(&y) {
         xy += (x - centre) * (y - centre);
         xx += (x - centre).powi(2);
@@ -42,10 +45,13 @@ pub fn spearman(x: &[f64], y: &[f64]) -> Result<Option<f64>, StatsError> {
 /// The inputs are empty, differ in length, or hold NaN.
 pub fn kendall_tau_b(x: &[f64], y: &[f64]) -> Result<Option<f64>, StatsError> {
     check_pair(("x", x), ("y", y))?;
-    let (mut balance, mut differ_x, mut differ_y) = (0i64, 0u64, 0u64);
+    let mut balance = 0i64;
+    let mut differ_x = 0u64;
+    let mut differ_y = 0u64;
     for i in 0..x.len() {
         for j in 0..i {
-            let (sx, sy) = (sign(x[i], x[j]), sign(y[i], y[j]));
+            let sx = sign(x[i], x[j]);
+            let sy = sign(y[i], y[j]);
             balance += sx * sy;
             differ_x += u64::from(sx != 0);
             differ_y += u64::from(sy != 0);

@@ -66,13 +66,14 @@ where
     if !(streams_per_independent >= 1.0 && streams_per_independent.is_finite()) {
         return Err(StatsError::EffectiveNumber { got: streams_per_independent });
     }
-    let advantage = |candidate: usize| -> Result<Option<Advantage>, StatsError> {
-        if candidate == default {
-            return Ok(None);
-        }
-        advantage(&logs, candidate, default, streams_per_independent)
-    };
-    let advantages = (0..candidates).map(advantage).collect::<Result<Vec<_>, _>>()?;
+    let advantages = (0..candidates)
+        .map(|candidate: usize| -> Result<Option<Advantage>, StatsError> {
+            if candidate == default {
+                return Ok(None);
+            }
+            advantage(&logs, candidate, default, streams_per_independent)
+        })
+        .collect::<Result<Vec<_>, _>>()?;
     let better = (0..candidates)
         .filter(|&candidate| advantages[candidate].is_some_and(|advantage| advantage.is_told()));
     let mean = |candidate: &usize| mean_log(&logs, *candidate);
@@ -86,7 +87,8 @@ fn advantage(
     default: usize,
     streams_per_independent: f64,
 ) -> Result<Option<Advantage>, StatsError> {
-    let (own, others) = (mean_log(logs, candidate), mean_log(logs, default));
+    let own = mean_log(logs, candidate);
+    let others = mean_log(logs, default);
     if own == others && own.is_infinite() {
         return Ok(None);
     }

@@ -79,13 +79,15 @@ pub fn unpaired_difference<K: Ord>(
     let means = |clusters, runs| -> Result<Vec<f64>, StatsError> {
         Ok(cluster_means(clusters, runs)?.iter().map(|mean_of_cluster| mean_of_cluster.1).collect())
     };
-    let (x, y) = (means(clusters_of_x, x)?, means(clusters_of_y, y)?);
+    let x = means(clusters_of_x, x)?;
+    let y = means(clusters_of_y, y)?;
     let difference = mean(&x)? - mean(&y)?;
     if difference.is_nan() {
         return Err(StatsError::OpposedInfinities { what: "means of two samples" });
     }
     let interval = sample_std(&x)?.zip(sample_std(&y)?).and_then(|(s_x, s_y)| {
-        let (a, b) = (s_x.powi(2) / x.len() as f64, s_y.powi(2) / y.len() as f64);
+        let a = s_x.powi(2) / x.len() as f64;
+        let b = s_y.powi(2) / y.len() as f64;
         if a + b == 0.0 {
             return Some(Interval { low: difference, high: difference });
         }

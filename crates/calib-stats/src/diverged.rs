@@ -73,10 +73,12 @@ pub mod each_if_known {
         scores: &Option<Vec<f64>>,
         serializer: S,
     ) -> Result<S::Ok, S::Error> {
-        let stored = |scores: &Vec<f64>| -> Vec<Stored> {
-            scores.iter().map(|&score| Stored::from(score)).collect()
-        };
-        scores.as_ref().map(stored).serialize(serializer)
+        scores
+            .as_ref()
+            .map(|scores: &Vec<f64>| -> Vec<Stored> {
+                scores.iter().map(|&score| Stored::from(score)).collect()
+            })
+            .serialize(serializer)
     }
 
     /// Read the scores.
@@ -125,8 +127,10 @@ pub mod rows {
     /// # Errors
     /// As the serialiser.
     pub fn serialize<S: Serializer>(rows: &[Vec<f64>], serializer: S) -> Result<S::Ok, S::Error> {
-        let stored = |row: &Vec<f64>| row.iter().map(|&score| Stored::from(score)).collect();
-        rows.iter().map(stored).collect::<Vec<Vec<Stored>>>().serialize(serializer)
+        rows.iter()
+            .map(|row: &Vec<f64>| row.iter().map(|&score| Stored::from(score)).collect())
+            .collect::<Vec<Vec<Stored>>>()
+            .serialize(serializer)
     }
 
     /// Read the scores.

@@ -56,9 +56,11 @@ pub fn error_ratio(x: &[f64], y: &[f64]) -> Result<Option<ErrorRatio>, StatsErro
             return Err(StatsError::Negative { what, index });
         }
     }
-    let (steps, blocks) = (x.len(), BLOCKS.min(x.len() / 2).max(1));
+    let steps = x.len();
+    let blocks = BLOCKS.min(x.len() / 2).max(1);
     let total = |errors: &[f64]| errors.iter().sum::<f64>();
-    let (all_x, all_y) = (total(x), total(y));
+    let all_x = total(x);
+    let all_y = total(y);
     let ratio = (all_x / all_y).sqrt();
     if ratio.is_nan() {
         return Ok(None);
@@ -66,7 +68,8 @@ pub fn error_ratio(x: &[f64], y: &[f64]) -> Result<Option<ErrorRatio>, StatsErro
     let block = |number: usize| number * steps / blocks..(number + 1) * steps / blocks;
     let z: Vec<f64> = (0..blocks)
         .map(|number| {
-            let (x, y) = (total(&x[block(number)]), total(&y[block(number)]));
+            let x = total(&x[block(number)]);
+            let y = total(&y[block(number)]);
             0.5 * blocks as f64 * (x / all_x - y / all_y)
         })
         .collect();

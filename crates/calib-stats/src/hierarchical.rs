@@ -35,7 +35,8 @@ pub fn hierarchical(
     mut choose: impl FnMut(&[Drawn<'_>]) -> Result<Option<usize>, StatsError>,
 ) -> Result<ChoiceOfResamples, StatsError> {
     let candidates = inputs.first().map_or(0, |nested| nested.candidates());
-    let (mut counts, mut none) = (vec![0; candidates], 0);
+    let mut counts = vec![0; candidates];
+    let mut none = 0;
     for _ in 0..resamples {
         let drawn: Vec<Drawn<'_>> = inputs.iter().map(|nested| nested.draw(&mut draw)).collect();
         match choose(&drawn)? {
@@ -57,8 +58,13 @@ mod tests {
     use crate::nested::tests::draws;
 
     fn nested(units: &[&[&[f64]]]) -> Nested {
-        let runs = |runs: &&[&[f64]]| runs.iter().map(|run| run.to_vec()).collect();
-        Nested::new(units.iter().map(runs).collect()).unwrap()
+        Nested::new(
+            units
+                .iter()
+                .map(|runs: &&[&[f64]]| runs.iter().map(|run| run.to_vec()).collect())
+                .collect(),
+        )
+        .unwrap()
     }
 
     #[test]
@@ -78,8 +84,10 @@ mod tests {
     #[test]
     fn none_is_counted() {
         let diverged = nested(&[&[&[f64::INFINITY; 2]]]);
-        let choose = |drawn: &[Drawn<'_>]| Ok(choose_by_mean_log(&[drawn[0].runs()])?.chosen);
-        let told = hierarchical(&[&diverged], 9, draws(3), choose).unwrap();
+        let told = hierarchical(&[&diverged], 9, draws(3), |drawn: &[Drawn<'_>]| {
+            Ok(choose_by_mean_log(&[drawn[0].runs()])?.chosen)
+        })
+        .unwrap();
         assert_eq!((told.counts.as_slice(), told.none), (&[0, 0][..], 9));
     }
 

@@ -35,12 +35,18 @@ pub fn importance(groups: &[usize], values: &[f64]) -> Result<Option<f64>, Stats
     let mut seen: Vec<usize> = groups.to_vec();
     seen.sort_unstable();
     seen.dedup();
-    let between = |group: usize| {
-        let own = groups.iter().zip(values).filter(|(other, _)| **other == group);
-        let own: Vec<f64> = own.map(|(_, value)| *value).collect();
-        own.len() as f64 * (mean(&own) - centre).powi(2)
-    };
-    Ok(Some((seen.into_iter().map(between).sum::<f64>() / total).clamp(0.0, 1.0)))
+    Ok(Some(
+        (seen
+            .into_iter()
+            .map(|group: usize| {
+                let own = groups.iter().zip(values).filter(|(other, _)| **other == group);
+                let own: Vec<f64> = own.map(|(_, value)| *value).collect();
+                own.len() as f64 * (mean(&own) - centre).powi(2)
+            })
+            .sum::<f64>()
+            / total)
+            .clamp(0.0, 1.0),
+    ))
 }
 
 #[cfg(test)]

@@ -35,9 +35,14 @@ impl Losses {
                 return Err(StatsError::Negative { what: WHAT, index });
             }
             let best = own.iter().copied().fold(f64::INFINITY, f64::min);
-            let loss = |&error: &f64| if error == best { 0.0 } else { error.ln() - best.ln() };
             if best.is_finite() {
-                windows.push(own.iter().map(loss).collect());
+                windows.push(
+                    own.iter()
+                        .map(
+                            |&error: &f64| if error == best { 0.0 } else { error.ln() - best.ln() },
+                        )
+                        .collect(),
+                );
             }
         }
         let left_out = errors.len() - windows.len();
@@ -91,9 +96,13 @@ impl Losses {
             return None;
         }
         let (mean, interval) = over(&differences)?;
-        let quotient =
-            |interval: Interval| Interval { low: interval.low.exp(), high: interval.high.exp() };
-        Some(Estimate { value: mean.exp(), interval: interval.map(quotient) })
+        Some(Estimate {
+            value: mean.exp(),
+            interval: interval.map(|interval: Interval| Interval {
+                low: interval.low.exp(),
+                high: interval.high.exp(),
+            }),
+        })
     }
 
     /// Regret of a chooser that sees one of these windows and is judged on another: exp(mean of the losses of the best

@@ -33,7 +33,8 @@ impl Nested {
             for (row, run) in runs.iter().enumerate() {
                 check("scores of a run", run)?;
                 if run.len() != candidates {
-                    let (expected, got) = (candidates, run.len());
+                    let expected = candidates;
+                    let got = run.len();
                     return Err(StatsError::Ragged { what: RUNS, row, expected, got });
                 }
             }
@@ -67,7 +68,8 @@ impl Nested {
     /// As many units as there are, and in each as many runs as it has, with replacement.
     pub(crate) fn draw(&self, draw: &mut impl FnMut(usize) -> usize) -> Drawn<'_> {
         let all = self.units.len();
-        let (mut unit, mut last) = (0, None);
+        let mut unit = 0;
+        let mut last = None;
         let mut units = Vec::with_capacity(all);
         for place in 0..all {
             let number = place * self.independent / all;
@@ -105,16 +107,18 @@ impl<'a> Drawn<'a> {
 
     /// Arithmetic means over the runs of each drawn unit: `[unit][candidate]`, infinite where a run diverged.
     pub fn means(&self) -> Vec<Vec<f64>> {
-        let mean = |(unit, runs): &(usize, Vec<usize>)| {
-            let mut sums = vec![0.0; self.nested.candidates];
-            for &run in runs {
-                for (sum, score) in sums.iter_mut().zip(&self.nested.units[*unit][run]) {
-                    *sum += score;
+        self.units
+            .iter()
+            .map(|(unit, runs): &(usize, Vec<usize>)| {
+                let mut sums = vec![0.0; self.nested.candidates];
+                for &run in runs {
+                    for (sum, score) in sums.iter_mut().zip(&self.nested.units[*unit][run]) {
+                        *sum += score;
+                    }
                 }
-            }
-            sums.into_iter().map(|sum| sum / runs.len() as f64).collect()
-        };
-        self.units.iter().map(mean).collect()
+                sums.into_iter().map(|sum| sum / runs.len() as f64).collect()
+            })
+            .collect()
     }
 }
 

@@ -14,13 +14,17 @@ use crate::{StatsError, average_ranks};
 ///
 /// A group is empty or holds NaN, or its inputs differ in length.
 pub fn pooled_spearman(groups: &[(&[f64], &[f64])]) -> Result<Option<f64>, StatsError> {
-    let (mut xy, mut xx, mut yy) = (0.0, 0.0, 0.0);
+    let mut xy = 0.0;
+    let mut xx = 0.0;
+    let mut yy = 0.0;
     for &(x, y) in groups {
         check_pair(("x", x), ("y", y))?;
         let scale = (x.len() + 1) as f64;
-        let (x, y) = (average_ranks(x)?, average_ranks(y)?);
+        let x = average_ranks(x)?;
+        let y = average_ranks(y)?;
         for (x, y) in x.iter().zip(&y) {
-            let (x, y) = (x / scale - 0.5, y / scale - 0.5);
+            let x = x / scale - 0.5;
+            let y = y / scale - 0.5;
             xy += x * y;
             xx += x * x;
             yy += y * y;
@@ -38,7 +42,8 @@ mod tests {
 
     #[test]
     fn one_group_is_spearman() {
-        let (x, y) = ([3.0, 1.0, 2.0, 2.0], [0.1, 0.5, 0.2, 0.9]);
+        let x = [3.0, 1.0, 2.0, 2.0];
+        let y = [0.1, 0.5, 0.2, 0.9];
         let pooled = pooled_spearman(&[(&x, &y)]).unwrap().unwrap();
         let plain = crate::spearman(&x, &y).unwrap().unwrap();
         assert!((pooled - plain).abs() < 1e-12, "{pooled} {plain}");

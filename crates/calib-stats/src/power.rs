@@ -27,7 +27,8 @@ pub fn observations_needed(std: f64, difference: f64) -> Option<usize> {
         return None;
     }
     // What suffices grows with n, so halves of what is left decide.
-    let (mut few, mut enough) = (1, MANY);
+    let mut few = 1;
+    let mut enough = MANY;
     while enough - few > 1 {
         let between = usize::midpoint(few, enough);
         if suffices(between) { enough = between } else { few = between }

@@ -19,7 +19,8 @@ pub fn quantile(values: &[f64], p: f64) -> Result<f64, StatsError> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let h = (sorted.len() - 1) as f64 * p;
-    let (below, share) = (h.floor() as usize, h.fract());
+    let below = h.floor() as usize;
+    let share = h.fract();
     let low = sorted[below];
     let high = sorted[(below + 1).min(sorted.len() - 1)];
     if share == 0.0 || low == high {

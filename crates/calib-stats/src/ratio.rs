@@ -18,7 +18,8 @@ pub fn ratio_of_sums(x: &[f64], y: &[f64]) -> Result<Estimate, StatsError> {
     if total.is_nan() || total <= 0.0 {
         return Err(StatsError::NoWeight { got: total });
     }
-    let (n, value) = (x.len() as f64, x.iter().sum::<f64>() / total);
+    let n = x.len() as f64;
+    let value = x.iter().sum::<f64>() / total;
     let squares: f64 = x.iter().zip(y).map(|(x, y)| (x - value * y).powi(2)).sum();
     let error = (n / (n - 1.0) * squares).sqrt() / total;
     let known = x.len() > 1 && error.is_finite();

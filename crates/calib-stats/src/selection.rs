@@ -61,8 +61,12 @@ pub fn select_by<Row: AsRef<[f64]>>(
     let is_tied = |&value: &usize| selection.mean_ranks[value] < smallest + 1e-9;
     selection.tie_set = values.filter(is_tied).collect();
     let leads = leads(scores, direction);
-    let best = |&a: &usize, &b: &usize| leads[b].total_cmp(&leads[a]).then(a.cmp(&b));
-    selection.chosen = selection.tie_set.iter().copied().min_by(best).unwrap_or(0);
+    selection.chosen = selection
+        .tie_set
+        .iter()
+        .copied()
+        .min_by(|&a: &usize, &b: &usize| leads[b].total_cmp(&leads[a]).then(a.cmp(&b)))
+        .unwrap_or(0);
     Ok(selection)
 }
 

@@ -73,15 +73,18 @@ impl SequentialTest {
     /// `most` is not 3 to 200, or `error_rate` not above 0 and at most 0.5.
     pub fn new(most: usize, error_rate: f64) -> Result<Self, StatsError> {
         if !(FEWEST..=MOST).contains(&most) {
-            let (what, expected) = ("the largest number of observations", "3 to 200");
+            let what = "the largest number of observations";
+            let expected = "3 to 200";
             return Err(StatsError::Race { what, got: most as f64, expected });
         }
         if !(error_rate > 0.0 && error_rate <= 0.5) {
-            let (what, expected) = ("the error rate", "above 0 and at most 0.5");
+            let what = "the error rate";
+            let expected = "above 0 and at most 0.5";
             return Err(StatsError::Race { what, got: error_rate, expected });
         }
         let mut null = Null::at_three();
-        let (mut boundaries, mut spent) = (Vec::with_capacity(most - FEWEST + 1), 0.0);
+        let mut boundaries = Vec::with_capacity(most - FEWEST + 1);
+        let mut spent = 0.0;
         for n in FEWEST..=most {
             let budget = error_rate * n as f64 / most as f64;
             let boundary = null.boundary(budget - spent);

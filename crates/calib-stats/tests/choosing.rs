@@ -38,8 +38,10 @@ fn number(value: &Value) -> f64 {
 }
 
 fn numbers(units: &[Vec<Vec<Value>>]) -> Vec<Vec<Vec<f64>>> {
-    let run = |run: &Vec<Value>| run.iter().map(number).collect();
-    units.iter().map(|runs| runs.iter().map(run).collect()).collect()
+    units
+        .iter()
+        .map(|runs| runs.iter().map(|run: &Vec<Value>| run.iter().map(number).collect()).collect())
+        .collect()
 }
 
 #[track_caller]
@@ -104,9 +106,13 @@ fn resampled_choices_agree_with_numpy() {
     let golden = golden();
     let members = Nested::new(numbers(&golden.members)).unwrap();
     let mut draws = golden.draws.iter().copied();
-    let draw = |below: usize| draws.next().filter(|drawn| *drawn < below).expect("as many draws");
-    let choose = |drawn: &[Drawn<'_>]| Ok(choose_by_mean_log(&[drawn[0].runs()])?.chosen);
-    let told = hierarchical(&[&members], golden.resamples, draw, choose).unwrap();
+    let told = hierarchical(
+        &[&members],
+        golden.resamples,
+        |below: usize| draws.next().filter(|drawn| *drawn < below).expect("as many draws"),
+        |drawn: &[Drawn<'_>]| Ok(choose_by_mean_log(&[drawn[0].runs()])?.chosen),
+    )
+    .unwrap();
     assert!(draws.next().is_none(), "no draw is left");
     assert_eq!((&told.counts, told.none), (&golden.counts, 0));
 }

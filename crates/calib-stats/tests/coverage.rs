@@ -19,7 +19,8 @@ fn coverage(truth: f64, mut interval: impl FnMut() -> Interval) -> f64 {
 
 /// Distances from 6 start states, 5 members each: starts differ by 1, members of a start by 0.5.
 fn distances(random: &mut Random) -> (Vec<usize>, Vec<f64>) {
-    let (mut starts, mut distances) = (Vec::new(), Vec::new());
+    let mut starts = Vec::new();
+    let mut distances = Vec::new();
     for start in 0..6 {
         let level = random.normal();
         for _ in 0..5 {
@@ -73,7 +74,8 @@ fn errors(random: &mut Random, steps: usize, scale: f64) -> Vec<f64> {
 fn quotients_of_errors_that_depend_on_each_other_hold_the_truth() {
     let mut random = Random::new(3);
     let coverage = coverage(0.8, || {
-        let (x, y) = (errors(&mut random, 2000, 0.8), errors(&mut random, 2000, 1.0));
+        let x = errors(&mut random, 2000, 0.8);
+        let y = errors(&mut random, 2000, 1.0);
         error_ratio(&x, &y).unwrap().expect("defined").interval.expect("sixteen stretches")
     });
     assert!((coverage - 0.95).abs() < 0.025, "{coverage}");
@@ -86,7 +88,8 @@ fn intervals_over_windows_hold_the_quotient_however_few_there_are() {
         let coverage = coverage(0.9, || {
             let mut window = || {
                 // Windows differ for all candidates alike and for each alone; two runs differ within them.
-                let (level, own) = (random.normal(), 0.05 * random.normal());
+                let level = random.normal();
+                let own = 0.05 * random.normal();
                 let mut mean = |error: f64| {
                     let mut run = || error * (level + 0.01 * random.normal()).exp();
                     run().midpoint(run())
@@ -152,7 +155,9 @@ fn bounds_of_regret_hold_the_mean_where_student_s_t_does_not() {
     let mut worst_of_t = 1.0_f64;
     for Loss { name, mean, draw, least } in LOSSES {
         for windows in [4, 8, 16] {
-            let (mut given, mut held, mut held_by_t) = (0, 0, 0);
+            let mut given = 0;
+            let mut held = 0;
+            let mut held_by_t = 0;
             for _ in 0..STUDIES {
                 let losses: Vec<f64> = (0..windows).map(|_| draw(&mut random)).collect();
                 let Some(upper) = upper_bound(&losses).expect("losses") else { continue };
@@ -250,11 +255,12 @@ fn chosen_from_a_log(random: &mut Random) -> (usize, f64, f64) {
     let optima: Vec<f64> = (0..5).map(|_| 3.0 + 1.5 * random.normal()).collect();
     let log_error = |optimum: f64, value: usize| 0.03 * (value as f64 - optimum).powi(2);
     let mut run = |blocks: &[f64]| -> Vec<f64> {
-        let of_value = |value| {
-            let errors = blocks.iter().map(|&optimum| log_error(optimum, value));
-            (errors.sum::<f64>() / blocks.len() as f64 + 0.05 * random.normal()).exp()
-        };
-        (0..7).map(of_value).collect()
+        (0..7)
+            .map(|value| {
+                let errors = blocks.iter().map(|&optimum| log_error(optimum, value));
+                (errors.sum::<f64>() / blocks.len() as f64 + 0.05 * random.normal()).exp()
+            })
+            .collect()
     };
     let members = (0..5).map(|left_out| {
         let rest: Vec<f64> = (0..5).filter(|of| *of != left_out).map(|of| optima[of]).collect();
@@ -265,10 +271,12 @@ fn chosen_from_a_log(random: &mut Random) -> (usize, f64, f64) {
     let windows = Nested::new(windows.collect()).expect("windows");
     let chosen = choose_by_mean_log(&[members.whole().runs(), windows.whole().runs()]);
     let chosen = chosen.expect("finite").chosen.expect("one");
-    let draw = |below: usize| ((random.unit() * below as f64) as usize).min(below - 1);
-    let choices = hierarchical(&[&members, &windows], 200, draw, |drawn| {
-        Ok(choose_by_mean_log(&[drawn[0].runs(), drawn[1].runs()])?.chosen)
-    });
+    let choices = hierarchical(
+        &[&members, &windows],
+        200,
+        |below: usize| ((random.unit() * below as f64) as usize).min(below - 1),
+        |drawn| Ok(choose_by_mean_log(&[drawn[0].runs(), drawn[1].runs()])?.chosen),
+    );
     let counts = choices.expect("chosen").counts;
     let share = |from: usize, to: usize| counts[from..=to].iter().sum::<usize>() as f64 / 200.0;
     (chosen, share(chosen, chosen), share(chosen.saturating_sub(1), (chosen + 1).min(6)))
@@ -278,7 +286,10 @@ fn chosen_from_a_log(random: &mut Random) -> (usize, f64, f64) {
 fn shares_of_resamples_are_not_what_another_log_chooses() {
     const LOGS: usize = 300;
     let mut random = Random::new(9);
-    let (mut share, mut same, mut share_nearby, mut near) = (0.0, 0.0, 0.0, 0.0);
+    let mut share = 0.0;
+    let mut same = 0.0;
+    let mut share_nearby = 0.0;
+    let mut near = 0.0;
     for _ in 0..LOGS {
         let (one, own, nearby) = chosen_from_a_log(&mut random);
         let (other, _, _) = chosen_from_a_log(&mut random);

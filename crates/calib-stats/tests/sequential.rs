@@ -36,7 +36,8 @@ fn raced(
     races: usize,
     mut draw: impl FnMut() -> f64,
 ) -> (f64, f64) {
-    let (mut ended, mut observations) = (0, 0);
+    let mut ended = 0;
+    let mut observations = 0;
     for _ in 0..races {
         let mut differences = Vec::with_capacity(most);
         while differences.len() < most {
@@ -79,8 +80,7 @@ fn differences_that_are_not_normal_change_the_error_rate_little_unless_they_are_
     // exp(σ z) − exp(σ² / 2) has mean 0; its skewness is 0.8 for σ = 0.25 and 1.75 for 0.5.
     let mut skewed = |width: f64, sign: f64| {
         let mean = (width * width / 2.0).exp();
-        let draw = || sign * ((width * random.normal()).exp() - mean);
-        raced(&test, 15, 40_000, draw).0
+        raced(&test, 15, 40_000, || sign * ((width * random.normal()).exp() - mean)).0
     };
     let [little, much] = [0.25, 0.5].map(|width| [skewed(width, 1.0), skewed(width, -1.0)]);
     let near = |got: f64, expected: f64| {
@@ -94,9 +94,12 @@ fn differences_that_are_not_normal_change_the_error_rate_little_unless_they_are_
 
 #[test]
 fn real_differences_are_found_early() {
-    let (mut random, test) = (Random::new(9), SequentialTest::new(10, 0.05 / 8.0).unwrap());
+    let mut random = Random::new(9);
+    let test = SequentialTest::new(10, 0.05 / 8.0).unwrap();
     let mut of = |effect: f64| raced(&test, 10, 10_000, || random.normal() + effect);
-    let (one, two, four) = (of(1.0), of(2.0), of(4.0));
+    let one = of(1.0);
+    let two = of(2.0);
+    let four = of(4.0);
     assert!((one.0 - 0.35).abs() < 0.02 && (one.1 - 9.25).abs() < 0.1, "{one:?}");
     assert!((two.0 - 0.965).abs() < 0.01 && (two.1 - 6.88).abs() < 0.1, "{two:?}");
     assert!(four.0 > 0.999 && (four.1 - 4.66).abs() < 0.1, "{four:?}");

@@ -136,9 +136,10 @@ impl Problem {
             None => Some(self.message.as_str()),
         }?;
         let is_key = |word: &&str| {
-            let fine =
-                |letter: char| letter.is_ascii_alphanumeric() || ['_', '-', '.'].contains(&letter);
-            !word.is_empty() && word.chars().all(fine)
+            !word.is_empty()
+                && word.chars().all(|letter: char| {
+                    letter.is_ascii_alphanumeric() || ['_', '-', '.'].contains(&letter)
+                })
         };
         let quoted = text.split('`').nth(1).filter(is_key);
         let first = text.trim_start_matches('[').split([' ', ':', ']', ',']).next();

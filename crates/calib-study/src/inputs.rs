@@ -72,11 +72,13 @@ impl Inputs {
     fn differences(&self, made: &Self) -> Vec<Difference> {
         let keys: std::collections::BTreeSet<&String> =
             self.0.keys().chain(made.0.keys()).collect();
-        let difference = |key: &String| {
-            let (made, now) = (made.0.get(key).cloned(), self.0.get(key).cloned());
-            (made != now).then(|| Difference { key: key.clone(), made, now })
-        };
-        keys.into_iter().filter_map(difference).collect()
+        keys.into_iter()
+            .filter_map(|key: &String| {
+                let made = made.0.get(key).cloned();
+                let now = self.0.get(key).cloned();
+                (made != now).then(|| Difference { key: key.clone(), made, now })
+            })
+            .collect()
     }
 
     /// Every key of a section, or of the table at `key`.

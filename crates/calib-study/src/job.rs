@@ -68,10 +68,14 @@ impl Job {
 
     /// What to write instead of keys that have a new name, a sentence each with its place.
     pub fn renamed_keys(&self) -> Vec<String> {
-        let told = |(place, new): (Place, &str)| {
-            format!("{place}: this key is now called {new}; the old name still works")
-        };
-        self.written.source.renamed().into_iter().map(told).collect()
+        self.written
+            .source
+            .renamed()
+            .into_iter()
+            .map(|(place, new): (Place, &str)| {
+                format!("{place}: this key is now called {new}; the old name still works")
+            })
+            .collect()
     }
 
     /// The same under another policy.
@@ -143,9 +147,10 @@ impl Job {
 
     /// The same, where the study, its file or its log has a name.
     pub fn own_title(&self) -> Option<String> {
-        let stem = || file_stem(&self.written.request).filter(|stem| says_something(stem));
         let title = self.study.evaluate.title.clone();
-        title.or_else(stem).or_else(|| self.log_name())
+        title
+            .or_else(|| file_stem(&self.written.request).filter(|stem| says_something(stem)))
+            .or_else(|| self.log_name())
     }
 
     /// The last part of the path of the log that is a name rather than a pattern or a word for any log.

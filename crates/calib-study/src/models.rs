@@ -35,9 +35,13 @@ pub(crate) fn names(table: &Table) -> Vec<String> {
 impl Study {
     /// Names of the models that are compared, in alphabetical order; none where one was chosen.
     pub fn compared_models(&self) -> Vec<String> {
-        let is_compared =
-            |name: &&String| self.compare.as_ref().is_none_or(|compared| compared.contains(name));
-        self.models.keys().filter(is_compared).cloned().collect()
+        self.models
+            .keys()
+            .filter(|name: &&String| {
+                self.compare.as_ref().is_none_or(|compared| compared.contains(name))
+            })
+            .cloned()
+            .collect()
     }
 }
 
@@ -66,7 +70,8 @@ pub(crate) fn check(table: &Table) -> Result<(), Problem> {
             refuse!("{COMPARED} lists {unknown}, and the study's models are {}", all.join(", "));
         }
     }
-    let (models, deployments) = (names(table).len(), overlay::names(table, "deployments").len());
+    let models = names(table).len();
+    let deployments = overlay::names(table, "deployments").len();
     let parts = models.max(1).saturating_mul(deployments.max(1));
     require!(
         parts <= MOST_PARTS,

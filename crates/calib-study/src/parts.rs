@@ -47,10 +47,12 @@ impl Job {
         if names.is_empty() {
             return Ok(models);
         }
-        let of_model = |model: &Self| {
-            names.iter().map(|name| model.choose(model.model(), Some(name))).collect::<Vec<_>>()
-        };
-        models.iter().flat_map(of_model).collect()
+        models
+            .iter()
+            .flat_map(|model: &Self| {
+                names.iter().map(|name| model.choose(model.model(), Some(name))).collect::<Vec<_>>()
+            })
+            .collect()
     }
 
     /// Nothing that comes before rollouts knows of deployments.

@@ -154,11 +154,10 @@ impl Protocol {
             for number in 1..=plants.repeat.unwrap_or(1) {
                 let seed = Seed::new(self.seed).child("validity").child(&template.name);
                 let seed = seed.number(number as u64);
-                let section = |key: &str| {
+                let values = template.values(&own, seed, &defaults, |key: &str| {
                     let own = if from_plants.contains(key) { "plants" } else { "task" };
                     format!("[validity.{own}.draw] of {}", template.name)
-                };
-                let values = template.values(&own, seed, &defaults, section)?;
+                })?;
                 let plant = match plants.repeat {
                     Some(_) => format!("{}-{number:02}", template.name),
                     None => template.name.clone(),

@@ -143,10 +143,12 @@ impl WrittenStudy {
     fn place_of(&self, key: &str, model: Option<&str>) -> Option<crate::Place> {
         let model = model.map(|name| format!("models.{name}.{key}"));
         let keys: Vec<String> = model.into_iter().chain([key.to_owned()]).collect();
-        let profile = |key: &String| {
-            self.request.profile.as_ref().map(|name| format!("profiles.{name}.{key}"))
-        };
-        let of_profile: Vec<String> = keys.iter().filter_map(profile).collect();
+        let of_profile: Vec<String> = keys
+            .iter()
+            .filter_map(|key: &String| {
+                self.request.profile.as_ref().map(|name| format!("profiles.{name}.{key}"))
+            })
+            .collect();
         of_profile.iter().chain(&keys).find_map(|key| self.source.place_of(key))
     }
 

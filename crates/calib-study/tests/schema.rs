@@ -71,7 +71,8 @@ struct Row {
 /// The tables of keys, by what stands in the heading above them.
 fn tables(text: &str) -> Vec<(String, Vec<Row>)> {
     let mut tables: Vec<(String, Vec<Row>)> = Vec::new();
-    let (mut heading, mut inside) = (String::new(), false);
+    let mut heading = String::new();
+    let mut inside = false;
     for line in text.lines() {
         if let Some(of) = line.strip_prefix("### ") {
             of.trim_matches(['[', ']']).clone_into(&mut heading);

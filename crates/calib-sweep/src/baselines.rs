@@ -149,9 +149,12 @@ impl<'a> Baselines<'a> {
     ) -> BTreeMap<String, SimplePredictor> {
         let stream = RowStream::replay(self.log.states().clone(), self.log.segments());
         let fitter = Fitter::new(&stream, gamma, &[]);
-        let best =
-            |(sensor, column): &(String, usize)| Some((sensor.clone(), fitter.best_of(*column)?));
-        sensors.iter().filter_map(best).collect()
+        sensors
+            .iter()
+            .filter_map(|(sensor, column): &(String, usize)| {
+                Some((sensor.clone(), fitter.best_of(*column)?))
+            })
+            .collect()
     }
 
     /// What agents start from at each state of a run's stream, for each of these agents and the column that it predicts; none
@@ -253,9 +256,9 @@ pub fn recorded_windows(
         for run in 0..environment.runs() {
             let streamed = environment.stream(run)?;
             let start_row = streamed.start_row.0;
-            let is_known =
-                |window: &RecordedWindow| window.environment == id && window.start_row == start_row;
-            if !windows.iter().any(is_known) {
+            if !windows.iter().any(|window: &RecordedWindow| {
+                window.environment == id && window.start_row == start_row
+            }) {
                 let fitting_rows = environment.fitting_rows(run);
                 let stream = streamed.stream;
                 windows.push(RecordedWindow { environment: id, start_row, fitting_rows, stream });

@@ -29,7 +29,9 @@ impl ErrorScale {
 
     /// The scale of a candidate's errors.
     pub fn find(scales: &[Self], sensor: &str, candidate: &Candidate) -> f64 {
-        let own = |scale: &&Self| scale.sensor == sensor && scale.gamma == candidate.agent.gamma;
-        scales.iter().find(own).map_or(1.0, Self::unit)
+        scales
+            .iter()
+            .find(|scale: &&Self| scale.sensor == sensor && scale.gamma == candidate.agent.gamma)
+            .map_or(1.0, Self::unit)
     }
 }

@@ -25,7 +25,8 @@ impl RunCheckpoint {
                 key.add(setting.as_bytes());
             }
         }
-        let (key, unit) = (key.finish(), &jobs[0].unit);
+        let key = key.finish();
+        let unit = &jobs[0].unit;
         let name = format!("{}-run-{:04}-{}.safetensors", environment(unit), unit.run, key.short());
         Self { file: StateFile::new(sink.state(&name), key.to_string()), work_between }
     }

@@ -79,7 +79,8 @@ impl Pass<'_, '_> {
         self.jobs
             .iter()
             .flat_map(|job| {
-                let (cumulant, start) = (job.column, job.start.map(|start| &start.checkpoint));
+                let cumulant = job.column;
+                let start = job.start.map(|start| &start.checkpoint);
                 let agents = job.agents.iter();
                 agents.map(move |candidate| Learner {
                     config: &candidate.agent,

@@ -254,7 +254,9 @@ impl<'a> Plan<'a> {
     /// # Errors
     /// An error rate that is not above 0 and at most 0.5.
     pub fn race(mut self, rule: RaceRule) -> Result<Self, SweepError> {
-        let (mut members, mut runs, mut windows) = (Vec::new(), usize::MAX, 0);
+        let mut members = Vec::new();
+        let mut runs = usize::MAX;
+        let mut windows = 0;
         for environment in &self.environments {
             match environment.id() {
                 EnvironmentId::Member(member) => {
@@ -292,7 +294,6 @@ impl<'a> Plan<'a> {
     /// The runs of a result, each under the key of its setting.
     pub fn runs_of(&self, result: &UnitResult) -> UnitRuns {
         let settings = self.settings();
-        let run = |row: &RunRow| (settings[row.candidate].to_string(), row.into());
         let UnitResult { key, unit, seed, start_row, not_finite, rows } = result;
         UnitRuns {
             key: key.clone(),
@@ -300,20 +301,25 @@ impl<'a> Plan<'a> {
             seed: *seed,
             start_row: *start_row,
             not_finite: *not_finite,
-            runs: rows.iter().map(run).collect(),
+            runs: rows
+                .iter()
+                .map(|row: &RunRow| (settings[row.candidate].to_string(), row.into()))
+                .collect(),
         }
     }
 
     /// The results as they are planned, with which candidates a race left in each.
     pub fn planned(&self, results: &[UnitResult]) -> Vec<PlannedUnit> {
-        let planned = |UnitResult { unit, key, rows, .. }: &UnitResult| {
-            let trained: BTreeSet<usize> = rows.iter().map(|row| row.candidate).collect();
-            let dropped = (0..self.candidates.len())
-                .filter(|candidate| !trained.contains(candidate))
-                .collect();
-            PlannedUnit { unit: unit.clone(), key: key.clone(), dropped }
-        };
-        results.iter().map(planned).collect()
+        results
+            .iter()
+            .map(|UnitResult { unit, key, rows, .. }: &UnitResult| {
+                let trained: BTreeSet<usize> = rows.iter().map(|row| row.candidate).collect();
+                let dropped = (0..self.candidates.len())
+                    .filter(|candidate| !trained.contains(candidate))
+                    .collect();
+                PlannedUnit { unit: unit.clone(), key: key.clone(), dropped }
+            })
+            .collect()
     }
 
     /// The results that `store` has.
@@ -407,7 +413,10 @@ impl<'a> Plan<'a> {
         store: &UnitStore,
         monitor: &dyn Monitor,
     ) -> Result<CompletedSweep, SweepError> {
-        let (mut found, mut ran, mut runs, kept) = (stored, 0, 0, store.states_kept());
+        let mut found = stored;
+        let mut ran = 0;
+        let mut runs = 0;
+        let kept = store.states_kept();
         let mut left = self.passes(&found)?;
         monitor.begin("training", (left * self.options.span.steps) as u64);
         let mut survivors = Survivors::default();
@@ -529,8 +538,8 @@ impl<'a> Plan<'a> {
     /// Whether one value is left before the round of a unit.
     fn is_spared(&self, unit: &Unit, survivors: &Survivors) -> bool {
         let rounds = survivors.rounds(&unit.sensor);
-        let over = |round: usize| rounds.iter().take(round + 1).any(|left| left.len() < 2);
-        self.round_before(unit).is_some_and(over)
+        self.round_before(unit)
+            .is_some_and(|round: usize| rounds.iter().take(round + 1).any(|left| left.len() < 2))
     }
 
     /// The units whose values are known when `survivors` are.

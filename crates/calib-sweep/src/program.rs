@@ -85,8 +85,10 @@ pub(crate) fn outcomes(
             let curve = CurveRule { windows: options.curve_points };
             let scored =
                 score_predictions(stream, job.column, agent.gamma, &values, updates, curve);
-            let refused = |source: AgentError| SweepError::Agent { unit: job.unit.clone(), source };
-            all.push(scored.map_err(refused)?);
+            all.push(scored.map_err(|source: AgentError| SweepError::Agent {
+                unit: job.unit.clone(),
+                source,
+            })?);
         }
     }
     monitor.advance(options.span.steps as u64);

@@ -72,8 +72,9 @@ impl Range {
                 let per_decade = per_decade as f64;
                 let steps = ((to / from).log10() * per_decade + SLACK).floor();
                 let steps = most(steps + 1.0)? - 1;
-                let value = |i: usize| span.rounded(from * 10_f64.powf(i as f64 / per_decade));
-                (0..=steps).map(value).collect()
+                (0..=steps)
+                    .map(|i: usize| span.rounded(from * 10_f64.powf(i as f64 / per_decade)))
+                    .collect()
             }
             (None, Some(count), None) => {
                 let last = (most(count as f64)? - 1) as f64;
@@ -85,8 +86,9 @@ impl Range {
                     return Err(format!("step must be {kind}, got {step}"));
                 }
                 let steps = most(((to - from) / step + SLACK).floor() + 1.0)? - 1;
-                let value = |i: usize| decimals(from + i as f64 * step, step).clamp(from, to);
-                (0..=steps).map(value).collect()
+                (0..=steps)
+                    .map(|i: usize| decimals(from + i as f64 * step, step).clamp(from, to))
+                    .collect()
             }
             _ => return Err("give one of per_decade, count and step".to_owned()),
         };

@@ -53,7 +53,8 @@ impl Environment for ReplayEnvironment<'_> {
         if self.id == EnvironmentId::Online {
             return FittingRows::All;
         }
-        let (rows, start) = (self.frames.rows(), self.start(run));
+        let rows = self.frames.rows();
+        let start = self.start(run);
         let end = start + self.windows.states;
         // A window that is longer than what is left of the log goes on with its first rows.
         let wrapped = 0..end.saturating_sub(rows).min(start);
@@ -66,7 +67,8 @@ impl Environment for ReplayEnvironment<'_> {
             return Err(SweepError::TooShort { steps: self.windows.states.saturating_sub(1) });
         }
         let start = self.start(run);
-        let (states, segments) = (self.frames.states().clone(), self.frames.segments());
+        let states = self.frames.states().clone();
+        let segments = self.frames.segments();
         let stream = RowStream::looped(states, segments, start, self.windows.states);
         Ok(RunStream::complete(stream, RowIndex::new(start)))
     }

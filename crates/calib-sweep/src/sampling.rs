@@ -43,11 +43,10 @@ pub(crate) fn combinations(
         Sampling::Grid => grid(axes),
         Sampling::Random => {
             let seed = seed.child("random");
-            let point = |index: usize| {
+            sample(axes, samples, |index: usize| {
                 let mut rng = seed.number(index as u64).rng();
                 axes.iter().map(|_| rng.unit()).collect()
-            };
-            sample(axes, samples, point)
+            })
         }
         Sampling::Sobol => {
             if axes.len() > DIMENSIONS {

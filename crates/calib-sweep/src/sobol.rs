@@ -48,21 +48,25 @@ impl Sobol {
     /// The sequence in `dimensions` dimensions, at most [`DIMENSIONS`], shifted as `seed` says.
     pub(crate) fn new(dimensions: usize, seed: Seed) -> Self {
         assert!(dimensions <= DIMENSIONS, "direction numbers for {DIMENSIONS} dimensions");
-        let shift = |dimension| (seed.number(dimension as u64).rng().bits() >> 32) as u32;
         Self {
             directions: (0..dimensions).map(directions).collect(),
-            shifts: (0..dimensions).map(shift).collect(),
+            shifts: (0..dimensions)
+                .map(|dimension| (seed.number(dimension as u64).rng().bits() >> 32) as u32)
+                .collect(),
         }
     }
 
     /// Point `index`, each coordinate in `[0, 1)`.
     pub(crate) fn point(&self, index: u32) -> Vec<f64> {
-        let coordinate = |(directions, shift): (&[u32; 32], &u32)| {
-            let bits = (0..32).filter(|bit| index >> bit & 1 == 1);
-            let digits = bits.fold(*shift, |digits, bit| digits ^ directions[bit]);
-            f64::from(digits) / 2_f64.powi(32)
-        };
-        self.directions.iter().zip(&self.shifts).map(coordinate).collect()
+        self.directions
+            .iter()
+            .zip(&self.shifts)
+            .map(|(directions, shift): (&[u32; 32], &u32)| {
+                let bits = (0..32).filter(|bit| index >> bit & 1 == 1);
+                let digits = bits.fold(*shift, |digits, bit| digits ^ directions[bit]);
+                f64::from(digits) / 2_f64.powi(32)
+            })
+            .collect()
     }
 }
 

@@ -59,10 +59,12 @@ impl UnitStore {
         planned: &[PlannedUnit],
         settings: &[S],
     ) -> Result<Vec<UnitResult>, SweepError> {
-        let result = |planned: &PlannedUnit| {
-            self.get(&planned.unit, &planned.key)?.result(planned.trained(settings))
-        };
-        let results: Vec<_> = planned.iter().map(result).collect();
+        let results: Vec<_> = planned
+            .iter()
+            .map(|planned: &PlannedUnit| {
+                self.get(&planned.unit, &planned.key)?.result(planned.trained(settings))
+            })
+            .collect();
         let missing = results.iter().filter(|result| result.is_none()).count();
         match planned.iter().zip(&results).find(|(_, result)| result.is_none()) {
             Some((first, _)) => Err(SweepError::Incomplete {

@@ -163,14 +163,19 @@ impl SettingRun {
 
     /// Of a run of `steps` steps between which nothing is missing.
     pub(crate) fn new(steps: usize, outcome: RunOutcome) -> Self {
-        let point =
-            |point: calib_agent::CurvePoint| CurvePoint { step: point.step, rmse: point.rmse };
         Self {
             steps,
             updates: outcome.updates,
             scores: outcome.scores,
             diverged_at: outcome.diverged,
-            curve: outcome.curve.into_iter().map(point).collect(),
+            curve: outcome
+                .curve
+                .into_iter()
+                .map(|point: calib_agent::CurvePoint| CurvePoint {
+                    step: point.step,
+                    rmse: point.rmse,
+                })
+                .collect(),
         }
     }
 

@@ -45,7 +45,8 @@ impl Windows {
     /// `count` windows of the log of `segments`, the latest first and the others evenly spread over what precedes it. They overlap
     /// where they must, and where the log is shorter than a stream it is replayed over and over, from as many different rows.
     pub fn log(segments: &Segments, demand: ScoringDemand, count: usize) -> Self {
-        let (rows, states) = (segments.rows(), demand.span.states());
+        let rows = segments.rows();
+        let states = demand.span.states();
         let start = |window: usize| match rows.checked_sub(states) {
             Some(last) => last - spread(window, count, last),
             // The first of them ends with the log.

@@ -69,7 +69,8 @@ fn golden() -> Golden {
 fn errors_of_every_part_are_numpys() {
     let GoldenScores { states, lengths, gamma, learning_rate, steps, weights, scores } =
         golden().scores;
-    let (rows, width) = (states.len(), states[0].len());
+    let rows = states.len();
+    let width = states[0].len();
     let states = States::new(states.concat(), rows, width).expect("valid");
     let stream = RowStream::replay(states, &Segments::from_lengths(lengths).expect("valid"));
     let config = AgentConfig {
@@ -85,8 +86,8 @@ fn errors_of_every_part_are_numpys() {
     let run = Run { stream: &stream, steps, curve: CurveRule { windows: 0 }, seed: Seed::new(1) };
     let outcome = train_learners(run, &[learner], &NoKeeper, &Silent).expect("trains");
     for part in Part::ALL {
-        let (got, expected) =
-            (outcome[0].scores.of(part).expect("scored"), scores.of(part).expect("scored"));
+        let got = outcome[0].scores.of(part).expect("scored");
+        let expected = scores.of(part).expect("scored");
         assert_eq!(got.scored_steps, expected.scored_steps, "{part:?}");
         for (got, expected) in [
             (got.rmse, expected.rmse),
@@ -99,34 +100,38 @@ fn errors_of_every_part_are_numpys() {
 }
 
 fn candidates(golden: &GoldenVerdict) -> Vec<Candidate> {
-    let of = |index| Candidate {
-        index,
-        is_default: index == golden.default,
-        values: vec![("learning_rate".to_owned(), (index + 1).into())],
-        agent: AgentConfig::default(),
-    };
-    (0..golden.regrets.len()).map(of).collect()
+    (0..golden.regrets.len())
+        .map(|index| Candidate {
+            index,
+            is_default: index == golden.default,
+            values: vec![("learning_rate".to_owned(), (index + 1).into())],
+            agent: AgentConfig::default(),
+        })
+        .collect()
 }
 
 fn result(environment: EnvironmentId, run: usize, start_row: usize, errors: &[f64]) -> UnitResult {
-    let row = |(candidate, &rmse): (usize, &f64)| {
-        let score = PartScore { scored_steps: 9, rmse, mean_return: 0.0, return_std: 1.0 };
-        RunRow {
-            candidate,
-            steps: 9,
-            updates: 1,
-            scores: Scores { whole_run: Some(score), ..Scores::default() },
-            diverged_at: rmse.is_infinite().then_some(3),
-            curve: vec![],
-        }
-    };
     UnitResult {
         key: String::new(),
         unit: Unit { sensor: "A".to_owned(), environment, run },
         seed: 0,
         start_row: start_row as u32,
         not_finite: None,
-        rows: errors.iter().enumerate().map(row).collect(),
+        rows: errors
+            .iter()
+            .enumerate()
+            .map(|(candidate, &rmse): (usize, &f64)| {
+                let score = PartScore { scored_steps: 9, rmse, mean_return: 0.0, return_std: 1.0 };
+                RunRow {
+                    candidate,
+                    steps: 9,
+                    updates: 1,
+                    scores: Scores { whole_run: Some(score), ..Scores::default() },
+                    diverged_at: rmse.is_infinite().then_some(3),
+                    curve: vec![],
+                }
+            })
+            .collect(),
     }
 }
 

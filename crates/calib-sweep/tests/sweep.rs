@@ -140,7 +140,8 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
     let store = |name: &str| UnitStore::new(directory.path().join(name));
-    let (one, four) = (store("one"), store("four"));
+    let one = store("one");
+    let four = store("four");
     let run =
         |store: &UnitStore| study.with_plan(1, |plan| plan.run(store, &Silent).expect("runs"));
     let alone = in_pool(1, || run(&one));
@@ -184,7 +185,8 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
 
 #[test]
 fn a_larger_grid_trains_its_new_settings_alone() {
-    let (small, large) = (Study::of(&[1e-5, 5e-2, 1e38]), Study::of(&[1e-5, 1e-4, 5e-2, 1e38]));
+    let small = Study::of(&[1e-5, 5e-2, 1e38]);
+    let large = Study::of(&[1e-5, 1e-4, 5e-2, 1e38]);
     let directory = tempfile::tempdir().expect("a directory");
     for rule in [None, Some(RaceRule::Halving), Some(SURELY)] {
         let made = |study: &Study, name: &str| {
@@ -321,15 +323,19 @@ fn long_runs_go_on_in_the_middle() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
     let store = |name: &str| UnitStore::new(directory.path().join(name));
-    let (whole, stopped) = (store("whole"), store("stopped"));
+    let whole = store("whole");
+    let stopped = store("stopped");
     let expected = study.with_plan(1, |plan| plan.run(&whole, &Silent).expect("runs"));
     let unfinished = stopped.directory().join(".unfinished");
     // Six or eight agents of at least a million multiplications a step: a state every hundred steps.
     let mut resumed = 0;
     let results = loop {
         let monitor = Impatient { asked: AtomicU64::new(0), patience: 320 };
-        let plan = |plan: Plan<'_>| plan.keeping_after(800_000_000).run(&stopped, &monitor);
-        match in_pool(1, || study.with_plan(1, plan)) {
+        match in_pool(1, || {
+            study.with_plan(1, |plan: Plan<'_>| {
+                plan.keeping_after(800_000_000).run(&stopped, &monitor)
+            })
+        }) {
             Err(SweepError::Cancelled(_)) => resumed += u32::from(unfinished.is_dir()),
             other => break other.expect("runs"),
         }
@@ -352,7 +358,8 @@ fn agents_start_from_checkpoints() {
         let store = UnitStore::new(directory.path().join(name));
         study.with_plan(1, |plan| plan.starting_from(starts).run(&store, &Silent).expect("runs"))
     };
-    let (scratch, tuned) = (run("scratch", BTreeMap::new()), run("tuned", starts));
+    let scratch = run("scratch", BTreeMap::new());
+    let tuned = run("tuned", starts);
     for (scratch, tuned) in scratch.iter().zip(&tuned) {
         let of_b = scratch.unit.sensor == "B";
         assert_eq!(scratch.key == tuned.key, !of_b, "a checkpoint is an input of its sensor");
@@ -431,12 +438,14 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
     let (whole, alone) = whole_and_raced(&study, directory.path(), SURELY);
     assert!(rows(&alone) < rows(&whole) * 3 / 4, "{} of {}", rows(&alone), rows(&whole));
     let left = |run: usize| {
-        let unit = |result: &&UnitResult| {
-            result.unit.sensor == "A"
-                && result.unit.environment == EnvironmentId::Member(1)
-                && result.unit.run == run
-        };
-        alone.iter().find(unit).map(|result| result.rows.len())
+        alone
+            .iter()
+            .find(|result: &&UnitResult| {
+                result.unit.sensor == "A"
+                    && result.unit.environment == EnvironmentId::Member(1)
+                    && result.unit.run == run
+            })
+            .map(|result| result.rows.len())
     };
     assert_eq!(left(0), Some(4));
     assert!(left(1) < Some(4), "1e38 has diverged");

@@ -56,7 +56,9 @@ impl Sample {
 
     /// The rows, each with its cells.
     fn rows(&self) -> Vec<Vec<String>> {
-        let (mut rows, mut cell, mut begin) = (Vec::with_capacity(self.rows.len()), 0, 0);
+        let mut rows = Vec::with_capacity(self.rows.len());
+        let mut cell = 0;
+        let mut begin = 0;
         for &end in &self.rows {
             let mut row = Vec::new();
             while cell < end as usize {

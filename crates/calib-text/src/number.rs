@@ -142,7 +142,8 @@ pub fn plain_decimal(cell: &[u8], decimal: Decimal) -> Option<f64> {
     if digits.is_empty() || digits.len() > EXACT_DIGITS + 1 {
         return None;
     }
-    let (mut whole, mut sign_at) = (0_u64, None);
+    let mut whole = 0_u64;
+    let mut sign_at = None;
     for (position, &byte) in digits.iter().enumerate() {
         let digit = byte.wrapping_sub(b'0');
         if digit < 10 {
@@ -173,7 +174,8 @@ pub fn either_way(cell: &str) -> String {
 /// What `text` says about the decimal sign.
 pub(crate) fn sign_of(text: &str) -> Sign {
     let text = mantissa(text);
-    let (commas, points) = (count(text, b','), count(text, b'.'));
+    let commas = count(text, b',');
+    let points = count(text, b'.');
     let number = |text: &str| text.parse::<f64>().is_ok_and(f64::is_finite);
     match (commas, points) {
         (0, 1) if number(text) => Sign::Point,

@@ -64,7 +64,8 @@ impl<'a> RecordReader<'a> {
     /// Go to the next record; false if there is none.
     pub fn advance(&mut self) -> bool {
         let CellText::Copy(cells) = &mut self.source else { return self.advance_in_text() };
-        let (mut written, mut count) = (0, 0);
+        let mut written = 0;
+        let mut count = 0;
         loop {
             let (result, read, more_text, more_cells) = self.reader.read_record(
                 &self.text[self.read..],

@@ -140,9 +140,11 @@ impl Candidates {
         }
         for reference in [0, cells.len() / 2, cells.len() - 1] {
             let known = Self::of_all(&cells[reference..=reference], unit).left;
-            let is_known =
-                |cell: &&&str| known.iter().any(|notation| notation.read(cell).is_some());
-            let whole: Vec<&str> = cells.iter().filter(is_known).copied().collect();
+            let whole: Vec<&str> = cells
+                .iter()
+                .filter(|cell: &&&str| known.iter().any(|notation| notation.read(cell).is_some()))
+                .copied()
+                .collect();
             let damaged = cells.len() - whole.len();
             if damaged > 0 && damaged * MANY <= cells.len() {
                 let found = Self::of_all(&whole, unit);
@@ -280,15 +282,17 @@ fn date_patterns(date: &str) -> Vec<String> {
         .iter()
         .any(|field| field.len() >= 3 && field.bytes().all(|byte| byte.is_ascii_alphabetic()));
     let orders = if has_name && fields[0].len() < 4 { &orders[..2] } else { orders };
-    let all_of = |order: &[&str; 3]| -> Option<String> {
-        let mut pattern = String::new();
-        for ((kind, text), separator) in order.iter().zip(fields).zip([*before, *after, ""]) {
-            pattern.push_str(field_pattern(kind, text)?);
-            pattern.push_str(&separator.replace('%', "%%"));
-        }
-        Some(pattern)
-    };
-    let found: BTreeSet<String> = orders.iter().filter_map(all_of).collect();
+    let found: BTreeSet<String> = orders
+        .iter()
+        .filter_map(|order: &[&str; 3]| -> Option<String> {
+            let mut pattern = String::new();
+            for ((kind, text), separator) in order.iter().zip(fields).zip([*before, *after, ""]) {
+                pattern.push_str(field_pattern(kind, text)?);
+                pattern.push_str(&separator.replace('%', "%%"));
+            }
+            Some(pattern)
+        })
+        .collect();
     found.into_iter().collect()
 }
 

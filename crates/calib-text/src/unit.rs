@@ -174,8 +174,11 @@ fn told(micros: i64) -> String {
 
 /// What to say of a number that may have several units.
 pub fn unit_readings(number: &str, units: &[TimestampUnit]) -> String {
-    let reading = |unit: &TimestampUnit| Notation::Number(*unit).reading(number);
-    units.iter().map(reading).collect::<Vec<_>>().join(", ")
+    units
+        .iter()
+        .map(|unit: &TimestampUnit| Notation::Number(*unit).reading(number))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 fn by_size(size: f64) -> TimestampUnit {

@@ -193,7 +193,8 @@ impl<Row> Walls<Row> {
         let forward = forward.unwrap_or_else(|| inside().sum());
         let is_backward =
             forward < 0 || forward == 0 && next.is_some_and(|next| next < folds[0].first);
-        let (mut before, mut after) = (self.last, next);
+        let mut before = self.last;
+        let mut after = next;
         if is_backward {
             folds.reverse();
             std::mem::swap(&mut before, &mut after);
@@ -323,17 +324,21 @@ mod tests {
     /// Minutes from midnight UTC of the day, for wall-clock times of it, or of another that is named.
     fn minutes(zone: &str, day: &str, shown: &[&str]) -> Vec<Option<i64>> {
         let midnight = wall(&format!("{day}T00:00:00"));
-        let of_day = |time: &&str| {
-            if time.contains('T') {
-                wall(&format!("{time}:00"))
-            } else {
-                wall(&format!("{day}T{time}:00"))
-            }
-        };
-        let walls: Vec<i64> = shown.iter().map(of_day).collect();
+        let walls: Vec<i64> = shown
+            .iter()
+            .map(|time: &&str| {
+                if time.contains('T') {
+                    wall(&format!("{time}:00"))
+                } else {
+                    wall(&format!("{day}T{time}:00"))
+                }
+            })
+            .collect();
         let (instants, _) = instants(zone, &walls);
-        let minute = |instant: &i64| (*instant != NO_TIME).then(|| (instant - midnight) / MINUTE);
-        instants.iter().map(minute).collect()
+        instants
+            .iter()
+            .map(|instant: &i64| (*instant != NO_TIME).then(|| (instant - midnight) / MINUTE))
+            .collect()
     }
 
     fn some(minutes: &[i64]) -> Vec<Option<i64>> {

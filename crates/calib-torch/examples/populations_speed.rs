@@ -19,8 +19,11 @@ fn main() {
     let place = arguments.next().unwrap_or_else(|| "cpu".to_owned());
     let mut next =
         |default| arguments.next().map_or(default, |text| text.parse().expect("a whole number"));
-    let (runs, learners, steps) = (next(4_usize), next(9_usize), next(200_usize));
-    let (columns, batch) = (142, 256);
+    let runs = next(4_usize);
+    let learners = next(9_usize);
+    let steps = next(200_usize);
+    let columns = 142;
+    let batch = 256;
     let streams: Vec<RowStream> = (0..runs)
         .map(|run| {
             let rows = batch + steps + 200;
@@ -30,15 +33,18 @@ fn main() {
             RowStream::replay(states, &Segments::from_lengths([rows]).expect("one"))
         })
         .collect();
-    let agent = |number: usize| AgentConfig {
-        gamma: 0.9,
-        batch_size: batch,
-        learning_rate: 1e-6 * 10_f64.powf(0.5 * (number % 9) as f64),
-        ..AgentConfig::default()
-    };
-    let agents: Vec<AgentConfig> = (0..learners).map(agent).collect();
-    let of = |config| Learner { config, cumulant: 0, start: None, baseline: None };
-    let all: Vec<Learner<'_>> = agents.iter().map(of).collect();
+    let agents: Vec<AgentConfig> = (0..learners)
+        .map(|number: usize| AgentConfig {
+            gamma: 0.9,
+            batch_size: batch,
+            learning_rate: 1e-6 * 10_f64.powf(0.5 * (number % 9) as f64),
+            ..AgentConfig::default()
+        })
+        .collect();
+    let all: Vec<Learner<'_>> = agents
+        .iter()
+        .map(|config| Learner { config, cumulant: 0, start: None, baseline: None })
+        .collect();
     let choice = if place == "native" { "cpu" } else { &place };
     let choice = choice.parse().expect("cpu, cuda or native");
     let populations = Populations::new(device(choice).expect("it is there"));

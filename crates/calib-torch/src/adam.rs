@@ -12,7 +12,8 @@ pub(crate) struct Adam {
 
 impl Adam {
     pub(crate) fn new(rule: AdamRule, parameters: &Tensor) -> Self {
-        let (mean, square) = (parameters.detach().zeros_like(), parameters.detach().zeros_like());
+        let mean = parameters.detach().zeros_like();
+        let square = parameters.detach().zeros_like();
         Self { rule, mean, square, powers: (1.0, 1.0) }
     }
 
@@ -24,7 +25,8 @@ impl Adam {
 
     /// All that a checkpoint must hold, beside the parameters.
     pub(crate) fn moments(&self) -> Result<Moments, TchError> {
-        let (mean, square) = (values(&self.mean)?, values(&self.square)?);
+        let mean = values(&self.mean)?;
+        let square = values(&self.square)?;
         Ok(Moments { mean, square, powers: self.powers })
     }
 

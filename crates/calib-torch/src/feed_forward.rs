@@ -35,7 +35,8 @@ impl Layers {
     pub(crate) fn of(network: &Mlp) -> Self {
         let shapes = network.layers().iter();
         let shapes = shapes.flat_map(|layer| {
-            let (inputs, outputs) = (layer.inputs as i64, layer.outputs as i64);
+            let inputs = layer.inputs as i64;
+            let outputs = layer.outputs as i64;
             [vec![inputs, outputs], vec![outputs]]
         });
         Self { shapes: shapes.collect() }

@@ -29,7 +29,8 @@ struct Sequences {
 
 impl Network for Sequences {
     fn loss(&self, parameters: &Tensor, states: &Tensor, batch: &[u32]) -> Tensor {
-        let (device, columns) = (states.device(), states.size()[1]);
+        let device = states.device();
+        let columns = states.size()[1];
         let first = batch.iter().map(|&transition| i64::from(self.sources[transition as usize]));
         let first = first.collect::<Vec<i64>>();
         let offsets = Tensor::arange(self.length, (tch::Kind::Int64, Device::Cpu));
@@ -59,7 +60,8 @@ impl RecurrentTrainer {
         seed: Seed,
         device: Device,
     ) -> Result<Self, DynamicsError> {
-        let (length, stride) = (config.sequence_length, config.sequence_stride);
+        let length = config.sequence_length;
+        let stride = config.sequence_stride;
         let part = |part, range| {
             let found = sequences(data.transitions(), range, length, stride);
             if found.is_empty() {
@@ -69,7 +71,8 @@ impl RecurrentTrainer {
             }
         };
         let parts = (part("training", data.training())?, part("validation", data.validation())?);
-        let (columns, hidden) = (data.columns(), config.hidden_units);
+        let columns = data.columns();
+        let hidden = config.hidden_units;
         let start = Recurrent::random(
             columns,
             hidden,

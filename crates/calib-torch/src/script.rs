@@ -48,7 +48,8 @@ impl Script {
             let input = Tensor::from_slice(states).view(shape).to_device(self.device);
             let output = module.forward_ts(&[input]).map_err(|error| failed(first_line(&error)))?;
             if output.size() != shape {
-                let (got, columns) = (output.size(), self.columns);
+                let got = output.size();
+                let columns = self.columns;
                 return Err(failed(format!(
                     "forward gives {got:?} for states [{LANES}, {columns}], expected as many"
                 )));

@@ -102,7 +102,8 @@ fn epochs_draw_the_same_batches() {
         assert!((losses.0.training - losses.1.training).abs() < 1e-4 * losses.0.training);
         assert!((losses.0.validation - losses.1.validation).abs() < 1e-4 * losses.0.validation);
     }
-    let (native, torch) = (native.weights().expect("native"), torch.weights().expect("libtorch"));
+    let native = native.weights().expect("native");
+    let torch = torch.weights().expect("libtorch");
     assert_eq!(native.metadata, torch.metadata);
     for (a, b) in native.tensors.iter().zip(&torch.tensors) {
         assert_eq!((&a.name, &a.shape), (&b.name, &b.shape));
@@ -148,7 +149,8 @@ fn loss_by_walking(
 ) -> f64 {
     let columns = states.columns();
     let mut walk = model.walk().expect("it runs");
-    let (mut now, mut next) = (vec![0.0; LANES * columns], vec![0.0; LANES * columns]);
+    let mut now = vec![0.0; LANES * columns];
+    let mut next = vec![0.0; LANES * columns];
     let mut squares = 0.0;
     for step in 0..length {
         let row = |lane: usize| transitions.sources()[first[lane] as usize] as usize + step;
@@ -182,8 +184,8 @@ fn training_that_was_put_aside_goes_on() {
         resumed.epoch(&Silent).expect("finite");
     }
     assert_eq!(whole.record().updates, resumed.record().updates);
-    let (whole, resumed) =
-        (whole.present().expect("libtorch").flat(), resumed.present().expect("libtorch").flat());
+    let whole = whole.present().expect("libtorch").flat();
+    let resumed = resumed.present().expect("libtorch").flat();
     assert_close("resumed", &whole, &resumed);
     assert!(FeedForwardTrainer::resume(&data, &config, seed, processor(), &checkpoint).is_err());
 }
@@ -249,7 +251,8 @@ fn a_representation_is_trained_and_resumed_through_libtorch() {
     let fresh = || LaplacianTraining::new(&config, task, processor()).expect("valid");
     let whole = train_with(&mut fresh(), &config, task, None, &Silent).expect("trains");
     assert_eq!(whole.points.len(), native.points.len());
-    let (a, b) = (whole.points[19].loss, native.points[19].loss);
+    let a = whole.points[19].loss;
+    let b = native.points[19].loss;
     assert!((a - b).abs() < 0.01 * b.abs(), "{a} {b}");
 
     let mut first = fresh();

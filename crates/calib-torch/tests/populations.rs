@@ -74,7 +74,8 @@ fn assert_close(what: &str, native: &RunOutcome, torch: &RunOutcome) {
     assert_eq!((native.steps, native.updates), (torch.steps, torch.updates), "{what}");
     assert_eq!(native.diverged, torch.diverged, "{what}");
     for part in Part::ALL {
-        let (a, b) = (native.scores.of(part), torch.scores.of(part));
+        let a = native.scores.of(part);
+        let b = torch.scores.of(part);
         let (Some(a), Some(b)) = (a, b) else { panic!("{what}: {a:?} and {b:?}") };
         assert_eq!((a.scored_steps, a.mean_return), (b.scored_steps, b.mean_return), "{what}");
         assert!((a.rmse - b.rmse).abs() <= TOLERANCE * a.rmse, "{what}: {a:?} and {b:?}");
@@ -123,7 +124,9 @@ fn a_checkpoint_is_where_learning_starts() {
     let count = parameter_count(&network(), 3);
     let mut rng = Seed::new(8).rng();
     let mut draw = |low, high| (0..count).map(|_| rng.uniform(low, high) as f32).collect();
-    let (parameters, mean, square) = (draw(-0.3, 0.3), draw(-0.01, 0.01), draw(1e-4, 1e-3));
+    let parameters = draw(-0.3, 0.3);
+    let mean = draw(-0.01, 0.01);
+    let square = draw(1e-4, 1e-3);
     let bare = Checkpoint { parameters, moments: None };
     let moments = Moments { mean, square, powers: (0.5, 0.9) };
     let whole = Checkpoint { moments: Some(moments), ..bare.clone() };

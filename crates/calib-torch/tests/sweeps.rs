@@ -97,7 +97,8 @@ fn small() -> Small {
 }
 
 fn with_plan<T>(accelerator: Option<&dyn Accelerator>, then: impl FnOnce(Plan<'_>) -> T) -> T {
-    let (candidates, environments) = (values(), environments());
+    let candidates = values();
+    let environments = environments();
     let environments = environments.iter().map(|of| of as &dyn Environment).collect();
     let seed = Seed::new(4);
     let options = PlanOptions { part: Part::WholeRun, span: span(), curve_points: 5, seed };
@@ -162,7 +163,8 @@ impl Monitor for Impatient {
 #[test]
 fn an_interrupted_sweep_is_to_the_byte_what_it_would_have_been() {
     let directory = tempfile::tempdir().expect("a directory");
-    let (small, whole) = (small(), UnitStore::new(directory.path().join("whole")));
+    let small = small();
+    let whole = UnitStore::new(directory.path().join("whole"));
     let expected = with_plan(Some(&small), |plan| plan.run(&whole, &Silent).expect("runs"));
     let mut stopped = 0;
     for patience in [3, 12, 20, 30] {
@@ -202,7 +204,8 @@ fn a_race_is_run_side_by_side() {
             plan.run(&store, &Silent).expect("runs")
         })
     };
-    let (native, torch) = (run(None, "native"), run(Some(&small()), "torch"));
+    let native = run(None, "native");
+    let torch = run(Some(&small()), "torch");
     let made = |results: &[UnitResult]| -> Vec<_> {
         results.iter().map(|result| (result.unit.clone(), result.rows.len())).collect()
     };

@@ -82,8 +82,12 @@ pub(crate) fn accuracies(
                 .iter()
                 .zip(regrets)
                 .map(|(pair, regrets)| {
-                    let both = |model| Some((predictor.of(model)?, outcome.of(model, regrets)?));
-                    pair.models.iter().filter_map(both).unzip()
+                    pair.models
+                        .iter()
+                        .filter_map(|model| {
+                            Some((predictor.of(model)?, outcome.of(model, regrets)?))
+                        })
+                        .unzip()
                 })
                 .collect();
             let has = |pair: usize| groups[pair].0.len() > 1;

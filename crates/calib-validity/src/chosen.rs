@@ -33,8 +33,7 @@ impl Judged<'_> {
     /// All methods: models first, then what one would do without calib, then floors. What no pair has is no method here.
     pub(crate) fn methods(&self) -> Result<Vec<Chosen>, StatsError> {
         let models = self.models.iter().map(|name| {
-            let choice = |pair: &Pair| Some(pair.model(name)?.chosen);
-            self.chosen(Method::Model(name.clone()), choice)
+            self.chosen(Method::Model(name.clone()), |pair: &Pair| Some(pair.model(name)?.chosen))
         });
         let mut all: Vec<Chosen> = models.collect();
         if self.models.len() > 1 {
@@ -78,41 +77,52 @@ impl Judged<'_> {
     }
 
     fn floors(&self) -> [Chosen; 2] {
-        let least = |regrets: &Vec<f64>| regrets.iter().copied().reduce(f64::min);
         let another = self.pairs.iter().map(|pair| pair.another_window);
         [
-            self.without_values(Method::Hindsight, self.regrets.iter().map(least).collect()),
+            self.without_values(
+                Method::Hindsight,
+                self.regrets
+                    .iter()
+                    .map(|regrets: &Vec<f64>| regrets.iter().copied().reduce(f64::min))
+                    .collect(),
+            ),
             self.without_values(Method::AnotherWindow, another.collect()),
         ]
     }
 
     /// What each rule chooses in `model`.
     pub(crate) fn rules_of(&self, model: &str) -> Vec<Chosen> {
-        let of_rule = |rule: &String| {
-            let choice = |pair: &Pair| pair.model(model)?.by(rule);
-            self.chosen(Method::RuleOf(model.to_owned(), rule.clone()), choice)
-        };
-        self.rules.iter().map(of_rule).collect()
+        self.rules
+            .iter()
+            .map(|rule: &String| {
+                self.chosen(Method::RuleOf(model.to_owned(), rule.clone()), |pair: &Pair| {
+                    pair.model(model)?.by(rule)
+                })
+            })
+            .collect()
     }
 
     /// What each rule chooses in every model: one entry a model and pair, model by model.
     pub(crate) fn rules_of_all(&self) -> Vec<Chosen> {
-        let of_rule = |rule: &String| {
-            let each: Vec<Chosen> = self
-                .models
-                .iter()
-                .map(|model| {
-                    let choice = |pair: &Pair| pair.model(model)?.by(rule);
-                    self.chosen(Method::Rule(rule.clone()), choice)
-                })
-                .collect();
-            Chosen {
-                method: Method::Rule(rule.clone()),
-                values: each.iter().flat_map(|chosen| chosen.values.clone()).collect(),
-                regrets: each.iter().flat_map(|chosen| chosen.regrets.clone()).collect(),
-            }
-        };
-        self.rules.iter().map(of_rule).collect()
+        self.rules
+            .iter()
+            .map(|rule: &String| {
+                let each: Vec<Chosen> = self
+                    .models
+                    .iter()
+                    .map(|model| {
+                        self.chosen(Method::Rule(rule.clone()), |pair: &Pair| {
+                            pair.model(model)?.by(rule)
+                        })
+                    })
+                    .collect();
+                Chosen {
+                    method: Method::Rule(rule.clone()),
+                    values: each.iter().flat_map(|chosen| chosen.values.clone()).collect(),
+                    regrets: each.iter().flat_map(|chosen| chosen.regrets.clone()).collect(),
+                }
+            })
+            .collect()
     }
 
     fn chosen(&self, method: Method, choice: impl Fn(&Pair) -> Option<usize>) -> Chosen {

@@ -23,8 +23,9 @@ pub(crate) fn best_default(
 ) -> Option<usize> {
     let counted = pairs.iter().zip(regrets).filter(|(pair, _)| counts(pair));
     let rows: Vec<&Vec<f64>> = counted.map(|(_, regrets)| regrets).collect();
-    let sum = |value: usize| rows.iter().map(|row| capped(row[value]).ln_1p()).sum::<f64>();
-    let sums: Vec<f64> = (0..rows.first()?.len()).map(sum).collect();
+    let sums: Vec<f64> = (0..rows.first()?.len())
+        .map(|value: usize| rows.iter().map(|row| capped(row[value]).ln_1p()).sum::<f64>())
+        .collect();
     (0..sums.len()).min_by(|&a, &b| sums[a].total_cmp(&sums[b]))
 }
 
@@ -33,11 +34,13 @@ pub(crate) fn of_optimisers(pairs: &[Pair], regrets: &[Vec<f64>]) -> Vec<Optimis
     let mut optimisers: Vec<&String> = pairs.iter().map(|pair| &pair.optimiser).collect();
     optimisers.sort();
     optimisers.dedup();
-    let default_of = |optimiser: &String| {
-        let value = best_default(pairs, regrets, |pair| pair.optimiser == *optimiser)?;
-        Some(OptimiserDefault { optimiser: optimiser.clone(), value })
-    };
-    optimisers.into_iter().filter_map(default_of).collect()
+    optimisers
+        .into_iter()
+        .filter_map(|optimiser: &String| {
+            let value = best_default(pairs, regrets, |pair| pair.optimiser == *optimiser)?;
+            Some(OptimiserDefault { optimiser: optimiser.clone(), value })
+        })
+        .collect()
 }
 
 #[cfg(test)]

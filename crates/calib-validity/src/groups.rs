@@ -103,8 +103,8 @@ fn summary(
 
 /// The groups of every feature in which pairs differ.
 fn all_groups(pairs: &[Pair]) -> Result<Vec<PairGroup>, StatsError> {
-    let optimiser = |pair: &Pair| Some(TaskValue::Name(pair.optimiser.clone()));
-    let mut all = groups_of("optimiser", pairs, optimiser)?;
+    let mut all =
+        groups_of("optimiser", pairs, |pair: &Pair| Some(TaskValue::Name(pair.optimiser.clone())))?;
     let mut features: Vec<&String> = Vec::new();
     for (feature, _) in pairs.iter().flat_map(|pair| &pair.task) {
         if !features.contains(&feature) {
@@ -112,11 +112,10 @@ fn all_groups(pairs: &[Pair]) -> Result<Vec<PairGroup>, StatsError> {
         }
     }
     for feature in features {
-        let value_of = |pair: &Pair| {
+        all.extend(groups_of(feature, pairs, |pair: &Pair| {
             let found = pair.task.iter().find(|(name, _)| name == feature);
             found.map(|(_, value)| value.clone())
-        };
-        all.extend(groups_of(feature, pairs, value_of)?);
+        })?);
     }
     Ok(all)
 }

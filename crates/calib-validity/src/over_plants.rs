@@ -30,10 +30,13 @@ impl OverPlants {
 
     /// The pairs of each plant for which `has` holds, without plants that have none.
     pub(crate) fn each(&self, has: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
-        let of_plant = |pairs: &Vec<usize>| -> Vec<usize> {
-            pairs.iter().copied().filter(|&pair| has(pair)).collect()
-        };
-        self.pairs.iter().map(of_plant).filter(|pairs| !pairs.is_empty()).collect()
+        self.pairs
+            .iter()
+            .map(|pairs: &Vec<usize>| -> Vec<usize> {
+                pairs.iter().copied().filter(|&pair| has(pair)).collect()
+            })
+            .filter(|pairs| !pairs.is_empty())
+            .collect()
     }
 
     /// 95 % t-interval of `statistic`, which is given numbers of pairs, by the jackknife over plants.
@@ -57,7 +60,8 @@ impl OverPlants {
         logarithm: impl Fn(usize) -> f64 + Copy,
     ) -> Option<Interval> {
         let mean = |pairs: &[usize]| mean_of(pairs, logarithm);
-        let (low, high) = (self.interval(has, mean)?.low, self.upper_bound(has, mean)?);
+        let low = self.interval(has, mean)?.low;
+        let high = self.upper_bound(has, mean)?;
         Some(Interval { low: low.max(0.0).exp_m1(), high: high.exp_m1() })
     }
 
@@ -77,12 +81,17 @@ fn without_each(
     plants: &[Vec<usize>],
     statistic: impl Fn(&[usize]) -> Option<f64>,
 ) -> Option<Vec<f64>> {
-    let without = |left_out: usize| {
-        let others = plants.iter().enumerate().filter(|(plant, _)| *plant != left_out);
-        let pairs: Vec<usize> = others.flat_map(|(_, pairs)| pairs).copied().collect();
-        statistic(&pairs)
-    };
-    if plants.len() < FEWEST_PLANTS { None } else { (0..plants.len()).map(without).collect() }
+    if plants.len() < FEWEST_PLANTS {
+        None
+    } else {
+        (0..plants.len())
+            .map(|left_out: usize| {
+                let others = plants.iter().enumerate().filter(|(plant, _)| *plant != left_out);
+                let pairs: Vec<usize> = others.flat_map(|(_, pairs)| pairs).copied().collect();
+                statistic(&pairs)
+            })
+            .collect()
+    }
 }
 
 /// The mean of `value` over `pairs`; `None` for none.

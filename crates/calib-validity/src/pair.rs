@@ -88,7 +88,8 @@ pub struct RuleChoice {
 impl Pair {
     /// That every choice is one of `values` values, that each has a regret, and that no regret is NaN or negative.
     pub(crate) fn check(&self, values: usize) -> Result<(), ValidityError> {
-        let (plant, sensor) = (self.plant.clone(), self.sensor.clone());
+        let plant = self.plant.clone();
+        let sensor = self.sensor.clone();
         let lengths = [Some(self.online.len()), self.regrets.as_ref().map(Vec::len)];
         if let Some(got) = lengths.into_iter().flatten().find(|&got| got != values) {
             return Err(ValidityError::Values { plant, sensor, expected: values, got });

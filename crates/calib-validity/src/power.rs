@@ -32,14 +32,14 @@ impl Power {
         let plants = comparison.of_plants.len();
         let std = sample_std(&comparison.of_plants)?;
         let visible = std.and_then(|std| smallest_difference(std, plants)).map(f64::exp_m1);
-        let needed = |difference: f64| observations_needed(std?, difference.ln_1p());
         Ok(Self {
             method: comparison.method.clone(),
             against: comparison.against.clone(),
             plants,
             std,
             visible,
-            needed: DIFFERENCES.map(needed),
+            needed: DIFFERENCES
+                .map(|difference: f64| observations_needed(std?, difference.ln_1p())),
         })
     }
 }

@@ -66,7 +66,6 @@ impl MethodSummary {
             (0..chosen.regrets.len()).filter_map(|pair| chosen.counted(pair)).collect();
         let has = |pair: usize| chosen.regrets[pair].is_some();
         let value = |pair: usize| chosen.counted(pair).unwrap_or(f64::NAN);
-        let logarithm = |pair: usize| value(pair).ln_1p();
         let logarithms: Vec<f64> = counted.iter().map(|regret| regret.ln_1p()).collect();
         let count = |holds: fn(&&f64) -> bool| regrets.iter().filter(holds).count();
         Ok(Self {
@@ -77,7 +76,7 @@ impl MethodSummary {
             mean: mean(&counted)?,
             upper: plants.upper_bound(has, |pairs| mean_of(pairs, value)),
             typical: mean(&logarithms)?.exp_m1(),
-            typical_interval: plants.typical_interval(has, logarithm),
+            typical_interval: plants.typical_interval(has, |pair: usize| value(pair).ln_1p()),
             median: median(&counted)?,
             good: count(|regret| **regret <= GOOD) as f64 / regrets.len() as f64,
         })

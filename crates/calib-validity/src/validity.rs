@@ -81,7 +81,9 @@ pub fn judge(
     pairs: Vec<Pair>,
     networks: &[String],
 ) -> Result<Validity, ValidityError> {
-    let (mut judged, mut regrets, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+    let mut judged = Vec::new();
+    let mut regrets = Vec::new();
+    let mut left_out = Vec::new();
     for pair in pairs {
         pair.check(values.len())?;
         match &pair.regrets {
@@ -95,7 +97,8 @@ pub fn judge(
     let Some(best_default) = best_default(&judged, &regrets, |_| true) else {
         return Err(ValidityError::NoPairs);
     };
-    let (models, rules) = (models(&judged), rules(&judged));
+    let models = models(&judged);
+    let rules = rules(&judged);
     let all = Judged { pairs: &judged, regrets: &regrets, models: &models, rules: &rules };
     let over = |copies: usize| {
         OverPlants::new((0..copies).flat_map(|_| judged.iter().map(|pair| &*pair.plant)))

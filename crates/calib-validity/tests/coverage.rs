@@ -8,7 +8,8 @@ use calib_validity::{
 const STUDIES: usize = 400;
 
 fn normal(rng: &mut Rng) -> f64 {
-    let (radius, angle) = ((-2.0 * (1.0 - rng.unit()).ln()).sqrt(), rng.unit());
+    let radius = (-2.0 * (1.0 - rng.unit()).ln()).sqrt();
+    let angle = rng.unit();
     radius * (std::f64::consts::TAU * angle).cos()
 }
 
@@ -24,14 +25,16 @@ struct Plants {
 impl Plants {
     /// Regrets of log replay's choice and of the model's.
     fn plant(self, rng: &mut Rng) -> Vec<[f64; 2]> {
-        let (own, differs) = (normal(rng), normal(rng));
-        let sensor = |_| {
-            let replay = 0.02 * (self.spread * (0.8 * own + 0.6 * normal(rng))).exp();
-            let differs = self.quotient * (0.03 * differs + 0.01 * normal(rng)).exp();
-            let model = ((1.0 + replay) * differs - 1.0).max(0.0);
-            [replay.min(10.0), model.min(10.0)]
-        };
-        (0..3).map(sensor).collect()
+        let own = normal(rng);
+        let differs = normal(rng);
+        (0..3)
+            .map(|_| {
+                let replay = 0.02 * (self.spread * (0.8 * own + 0.6 * normal(rng))).exp();
+                let differs = self.quotient * (0.03 * differs + 0.01 * normal(rng)).exp();
+                let model = ((1.0 + replay) * differs - 1.0).max(0.0);
+                [replay.min(10.0), model.min(10.0)]
+            })
+            .collect()
     }
 
     fn judged(self, count: usize, rng: &mut Rng) -> Validity {
@@ -113,7 +116,8 @@ fn bounds_and_intervals_over_plants_hold_what_other_plants_say() {
         let mut held = [0.0; 3];
         for _ in 0..STUDIES {
             let validity = plants.judged(count, &mut rng);
-            let (own, of) = (replay(&validity), against_replay(&validity));
+            let own = replay(&validity);
+            let of = against_replay(&validity);
             let of_typical = own.typical_interval.expect("plants differ");
             let of_quotient = of.error_ratio_interval.expect("plants differ");
             let holds = [
@@ -139,9 +143,14 @@ fn no_worse_is_said_of_what_is_worse_by_the_margin_in_one_case_of_forty() {
     let mut rng = Seed::new(2).rng();
     for count in [8, 29] {
         let plants = Plants { spread: 1.0, quotient: 1.01 };
-        let is_said = |of: &Test| of.claim == Claim::NoWorse && of.outcome == Outcome::Holds;
         let said = (0..2 * STUDIES)
-            .filter(|_| plants.judged(count, &mut rng).tests.iter().any(is_said))
+            .filter(|_| {
+                plants
+                    .judged(count, &mut rng)
+                    .tests
+                    .iter()
+                    .any(|of: &Test| of.claim == Claim::NoWorse && of.outcome == Outcome::Holds)
+            })
             .count() as f64
             / (2 * STUDIES) as f64;
         println!("{count} plants: {said:.4}");

@@ -73,11 +73,13 @@ fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Er
         Infinite(String),
     }
     let all = Vec::<Number>::deserialize(deserializer)?;
-    let number = |number| match number {
-        Number::Finite(value) => value,
-        Number::Infinite(text) => text.parse().expect("inf"),
-    };
-    Ok(all.into_iter().map(number).collect())
+    Ok(all
+        .into_iter()
+        .map(|number| match number {
+            Number::Finite(value) => value,
+            Number::Infinite(text) => text.parse().expect("inf"),
+        })
+        .collect())
 }
 
 fn golden() -> Golden {
@@ -85,19 +87,6 @@ fn golden() -> Golden {
 }
 
 fn pair(of: GoldenPair) -> Pair {
-    let model = |(model, of): (String, Model)| ModelPair {
-        model,
-        chosen: of.chosen,
-        stability: None,
-        saved: None,
-        saved_by_halving: None,
-        rules: of.rules.into_iter().map(|(rule, chosen)| RuleChoice { rule, chosen }).collect(),
-        spearman: None,
-        one_step: None,
-        one_step_relative: None,
-        one_step_all: None,
-        dtw: None,
-    };
     Pair {
         plant: of.plant,
         sensor: of.sensor,
@@ -110,7 +99,27 @@ fn pair(of: GoldenPair) -> Pair {
         log_replay: Some(of.log_replay),
         latest_window: Some(of.latest_window),
         another_window: of.another_window,
-        models: of.models.into_iter().map(model).collect(),
+        models: of
+            .models
+            .into_iter()
+            .map(|(model, of): (String, Model)| ModelPair {
+                model,
+                chosen: of.chosen,
+                stability: None,
+                saved: None,
+                saved_by_halving: None,
+                rules: of
+                    .rules
+                    .into_iter()
+                    .map(|(rule, chosen)| RuleChoice { rule, chosen })
+                    .collect(),
+                spearman: None,
+                one_step: None,
+                one_step_relative: None,
+                one_step_all: None,
+                dtw: None,
+            })
+            .collect(),
     }
 }
 
@@ -130,9 +139,11 @@ fn near(ours: Option<f64>, theirs: Option<f64>, what: &str) {
 /// Ends of intervals: quantiles of t agree to eight digits.
 fn near_ends(ours: Option<Interval>, theirs: Option<[f64; 2]>, what: &str) {
     let ours = ours.map(|of| [of.low, of.high]);
-    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-7 * b.abs().max(1.0);
     let alike = match (ours, theirs) {
-        (Some(ours), Some(theirs)) => ours.iter().zip(&theirs).all(near),
+        (Some(ours), Some(theirs)) => ours
+            .iter()
+            .zip(&theirs)
+            .all(|(a, b): (&f64, &f64)| (a - b).abs() <= 1e-7 * b.abs().max(1.0)),
         (ours, theirs) => ours.is_none() && theirs.is_none(),
     };
     assert!(alike, "{what}: {ours:?} instead of {theirs:?}");

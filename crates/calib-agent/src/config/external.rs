@@ -117,8 +117,8 @@ impl AgentConfig {
     /// A program knows nothing of the keys of calib's own agents.
     fn check_nothing_is_lost(&self) -> Result<(), AgentConfigError> {
         let default = Self { gamma: self.gamma, ..Self::default() };
-        let (own, unset) =
-            (Self { kind: AgentKind::Td, ..self.clone() }.fields(), default.fields());
+        let own = Self { kind: AgentKind::Td, ..self.clone() }.fields();
+        let unset = default.fields();
         let set = unset.iter().find(|(field, value)| own.get(*field) != Some(value));
         let Some((field, _)) = set else { return Ok(()) };
         Err(AgentConfigError {

@@ -125,10 +125,13 @@ impl<'a> BatchSlot<'a> {
 
     pub(super) fn outcomes(self) -> Vec<RunOutcome> {
         let Self { trackers, truth, .. } = self;
-        let outcome = |(learner, tracker): (usize, Tracker)| {
-            tracker.outcome(|part| truth.scored(learner, part))
-        };
-        trackers.into_iter().enumerate().map(outcome).collect()
+        trackers
+            .into_iter()
+            .enumerate()
+            .map(|(learner, tracker): (usize, Tracker)| {
+                tracker.outcome(|part| truth.scored(learner, part))
+            })
+            .collect()
     }
 }
 

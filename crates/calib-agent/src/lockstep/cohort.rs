@@ -27,7 +27,8 @@ impl<'a> Cohort<'a> {
         let shared = learners[0].config;
         let seats = runs.par_iter().map(|run| BatchSlot::new(run, learners));
         let seats = seats.collect::<Result<_, _>>()?;
-        let (updates, batch) = (shared.updates_per_step, shared.transitions_per_update());
+        let updates = shared.updates_per_step;
+        let batch = shared.transitions_per_update();
         Ok(Self { learners, seats, updates, batch })
     }
 
@@ -81,7 +82,8 @@ impl<'a> Cohort<'a> {
             Mlp::new(&sizes, parameter_seed(seat.seed)).parameters().to_vec()
         };
         let parameters = self.seats.iter().map(first).collect();
-        let (learners, batch) = (self.learners, self.batch);
+        let learners = self.learners;
+        let batch = self.batch;
         accelerator.networks(&Networks { sizes, learners, parameters, states, batch })
     }
 
@@ -125,7 +127,9 @@ impl<'a> Cohort<'a> {
 
     /// Record what came of these steps.
     fn settle(&mut self, chunk: Range<usize>, updates: usize, made: &LockstepResults) {
-        let (of_step, learners, runs) = (updates.max(1), self.learners.len(), self.seats.len());
+        let of_step = updates.max(1);
+        let learners = self.learners.len();
+        let runs = self.seats.len();
         for number in 0..chunk.len() * of_step {
             let did = StepRecord {
                 at: chunk.start + number / of_step,

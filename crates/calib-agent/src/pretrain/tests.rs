@@ -27,7 +27,8 @@ fn mlp(learning_rate: f64) -> AgentConfig {
 }
 
 fn linear(learning_rate: f64) -> AgentConfig {
-    let (value_function, optimiser) = (ValueFunction::Linear, OptimiserKind::Sgd);
+    let value_function = ValueFunction::Linear;
+    let optimiser = OptimiserKind::Sgd;
     AgentConfig { value_function, optimiser, ..mlp(learning_rate) }
 }
 
@@ -60,7 +61,8 @@ fn agents_learn_from_epoch_to_epoch() {
     let stream = waves(1_500);
     for config in [mlp(1e-3), linear(0.1)] {
         let agent = run(&stream, settings(30, 0), &config, &[0], None).expect("trains").remove(0);
-        let (first, last) = (agent.curve[0], agent.curve[29]);
+        let first = agent.curve[0];
+        let last = agent.curve[29];
         assert_eq!((agent.epoch, agent.curve.len(), last.epoch), (30, 30, 30));
         let error = |epoch: &Epoch| epoch.validation_nrmse.expect("known");
         assert!(error(&last) < 0.2 && error(&last) < 0.5 * error(&first), "{agent:?}");
@@ -117,8 +119,9 @@ fn sensors_together_are_what_they_are_alone_on_any_number_of_threads() {
     for config in [mlp(1e-3), rounded(), linear(0.1), traced] {
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let trained = |threads, sensors: &[usize]| {
-            let run = || run(&stream, settings(4, 2), &config, sensors, None).expect("trains");
-            pool(threads).expect("a pool").install(run)
+            pool(threads)
+                .expect("a pool")
+                .install(|| run(&stream, settings(4, 2), &config, sensors, None).expect("trains"))
         };
         let together = trained(1, &[0, 1]);
         assert_eq!(trained(2, &[0, 1]), together);
@@ -193,9 +196,15 @@ fn an_agent_that_diverges_stops_alone() {
     let training = Pretraining { stream: &stream, settings: settings(50, 2), seed: Seed::new(5) };
     let start = Checkpoint { parameters: vec![0.0; 4], moments: None };
     let trained = |sensors: &[usize], file: Option<&StateFile>| {
-        let learner =
-            |&cumulant| Learner { config: &config, cumulant, start: Some(&start), baseline: None };
-        let learners: Vec<_> = sensors.iter().map(learner).collect();
+        let learners: Vec<_> = sensors
+            .iter()
+            .map(|&cumulant| Learner {
+                config: &config,
+                cumulant,
+                start: Some(&start),
+                baseline: None,
+            })
+            .collect();
         pretrain(training, &learners, file, &Silent).expect("trains")
     };
     let together = trained(&[0, 2], None);

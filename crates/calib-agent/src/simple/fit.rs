@@ -266,8 +266,9 @@ impl<'a> Fitter<'a> {
             matrix.solve(&right.products)
         };
         let errors_of = |penalty: f64| -> Option<(f64, Vec<f64>)> {
-            let solved = |parts: &[usize]| solve(parts, penalty);
-            let errors = self.folds.cross_errors(second, &targets, solved)?;
+            let errors = self
+                .folds
+                .cross_errors(second, &targets, |parts: &[usize]| solve(parts, penalty))?;
             Some((errors.iter().sum(), errors))
         };
         let errors =
@@ -282,8 +283,9 @@ impl<'a> Fitter<'a> {
 
     fn second(&self) -> &[Square] {
         self.second.get_or_init(|| {
-            let write = |t: usize, to: &mut [f64]| self.features.write(self.stream.state(t), to);
-            self.folds.second_moments(self.stream.width() + 1, write)
+            self.folds.second_moments(self.stream.width() + 1, |t: usize, to: &mut [f64]| {
+                self.features.write(self.stream.state(t), to);
+            })
         })
     }
 
@@ -322,10 +324,11 @@ impl Features {
         }
         // Below this a column is constant but for rounding.
         let moves = |(square, mean): (&f64, &f64)| square.sqrt() > 1e-7 * mean.abs().max(1e-7);
-        let scale = |(square, mean)| {
-            if moves((square, mean)) { 1.0 / square.sqrt() } else { 0.0 }
-        };
-        let scales = squares.iter().zip(&means).map(scale).collect();
+        let scales = squares
+            .iter()
+            .zip(&means)
+            .map(|(square, mean)| if moves((square, mean)) { 1.0 / square.sqrt() } else { 0.0 })
+            .collect();
         Self { means, scales }
     }
 

@@ -66,7 +66,8 @@ impl Mixture {
                     [low.min(value), high.max(value)].map(|value| value / (1.0 - self.gamma));
                 let power = count / delay as f64 / 2.0;
                 let least = sums.iter().copied().fold(f64::INFINITY, f64::min);
-                let (mut total, mut weighted) = (0.0, 0.0);
+                let mut total = 0.0;
+                let mut weighted = 0.0;
                 for (sum, predictions) in sums.iter().zip(&mut each) {
                     let weight = if *sum <= least { 1.0 } else { (least / sum).powf(power) };
                     let cut = f64::from(predictions[t]).clamp(low, high);

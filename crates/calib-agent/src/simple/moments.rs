@@ -25,7 +25,8 @@ impl Folds {
         for fold in 0..FOLDS {
             let fold = fold * count / FOLDS..(fold + 1) * count / FOLDS;
             let within = &rows[fold.clone()];
-            let (mut first, mut last) = (0, 0);
+            let mut first = 0;
+            let mut last = 0;
             if let (Some(&start), Some(&end)) = (within.first(), within.last()) {
                 first = within.partition_point(|&t| t < start + gap).min(within.len() / 2);
                 let after = within.partition_point(|&t| t + gap <= end);
@@ -71,7 +72,8 @@ impl Folds {
         size: usize,
         mut write: impl FnMut(usize, &mut [f64], &mut [f64]),
     ) -> Vec<Square> {
-        let (mut left, mut right) = (vec![0.0; size], vec![0.0; size]);
+        let mut left = vec![0.0; size];
+        let mut right = vec![0.0; size];
         self.each_part(|rows| {
             let mut sums = Square::zeros(size);
             for &t in rows {
@@ -129,11 +131,12 @@ impl Folds {
 
     /// The later folds, each judged by what all before it fit.
     pub(super) fn splits_ahead() -> Vec<Split> {
-        let split = |fold: usize| Split {
-            fitted: (0..3 * fold - 1).collect(),
-            judged: (3 * fold..3 * fold + 3).collect(),
-        };
-        (FOLDS / 2..FOLDS).map(split).collect()
+        (FOLDS / 2..FOLDS)
+            .map(|fold: usize| Split {
+                fitted: (0..3 * fold - 1).collect(),
+                judged: (3 * fold..3 * fold + 3).collect(),
+            })
+            .collect()
     }
 
     /// The steps of the later folds.
@@ -159,9 +162,18 @@ impl Folds {
 
     /// The squared error in each fold that others can predict, of what has this error at a step.
     pub(super) fn errors_across(&self, error: impl Fn(usize) -> f64) -> Vec<f64> {
-        let of_part =
-            |&part: &usize| -> f64 { self.rows_of(part).iter().map(|&t| error(t).powi(2)).sum() };
-        self.splits().iter().map(|split| split.judged.iter().map(of_part).sum()).collect()
+        self.splits()
+            .iter()
+            .map(|split| {
+                split
+                    .judged
+                    .iter()
+                    .map(|&part: &usize| -> f64 {
+                        self.rows_of(part).iter().map(|&t| error(t).powi(2)).sum()
+                    })
+                    .sum()
+            })
+            .collect()
     }
 
     /// The squared error in each fold of what `solve` gives for the others; none if it gives nothing.
@@ -171,27 +183,30 @@ impl Folds {
         targets: &[Target],
         solve: impl Fn(&[usize]) -> Option<Vec<f64>>,
     ) -> Option<Vec<f64>> {
-        let error = |split: &Split| {
-            let judged = Target::sum(targets, &split.judged);
-            let error = judged.squared_error(&sum(second, &split.judged), &solve(&split.fitted)?);
-            error.is_finite().then_some(error)
-        };
-        self.splits().iter().map(error).collect()
+        self.splits()
+            .iter()
+            .map(|split: &Split| {
+                let judged = Target::sum(targets, &split.judged);
+                let error =
+                    judged.squared_error(&sum(second, &split.judged), &solve(&split.fitted)?);
+                error.is_finite().then_some(error)
+            })
+            .collect()
     }
 
     /// What is fitted on and what is judged by in each fold that has both.
     pub(super) fn splits(&self) -> Vec<Split> {
-        let split = |fold: usize| {
-            let own = 3 * fold..3 * fold + 3;
-            let apart = own.start.saturating_sub(1)..own.end + 1;
-            Split {
-                fitted: self.all().into_iter().filter(|part| !apart.contains(part)).collect(),
-                judged: own.collect(),
-            }
-        };
-        let is_usable =
-            |split: &Split| self.count(&split.fitted) > 0 && self.count(&split.judged) > 0;
-        (0..FOLDS).map(split).filter(is_usable).collect()
+        (0..FOLDS)
+            .map(|fold: usize| {
+                let own = 3 * fold..3 * fold + 3;
+                let apart = own.start.saturating_sub(1)..own.end + 1;
+                Split {
+                    fitted: self.all().into_iter().filter(|part| !apart.contains(part)).collect(),
+                    judged: own.collect(),
+                }
+            })
+            .filter(|split: &Split| self.count(&split.fitted) > 0 && self.count(&split.judged) > 0)
+            .collect()
     }
 }
 

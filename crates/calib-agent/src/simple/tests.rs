@@ -11,7 +11,8 @@ fn stream(rows: usize, seed: u64) -> RowStream {
     let mut rng = Seed::new(seed).rng();
     let mut values: Vec<f32> = vec![0.5, 0.2, 0.0];
     for t in 1..rows {
-        let (a, b) = (values[3 * t - 3], values[3 * t - 2]);
+        let a = values[3 * t - 3];
+        let b = values[3 * t - 2];
         let noise = [rng.normal(), rng.normal(), rng.normal()].map(|x| 0.1 * x as f32);
         values.extend([0.8 * a + 0.3 * b + noise[0], 0.6 * b + noise[1] + 0.1, noise[2]]);
     }
@@ -29,7 +30,8 @@ fn error(fitted: &FittedPredictor, stream: &RowStream) -> f64 {
 /// What the return of column 0 is expected to be: the linear predictor that ridge and least-squares TD estimate.
 fn exact() -> FittedPredictor {
     // G = Σ γᵏ E[o_{t+k+1}] with E[s_{t+1}] = A s_t + c. Solved for w and b by iteration.
-    let (mut w, mut bias) = ([0.0; 2], 0.0);
+    let mut w = [0.0; 2];
+    let mut bias = 0.0;
     for _ in 0..200 {
         let next = [0.8 * (1.0 + GAMMA * w[0]), 0.3 * (1.0 + GAMMA * w[0]) + 0.6 * GAMMA * w[1]];
         bias = GAMMA * (bias + 0.1 * w[1]);
@@ -40,7 +42,8 @@ fn exact() -> FittedPredictor {
 
 #[test]
 fn linear_predictors_find_the_expected_return() {
-    let (train, test) = (stream(30_000, 1), stream(20_000, 2));
+    let train = stream(30_000, 1);
+    let test = stream(20_000, 2);
     let fitter = Fitter::new(&train, GAMMA, &[]);
     let best = error(&exact(), &test);
     for predictor in [SimplePredictor::Ridge, SimplePredictor::LeastSquaresTd] {

@@ -12,7 +12,8 @@ use super::{
 use crate::{Checkpoint, OptimiserKind, Part, Precision, ReplayKind, parameter_count};
 
 fn run(stream: &dyn Stream) -> Run<'_> {
-    let (steps, curve) = (stream.len() - 1, CurveRule { windows: 20 });
+    let steps = stream.len() - 1;
+    let curve = CurveRule { windows: 20 };
     Run { stream, steps, curve, seed: Seed::new(5) }
 }
 
@@ -62,14 +63,16 @@ fn checkpoint(config: &AgentConfig, moments: bool) -> Checkpoint {
     let mut rng = Seed::new(8).rng();
     let mut draw = |low, high| (0..count).map(|_| rng.uniform(low, high) as f32).collect();
     let parameters = draw(-0.3, 0.3);
-    let (mean, square) = (draw(-0.1, 0.1), draw(0.0, 0.1));
+    let mean = draw(-0.1, 0.1);
+    let square = draw(0.0, 0.1);
     let moments = moments.then_some(Moments { mean, square, powers: (0.5, 0.9) });
     Checkpoint { parameters, moments }
 }
 
 #[test]
 fn sensors_side_by_side_are_what_they_are_alone() {
-    let (stream, agents) = (waves(300), agents());
+    let stream = waves(300);
+    let agents = agents();
     let learner = |config, cumulant| Learner { config, cumulant, start: None, baseline: None };
     let together: Vec<_> = [1, 0]
         .iter()
@@ -89,8 +92,11 @@ fn a_checkpoint_is_where_learning_starts() {
     let stream = waves(300);
     for kind in [mlp(), rounded(), AgentConfig { optimiser: OptimiserKind::Adam, ..linear() }] {
         let with = |learning_rate| AgentConfig { learning_rate, ..kind.clone() };
-        let (frozen, slow, fast) = (with(0.0), with(1e-12), with(1e-2));
-        let (bare, whole) = (checkpoint(&kind, false), checkpoint(&kind, true));
+        let frozen = with(0.0);
+        let slow = with(1e-12);
+        let fast = with(1e-2);
+        let bare = checkpoint(&kind, false);
+        let whole = checkpoint(&kind, true);
         let learner = |config, start| Learner { config, cumulant: 0, start, baseline: None };
         let outcome = |config, start| outcomes(&stream, &[learner(config, start)]).remove(0);
 
@@ -111,7 +117,8 @@ fn a_checkpoint_is_where_learning_starts() {
 #[test]
 fn a_checkpoint_of_another_shape_is_refused() {
     let stream = waves(60);
-    let (config, start) = (mlp(), checkpoint(&linear(), false));
+    let config = mlp();
+    let start = checkpoint(&linear(), false);
     let learner = Learner { config: &config, cumulant: 0, start: Some(&start), baseline: None };
     let error = train_learners(run(&stream), &[learner], &NoKeeper, &Silent);
     assert_eq!(
@@ -146,7 +153,8 @@ impl Checkpointer for Memory {
 
 #[test]
 fn a_resumed_run_is_the_uninterrupted_one() {
-    let (stream, agents) = (waves(300), agents());
+    let stream = waves(300);
+    let agents = agents();
     let start = checkpoint(&agents[0], true);
     let learners: Vec<_> = agents
         .iter()
@@ -172,7 +180,8 @@ fn a_resumed_run_is_the_uninterrupted_one() {
 
 #[test]
 fn an_interrupted_run_keeps_its_state() {
-    let (stream, agents) = (waves(1_000), [mlp()]);
+    let stream = waves(1_000);
+    let agents = [mlp()];
     let learners = [Learner { config: &agents[0], cumulant: 0, start: None, baseline: None }];
     let stop = |work| {
         let memory = Memory { work, states: RefCell::default() };

@@ -120,7 +120,9 @@ fn the_online_agent_is_the_textbooks() {
     let returns = discounted_returns(&stream, 0, config.gamma);
     let horizon = truncation_horizon(config.gamma);
     let g = |t: usize| returns[t];
-    let (mut sum, mut count, mut updates) = (0.0, 0, 0);
+    let mut sum = 0.0;
+    let mut count = 0;
+    let mut updates = 0;
     for piece in [0..50, 50..51, 51..81, 81..120] {
         for t in piece.start..piece.end - 1 {
             if t >= 89 && t < piece.end - horizon {
@@ -193,8 +195,7 @@ fn threads_beside_it_change_nothing_about_a_run() {
     let agents = [linear(), mlp()];
     let alone = run(&stream, &agents);
     std::thread::scope(|scope| {
-        let start = || run(&stream, &agents);
-        let runs: Vec<_> = (0..3).map(|_| scope.spawn(start)).collect();
+        let runs: Vec<_> = (0..3).map(|_| scope.spawn(|| run(&stream, &agents))).collect();
         for beside in runs {
             assert_eq!(beside.join().expect("finishes"), alone);
         }

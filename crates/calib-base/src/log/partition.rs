@@ -50,7 +50,8 @@ pub fn load_training(job: &Job, context: &RunContext) -> Result<Parts, StepError
 /// # Errors
 /// If the log is not there, cannot be read or has nothing of a range of the study; or the observer asks to stop.
 pub fn load(job: &Job, context: &RunContext) -> Result<Parts, StepError> {
-    let (study, data) = (job.study(), plant_of_study::data(job)?);
+    let study = job.study();
+    let data = plant_of_study::data(job)?;
     let prepared = prepared::open(job, &data, None, context);
     // What is held out is the deployment, where the study has several.
     let prepared = match job.deployment() {

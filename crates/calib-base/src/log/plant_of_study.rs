@@ -52,7 +52,8 @@ impl PlantOfStudy {
 /// As [`PlantOfStudy::of`]; also if the log of the plant is not there, or is another one.
 pub fn data(job: &Job) -> Result<DataConfig, StepError> {
     if let Some(PlantOfStudy { directory, found, .. }) = PlantOfStudy::of(job)? {
-        let (directory, command) = (directory.display(), job.command(StepKind::Simulate));
+        let directory = directory.display();
+        let command = job.command(StepKind::Simulate);
         match found {
             // Somebody's own logs are read as they are.
             PlantLogState::Whole | PlantLogState::NotSimulated => {}

@@ -187,7 +187,8 @@ struct SourceFile {
 
 impl Place {
     fn of(job: &Job, data: &DataConfig) -> Result<Self, StepError> {
-        let (root, key) = (job.layout().dataset(), key(data, &job.study().preprocess)?);
+        let root = job.layout().dataset();
+        let key = key(data, &job.study().preprocess)?;
         let directory = root.join(folder(&key));
         Ok(Self { directory, root, key, sources: sources(data)? })
     }
@@ -283,7 +284,8 @@ impl Place {
         there: Option<u64>,
         writable: Writable,
     ) -> Result<(ScratchPlace, u64), StepError> {
-        let (states, working) = (surveyed.state_bytes(), surveyed.working_bytes());
+        let states = surveyed.state_bytes();
+        let working = surveyed.working_bytes();
         let fits = there.is_none_or(|there| states <= there / 2);
         let (place, taken) = if fits || writable == Writable::No {
             (ScratchPlace::Memory, states + working)
@@ -409,12 +411,15 @@ fn folder(key: &str) -> &str {
 
 fn sources(data: &DataConfig) -> Result<Sources, StepError> {
     let files = calib_data::log_files(data)?.into_iter();
-    let source = |path: PathBuf| {
-        let path =
-            fs::canonicalize(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        Ok(SourceFile { stamp: FileStat::of(&path)?, path })
-    };
-    Ok(Sources { files: files.map(source).collect::<Result<_, StepError>>()? })
+    Ok(Sources {
+        files: files
+            .map(|path: PathBuf| {
+                let path = fs::canonicalize(&path)
+                    .with_context(|| format!("cannot read {}", path.display()))?;
+                Ok(SourceFile { stamp: FileStat::of(&path)?, path })
+            })
+            .collect::<Result<_, StepError>>()?,
+    })
 }
 
 /// Remove the files of a prepared log, and its folder if nothing of anybody's is left in it.
@@ -436,13 +441,15 @@ fn parts() -> impl Iterator<Item = String> {
 
 fn folders(root: &Path) -> impl Iterator<Item = PathBuf> {
     let entries = fs::read_dir(root).into_iter().flatten().flatten();
-    let is_own = |entry: &fs::DirEntry| {
-        let name = entry.file_name();
-        let is_key = name.len() == KEY_DIGITS
-            && name.to_string_lossy().bytes().all(|digit| digit.is_ascii_hexdigit());
-        is_key && entry.file_type().is_ok_and(|kind| kind.is_dir())
-    };
-    let mut found: Vec<PathBuf> = entries.filter(is_own).map(|entry| entry.path()).collect();
+    let mut found: Vec<PathBuf> = entries
+        .filter(|entry: &fs::DirEntry| {
+            let name = entry.file_name();
+            let is_key = name.len() == KEY_DIGITS
+                && name.to_string_lossy().bytes().all(|digit| digit.is_ascii_hexdigit());
+            is_key && entry.file_type().is_ok_and(|kind| kind.is_dir())
+        })
+        .map(|entry| entry.path())
+        .collect();
     found.sort();
     found.into_iter()
 }

@@ -102,7 +102,8 @@ impl Simulated {
 
     /// How often the plant changed, in words; nothing of one that does not.
     pub fn changes_line(&self) -> Option<String> {
-        let (first, last) = (self.changes.first()?, self.changes.last()?);
+        let first = self.changes.first()?;
+        let last = self.changes.last()?;
         let path = self.directory.join(CHANGES);
         Some(format!(
             "{} changes from {} to {}, in {}",
@@ -214,10 +215,11 @@ pub enum PlantLogState {
 
 /// Whether `directory` has the log of this plant.
 pub(crate) fn find(directory: &Path, options: &PlantOptions) -> Result<PlantLogState, StepError> {
-    let damaged = || records(directory);
     let found = match Simulation::read(directory) {
         Ok(found) => found,
-        Err(error) if !error.is_not_found() => return Err(error).with_context(damaged),
+        Err(error) if !error.is_not_found() => {
+            return Err(error).with_context(|| records(directory));
+        }
         Err(_) if holds_logs(directory) => return Ok(PlantLogState::NotSimulated),
         Err(_) => return Ok(PlantLogState::Unfinished),
     };
@@ -225,12 +227,15 @@ pub(crate) fn find(directory: &Path, options: &PlantOptions) -> Result<PlantLogS
         return Ok(PlantLogState::Another);
     }
     let days = Plant::new(options.clone())?.days();
-    let is_there = |day| directory.join(file_name(options.start, day)).exists();
-    Ok(if !found.files.is_empty() && (0..days).all(is_there) {
-        PlantLogState::Whole
-    } else {
-        PlantLogState::Unfinished
-    })
+    Ok(
+        if !found.files.is_empty()
+            && (0..days).all(|day| directory.join(file_name(options.start, day)).exists())
+        {
+            PlantLogState::Whole
+        } else {
+            PlantLogState::Unfinished
+        },
+    )
 }
 
 /// Refuse days of a simulated log that are not what was written, before they are read.
@@ -260,7 +265,6 @@ fn own(
     force: bool,
 ) -> Result<Files, StepError> {
     let path = directory.join(SIMULATION);
-    let damaged = || records(directory);
     let found = Simulation::read(directory);
     if let Ok(found) = &found
         && !record.has(SIMULATION)
@@ -278,7 +282,9 @@ fn own(
             "{} holds another simulation; choose another directory, or replace it with --force",
             directory.display()
         ),
-        Err(error) if !error.is_not_found() && !force => return Err(error).with_context(damaged),
+        Err(error) if !error.is_not_found() && !force => {
+            return Err(error).with_context(|| records(directory));
+        }
         Err(_) if !force && has_parquet(directory) => bail!(
             "{} holds Parquet files that calib did not simulate; choose another directory",
             directory.display()

@@ -52,7 +52,8 @@ enum Reasons {
 impl Printer {
     /// A printer that tells this observer everything.
     pub fn new(observer: Arc<dyn Observer>) -> Self {
-        let (voice, results) = (Verbosity::Audible, Results::Wanted);
+        let voice = Verbosity::Audible;
+        let results = Results::Wanted;
         let reasons = Reasons::InTheReport;
         Self { observer, voice, results, answer: OutputFormat::Text, reasons }
     }

@@ -120,12 +120,13 @@ impl Note {
 pub(super) fn notes(results: &Path) -> Vec<(PathBuf, Note)> {
     let entries = fs::read_dir(results.join(FOLDER)).into_iter().flatten().flatten();
     let paths = entries.map(|entry| entry.path());
-    let read = |path: PathBuf| {
-        let text = calib_files::read_regular(&path).ok()?;
-        let note: Note = serde_json::from_slice(&text).ok()?;
-        (note.format == FORMAT).then_some((path, note))
-    };
-    let mut notes: Vec<(PathBuf, Note)> = paths.filter_map(read).collect();
+    let mut notes: Vec<(PathBuf, Note)> = paths
+        .filter_map(|path: PathBuf| {
+            let text = calib_files::read_regular(&path).ok()?;
+            let note: Note = serde_json::from_slice(&text).ok()?;
+            (note.format == FORMAT).then_some((path, note))
+        })
+        .collect();
     notes.sort_by(|a, b| a.1.began.total_cmp(&b.1.began).then_with(|| a.0.cmp(&b.0)));
     notes
 }

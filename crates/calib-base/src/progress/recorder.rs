@@ -145,7 +145,8 @@ impl Recorder {
     fn noted(&self, state: &mut State) -> Note {
         let stage = state.stage;
         let task = state.task.as_ref().map(|(name, total, since)| {
-            let (done, elapsed) = (self.done.load(Ordering::Relaxed).min(*total), since.elapsed());
+            let done = self.done.load(Ordering::Relaxed).min(*total);
+            let elapsed = since.elapsed();
             let share = done as f64 / (*total).max(1) as f64;
             let tells = done > 0 && (elapsed >= FIRST_ESTIMATE || share >= FIRST_SHARE);
             let left = tells.then(|| elapsed.as_secs_f64() * (1.0 / share - 1.0));
@@ -209,7 +210,8 @@ impl Observer for Recording {
     }
 
     fn progress(&self, shown: Shown) -> Box<dyn Monitor> {
-        let (inner, recorder) = (self.inner.progress(shown), Arc::clone(&self.recorder));
+        let inner = self.inner.progress(shown);
+        let recorder = Arc::clone(&self.recorder);
         Box::new(Watched { inner, recorder })
     }
 }

@@ -177,7 +177,9 @@ mod tests {
 
     #[test]
     fn the_oldest_is_replaced() {
-        let (states, nexts, taken) = (Vec::new(), Vec::new(), Vec::new());
+        let states = Vec::new();
+        let nexts = Vec::new();
+        let taken = Vec::new();
         let mut replay = Replay { columns: 1, most: 3, oldest: 0, states, nexts, taken };
         for number in 0..5 {
             let outcome = Outcome { reward: f64::from(number), ending: Ending::Continues };

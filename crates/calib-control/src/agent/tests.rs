@@ -88,7 +88,8 @@ fn a_network_finds_them_too_and_the_same_on_every_machine() {
     let mut agent = learnt(config);
     for place in 2..5 {
         agent.look(&[place as f32 / 4.0]);
-        let (expected, got) = (0.9_f64.powi(4 - place), agent.values()[1]);
+        let expected = 0.9_f64.powi(4 - place);
+        let got = agent.values()[1];
         assert!((got - expected).abs() < 0.1, "{place}: {got}, not {expected}");
     }
     let twice = [0, 1].map(|_| learnt(config).values().to_vec());

@@ -27,11 +27,13 @@ pub(crate) enum Pairs {
 
 impl Tiles {
     pub(crate) fn new(tilings: usize, tiles: usize, columns: usize, pairs: Pairs) -> Self {
-        let shift = |place: usize| {
-            let (tiling, column) = (place / columns, place % columns);
-            ((1 + 2 * column) * tiling % tilings) as f32 / tilings as f32
-        };
-        let shifts = (0..tilings * columns).map(shift).collect();
+        let shifts = (0..tilings * columns)
+            .map(|place: usize| {
+                let tiling = place / columns;
+                let column = place % columns;
+                ((1 + 2 * column) * tiling % tilings) as f32 / tilings as f32
+            })
+            .collect();
         Self { tilings, cuts: tiles, columns, pairs, shifts, at: vec![0; columns] }
     }
 

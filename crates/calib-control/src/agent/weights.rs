@@ -103,8 +103,10 @@ impl Weights {
     /// Change every weight that has a trace; traces that have become small end.
     pub(crate) fn change(&mut self, change: Change) {
         let traced = &mut self.traced;
-        let (value, mean) = (&mut traced.value[..], &mut traced.mean[..]);
-        let (square, trace) = (&mut traced.square[..], &mut traced.trace[..]);
+        let value = &mut traced.value[..];
+        let mean = &mut traced.mean[..];
+        let square = &mut traced.square[..];
+        let trace = &mut traced.trace[..];
         Arch::new().dispatch(
             #[inline(always)]
             || {

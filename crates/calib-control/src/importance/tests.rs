@@ -32,7 +32,8 @@ fn what_never_happened_has_no_value() {
 
 #[test]
 fn products_beyond_the_range_of_numbers_still_count() {
-    let (large, small) = (vec![1e9; 200], vec![1e-9; 200]);
+    let large = vec![1e9; 200];
+    let small = vec![1e-9; 200];
     let rewards = vec![1.0_f32; 200];
     let nothing = vec![0.0_f32; 200];
     let both = [
@@ -46,7 +47,8 @@ fn products_beyond_the_range_of_numbers_still_count() {
 
 /// Places 0 to 3, −1 a step; action 1 leads on, action 0 back; after place 3 it ends. Action 1 is taken with probability `forth`.
 fn walk(forth: f64, rng: &mut Rng) -> Vec<(usize, usize)> {
-    let (mut place, mut steps) = (0_usize, Vec::new());
+    let mut place = 0_usize;
+    let mut steps = Vec::new();
     while place < 4 {
         let action = usize::from(rng.unit() < forth);
         steps.push((place, action));
@@ -57,7 +59,8 @@ fn walk(forth: f64, rng: &mut Rng) -> Vec<(usize, usize)> {
 
 #[test]
 fn the_value_of_another_policy_is_the_truth_of_a_chain() {
-    let (behaviour, other) = (0.6, 0.8);
+    let behaviour = 0.6;
+    let other = 0.8;
     let mut rng = Seed::new(1).rng();
     let walks: Vec<_> = (0..20_000).map(|_| walk(behaviour, &mut rng)).collect();
     let rewards = vec![-1.0_f32; 10_000];
@@ -93,8 +96,10 @@ fn the_value_of_another_policy_is_the_truth_of_a_chain() {
 /// The same chain as a log of decisions.
 fn log() -> Decisions {
     let mut rng = Seed::new(2).rng();
-    let (mut states, mut actions, mut endings, mut lengths) =
-        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut states = Vec::new();
+    let mut actions = Vec::new();
+    let mut endings = Vec::new();
+    let mut lengths = Vec::new();
     for _ in 0..2000 {
         let steps = walk(0.6, &mut rng);
         lengths.push(steps.len() + 1);

@@ -42,7 +42,8 @@ impl ActionModel {
         }
         let blocks = Blocks::new(log.transitions(), config.members)?;
         let k = neighbors(&log, config);
-        let (mut tables, mut start_tables) = (Vec::new(), Vec::new());
+        let mut tables = Vec::new();
+        let mut start_tables = Vec::new();
         for _ in 0..config.members {
             tables.push(FillingTable::new(log.len(), log.levels(), k));
             start_tables.push(FillingTable::new(starts.metric.rows(), log.levels(), k));

@@ -123,8 +123,10 @@ impl Increments {
 
     /// Whether increments predict each column better, by transitions and their nearest ones of other blocks.
     fn compared(&self, model: &ActionModel) -> Vec<bool> {
-        let (log, blocks) = (model.log(), model.blocks());
-        let (count, columns) = (log.len().min(MOST_COMPARED), self.keeps.len());
+        let log = model.log();
+        let blocks = model.blocks();
+        let count = log.len().min(MOST_COMPARED);
+        let columns = self.keeps.len();
         let mut gains = vec![0.0_f64; columns];
         let mut query = Vec::new();
         for number in 0..count {
@@ -272,7 +274,8 @@ impl Environment for IncrementWalk<'_> {
     }
 
     fn step(&mut self, action: usize, rng: &mut Rng, state: &mut [f32]) -> Outcome {
-        let (member, rules) = ((self.model, self.member), self.model.rules());
+        let member = (self.model, self.member);
+        let rules = self.model.rules();
         let target = Target::Level(action);
         let step = self.increments.step(member, target, rules, &mut self.query, rng, state);
         self.coverage.count(step.covered);

@@ -120,7 +120,8 @@ impl ActionModel {
         };
         let is_far = covered == Covered::Far && rules.pessimism == Pessimism::MinimumReturn;
         if neighbors.is_empty() || is_far {
-            let (reward, ending) = (rules.worst_return, Ending::Terminal);
+            let reward = rules.worst_return;
+            let ending = Ending::Terminal;
             return Step { drawn: None, reward, ending, covered, distance: nearest };
         }
         let place = self.weights.draw(distances, rng);

@@ -108,7 +108,8 @@ pub fn open_action_model(
         if set.columns() != levels.columns() {
             return Err(folder.damaged("levels.npy"));
         }
-        let (set, levels) = (set.as_slice().to_vec(), levels.as_slice().to_vec());
+        let set = set.as_slice().to_vec();
+        let levels = levels.as_slice().to_vec();
         Some(Settings::from_parts(set, levels, record.levels))
     } else {
         None
@@ -134,8 +135,9 @@ pub fn open_action_model(
         record.levels,
     );
     let tables = |kind: &str, rows: usize| -> Result<Vec<ActionTable>, ControlError> {
-        let each = |member| folder.table(kind, member, rows, record.levels, count);
-        (0..record.config.members).map(each).collect()
+        (0..record.config.members)
+            .map(|member| folder.table(kind, member, rows, record.levels, count))
+            .collect()
     };
     Ok(ActionModel {
         tables: tables("", count)?,
@@ -182,7 +184,8 @@ impl Folder<'_> {
 
     fn mapped_states(&self, name: &str) -> Result<States, ControlError> {
         let mapped = map_npy::<f32>(&self.directory.join(name))?;
-        let (rows, columns) = (mapped.rows(), mapped.columns());
+        let rows = mapped.rows();
+        let columns = mapped.columns();
         Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
     }
 
@@ -198,7 +201,8 @@ impl Folder<'_> {
         let neighbors: MappedNpy<u32> = self.map(&name, rows * levels)?;
         let far = format!("{kind}distances-{member}.npy");
         let distances: MappedNpy<f32> = self.map(&far, rows * levels)?;
-        let (k, known) = (neighbors.columns(), |neighbor: &u32| (*neighbor as usize) < transitions);
+        let k = neighbors.columns();
+        let known = |neighbor: &u32| (*neighbor as usize) < transitions;
         if k == 0
             || !neighbors.as_slice().iter().all(|neighbor| *neighbor == u32::MAX || known(neighbor))
         {

@@ -84,7 +84,8 @@ impl FillingTable {
 
     /// The table.
     pub(crate) fn finished(self) -> ActionTable {
-        let (neighbors, distances) = (Arc::new(self.neighbors), Arc::new(self.distances));
+        let neighbors = Arc::new(self.neighbors);
+        let distances = Arc::new(self.distances);
         ActionTable::from_shared(self.actions, self.k, neighbors, distances)
     }
 }

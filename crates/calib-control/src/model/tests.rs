@@ -126,7 +126,8 @@ fn what_was_set_counts_by_its_weight() {
         let model = model(log, config);
         let mut walk = model.walk(0);
         let mut rng = Seed::new(3).rng();
-        let (mut state, mut sum) = ([0.0; 2], 0.0);
+        let mut state = [0.0; 2];
+        let mut sum = 0.0;
         walk.start(&mut rng, &mut state);
         for step in 0..600 {
             let outcome = walk.step(step % 3, &mut rng, &mut state);
@@ -178,7 +179,8 @@ fn what_is_far_ends_an_episode_if_that_is_asked_for() {
         let model = model(log(300, 5, 3), config);
         let mut walk = model.walk(0);
         let mut rng = Seed::new(3).rng();
-        let (mut state, mut worst) = ([0.0; 2], 0);
+        let mut state = [0.0; 2];
+        let mut worst = 0;
         walk.start(&mut rng, &mut state);
         for _ in 0..400 {
             let outcome = walk.step(rng.below(3), &mut rng, &mut state);
@@ -198,7 +200,8 @@ fn what_is_far_ends_an_episode_if_that_is_asked_for() {
 #[test]
 fn half_of_the_recorded_states_lie_within_the_median_radius() {
     let model = model(log(400, 9, 3), ActionModelConfig { coverage: 0.5, ..Default::default() });
-    let (mut within, log) = (0, model.log());
+    let mut within = 0;
+    let log = model.log();
     for number in 0..log.len() {
         let transition = TransitionIndex::new(number);
         let member = model.blocks().block_of(transition);

@@ -32,8 +32,14 @@ fn the_same_for_any_number_of_threads() {
     assert!(places.is_sorted());
     assert!(one.iter().all(|run| run.coverage.steps == 400));
     assert!(one.iter().any(|run| run.curve.len() == 10));
-    let worlds = || Simulated::new(CartPole::default(), Begin::AsTheTask);
-    let true_returns = truth(worlds, &candidates, extent, Seed::new(5), &Silent).expect("run");
+    let true_returns = truth(
+        || Simulated::new(CartPole::default(), Begin::AsTheTask),
+        &candidates,
+        extent,
+        Seed::new(5),
+        &Silent,
+    )
+    .expect("run");
     assert_eq!((true_returns.len(), true_returns[0].len()), (2, 2));
     assert_ne!(true_returns[0], true_returns[1]);
 }
@@ -83,7 +89,8 @@ fn a_sweep_goes_on_from_what_was_kept() {
             Ok(())
         }
     }
-    let (model, kept) = (small_model(), Kept::default());
+    let model = small_model();
+    let kept = Kept::default();
     let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
     let extent = Extent { runs: 2, span: RunLength { steps: 200, timeout: 50 } };

@@ -22,7 +22,8 @@ impl Acrobot {
     /// Change a second of the state under `torque`.
     fn change([first, second, speed, second_speed]: [f64; 4], torque: f64) -> [f64; 4] {
         // Masses, lengths and moments of inertia are 1, centres of mass half-way.
-        let (centre, gravity) = (0.5, 9.8);
+        let centre = 0.5;
+        let gravity = 9.8;
         let d1 = centre * centre + (1.0 + centre * centre + 2.0 * centre * second.cos()) + 2.0;
         let d2 = centre * centre + centre * second.cos() + 1.0;
         let phi2 = centre * gravity * (first + second - PI / 2.0).cos();

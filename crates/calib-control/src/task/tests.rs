@@ -129,20 +129,22 @@ fn the_reward_of_a_plant_follows_from_what_it_logs() {
     let mut plant = Membrane::new(Seed::new(1));
     let mut rng = Seed::new(2).rng();
     plant.start_anywhere(&mut rng);
-    let (mut observed, mut trips) = (Vec::new(), 0);
+    let mut observed = Vec::new();
+    let mut trips = 0;
     for number in 0..1500 {
         let action = if number < 100 { number % 8 } else { 5 };
         let outcome = plant.step(action, &mut rng);
         plant.observe(&mut observed);
         let mut logged = Vec::new();
         plant.log(&mut logged);
-        let value_of = |name: &str| {
-            let seen = Membrane::columns().iter().position(|column| column.0 == name);
-            let beside = Membrane::logged().iter().position(|&other| other == name);
-            let value = seen.map(|place| observed[place]).or(beside.map(|place| logged[place]));
-            vec![value.expect("a column of the log")]
-        };
-        let reward = f64::from(config.reward.of(1, value_of)[0]);
+        let reward = f64::from(
+            config.reward.of(1, |name: &str| {
+                let seen = Membrane::columns().iter().position(|column| column.0 == name);
+                let beside = Membrane::logged().iter().position(|&other| other == name);
+                let value = seen.map(|place| observed[place]).or(beside.map(|place| logged[place]));
+                vec![value.expect("a column of the log")]
+            })[0],
+        );
         assert!((reward - outcome.reward).abs() < 1e-4, "{reward} {outcome:?}");
         if outcome.ending == Ending::Terminal {
             trips += 1;

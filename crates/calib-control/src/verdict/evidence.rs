@@ -109,12 +109,14 @@ const RARER: f64 = 10.0;
 
 /// The middle one of the kinds of models by their terminals a step, of these runs; the lower one of two.
 pub(super) fn median_rate(runs: &[&Run], kinds: &[ActionModelKind]) -> f64 {
-    let rate = |kind: &ActionModelKind| {
-        let own = || runs.iter().filter(|run| run.kind == *kind);
-        let steps: u64 = own().map(|run| run.coverage.steps).sum();
-        own().map(|run| run.terminals).sum::<usize>() as f64 / steps.max(1) as f64
-    };
-    let mut rates: Vec<f64> = kinds.iter().map(rate).collect();
+    let mut rates: Vec<f64> = kinds
+        .iter()
+        .map(|kind: &ActionModelKind| {
+            let own = || runs.iter().filter(|run| run.kind == *kind);
+            let steps: u64 = own().map(|run| run.coverage.steps).sum();
+            own().map(|run| run.terminals).sum::<usize>() as f64 / steps.max(1) as f64
+        })
+        .collect();
     rates.sort_by(f64::total_cmp);
     rates.get(rates.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)
 }

@@ -3,7 +3,10 @@ use crate::{Ending, recorded::tests::log};
 
 fn run(member: usize, candidate: usize, mean_return: f64) -> Run {
     let coverage = Coverage { steps: 100, missing: 0, far: 10 };
-    let (episodes, terminals, curve, drift) = (10, 10, Vec::new(), Drift::default());
+    let episodes = 10;
+    let terminals = 10;
+    let curve = Vec::new();
+    let drift = Drift::default();
     let kind = ActionModelKind::Neighbors;
     Run {
         kind,
@@ -26,11 +29,14 @@ fn plain() -> Decisions {
 }
 
 fn runs(returns: &[[f64; 3]]) -> Vec<Run> {
-    let of_member = |(member, returns): (usize, &[f64; 3])| {
-        let returns = *returns;
-        (0..3).map(move |candidate| run(member, candidate, returns[candidate]))
-    };
-    returns.iter().enumerate().flat_map(of_member).collect()
+    returns
+        .iter()
+        .enumerate()
+        .flat_map(|(member, returns): (usize, &[f64; 3])| {
+            let returns = *returns;
+            (0..3).map(move |candidate| run(member, candidate, returns[candidate]))
+        })
+        .collect()
 }
 
 /// Three candidates of which the first is the default.
@@ -268,8 +274,11 @@ fn a_wall_of_the_log_is_told_by_displacement() {
         Walked as _,
     };
 
-    let (mut rng, mut level, rows) = (Seed::new(4).rng(), 0.5_f64, 3000);
-    let (mut values, mut actions) = (Vec::new(), Vec::new());
+    let mut rng = Seed::new(4).rng();
+    let mut level = 0.5_f64;
+    let rows = 3000;
+    let mut values = Vec::new();
+    let mut actions = Vec::new();
     for _ in 0..rows {
         // Three other sensors, so that neighbours are not near in each column.
         values.push(level as f32);
@@ -291,7 +300,9 @@ fn a_wall_of_the_log_is_told_by_displacement() {
     let config = ActionModelConfig::default();
     let model = ActionModel::build(log, &metric, starts, &config, 0.0, &Silent).expect("built");
     let held = |action: fn(usize) -> usize| {
-        let (mut walk, mut rng, mut state) = (model.walk(0), Seed::new(5).rng(), [0.0; 4]);
+        let mut walk = model.walk(0);
+        let mut rng = Seed::new(5).rng();
+        let mut state = [0.0; 4];
         for _ in 0..10 {
             walk.start(&mut rng, &mut state);
             for step in 0..100 {

@@ -121,11 +121,13 @@ where
         Number(i64),
     }
     let written = BTreeMap::<String, Written>::deserialize(deserializer)?;
-    let as_text = |(column, value)| match value {
-        Written::Text(text) => (column, text),
-        Written::Number(number) => (column, number.to_string()),
-    };
-    Ok(written.into_iter().map(as_text).collect())
+    Ok(written
+        .into_iter()
+        .map(|(column, value)| match value {
+            Written::Text(text) => (column, text),
+            Written::Number(number) => (column, number.to_string()),
+        })
+        .collect())
 }
 
 /// What a row of the log is.

@@ -93,7 +93,8 @@ fn plan_samples(
     data: &DataConfig,
 ) -> Result<Planned, DataError> {
     let null_timestamps = sink.null_times;
-    let (bad_quality, undecided) = (sink.bad_quality, sink.undecided);
+    let bad_quality = sink.bad_quality;
+    let undecided = sink.undecided;
     let bad_rows = sink.store.bad_rows.clone();
     let series = sink.finish()?;
     let Some((first, last)) = series.span() else {
@@ -104,17 +105,21 @@ fn plan_samples(
     let timestamps = if data.resample.is_some() { Vec::new() } else { series.clock(&window)? };
     Room::of(data).require_rows(timestamps.len() as u64, None)?;
     let irregularities = Irregularities { null_timestamps, ..Irregularities::default() };
-    let channel = |(column, tag): (usize, &super::series::Tag)| Channel {
-        name: tag.name.clone(),
-        type_name: tag.type_name().to_owned(),
-        description: Description::default(),
-        readable: true,
-        angle: None,
-        column,
-        positions: HashMap::new(),
-    };
     Ok(Planned {
-        channels: series.tags.iter().enumerate().map(channel).collect(),
+        channels: series
+            .tags
+            .iter()
+            .enumerate()
+            .map(|(column, tag): (usize, &super::series::Tag)| Channel {
+                name: tag.name.clone(),
+                type_name: tag.type_name().to_owned(),
+                description: Description::default(),
+                readable: true,
+                angle: None,
+                column,
+                positions: HashMap::new(),
+            })
+            .collect(),
         rows: Rows::of(timestamps, irregularities),
         origin: Origin::Series(series, window),
         files,
@@ -235,8 +240,12 @@ fn refuse_too_fine(
     data: &DataConfig,
 ) -> Result<(), DataError> {
     let chosen = Chosen::of(data);
-    let is_read = |channel: &&Channel| channel.readable && chosen.has(&channel.names());
-    let values = (rows as u64).saturating_mul(channels.iter().filter(is_read).count() as u64);
+    let values = (rows as u64).saturating_mul(
+        channels
+            .iter()
+            .filter(|channel: &&Channel| channel.readable && chosen.has(&channel.names()))
+            .count() as u64,
+    );
     if values > MANY && values / 1_000 > samples {
         let period_secs = data.period_secs.unwrap_or_default();
         return Err(DataError::TooFine { period_secs, values, samples });

@@ -189,9 +189,13 @@ fn by_all_rows(
     time: usize,
     mut found: Candidates,
 ) -> Result<Candidates, DataError> {
-    let is_number = |notation: &Notation| matches!(notation, Notation::Number(_));
     // Any number can be read in every unit.
-    let mut blocks = if found.left.iter().all(is_number) { None } else { Some(file.blocks()?) };
+    let mut blocks =
+        if found.left.iter().all(|notation: &Notation| matches!(notation, Notation::Number(_))) {
+            None
+        } else {
+            Some(file.blocks()?)
+        };
     while let Some(block) = blocks.as_mut().map(|blocks| blocks.next(1)).transpose()?.flatten() {
         for (range, line) in &block.parts {
             let mut records = file.records(&block.bytes[range.clone()], *line);

@@ -50,7 +50,8 @@ impl Passes {
 
 /// The pass of each row of a file.
 fn passes(times: &[i64]) -> Vec<u32> {
-    let (mut pass, mut before) = (0, NO_TIME);
+    let mut pass = 0;
+    let mut before = NO_TIME;
     times
         .iter()
         .map(|&time| {

@@ -131,9 +131,11 @@ pub(crate) fn import(
         undecided: 0,
     };
     let mut instants = clock.rows();
-    let read =
-        |records: Records<'_>| WideChunk::read(records, width, time, clock.notation(), fractions);
-    file.read_parts(read, |part| imported.add(part, &mut instants, store), monitor)?;
+    file.read_parts(
+        |records: Records<'_>| WideChunk::read(records, width, time, clock.notation(), fractions),
+        |part| imported.add(part, &mut instants, store),
+        monitor,
+    )?;
     imported.undecided = instants.finish(&mut |(), instant| {
         imported.times.push(instant);
         Ok::<(), DataError>(())
@@ -157,9 +159,9 @@ impl Imported {
         }
         store.adopt(part.seen, &mut part.cells)?;
         for (column, cells) in part.cells.chunks(rows.max(1)).enumerate() {
-            let number =
-                |&bits: &u64| matches!(Cell::decode(bits), Cell::Number(_) | Cell::NonFinite);
-            self.words_only[column] &= !cells.iter().any(number);
+            self.words_only[column] &= !cells
+                .iter()
+                .any(|&bits: &u64| matches!(Cell::decode(bits), Cell::Number(_) | Cell::NonFinite));
         }
         let at = store.append(&part.cells)?;
         self.columns.parts.push((self.columns.rows, rows, at));

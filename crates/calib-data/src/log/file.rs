@@ -147,7 +147,8 @@ impl LogFile {
     ) -> Self {
         let rows = stored.columns.rows;
         let content = Content::Stored(stored);
-        let (bytes, beside) = (file.bytes, file.beside.clone());
+        let bytes = file.bytes;
+        let beside = file.beside.clone();
         Self { source, fields, rows, bytes, is_result: false, beside, content }
     }
 

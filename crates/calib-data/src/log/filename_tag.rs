@@ -42,8 +42,8 @@ pub(super) fn prefixes(paths: &[&Path]) -> Vec<String> {
 /// A name without a date at its end, from `2024-03` to `2024-03-01T06-00-00`: eight digits or more, or a year and
 /// a month with something between them. A single number stays: it is a tag's.
 fn without_date(stem: &str) -> &str {
-    let is_part = |c: char| c.is_ascii_digit() || "-_.: T".contains(c);
-    let mut from = stem.trim_end_matches(is_part).len();
+    let mut from =
+        stem.trim_end_matches(|c: char| c.is_ascii_digit() || "-_.: T".contains(c)).len();
     // What is left must not end in the middle of a word such as PIT: the T belongs to it.
     while from < stem.len()
         && !stem[from..].starts_with(|c: char| c.is_ascii_digit() || "-_. ".contains(c))

@@ -92,8 +92,11 @@ pub(crate) fn stream_text(
     monitor: &dyn Monitor,
 ) -> Result<(), DataError> {
     let mut pouring = Pouring::new(clock, sink);
-    let read = |records: Records<'_>| LongChunk::read(records, roles, clock.notation(), fractions);
-    file.read_parts(read, |part| part.pour(&mut pouring), monitor)?;
+    file.read_parts(
+        |records: Records<'_>| LongChunk::read(records, roles, clock.notation(), fractions),
+        |part| part.pour(&mut pouring),
+        monitor,
+    )?;
     pouring.finish()
 }
 
@@ -282,21 +285,26 @@ pub(crate) fn stream_annotated(
     let mut words = Words::bounded();
     for head in heads {
         let mut pouring = Pouring::new(clock, sink);
-        let pour = |sample: Sample<'_>, words: &Words| {
-            let tag = if let Some(&tag) = known.get(sample.key) {
-                tag
-            } else {
-                let tag = pouring.sink.add_tag()?;
-                known.insert(sample.key.clone(), tag);
-                tag
-            };
-            let cell = match sample.cell {
-                Cell::Word(word) => Cell::Word(pouring.sink.store.words.translated(words, word)),
-                cell => cell,
-            };
-            pouring.push(tag, sample.time, cell.encode())
-        };
-        Annotated::open(head.path())?.read(&mut words, pour, monitor)?;
+        Annotated::open(head.path())?.read(
+            &mut words,
+            |sample: Sample<'_>, words: &Words| {
+                let tag = if let Some(&tag) = known.get(sample.key) {
+                    tag
+                } else {
+                    let tag = pouring.sink.add_tag()?;
+                    known.insert(sample.key.clone(), tag);
+                    tag
+                };
+                let cell = match sample.cell {
+                    Cell::Word(word) => {
+                        Cell::Word(pouring.sink.store.words.translated(words, word))
+                    }
+                    cell => cell,
+                };
+                pouring.push(tag, sample.time, cell.encode())
+            },
+            monitor,
+        )?;
         pouring.finish()?;
         monitor.advance(1);
     }

@@ -157,8 +157,10 @@ impl Log {
     /// The channels of neither numbers nor text that the study does not leave out, with their types.
     pub(crate) fn unreadable(&self, data: &DataConfig) -> BTreeMap<String, String> {
         let chosen = Chosen::of(data);
-        let is_missed = |channel: &&Channel| !channel.readable && chosen.has(&channel.names());
-        let missed = self.channels.iter().filter(is_missed);
+        let missed = self
+            .channels
+            .iter()
+            .filter(|channel: &&Channel| !channel.readable && chosen.has(&channel.names()));
         missed.map(|channel| (channel.name.clone(), channel.type_name.clone())).collect()
     }
 
@@ -186,13 +188,16 @@ impl Log {
     ) -> ContradictionsFound {
         let named = self.by_recorded_name(found);
         let counts = named.iter().map(|(_, found)| found.count);
-        let told = |(name, found): &(&str, &Contradicting)| -> Vec<String> {
-            found.first.iter().map(|contradiction| contradiction.told(name)).collect()
-        };
         ContradictionsFound {
             count: counts.clone().sum(),
             most_of_channel: counts.max().unwrap_or(0),
-            examples: named.iter().flat_map(told).take(SHOWN).collect(),
+            examples: named
+                .iter()
+                .flat_map(|(name, found): &(&str, &Contradicting)| -> Vec<String> {
+                    found.first.iter().map(|contradiction| contradiction.told(name)).collect()
+                })
+                .take(SHOWN)
+                .collect(),
             cause: None,
         }
     }
@@ -214,14 +219,17 @@ impl Log {
     /// Steps back in time inside a file.
     pub(crate) fn backward_steps(&self) -> BackwardSteps {
         let irregular = &self.recorded().irregularities;
-        let step = |&(file, from, to): &(usize, Timestamp, Timestamp)| BackwardStep {
-            file: self.files[file].path.display().to_string(),
-            from,
-            to,
-        };
         BackwardSteps {
             count: irregular.backward_steps,
-            examples: irregular.first_backward_steps.iter().map(step).collect(),
+            examples: irregular
+                .first_backward_steps
+                .iter()
+                .map(|&(file, from, to): &(usize, Timestamp, Timestamp)| BackwardStep {
+                    file: self.files[file].path.display().to_string(),
+                    from,
+                    to,
+                })
+                .collect(),
         }
     }
 

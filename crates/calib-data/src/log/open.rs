@@ -100,11 +100,13 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
 
 /// The position of the time column of each file; in files without one it is the position behind the last column.
 fn time_columns(heads: &mut [Head], data: &DataConfig) -> Result<Vec<usize>, DataError> {
-    let find = |head: &Head| match head {
-        Head::Annotated(..) => Some(0),
-        _ => time_column(head, &head.columns(), data),
-    };
-    let mut found: Vec<Option<usize>> = heads.iter().map(find).collect();
+    let mut found: Vec<Option<usize>> = heads
+        .iter()
+        .map(|head: &Head| match head {
+            Head::Annotated(..) => Some(0),
+            _ => time_column(head, &head.columns(), data),
+        })
+        .collect();
     if data.timestamp == DataConfig::default().timestamp {
         for (found, head) in
             found.iter_mut().zip(heads.iter_mut()).filter(|(known, _)| known.is_none())

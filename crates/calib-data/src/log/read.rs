@@ -133,7 +133,8 @@ impl Log {
         match &self.origin {
             Origin::Tables(files) => {
                 let rows = self.recorded();
-                let (all, duplicates) = (rows.timestamps.len(), rows.duplicates.len());
+                let all = rows.timestamps.len();
+                let duplicates = rows.duplicates.len();
                 batch.par_iter_mut().for_each(|channel| channel.clear(all, duplicates));
                 for (position, file) in files.iter().enumerate() {
                     self.read_file(file, position, channels, batch, monitor)?;
@@ -232,14 +233,16 @@ impl Log {
         // Columns that are read, each once: the two channels of an angle are of one.
         let mut fields: Vec<usize> = Vec::with_capacity(channels.len());
         let mut places: HashMap<usize, usize> = HashMap::with_capacity(channels.len());
-        let place_of = |&channel: &usize| {
-            let field = *self.channels[channel].positions.get(&file)?;
-            Some(*places.entry(field).or_insert_with(|| {
-                fields.push(field);
-                fields.len() - 1
-            }))
-        };
-        let slots: Vec<Option<usize>> = channels.iter().map(place_of).collect();
+        let slots: Vec<Option<usize>> = channels
+            .iter()
+            .map(|&channel: &usize| {
+                let field = *self.channels[channel].positions.get(&file)?;
+                Some(*places.entry(field).or_insert_with(|| {
+                    fields.push(field);
+                    fields.len() - 1
+                }))
+            })
+            .collect();
         let map = &self.recorded().maps[file];
         if fields.is_empty() {
             return Ok(());
@@ -392,8 +395,11 @@ impl Log {
                 self.refuse(channel, &placed.words, |word| words.word(word as u32).to_owned())?;
                 self.refuse(channel, &placed.contradictions, |number| number.to_string())?;
                 self.refuse_lost(channel, placed.cells.iter().any(|&cell| words.is_other(cell)))?;
-                let code = |&cell: &u64| with_label(cell, words, |label| labels.code(label));
-                let codes = placed.cells.iter().map(code).collect::<Vec<f64>>();
+                let codes = placed
+                    .cells
+                    .iter()
+                    .map(|&cell: &u64| with_label(cell, words, |label| labels.code(label)))
+                    .collect::<Vec<f64>>();
                 (placed.times, codes)
             }
         };
@@ -504,12 +510,15 @@ impl Log {
             return Ok(());
         }
         let name = &self.channels[channel].name;
-        let told = |contradiction: &Contradiction| {
-            let at = format_time(Timestamp::from_micros(contradiction.time));
-            let [before, now] = contradiction.values.map(&label);
-            format!("at {at} {name} is {before:?} and {now:?}")
-        };
-        let examples = found.first.iter().map(told).collect();
+        let examples = found
+            .first
+            .iter()
+            .map(|contradiction: &Contradiction| {
+                let at = format_time(Timestamp::from_micros(contradiction.time));
+                let [before, now] = contradiction.values.map(&label);
+                format!("at {at} {name} is {before:?} and {now:?}")
+            })
+            .collect();
         Err(DataError::Contradictions { count: found.count, examples, cause: None })
     }
 }

@@ -119,8 +119,10 @@ impl Grid {
             let sample_at = |limit: i64| times.partition_point(|&time| time < limit);
             let samples = sample_at(range.start)..sample_at(range.end);
             let row_at = |limit: i64| rows.partition_point(|row| row.as_micros() < limit);
-            let (from, to) = (row_at(range.start), row_at(range.end));
-            let (times, values) = (&times[samples.clone()], &values[samples]);
+            let from = row_at(range.start);
+            let to = row_at(range.end);
+            let times = &times[samples.clone()];
+            let values = &values[samples];
             for (row, out) in rows[from..to].iter().zip(&mut out[from..to]) {
                 let row = row.as_micros();
                 // Samples up to and with the row.
@@ -181,7 +183,8 @@ impl Grid {
     /// longer than `max_age` after it was recorded. A value at the row itself counts only if nothing stood before it.
     fn mean(&self, times: &[i64], values: &[f64], row: i64, last: usize) -> f64 {
         let begin = row - self.period;
-        let (mut sum, mut weight) = (0.0, 0.0);
+        let mut sum = 0.0;
+        let mut weight = 0.0;
         let mut end = row;
         for sample in (0..=last).rev() {
             let from = times[sample].max(begin);

@@ -46,11 +46,16 @@ impl Room {
                 "choose fewer files with data.path, or fewer rows with data.train and data.held_out",
             ),
         };
-        let what = || match every_secs {
-            Some(secs) => format!("a log of {rows} rows, one every {secs} s (data.period_secs),"),
-            None => format!("a log of {rows} rows"),
-        };
-        self.require(rows.saturating_mul(each), what, remedy)?;
+        self.require(
+            rows.saturating_mul(each),
+            || match every_secs {
+                Some(secs) => {
+                    format!("a log of {rows} rows, one every {secs} s (data.period_secs),")
+                }
+                None => format!("a log of {rows} rows"),
+            },
+            remedy,
+        )?;
         match u32::try_from(rows) {
             Ok(_) => Ok(()),
             Err(_) => Err(DataError::TooManyRows { rows, resampled: every_secs.is_some() }),

@@ -39,8 +39,10 @@ impl SharedTimes {
         counts.sort_unstable();
         steps.sort_unstable();
         let rows = counts[counts.len() / 2];
-        let is_alike = |&&count: &&u64| count.abs_diff(rows) as f64 <= TOLERANCE * rows as f64;
-        let alike = counts.iter().filter(is_alike).count();
+        let alike = counts
+            .iter()
+            .filter(|&&count: &&u64| count.abs_diff(rows) as f64 <= TOLERANCE * rows as f64)
+            .count();
         let step = *steps.get(steps.len() / 2)?;
         let is_regular = rows > 1 && alike as f64 >= ALIKE * counts.len() as f64;
         is_regular.then_some(Self { rows, step })

@@ -97,14 +97,16 @@ fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
 /// What is said of a workbook in a folder without logs.
 fn workbook_in(folder: &Path) -> String {
     let files = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let is_workbook = |path: &PathBuf| {
-        let extension =
-            path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-        extension.is_some_and(|extension| ["xlsx", "xls", "ods"].contains(&extension.as_str()))
-    };
-    files.filter(is_workbook).min().map_or_else(String::new, |path| {
-        format!("; {} is a workbook: save each sheet as CSV", path.display())
-    })
+    files
+        .filter(|path: &PathBuf| {
+            let extension =
+                path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+            extension.is_some_and(|extension| ["xlsx", "xls", "ods"].contains(&extension.as_str()))
+        })
+        .min()
+        .map_or_else(String::new, |path| {
+            format!("; {} is a workbook: save each sheet as CSV", path.display())
+        })
 }
 
 /// The logs in a folder: Parquet files, or else `.csv` and `.tsv`, or else `.txt`. Beside Parquet, text is usually about the log: lists of tags, notes,
@@ -145,8 +147,9 @@ pub(crate) fn left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
         let mut found = Vec::new();
         walk(folder, &mut found)?;
         if has_parquet_logs(&mut found) {
-            let own = |path: &PathBuf| !is_parquet(path) && !is_note(path) && !named.contains(path);
-            left.extend(found.into_iter().filter(own));
+            left.extend(found.into_iter().filter(|path: &PathBuf| {
+                !is_parquet(path) && !is_note(path) && !named.contains(path)
+            }));
         }
     }
     Ok(left.into_iter().collect())
@@ -239,11 +242,13 @@ mod tests {
         };
         data.resolve(folder);
         let sources = find_files(&data)?;
-        let relative = |source: &PartitionedFile| {
-            let path = source.path.strip_prefix(folder).expect("inside");
-            path.to_string_lossy().into_owned()
-        };
-        Ok(sources.iter().map(relative).collect())
+        Ok(sources
+            .iter()
+            .map(|source: &PartitionedFile| {
+                let path = source.path.strip_prefix(folder).expect("inside");
+                path.to_string_lossy().into_owned()
+            })
+            .collect())
     }
 
     #[test]

@@ -96,7 +96,8 @@ pub(crate) fn refuse_lopsided(
 ) -> Result<(), DataError> {
     let gap = |pair: &[Timestamp]| pair[1].as_micros().saturating_sub(pair[0].as_micros());
     let Some(longest) = timestamps.windows(2).max_by_key(|pair| gap(pair)) else { return Ok(()) };
-    let (first, last) = (timestamps[0], timestamps[timestamps.len() - 1]);
+    let first = timestamps[0];
+    let last = timestamps[timestamps.len() - 1];
     let most_of_it = gap(longest) > last.as_micros().saturating_sub(first.as_micros()) / 2;
     let rows = (train.len() + held_out.len()) as f64;
     let lacks = |part: &Range<usize>, share: f64| (part.len() as f64) < LEAST_SHARE * share * rows;

@@ -20,11 +20,14 @@ use crate::{
 
 /// The columns of a file that may have its times, by their kind or name.
 pub(crate) fn likely_times(head: &Head) -> Vec<String> {
-    let is_likely = |column: &HeadColumn| {
-        let name = column.name.to_lowercase();
-        column.kind == FieldKind::Time || name.contains("time") || name.contains("date")
-    };
-    head.columns().into_iter().filter(is_likely).map(|column| column.name).collect()
+    head.columns()
+        .into_iter()
+        .filter(|column: &HeadColumn| {
+            let name = column.name.to_lowercase();
+            column.kind == FieldKind::Time || name.contains("time") || name.contains("date")
+        })
+        .map(|column| column.name)
+        .collect()
 }
 
 /// What to say of a file without a timestamp column that is known. `others` is how many files have one.
@@ -59,18 +62,23 @@ pub(crate) fn no_timestamp(head: &Head, others: usize, data: &DataConfig) -> Dat
 
 /// In quotes where a shell would take it apart.
 fn shell_word(word: &str) -> String {
-    let is_plain = |letter: char| letter.is_alphanumeric() || "._-=/:".contains(letter);
-    if word.chars().all(is_plain) { word.to_owned() } else { format!("'{word}'") }
+    if word.chars().all(|letter: char| letter.is_alphanumeric() || "._-=/:".contains(letter)) {
+        word.to_owned()
+    } else {
+        format!("'{word}'")
+    }
 }
 
 /// The columns that are called year, month and day, and those of hours, minutes and seconds as far as they are there, by their
 /// names; none without the first three.
 fn parts_of_dates(head: &Head) -> Vec<String> {
     let columns = head.columns();
-    let find = |names: &&[&str]| {
-        columns.iter().find(|column| names.contains(&plain(&column.name).as_str()))
-    };
-    let found = TIME_FIELDS.iter().map_while(find).map(|column| column.name.clone());
+    let found = TIME_FIELDS
+        .iter()
+        .map_while(|names: &&[&str]| {
+            columns.iter().find(|column| names.contains(&plain(&column.name).as_str()))
+        })
+        .map(|column| column.name.clone());
     Some(found.collect::<Vec<_>>()).filter(|found| found.len() >= 3).unwrap_or_default()
 }
 
@@ -81,8 +89,10 @@ pub(crate) fn join_fields(head: &mut Head) -> Option<usize> {
         [[1900.0, 2200.0], [1.0, 12.0], [1.0, 31.0], [0.0, 23.0], [0.0, 59.0], [0.0, 59.0]];
     let names = parts_of_dates(head);
     let Head::Text(file) = head else { return None };
-    let position = |name: &String| file.columns().iter().position(|column| column.name == *name);
-    let fields: Vec<usize> = names.iter().filter_map(position).collect();
+    let fields: Vec<usize> = names
+        .iter()
+        .filter_map(|name: &String| file.columns().iter().position(|column| column.name == *name))
+        .collect();
     let holds = |(&column, [low, high]): (&usize, [f64; 2])| {
         let cells = file.dialect.cells(column);
         let is = |cell: &&&str| {
@@ -127,9 +137,12 @@ pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataErro
             return Ok(time);
         }
         let clocks: Vec<usize> = others().filter(|&column| has_clock(column)).collect();
-        let is_named =
-            |column: &&usize| TIMES.contains(&plain(&file.columns()[**column].name).as_str());
-        match (&clocks[..], clocks.iter().find(is_named)) {
+        match (
+            &clocks[..],
+            clocks.iter().find(|column: &&usize| {
+                TIMES.contains(&plain(&file.columns()[**column].name).as_str())
+            }),
+        ) {
             ([], _) => return Ok(time),
             ([clock], _) | (_, Some(clock)) => (time, *clock),
             _ => {
@@ -257,16 +270,21 @@ impl Times {
                     let there = integers.iter().filter(|&&number| number != NO_TIME);
                     there.map(|&number| number as f64).collect()
                 })?;
-                let stamp = |number: i64| {
-                    (number != NO_TIME).then(|| unit.stamp(unit.whole_in_micros(number)))
-                };
-                integers.into_iter().map(stamp).collect()
+                integers
+                    .into_iter()
+                    .map(|number: i64| {
+                        (number != NO_TIME).then(|| unit.stamp(unit.whole_in_micros(number)))
+                    })
+                    .collect()
             }
             Self::Floats(floats) => {
                 let unit = known(&|| floats.clone())?;
-                let stamp =
-                    |number: f64| number.is_finite().then(|| unit.stamp(unit.in_micros(number)));
-                floats.into_iter().map(stamp).collect()
+                floats
+                    .into_iter()
+                    .map(|number: f64| {
+                        number.is_finite().then(|| unit.stamp(unit.in_micros(number)))
+                    })
+                    .collect()
             }
         })
     }
@@ -300,7 +318,7 @@ fn text_stamps(
         Some(pattern) => (Notation::Pattern(pattern.clone()), "what data.timestamp_format says"),
         None => (Notation::Iso, "ISO 8601, such as 2022-11-01T06:00:00 or 2022-11-01T06:00:00Z"),
     };
-    let stamp = |(row, text): (usize, Option<&str>)| {
+    text.iter().enumerate().map(|(row, text): (usize, Option<&str>)| {
         match text.map(str::trim) {
         None | Some("") => Ok(None),
         Some(text) => notation.read(text).map(Some).ok_or_else(|| {
@@ -311,8 +329,7 @@ fn text_stamps(
             )
         }),
     }
-    };
-    text.iter().enumerate().map(stamp).collect()
+    }).collect()
 }
 
 /// Numbers that are dates, such as 20240301060000: where the study says how times are written, and not that they count since
@@ -338,15 +355,14 @@ fn dates<N: ToString>(
         };
     };
     let notation = Notation::Pattern(format.clone());
-    let stamp = |number: &Option<N>| {
+    numbers.iter().map(|number: &Option<N>| {
         let Some(number) = number.as_ref().map(N::to_string) else { return Ok(None) };
         notation.read(&number).map(Some).ok_or_else(|| {
             format!(
                 "{number} is not what data.timestamp_format says; set data.timestamp_unit if it counts since 1970"
             )
         })
-    };
-    numbers.iter().map(stamp).collect::<Result<_, _>>().map(Some)
+    }).collect::<Result<_, _>>().map(Some)
 }
 
 /// Numbers that are looked at for whether they are dates.

@@ -62,7 +62,8 @@ pub fn read_parquet_list(path: &Path, name: &str) -> Result<Option<Lists>, Table
     let column =
         catch_panic(|| Ok(frame.column(name)?.as_materialized_series().clone())).map_err(refuse)?;
     let Ok(lists) = column.list() else { return Ok(None) };
-    let (mut values, mut width) = (Vec::new(), None);
+    let mut values = Vec::new();
+    let mut width = None;
     for row in 0..lists.len() {
         let list = lists.get_as_series(row);
         let list = list.ok_or(TableError::MissingValue { name: name.to_owned(), row })?;
@@ -95,8 +96,8 @@ mod tests {
     use super::*;
 
     fn write(path: &Path, lists: &[&[f32]]) {
-        let series = |values: &&[f32]| pl::Series::new("".into(), *values);
-        let lists: pl::ListChunked = lists.iter().map(series).collect();
+        let lists: pl::ListChunked =
+            lists.iter().map(|values: &&[f32]| pl::Series::new("".into(), *values)).collect();
         let lists = lists.with_name("psi".into());
         let numbers = pl::Column::new("n".into(), vec![1.0; lists.len()]);
         let columns = vec![pl::IntoColumn::into_column(lists), numbers];

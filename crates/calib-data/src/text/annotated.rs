@@ -250,11 +250,13 @@ pub(crate) fn names(keys: &[Key]) -> Vec<String> {
         let PartOfKeys { keys: having, first, differs } = parts[part];
         differs || having < keys.len() && !first.is_empty()
     };
-    let short = |key: &Key| {
-        let values = key.iter().filter(|(part, value)| tells(part) && !value.is_empty());
-        values.map(|(_, value)| value.as_str()).collect::<Vec<_>>().join(".")
-    };
-    let short: Vec<String> = keys.iter().map(short).collect();
+    let short: Vec<String> = keys
+        .iter()
+        .map(|key: &Key| {
+            let values = key.iter().filter(|(part, value)| tells(part) && !value.is_empty());
+            values.map(|(_, value)| value.as_str()).collect::<Vec<_>>().join(".")
+        })
+        .collect();
     let distinct: HashSet<&String> = short.iter().collect();
     if distinct.len() == keys.len() && short.iter().all(|name| !name.is_empty()) {
         return short;
@@ -297,11 +299,14 @@ mod tests {
         fs::write(&path, text).expect("written");
         assert!(is_annotated(&path)?);
         let mut all = Vec::new();
-        let take = |sample: Sample<'_>, _: &Words| {
-            all.push((sample.key.clone(), sample.time, sample.cell));
-            Ok(())
-        };
-        Annotated::open(&path)?.read(&mut Words::default(), take, &calib_core::Silent)?;
+        Annotated::open(&path)?.read(
+            &mut Words::default(),
+            |sample: Sample<'_>, _: &Words| {
+                all.push((sample.key.clone(), sample.time, sample.cell));
+                Ok(())
+            },
+            &calib_core::Silent,
+        )?;
         Ok(all)
     }
 

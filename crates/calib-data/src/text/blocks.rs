@@ -107,7 +107,9 @@ fn record_ends(bytes: &[u8], marks: Marks, every: usize) -> Vec<usize> {
             *next = end + every;
         }
     };
-    let (mut at, mut next, mut last) = (0, every, 0);
+    let mut at = 0;
+    let mut next = every;
+    let mut last = 0;
     if memchr::memchr(marks.quote, bytes).is_none() {
         while let Some(step) = memchr::memchr(b'\n', &bytes[next.min(bytes.len())..]) {
             let end = next + step + 1;

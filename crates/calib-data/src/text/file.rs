@@ -182,13 +182,15 @@ fn chosen(
     columns: &[TextColumn],
     data: &DataConfig,
 ) -> Result<Vec<(usize, String)>, DataError> {
-    let find = |(name, value): (&String, &String)| {
-        let column = columns.iter().position(|column| column.name == *name);
-        let names = columns.iter().map(|column| column.name.as_str());
-        let column = column.ok_or_else(|| DataError::where_column(path, name, names))?;
-        Ok((column, value.clone()))
-    };
-    data.only.iter().map(find).collect()
+    data.only
+        .iter()
+        .map(|(name, value): (&String, &String)| {
+            let column = columns.iter().position(|column| column.name == *name);
+            let names = columns.iter().map(|column| column.name.as_str());
+            let column = column.ok_or_else(|| DataError::where_column(path, name, names))?;
+            Ok((column, value.clone()))
+        })
+        .collect()
 }
 
 /// How much smaller numbers as text usually become.
@@ -216,7 +218,8 @@ pub(crate) fn is_value(cell: &str, value: &str) -> bool {
 
 /// A date and a time of day, which people also write as 18.00.00; nothing if one of them is missing.
 pub(crate) fn joined(date: &str, clock: &str) -> String {
-    let (date, clock) = (date.trim(), clock.trim());
+    let date = date.trim();
+    let clock = clock.trim();
     if date.is_empty() || clock.is_empty() {
         return String::new();
     }
@@ -257,22 +260,24 @@ pub(crate) struct Records<'a> {
 impl Records<'_> {
     /// Go to the next record; false if there is none.
     pub(crate) fn advance(&mut self) -> Result<bool, DataError> {
-        let (expected, got) = loop {
-            if !self.reader.advance() {
-                return Ok(false);
-            }
-            let (expected, got) = (self.file.columns().len(), self.reader.count());
-            let one_empty_more =
-                got == expected + 1 && self.reader.cell(expected).trim_ascii().is_empty();
-            if got != expected && !one_empty_more {
-                break (expected, got);
-            }
-            let counts =
-                |(column, value): &(usize, String)| is_value(self.text(*column).trim(), value);
-            if self.file.only.iter().all(counts) {
-                return Ok(true);
-            }
-        };
+        let (expected, got) =
+            loop {
+                if !self.reader.advance() {
+                    return Ok(false);
+                }
+                let expected = self.file.columns().len();
+                let got = self.reader.count();
+                let one_empty_more =
+                    got == expected + 1 && self.reader.cell(expected).trim_ascii().is_empty();
+                if got != expected && !one_empty_more {
+                    break (expected, got);
+                }
+                if self.file.only.iter().all(|(column, value): &(usize, String)| {
+                    is_value(self.text(*column).trim(), value)
+                }) {
+                    return Ok(true);
+                }
+            };
         let hint = if got > expected {
             "did two lines run into one, or is there a decimal comma outside of quotes?"
         } else {

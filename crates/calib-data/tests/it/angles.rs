@@ -57,7 +57,8 @@ fn rounded(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
 fn station() -> String {
     let mut text = String::from("Zeit;Windrichtung;Windgeschwindigkeit\r\n;°;m/s\r\n");
     for row in 0..ROWS {
-        let (day, hour) = (13 + row / 24, row % 24);
+        let day = 13 + row / 24;
+        let hour = row % 24;
         let wind = match row {
             10 => "-999".to_owned(),
             20 => "still".to_owned(),
@@ -149,12 +150,14 @@ fn entries_of_include_and_exclude_may_name_the_angle_or_one_of_its_two() {
 #[test]
 fn all_shapes_give_the_same_states() {
     let at = |row: u32| format!("2024-03-{:02} {:02}:00:00", 13 + row / 24, row % 24);
-    let (mut wide, mut long) =
-        (String::from("time,speed,wind\n"), String::from("time,tag,value\n"));
+    let mut wide = String::from("time,speed,wind\n");
+    let mut long = String::from("time,tag,value\n");
     let mut files = [String::from("time,value\n"), String::from("time,value\n")];
     let mut table = (Vec::new(), Vec::new(), Vec::new());
     for row in 0..ROWS {
-        let (time, speed, wind) = (at(row), speed(row), direction(row));
+        let time = at(row);
+        let speed = speed(row);
+        let wind = direction(row);
         writeln!(wide, "{time},{speed},{wind}").expect("memory");
         writeln!(long, "{time},speed,{speed}\n{time},wind,{wind}").expect("memory");
         writeln!(files[0], "{time},{speed}").expect("memory");

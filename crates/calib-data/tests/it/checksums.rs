@@ -54,7 +54,8 @@ fn damage_is_never_read_as_other_values() {
         let path = directory.path().join(name);
         fs::write(&path, &whole).expect("written");
         let expected = bits(&read_parquet(&path).expect("whole"));
-        let (mut refused, mut silent) = (0, Vec::new());
+        let mut refused = 0;
+        let mut silent = Vec::new();
         for place in pages(&whole) {
             let mut other = whole.clone();
             other[place] ^= 1 << (place % 8);

@@ -48,8 +48,11 @@ fn air_quality() -> String {
         let value = |value: f64| {
             if row % 50 == 7 { "-200".to_owned() } else { format!("{value:.1}").replace('.', ",") }
         };
-        let (co, sensor) = (wave(row, 4.0, 0.1, 11.9), wave(row, 5.0, 647.0, 2_040.0));
-        let (co, sensor, t) = (value(co), value(sensor), value(wave(row, 9.0, -1.9, 44.6)));
+        let co = wave(row, 4.0, 0.1, 11.9);
+        let sensor = wave(row, 5.0, 647.0, 2_040.0);
+        let co = value(co);
+        let sensor = value(sensor);
+        let t = value(wave(row, 9.0, -1.9, 44.6));
         write!(text, "{day:02}/03/2004;{hour:02}.00.00;{co};{sensor};{t};;\r\n").expect("memory");
     }
     text + ";;;;;;\r\n;;;;;;\r\n"
@@ -131,7 +134,8 @@ fn damaged(folder: &Folder, rows: u32) {
             if row == 60 {
                 text.push_str("\0\0\0\0\0\0\0\0;1,0;2,0\nDatum Uhrzeit;T1;T2\n");
             }
-            let (hour, minute) = (row / 60, row % 60);
+            let hour = row / 60;
+            let minute = row % 60;
             let values =
                 format!("{:.2};{:.2}", wave(row, 9.0, 10.0, 60.0), wave(row, 7.0, 0.0, 9.0));
             let values = values.replace('.', ",");
@@ -330,7 +334,8 @@ fn names_of_rows_are_left_out() {
     let folder = Folder::new();
     let mut text = String::from("\"date\",\"Temperature\",\"CO2\"\n");
     for row in 0..ROWS {
-        let (t, co2) = (wave(row, 9.0, 19.0, 24.4), wave(row, 5.0, 412.0, 1_402.0));
+        let t = wave(row, 9.0, 19.0, 24.4);
+        let co2 = wave(row, 5.0, 412.0, 1_402.0);
         let (day, hour) = day_and_hour(row);
         writeln!(text, "\"{}\",\"2015-02-{day:02} {hour:02}:00:00\",{t:.2},{co2:.1}", row + 140)
             .expect("memory");
@@ -393,7 +398,8 @@ fn times_in_parts_are_joined() {
 fn without_seconds() -> String {
     let mut text = String::from("date,flow,level\n");
     for row in 1..ROWS {
-        let (hour, minute) = (row / 180, row / 3 % 60);
+        let hour = row / 180;
+        let minute = row / 3 % 60;
         writeln!(
             text,
             "2017-03-10 {hour:02}:{minute:02},{:.3},{:.3}",

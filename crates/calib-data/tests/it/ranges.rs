@@ -133,7 +133,8 @@ fn results_do_not_depend_on_the_number_of_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| folder.load())
     };
-    let (one, three) = (with(1), with(3));
+    let one = with(1);
+    let three = with(3);
     assert_eq!(one.fingerprint, three.fingerprint);
     assert_eq!(one.profile, three.profile);
 }

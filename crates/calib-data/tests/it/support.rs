@@ -63,8 +63,7 @@ pub(crate) fn refused(data: &DataConfig, preprocess: &PreprocessConfig) -> DataE
 }
 
 pub(crate) fn seconds(seconds: impl IntoIterator<Item = i64>) -> Vec<Timestamp> {
-    let micros = |second: i64| Timestamp::from_micros(second * 1_000_000);
-    seconds.into_iter().map(micros).collect()
+    seconds.into_iter().map(|second: i64| Timestamp::from_micros(second * 1_000_000)).collect()
 }
 
 /// A log with a row a second from second `start` on.

@@ -175,7 +175,8 @@ pub(crate) unsafe fn local<L: Lanes, K: LocalKernel>(input: &mut LocalInput<'_>)
     let rows = input.out.len();
     // SAFETY: the instruction set is the caller's promise; everything else is checked.
     unsafe {
-        let (first, rest) = (input.reference[0], &input.reference[1..]);
+        let first = input.reference[0];
+        let rest = &input.reference[1..];
         let y = L::load_unaligned(first);
         for (x, out) in input.query[..rows].iter().zip(&mut *input.out) {
             let sum = K::term::<L>(L::sub(L::load(x), y));
@@ -198,7 +199,8 @@ pub(crate) unsafe fn local<L: Lanes, K: LocalKernel>(input: &mut LocalInput<'_>)
 /// The instruction set of `L` must be present.
 #[inline(always)]
 unsafe fn fill_halo<L: Lanes>(input: &mut ColumnInput<'_>) {
-    let (halo, height) = (input.halo, input.height);
+    let halo = input.halo;
+    let height = input.height;
     if let [current, previous, ..] = input.cumulated.as_mut_slice() {
         for back in 1..=halo {
             // SAFETY: passed on from the caller.
@@ -218,7 +220,8 @@ unsafe fn fill_halo<L: Lanes>(input: &mut ColumnInput<'_>) {
 unsafe fn masked<L: Lanes>(mask: &Mask<'_>, row: usize, value: L::V) -> L::V {
     // SAFETY: passed on from the caller.
     unsafe {
-        let (low, high) = (L::load(&mask.low[row]), L::load(&mask.high[row]));
+        let low = L::load(&mask.low[row]);
+        let high = L::load(&mask.high[row]);
         L::min(L::inside(L::load(mask.at), low, high, value), L::load(&mask.seed[row]))
     }
 }

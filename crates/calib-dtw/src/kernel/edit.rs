@@ -38,12 +38,15 @@ fn least(a: f64, b: f64) -> f64 {
 #[inline(always)]
 fn distance(input: &EditInput) -> f64 {
     let (n, m) = input.lengths;
-    let (mut now, mut one, mut two) = (Diagonal::new(n), Diagonal::new(n), Diagonal::new(n));
+    let mut now = Diagonal::new(n);
+    let mut one = Diagonal::new(n);
+    let mut two = Diagonal::new(n);
     // Diagonal 0 is the cell (0, 0); diagonal 1 has only cells without a path.
     two.cumulated[0] = 0.0;
     for k in 2..=n + m {
         // Cells with 1 ≤ i ≤ n and 1 ≤ j = k − i ≤ m.
-        let (first, last) = (k.saturating_sub(m).max(1), (k - 1).min(n));
+        let first = k.saturating_sub(m).max(1);
+        let last = (k - 1).min(n);
         let cells = first..last + 1;
         // Reference sample j lies at m − j = i − (k − m) of the reversed series.
         let reversed = m + first - k..m + last + 1 - k;

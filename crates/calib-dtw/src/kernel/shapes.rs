@@ -19,7 +19,9 @@ const fn extent(geometry: Geometry) -> (usize, usize, usize) {
     const fn larger(a: usize, b: usize) -> usize {
         if a > b { a } else { b }
     }
-    let (mut halo, mut reach, mut columns) = (0, 0, 1);
+    let mut halo = 0;
+    let mut reach = 0;
+    let mut columns = 1;
     let mut branch = 0;
     while branch < geometry.len() {
         let (origin, cells) = geometry[branch];

@@ -123,7 +123,8 @@ impl<'a> Sweep<'a> {
             Purpose::Path => PATH_HEIGHT,
             Purpose::Bounded => DISTANCE_HEIGHT.min(query.len() / (LANES * LOOKS)),
         };
-        let (n, m) = (query.len(), reference.len());
+        let n = query.len();
+        let m = reference.len();
         let height = height_for(n, m, settings.window, halo, most);
         let lanes = patterns.iter().map(|pattern| {
             let halo = pattern.reach().0;

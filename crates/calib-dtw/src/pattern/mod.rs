@@ -165,7 +165,8 @@ impl StepPattern {
         branches: impl Into<Vec<Branch>>,
         normalisation: Normalisation,
     ) -> Result<Self, PatternError> {
-        let (name, branches) = (name.into(), branches.into());
+        let name = name.into();
+        let branches = branches.into();
         if branches.is_empty() {
             return Err(PatternError::NoBranches { name });
         }

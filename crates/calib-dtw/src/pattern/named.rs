@@ -8,8 +8,12 @@ fn named(name: &str, branches: &[Steps], normalisation: Normalisation) -> StepPa
     let branches = branches
         .iter()
         .map(|steps| {
-            let step = |&(query, reference, weight)| Step::new(query, reference, weight);
-            Branch::new(steps.iter().map(step).collect::<Vec<_>>())
+            Branch::new(
+                steps
+                    .iter()
+                    .map(|&(query, reference, weight)| Step::new(query, reference, weight))
+                    .collect::<Vec<_>>(),
+            )
         })
         .collect();
     StepPattern { name: name.to_owned(), branches, normalisation }

@@ -124,29 +124,32 @@ impl StepPattern {
         weighting: SlopeWeighting,
         smoothing: Smoothing,
     ) -> Self {
-        let branch = |steps: &&[(usize, usize)]| {
-            let weights: Vec<f64> = steps
-                .iter()
-                .map(|&(query, reference)| weighting.weight(query, reference) as f64)
-                .collect();
-            let mean = weights.iter().sum::<f64>() / weights.len() as f64;
-            let steps = steps.iter().zip(weights);
-            Branch::new(
-                steps
-                    .map(|(&(query, reference), weight)| match smoothing {
-                        Smoothing::Plain => Step::new(query, reference, weight),
-                        Smoothing::Smoothed => Step::new(query, reference, mean),
-                    })
-                    .collect::<Vec<_>>(),
-            )
-        };
         let suffix = match smoothing {
             Smoothing::Plain => "",
             Smoothing::Smoothed => ":smoothed",
         };
         Self {
             name: format!("rabinerJuang:{}{}{suffix}", kind.number(), weighting.letter()),
-            branches: kind.branches().iter().map(branch).collect(),
+            branches: kind
+                .branches()
+                .iter()
+                .map(|steps: &&[(usize, usize)]| {
+                    let weights: Vec<f64> = steps
+                        .iter()
+                        .map(|&(query, reference)| weighting.weight(query, reference) as f64)
+                        .collect();
+                    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
+                    let steps = steps.iter().zip(weights);
+                    Branch::new(
+                        steps
+                            .map(|(&(query, reference), weight)| match smoothing {
+                                Smoothing::Plain => Step::new(query, reference, weight),
+                                Smoothing::Smoothed => Step::new(query, reference, mean),
+                            })
+                            .collect::<Vec<_>>(),
+                    )
+                })
+                .collect(),
             normalisation: weighting.normalisation(),
         }
     }

@@ -12,7 +12,8 @@ fn walk(
     best: &mut f64,
 ) {
     let (query, reference) = pair;
-    let (n, m) = (query.len(), reference.len());
+    let n = query.len();
+    let m = reference.len();
     let settings = dtw.settings();
     let at_end = i == n as isize - 1 && (j == m - 1 || settings.ends.open_end());
     if at_end {
@@ -33,7 +34,8 @@ fn walk(
         for step in branch.steps() {
             at = (at.0 + step.query as isize, at.1 + step.reference);
             if let Ok(row) = usize::try_from(at.0) {
-                let (x, y) = (query.sample(row), reference.sample(at.1));
+                let x = query.sample(row);
+                let y = reference.sample(at.1);
                 cost += step.weight * settings.local_distance.between(x, y);
             }
         }
@@ -43,7 +45,8 @@ fn walk(
 
 fn least(dtw: &Dtw, query: Series<'_>, reference: Series<'_>) -> Option<f64> {
     let mut best = f64::INFINITY;
-    let (n, m) = (query.len(), reference.len());
+    let n = query.len();
+    let m = reference.len();
     if dtw.settings().ends.open_begin() {
         for column in 0..m {
             walk(dtw, (query, reference), (-1, column), 0.0, &mut best);
@@ -71,7 +74,8 @@ fn distances_are_the_least_over_all_paths() {
         {
             let query = oracle::series(seed as u64, n);
             let reference = oracle::series(seed as u64 + 100, m);
-            let (query, reference) = (Series::new(&query), Series::new(&reference));
+            let query = Series::new(&query);
+            let reference = Series::new(&reference);
             for window in windows {
                 for ends in [Ends::Closed, Ends::OpenEnd, Ends::OpenBegin, Ends::OpenBoth] {
                     let settings = Settings { window, ends, ..Settings::default() };

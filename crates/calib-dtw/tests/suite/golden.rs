@@ -17,7 +17,8 @@ fn distances_agree_with_the_reference_package() {
     let golden: Value = serde_json::from_str(include_str!("../golden/distances.json")).unwrap();
     let mut compared = 0;
     for case in golden["cases"].as_array().unwrap() {
-        let (query, reference) = (numbers(&case["query"]), numbers(&case["reference"]));
+        let query = numbers(&case["query"]);
+        let reference = numbers(&case["reference"]);
         for result in case["results"].as_array().unwrap() {
             let text = |n: usize| result[n].as_str().unwrap();
             let settings = Settings {
@@ -53,9 +54,11 @@ fn distances_agree_with_the_reference_package() {
 #[test]
 fn paths_agree_with_the_reference_package() {
     let golden: Value = serde_json::from_str(include_str!("../golden/paths.json")).unwrap();
-    let (mut paths, mut impossible) = (0, 0);
+    let mut paths = 0;
+    let mut impossible = 0;
     for case in golden["cases"].as_array().unwrap() {
-        let (query, reference) = (numbers(&case["query"]), numbers(&case["reference"]));
+        let query = numbers(&case["query"]);
+        let reference = numbers(&case["reference"]);
         for result in case["results"].as_array().unwrap() {
             let text = |n: usize| result[n].as_str().unwrap();
             let settings = Settings {

@@ -34,7 +34,8 @@ pub(crate) fn cumulated(
     query: Series<'_>,
     reference: Series<'_>,
 ) -> Vec<Vec<f64>> {
-    let (n, m) = (query.len(), reference.len());
+    let n = query.len();
+    let m = reference.len();
     let local = |i: isize, j: isize| match usize::try_from(i) {
         Ok(i) => settings.local_distance.between(query.sample(i), reference.sample(j as usize)),
         Err(_) => 0.0,
@@ -49,7 +50,8 @@ pub(crate) fn cumulated(
                 g[0][0] = local(0, 0);
                 continue;
             }
-            let (row, column) = (i as isize, j as isize);
+            let row = i as isize;
+            let column = j as isize;
             for branch in pattern.branches() {
                 let (a, b) = branch.origin();
                 let origin = match (i.checked_sub(a), j.checked_sub(b)) {
@@ -76,7 +78,8 @@ pub(crate) fn cumulated(
 /// The distance by [`cumulated`]; `None` if there is no path.
 pub(crate) fn distance(dtw: &Dtw, query: Series<'_>, reference: Series<'_>) -> Option<Distance> {
     let g = cumulated(dtw.pattern(), dtw.settings(), query, reference);
-    let (n, m) = (query.len(), reference.len());
+    let n = query.len();
+    let m = reference.len();
     let first = if dtw.settings().ends.open_end() { 0 } else { m - 1 };
     let mut best: Option<(f64, Distance)> = None;
     for (end, &raw) in g[n - 1].iter().enumerate().skip(first) {

@@ -80,7 +80,8 @@ fn pairs_in_parallel_give_what_one_thread_gives() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| (set.distances_of_pairs(&pairs), dtw.distances(&pairs)))
     };
-    let (one, four) = (with_threads(1), with_threads(4));
+    let one = with_threads(1);
+    let four = with_threads(4);
     assert_eq!(one, four);
     for (&(x, y), (both, alone)) in pairs.iter().zip(one.0.iter().zip(&one.1)) {
         assert_eq!(both.as_ref().unwrap()[1].as_ref().ok(), alone.as_ref().ok());

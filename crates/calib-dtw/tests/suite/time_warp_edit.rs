@@ -11,7 +11,8 @@ fn by_definition(x: Series<'_>, y: Series<'_>, stiffness: f64, deletion: f64) ->
     };
     let apart =
         |a: Vec<f64>, b: Vec<f64>| -> f64 { a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum() };
-    let (n, m) = (x.len(), y.len());
+    let n = x.len();
+    let m = y.len();
     let mut g = vec![vec![f64::INFINITY; m + 1]; n + 1];
     g[0][0] = 0.0;
     for i in 1..=n {

@@ -82,8 +82,10 @@ fn assert_path(
 
 #[test]
 fn every_pattern_agrees_over_several_strips() {
-    let (query, reference) = (oracle::series(7, 150), oracle::series(8, 131));
-    let (query, reference) = (Series::new(&query), Series::new(&reference));
+    let query = oracle::series(7, 150);
+    let reference = oracle::series(8, 131);
+    let query = Series::new(&query);
+    let reference = Series::new(&reference);
     for pattern in StepPattern::all().chain(oracle::unusual_patterns()) {
         for window in [
             Window::None,
@@ -99,8 +101,10 @@ fn every_pattern_agrees_over_several_strips() {
 
 #[test]
 fn every_ends_agree_over_several_strips() {
-    let (query, reference) = (oracle::series(9, 140), oracle::series(10, 333));
-    let (query, reference) = (Series::new(&query), Series::new(&reference));
+    let query = oracle::series(9, 140);
+    let reference = oracle::series(10, 333);
+    let query = Series::new(&query);
+    let reference = Series::new(&reference);
     for pattern in StepPattern::all().chain(oracle::unusual_patterns()) {
         for ends in [Ends::OpenEnd, Ends::OpenBegin, Ends::OpenBoth] {
             if ends.open_begin() && pattern.normalisation() != Normalisation::Query {
@@ -116,7 +120,8 @@ fn every_ends_agree_over_several_strips() {
 
 #[test]
 fn long_pairs_agree_with_paths_over_many_groups_of_strips() {
-    let (query, reference) = (oracle::series(11, 1500), oracle::series(12, 1200));
+    let query = oracle::series(11, 1500);
+    let reference = oracle::series(12, 1200);
     for name in ["symmetric2", "asymmetric", "symmetricP1", "rabinerJuang:6c", "rabinerJuang:7d"] {
         let pattern: StepPattern = name.parse().expect(name);
         for window in [Window::None, Window::Slanted { radius: 40 }] {
@@ -128,7 +133,8 @@ fn long_pairs_agree_with_paths_over_many_groups_of_strips() {
 
 #[test]
 fn flat_and_steep_paths_agree_where_a_strip_is_swept_more_than_once() {
-    let (short, long) = (oracle::series(15, 150), oracle::series(16, 4000));
+    let short = oracle::series(15, 150);
+    let long = oracle::series(16, 4000);
     for name in ["symmetric2", "asymmetricP0", "rabinerJuang:1d"] {
         let pattern: StepPattern = name.parse().expect(name);
         let settings = Settings::default();
@@ -139,7 +145,8 @@ fn flat_and_steep_paths_agree_where_a_strip_is_swept_more_than_once() {
 
 #[test]
 fn channels_agree_for_every_local_distance() {
-    let (query, reference) = (oracle::series(13, 3 * 90), oracle::series(14, 3 * 70));
+    let query = oracle::series(13, 3 * 90);
+    let reference = oracle::series(14, 3 * 70);
     let query = Series::with_channels(&query, 3).expect("whole samples");
     let reference = Series::with_channels(&reference, 3).expect("whole samples");
     for local_distance in

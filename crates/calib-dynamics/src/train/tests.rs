@@ -39,7 +39,8 @@ fn a_linear_map_is_learnt() {
     }
     let record = trainer.record().clone();
     assert_eq!(record.updates, 360);
-    let (first, last) = (record.epochs[0].validation, record.epochs[59].validation);
+    let first = record.epochs[0].validation;
+    let last = record.epochs[59].validation;
     assert!(last < 1e-3 && last < first / 100.0, "{first} {last}");
     let model = trainer.model();
     assert_eq!(
@@ -104,7 +105,8 @@ fn put_aside_and_resumed_is_the_same_to_the_bit() {
         calib_files::write_tensors(&path, &trainer.checkpoint().expect("native")).expect("written");
         checkpoint = Some(calib_files::read_tensors(&path).expect("readable"));
     }
-    let (resumed, mut whole) = (checkpoint.expect("five epochs"), trained(5, 2));
+    let resumed = checkpoint.expect("five epochs");
+    let mut whole = trained(5, 2);
     whole.tensors.sort_by(|a, b| a.name.cmp(&b.name));
     assert_eq!(resumed, whole);
     let other = DynamicsConfig { hidden_units: 25, ..config };

@@ -16,7 +16,8 @@ pub(crate) fn plant(rows: usize, columns: usize) -> States {
     const FACTORS: usize = 10;
     let mut rng = Seed::new(3).rng();
     let mut normals = |count: usize| -> Vec<f64> { (0..count).map(|_| rng.normal()).collect() };
-    let (loadings, shifts) = (normals(FACTORS * columns), normals(3 * columns));
+    let loadings = normals(FACTORS * columns);
+    let shifts = normals(3 * columns);
     let mut factors = normals(FACTORS);
     let step = |factors: &mut [f64], row: usize, rng: &mut Rng| {
         for (number, factor) in factors.iter_mut().enumerate().skip(1) {

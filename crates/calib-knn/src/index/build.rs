@@ -145,7 +145,8 @@ mod tests {
     fn a_tree_is_not_chosen_where_the_nearest_states_are_forbidden() {
         // A slow walk: the nearest states are those just before and after.
         let mut rng = Seed::new(1).rng();
-        let (mut value, rows) = (0.0, 4000);
+        let mut value = 0.0;
+        let rows = 4000;
         let walk = (0..rows).map(|_| {
             value += rng.normal();
             value as f32
@@ -163,7 +164,8 @@ mod tests {
     #[test]
     fn a_scan_gets_the_different_states() {
         // Nothing can be ruled out but that half of the rows are one standstill.
-        let (rows, columns) = (2000, 64);
+        let rows = 2000;
+        let columns = 64;
         let mut rng = Seed::new(2).rng();
         let mut values: Vec<f32> = (0..rows * columns).map(|_| rng.normal() as f32).collect();
         values[..rows / 2 * columns].fill(0.5);

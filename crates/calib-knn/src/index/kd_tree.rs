@@ -68,7 +68,8 @@ impl<'a> KdTree<'a> {
         let state = queries.states().row(queries.row(query));
         let forbidden = queries.forbidden(query);
         let mut lists = MemberLists::new(findable.members(), k);
-        let (mut asked, mut given) = (k + 1, 0);
+        let mut asked = k + 1;
+        let mut given = 0;
         loop {
             lists.reset(queries.wanted(query));
             let found = self.tree.nearest(state, asked);
@@ -108,8 +109,10 @@ impl NeighborIndex for KdTree<'_> {
     ) -> Result<(), KnnError> {
         let k = found.k();
         in_blocks(order, QUERIES, found, monitor, |order| {
-            let list = |&query: &u32| self.fill(queries, query as usize, k, usize::MAX).0;
-            let lists = order.iter().map(list).collect();
+            let lists = order
+                .iter()
+                .map(|&query: &u32| self.fill(queries, query as usize, k, usize::MAX).0)
+                .collect();
             monitor.advance(order.len() as u64);
             lists
         })

@@ -44,7 +44,8 @@ pub(crate) fn covariance(sample: &[&[f32]], columns: usize) -> (Vec<f64>, Vec<f6
                     *centred = f64::from(value) - mean;
                 }
                 for (row, part) in (first..).zip(part.chunks_exact_mut(columns)) {
-                    let (a, part) = (centred[row], &mut part[row..]);
+                    let a = centred[row];
+                    let part = &mut part[row..];
                     for (sum, &b) in part.iter_mut().zip(&centred[row..]) {
                         *sum += a * b;
                     }
@@ -180,7 +181,8 @@ mod tests {
 
     #[test]
     fn covariance_of_many_states_is_the_sum_of_products() {
-        let (rows, columns) = (2500, 2 * BAND + 5);
+        let rows = 2500;
+        let columns = 2 * BAND + 5;
         let mut rng = Seed::new(3).rng();
         let values: Vec<f32> = (0..rows * columns).map(|_| rng.normal() as f32).collect();
         let sample: Vec<&[f32]> = values.chunks(columns).collect();

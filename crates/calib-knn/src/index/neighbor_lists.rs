@@ -29,7 +29,8 @@ impl NeighborLists {
     /// Nothing yet, for `queries` queries.
     pub fn new(queries: usize, members: usize, k: usize) -> Self {
         let cells = queries * members * k;
-        let (neighbors, distances) = (vec![u32::MAX; cells], vec![f32::INFINITY; cells]);
+        let neighbors = vec![u32::MAX; cells];
+        let distances = vec![f32::INFINITY; cells];
         Self { members, k, neighbors, distances }
     }
 
@@ -92,17 +93,20 @@ impl NeighborLists {
 
     /// Put other squared distances in place of those that were searched by, and each list in their order, ties by row.
     pub(crate) fn measure_again(&mut self, squared: impl Fn(usize, u32) -> f64 + Sync) {
-        let (stride, k) = (self.stride(), self.k.max(1));
+        let stride = self.stride();
+        let k = self.k.max(1);
         let queries =
             self.neighbors.par_chunks_mut(stride).zip(self.distances.par_chunks_mut(stride));
         queries.enumerate().for_each(|(place, (neighbors, distances))| {
             let lists = neighbors.chunks_exact_mut(k).zip(distances.chunks_exact_mut(k));
             for (neighbors, distances) in lists {
-                let measured = |&source: &u32| match source {
-                    u32::MAX => (f64::INFINITY, source),
-                    _ => (squared(place, source), source),
-                };
-                let mut list: Vec<(f64, u32)> = neighbors.iter().map(measured).collect();
+                let mut list: Vec<(f64, u32)> = neighbors
+                    .iter()
+                    .map(|&source: &u32| match source {
+                        u32::MAX => (f64::INFINITY, source),
+                        _ => (squared(place, source), source),
+                    })
+                    .collect();
                 list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                 for ((neighbor, distance), (squared, source)) in
                     neighbors.iter_mut().zip(distances).zip(list)
@@ -124,8 +128,10 @@ impl NeighborLists {
         &mut self,
         lengths: impl Iterator<Item = usize>,
     ) -> impl IndexedParallelIterator<Item = Piece<'_>> {
-        let (stride, k) = (self.stride(), self.k);
-        let (mut neighbors, mut distances) = (&mut self.neighbors[..], &mut self.distances[..]);
+        let stride = self.stride();
+        let k = self.k;
+        let mut neighbors = &mut self.neighbors[..];
+        let mut distances = &mut self.distances[..];
         let mut pieces = Vec::new();
         for length in lengths {
             let (here, rest) = neighbors.split_at_mut(length * stride);

@@ -80,7 +80,9 @@ impl<'a> Pending<'a> {
         lists.clear();
         let forbidden = queries.forbidden(query);
         let met = Vec::with_capacity(4 * k);
-        let (threshold, most, looked) = (-1.0, MOST_MET, 0);
+        let threshold = -1.0;
+        let most = MOST_MET;
+        let looked = 0;
         let mut this =
             Self { state, forbidden, findable, lists, cap, threshold, met, most, looked };
         this.narrow(pool.margin);
@@ -155,9 +157,11 @@ impl<'a> Pending<'a> {
             self.judge(pool, &mut lists);
             let mut listed: Vec<u32> = lists.all().map(|transition| transition.0).collect();
             listed.sort_unstable();
-            let is_listed = |transition: &u32| listed.binary_search(transition).is_ok();
             self.met.retain(|&(_, group)| {
-                pool.groups.transitions(group as usize).iter().any(is_listed)
+                pool.groups
+                    .transitions(group as usize)
+                    .iter()
+                    .any(|transition: &u32| listed.binary_search(transition).is_ok())
             });
         }
         self.most = MOST_MET.max(2 * self.met.len());
@@ -188,7 +192,8 @@ impl<'a> Pending<'a> {
 /// Squared distance of two states as an f32 sum.
 #[inline(always)]
 fn state_distance<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> f32 {
-    let ((a, a_tail), (b, b_tail)) = (S::as_simd_f32s(a), S::as_simd_f32s(b));
+    let (a, a_tail) = S::as_simd_f32s(a);
+    let (b, b_tail) = S::as_simd_f32s(b);
     let mut sums = [simd.splat_f32s(0.0); 4];
     let (a4, a_rest) = a.as_chunks::<4>();
     let (b4, b_rest) = b.as_chunks::<4>();
@@ -202,7 +207,8 @@ fn state_distance<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> f32 {
         let difference = simd.sub_f32s(a, b);
         sums[0] = simd.mul_add_e_f32s(difference, difference, sums[0]);
     }
-    let (a, b) = (simd.partial_load_f32s(a_tail), simd.partial_load_f32s(b_tail));
+    let a = simd.partial_load_f32s(a_tail);
+    let b = simd.partial_load_f32s(b_tail);
     let difference = simd.sub_f32s(a, b);
     sums[1] = simd.mul_add_e_f32s(difference, difference, sums[1]);
     let sum = simd.add_f32s(simd.add_f32s(sums[0], sums[1]), simd.add_f32s(sums[2], sums[3]));

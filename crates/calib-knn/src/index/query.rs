@@ -295,7 +295,8 @@ impl<'a> Queries<'a> {
         query: usize,
         count: usize,
     ) -> impl Iterator<Item = u32> + use<'a> {
-        let (count, candidates) = (count as u32, self.sources.candidates);
+        let count = count as u32;
+        let candidates = self.sources.candidates;
         let forbidden = self.forbidden(query);
         let around = match self.own_transition(query) {
             Some(_) if !forbidden.is_empty() => forbidden.clone(),
@@ -303,7 +304,8 @@ impl<'a> Queries<'a> {
             None => 0..0,
         };
         let (before, after) = if self.own_transition(query).is_some() {
-            let (start, end) = (candidates.before(around.start), candidates.before(around.end));
+            let start = candidates.before(around.start);
+            let end = candidates.before(around.end);
             let last = self.sources.candidates_len() as u32;
             (start.saturating_sub(count)..start, end..last.min(end + count))
         } else {

@@ -35,7 +35,8 @@ pub(super) fn closed(
     place: &ScratchPlace,
     monitor: &dyn Monitor,
 ) -> Result<Classes, KnnError> {
-    let (traps, others) = (Bits::new(graph.len()), Bits::new(graph.len()));
+    let traps = Bits::new(graph.len());
+    let others = Bits::new(graph.len());
     let mut listing = Listing { graph, enough, sizes: Vec::new(), traps, others };
     let mut settled = anchor.reaching.clone();
     let nodes = graph.all().without(&settled);

@@ -56,7 +56,8 @@ impl<'a> Effective<'a> {
         exits: &'a Exits,
     ) -> Self {
         let lost = again.lost(left_out.iter());
-        let (left_out, lists) = (again.of_member(left_out), Lists::default());
+        let left_out = again.of_member(left_out);
+        let lists = Lists::default();
         Self { graph, again, rule, enough, left_out, exits, lists, lost }
     }
 
@@ -89,10 +90,12 @@ impl<'a> Effective<'a> {
         let Some(states) = again.measured() else {
             return Ok(nearest.into_iter().map(|(to, distance)| (distance, to)).collect());
         };
-        let measured = |(to, _): (u32, f32)| {
-            (squared(states.row(row.get()), states.row(again.source(to).get())), to)
-        };
-        let mut list: Vec<(f64, u32)> = nearest.into_iter().map(measured).collect();
+        let mut list: Vec<(f64, u32)> = nearest
+            .into_iter()
+            .map(|(to, _): (u32, f32)| {
+                (squared(states.row(row.get()), states.row(again.source(to).get())), to)
+            })
+            .collect();
         list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         Ok(list.into_iter().map(|(squared, to)| (stored(squared), to)).collect())
     }

@@ -63,8 +63,10 @@ impl Leading<'_> {
     /// Which of these rows is nearest to anything that is not left out, and how far that is.
     fn nearest(&self, nodes: &[u32], left_out: Bits) -> Result<Option<(f32, u32)>, Halt> {
         let rows: Vec<RowIndex> = nodes.iter().map(|&node| self.again.next(node)).collect();
-        let (left_out, mut best) = (self.again.of_member(left_out), None);
-        let (exclusion, searched) = (self.again.exclusion, Distances::Searched);
+        let left_out = self.again.of_member(left_out);
+        let mut best = None;
+        let exclusion = self.again.exclusion;
+        let searched = Distances::Searched;
         self.again.nearest(&rows, 1, exclusion, &left_out, searched, |row, _, distances| {
             best = nearer(best, distances.first().map(|&distance| (distance, nodes[row])));
         })?;
@@ -74,7 +76,9 @@ impl Leading<'_> {
     /// Search for the neighbours of an exit.
     fn search(&mut self, node: u32) -> Result<(), Halt> {
         let left_out = self.again.of_member(left_out_of(node, self.left_out, &self.exits));
-        let (row, k, exclusion) = ([self.again.next(node)], self.graph.k(), self.again.exclusion);
+        let row = [self.again.next(node)];
+        let k = self.graph.k();
+        let exclusion = self.again.exclusion;
         let mut found = (Vec::new(), Vec::new());
         self.again.nearest(&row, k, exclusion, &left_out, Distances::Stored, |_, to, far| {
             found = (to.to_vec(), far.to_vec());

@@ -54,13 +54,18 @@ impl<'a> Graph<'a> {
         let doubtful = if weights == Weights::Uniform {
             Bits::default()
         } else {
-            let word = |chunk: &[f32]| {
-                let rows = chunk.chunks_exact(k).enumerate();
-                rows.fold(0_u64, |word, (bit, row)| {
-                    word | u64::from(!weights.draws_all(row)) << bit
-                })
-            };
-            Bits::from_words(distances.par_chunks(WORD * k).map(word).collect(), rows)
+            Bits::from_words(
+                distances
+                    .par_chunks(WORD * k)
+                    .map(|chunk: &[f32]| {
+                        let rows = chunk.chunks_exact(k).enumerate();
+                        rows.fold(0_u64, |word, (bit, row)| {
+                            word | u64::from(!weights.draws_all(row)) << bit
+                        })
+                    })
+                    .collect(),
+                rows,
+            )
         };
         Self { neighbors, distances, k, dropped, weights, doubtful }
     }
@@ -134,7 +139,8 @@ impl<'a> Graph<'a> {
     ) -> Result<bool, KnnError> {
         monitor.check()?;
         let mut edges = Vec::with_capacity(self.k);
-        let (words, mut found) = (known.words().len(), false);
+        let words = known.words().len();
+        let mut found = false;
         for position in 0..words {
             let word = direction.of(position, words);
             if known.words()[word] == !0 {
@@ -163,7 +169,8 @@ impl<'a> Graph<'a> {
 
     /// Every transition that can be reached from `node`, itself included.
     pub(crate) fn reached(&self, node: u32, monitor: &dyn Monitor) -> Result<Bits, KnnError> {
-        let (mut known, mut followed) = (Bits::of(self.len(), [node]), Bits::new(self.len()));
+        let mut known = Bits::of(self.len(), [node]);
+        let mut followed = Bits::new(self.len());
         let mut edges = Vec::with_capacity(self.k);
         // Forwards, as most edges lead, then once more for each time that a walk must go back.
         for _ in 0..SWEEPS {

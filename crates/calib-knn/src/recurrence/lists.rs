@@ -84,7 +84,8 @@ impl Lists {
                 keys.push(key);
             }
         }
-        let (searched, exclusion) = (Distances::Searched, again.exclusion);
+        let searched = Distances::Searched;
+        let exclusion = again.exclusion;
         again.nearest(&keys, depth, exclusion, left_out, searched, |row, to, distances| {
             let nearest: Vec<_> = to.iter().copied().zip(distances.iter().copied()).collect();
             self.kept += nearest.len();

@@ -89,7 +89,8 @@ impl<'a> Member<'a> {
     /// What is known of a table that stays as it was found.
     pub(super) fn as_found(&self, survey: &Survey) -> Recurrent {
         let classes = ClosedClasses::of(&survey.classes, self.enough);
-        let (before, after) = (classes.clone(), classes);
+        let before = classes.clone();
+        let after = classes;
         let candidates = self.candidates;
         let recurrence = Recurrence { candidates, before, after, ..Recurrence::default() };
         let ends = Ends(survey.classes.ends.clone());
@@ -97,7 +98,8 @@ impl<'a> Member<'a> {
     }
 
     fn copy(&self, table: &Filling) -> Result<Filling, KnnError> {
-        let (len, place) = (table.0.len(), self.search.place);
+        let len = table.0.len();
+        let place = self.search.place;
         let mut copy = (Scratch::zeroed(len, place)?, Scratch::zeroed(len, place)?);
         copy.0.copy_from_slice(&table.0);
         copy.1.copy_from_slice(&table.1);
@@ -106,7 +108,8 @@ impl<'a> Member<'a> {
 
     fn without_traps(&self, table: &mut Filling, survey: &Survey) -> Result<Recurrent, Halt> {
         let mut anchor = survey.anchor.clone();
-        let (mut left_out, mut exits) = (Bits::new(table.0.len() / self.search.k), Exits::new());
+        let mut left_out = Bits::new(table.0.len() / self.search.k);
+        let mut exits = Exits::new();
         for _ in 0..ROUNDS {
             // Where hardly anything returns, one trap opens the next one for ever.
             let all = if anchor.component * LOOP < self.candidates {
@@ -190,12 +193,15 @@ impl<'a> Member<'a> {
         let graph = self.graph(table);
         let (nodes, mut settled) = self.unsettled(&graph, left_out, anchor);
         let [most, least] = EXITS;
-        let (again, enough, k) = (self.again, self.enough, self.search.k);
+        let again = self.again;
+        let enough = self.enough;
+        let k = self.search.k;
         let most = (self.candidates / (RAMP * k)).clamp(least, most);
         let rows = HashMap::new();
         let mut leading = Leading { graph: &graph, again, enough, left_out, exits, rows, most };
         settle(&nodes, &mut settled, &mut leading, self.search.place, self.search.monitor)?;
-        let (exits, rows) = (leading.exits, leading.rows);
+        let exits = leading.exits;
+        let rows = leading.rows;
         for (node, (neighbors, distances)) in rows {
             let start = node as usize * k;
             table.0[start..start + k].copy_from_slice(&neighbors);
@@ -232,7 +238,8 @@ impl<'a> Member<'a> {
     fn put(&self, table: &mut Filling, nodes: &[u32], left_out: Bits) -> Result<(), Halt> {
         let rows: Vec<_> = nodes.iter().map(|&node| self.again.next(node)).collect();
         let left_out = self.again.of_member(left_out);
-        let (k, mut fewest) = (self.search.k, usize::MAX);
+        let k = self.search.k;
+        let mut fewest = usize::MAX;
         let stored = Distances::Stored;
         self.again.nearest(&rows, k, self.again.exclusion, &left_out, stored, |row, to, far| {
             fewest = fewest.min(to.len());

@@ -168,10 +168,13 @@ impl TableSearch<'_> {
     /// # Errors
     /// If there is no place for the arrays, or the monitor interrupts.
     pub(crate) fn without_traps(self, tables: &mut [Filling]) -> Result<Vec<Recurrent>, KnnError> {
-        let untrap = |((member, survey), table): ((Member<'_>, Survey), &mut Filling)| {
-            member.untrap(table, &survey)
-        };
-        self.survey(tables)?.into_iter().zip(tables).map(untrap).collect()
+        self.survey(tables)?
+            .into_iter()
+            .zip(tables)
+            .map(|((member, survey), table): ((Member<'_>, Survey), &mut Filling)| {
+                member.untrap(table, &survey)
+            })
+            .collect()
     }
 
     /// What walks are trapped in, of tables that stay as they were found.
@@ -179,20 +182,26 @@ impl TableSearch<'_> {
     /// # Errors
     /// If there is no place for the arrays, or the monitor interrupts.
     pub(crate) fn as_found(self, tables: &[Filling]) -> Result<Vec<Recurrent>, KnnError> {
-        let as_found = |(member, survey): (Member<'_>, Survey)| member.as_found(&survey);
-        Ok(self.survey(tables)?.into_iter().map(as_found).collect())
+        Ok(self
+            .survey(tables)?
+            .into_iter()
+            .map(|(member, survey): (Member<'_>, Survey)| member.as_found(&survey))
+            .collect())
     }
 
     fn survey(&self, tables: &[Filling]) -> Result<Vec<(Member<'_>, Survey)>, KnnError> {
         self.monitor.begin("closed classes", tables.len() as u64);
-        let survey = |(number, table): (usize, &Filling)| {
-            let member = Member::new(*self, number);
-            let survey = member.survey(table)?;
-            self.monitor.advance(1);
-            Ok((member, survey))
-        };
         // One after the other: where nothing returns, each takes memory for all of its transitions.
-        tables.iter().enumerate().map(survey).collect()
+        tables
+            .iter()
+            .enumerate()
+            .map(|(number, table): (usize, &Filling)| {
+                let member = Member::new(*self, number);
+                let survey = member.survey(table)?;
+                self.monitor.advance(1);
+                Ok((member, survey))
+            })
+            .collect()
     }
 }
 

@@ -36,9 +36,11 @@ impl Order {
             Self::Descending => numbers.reverse(),
             Self::Zigzag => {
                 let last = count as u32 - 1;
-                let at =
-                    |node: u32| if node.is_multiple_of(2) { node / 2 } else { last - node / 2 };
-                numbers = (0..=last).map(at).collect();
+                numbers = (0..=last)
+                    .map(
+                        |node: u32| if node.is_multiple_of(2) { node / 2 } else { last - node / 2 },
+                    )
+                    .collect();
             }
             Self::Shuffled(seed) => {
                 let mut rng = Seed::new(seed).rng();
@@ -54,26 +56,29 @@ impl Order {
 /// `count` teeth of `length` rows: each rises row by row, and what comes next is the first row of the next tooth or, as near, of the one
 /// before. So a walk comes back, by one tooth a tooth.
 pub(super) fn saw(count: usize, length: usize) -> Vec<Vec<u32>> {
-    let tooth = |tooth: usize| {
-        let top = tooth * length + length - 1;
-        let rise = (tooth * length..top).map(|node| vec![node as u32 + 1]);
-        let next = (tooth + 1).min(count - 1) * length;
-        rise.chain([vec![next as u32, (tooth.saturating_sub(1) * length) as u32]])
-    };
-    (0..count).flat_map(tooth).collect()
+    (0..count)
+        .flat_map(|tooth: usize| {
+            let top = tooth * length + length - 1;
+            let rise = (tooth * length..top).map(|node| vec![node as u32 + 1]);
+            let next = (tooth + 1).min(count - 1) * length;
+            rise.chain([vec![next as u32, (tooth.saturating_sub(1) * length) as u32]])
+        })
+        .collect()
 }
 
 /// `count` rings of `length` nodes, each of which leads to the next; the last one to itself, or to the first.
 pub(super) fn rings(count: usize, length: usize, closes: bool) -> Vec<Vec<u32>> {
-    let ring = |ring: usize| {
-        let start = ring * length;
-        let after = if ring + 1 < count { start + length } else { start * usize::from(!closes) };
-        let turn = (0..length).map(move |at| start + (at + 1) % length);
-        turn.enumerate().map(move |(at, next)| {
-            if at + 1 == length { vec![next as u32, after as u32] } else { vec![next as u32] }
+    (0..count)
+        .flat_map(|ring: usize| {
+            let start = ring * length;
+            let after =
+                if ring + 1 < count { start + length } else { start * usize::from(!closes) };
+            let turn = (0..length).map(move |at| start + (at + 1) % length);
+            turn.enumerate().map(move |(at, next)| {
+                if at + 1 == length { vec![next as u32, after as u32] } else { vec![next as u32] }
+            })
         })
-    };
-    (0..count).flat_map(ring).collect()
+        .collect()
 }
 
 /// Nodes in a row, the last of which leads to itself.
@@ -91,11 +96,14 @@ impl Shape {
     ) -> Self {
         let k = edges.iter().map(Vec::len).max().unwrap_or(1);
         let missing = dropped.len() as u32;
-        let beyond = |node: u32| if node < dropped.start { node } else { node + missing };
-        let numbers: Vec<u32> = order.numbers(edges.len()).into_iter().map(beyond).collect();
+        let numbers: Vec<u32> = order
+            .numbers(edges.len())
+            .into_iter()
+            .map(|node: u32| if node < dropped.start { node } else { node + missing })
+            .collect();
         let rows = edges.len() + dropped.len();
-        let (mut neighbors, mut distances) =
-            (vec![u32::MAX; rows * k], vec![f32::INFINITY; rows * k]);
+        let mut neighbors = vec![u32::MAX; rows * k];
+        let mut distances = vec![f32::INFINITY; rows * k];
         for (node, row) in edges.iter().enumerate() {
             let start = numbers[node] as usize * k;
             for at in 0..k {
@@ -144,13 +152,16 @@ impl Shape {
     /// Closed classes, the largest first: strongly connected components (Kosaraju's search, after Sharir 1981) without an edge that leads
     /// out.
     pub(super) fn closed(&self) -> Vec<Vec<u32>> {
-        let (edges, nodes) = (self.edges(), self.nodes());
-        let (mut seen, mut done) = (vec![false; edges.len()], Vec::new());
+        let edges = self.edges();
+        let nodes = self.nodes();
+        let mut seen = vec![false; edges.len()];
+        let mut done = Vec::new();
         for &root in &nodes {
             visit(&edges, root, &mut seen, &mut done);
         }
         let back = against(&edges);
-        let (mut class, mut classes) = (vec![usize::MAX; edges.len()], Vec::new());
+        let mut class = vec![usize::MAX; edges.len()];
+        let mut classes = Vec::new();
         let mut seen = vec![false; edges.len()];
         for &root in done.iter().rev() {
             let mut members = Vec::new();
@@ -160,10 +171,14 @@ impl Shape {
             }
             classes.push(members);
         }
-        let inside = |node: &u32| {
-            edges[*node as usize].iter().all(|&to| class[to as usize] == class[*node as usize])
-        };
-        classes.retain(|members| !members.is_empty() && members.iter().all(inside));
+        classes.retain(|members| {
+            !members.is_empty()
+                && members.iter().all(|node: &u32| {
+                    edges[*node as usize]
+                        .iter()
+                        .all(|&to| class[to as usize] == class[*node as usize])
+                })
+        });
         classes.sort_by_key(|members| Reverse(members.len()));
         classes
     }
@@ -181,7 +196,8 @@ fn against(edges: &[Vec<u32>]) -> Vec<Vec<u32>> {
 }
 
 fn closure(edges: &[Vec<u32>], start: u32) -> Vec<u32> {
-    let (mut seen, mut found) = (vec![false; edges.len()], Vec::new());
+    let mut seen = vec![false; edges.len()];
+    let mut found = Vec::new();
     visit(edges, start, &mut seen, &mut found);
     found.sort_unstable();
     found

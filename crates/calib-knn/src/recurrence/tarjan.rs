@@ -93,12 +93,15 @@ impl<'a> Search<'a> {
         });
         let before = before.collect();
         let low = Scratch::zeroed(sum as usize, place)?;
-        let (path, open, edges) = (Vec::new(), Vec::new(), Vec::new());
+        let path = Vec::new();
+        let open = Vec::new();
+        let edges = Vec::new();
         Ok(Self { nodes, before, low, found: 0, verdicts: 0, path, open, edges })
     }
 
     fn slot(&self, node: u32) -> usize {
-        let (word, bit) = (node as usize / 64, node % 64);
+        let word = node as usize / 64;
+        let bit = node % 64;
         let below = self.nodes.words()[word] & ((1 << bit) - 1);
         (self.before[word] + below.count_ones()) as usize
     }

@@ -51,7 +51,8 @@ pub(crate) fn check_against_brute_force(
     sample: usize,
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
+    let paths = job.layout();
     let model = model_files::open(job)?;
     let Some(knn) = model.model.tables() else { bail!("the model has no neighbour tables") };
     let seed = Seed::new(study.seed).child("verify");

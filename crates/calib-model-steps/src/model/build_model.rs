@@ -97,7 +97,8 @@ pub fn run(
 ) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
     let clock = Stopwatch::start();
     model_files::require_model(job)?;
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
+    let paths = job.layout();
     if study.model.kind.family() == ModelFamily::Network {
         return build_network::run(job, options, context);
     }
@@ -245,15 +246,16 @@ fn build(
     let searched = clock.elapsed();
     model_files::write(directory, &dataset, Some(&knn))?;
     let copied = representation.map(|own| represent::copy_to(directory, own)).transpose()?;
-    let summarised = |member: usize| {
-        let (classes, ends) = (built.recurrence[member].clone(), &built.ends[member]);
-        let weights = study.model.weights()?;
-        let (frames, seed) = (&dataset.train, study.seed);
-        let walks = MemberRecurrence::new(&knn, member, classes, ends, frames, weights, seed);
-        summary(study, &knn, member, walks)
-    };
-    let members: Vec<MemberSummary> =
-        (0..knn.members()).into_par_iter().map(summarised).collect::<Result<_, _>>()?;
+    let members: Vec<MemberSummary> = (0..knn.members())
+        .into_par_iter()
+        .map(|member: usize| {
+            let (classes, ends) = (built.recurrence[member].clone(), &built.ends[member]);
+            let weights = study.model.weights()?;
+            let (frames, seed) = (&dataset.train, study.seed);
+            let walks = MemberRecurrence::new(&knn, member, classes, ends, frames, weights, seed);
+            summary(study, &knn, member, walks)
+        })
+        .collect::<Result<_, _>>()?;
     let recall = recall_of(study, &knn, &printer.progress())?;
     let facts = ModelFacts {
         key: how.key.clone(),
@@ -305,23 +307,23 @@ fn refresh(
         study.model.exclusion(),
     )?;
     let weights = study.model.weights()?;
-    let refreshed = |(member, old): (usize, &MemberSummary)| {
-        let mut classes =
-            old.recurrence.as_ref().map(|known| known.classes.clone()).unwrap_or_default();
-        let (now, ends) = closed_classes(&knn, member, weights, classes.candidates, &Silent)?;
-        if !study.model.remove_traps {
-            classes.before = now.clone();
-        }
-        classes.after = now;
-        let (frames, seed) = (&dataset.train, study.seed);
-        let walks = MemberRecurrence::new(&knn, member, classes, &ends, frames, weights, seed);
-        summary(study, &knn, member, walks)
-    };
     manifest.members = manifest
         .members
         .par_iter()
         .enumerate()
-        .map(refreshed)
+        .map(|(member, old): (usize, &MemberSummary)| {
+            let mut classes =
+                old.recurrence.as_ref().map(|known| known.classes.clone()).unwrap_or_default();
+            let (now, ends) = closed_classes(&knn, member, weights, classes.candidates, &Silent)?;
+            if !study.model.remove_traps {
+                classes.before = now.clone();
+            }
+            classes.after = now;
+            let frames = &dataset.train;
+            let seed = study.seed;
+            let walks = MemberRecurrence::new(&knn, member, classes, &ends, frames, weights, seed);
+            summary(study, &knn, member, walks)
+        })
         .collect::<Result<Vec<MemberSummary>, StepError>>()?;
     manifest.study = study.clone();
     let claim = DirectoryLock::new(directory, Below::Ours)?;

@@ -33,7 +33,8 @@ pub(crate) fn run(
     context: &RunContext,
 ) -> Result<StepResult<BuiltModel, Option<BuildPlan>>, StepError> {
     let clock = Stopwatch::start();
-    let (study, directory) = (job.study(), job.layout().model());
+    let study = job.study();
+    let directory = job.layout().model();
     // What another calib has trained can be used by one that cannot train it.
     let may_be_there = options.device.is_none()
         && !job.policy().redoes()
@@ -63,7 +64,8 @@ pub(crate) fn run(
     } else {
         build(job, options, (&dataset, states.as_deref()), key, (clock, context))?
     };
-    let (took, verified) = (clock.elapsed(), Outcome::Done);
+    let took = clock.elapsed();
+    let verified = Outcome::Done;
     Ok(StepResult::Made(BuiltModel { manifest, directory, freshness, took, verified }))
 }
 
@@ -74,7 +76,8 @@ fn build(
     key: String,
     (clock, printer): (Stopwatch, &Printer),
 ) -> Result<ModelManifest, StepError> {
-    let (study, directory) = (job.study(), &job.layout().model());
+    let study = job.study();
+    let directory = &job.layout().model();
     let claim = DirectoryLock::begun(directory)?;
     if job.policy().redoes() {
         train_model::remove_checkpoint(directory)?;

@@ -101,7 +101,8 @@ impl BuildPlan {
         width: Width,
         options: &BuildOptions,
     ) -> Result<Self, StepError> {
-        let (rows, columns) = (part.len(), data.columns);
+        let rows = part.len();
+        let columns = data.columns;
         // Before any state is read, and anything of an older model given up.
         let segments = segments_of(&data.segments, &part);
         let transitions = Transitions::new(Segments::from_lengths(segments.iter().copied())?);

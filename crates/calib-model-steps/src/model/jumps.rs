@@ -35,7 +35,8 @@ pub(crate) fn warnings<'a>(
     model: &ModelConfig,
     run: usize,
 ) -> Vec<String> {
-    let (mut circling, mut verbatim) = (Vec::new(), Vec::new());
+    let mut circling = Vec::new();
+    let mut verbatim = Vec::new();
     for (member, (jumps, transitions)) in members.enumerate() {
         let Some(jumps) = jumps else { continue };
         match note(jumps, transitions, run) {

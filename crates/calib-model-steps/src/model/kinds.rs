@@ -62,7 +62,8 @@ pub fn open(
         return Ok(OpenedModel::Network(model.with_noise(noise, residuals)));
     }
     let transitions = Transitions::new(frames.segments().clone());
-    let (count, exclusion) = (settings.members, settings.exclusion());
+    let count = settings.members;
+    let exclusion = settings.exclusion();
     let knn = match members {
         Some(members) => {
             KnnModel::open_some(directory, metric, transitions, count, exclusion, members)

@@ -227,13 +227,17 @@ fn rows_table(frames: &Frames, knn: Option<&KnnModel>) -> Table {
     let table = frames::rows_table(frames);
     let Some(knn) = knn else { return table };
     let transitions = knn.transitions();
-    let block = |row: usize| {
-        let row = calib_core::RowIndex::new(row);
-        let transition: Option<TransitionIndex> =
-            transitions.starting_at(row).or_else(|| transitions.ending_in(row));
-        transition.map(|transition| knn.blocks().block_of(transition) as u32)
-    };
-    table.with_optional("block", (0..frames.rows()).map(block).collect())
+    table.with_optional(
+        "block",
+        (0..frames.rows())
+            .map(|row: usize| {
+                let row = calib_core::RowIndex::new(row);
+                let transition: Option<TransitionIndex> =
+                    transitions.starting_at(row).or_else(|| transitions.ending_in(row));
+                transition.map(|transition| knn.blocks().block_of(transition) as u32)
+            })
+            .collect(),
+    )
 }
 
 /// Refuse what is about the model of a study, where it has none.
@@ -335,11 +339,15 @@ pub fn sensor_columns(
     normaliser: &Normaliser,
     profile: &Profile,
 ) -> Result<Vec<(String, usize)>, StepError> {
-    let column = |sensor: &String| {
-        let column = sensor_column(sensor, normaliser, profile).context("sweep.sensors")?;
-        Ok((sensor.clone(), column))
-    };
-    study.sweep.sensors.iter().map(column).collect()
+    study
+        .sweep
+        .sensors
+        .iter()
+        .map(|sensor: &String| {
+            let column = sensor_column(sensor, normaliser, profile).context("sweep.sensors")?;
+            Ok((sensor.clone(), column))
+        })
+        .collect()
 }
 
 /// The column of a sensor in the states, or why it has none.

@@ -67,10 +67,6 @@ impl MemberRecurrence {
             let row = knn.transitions().source(TransitionIndex(transition));
             frames.timestamps()[row.get()]
         };
-        let stretch = |(run, candidates): (Range<u32>, usize)| Stretch {
-            times: [time(run.start), time(run.end - 1)],
-            candidates,
-        };
         let left_out = knn.left_out(member);
         let mut walks = WalkStatistics::of(&knn.member(member), ends, weights, seed);
         if classes.after.count > 1 {
@@ -79,7 +75,13 @@ impl MemberRecurrence {
         }
         Self {
             classes,
-            left_out_times: longest(left_out.runs()).into_iter().map(stretch).collect(),
+            left_out_times: longest(left_out.runs())
+                .into_iter()
+                .map(|(run, candidates): (Range<u32>, usize)| Stretch {
+                    times: [time(run.start), time(run.end - 1)],
+                    candidates,
+                })
+                .collect(),
             exit_times: left_out.exits().take(TOLD).map(|(row, _)| time(row)).collect(),
             walks,
         }
@@ -170,7 +172,8 @@ fn done(member: &MemberRecurrence) -> String {
         1 => "; 1 exit added".to_owned(),
         many => format!("; {} exits added", count(*many)),
     };
-    let (traps_before, left_out) = (before.traps, count(*left_out));
+    let traps_before = before.traps;
+    let left_out = count(*left_out);
     format!(
         "; {traps_before} {traps} removed: {left_out} neighbours left out ({}){times}{exits}",
         percent(share)
@@ -243,8 +246,12 @@ pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<Str
             format!("rollouts of MEMBERS are spread over less than {} of the rows; try a larger preprocess.subsample, or fewer channels (data.exclude)", percent(LITTLE)),
         ),
     ];
-    let told = |(which, text): (&Concerns, String)| Some(text.replace("MEMBERS", &those(which)?));
-    warnings.into_iter().filter_map(told).collect()
+    warnings
+        .into_iter()
+        .filter_map(|(which, text): (&Concerns, String)| {
+            Some(text.replace("MEMBERS", &those(which)?))
+        })
+        .collect()
 }
 
 /// "ensemble member 2", "ensemble members 0, 3"; none of none.
@@ -256,32 +263,36 @@ pub(crate) fn named(members: impl Iterator<Item = usize>) -> Option<String> {
 
 /// What the report says of the walks of a model; nothing of networks.
 pub fn report_table(model: &ModelManifest) -> Option<Table> {
-    let row = |(number, member): (usize, &MemberSummary)| {
-        let recurrence = member.recurrence.as_ref()?;
-        let number_or = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
-        let Recurrence { candidates, before, after, left_out, exits, .. } = &recurrence.classes;
-        let text = |classes: &ClosedClasses| {
-            let size = |&size: &usize| count(size);
-            let sizes: Vec<String> = classes.largest.iter().take(5).map(size).collect();
-            let more = if classes.count > 5 { ", …" } else { "" };
-            Cell::Text(format!("{} ({}{more})", classes.count, sizes.join("; ")))
-        };
-        Some(vec![
-            Cell::Text(format!("ensemble member {number}")),
-            text(before),
-            text(after),
-            Cell::Number(100.0 * *left_out as f64 / (*candidates).max(1) as f64),
-            Cell::Count(*exits as u64),
-            number_or(recurrence.covered(member.transitions).map(|share| match after.count {
-                0 | 1 => 100.0 * share,
-                _ => rounded(100.0 * share, 1),
-            })),
-            number_or(recurrence.walks.mixing_steps.map(|steps| steps as f64)),
-            number_or(recurrence.walks.steps_to_end),
-            Cell::Count(recurrence.walks.trapped as u64),
-        ])
-    };
-    let rows: Vec<Vec<Cell>> = model.members.iter().enumerate().filter_map(row).collect();
+    let rows: Vec<Vec<Cell>> = model
+        .members
+        .iter()
+        .enumerate()
+        .filter_map(|(number, member): (usize, &MemberSummary)| {
+            let recurrence = member.recurrence.as_ref()?;
+            let number_or = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
+            let Recurrence { candidates, before, after, left_out, exits, .. } = &recurrence.classes;
+            let text = |classes: &ClosedClasses| {
+                let sizes: Vec<String> =
+                    classes.largest.iter().take(5).map(|&size: &usize| count(size)).collect();
+                let more = if classes.count > 5 { ", …" } else { "" };
+                Cell::Text(format!("{} ({}{more})", classes.count, sizes.join("; ")))
+            };
+            Some(vec![
+                Cell::Text(format!("ensemble member {number}")),
+                text(before),
+                text(after),
+                Cell::Number(100.0 * *left_out as f64 / (*candidates).max(1) as f64),
+                Cell::Count(*exits as u64),
+                number_or(recurrence.covered(member.transitions).map(|share| match after.count {
+                    0 | 1 => 100.0 * share,
+                    _ => rounded(100.0 * share, 1),
+                })),
+                number_or(recurrence.walks.mixing_steps.map(|steps| steps as f64)),
+                number_or(recurrence.walks.steps_to_end),
+                Cell::Count(recurrence.walks.trapped as u64),
+            ])
+        })
+        .collect();
     if rows.is_empty() {
         return None;
     }

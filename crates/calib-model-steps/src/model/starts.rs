@@ -92,8 +92,9 @@ impl<'a> Starts<'a> {
             }
             StartKind::Recent => {
                 let timestamps = self.model.frames.timestamps();
-                let before = |before| timestamps.partition_point(|&time| time < before);
-                Some(Origin::Rows(self.deployed.map_or(timestamps.len(), before)))
+                Some(Origin::Rows(self.deployed.map_or(timestamps.len(), |before| {
+                    timestamps.partition_point(|&time| time < before)
+                })))
             }
         })
     }
@@ -106,7 +107,8 @@ impl<'a> Starts<'a> {
     }
 
     fn source(&self) -> Result<StartSource<'_>, StepError> {
-        let (timestamps, before) = (self.model.frames.timestamps(), self.deployed);
+        let timestamps = self.model.frames.timestamps();
+        let before = self.deployed;
         Ok(match self.config.start {
             StartKind::Random => StartSource::Random,
             StartKind::Recent => {
@@ -151,26 +153,29 @@ pub fn summaries(members: &[Vec<(RequestedStart, Option<f32>)>]) -> Vec<StartSum
         let of_all = members.iter().filter_map(|starts| starts.get(number)?.1);
         of_all.fold(f32::INFINITY, f32::min)
     };
-    let summary = |starts: &Vec<(RequestedStart, Option<f32>)>| {
-        let lacks =
-            |&(number, &(wanted, replaced)): &(usize, &(RequestedStart, Option<f32>))| match wanted
-            {
-                RequestedStart::Recorded(_) => replaced.is_some(),
-                RequestedStart::Deployment(_) => {
-                    replaced.is_some_and(|distance| distance > nearest(number))
-                }
-            };
-        let distances: Vec<f64> =
-            starts.iter().filter_map(|(_, replaced)| replaced.map(f64::from)).collect();
-        let mean = || distances.iter().sum::<f64>() / distances.len() as f64;
-        StartSummary {
-            starts: starts.len(),
-            replaced: starts.iter().enumerate().filter(lacks).count(),
-            mean_distance: (!distances.is_empty()).then(mean),
-            largest_distance: distances.iter().copied().reduce(f64::max),
-        }
-    };
-    members.iter().map(summary).collect()
+    members
+        .iter()
+        .map(|starts: &Vec<(RequestedStart, Option<f32>)>| {
+            let lacks =
+                |&(number, &(wanted, replaced)): &(usize, &(RequestedStart, Option<f32>))| {
+                    match wanted {
+                        RequestedStart::Recorded(_) => replaced.is_some(),
+                        RequestedStart::Deployment(_) => {
+                            replaced.is_some_and(|distance| distance > nearest(number))
+                        }
+                    }
+                };
+            let distances: Vec<f64> =
+                starts.iter().filter_map(|(_, replaced)| replaced.map(f64::from)).collect();
+            StartSummary {
+                starts: starts.len(),
+                replaced: starts.iter().enumerate().filter(lacks).count(),
+                mean_distance: (!distances.is_empty())
+                    .then(|| distances.iter().sum::<f64>() / distances.len() as f64),
+                largest_distance: distances.iter().copied().reduce(f64::max),
+            }
+        })
+        .collect()
 }
 
 impl StartSummary {

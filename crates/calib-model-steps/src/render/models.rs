@@ -32,7 +32,9 @@ impl Told for BuiltModel {
         if printer.is_json() {
             printer.json(manifest)?;
         } else {
-            let (verb, place, time) = (freshness.verb(), directory.display(), duration(*took));
+            let verb = freshness.verb();
+            let place = directory.display();
+            let time = duration(*took);
             printer.result(&format!("{verb} {place} in {time}"))?;
             if let Some(recall) = &manifest.recall {
                 let line = recall_line(recall, manifest.study.model.neighbors);

@@ -17,7 +17,9 @@ impl Told for Representations {
         if printer.is_json() {
             printer.json(manifest)?;
         } else {
-            let (verb, place, time) = (freshness.verb(), directory.display(), duration(*took));
+            let verb = freshness.verb();
+            let place = directory.display();
+            let time = duration(*took);
             printer.result(&format!("{verb} {place} in {time}"))?;
             represent::show(manifest, printer)?;
         }

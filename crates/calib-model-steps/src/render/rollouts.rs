@@ -19,7 +19,9 @@ impl Told for Rollouts {
         if printer.is_json() {
             printer.json(manifest)?;
         } else {
-            let (verb, place, time) = (freshness.verb(), directory.display(), duration(*took));
+            let verb = freshness.verb();
+            let place = directory.display();
+            let time = duration(*took);
             printer.result(&format!("{verb} {place} in {time}"))?;
             show(manifest, job, printer)?;
             if let Some(one_step) = one_step {

@@ -79,10 +79,14 @@ pub(super) fn train_share(
 type KeyedCandidate = (String, LaplacianConfig);
 
 fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<KeyedCandidate>, StepError> {
-    let keyed = |config: LaplacianConfig| {
-        Ok((artefact::key(&(TRAINING, material.fingerprint, &config, study.seed))?, config))
-    };
-    study.representation.candidates().into_iter().map(keyed).collect()
+    study
+        .representation
+        .candidates()
+        .into_iter()
+        .map(|config: LaplacianConfig| {
+            Ok((artefact::key(&(TRAINING, material.fingerprint, &config, study.seed))?, config))
+        })
+        .collect()
 }
 
 /// Where a candidate is.
@@ -153,8 +157,9 @@ fn short(key: &str) -> &str {
 pub(super) fn is_whole(directory: &Path, candidate: &Candidate) -> bool {
     let Some(name) = &candidate.directory else { return true };
     let own = directory.join(CANDIDATES).join(name);
-    let record = |record: TrainingRecord| read(&own, &record.key).is_some();
-    !own.exists() || read_sealed_json(&own.join(RECORD)).is_ok_and(record)
+    !own.exists()
+        || read_sealed_json(&own.join(RECORD))
+            .is_ok_and(|record: TrainingRecord| read(&own, &record.key).is_some())
 }
 
 fn read(directory: &Path, key: &str) -> Option<TrainingRecord> {

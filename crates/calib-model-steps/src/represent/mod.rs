@@ -102,7 +102,8 @@ pub struct Material<'a> {
 impl<'a> Material<'a> {
     /// The training range.
     fn of(dataset: &'a Dataset) -> Self {
-        let (states, segments) = (dataset.train.states(), dataset.train.segments());
+        let states = dataset.train.states();
+        let segments = dataset.train.segments();
         Self { states, segments, fingerprint: &dataset.fingerprint }
     }
 
@@ -189,7 +190,8 @@ fn train_share(
     share: Share,
     printer: &Printer,
 ) -> Result<(), StepError> {
-    let (study, directory) = (job.study(), job.layout().representation());
+    let study = job.study();
+    let directory = job.layout().representation();
     if study.representation.kind == RepresentationKind::Import {
         printer.say("an imported representation is not trained: there is nothing to share");
         return Ok(());
@@ -235,7 +237,8 @@ fn key(job: &Job, dataset: &Dataset) -> Result<String, StepError> {
 }
 
 fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
-    let (rows, columns) = (dataset.train.rows(), dataset.train.states().columns());
+    let rows = dataset.train.rows();
+    let columns = dataset.train.states().columns();
     if study.representation.kind == RepresentationKind::Import {
         let path = study.representation.path.as_deref().unwrap_or_default();
         printer.say(&format!("{} rows x {columns} columns; importing {path}", count(rows)));
@@ -399,11 +402,13 @@ pub(crate) struct Representation {
 
 /// What `calib represent` left for the study; none if neighbours are searched among the states themselves.
 pub(crate) fn open(job: &Job, dataset: &Dataset) -> Result<Option<Representation>, StepError> {
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
+    let paths = job.layout();
     if study.representation.kind == RepresentationKind::None {
         return Ok(None);
     }
-    let (directory, command) = (paths.representation(), job.command(StepKind::Represent));
+    let directory = paths.representation();
+    let command = job.command(StepKind::Represent);
     let manifest: RepresentationManifest = artefact::require(&directory, &command)?;
     StoredArtefact { step: StepKind::Represent, study: &manifest.study, directory: &directory }
         .check(job)?;
@@ -496,6 +501,7 @@ pub(crate) fn of_model(
 
 fn mapped(path: &Path) -> Result<States, StepError> {
     let mapped = map_npy::<f32>(path)?;
-    let (rows, columns) = (mapped.rows(), mapped.columns());
+    let rows = mapped.rows();
+    let columns = mapped.columns();
     Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
 }

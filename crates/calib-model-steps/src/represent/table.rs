@@ -101,12 +101,14 @@ pub(super) fn write(
 
 /// Hyperparameters in which the candidates differ, or else what is most often asked for.
 fn telling(candidates: &[Candidate]) -> Vec<Field> {
-    let differs = |(_, value): &Field| {
-        let mut values =
-            candidates.iter().filter_map(|candidate| candidate.config.as_ref().map(value));
-        values.next().is_some_and(|first| values.any(|other| other != first))
-    };
-    FIELDS.into_iter().filter(differs).collect()
+    FIELDS
+        .into_iter()
+        .filter(|(_, value): &Field| {
+            let mut values =
+                candidates.iter().filter_map(|candidate| candidate.config.as_ref().map(value));
+            values.next().is_some_and(|first| values.any(|other| other != first))
+        })
+        .collect()
 }
 
 /// Print all candidates with both scores, and which is chosen.
@@ -120,11 +122,10 @@ pub(crate) fn show(manifest: &RepresentationManifest, printer: &Printer) -> Resu
         .iter()
         .enumerate()
         .map(|(number, candidate)| {
-            let value = |(_, value): &Field| {
-                candidate.config.as_ref().map_or_else(String::new, |config| plain(value(config)))
-            };
             let mut row = vec![number.to_string()];
-            row.extend(fields.iter().map(value));
+            row.extend(fields.iter().map(|(_, value): &Field| {
+                candidate.config.as_ref().map_or_else(String::new, |config| plain(value(config)))
+            }));
             match &candidate.scores {
                 Some(scores) => row.extend([
                     format!("{:.3}", scores.dynamics_awareness),
@@ -177,14 +178,13 @@ pub fn report_table(manifest: &RepresentationManifest) -> ReportTable {
         "verdict",
     ]);
     let rows = manifest.candidates.iter().enumerate().map(|(number, candidate)| {
-        let value = |(_, value): &Field| {
+        let mut row = vec![Cell::Text(number.to_string())];
+        row.extend(fields.iter().map(|(_, value): &Field| {
             candidate
                 .config
                 .as_ref()
                 .map_or(Cell::Missing, |config| Cell::Text(plain(value(config))))
-        };
-        let mut row = vec![Cell::Text(number.to_string())];
-        row.extend(fields.iter().map(value));
+        }));
         match &candidate.scores {
             Some(scores) => row.extend([
                 Cell::Number(scores.dynamics_awareness),

@@ -85,7 +85,9 @@ fn sensor(
 ) -> Result<SensorCollapse, StepError> {
     let data = Spread::of(states, column);
     let mut steps = Vec::new();
-    let (mut recorded, mut recorded_collapsed, mut escaped) = (0, 0, 0);
+    let mut recorded = 0;
+    let mut recorded_collapsed = 0;
+    let mut escaped = 0;
     for rollout in rollouts {
         let values = rollout.values(states, column, rollout.steps() + 1);
         let values: Vec<f64> = values.into_iter().map(f64::from).collect();
@@ -175,8 +177,12 @@ pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepErr
 
 /// A table for the report; none where nothing is wrong.
 pub fn report_table(model: &str, collapse: &Collapse) -> Option<Table> {
-    let wrong = |sensor: &SensorCollapse| sensor.collapsed > 0 || sensor.escaped > 0;
-    if collapse.ended.is_empty() && !collapse.sensors.iter().any(wrong) {
+    if collapse.ended.is_empty()
+        && !collapse
+            .sensors
+            .iter()
+            .any(|sensor: &SensorCollapse| sensor.collapsed > 0 || sensor.escaped > 0)
+    {
         return None;
     }
     let ended = match collapse.ended.len() {

@@ -15,7 +15,8 @@ use crate::rollouts::trajectory_columns::Columns;
 /// # Errors
 /// If it cannot be drawn or written.
 pub fn write(directory: &Path, name: &str, figure: &Figure) -> Result<[String; 2], StepError> {
-    let (svg, png) = (figure.svg(), figure.png()?);
+    let svg = figure.svg();
+    let png = figure.png()?;
     let names = names(name);
     write_atomically(&directory.join(&names[0]), |file| file.write_all(svg.as_bytes()))?;
     write_atomically(&directory.join(&names[1]), |file| file.write_all(&png))?;
@@ -34,11 +35,13 @@ pub fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> {
     let alike = |sensor: &str, name: &str| {
         sensors.iter().any(|other| *other != sensor && (readable(other) == name || *other == name))
     };
-    let name = |&sensor: &&str| {
-        let name = readable(sensor);
-        if name.is_empty() || alike(sensor, &name) { sensor.to_owned() } else { name }
-    };
-    sensors.iter().map(name).collect()
+    sensors
+        .iter()
+        .map(|&sensor: &&str| {
+            let name = readable(sensor);
+            if name.is_empty() || alike(sensor, &name) { sensor.to_owned() } else { name }
+        })
+        .collect()
 }
 
 /// `name` with a hyphen for what is neither a letter nor a digit.
@@ -168,8 +171,10 @@ pub fn starts(
 impl FirstRollouts {
     /// The rollout from the same start.
     fn from(&self, start: &FirstRollout) -> Option<&[f64]> {
-        let same = |pair: &&FirstRollout| pair.time.is_some() && pair.time == start.time;
-        self.pairs.iter().find(same).map(|pair| pair.values.as_slice())
+        self.pairs
+            .iter()
+            .find(|pair: &&FirstRollout| pair.time.is_some() && pair.time == start.time)
+            .map(|pair| pair.values.as_slice())
     }
 }
 
@@ -254,7 +259,9 @@ fn groups(trajectories: &Table) -> Result<Vec<RolloutRows>, StepError> {
         let ends = next == members.len()
             || (members[next], numbers[next]) != (members[first], numbers[first]);
         if ends {
-            let (member, wanted, time) = (members[first], wanted[first], times[first]);
+            let member = members[first];
+            let wanted = wanted[first];
+            let time = times[first];
             groups.push(RolloutRows { member, wanted, time, rows: first..next });
             first = next;
         }
@@ -268,12 +275,14 @@ mod tests {
 
     /// Of a sensor that stands still: starts are told apart by their times alone.
     fn starts(times: &[i64]) -> FirstRollouts {
-        let start = |&time: &i64| FirstRollout {
-            time: Some(Timestamp::from_micros(time)),
-            recorded: vec![5.0; 3],
-            values: vec![time as f64, 9.0],
-        };
-        let pairs = times.iter().map(start).collect();
+        let pairs = times
+            .iter()
+            .map(|&time: &i64| FirstRollout {
+                time: Some(Timestamp::from_micros(time)),
+                recorded: vec![5.0; 3],
+                values: vec![time as f64, 9.0],
+            })
+            .collect();
         FirstRollouts { sensor: "PIT300".to_owned(), unit: None, period_secs: 1.0, pairs }
     }
 

@@ -138,7 +138,8 @@ impl Rollouts {
 /// If the model is not there or not of this study, the deployment cannot be read, or the observer asks to stop.
 pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<Rollouts>, StepError> {
     let clock = Stopwatch::start();
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
+    let paths = job.layout();
     let model = model_files::open(job)?;
     let sensors = sensors(study, &model, &paths.model())?;
     let directory = paths.rollout();
@@ -251,11 +252,13 @@ fn roll_out(
     let given = starts.of_members(config.rollouts, search)?;
     let seed = Seed::new(study.seed).child("rollout");
     let rolling = Rolling { steps: config.steps, weights: study.model.weights()?, seed };
-    let of_member = |(member, starts): (usize, &Vec<ModelStart>)| {
-        model.model.roll_out(member, starts, &rolling, &progress)
-    };
-    let all: Vec<Vec<Trajectory>> =
-        given.iter().enumerate().map(of_member).collect::<Result<_, _>>()?;
+    let all: Vec<Vec<Trajectory>> = given
+        .iter()
+        .enumerate()
+        .map(|(member, starts): (usize, &Vec<ModelStart>)| {
+            model.model.roll_out(member, starts, &rolling, &progress)
+        })
+        .collect::<Result<_, _>>()?;
     drop(progress);
     let trajectories = artefact::marked(trajectories(model, record, &all, sensors));
     trajectories.write_parquet(&directory.join("trajectories.parquet"))?;
@@ -271,8 +274,11 @@ fn roll_out(
     let collapse = collapse::of(model, record, &all, sensors)?;
     let steps = config.dtw_steps.min(config.steps);
     let comparison = compare(model, record, &all, sensors, directory, steps, printer)?;
-    let of_member = |rollouts: &Vec<Trajectory>| rollouts.iter().map(Trajectory::start).collect();
-    let starts = summaries(&all.iter().map(of_member).collect::<Vec<_>>());
+    let starts = summaries(
+        &all.iter()
+            .map(|rollouts: &Vec<Trajectory>| rollouts.iter().map(Trajectory::start).collect())
+            .collect::<Vec<_>>(),
+    );
     let members = all.iter().zip(starts).enumerate();
     let members = members
         .map(|(member, (rollouts, starts))| MemberRollouts {
@@ -327,7 +333,8 @@ fn held_out(
     model: &OpenModel,
     context: &RunContext,
 ) -> Result<Option<(Frames, Fingerprint)>, StepError> {
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
+    let paths = job.layout();
     // A model that deployments share was built without what is held out of one of them.
     let is_held_out = study.data.held_out.is_some()
         || model_files::read_profile(&paths.model())?.held_out.is_some();
@@ -356,8 +363,11 @@ fn trajectories(
         })
     };
     let mut visited: Vec<Option<RowIndex>> = Vec::new();
-    let (mut wanted, mut wanted_times) = (Vec::new(), Vec::new());
-    let (mut members, mut numbers, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+    let mut wanted = Vec::new();
+    let mut wanted_times = Vec::new();
+    let mut members = Vec::new();
+    let mut numbers = Vec::new();
+    let mut steps = Vec::new();
     for (member, number, rollout) in flat() {
         for step in 0..=rollout.steps() {
             members.push(member as u32);
@@ -386,17 +396,21 @@ fn trajectories(
             .collect();
         let physical =
             |value: f32| model.manifest.normaliser.physical(*column, Normalised(value)).0;
-        let recorded = |(_, _, rollout): (usize, usize, &Trajectory)| {
-            let truth = record.after(rollout.start().0, rollout.steps());
-            let known: Vec<Option<f64>> =
-                truth.values(*column).map(|value| Some(physical(value))).collect();
-            let unknown = rollout.steps() + 1 - known.len();
-            known.into_iter().chain(std::iter::repeat_n(None, unknown))
-        };
         table = table
             .with(named.physical, normalised.iter().copied().map(physical).collect::<Vec<f64>>())
             .with(named.normalised, normalised)
-            .with_optional(named.recorded, flat().flat_map(recorded).collect::<Vec<Option<f64>>>());
+            .with_optional(
+                named.recorded,
+                flat()
+                    .flat_map(|(_, _, rollout): (usize, usize, &Trajectory)| {
+                        let truth = record.after(rollout.start().0, rollout.steps());
+                        let known: Vec<Option<f64>> =
+                            truth.values(*column).map(|value| Some(physical(value))).collect();
+                        let unknown = rollout.steps() + 1 - known.len();
+                        known.into_iter().chain(std::iter::repeat_n(None, unknown))
+                    })
+                    .collect::<Vec<Option<f64>>>(),
+            );
     }
     table
 }

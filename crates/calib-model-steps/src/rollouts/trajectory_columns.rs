@@ -37,21 +37,25 @@ impl Columns {
         for (columns, _) in plain.iter().zip(&unusual).filter(|(_, unusual)| !**unusual) {
             taken.extend(columns.names().map(str::to_owned));
         }
-        let named = |(columns, unusual): (Self, bool)| {
-            if !unusual {
-                return columns;
-            }
-            let mut name = columns.physical;
-            loop {
-                name.insert_str(0, PREFIX);
-                let own = Self::called(&name);
-                if !own.names().iter().any(|name| taken.contains(*name)) {
-                    taken.extend(own.names().map(str::to_owned));
-                    return own;
+        plain
+            .clone()
+            .into_iter()
+            .zip(unusual)
+            .map(|(columns, unusual): (Self, bool)| {
+                if !unusual {
+                    return columns;
                 }
-            }
-        };
-        plain.clone().into_iter().zip(unusual).map(named).collect()
+                let mut name = columns.physical;
+                loop {
+                    name.insert_str(0, PREFIX);
+                    let own = Self::called(&name);
+                    if !own.names().iter().any(|name| taken.contains(*name)) {
+                        taken.extend(own.names().map(str::to_owned));
+                        return own;
+                    }
+                }
+            })
+            .collect()
     }
 
     fn called(name: &str) -> Self {

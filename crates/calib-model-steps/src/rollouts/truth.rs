@@ -27,7 +27,8 @@ impl<'a> Record<'a> {
         let Some((frames, row)) = self.place(wanted) else {
             return Truth { frames: self.model, rows: 0..0 };
         };
-        let (row, segments) = (row.get(), frames.segments());
+        let row = row.get();
+        let segments = frames.segments();
         let end = segments
             .position_of(row)
             .map_or(row, |position| segments.as_slice()[position].end as usize);
@@ -82,7 +83,8 @@ mod tests {
 
     #[test]
     fn a_true_trajectory_ends_with_its_segment() {
-        let (model, deployment) = (frames(0.0), frames(10.0));
+        let model = frames(0.0);
+        let deployment = frames(10.0);
         let record = Record { model: &model, deployment: Some(&deployment) };
         let values = |wanted, steps| record.after(wanted, steps).values(0).collect::<Vec<f32>>();
         assert_eq!(values(RequestedStart::Recorded(RowIndex(1)), 1), [1.0, 2.0]);

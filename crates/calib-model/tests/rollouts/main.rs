@@ -33,8 +33,11 @@ fn model(config: &ModelConfig) -> KnnModel {
 }
 
 fn rows_of_member(model: &KnnModel, member: usize) -> BTreeSet<RowIndex> {
-    let ends = |i| [model.transitions().source(i), model.transitions().next(i)];
-    model.blocks().transitions_of(member).flat_map(ends).collect()
+    model
+        .blocks()
+        .transitions_of(member)
+        .flat_map(|i| [model.transitions().source(i), model.transitions().next(i)])
+        .collect()
 }
 
 #[test]

@@ -115,9 +115,10 @@ fn calendar_months_choose_rows_before_the_deployment() {
     let rows = |month, before| -> BTreeSet<u32> {
         let starts =
             start_states(&member, source(month, before), 200, Seed::new(1)).expect("starts");
-        let row =
-            |s: &StartState| rollout(&member, s, 0, Weights::Linear, Seed::new(0)).rows()[0].0;
-        starts.iter().map(row).collect()
+        starts
+            .iter()
+            .map(|s: &StartState| rollout(&member, s, 0, Weights::Linear, Seed::new(0)).rows()[0].0)
+            .collect()
     };
     let july = |row: &u32| (91..106).contains(row) || (273..289).contains(row);
     // Of July 1970 (rows 91..106) and July 1971 (rows 273..289); block 0 ends before row 90.
@@ -174,7 +175,8 @@ fn all_members_start_as_each_does() {
         StartSource::Nearest { states: &deployment },
     ] {
         for place in &places {
-            let (seed, searches) = (Seed::new(6), Searches::default());
+            let seed = Seed::new(6);
+            let searches = Searches::default();
             let all = start_states_of_all(&model, source, 30, seed, place, &searches);
             let all = all.expect("starts");
             assert_eq!(all.len(), 5);

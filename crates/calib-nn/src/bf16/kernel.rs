@@ -134,9 +134,11 @@ impl<S: Simd> Kernel for Fused<S> {
         let vectors = const { HALF / S::F32_LANES };
         let mut sums = [simd.splat_f32s(0.0); HALF];
         for (a, b) in a.iter().zip(b) {
-            let (a, b) = (S::as_simd_u32s(a).0, S::as_simd_u32s(b).0);
+            let a = S::as_simd_u32s(a).0;
+            let b = S::as_simd_u32s(b).0;
             for vector in 0..vectors {
-                let (a, b) = (a[vector], b[vector]);
+                let a = a[vector];
+                let b = b[vector];
                 let sum = simd.mul_add_f32s(seconds(simd, a), seconds(simd, b), sums[vector]);
                 sums[vector] = simd.mul_add_f32s(firsts(simd, a), firsts(simd, b), sum);
             }

@@ -78,7 +78,8 @@ impl Rows {
     )]
     #[inline(always)]
     fn fill<K: Kernel>(&mut self, kernel: K, values: &[f32]) {
-        let (columns, stride) = (self.columns, self.stride());
+        let columns = self.columns;
+        let stride = self.stride();
         for (row, values) in self.pairs.chunks_exact_mut(stride).zip(values.chunks_exact(columns)) {
             for (pairs, values) in row.iter_mut().zip(values.chunks(PANEL)) {
                 *pairs = block_of(kernel, values);
@@ -129,7 +130,8 @@ fn whole<'a>(values: &'a [f32], room: &'a mut [f32; PANEL]) -> &'a [f32; PANEL] 
 fn joined<K: Kernel>(kernel: K, [first, second]: [&[f32; HALF]; 2]) -> [u32; HALF] {
     let simd = kernel.simd();
     let mut pairs = [0; HALF];
-    let (first, second) = (K::Simd::as_simd_f32s(first).0, K::Simd::as_simd_f32s(second).0);
+    let first = K::Simd::as_simd_f32s(first).0;
+    let second = K::Simd::as_simd_f32s(second).0;
     let vectors = const { HALF / K::Simd::F32_LANES };
     let to = K::Simd::as_mut_simd_u32s(&mut pairs).0;
     for vector in 0..vectors {
@@ -228,10 +230,12 @@ impl Panels {
             for (pair, block) in self.panel_mut(panel).iter_mut().enumerate() {
                 let (upper, lower) = pairing.rows(pair, rows);
                 let part = |row: usize| &values[row * columns + first..][..width];
-                let (mut above, mut below) = (zeros, zeros);
+                let mut above = zeros;
+                let mut below = zeros;
                 let upper = whole(part(upper), &mut above);
                 let lower = lower.map_or(&zeros, |lower| whole(part(lower), &mut below));
-                let ([u0, u1], [l0, l1]) = (halves(upper), halves(lower));
+                let [u0, u1] = halves(upper);
+                let [l0, l1] = halves(lower);
                 let (to, _) = block.as_chunks_mut::<HALF>();
                 to[0] = joined(kernel, [u0, l0]);
                 to[1] = joined(kernel, [u1, l1]);

@@ -72,20 +72,23 @@ impl Bf16Network {
             unreachable!("a network has layers");
         };
         assert!(!hidden.is_empty() && output.outputs == 1, "hidden layers, and one output");
-        let layer = |(number, layer): (usize, &Layer)| HiddenLayer {
-            inputs: layer.inputs,
-            outputs: layer.outputs,
-            weights: Panels::new(Pairing::Features, layer.inputs, layer.outputs),
-            transposed: match number {
-                0 => Panels::new(Pairing::Features, 0, 0),
-                _ => Panels::new(Pairing::Features, layer.outputs, layer.inputs),
-            },
-            bias: vec![[0.0; PANEL]; layer.outputs.div_ceil(PANEL)],
-            places: layer.clone(),
-        };
         let mut rounded = Self {
             processor,
-            hidden: hidden.iter().enumerate().map(layer).collect(),
+            hidden: hidden
+                .iter()
+                .enumerate()
+                .map(|(number, layer): (usize, &Layer)| HiddenLayer {
+                    inputs: layer.inputs,
+                    outputs: layer.outputs,
+                    weights: Panels::new(Pairing::Features, layer.inputs, layer.outputs),
+                    transposed: match number {
+                        0 => Panels::new(Pairing::Features, 0, 0),
+                        _ => Panels::new(Pairing::Features, layer.outputs, layer.inputs),
+                    },
+                    bias: vec![[0.0; PANEL]; layer.outputs.div_ceil(PANEL)],
+                    places: layer.clone(),
+                })
+                .collect(),
             output: OutputLayer {
                 weights: Rows::new(1, output.inputs),
                 transposed: Panels::new(Pairing::Features, 1, output.inputs),
@@ -131,7 +134,8 @@ impl Bf16Network {
         rows: Range<usize>,
         workspace: &'w mut Bf16Workspace,
     ) -> &'w [f32] {
-        let (count, capacity) = (rows.len(), workspace.capacity());
+        let count = rows.len();
+        let capacity = workspace.capacity();
         assert!(rows.end <= batch.len(), "a batch of {} rows has rows {rows:?}", batch.len());
         assert!(count <= capacity, "the workspace holds {capacity} rows, got {count}");
         let learnt = if rows.start == 0 { batch.learnt().min(count) } else { 0 };
@@ -146,7 +150,8 @@ impl Bf16Network {
             panels.set_rows(learnt);
             let to = Operands { rows: activations, panels, learnt };
             let finish = &mut Activations { bias: &layer.bias, to };
-            let (right, columns) = (&layer.weights, layer.outputs);
+            let right = &layer.weights;
+            let columns = layer.outputs;
             self.processor.run(Product { left, rows: count, right, columns, finish });
         }
         let activations = &hidden[hidden.len() - 1].activations;
@@ -252,7 +257,8 @@ impl Bf16Network {
             let bias_gradient = &bias_gradient.as_flattened()[..layer.outputs];
             sink.take(Scalar, layer.places.bias.start, bias_gradient);
             let inputs = before.last().map_or(&batch.panels, |before| &before.learnt);
-            let (start, columns) = (layer.places.weights.start, layer.outputs);
+            let start = layer.places.weights.start;
+            let columns = layer.outputs;
             self.processor.run(Product {
                 left: LeftOperand::Columns(inputs),
                 rows: layer.inputs,

@@ -79,10 +79,12 @@ impl<F: Finish> Task for Product<'_, F> {
     #[inline(always)]
     fn run<K: Kernel>(self, kernel: K) {
         let Product { left, rows, right, columns, finish } = self;
-        let (mut sums, mut room) = (Tile([[0.0; PANEL]; ROWS]), Tile([[0.0; PANEL]; ROWS]));
+        let mut sums = Tile([[0.0; PANEL]; ROWS]);
+        let mut room = Tile([[0.0; PANEL]; ROWS]);
         for panel in 0..columns.div_ceil(PANEL) {
             let mut next = right.shares(panel + 1, rows.div_ceil(ROWS));
-            let (begin, right) = (finish.begin(panel), right.panel(panel));
+            let begin = finish.begin(panel);
+            let right = right.panel(panel);
             for first_row in (0..rows).step_by(ROWS) {
                 let count = ROWS.min(rows - first_row);
                 let left = left.tile(first_row);

@@ -237,7 +237,8 @@ fn into_panels<K: Kernel>(
 #[expect(clippy::inline_always, reason = "as the product")]
 #[inline(always)]
 fn join_all<K: Kernel>(kernel: K, first: &[f32], second: &[f32], to: &mut [u32]) {
-    let (first, second) = (K::Simd::as_simd_f32s(first).0, K::Simd::as_simd_f32s(second).0);
+    let first = K::Simd::as_simd_f32s(first).0;
+    let second = K::Simd::as_simd_f32s(second).0;
     for (vector, to) in K::Simd::as_mut_simd_u32s(to).0.iter_mut().enumerate() {
         *to = kernel.join(first[vector], second[vector]);
     }

@@ -130,8 +130,10 @@ fn turn(square: &Square) -> Square {
     let mut fours = rows;
     for (four, rows) in fours.as_chunks_mut::<4>().0.iter_mut().zip(rows.as_chunks::<4>().0) {
         let [a, b, c, d] = *rows;
-        let (ab, cd) = (_mm512_unpacklo_epi32(a, b), _mm512_unpacklo_epi32(c, d));
-        let (upper_ab, upper_cd) = (_mm512_unpackhi_epi32(a, b), _mm512_unpackhi_epi32(c, d));
+        let ab = _mm512_unpacklo_epi32(a, b);
+        let cd = _mm512_unpacklo_epi32(c, d);
+        let upper_ab = _mm512_unpackhi_epi32(a, b);
+        let upper_cd = _mm512_unpackhi_epi32(c, d);
         *four = [
             _mm512_unpacklo_epi64(ab, cd),
             _mm512_unpackhi_epi64(ab, cd),

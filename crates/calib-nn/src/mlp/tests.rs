@@ -52,7 +52,8 @@ fn outputs_and_gradients_agree_with_the_definition_in_f64() {
 
         let gradients = network.backward(&input, &gradient, &mut workspace).to_vec();
         for (index, got) in gradients.into_iter().enumerate() {
-            let (at, step) = (parameters[index], 1e-6);
+            let at = parameters[index];
+            let step = 1e-6;
             parameters[index] = at + step;
             let above = reference_loss(&network, &parameters, &input, &gradient);
             parameters[index] = at - step;

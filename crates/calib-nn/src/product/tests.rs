@@ -26,7 +26,9 @@ fn product(left: Matrix<'_>, right: Matrix<'_>) -> Vec<f32> {
 
 /// The order of sums that is promised, value by value, whatever the processor.
 fn promised(left: Matrix<'_>, right: Matrix<'_>) -> Vec<f32> {
-    let (m, k, n) = (left.rows, left.columns, right.columns);
+    let m = left.rows;
+    let k = left.columns;
+    let n = right.columns;
     let thin = m == 1 || n == 1;
     let dots = left.column_stride == 1 && right.row_stride == 1 && (thin || m * n <= 256);
     let part = if thin { k } else { k.div_ceil(k.div_ceil(512)) };
@@ -53,10 +55,12 @@ fn bits(values: &[f32]) -> Vec<u32> {
 
 /// Every layout of both operands, to the byte.
 fn assert_promised(m: usize, k: usize, n: usize) {
-    let (a, b) = (numbers(m * k, 1), numbers(k * n, 2));
+    let a = numbers(m * k, 1);
+    let b = numbers(k * n, 2);
     for left in layouts(&a, m, k) {
         for right in layouts(&b, k, n) {
-            let (got, expected) = (product(left, right), promised(left, right));
+            let got = product(left, right);
+            let expected = promised(left, right);
             let strides = (left.column_stride, right.row_stride);
             assert_eq!(bits(&got), bits(&expected), "{m} x {k} x {n}, strides {strides:?}");
         }
@@ -124,8 +128,10 @@ fn an_empty_sum_is_zero() {
 #[test]
 fn the_definition_is_what_the_library_computes() {
     for (m, k, n) in [(40, 30, 20), (70, 700, 17), (1, 5, 3), (5, 2, 4)] {
-        let (a, b) = (numbers(m * k, 3), numbers(k * n, 4));
-        let (left, right) = (Matrix::new(&a, m, k), Matrix::new(&b, k, n));
+        let a = numbers(m * k, 3);
+        let b = numbers(k * n, 4);
+        let left = Matrix::new(&a, m, k);
+        let right = Matrix::new(&b, k, n);
         if m > 1 {
             let mut out = vec![f32::NAN; m * n];
             chains(&mut out, left, right);

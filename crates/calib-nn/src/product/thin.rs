@@ -14,7 +14,8 @@ const BLOCK: usize = 4;
 
 /// Each value as a dot product of a row of `left` and a column of `right`, both of which lie in order.
 pub(super) fn dots(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
-    let (m, n) = (left.rows, right.columns);
+    let m = left.rows;
+    let n = right.columns;
     let columns = right.transposed();
     Arch::new().dispatch(if m >= n {
         Dots { out, many: left, few: columns, strides: [n, 1] }
@@ -137,7 +138,8 @@ impl NullaryFnOnce for Combine<'_> {
     #[inline(always)]
     fn call(self) {
         let Self { out, left, right } = self;
-        let (k, n) = (left.columns, right.columns);
+        let k = left.columns;
+        let n = right.columns;
         if k == 0 {
             return out.fill(0.0);
         }
@@ -154,7 +156,8 @@ impl NullaryFnOnce for Combine<'_> {
                 }
             }
             for l in whole..k {
-                let (weights, rows) = ([left.at(i, l)], [right.row(l)]);
+                let weights = [left.at(i, l)];
+                let rows = [right.row(l)];
                 if l == 0 {
                     add_scaled::<_, true>(out, weights, rows);
                 } else {

@@ -57,7 +57,8 @@ pub(crate) struct Diary {
 impl Diary {
     /// Begin an attempt in `folder`, which holds those before.
     pub(crate) fn begin(folder: &Path) -> Self {
-        let (host, process) = (host_name().to_owned(), process::id());
+        let host = host_name().to_owned();
+        let process = process::id();
         let before = read(folder).len();
         let path = folder.join(format!("{before:04}-{}-{process}.json", file_name(&host)));
         let attempt = Attempt {
@@ -88,7 +89,8 @@ impl Diary {
     pub(crate) fn made(&self, pass: &str, units: usize, predicted_secs: f64, took: Duration) {
         self.change(|attempt| {
             attempt.doing.retain(|doing| doing != pass);
-            let (pass, secs) = (pass.to_owned(), took.as_secs_f64());
+            let pass = pass.to_owned();
+            let secs = took.as_secs_f64();
             attempt.made.push(MadePass { pass, units, predicted_secs, secs });
         });
     }

@@ -41,7 +41,8 @@ impl Division {
         let sum: f64 = secs.iter().sum();
         let shards = self.shards(secs.len(), sum, total);
         let mut ranges = Vec::with_capacity(shards);
-        let (mut start, mut done) = (0, 0.0);
+        let mut start = 0;
+        let mut done = 0.0;
         for number in 0..shards {
             let left = shards - number - 1;
             let target = sum * (number + 1) as f64 / shards as f64;

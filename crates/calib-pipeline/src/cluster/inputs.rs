@@ -125,8 +125,8 @@ pub(crate) fn mapped_bytes(
         .filter(|environment| matches!(environment, EnvironmentSpec::Member { .. }))
         .count();
     let size = |name: &String| directory.join(name).metadata().map_or(0, |found| found.len());
-    let of_members = |name: &&String| name.starts_with("members/");
-    let (tables, others): (Vec<&String>, Vec<&String>) = files.keys().partition(of_members);
+    let (tables, others): (Vec<&String>, Vec<&String>) =
+        files.keys().partition(|name: &&String| name.starts_with("members/"));
     let sum = |names: Vec<&String>| names.into_iter().map(size).sum::<u64>();
     sum(others) + sum(tables) / members.max(1) as u64
 }
@@ -212,14 +212,18 @@ impl<'p> Inputs<'p> {
             held_out: self.held_out.as_ref(),
         };
         let rolling = StreamParameters::of(&self.part.study, self.part.span)?;
-        let open = |described: &EnvironmentSpec| -> Result<Box<dyn Environment + '_>, StepError> {
-            if self.opened.contains(&described.id()) {
-                return described.open(sources, rolling);
-            }
-            let (id, inputs) = (described.id(), described.inputs());
-            Ok(Box::new(ClosedEnvironment { id, inputs }))
-        };
-        self.part.environments.iter().map(open).collect()
+        self.part
+            .environments
+            .iter()
+            .map(|described: &EnvironmentSpec| -> Result<Box<dyn Environment + '_>, StepError> {
+                if self.opened.contains(&described.id()) {
+                    return described.open(sources, rolling);
+                }
+                let id = described.id();
+                let inputs = described.inputs();
+                Ok(Box::new(ClosedEnvironment { id, inputs }))
+            })
+            .collect()
     }
 
     /// What agents start from, if that is fitted on the log.

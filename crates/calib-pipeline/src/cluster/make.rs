@@ -125,9 +125,11 @@ pub(crate) fn make(
         measured: MeasuredPasses::default(),
         seen,
     };
-    let (mut parts, mut work) = (Vec::new(), Vec::new());
+    let mut parts = Vec::new();
+    let mut work = Vec::new();
     for part in job.parts(Scope::Deployment)? {
-        let (model, deployment) = (part.model(), part.deployment());
+        let model = part.model();
+        let deployment = part.deployment();
         let mut planned = PlannedPart {
             model: model.map(str::to_owned),
             deployment: deployment.map(str::to_owned),
@@ -141,7 +143,8 @@ pub(crate) fn make(
     }
     let shards = planning.shards(&parts, work);
     let plan = PlanFile { format: FORMAT, maker, asked: PlannedStudy::of(job)?, parts, shards };
-    let (summary, place) = (summary(&plan), directory.clone());
+    let summary = summary(&plan);
+    let place = directory.clone();
     if job.policy().is_dry() {
         return Ok(StepResult::Planned(ClusterDryPlan { directory: place, summary }));
     }
@@ -334,21 +337,27 @@ impl Planning<'_> {
 
 /// Bytes that a shard takes on one thread.
 fn memory(parts: &[PlannedPart], passes: &[PlannedPass]) -> u64 {
-    let training_bytes_of = |pass: &PlannedPass| {
-        let part = parts.get(pass.part)?.sweep.as_ref()?;
-        let agents = agents_of(&part.candidates);
-        let (states, sensors) = (part.span.states(), part.groups[pass.group].len());
-        Some(4 * states as u64 + training_bytes(&agents, sensors, part.width, states))
-    };
-    let training = passes.iter().filter_map(training_bytes_of).max().unwrap_or(0);
+    let training = passes
+        .iter()
+        .filter_map(|pass: &PlannedPass| {
+            let part = parts.get(pass.part)?.sweep.as_ref()?;
+            let agents = agents_of(&part.candidates);
+            let states = part.span.states();
+            let sensors = part.groups[pass.group].len();
+            Some(4 * states as u64 + training_bytes(&agents, sensors, part.width, states))
+        })
+        .max()
+        .unwrap_or(0);
     // Files are mapped: all of those that a part has, as they may be read from anywhere.
     let read: BTreeSet<usize> = passes.iter().map(|pass| pass.part).collect();
     let mapped = |part: &usize| parts.get(*part)?.sweep.as_ref().map(|sweep| sweep.mapped);
-    let results = |pass: &PlannedPass| {
-        let part = parts.get(pass.part)?.sweep.as_ref()?;
-        let units = part.groups[pass.group].len() * part.candidates.len();
-        Some(units as u64 * (200 + 80 * part.study.sweep.curve_points as u64))
-    };
-    let results: u64 = passes.iter().filter_map(results).sum();
+    let results: u64 = passes
+        .iter()
+        .filter_map(|pass: &PlannedPass| {
+            let part = parts.get(pass.part)?.sweep.as_ref()?;
+            let units = part.groups[pass.group].len() * part.candidates.len();
+            Some(units as u64 * (200 + 80 * part.study.sweep.curve_points as u64))
+        })
+        .sum();
     BASE_BYTES + training + 2 * results + read.iter().filter_map(mapped).max().unwrap_or(0)
 }

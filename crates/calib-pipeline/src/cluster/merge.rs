@@ -58,7 +58,8 @@ pub(crate) fn merge(directory: &Path, context: &RunContext) -> Result<MergedSwee
             context.heading(&name);
         }
         let result = told(put_together(&job, &pool, context)?, &job, context)?;
-        let (model, deployment) = (part.model.clone(), part.deployment.clone());
+        let model = part.model.clone();
+        let deployment = part.deployment.clone();
         sweeps.push(PartResult { model, deployment, result });
     }
     Ok(MergedSweeps { sweeps: sweeps.into() })
@@ -69,7 +70,8 @@ pub(crate) fn merge(directory: &Path, context: &RunContext) -> Result<MergedSwee
 /// # Errors
 /// [`Incomplete`] if one is missing or not what it should be; what is wrong with each is told.
 fn collect(opened: &OpenedPlan, printer: &Printer) -> Result<SharedRuns, StepError> {
-    let (mut pool, mut faulty) = (SharedRuns::new(), Vec::new());
+    let mut pool = SharedRuns::new();
+    let mut faulty = Vec::new();
     for number in 0..opened.plan.shards.len() {
         let fault = match opened.read(number) {
             Ok(Some(results)) if results.extent == Extent::Whole => {

@@ -80,10 +80,12 @@ struct ShardPass<'p> {
 impl Running<'_> {
     fn run(&self) -> Result<ClusterShard, StepError> {
         let clock = Stopwatch::start();
-        let (opened, number) = (self.opened, self.number);
+        let opened = self.opened;
+        let number = self.number;
         let units = match opened.read(number) {
             Ok(Some(results)) if results.extent == Extent::Whole => {
-                let (freshness, took) = (Freshness::Kept, clock.elapsed());
+                let freshness = Freshness::Kept;
+                let took = clock.elapsed();
                 return Ok(ClusterShard { number, freshness, made: 0, took });
             }
             Ok(results) => results.map_or_else(UnitsInOrder::new, |results| results.units),
@@ -125,7 +127,8 @@ impl Running<'_> {
         }
         sink.complete().map_err(unfinished)?;
         let _ = remove_states(&states);
-        let (made, took) = (sink.len() - had, clock.elapsed());
+        let made = sink.len() - had;
+        let took = clock.elapsed();
         Ok(ClusterShard { number, freshness: Freshness::Made, made, took })
     }
 
@@ -170,7 +173,8 @@ impl Running<'_> {
         before: &UnitsInOrder,
         sink: &ShardSink,
     ) -> Result<usize, StepError> {
-        let (plan, directory) = (&self.opened.plan, self.opened.inputs(part));
+        let plan = &self.opened.plan;
+        let directory = self.opened.inputs(part);
         let planned: Vec<&PlannedPass> =
             self.shard.passes.iter().filter(|pass| pass.part == part).collect();
         let passes: Vec<PassId> =

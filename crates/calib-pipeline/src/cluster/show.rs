@@ -82,7 +82,8 @@ impl Told<()> for ClusterShard {
         match freshness {
             Freshness::Kept => printer.result(&format!("shard {number} is done already")),
             Freshness::Made => {
-                let (made, took) = (counted(made, "training run"), duration(took));
+                let made = counted(made, "training run");
+                let took = duration(took);
                 printer.result(&format!("shard {number} is done: {made} made in {took}"))
             }
         }

@@ -36,15 +36,17 @@ pub(crate) struct Summary {
 /// What a plan takes.
 pub(crate) fn summary(plan: &PlanFile) -> Summary {
     let secs = || plan.shards.iter().map(|shard| shard.secs);
-    let of_stage =
-        |stage| plan.of_stage(stage).map(|number| plan.shards[number].secs).fold(0.0, f64::max);
     Summary {
         shards: plan.shards.len(),
         stages: plan.stages(),
         units: plan.shards.iter().map(|shard| shard.units(plan)).sum(),
         secs: secs().sum(),
         longest_secs: secs().fold(0.0, f64::max),
-        together_secs: (0..plan.stages()).map(of_stage).sum(),
+        together_secs: (0..plan.stages())
+            .map(|stage| {
+                plan.of_stage(stage).map(|number| plan.shards[number].secs).fold(0.0, f64::max)
+            })
+            .sum(),
         memory: plan.shards.iter().map(|shard| shard.memory).max().unwrap_or(0),
     }
 }
@@ -95,11 +97,12 @@ impl Status {
     /// How the shards of a plan stand.
     pub(crate) fn of(opened: &OpenedPlan) -> Self {
         let queued = queue::states(&opened.directory);
-        let of_shard = |number| {
-            let queue = queued.get(&number).cloned();
-            ShardStatus { queue, ..standing(opened, number) }
-        };
-        let shards: Vec<ShardStatus> = (0..opened.plan.shards.len()).map(of_shard).collect();
+        let shards: Vec<ShardStatus> = (0..opened.plan.shards.len())
+            .map(|number| {
+                let queue = queued.get(&number).cloned();
+                ShardStatus { queue, ..standing(opened, number) }
+            })
+            .collect();
         let done = shards.iter().filter(|shard| shard.state == State::Done).count();
         Self { plan: summary(&opened.plan), done, shards }
     }
@@ -153,14 +156,16 @@ pub(crate) fn status(
     if options.leftovers == Leftovers::Removed {
         clean(&opened)?;
     }
-    let (directory, status) = (directory.to_owned(), Status::of(&opened));
+    let directory = directory.to_owned();
+    let status = Status::of(&opened);
     Ok(ClusterStatus { directory, status, only_missing: options.missing })
 }
 
 /// Shards whose results are not there, or not what they should be.
 pub(crate) fn missing(opened: &OpenedPlan) -> Vec<usize> {
-    let is_missing = |number: &usize| standing(opened, *number).state != State::Done;
-    (0..opened.plan.shards.len()).filter(is_missing).collect()
+    (0..opened.plan.shards.len())
+        .filter(|number: &usize| standing(opened, *number).state != State::Done)
+        .collect()
 }
 
 fn standing(opened: &OpenedPlan, number: usize) -> ShardStatus {

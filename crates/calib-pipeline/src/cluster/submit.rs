@@ -105,8 +105,13 @@ impl Handover<'_> {
             ShardsToSubmit::All => None,
             ShardsToSubmit::Missing => Some(missing(self.opened)),
         };
-        let wanted = |number: &usize| missing.as_ref().is_none_or(|shards| shards.contains(number));
-        let stages = (0..plan.stages()).map(|stage| plan.of_stage(stage).filter(wanted).collect());
+        let stages = (0..plan.stages()).map(|stage| {
+            plan.of_stage(stage)
+                .filter(|number: &usize| {
+                    missing.as_ref().is_none_or(|shards| shards.contains(number))
+                })
+                .collect()
+        });
         stages.filter(|shards: &Vec<usize>| !shards.is_empty()).collect()
     }
 
@@ -115,7 +120,8 @@ impl Handover<'_> {
     }
 
     fn slurm(&self) -> Result<SubmitResult, StepError> {
-        let (place, stages) = (self.place(), self.stages());
+        let place = self.place();
+        let stages = self.stages();
         // Slurm reads options up to the first blank, and has no quotes for them.
         ensure!(
             !place.contains(char::is_whitespace),
@@ -172,7 +178,8 @@ impl Handover<'_> {
         words.extend(["--calib".to_owned(), self.config.calib.clone()]);
         words.extend(["--threads".to_owned(), self.config.threads.to_string()]);
         if self.is_dry() {
-            let (scripts, command) = (vec![script], Some(shell_words(&words)));
+            let scripts = vec![script];
+            let command = Some(shell_words(&words));
             return Ok(StepResult::Planned(ClusterScripts { scripts, command }));
         }
         self.write(&[script])?;

@@ -61,7 +61,8 @@ impl Advice<'_> {
     /// What to do, as the card of a report.
     pub fn decision(&self) -> Decision {
         let Self { verdict, settings, vocabulary, .. } = self;
-        let (chosen, rank) = (&settings[verdict.chosen], rank_name(verdict.rule));
+        let chosen = &settings[verdict.chosen];
+        let rank = rank_name(verdict.rule);
         let default = vocabulary.default;
         let other_default = verdict.default.filter(|&default| default != verdict.chosen);
         let (support, badge, headline, plain) = if settings.len() < 2 {
@@ -336,7 +337,8 @@ mod tests {
     fn decision(doubts: &serde_json::Value, vocabulary: Vocabulary) -> Decision {
         let verdict = verdict(doubts);
         let settings = ["a=1", "a=2"].map(str::to_owned);
-        let (actions, columns) = (&["off".to_owned()], &["level".to_owned()]);
+        let actions = &["off".to_owned()];
+        let columns = &["level".to_owned()];
         let advice =
             Advice { verdict: &verdict, settings: &settings, actions, columns, vocabulary };
         assert_eq!(advice.reasons().len(), verdict.doubts.len());

@@ -75,19 +75,18 @@ pub(super) fn described(
         numbered.map(|(place, spread)| spread.map(|value| names.physical(place, value))).collect()
     };
     let counted = log.counts().into_iter().zip(model.covered()).zip(log.spreads()?);
-    let told = |(name, ((transitions, covered), spreads)): (&String, _)| ActionTold {
-        name: name.clone(),
-        transitions,
-        covered,
-        states: own(spreads),
-    };
-    let map = |(place, column): (usize, &String)| -> Result<ColumnMap, StepError> {
-        let CoverageMap { upper, states, covered } = model.coverage_map(place, PARTS)?;
-        let upper = upper.into_iter().map(|bound| names.physical(place, bound)).collect();
-        Ok(ColumnMap { column: column.clone(), upper, states, covered })
-    };
     Ok(ActionLogSummary {
-        actions: names.actions.iter().zip(counted).map(told).collect(),
+        actions: names
+            .actions
+            .iter()
+            .zip(counted)
+            .map(|(name, ((transitions, covered), spreads)): (&String, _)| ActionTold {
+                name: name.clone(),
+                transitions,
+                covered,
+                states: own(spreads),
+            })
+            .collect(),
         settings: names.settings.clone(),
         columns: names.columns.clone(),
         transitions: log.len(),
@@ -95,6 +94,15 @@ pub(super) fn described(
         terminals: log.terminals(),
         distance,
         radius: model.radius(),
-        map: names.columns.iter().enumerate().map(map).collect::<Result<_, _>>()?,
+        map: names
+            .columns
+            .iter()
+            .enumerate()
+            .map(|(place, column): (usize, &String)| -> Result<ColumnMap, StepError> {
+                let CoverageMap { upper, states, covered } = model.coverage_map(place, PARTS)?;
+                let upper = upper.into_iter().map(|bound| names.physical(place, bound)).collect();
+                Ok(ColumnMap { column: column.clone(), upper, states, covered })
+            })
+            .collect::<Result<_, _>>()?,
     })
 }

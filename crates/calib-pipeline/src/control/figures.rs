@@ -129,10 +129,6 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
         .filter(|&candidate| value(candidate) != value(evaluation.verdict.chosen));
     let mut rules = vec![mark(evaluation.verdict.chosen, "chosen", Dash::Solid)];
     rules.extend(default.map(|candidate| mark(candidate, "default", Dash::Dashed)));
-    let row = |(place, own): (usize, &&str)| {
-        let shown = drawn.iter().map(|series| Cell::Number(series.points[place].y));
-        std::iter::once(Cell::Text((*own).to_owned())).chain(shown).collect()
-    };
     OverviewFigure {
         caption: "Mean return per episode in the model, learning included, over all settings with the value, and of the best of them in each ensemble member, with 95 % intervals over blocks of the log. It ranks settings and does not say what the plant will give."
             .to_owned(),
@@ -141,7 +137,10 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
             columns: std::iter::once(name.clone())
                 .chain(ways.iter().map(|way| way.0.to_owned()))
                 .collect(),
-            rows: values.iter().enumerate().map(row).collect(),
+            rows: values.iter().enumerate().map(|(place, own): (usize, &&str)| {
+        let shown = drawn.iter().map(|series| Cell::Number(series.points[place].y));
+        std::iter::once(Cell::Text((*own).to_owned())).chain(shown).collect()
+    }).collect(),
             ..Table::default()
         },
         chart: Chart {
@@ -183,10 +182,6 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
     let drawn = drawn
         .map(|(number, (&candidate, curve))| series(number, &label(candidate), points(1.0, curve)));
     let title = "How agents learn in the model".to_owned();
-    let row = |tenth: usize| {
-        let shown = curves.iter().map(|curve| Cell::Number(curve[tenth]));
-        std::iter::once(Cell::Count(tenth as u64 + 1)).chain(shown).collect()
-    };
     Some(OverviewFigure {
         caption: "Mean return of the episodes in each tenth of a run, over models and runs: the best settings by rank, and the default. A curve that still rises would gain from more steps."
             .to_owned(),
@@ -195,7 +190,10 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
             columns: std::iter::once("tenth".to_owned())
                 .chain(with.iter().map(|&candidate| label(candidate)))
                 .collect(),
-            rows: (0..curves[0].len()).map(row).collect(),
+            rows: (0..curves[0].len()).map(|tenth: usize| {
+        let shown = curves.iter().map(|curve| Cell::Number(curve[tenth]));
+        std::iter::once(Cell::Count(tenth as u64 + 1)).chain(shown).collect()
+    }).collect(),
             ..Table::default()
         },
         chart: Chart {
@@ -225,13 +223,11 @@ fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
     let drawn = own.map(|(number, (action, shares))| {
         series(number, &action.name, points(0.0, &percent(shares)))
     });
-    let name = |upper: &f64| format!("to {}", calib_report::number(*upper));
-    let names: Vec<String> = map.upper.iter().map(name).collect();
-    let row = |(part, name): (usize, &String)| {
-        let shares =
-            map.covered.iter().map(|shares_of_action| Cell::Percent(shares_of_action[part]));
-        std::iter::once(Cell::Text(name.clone())).chain(shares).collect()
-    };
+    let names: Vec<String> = map
+        .upper
+        .iter()
+        .map(|upper: &f64| format!("to {}", calib_report::number(*upper)))
+        .collect();
     OverviewFigure {
         caption: format!(
             "Share of the recorded states in each fifth of {} near which the action was taken. What a choice does where curves are low rests on \
@@ -243,7 +239,17 @@ fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
             columns: std::iter::once(map.column.clone())
                 .chain(evaluation.log.actions.iter().map(|action| action.name.clone()))
                 .collect(),
-            rows: names.iter().enumerate().map(row).collect(),
+            rows: names
+                .iter()
+                .enumerate()
+                .map(|(part, name): (usize, &String)| {
+                    let shares = map
+                        .covered
+                        .iter()
+                        .map(|shares_of_action| Cell::Percent(shares_of_action[part]));
+                    std::iter::once(Cell::Text(name.clone())).chain(shares).collect()
+                })
+                .collect(),
             ..Table::default()
         },
         chart: Chart {

@@ -89,13 +89,20 @@ pub(super) fn read(
         }
         values
     });
-    let ended = |value: &f64| {
-        if *value == 0.0 || value.is_nan() { Ending::Continues } else { Ending::Terminal }
-    };
-    let endings: Vec<Ending> = match &config.terminal {
-        Some(name) => column(name).iter().map(ended).collect(),
-        None => vec![Ending::Continues; rows],
-    };
+    let endings: Vec<Ending> =
+        match &config.terminal {
+            Some(name) => column(name)
+                .iter()
+                .map(|value: &f64| {
+                    if *value == 0.0 || value.is_nan() {
+                        Ending::Continues
+                    } else {
+                        Ending::Terminal
+                    }
+                })
+                .collect(),
+            None => vec![Ending::Continues; rows],
+        };
     let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
     let frames = &dataset.train;
     tell_missing_rewards(frames, &columns, printer);
@@ -162,7 +169,8 @@ fn tell_missing_rewards(frames: &Frames, columns: &Columns<'_>, printer: &Printe
 /// Least and largest of what was set; zeros of nothing.
 fn range(values: &[f64]) -> [f64; 2] {
     let there = || values.iter().copied().filter(|value| !value.is_nan());
-    let (low, high) = (there().reduce(f64::min), there().reduce(f64::max));
+    let low = there().reduce(f64::min);
+    let high = there().reduce(f64::max);
     [low.unwrap_or(0.0), high.unwrap_or(0.0)]
 }
 
@@ -235,20 +243,25 @@ fn settings_told(
     if config.levels.is_none() {
         return Ok(Vec::new());
     }
-    let told = |(column, values): (&String, &Vec<f64>)| {
-        let own: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
-        ensure!(!own.is_empty(), "the log has no value of {column}");
-        let share = |share: f64| quantile(&own, share);
-        let quantiles = [share(0.0)?, share(0.05)?, share(0.5)?, share(0.95)?, share(1.0)?];
-        Ok(SettingTold { column: column.clone(), quantiles })
-    };
-    config.actions.iter().zip(acted).map(told).collect()
+    config
+        .actions
+        .iter()
+        .zip(acted)
+        .map(|(column, values): (&String, &Vec<f64>)| {
+            let own: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+            ensure!(!own.is_empty(), "the log has no value of {column}");
+            let share = |share: f64| quantile(&own, share);
+            let quantiles = [share(0.0)?, share(0.05)?, share(0.5)?, share(0.95)?, share(1.0)?];
+            Ok(SettingTold { column: column.clone(), quantiles })
+        })
+        .collect()
 }
 
 impl ActionLog {
     /// What a representation is trained on: the states, along the episodes.
     pub(super) fn material(&self) -> Material<'_> {
-        let (states, segments) = (self.decisions.states(), self.decisions.transitions().segments());
+        let states = self.decisions.states();
+        let segments = self.decisions.transitions().segments();
         Material { states, segments, fingerprint: &self.fingerprint }
     }
 }

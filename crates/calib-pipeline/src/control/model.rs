@@ -178,7 +178,8 @@ pub(super) fn open_or_build(
     printer: &Printer,
 ) -> Result<ActionModel, StepError> {
     let directory = &job.layout().control_model();
-    let (key, rules) = (key(job, config, log)?, rules(config, log)?);
+    let key = key(job, config, log)?;
+    let rules = rules(config, log)?;
     if !job.policy().redoes()
         && let Some(model) = kept(directory, &key, rules, log)?
     {

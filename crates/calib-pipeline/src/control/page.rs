@@ -73,7 +73,23 @@ fn texts<const N: usize>(texts: [&str; N]) -> Vec<String> {
 /// Every candidate, in the order of the rule.
 fn candidates(evaluation: &ControlEvaluation) -> Table {
     let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
-    let row = |candidate: usize| {
+    let mut columns = texts([
+        "setting",
+        "",
+        rank_name(evaluation.verdict.rule),
+        "model return",
+        "not covered",
+        "fitted Q",
+    ]);
+    if evaluation.importance_sampling.is_some() {
+        columns.extend(texts(["importance", "of episodes"]));
+    }
+    Table {
+        title: "Settings".to_owned(),
+        caption: "By rank over the ensemble members of all models. The return in the model ranks settings, and is not what the plant will give. Not covered: steps for which the log has no such action near. Fitted Q, and importance sampling where probabilities were logged, need no model. Importance sampling rests on so many episodes."
+            .to_owned(),
+        columns,
+        rows: show::best(evaluation, evaluation.candidates.len()).into_iter().map(|candidate: usize| {
         let role = match candidate {
             other if other == verdict.chosen => "chosen",
             other if Some(other) == verdict.default => "default",
@@ -96,62 +112,41 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
             ]);
         }
         row
-    };
-    let mut columns = texts([
-        "setting",
-        "",
-        rank_name(evaluation.verdict.rule),
-        "model return",
-        "not covered",
-        "fitted Q",
-    ]);
-    if evaluation.importance_sampling.is_some() {
-        columns.extend(texts(["importance", "of episodes"]));
-    }
-    Table {
-        title: "Settings".to_owned(),
-        caption: "By rank over the ensemble members of all models. The return in the model ranks settings, and is not what the plant will give. Not covered: steps for which the log has no such action near. Fitted Q, and importance sampling where probabilities were logged, need no model. Importance sampling rests on so many episodes."
-            .to_owned(),
-        columns,
-        rows: show::best(evaluation, evaluation.candidates.len()).into_iter().map(row).collect(),
+    }).collect(),
         best: None,
     }
 }
 
 fn actions(evaluation: &ControlEvaluation) -> Table {
     let log = &evaluation.log;
-    let row = |action: &super::described::ActionTold| {
+    Table {
+        title: "Actions".to_owned(),
+        caption: "How often each action was taken, and in what share of the recorded states a step with it lies within the radius.".to_owned(),
+        columns: texts(["action", "taken", "of the log", "known in states"]),
+        rows: log.actions.iter().map(|action: &super::described::ActionTold| {
         vec![
             Cell::Text(action.name.clone()),
             Cell::Count(action.transitions as u64),
             Cell::Percent(action.transitions as f64 / log.transitions as f64),
             Cell::Percent(action.covered),
         ]
-    };
-    Table {
-        title: "Actions".to_owned(),
-        caption: "How often each action was taken, and in what share of the recorded states a step with it lies within the radius.".to_owned(),
-        columns: texts(["action", "taken", "of the log", "known in states"]),
-        rows: log.actions.iter().map(row).collect(),
+    }).collect(),
         best: None,
     }
 }
 
 /// The numbers of the maps, a table a column.
 fn maps(evaluation: &ControlEvaluation) -> Vec<Table> {
-    let coverage = |map: &super::described::ColumnMap| {
-        let part = |upper: &f64| format!("to {}", calib_report::number(*upper));
-        let row = |(action, covered): (&super::described::ActionTold, &Vec<f64>)| {
-            let shares = covered.iter().map(|&share| Cell::Percent(share));
-            std::iter::once(Cell::Text(action.name.clone())).chain(shares).collect()
-        };
+    evaluation.log.map.iter().take(figures::MAPS).map(|map: &super::described::ColumnMap| {
         Table {
             title: format!("Coverage along {}", map.column),
             caption: "Share of the recorded states of each fifth of the column near which the action was taken.".to_owned(),
-            columns: std::iter::once("action".to_owned()).chain(map.upper.iter().map(part)).collect(),
-            rows: evaluation.log.actions.iter().zip(&map.covered).map(row).collect(),
+            columns: std::iter::once("action".to_owned()).chain(map.upper.iter().map(|upper: &f64| format!("to {}", calib_report::number(*upper)))).collect(),
+            rows: evaluation.log.actions.iter().zip(&map.covered).map(|(action, covered): (&super::described::ActionTold, &Vec<f64>)| {
+            let shares = covered.iter().map(|&share| Cell::Percent(share));
+            std::iter::once(Cell::Text(action.name.clone())).chain(shares).collect()
+        }).collect(),
             best: None,
         }
-    };
-    evaluation.log.map.iter().take(figures::MAPS).map(coverage).collect()
+    }).collect()
 }

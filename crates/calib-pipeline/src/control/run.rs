@@ -85,7 +85,8 @@ pub(super) fn no_section(job: &Job) -> StepError {
 /// What there is and what will be done.
 fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer: &Printer) {
     let decisions = &log.decisions;
-    let (episodes, terminals) = (decisions.starts().len(), decisions.terminals());
+    let episodes = decisions.starts().len();
+    let terminals = decisions.terminals();
     printer.say(&format!(
         "{}; {}; states of {}",
         show::held(decisions.len(), episodes, terminals),
@@ -105,7 +106,8 @@ fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer:
 
 /// Whether agents that learn side by side fit into memory, and a word where most of their time would go into pairs of columns.
 fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Result<(), StepError> {
-    let (columns, actions) = (log.names.columns.len(), log.decisions.levels());
+    let columns = log.names.columns.len();
+    let actions = log.decisions.levels();
     let mut largest = 0;
     for candidate in candidates {
         largest = largest.max(candidate.bytes(columns, actions)?);
@@ -118,9 +120,11 @@ fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Resul
         ),
         "set control.agent.pairs = false, keep fewer columns with data.include, or use fewer threads (--threads)",
     )?;
-    let is_paired =
-        |agent: &AgentConfig| agent.pairs && agent.algorithm != Algorithm::DeepQLearning;
-    if columns > PAIRED_COLUMNS && candidates.iter().any(is_paired) {
+    if columns > PAIRED_COLUMNS
+        && candidates
+            .iter()
+            .any(|agent: &AgentConfig| agent.pairs && agent.algorithm != Algorithm::DeepQLearning)
+    {
         let times = (columns - 1) / 2 + 1;
         printer.warn(&format!(
             "agents tile the {} pairs of {columns} columns, which takes some {times} times as long as the columns alone; \
@@ -150,7 +154,8 @@ fn judged(
     units: &RunFiles,
     printer: &Printer,
 ) -> Result<JudgedSettings, StepError> {
-    let (study, progress) = (job.study(), printer.progress());
+    let study = job.study();
+    let progress = printer.progress();
     let seed = Seed::new(study.seed).child("control");
     let candidates = config.grid.candidates(config.agent)?;
     // Agents that live for less than an episode have no longer ones.
@@ -177,7 +182,8 @@ fn judged(
         constants: &constants,
     };
     let verdict = judge(&runs, &question, seed)?;
-    let (steps, timeout) = (config.steps, config.timeout);
+    let steps = config.steps;
+    let timeout = config.timeout;
     let fitted = fitted_q_evaluation(decisions, &observed, &candidates, steps, timeout, &progress)?;
     let importance = importance_sampling(decisions, &candidates, steps, timeout, &progress)?;
     let evaluation = ControlEvaluation {
@@ -271,15 +277,17 @@ fn named(config: &ControlConfig, candidate: &AgentConfig) -> Vec<(String, String
 
 /// The mean curve of each candidate over the runs that have one.
 fn learning(runs: &[Run], candidates: usize) -> Vec<Vec<f64>> {
-    let mean_curve = |candidate: usize| -> Vec<f64> {
-        let own = runs.iter().filter(|run| run.candidate == candidate);
-        let curves: Vec<&[f64]> =
-            own.map(|run| &run.curve[..]).filter(|curve| !curve.is_empty()).collect();
-        let length = curves.first().map_or(0, |curve| curve.len());
-        let mean = |tenth: usize| {
-            curves.iter().map(|curve| curve[tenth]).sum::<f64>() / curves.len() as f64
-        };
-        (0..length).map(mean).collect()
-    };
-    (0..candidates).map(mean_curve).collect()
+    (0..candidates)
+        .map(|candidate: usize| -> Vec<f64> {
+            let own = runs.iter().filter(|run| run.candidate == candidate);
+            let curves: Vec<&[f64]> =
+                own.map(|run| &run.curve[..]).filter(|curve| !curve.is_empty()).collect();
+            let length = curves.first().map_or(0, |curve| curve.len());
+            (0..length)
+                .map(|tenth: usize| {
+                    curves.iter().map(|curve| curve[tenth]).sum::<f64>() / curves.len() as f64
+                })
+                .collect()
+        })
+        .collect()
 }

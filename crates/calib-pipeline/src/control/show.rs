@@ -61,16 +61,19 @@ pub(super) fn line(log: &ActionLogSummary) -> String {
 
 /// What the log did, and where it says what an action does.
 pub(super) fn actions(log: &ActionLogSummary) -> String {
-    let row = |action: &ActionTold| {
-        let share = action.transitions as f64 / log.transitions as f64;
-        vec![
-            action.name.clone(),
-            count(action.transitions),
-            percent(share),
-            percent(action.covered),
-        ]
-    };
-    let rows: Vec<_> = log.actions.iter().map(row).collect();
+    let rows: Vec<_> = log
+        .actions
+        .iter()
+        .map(|action: &ActionTold| {
+            let share = action.transitions as f64 / log.transitions as f64;
+            vec![
+                action.name.clone(),
+                count(action.transitions),
+                percent(share),
+                percent(action.covered),
+            ]
+        })
+        .collect();
     let first = if log.settings.is_empty() { "action" } else { "nearest level" };
     let levels = table(&[first, "taken", "of the log", "known in states"], &rows);
     if log.settings.is_empty() { levels } else { format!("{}\n{levels}", settings(log)) }
@@ -78,11 +81,14 @@ pub(super) fn actions(log: &ActionLogSummary) -> String {
 
 /// The ranges of continuous actions.
 fn settings(log: &ActionLogSummary) -> String {
-    let row = |setting: &SettingTold| {
-        let quantiles = setting.quantiles.iter().map(|&value| significant(value));
-        std::iter::once(setting.column.clone()).chain(quantiles).collect::<Vec<_>>()
-    };
-    let rows: Vec<_> = log.settings.iter().map(row).collect();
+    let rows: Vec<_> = log
+        .settings
+        .iter()
+        .map(|setting: &SettingTold| {
+            let quantiles = setting.quantiles.iter().map(|&value| significant(value));
+            std::iter::once(setting.column.clone()).chain(quantiles).collect::<Vec<_>>()
+        })
+        .collect();
     table(&["set", "least", "5 %", "median", "95 %", "largest"], &rows)
 }
 
@@ -91,13 +97,21 @@ const COLUMNS: usize = 6;
 
 /// In which states each action was taken: the middle of each column, and where nine of ten of its values lie.
 pub(super) fn states(log: &ActionLogSummary) -> String {
-    let row = |action: &ActionTold| {
-        let own = action.states.iter().take(COLUMNS).map(|[low, middle, high]| {
-            format!("{} ({} to {})", significant(*middle), significant(*low), significant(*high))
-        });
-        std::iter::once(action.name.clone()).chain(own).collect::<Vec<_>>()
-    };
-    let rows: Vec<_> = log.actions.iter().map(row).collect();
+    let rows: Vec<_> = log
+        .actions
+        .iter()
+        .map(|action: &ActionTold| {
+            let own = action.states.iter().take(COLUMNS).map(|[low, middle, high]| {
+                format!(
+                    "{} ({} to {})",
+                    significant(*middle),
+                    significant(*low),
+                    significant(*high)
+                )
+            });
+            std::iter::once(action.name.clone()).chain(own).collect::<Vec<_>>()
+        })
+        .collect();
     let mut header = vec!["taken where"];
     header.extend(log.columns.iter().take(COLUMNS).map(String::as_str));
     table(&header, &rows)
@@ -128,31 +142,33 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
     let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
     let order = best(evaluation, SHOWN);
     let resamples = verdict.chosen_of_resamples.iter().sum::<usize>().max(1) as f64;
-    let row = |&candidate: &usize| {
-        let mark = match candidate {
-            other if other == verdict.chosen => "chosen",
-            other if Some(other) == verdict.default => "default",
-            _ => "",
-        };
-        let fitted = evaluation.fitted_q_evaluation[candidate];
-        let mut row = vec![
-            name(evaluation, candidate),
-            mark.to_owned(),
-            rank(evaluation, candidate),
-            significant(selection.mean_errors[candidate]),
-            percent(verdict.coverage[candidate].uncovered()),
-            percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
-            if fitted.is_finite() { significant(fitted) } else { "diverged".to_owned() },
-        ];
-        row.extend(
-            evaluation
-                .importance_sampling
-                .iter()
-                .flat_map(|estimates| importance(estimates[candidate])),
-        );
-        row
-    };
-    let rows: Vec<_> = order.iter().map(row).collect();
+    let rows: Vec<_> = order
+        .iter()
+        .map(|&candidate: &usize| {
+            let mark = match candidate {
+                other if other == verdict.chosen => "chosen",
+                other if Some(other) == verdict.default => "default",
+                _ => "",
+            };
+            let fitted = evaluation.fitted_q_evaluation[candidate];
+            let mut row = vec![
+                name(evaluation, candidate),
+                mark.to_owned(),
+                rank(evaluation, candidate),
+                significant(selection.mean_errors[candidate]),
+                percent(verdict.coverage[candidate].uncovered()),
+                percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
+                if fitted.is_finite() { significant(fitted) } else { "diverged".to_owned() },
+            ];
+            row.extend(
+                evaluation
+                    .importance_sampling
+                    .iter()
+                    .flat_map(|estimates| importance(estimates[candidate])),
+            );
+            row
+        })
+        .collect();
     let mut header = vec![
         "setting",
         "",
@@ -189,6 +205,9 @@ pub(super) fn name(evaluation: &ControlEvaluation, candidate: usize) -> String {
     if fields.is_empty() {
         return "the agent".to_owned();
     }
-    let one = |(field, value): &(String, String)| format!("{field}={value}");
-    fields.iter().map(one).collect::<Vec<_>>().join(" ")
+    fields
+        .iter()
+        .map(|(field, value): &(String, String)| format!("{field}={value}"))
+        .collect::<Vec<_>>()
+        .join(" ")
 }

@@ -105,7 +105,8 @@ fn simulated<T: Task>(
     log: &Path,
     study: &Path,
 ) -> Result<SimulatedTask, StepError> {
-    let (kind, timeout) = (wanted.task, wanted.task.timeout());
+    let kind = wanted.task;
+    let timeout = wanted.task.timeout();
     let seed = Seed::new(wanted.seed).child(kind.name()).child(wanted.policy.name());
     let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
     let mut behaviour = behaviour::<T>(wanted, &mut world, seed)?;
@@ -134,7 +135,8 @@ fn behaviour<T: Task>(
     world: &mut Simulated<T>,
     seed: Seed,
 ) -> Result<Behaviour, StepError> {
-    let (kind, policy) = (wanted.task, wanted.policy);
+    let kind = wanted.task;
+    let policy = wanted.policy;
     if policy == Quality::Random {
         return Ok(Behaviour::Random);
     }
@@ -170,17 +172,25 @@ fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> Result<(), Ste
     let mut channels: Vec<(&str, Vec<f32>)> = Vec::new();
     for (place, &(name, low, high)) in T::columns().iter().enumerate() {
         let scaled = recorded.states.iter().skip(place).step_by(width);
-        let own = |&share: &f32| (low + f64::from(share) * (high - low)) as f32;
-        channels.push((name, scaled.map(own).collect()));
+        channels.push((
+            name,
+            scaled.map(|&share: &f32| (low + f64::from(share) * (high - low)) as f32).collect(),
+        ));
     }
     if let Some(name) = T::continuous() {
         channels.push((name, set_in(recorded)));
     }
     for (name, values) in T::settings().into_iter().filter(|_| T::continuous().is_none()) {
-        let set = |action: &Option<u16>| {
-            action.map_or(f32::NAN, |action| values[usize::from(action)] as f32)
-        };
-        channels.push((name, recorded.actions.iter().map(set).collect()));
+        channels.push((
+            name,
+            recorded
+                .actions
+                .iter()
+                .map(|action: &Option<u16>| {
+                    action.map_or(f32::NAN, |action| values[usize::from(action)] as f32)
+                })
+                .collect(),
+        ));
     }
     if T::continuous().is_none() {
         let probabilities =
@@ -193,8 +203,14 @@ fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> Result<(), Ste
     }
     if T::logged().is_empty() {
         channels.push(("reward", recorded.rewards.clone()));
-        let terminal = |&ending: &Ending| f32::from(u8::from(ending == Ending::Terminal));
-        channels.push(("terminal", recorded.endings.iter().map(terminal).collect()));
+        channels.push((
+            "terminal",
+            recorded
+                .endings
+                .iter()
+                .map(|&ending: &Ending| f32::from(u8::from(ending == Ending::Terminal)))
+                .collect(),
+        ));
     }
     Ok(write_log(path, &timestamps, &channels)?)
 }
@@ -236,7 +252,8 @@ fn text(kind: TaskKind, continuous: Option<&str>, seed: u64) -> String {
 fn membrane_text(seed: u64) -> String {
     let settings = Membrane::settings();
     let settings: Vec<&str> = settings.iter().map(|setting| setting.0).collect();
-    let (state, logged) = (Membrane::columns(), Membrane::logged());
+    let state = Membrane::columns();
+    let logged = Membrane::logged();
     let exclude = &logged[..logged.len() - 1];
     let cleaned = logged[logged.len() - 1];
     format!(

@@ -22,8 +22,10 @@ fn within_states(states: f64, state_secs: f64) -> Option<String> {
     let units = [(86_400.0, "d"), (3_600.0, "h"), (60.0, "m")];
     let (size, unit) = units.into_iter().find(|unit| secs >= 10.0 * unit.0).unwrap_or((1.0, "s"));
     let whole = (secs / size).floor() as u64;
-    let is_within = |count: &u64| Horizon::new(*count as f64 * size, state_secs).states <= states;
-    (1..=whole).rev().find(is_within).map(|count| format!("{count}{unit}"))
+    (1..=whole)
+        .rev()
+        .find(|count: &u64| Horizon::new(*count as f64 * size, state_secs).states <= states)
+        .map(|count| format!("{count}{unit}"))
 }
 
 /// What all drafts of a study have in common.

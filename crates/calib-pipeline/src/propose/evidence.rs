@@ -47,8 +47,11 @@ impl Evidence {
         let tried = [(ProposedAgent::Linear, &predicted), (ProposedAgent::Network, &network)];
         let tried = tried.map(|(agent, sensors)| Trial { agent, ratio: typical(sensors) });
         let chosen = choose_agent(&tried).unwrap_or(tried[0]);
-        let said = |trial: &Trial| format!("{} {:.3}", trial.agent.label(), trial.ratio);
-        let errors = tried.iter().map(said).collect::<Vec<_>>().join(", ");
+        let errors = tried
+            .iter()
+            .map(|trial: &Trial| format!("{} {:.3}", trial.agent.label(), trial.ratio))
+            .collect::<Vec<_>>()
+            .join(", ");
         let mut reason = format!(
             "On the last third of the training range, error divided by that of the best simple predictor (below 1 is better): {errors}"
         );

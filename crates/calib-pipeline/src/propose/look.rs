@@ -228,21 +228,23 @@ const YEAR_MICROS: i64 = 365 * 86_400 * 1_000_000;
 
 /// The positions of the sensors that were asked for.
 fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
-    let find = |name: &String| {
-        let channel = sketch.channels.iter().position(|channel| channel.name == *name);
-        channel.with_context(|| {
-            let names = sketch.channels.iter().map(|channel| channel.name.as_str());
-            let angles = sketch.channels.iter().filter_map(|channel| channel.angle.as_ref());
-            if let Some(hint) = calib_data::angle_hint(name, angles) {
-                return format!("--sensor {name}: it is an angle{hint}");
-            }
-            format!(
-                "--sensor {name}: the log has no such channel{}; `calib inspect` shows all",
-                calib_data::hint(name, names).trim_end_matches('?')
-            )
+    names
+        .iter()
+        .map(|name: &String| {
+            let channel = sketch.channels.iter().position(|channel| channel.name == *name);
+            channel.with_context(|| {
+                let names = sketch.channels.iter().map(|channel| channel.name.as_str());
+                let angles = sketch.channels.iter().filter_map(|channel| channel.angle.as_ref());
+                if let Some(hint) = calib_data::angle_hint(name, angles) {
+                    return format!("--sensor {name}: it is an angle{hint}");
+                }
+                format!(
+                    "--sensor {name}: the log has no such channel{}; `calib inspect` shows all",
+                    calib_data::hint(name, names).trim_end_matches('?')
+                )
+            })
         })
-    };
-    names.iter().map(find).collect()
+        .collect()
 }
 
 /// What is said of channels that stop for longer than they usually do, where the age at which values are forgotten is that of

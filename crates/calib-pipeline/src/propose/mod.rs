@@ -240,11 +240,12 @@ impl Proposal {
             look.cut.clone()
         };
         let steps = drafting.most_steps(spacing, horizon);
-        let trial = |steps: usize, horizon: Horizon| {
-            let size = Size::trial(agent.agent, model, steps, sensors.proposed.len());
-            (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
-        };
-        let measured = trials.costs(steps, &mut horizon, trial)?.with_reading(look.read);
+        let measured = trials
+            .costs(steps, &mut horizon, |steps: usize, horizon: Horizon| {
+                let size = Size::trial(agent.agent, model, steps, sensors.proposed.len());
+                (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
+            })?
+            .with_reading(look.read);
         let costs = measured.time;
         // Looking and trying are of the time that was asked for.
         let tried = begun.elapsed().as_secs_f64();
@@ -285,8 +286,13 @@ impl Proposal {
     /// What the study is, now that it is written.
     fn written(self, args: &ProposeOptions, look: &ExaminedLog, took: Duration) -> ProposedStudy {
         let ExaminedLog { sketch, scope, .. } = look;
-        let name = |&channel: &usize| sketch.channels[channel].name.clone();
-        let predicted = self.sensors.proposed.iter().take(self.size.sensors).map(name).collect();
+        let predicted = self
+            .sensors
+            .proposed
+            .iter()
+            .take(self.size.sensors)
+            .map(|&channel: &usize| sketch.channels[channel].name.clone())
+            .collect();
         let left_out =
             scope.left_out.iter().map(|channel| [channel.name.clone(), channel.why.to_string()]);
         let angles = look.angles.iter().map(|angle| (angle.channel.clone(), angle.turn));

@@ -60,6 +60,8 @@ fn lines(proposed: &ProposedStudy) -> [String; 4] {
 
 /// What is said of the processor time.
 fn processors(chosen: &Chosen) -> String {
-    let said = |secs: f64| format!(" ({} of processor time)", span(secs.round()));
-    chosen.expected_processor_secs.map(said).unwrap_or_default()
+    chosen
+        .expected_processor_secs
+        .map(|secs: f64| format!(" ({} of processor time)", span(secs.round())))
+        .unwrap_or_default()
 }

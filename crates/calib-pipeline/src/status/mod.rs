@@ -199,8 +199,10 @@ fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<StepStan
     let models = job.models()?;
     let models: Vec<&Job> = models.iter().collect();
     let sweeps = job.parts(Scope::Deployment)?;
-    let swept = |part: &Job| artefact::read::<SweepManifest>(&part.layout().sweep());
-    let arithmetic = sweeps.iter().find_map(swept).and_then(|found| found.facts.arithmetic);
+    let arithmetic = sweeps
+        .iter()
+        .find_map(|part: &Job| artefact::read::<SweepManifest>(&part.layout().sweep()))
+        .and_then(|found| found.facts.arithmetic);
     let plan = Plan::of(job, &models, arithmetic.as_deref(), &context)?;
     let is_swept =
         !plan.steps().iter().any(|step| step.step == StepKind::Sweep && step.state == State::ToDo);
@@ -217,7 +219,8 @@ fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<StepStan
         } else {
             StepState::ToDo
         };
-        let (model, deployment) = (step.model.clone(), step.deployment.clone());
+        let model = step.model.clone();
+        let deployment = step.deployment.clone();
         standings.push(StepStanding { step: step.step.label(), model, deployment, state });
     }
     Ok(standings)

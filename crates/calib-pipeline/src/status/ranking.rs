@@ -53,40 +53,44 @@ pub(super) fn rankings(
     (model, deployment): (Option<&str>, Option<&str>),
 ) -> Result<Vec<Ranking>, StepError> {
     let owned = |name: Option<&str>| name.map(str::to_owned);
-    let of_sensor = |sensor: &str| {
-        let own: Vec<&StoredRun<'_>> = stored.iter().filter(|run| run.sensor() == sensor).collect();
-        let mut logs: Vec<LogErrors> = vec![LogErrors::new(); planned.labels.len()];
-        let by_rule = own.iter().any(|run| planned.counts(run.environment()));
-        let counts = |run: &StoredRun<'_>| {
-            if by_rule {
-                planned.counts(run.environment())
-            } else {
-                matches!(run.environment(), EnvironmentId::Member(_))
+    planned
+        .sensors()
+        .into_iter()
+        .map(|sensor: &str| {
+            let own: Vec<&StoredRun<'_>> =
+                stored.iter().filter(|run| run.sensor() == sensor).collect();
+            let mut logs: Vec<LogErrors> = vec![LogErrors::new(); planned.labels.len()];
+            let by_rule = own.iter().any(|run| planned.counts(run.environment()));
+            let counts = |run: &StoredRun<'_>| {
+                if by_rule {
+                    planned.counts(run.environment())
+                } else {
+                    matches!(run.environment(), EnvironmentId::Member(_))
+                }
+            };
+            for run in own.iter().filter(|run| counts(run)) {
+                if let Some(logs) = logs.get_mut(run.candidate) {
+                    logs.insert(run.unit, run.rmse.ln());
+                }
             }
-        };
-        for run in own.iter().filter(|run| counts(run)) {
-            if let Some(logs) = logs.get_mut(run.candidate) {
-                logs.insert(run.unit, run.rmse.ln());
-            }
-        }
-        let settings = ranked(&logs)?.into_iter().map(|(candidate, standing)| Ranked {
-            setting: planned.labels[candidate].clone(),
-            is_default: planned.default == Some(candidate),
-            runs: logs[candidate].len(),
-            diverged: diverged(&logs[candidate]),
-            ratio: standing.ratio,
-            interval: standing.interval,
-        });
-        Ok(Ranking {
-            model: owned(model),
-            deployment: owned(deployment),
-            sensor: sensor.to_owned(),
-            runs: [own.len(), planned.runs_of(sensor)],
-            by_rule,
-            settings: settings.collect(),
+            let settings = ranked(&logs)?.into_iter().map(|(candidate, standing)| Ranked {
+                setting: planned.labels[candidate].clone(),
+                is_default: planned.default == Some(candidate),
+                runs: logs[candidate].len(),
+                diverged: diverged(&logs[candidate]),
+                ratio: standing.ratio,
+                interval: standing.interval,
+            });
+            Ok(Ranking {
+                model: owned(model),
+                deployment: owned(deployment),
+                sensor: sensor.to_owned(),
+                runs: [own.len(), planned.runs_of(sensor)],
+                by_rule,
+                settings: settings.collect(),
+            })
         })
-    };
-    planned.sensors().into_iter().map(of_sensor).collect()
+        .collect()
 }
 
 /// How a setting stands to the leader.
@@ -115,7 +119,8 @@ fn ranked(logs: &[LogErrors]) -> Result<Vec<(usize, AgainstLeader)>, StepError> 
     };
     let with_most = (0..logs.len()).filter(|candidate| logs[*candidate].len() == most);
     let leader = with_most.min_by(|a, b| {
-        let (a, b) = (standing(a), standing(b));
+        let a = standing(a);
+        let b = standing(b);
         a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
     });
     let Some(leader) = leader else { return Ok(Vec::new()) };
@@ -127,7 +132,8 @@ fn ranked(logs: &[LogErrors]) -> Result<Vec<(usize, AgainstLeader)>, StepError> 
         (*candidate != leader, diverged(&logs[*candidate]), standing.ratio.unwrap_or(f64::INFINITY))
     };
     all.sort_by(|a, b| {
-        let (a, b) = (place(a), place(b));
+        let a = place(a);
+        let b = place(b);
         a.0.cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.total_cmp(&b.2))
     });
     Ok(all)

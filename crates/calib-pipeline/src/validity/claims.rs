@@ -55,21 +55,6 @@ fn claimed(test: &Test) -> String {
 }
 
 fn power(power: &[Power]) -> Table {
-    let row = |power: &Power| {
-        let needed = power.needed.iter().map(|needed| needed.map_or(Cell::Missing, count));
-        [
-            Cell::Text(power.method.to_string()),
-            Cell::Text(power.against.to_string()),
-            count(power.plants),
-        ]
-        .into_iter()
-        .chain([
-            power.std.map_or(Cell::Missing, |std| Cell::Text(format!("{std:.3}"))),
-            power.visible.map_or(Cell::Missing, Cell::Percent),
-        ])
-        .chain(needed)
-        .collect()
-    };
     let differences = DIFFERENCES.map(|difference| format!("for {}", percent(difference)));
     let columns = ["choice of", "against", "plants", "deviation", "visible"];
     let columns: Vec<&str> =
@@ -79,7 +64,24 @@ fn power(power: &[Power]) -> Table {
         "Standard deviation over plants of the plant's mean ln(quotient of errors), the smallest difference of errors that so many \
          plants see with 80 % power at 5 % two-sided, and the plants that it takes to see 1, 2 and 5 %.",
         &columns,
-        power.iter().map(row).collect(),
+        power
+            .iter()
+            .map(|power: &Power| {
+                let needed = power.needed.iter().map(|needed| needed.map_or(Cell::Missing, count));
+                [
+                    Cell::Text(power.method.to_string()),
+                    Cell::Text(power.against.to_string()),
+                    count(power.plants),
+                ]
+                .into_iter()
+                .chain([
+                    power.std.map_or(Cell::Missing, |std| Cell::Text(format!("{std:.3}"))),
+                    power.visible.map_or(Cell::Missing, Cell::Percent),
+                ])
+                .chain(needed)
+                .collect()
+            })
+            .collect(),
     )
 }
 

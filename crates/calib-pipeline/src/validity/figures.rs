@@ -60,12 +60,12 @@ fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
         let numbered = methods.iter().enumerate();
         let own =
             numbered.filter(|(_, method)| matches!(method.method, Method::Model(_)) == models);
-        let point = |(place, method): (usize, &MethodSummary)| Point {
+        own.map(|(place, method): (usize, &MethodSummary)| Point {
             x: place as f64,
             y: percent(method.typical),
             interval: ends(method),
-        };
-        own.map(point).collect()
+        })
+        .collect()
     };
     let values: Vec<f64> = methods
         .iter()
@@ -116,17 +116,20 @@ fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
 
 /// Share of pairs with at most a regret.
 fn profile(validity: &Validity) -> OverviewFigure {
-    let shown = |method: &&MethodSummary| {
-        let other = [
-            Method::LogReplay,
-            Method::Default,
-            Method::BestDefault,
-            Method::OtherPlants,
-            Method::AnotherWindow,
-        ];
-        method.method.is_model() || other.contains(&method.method)
-    };
-    let methods: Vec<&MethodSummary> = validity.methods.iter().filter(shown).collect();
+    let methods: Vec<&MethodSummary> = validity
+        .methods
+        .iter()
+        .filter(|method: &&MethodSummary| {
+            let other = [
+                Method::LogReplay,
+                Method::Default,
+                Method::BestDefault,
+                Method::OtherPlants,
+                Method::AnotherWindow,
+            ];
+            method.method.is_model() || other.contains(&method.method)
+        })
+        .collect();
     let mut rows = Vec::new();
     let series = methods.iter().enumerate().map(|(number, summary)| {
         let own = validity.each.iter().filter(|each| each.method == summary.method);

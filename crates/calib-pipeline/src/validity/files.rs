@@ -37,7 +37,8 @@ fn pairs(judged: &JudgedStudies) -> Table {
         score.validity.each.iter().filter_map(|regret| {
             let pair = &score.validity.judged[regret.pair];
             let plant = judged.plants.iter().find(|plant| plant.plant == pair.plant)?;
-            let (part, values) = (part_name(score.part), &*score.validity.values);
+            let part = part_name(score.part);
+            let values = &*score.validity.values;
             Some(Row { part, task: &plant.task, pair, regret, values })
         })
     });

@@ -324,12 +324,6 @@ fn judged(
             }
         }
     }
-    let score = |(part, pairs)| {
-        Ok(Score {
-            part,
-            validity: judge(values.clone(), pairs, &networks).map_err(StepError::other)?,
-        })
-    };
     Ok(JudgedStudies {
         protocol: listing.protocol.as_ref().map(|protocol| Drew {
             file: protocol.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -338,7 +332,15 @@ fn judged(
         plants,
         left_out,
         missing,
-        scores: by_score.into_iter().map(score).collect::<Result<_, StepError>>()?,
+        scores: by_score
+            .into_iter()
+            .map(|(part, pairs)| {
+                Ok(Score {
+                    part,
+                    validity: judge(values.clone(), pairs, &networks).map_err(StepError::other)?,
+                })
+            })
+            .collect::<Result<_, StepError>>()?,
         command: command(listing, args),
         report,
     })

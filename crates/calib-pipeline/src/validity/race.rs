@@ -25,10 +25,12 @@ pub(super) fn outcome(
     let own: Vec<UnitResult> = own.collect();
     let values = manifest.candidates.len();
     let left = raced(&own, values, whole.part, race)?;
-    let (top_k, seed) = (study.evaluate.top_k, Seed::new(study.seed));
+    let top_k = study.evaluate.top_k;
+    let seed = Seed::new(study.seed);
     let judging = Judging::of_choice(whole.part, whole.rule, top_k, &manifest.scales, seed);
     let chosen = verdict(&whole.sensor, &manifest.candidates, &left, &judging)?.chosen;
-    let (made, all) = (updates(&left), updates(&own));
+    let made = updates(&left);
+    let all = updates(&own);
     Ok(RaceOutcome { chosen, saved: if all > 0.0 { 1.0 - made / all } else { 0.0 } })
 }
 

@@ -65,7 +65,9 @@ impl Told<()> for ValidityPlan {
         let header = ["plant", "optimiser", "agent", "gamma", "steps", "batch", "models"];
         let rows: Vec<Vec<String>> = self.plants.iter().map(planned).collect();
         printer.lines(&table(&header, &rows))?;
-        let (all, left, swept) = (self.plants.len(), self.left().len() as u32, self.swept());
+        let all = self.plants.len();
+        let left = self.left().len() as u32;
+        let swept = self.swept();
         let estimate = if swept > 0 && left > 0 {
             let left = Duration::from_secs_f64(self.swept_secs / swept as f64) * left;
             format!(
@@ -206,10 +208,12 @@ pub(super) fn notes(judged: &JudgedStudies) -> Vec<String> {
 
 /// How many regrets count as less than they are.
 fn capped(validity: &Validity) -> Option<String> {
-    let told = |method: &calib_validity::MethodSummary| {
-        (method.capped > 0).then(|| format!("{} of {}", method.capped, method.method))
-    };
-    let each: Vec<String> = validity.methods.iter().filter_map(told).collect();
+    let each: Vec<String> = validity
+        .methods
+        .iter()
+        .filter(|method| method.capped > 0)
+        .map(|method| format!("{} of {}", method.capped, method.method))
+        .collect();
     (!each.is_empty()).then(|| {
         format!(
             "regrets above {} count as that, also of choices that diverged: {}",

@@ -194,7 +194,9 @@ impl ListedStudy {
 pub(super) fn check(studies: &[ListedStudy]) -> Result<(), StepError> {
     let mut first: Option<(&ListedStudy, Vec<String>)> = None;
     for listed in studies {
-        let (study, path, plant) = (listed.study(), listed.path(), &listed.plant);
+        let study = listed.study();
+        let path = listed.path();
+        let plant = &listed.plant;
         let data = &study.data;
         let holds_nothing_out =
             data.held_out.is_none() && (data.train.is_some() || data.train_fraction >= 1.0);

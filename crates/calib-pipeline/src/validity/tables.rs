@@ -164,21 +164,23 @@ fn accuracy(all: &[Accuracy]) -> Table {
 
 /// The task of every plant.
 pub(super) fn plants(plants: &[Judged]) -> Table {
-    let row = |Judged { plant, task }: &Judged| {
-        vec![
-            Cell::Text(plant.clone()),
-            Cell::Text(task.optimiser.to_owned()),
-            Cell::Text(task.agent.clone()),
-            Cell::Text(task.gamma.to_string()),
-            count(task.steps),
-            count(task.batch_size),
-        ]
-    };
     table(
         "Plants and tasks",
         "What the agent of each plant is like, and how many steps it learns.",
         &["plant", "optimiser", "agent", "gamma", "steps", "batch"],
-        plants.iter().map(row).collect(),
+        plants
+            .iter()
+            .map(|Judged { plant, task }: &Judged| {
+                vec![
+                    Cell::Text(plant.clone()),
+                    Cell::Text(task.optimiser.to_owned()),
+                    Cell::Text(task.agent.clone()),
+                    Cell::Text(task.gamma.to_string()),
+                    count(task.steps),
+                    count(task.batch_size),
+                ]
+            })
+            .collect(),
     )
 }
 
@@ -232,7 +234,8 @@ pub(super) fn short(method: &Method) -> String {
 /// An interval of shares, the unit once.
 fn shares(interval: Option<Interval>) -> Cell {
     interval.map_or(Cell::Missing, |Interval { low, high }| {
-        let (low, high) = (percent(low), percent(high));
+        let low = percent(low);
+        let high = percent(high);
         Cell::Text(format!("{} to {high}", low.trim_end_matches(" %")))
     })
 }

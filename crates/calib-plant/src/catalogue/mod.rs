@@ -21,7 +21,8 @@ pub(crate) fn channels(count: usize) -> Vec<Channel> {
     let mut dead = dead::channels(count - alive).into_iter();
     let first = 4.min(count);
     let mut mixed: Vec<Channel> = living.by_ref().take(first).collect();
-    let (rest, living_rest) = (count - first, alive - first);
+    let rest = count - first;
+    let living_rest = alive - first;
     for position in 0..rest {
         // Bresenham: after `position` columns, a proportional number of living ones.
         let due = (position + 1) * living_rest / rest > position * living_rest / rest;

@@ -37,8 +37,9 @@ impl Changes {
             pumps.into_iter().partition(|event| event.value.duty == PumpDuty::Permeate);
         let sensors = Span { seed: seed.child("sensor"), days: options.days };
         let of_sensor = |info: &'static SignalInfo| {
-            let own = |draw: &mut Draw| draw.sensor(info, strength);
-            let events = sensors.events(info.tag, rates.sensors_per_year, own);
+            let events = sensors.events(info.tag, rates.sensors_per_year, |draw: &mut Draw| {
+                draw.sensor(info, strength)
+            });
             (!events.is_empty()).then(|| (info, Timeline::new(events)))
         };
         Self {
@@ -83,8 +84,10 @@ impl Changes {
         told.extend(all(&self.permeate_pumps, ChangeKind::Pump));
         told.extend(all(&self.feed_pumps, ChangeKind::Pump));
         for (info, timeline) in self.sensors.iter().filter(|(info, _)| shown(info.signal)) {
-            let kind = |sensor| ChangeKind::Sensor { tag: info.tag.to_owned(), sensor };
-            told.extend(all(timeline, kind));
+            told.extend(all(timeline, |sensor| ChangeKind::Sensor {
+                tag: info.tag.to_owned(),
+                sensor,
+            }));
         }
         told.sort_by(|a, b| a.0.total_cmp(&b.0));
         let start = options.start.as_micros();
@@ -233,7 +236,8 @@ mod tests {
     fn a_stronger_plant_has_the_same_dates_and_larger_changes() {
         let of_strength =
             |strength| changes(3650.0, ChangeOptions { strength, ..ChangeOptions::default() });
-        let (weak, strong) = (of_strength(0.5), of_strength(2.0));
+        let weak = of_strength(0.5);
+        let strong = of_strength(2.0);
         assert!(!weak.is_empty() && dates(&weak) == dates(&strong));
         for (weak, strong) in weak.iter().zip(&strong) {
             if let (ChangeKind::Membranes(weak), ChangeKind::Membranes(strong)) =
@@ -248,7 +252,8 @@ mod tests {
     #[test]
     fn a_longer_log_has_the_same_beginning() {
         let typical = ChangeOptions { strength: 1.0, ..ChangeOptions::default() };
-        let (short, long) = (changes(400.0, typical), changes(2000.0, typical));
+        let short = changes(400.0, typical);
+        let long = changes(2000.0, typical);
         assert!(short.len() > 3 && long.len() > short.len());
         assert_eq!(long[..short.len()], short);
     }

@@ -22,10 +22,16 @@ struct Line {
 
 impl Sensors {
     pub(crate) fn new(changes: &Changes, period_secs: f64) -> Self {
-        let line = |(info, timeline): &(&'static crate::signal::SignalInfo, Timeline<Sensor>)| {
-            Line { signal: info.signal, timeline: timeline.clone(), now: None }
-        };
-        Self { lines: changes.sensors.iter().map(line).collect(), period_secs }
+        Self {
+            lines: changes
+                .sensors
+                .iter()
+                .map(|(info, timeline): &(&'static crate::signal::SignalInfo, Timeline<Sensor>)| {
+                    Line { signal: info.signal, timeline: timeline.clone(), now: None }
+                })
+                .collect(),
+            period_secs,
+        }
     }
 
     /// What is shown `t` seconds after the start, a period after what was shown before.

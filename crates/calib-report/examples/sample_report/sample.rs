@@ -72,14 +72,17 @@ fn sensors() -> Vec<Sensor> {
 impl Sensor {
     fn curve(&self, label: &str, source: ErrorSource, best: f64) -> ErrorCurve {
         let seed = 10 * self.seed + if source == ErrorSource::Online { 0 } else { 500 };
-        let summary = |(place, &rate): (usize, &f64)| {
-            Some(runs(rate, best, self.floor, seed + place, self.diverges))
-        };
         ErrorCurve {
             label: label.to_owned(),
             source,
             over: Samples::Runs,
-            summaries: RATES.iter().enumerate().map(summary).collect(),
+            summaries: RATES
+                .iter()
+                .enumerate()
+                .map(|(place, &rate): (usize, &f64)| {
+                    Some(runs(rate, best, self.floor, seed + place, self.diverges))
+                })
+                .collect(),
         }
     }
 
@@ -227,24 +230,26 @@ pub(crate) fn grids() -> Vec<RolloutGrid> {
         values: of.values[..of.values.len() / 3].to_vec(),
         ..of.clone()
     };
-    let grid = |figure: RolloutFigure| {
-        let truth = figure.truth?;
-        let rows = vec![
-            RolloutRow {
-                label: "start 1".to_owned(),
-                truth: first_third(&truth),
-                rollouts: figure.rollouts.iter().map(|of| Some(first_third(of))).collect(),
-            },
-            RolloutRow {
-                label: "start 2".to_owned(),
-                truth,
-                rollouts: figure.rollouts.iter().cloned().map(Some).collect(),
-            },
-        ];
-        let models = figure.rollouts.iter().map(|of| of.label.clone()).collect();
-        Some(RolloutGrid { sensor: figure.sensor, unit: figure.unit, models, rows })
-    };
-    rollouts().into_iter().filter_map(grid).collect()
+    rollouts()
+        .into_iter()
+        .filter_map(|figure: RolloutFigure| {
+            let truth = figure.truth?;
+            let rows = vec![
+                RolloutRow {
+                    label: "start 1".to_owned(),
+                    truth: first_third(&truth),
+                    rollouts: figure.rollouts.iter().map(|of| Some(first_third(of))).collect(),
+                },
+                RolloutRow {
+                    label: "start 2".to_owned(),
+                    truth,
+                    rollouts: figure.rollouts.iter().cloned().map(Some).collect(),
+                },
+            ];
+            let models = figure.rollouts.iter().map(|of| of.label.clone()).collect();
+            Some(RolloutGrid { sensor: figure.sensor, unit: figure.unit, models, rows })
+        })
+        .collect()
 }
 
 /// The sensors in training, and a week later.
@@ -255,18 +260,20 @@ pub(crate) fn recorded() -> Vec<RecordedFigure> {
         times: ["first value", "last value"].map(str::to_owned),
         points: values.iter().enumerate().map(|(at, &y)| (first + 300.0 * at as f64, y)).collect(),
     };
-    let figure = |(sensor, unit, level, size): (&str, &str, f64, f64)| {
-        let of = |steps, level, shape| trajectory("", steps, level, size, shape).values;
-        RecordedFigure {
-            sensor: sensor.to_owned(),
-            unit: Some(unit.to_owned()),
-            periods: vec![
-                period("training", PeriodUse::Learning, 1.667_26e9, of(1_200, level, 0)),
-                period("held out", PeriodUse::Deployment, 1.668_2e9, of(600, level + size, 1)),
-            ],
-        }
-    };
-    [("PIT300", "kPa", -18.0, 6.0), ("TIT101", "°C", 14.2, 0.4)].into_iter().map(figure).collect()
+    [("PIT300", "kPa", -18.0, 6.0), ("TIT101", "°C", 14.2, 0.4)]
+        .into_iter()
+        .map(|(sensor, unit, level, size): (&str, &str, f64, f64)| {
+            let of = |steps, level, shape| trajectory("", steps, level, size, shape).values;
+            RecordedFigure {
+                sensor: sensor.to_owned(),
+                unit: Some(unit.to_owned()),
+                periods: vec![
+                    period("training", PeriodUse::Learning, 1.667_26e9, of(1_200, level, 0)),
+                    period("held out", PeriodUse::Deployment, 1.668_2e9, of(600, level + size, 1)),
+                ],
+            }
+        })
+        .collect()
 }
 
 pub(crate) fn rollouts() -> Vec<RolloutFigure> {
@@ -305,14 +312,15 @@ pub(crate) fn learning() -> Vec<LearningCurves> {
                         }
                         (0.15 + 0.6 / (1.0 + time) + rate.sqrt()) * (1.0 + noise)
                     };
-                    let point = |window: usize| {
-                        let step = 600 * window;
-                        let runs: Vec<f64> = (0..5).map(|run| error(step, run)).collect();
-                        summarise(&runs).ok().map(|summary| (step, summary))
-                    };
                     LearningCurve {
                         value: Setting::from(rate),
-                        points: (1..=50).filter_map(point).collect(),
+                        points: (1..=50)
+                            .filter_map(|window: usize| {
+                                let step = 600 * window;
+                                let runs: Vec<f64> = (0..5).map(|run| error(step, run)).collect();
+                                summarise(&runs).ok().map(|summary| (step, summary))
+                            })
+                            .collect(),
                     }
                 })
                 .to_vec(),
@@ -368,16 +376,17 @@ pub(crate) fn without_online(report: &mut Report) {
 }
 
 fn jumps() -> Vec<JumpStatistics> {
-    let member = |member: usize| JumpStatistics {
-        model: "kNN, Euclidean".to_owned(),
-        member,
-        steps: 30_000,
-        jump_rate: if member == 3 { 0.002 } else { 0.08 + 0.01 * noise(member) },
-        departure_rate: if member == 3 { 0.001 } else { 0.04 },
-        mean_run_length: if member == 3 { 480.0 } else { 12.3 + noise(member) },
-        note: (member == 3).then(|| "nearly a verbatim replay of the log".to_owned()),
-    };
-    (0..MEMBERS).map(member).collect()
+    (0..MEMBERS)
+        .map(|member: usize| JumpStatistics {
+            model: "kNN, Euclidean".to_owned(),
+            member,
+            steps: 30_000,
+            jump_rate: if member == 3 { 0.002 } else { 0.08 + 0.01 * noise(member) },
+            departure_rate: if member == 3 { 0.001 } else { 0.04 },
+            mean_run_length: if member == 3 { 480.0 } else { 12.3 + noise(member) },
+            note: (member == 3).then(|| "nearly a verbatim replay of the log".to_owned()),
+        })
+        .collect()
 }
 
 fn dtw() -> Table {

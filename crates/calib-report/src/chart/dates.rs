@@ -68,8 +68,8 @@ pub(super) fn dates_apart(low: f64, high: f64, rough: f64) -> Vec<Tick> {
     let every = STEPS.into_iter().find(|step| step.secs() >= rough).unwrap_or(Every::Months(1200));
     match every {
         Every::Secs(step) => {
-            let (first, last) =
-                ((low / step as f64).ceil() as i64, (high / step as f64).floor() as i64);
+            let first = (low / step as f64).ceil() as i64;
+            let last = (high / step as f64).floor() as i64;
             (first..=last)
                 .filter_map(|number| tick(civil((number * step) as f64)?, every))
                 .collect()
@@ -83,7 +83,8 @@ fn months(low: f64, high: f64, step: i32) -> Option<Vec<Tick>> {
     // Whole steps from January of year 0.
     let number =
         (i32::from(first.year()) * 12 + i32::from(first.month()) - 1).div_euclid(step) * step;
-    let (year, month) = (number.div_euclid(12), number.rem_euclid(12) + 1);
+    let year = number.div_euclid(12);
+    let month = number.rem_euclid(12) + 1;
     let mut date = Date::new(i16::try_from(year).ok()?, i8::try_from(month).ok()?, 1).ok()?;
     let mut ticks = Vec::new();
     while let Some(tick) =

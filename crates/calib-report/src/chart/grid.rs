@@ -146,12 +146,15 @@ fn heading_left(sides: Sides, picture: f64) -> f64 {
 /// Lines of text of which the last stands at `y`.
 fn column_heading(lines: Vec<String>, y: f64, left: f64) -> MarkGroup {
     let last = lines.len().saturating_sub(1);
-    let line = |(place, line): (usize, String)| {
-        let up = HEADING_ROW * (last - place) as f64;
-        let mut text = Text::new(left, y - up, line, HEADING_SIZE, Anchor::Start);
-        text.weight = Weight::Bold;
-        Mark::Text(text)
-    };
-    let marks = lines.into_iter().enumerate().map(line).collect();
+    let marks = lines
+        .into_iter()
+        .enumerate()
+        .map(|(place, line): (usize, String)| {
+            let up = HEADING_ROW * (last - place) as f64;
+            let mut text = Text::new(left, y - up, line, HEADING_SIZE, Anchor::Start);
+            text.weight = Weight::Bold;
+            Mark::Text(text)
+        })
+        .collect();
     MarkGroup { kind: GroupKind::Heading, plot: Rect::default(), marks }
 }

@@ -25,16 +25,19 @@ pub(crate) struct Entry {
 
 /// The keys of `chart`: one for each curve, in order, and one for diverged values if there are any.
 pub(crate) fn keys(chart: &Chart) -> Vec<Key> {
-    let key = |series: &Series| Key {
-        label: match (&chart.right, series.side) {
-            (Some(_), Side::Right) => format!("{} (right axis)", series.label),
-            _ => series.label.clone(),
-        },
-        colour: series.colour,
-        line: Some((series.width.max(1.6), series.dash)),
-        marker: series.marker,
-    };
-    let mut keys: Vec<Key> = chart.series.iter().map(key).collect();
+    let mut keys: Vec<Key> = chart
+        .series
+        .iter()
+        .map(|series: &Series| Key {
+            label: match (&chart.right, series.side) {
+                (Some(_), Side::Right) => format!("{} (right axis)", series.label),
+                _ => series.label.clone(),
+            },
+            colour: series.colour,
+            line: Some((series.width.max(1.6), series.dash)),
+            marker: series.marker,
+        })
+        .collect();
     if chart.series.iter().flat_map(|series| &series.points).any(|point| point.y.is_infinite()) {
         let marker = Some(Marker::Cross);
         keys.push(Key { label: "diverged".to_owned(), colour: Colour::Ink, line: None, marker });
@@ -44,7 +47,8 @@ pub(crate) fn keys(chart: &Chart) -> Vec<Key> {
 
 /// Places `keys` in rows from (`left`, `top`), at most `width` wide.
 pub(crate) fn place(keys: Vec<Key>, left: f64, top: f64, width: f64) -> Vec<Entry> {
-    let (mut x, mut y) = (left, top + ROW_HEIGHT / 2.0);
+    let mut x = left;
+    let mut y = top + ROW_HEIGHT / 2.0;
     let mut entries = Vec::with_capacity(keys.len());
     for key in keys {
         let entry_width = SAMPLE + 8.0 + text_width(&key.label, SIZE) + 22.0;

@@ -61,17 +61,27 @@ impl Chart {
     pub(crate) fn thinned(&self) -> Self {
         let shared = NARROW_CURVES * NARROW_POINTS / self.series.len().max(1);
         let most = shared.clamp(FEWEST_NARROW_POINTS, NARROW_POINTS);
-        let thin = |series: &Series| {
-            let has_more = |point: &Point| point.interval.is_some() || !point.y.is_finite();
-            if series.marker.is_some() || series.points.iter().any(has_more) {
-                return series.clone();
-            }
-            let values: Vec<f64> = series.points.iter().map(|point| point.y).collect();
-            let kept = min_max_indices(&values, most).into_iter();
-            let points = kept.map(|place| series.points[place]).collect();
-            Series { points, ..series.clone() }
-        };
-        Self { series: self.series.iter().map(thin).collect(), ..self.clone() }
+        Self {
+            series: self
+                .series
+                .iter()
+                .map(|series: &Series| {
+                    if series.marker.is_some()
+                        || series
+                            .points
+                            .iter()
+                            .any(|point: &Point| point.interval.is_some() || !point.y.is_finite())
+                    {
+                        return series.clone();
+                    }
+                    let values: Vec<f64> = series.points.iter().map(|point| point.y).collect();
+                    let kept = min_max_indices(&values, most).into_iter();
+                    let points = kept.map(|place| series.points[place]).collect();
+                    Series { points, ..series.clone() }
+                })
+                .collect(),
+            ..self.clone()
+        }
     }
 }
 

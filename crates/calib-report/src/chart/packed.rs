@@ -56,7 +56,8 @@ mod tests {
         values[7_777] = 5.0;
         values[7_778] = f64::NAN;
         let fields = Detail { step: 1.0, values: &values }.fields(7.0);
-        let (from, to) = (fields["from"].as_f64().unwrap(), fields["to"].as_f64().unwrap());
+        let from = fields["from"].as_f64().unwrap();
+        let to = fields["to"].as_f64().unwrap();
         let numbers: Vec<u16> = bytes(&fields)
             .chunks_exact(2)
             .map(|pair| u16::from_le_bytes(pair.try_into().unwrap()))

@@ -47,7 +47,8 @@ impl Canvas {
 
     /// What lies in a plot. As in the SVG, symbols at the very ends of the axis stay whole.
     fn clip(&self, plot: Rect) -> Option<Mask> {
-        let (x, y) = (plot.x as f32 - 7.0, plot.y as f32);
+        let x = plot.x as f32 - 7.0;
+        let y = plot.y as f32;
         let rect = SkiaRect::from_xywh(x, y, plot.width as f32 + 14.0, plot.height as f32)?;
         let mut mask = Mask::new(self.pixels.width(), self.pixels.height())?;
         mask.fill_path(&PathBuilder::from_rect(rect), FillRule::Winding, true, scaled());
@@ -100,7 +101,8 @@ fn scaled() -> Transform {
 fn joined(points: &[(f64, f64)], (x, y): (f64, f64)) -> PathBuilder {
     let mut path = PathBuilder::new();
     for (index, (dx, dy)) in points.iter().enumerate() {
-        let (x, y) = ((x + dx) as f32, (y + dy) as f32);
+        let x = (x + dx) as f32;
+        let y = (y + dy) as f32;
         if index == 0 {
             path.move_to(x, y);
         } else {
@@ -125,7 +127,8 @@ fn paint_of(colour: Colour, opacity: f32) -> Paint<'static> {
 
 /// The page is white, so that no pixel is transparent.
 fn encode(pixels: Pixmap) -> Result<Vec<u8>, ReportError> {
-    let (width, height) = (pixels.width(), pixels.height());
+    let width = pixels.width();
+    let height = pixels.height();
     let colours: Vec<u8> =
         pixels.take().chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
     let mut file = Vec::new();

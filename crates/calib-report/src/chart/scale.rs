@@ -117,7 +117,8 @@ impl Scale {
         match &self.kind {
             ScaleKind::CutTime(stretches) => cut_fraction(stretches, value),
             ScaleKind::Log => {
-                let (min, max) = (self.min.ln(), self.max.ln());
+                let min = self.min.ln();
+                let max = self.max.ln();
                 // What cannot be shown on a logarithmic scale lies far below it.
                 if value > 0.0 { (value.ln() - min) / (max - min) } else { -1.0 }
             }

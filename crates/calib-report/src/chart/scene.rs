@@ -127,7 +127,9 @@ impl Text {
         size: u32,
         anchor: Anchor,
     ) -> Self {
-        let (colour, weight, turn) = (Colour::Ink, Weight::Regular, Turn::Level);
+        let colour = Colour::Ink;
+        let weight = Weight::Regular;
+        let turn = Turn::Level;
         Self { x, y, content: content.into(), size, anchor, colour, weight, turn }
     }
 }

@@ -14,7 +14,8 @@ const FONT: &str = "'DejaVu Sans', Verdana, 'Segoe UI', Helvetica, Arial, sans-s
 ///
 /// Colours are attributes, so that the file stands alone, and classes, so that a style sheet can override them.
 pub(crate) fn svg(scene: &Scene, id: &str, title: &str, description: &str) -> String {
-    let (width, height) = (scene.width.round(), scene.height.round());
+    let width = scene.width.round();
+    let height = scene.height.round();
     let mut out = String::new();
     // Writing to a String cannot fail.
     let _ = write!(
@@ -40,8 +41,10 @@ pub(crate) fn svg(scene: &Scene, id: &str, title: &str, description: &str) -> St
 
 /// Clip path number `number`: the plot, and room for symbols at its very ends.
 fn write_clip(out: &mut String, plot: Rect, id: &str, number: usize) {
-    let (x, y) = (tenths(plot.x - 7.0), tenths(plot.y));
-    let (width, height) = (tenths(plot.width + 14.0), tenths(plot.height));
+    let x = tenths(plot.x - 7.0);
+    let y = tenths(plot.y);
+    let width = tenths(plot.width + 14.0);
+    let height = tenths(plot.height);
     let _ = write!(
         out,
         "<clipPath id=\"{id}-clip{number}\"><rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\"/></clipPath>"
@@ -83,7 +86,8 @@ fn write_marks<'a>(out: &mut String, marks: impl IntoIterator<Item = &'a Mark>) 
 fn write_mark(out: &mut String, mark: &Mark) {
     match mark {
         Mark::Line { points, colour, width, dash } => {
-            let (hex, class) = (colour.hex(), colour.class());
+            let hex = colour.hex();
+            let class = colour.class();
             let _ = write!(
                 out,
                 "<path class=\"line {class}\" d=\"{}\" fill=\"none\" stroke=\"{hex}\" stroke-width=\"{width}\" \
@@ -96,7 +100,8 @@ fn write_mark(out: &mut String, mark: &Mark) {
             out.push_str("/>");
         }
         Mark::Area { points, colour } => {
-            let (hex, class) = (colour.hex(), colour.class());
+            let hex = colour.hex();
+            let class = colour.class();
             let _ = write!(
                 out,
                 "<path class=\"area {class}\" d=\"{}z\" fill=\"{hex}\" fill-opacity=\"0.18\"/>",
@@ -109,8 +114,10 @@ fn write_mark(out: &mut String, mark: &Mark) {
 }
 
 fn write_symbol(out: &mut String, (x, y): (f64, f64), marker: Marker, colour: Colour) {
-    let (hex, class) = (colour.hex(), colour.class());
-    let (x, y) = (tenths(x), tenths(y));
+    let hex = colour.hex();
+    let class = colour.class();
+    let x = tenths(x);
+    let y = tenths(y);
     let look = format!("class=\"symbol {class}\" transform=\"translate({x} {y})\" fill=\"{hex}\"");
     let _ = match marker {
         Marker::Circle => write!(out, "<circle {look} r=\"{CIRCLE_RADIUS}\"/>"),
@@ -128,7 +135,8 @@ fn write_text(out: &mut String, text: &Text) {
         Anchor::Middle => "middle",
         Anchor::End => "end",
     };
-    let (x, y) = (tenths(text.x), tenths(text.y));
+    let x = tenths(text.x);
+    let y = tenths(text.y);
     let _ = write!(
         out,
         "<text class=\"{}\" x=\"{x}\" y=\"{y}\" font-size=\"{}\" text-anchor=\"{anchor}\" fill=\"{}\"",
@@ -161,7 +169,8 @@ fn path(points: &[(f64, f64)]) -> String {
     let mut out = String::with_capacity(8 * points.len());
     let mut previous: Option<(i64, i64)> = None;
     for &(x, y) in points {
-        let (x, y) = (grid(x), grid(y));
+        let x = grid(x);
+        let y = grid(y);
         match previous {
             None => {
                 let _ = write!(out, "M{} {}", short(x), short(y));

@@ -23,9 +23,12 @@ pub(crate) fn ticks(scale: &Scale, wanted: usize) -> Vec<Tick> {
         ScaleKind::Time => dates(scale.min, scale.max, wanted),
         ScaleKind::CutTime(stretches) => {
             let recorded: f64 = stretches.iter().map(|(first, last)| last - first).sum();
-            let of_stretch =
-                |&(first, last): &(f64, f64)| dates_apart(first, last, recorded / wanted as f64);
-            stretches.iter().flat_map(of_stretch).collect()
+            stretches
+                .iter()
+                .flat_map(|&(first, last): &(f64, f64)| {
+                    dates_apart(first, last, recorded / wanted as f64)
+                })
+                .collect()
         }
         ScaleKind::Names(names) => names
             .iter()
@@ -46,7 +49,8 @@ fn ends(scale: &Scale) -> Vec<Tick> {
 
 /// Multiples of 1, 2 or 5 times a power of ten, at least `smallest_step` apart.
 fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
-    let (low, high) = (scale.min.min(scale.max), scale.min.max(scale.max));
+    let low = scale.min.min(scale.max);
+    let high = scale.min.max(scale.max);
     let rough = (high - low) / wanted.max(1) as f64;
     let power = 10f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0]
@@ -55,12 +59,14 @@ fn linear(scale: &Scale, wanted: usize, smallest_step: f64) -> Vec<Tick> {
         .find(|step| *step >= rough * 0.999)
         .unwrap_or(10.0 * power)
         .max(smallest_step);
-    let (first, last) = ((low / step).ceil(), (high / step).floor());
+    let first = (low / step).ceil();
+    let last = (high / step).floor();
     // Below the smallest or above the largest numbers there are steps that no number can tell apart.
     if !(step > 0.0 && (first + 1.0) * step > first * step && last - first <= MOST) {
         return ends(scale);
     }
-    let (first, last) = (first as i64, last as i64);
+    let first = first as i64;
+    let last = last as i64;
     let tick = |i: i64| {
         let value = i as f64 * step;
         Tick { value, label: Some(label(value, step)) }
@@ -78,7 +84,8 @@ fn log(scale: &Scale, wanted: usize) -> Vec<Tick> {
     if !(scale.min >= f64::MIN_POSITIVE && scale.max.is_finite()) {
         return ends(scale);
     }
-    let (first, last) = (scale.min.log10().floor() as i32, scale.max.log10().ceil() as i32);
+    let first = scale.min.log10().floor() as i32;
+    let last = scale.max.log10().ceil() as i32;
     let decades = scale.max.log10() - scale.min.log10();
     let every = (decades / wanted.max(1) as f64).ceil().max(1.0) as i32;
     let labelled: &[u32] = match decades {

@@ -107,11 +107,6 @@ fn series(curve: &LearningCurve, colour: Colour, dash: Dash) -> Series {
     let drawn = curve.points.iter().take_while(|(_, summary)| summary.mean.is_finite()).count();
     // The first infinite point is the cross.
     let points = &curve.points[..curve.points.len().min(drawn + 1)];
-    let point = |&(step, ref summary): &(usize, Summary)| Point {
-        x: step as f64,
-        y: summary.mean,
-        interval: summary.interval.map(|interval| (interval.low, interval.high)),
-    };
     Series {
         label: curve.value.to_string(),
         side: Side::Left,
@@ -119,7 +114,14 @@ fn series(curve: &LearningCurve, colour: Colour, dash: Dash) -> Series {
         dash,
         width: 1.6,
         marker: None,
-        points: points.iter().map(point).collect(),
+        points: points
+            .iter()
+            .map(|&(step, ref summary): &(usize, Summary)| Point {
+                x: step as f64,
+                y: summary.mean,
+                interval: summary.interval.map(|interval| (interval.low, interval.high)),
+            })
+            .collect(),
     }
 }
 
@@ -128,13 +130,15 @@ mod tests {
     use super::*;
 
     fn looks(values: &[Setting]) -> Vec<(Colour, Dash)> {
-        let curve = |value: &Setting| LearningCurve { value: value.clone(), points: Vec::new() };
         let curves = LearningCurves {
             sensor: "PIT300".to_owned(),
             field: "learning_rate".to_owned(),
             environment: LearningEnvironment::Member { number: 0, model: None },
             steps: 10,
-            curves: values.iter().map(curve).collect(),
+            curves: values
+                .iter()
+                .map(|value: &Setting| LearningCurve { value: value.clone(), points: Vec::new() })
+                .collect(),
         };
         (0..values.len()).map(curves.look()).collect()
     }

@@ -77,14 +77,16 @@ impl RecordedFigure {
         }
         let scale = Scale::linear_around(&values);
         let label = axis_label(&self.sensor, self.unit.as_deref());
-        let cell = |(period, extent): &(&RecordedPeriod, Extent)| {
-            let cell = GridCell {
-                heading: Some(period.heading(extent)),
-                chart: Some(period.plot(extent, &scale)),
-            };
-            vec![cell]
-        };
-        let rows = shown.iter().map(cell).collect();
+        let rows = shown
+            .iter()
+            .map(|(period, extent): &(&RecordedPeriod, Extent)| {
+                let cell = GridCell {
+                    heading: Some(period.heading(extent)),
+                    chart: Some(period.plot(extent, &scale)),
+                };
+                vec![cell]
+            })
+            .collect();
         let ranges: Vec<String> =
             shown.iter().map(|(period, extent)| period.heading(extent)).collect();
         let head = Chart {
@@ -189,7 +191,8 @@ impl RecordedPeriod {
         let whole: f64 = steps.iter().sum();
         // The longest first: a gap is long beside all that is not in longer gaps.
         steps.sort_by(|a, b| b.total_cmp(a));
-        let (mut left, mut shortest) = (whole, f64::INFINITY);
+        let mut left = whole;
+        let mut shortest = f64::INFINITY;
         for &step in &steps {
             if step <= LONG_GAP * (left - step) {
                 break;
@@ -212,12 +215,15 @@ impl RecordedPeriod {
     /// Lines where gaps are cut out, with their lengths where there is room.
     fn cuts(&self) -> Vec<Rule> {
         let stretches = self.stretches();
-        let rule = |pair: &[(f64, f64)]| {
-            let (from, to) = (pair[0].1, pair[1].0);
-            let label = format!("gap of {}", duration(to - from));
-            Rule { x: f64::midpoint(from, to), label, dash: Dash::Dotted }
-        };
-        let mut cuts: Vec<Rule> = stretches.windows(2).map(rule).collect();
+        let mut cuts: Vec<Rule> = stretches
+            .windows(2)
+            .map(|pair: &[(f64, f64)]| {
+                let from = pair[0].1;
+                let to = pair[1].0;
+                let label = format!("gap of {}", duration(to - from));
+                Rule { x: f64::midpoint(from, to), label, dash: Dash::Dotted }
+            })
+            .collect();
         if cuts.len() > NAMED_GAPS {
             for cut in &mut cuts {
                 cut.label.clear();

@@ -77,31 +77,41 @@ impl RolloutFigure {
     /// Names of the rollouts that leave the plot somewhere.
     pub(crate) fn runaways(&self) -> Vec<&str> {
         let (low, high) = limits(self.truth.iter());
-        let leaves = |trajectory: &&Trajectory| {
-            trajectory.values.iter().any(|&value| value < low || value > high)
-        };
-        self.rollouts.iter().filter(leaves).map(|trajectory| trajectory.label.as_str()).collect()
+        self.rollouts
+            .iter()
+            .filter(|trajectory: &&Trajectory| {
+                trajectory.values.iter().any(|&value| value < low || value > high)
+            })
+            .map(|trajectory| trajectory.label.as_str())
+            .collect()
     }
 
     /// What is drawn, and between which values each curve moves, for those who cannot see it.
     fn description(&self, length: f64) -> String {
-        let range = |trajectory: &Trajectory| match extent(&trajectory.values) {
-            Some((low, high)) => {
-                format!("{} between {} and {}", trajectory.label, number(low), number(high))
-            }
-            None => format!("{} without values", trajectory.label),
-        };
-        let curves: Vec<String> = self.truth.iter().chain(&self.rollouts).map(range).collect();
+        let curves: Vec<String> = self
+            .truth
+            .iter()
+            .chain(&self.rollouts)
+            .map(|trajectory: &Trajectory| match extent(&trajectory.values) {
+                Some((low, high)) => {
+                    format!("{} between {} and {}", trajectory.label, number(low), number(high))
+                }
+                None => format!("{} without values", trajectory.label),
+            })
+            .collect();
         format!("{} over {} from the start: {}.", self.sensor, duration(length), curves.join("; "))
     }
 
     /// Every value of every curve, in the order and the unit of the chart.
     pub(crate) fn details(&self) -> Vec<Detail<'_>> {
         let all = || self.truth.iter().chain(&self.rollouts);
-        let end = |trajectory: &Trajectory| {
-            trajectory.period_secs * trajectory.values.len().saturating_sub(1) as f64
-        };
-        let (unit_secs, _) = time_unit(all().map(end).fold(0.0, f64::max));
+        let (unit_secs, _) = time_unit(
+            all()
+                .map(|trajectory: &Trajectory| {
+                    trajectory.period_secs * trajectory.values.len().saturating_sub(1) as f64
+                })
+                .fold(0.0, f64::max),
+        );
         all()
             .map(|trajectory| Detail {
                 step: trajectory.period_secs / unit_secs,
@@ -114,15 +124,18 @@ impl RolloutFigure {
     fn panels(&self, chart: &Chart) -> Vec<Chart> {
         let (truth, rollouts) = chart.series.split_at(usize::from(self.truth.is_some()));
         let last = rollouts.len().saturating_sub(1);
-        let panel = |(index, rollout): (usize, &Series)| {
-            let mut panel = chart.clone();
-            panel.series = truth.iter().chain([rollout]).cloned().collect();
-            if index != last {
-                panel.x.label.clear();
-            }
-            panel
-        };
-        rollouts.iter().enumerate().map(panel).collect()
+        rollouts
+            .iter()
+            .enumerate()
+            .map(|(index, rollout): (usize, &Series)| {
+                let mut panel = chart.clone();
+                panel.series = truth.iter().chain([rollout]).cloned().collect();
+                if index != last {
+                    panel.x.label.clear();
+                }
+                panel
+            })
+            .collect()
     }
 }
 

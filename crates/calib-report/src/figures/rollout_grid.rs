@@ -64,17 +64,21 @@ impl RolloutGrid {
                 rules: Vec::new(),
             }
         };
-        let cells = |(number, row): (usize, &RolloutRow)| {
-            let all =
-                std::iter::once(Some(&row.truth)).chain(row.rollouts.iter().map(Option::as_ref));
-            all.enumerate()
-                .map(|(column, trajectory)| GridCell {
-                    heading: (number == 0).then(|| self.heading(column)),
-                    chart: trajectory.map(|trajectory| plot(trajectory, column, number)),
-                })
-                .collect()
-        };
-        let rows = self.rows.iter().enumerate().map(cells).collect();
+        let rows = self
+            .rows
+            .iter()
+            .enumerate()
+            .map(|(number, row): (usize, &RolloutRow)| {
+                let all = std::iter::once(Some(&row.truth))
+                    .chain(row.rollouts.iter().map(Option::as_ref));
+                all.enumerate()
+                    .map(|(column, trajectory)| GridCell {
+                        heading: (number == 0).then(|| self.heading(column)),
+                        chart: trajectory.map(|trajectory| plot(trajectory, column, number)),
+                    })
+                    .collect()
+            })
+            .collect();
         let label = axis_label(&self.sensor, self.unit.as_deref());
         let head = Chart {
             description: format!(

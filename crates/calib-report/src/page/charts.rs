@@ -28,7 +28,8 @@ pub(super) const WHOLE_VALUES: usize = 600_000;
 
 /// The section of sensitivity curves.
 pub(super) fn sensitivities(report: &Report) -> Result<Section, ReportError> {
-    let (mut figures, mut parts) = (Vec::new(), Vec::new());
+    let mut figures = Vec::new();
+    let mut parts = Vec::new();
     let captions: Vec<String> = report.sensitivities.iter().map(Sensitivity::caption).collect();
     let (common, own) = apart(&captions);
     for (index, (sensitivity, caption)) in report.sensitivities.iter().zip(own).enumerate() {
@@ -112,7 +113,8 @@ fn help(report: &Report) -> Markup {
 
 /// The section of rollouts.
 pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
-    let (mut figures, mut parts) = (Vec::new(), Vec::new());
+    let mut figures = Vec::new();
+    let mut parts = Vec::new();
     let mut left = WHOLE_VALUES;
     let details: Vec<Vec<Detail<'_>>> = report
         .rollouts
@@ -215,8 +217,8 @@ impl Sensitivity {
     /// What means are over: "windows".
     fn samples(&self) -> &'static str {
         let runs = |curve: &&ErrorCurve| curve.over == Samples::Runs;
-        let counted = |curve: &&ErrorCurve| curve.source != ErrorSource::Evidence;
-        let counted = self.errors.iter().filter(counted);
+        let counted =
+            self.errors.iter().filter(|curve: &&ErrorCurve| curve.source != ErrorSource::Evidence);
         match counted.clone().filter(runs).count() {
             0 => "windows",
             all if all == counted.count() => "runs",
@@ -261,33 +263,34 @@ fn sensitivity_table(sensitivity: &Sensitivity) -> Table {
     }
     columns
         .extend(sensitivity.worst_ranks.iter().map(|curve| format!("{}: worst rank", curve.label)));
-    let row = |place: usize| {
-        let mut row = vec![Cell::Setting(sensitivity.values[place].clone())];
-        for curve in &sensitivity.errors {
-            match &curve.summaries[place] {
-                None => row.extend([const { Cell::Missing }; 5]),
-                Some(summary) => {
-                    let end = |end: Option<f64>| end.map_or(Cell::Missing, Cell::Number);
-                    row.push(Cell::Number(summary.mean));
-                    row.push(end(summary.interval.map(|interval| interval.low)));
-                    row.push(end(summary.interval.map(|interval| interval.high)));
-                    row.push(Cell::Count(summary.runs as u64));
-                    row.push(Cell::Count(summary.diverged as u64));
-                }
-            }
-        }
-        row.extend(
-            sensitivity
-                .worst_ranks
-                .iter()
-                .map(|curve| Cell::Count(curve.worst_ranks[place] as u64)),
-        );
-        row
-    };
     Table {
         title: format!("Data of {}, {}", sensitivity.sensor, sensitivity.field),
         columns,
-        rows: (0..sensitivity.values.len()).map(row).collect(),
+        rows: (0..sensitivity.values.len())
+            .map(|place: usize| {
+                let mut row = vec![Cell::Setting(sensitivity.values[place].clone())];
+                for curve in &sensitivity.errors {
+                    match &curve.summaries[place] {
+                        None => row.extend([const { Cell::Missing }; 5]),
+                        Some(summary) => {
+                            let end = |end: Option<f64>| end.map_or(Cell::Missing, Cell::Number);
+                            row.push(Cell::Number(summary.mean));
+                            row.push(end(summary.interval.map(|interval| interval.low)));
+                            row.push(end(summary.interval.map(|interval| interval.high)));
+                            row.push(Cell::Count(summary.runs as u64));
+                            row.push(Cell::Count(summary.diverged as u64));
+                        }
+                    }
+                }
+                row.extend(
+                    sensitivity
+                        .worst_ranks
+                        .iter()
+                        .map(|curve| Cell::Count(curve.worst_ranks[place] as u64)),
+                );
+                row
+            })
+            .collect(),
         ..Table::default()
     }
 }
@@ -301,14 +304,15 @@ fn rollout_table(rollout: &RolloutFigure) -> Table {
     let rows = longest.min(ROLLOUT_ROWS);
     let row = |place: usize| {
         let secs = length * place as f64 / rows.saturating_sub(1).max(1) as f64;
-        let value = |t: &&Trajectory| {
-            let index = (secs / t.period_secs).round() as usize;
-            t.values
-                .get(index)
-                .filter(|value| !value.is_nan())
-                .map_or(Cell::Missing, |&value| Cell::Number(value))
-        };
-        std::iter::once(Cell::Number(secs)).chain(all.iter().map(value)).collect()
+        std::iter::once(Cell::Number(secs))
+            .chain(all.iter().map(|t: &&Trajectory| {
+                let index = (secs / t.period_secs).round() as usize;
+                t.values
+                    .get(index)
+                    .filter(|value| !value.is_nan())
+                    .map_or(Cell::Missing, |&value| Cell::Number(value))
+            }))
+            .collect()
     };
     let columns = std::iter::once("Seconds since start".to_owned())
         .chain(all.iter().map(|t| t.label.clone()));

@@ -98,11 +98,12 @@ impl LearningCurves {
         steps.dedup();
         let every = steps.len().div_ceil(ROWS).max(1);
         let row = |&step: &usize| {
-            let value = |curve: &crate::LearningCurve| {
-                let point = curve.points.iter().find(|&&(at, _)| at == step);
-                point.map_or(Cell::Missing, |(_, summary)| Cell::Number(summary.mean))
-            };
-            std::iter::once(Cell::Count(step as u64)).chain(self.curves.iter().map(value)).collect()
+            std::iter::once(Cell::Count(step as u64))
+                .chain(self.curves.iter().map(|curve: &crate::LearningCurve| {
+                    let point = curve.points.iter().find(|&&(at, _)| at == step);
+                    point.map_or(Cell::Missing, |(_, summary)| Cell::Number(summary.mean))
+                }))
+                .collect()
         };
         let columns = std::iter::once("Step".to_owned()).chain(
             self.curves.iter().map(|curve| format!("{} = {}: RMSE", self.field, curve.value)),

@@ -12,7 +12,8 @@ const CAPTION: &str = "In the unit of the log. Of each short stretch of time the
 
 /// One figure a sensor.
 pub(super) fn recorded(report: &Report) -> Result<Section, ReportError> {
-    let (mut stills, mut parts) = (Vec::new(), Vec::new());
+    let mut stills = Vec::new();
+    let mut parts = Vec::new();
     for (index, recorded) in report.recorded.iter().enumerate() {
         let figure = recorded.figure()?;
         let id = format!("recorded-{index}");

@@ -58,14 +58,22 @@ pub(super) fn markup(
 
 fn importance_table(sensitivity: &Sensitivity) -> Table {
     let importances = sensitivity.importances();
-    let row = |(field, shares): (String, Vec<Option<f64>>)| {
-        let share = |share: Option<f64>| share.map_or(Cell::Missing, Cell::Percent);
-        std::iter::once(Cell::Text(field)).chain(shares.into_iter().map(share)).collect()
-    };
     Table {
         title: format!("What matters for {}", sensitivity.sensor),
         columns: std::iter::once("Hyperparameter".to_owned()).chain(importances.labels).collect(),
-        rows: importances.shares.into_iter().map(row).collect(),
+        rows: importances
+            .shares
+            .into_iter()
+            .map(|(field, shares): (String, Vec<Option<f64>>)| {
+                std::iter::once(Cell::Text(field))
+                    .chain(
+                        shares
+                            .into_iter()
+                            .map(|share: Option<f64>| share.map_or(Cell::Missing, Cell::Percent)),
+                    )
+                    .collect()
+            })
+            .collect(),
         ..Table::default()
     }
 }

@@ -76,7 +76,8 @@ fn cell(table: &Table, cells: &[Cell], row: usize, column: usize) -> Markup {
 /// Jump statistics, and the tables that came with the report.
 pub(super) fn statistics(report: &Report) -> Section {
     let jumps = (!report.jumps.is_empty()).then(|| jumps(&report.jumps));
-    let (mut body, mut parts) = (Vec::new(), Vec::new());
+    let mut body = Vec::new();
+    let mut parts = Vec::new();
     for (index, shown) in report.tables.iter().chain(&jumps).enumerate() {
         let id = format!("table-{index}");
         body.push(table(shown, &id));
@@ -89,7 +90,13 @@ pub(super) fn statistics(report: &Report) -> Section {
 fn jumps(jumps: &[JumpStatistics]) -> Table {
     let columns =
         ["Model", "Member", "Steps", "Jump rate", "Departures", "Mean run length (steps)", "Note"];
-    let row = |jump: &JumpStatistics| {
+    Table {
+        title: "Jump statistics".to_owned(),
+        caption: "Jump rate: share of rollout steps that did not simply go to the next row of the log. Departures: share that went to \
+                  another time of the log. A model that hardly ever departs (below 1 %) replays the log and tells nothing new."
+            .to_owned(),
+        columns: columns.map(ToOwned::to_owned).to_vec(),
+        rows: jumps.iter().map(|jump: &JumpStatistics| {
         vec![
             Cell::Text(jump.model.clone()),
             Cell::Text(jump.member.to_string()),
@@ -99,14 +106,7 @@ fn jumps(jumps: &[JumpStatistics]) -> Table {
             Cell::Number(jump.mean_run_length),
             jump.note.clone().map_or(Cell::Missing, Cell::Text),
         ]
-    };
-    Table {
-        title: "Jump statistics".to_owned(),
-        caption: "Jump rate: share of rollout steps that did not simply go to the next row of the log. Departures: share that went to \
-                  another time of the log. A model that hardly ever departs (below 1 %) replays the log and tells nothing new."
-            .to_owned(),
-        columns: columns.map(ToOwned::to_owned).to_vec(),
-        rows: jumps.iter().map(row).collect(),
+    }).collect(),
         best: None,
     }
 }
@@ -137,7 +137,12 @@ fn fact(name: &str, value: &str) -> Markup {
 
 fn channels(channels: &[Channel]) -> Table {
     let columns = ["Channel", "Unit", "Smallest", "Largest", "Missing", "Use"];
-    let row = |channel: &Channel| {
+    Table {
+        title: "Channels".to_owned(),
+        caption: "Ranges are in physical units, over all rows from the start of the training range to the end of the held-out period. Missing is a \
+                  share of the training rows.".to_owned(),
+        columns: columns.map(ToOwned::to_owned).to_vec(),
+        rows: channels.iter().map(|channel: &Channel| {
         let bound = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
         vec![
             Cell::Text(channel.name.clone()),
@@ -150,13 +155,7 @@ fn channels(channels: &[Channel]) -> Table {
                 ChannelStatus::Dropped(reason) => format!("dropped: {reason}"),
             }),
         ]
-    };
-    Table {
-        title: "Channels".to_owned(),
-        caption: "Ranges are in physical units, over all rows from the start of the training range to the end of the held-out period. Missing is a \
-                  share of the training rows.".to_owned(),
-        columns: columns.map(ToOwned::to_owned).to_vec(),
-        rows: channels.iter().map(row).collect(),
+    }).collect(),
         best: None,
     }
 }

@@ -274,12 +274,6 @@ fn alternatives(report: &Report) -> Table {
         ("Another window", ChoiceBaseline::AnotherWindow),
     ];
     let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
-    let row = |verdict: &Verdict| {
-        let names = [Cell::Text(verdict.sensor.clone()), model(verdict)];
-        let others = ways.iter().map(|&(_, baseline)| share(verdict.regret_of(baseline)));
-        let costs = [share(verdict.regret())].into_iter().chain(others);
-        names.into_iter().chain(costs).chain(agreement(verdict)).collect()
-    };
     Table {
         title: "Other ways to choose, and agreement".to_owned(),
         caption: format!(
@@ -292,7 +286,16 @@ fn alternatives(report: &Report) -> Table {
             .chain(["Spearman", "Kendall", "Top k"])
             .map(str::to_owned)
             .collect(),
-        rows: report.verdicts.iter().map(row).collect(),
+        rows: report
+            .verdicts
+            .iter()
+            .map(|verdict: &Verdict| {
+                let names = [Cell::Text(verdict.sensor.clone()), model(verdict)];
+                let others = ways.iter().map(|&(_, baseline)| share(verdict.regret_of(baseline)));
+                let costs = [share(verdict.regret())].into_iter().chain(others);
+                names.into_iter().chain(costs).chain(agreement(verdict)).collect()
+            })
+            .collect(),
         best: None,
     }
 }

@@ -80,7 +80,8 @@ impl Verdict {
         let difference = against.filter(|against| against.interval.is_some()).map_or_else(
             String::new,
             |against| {
-                let (change, chance) = (changed(against.value), chance_of_change(against));
+                let change = changed(against.value);
+                let chance = chance_of_change(against);
                 format!(": it has {change} error than the default{chance}")
             },
         );

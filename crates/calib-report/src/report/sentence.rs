@@ -286,7 +286,8 @@ impl Verdict {
         if self.stability.is_empty() {
             return None;
         }
-        let (Self { chosen, .. }, evidence) = (self, self.evidence());
+        let Self { chosen, .. } = self;
+        let evidence = self.evidence();
         let own = self.stability.iter().find(|(value, _)| value == chosen);
         let share = own.map_or(0.0, |&(_, share)| share);
         let others = self.stability.iter().filter(|(value, _)| value != chosen).take(2);
@@ -399,8 +400,10 @@ pub(super) fn chance_of_change(ratio: Estimate) -> String {
 /// "2.5 % (95 %: at most 4 %)".
 pub(super) fn with_interval(regret: Bounded) -> String {
     let value = percent(regret.value);
-    let bound = |upper| format!("{value} (95 %: at most {})", percent(upper));
-    regret.upper.map_or_else(|| value.clone(), bound)
+    regret.upper.map_or_else(
+        || value.clone(),
+        |upper| format!("{value} (95 %: at most {})", percent(upper)),
+    )
 }
 
 fn online_sentence(verdict: &Verdict, online: &HeldOutResult, score: &Score) -> String {

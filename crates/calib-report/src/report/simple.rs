@@ -105,7 +105,8 @@ impl Simpler {
 impl Verdict {
     /// The advice where a simple predictor does as well or better.
     pub(super) fn simpler_headline(&self, simpler: &Simpler) -> String {
-        let (name, sensor) = (simpler.predictor.label(), &self.sensor);
+        let name = simpler.predictor.label();
+        let sensor = &self.sensor;
         match simpler.difference() {
             Some(difference) if simpler.is_better => {
                 format!("Use {name} for {sensor}, not an agent: it has {difference} error.")

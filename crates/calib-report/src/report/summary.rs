@@ -6,10 +6,9 @@ use crate::number::{number, percent};
 
 /// Whether there are verdicts of several models on the same sensor.
 pub(crate) fn are_of_several_models(verdicts: &[Verdict]) -> bool {
-    let has_other = |verdict: &Verdict| {
+    verdicts.iter().any(|verdict: &Verdict| {
         verdicts.iter().any(|other| other.sensor == verdict.sensor && other.model != verdict.model)
-    };
-    verdicts.iter().any(has_other)
+    })
 }
 
 /// What to do for all sensors, what it costs, and what the alternatives would have cost; what each model says where
@@ -25,7 +24,8 @@ pub(crate) fn summary(report: &Report) -> Vec<String> {
     let graded = |grades: &[Grade]| -> Vec<&Verdict> {
         verdicts.iter().copied().filter(|verdict| grades.contains(&verdict.grade)).collect()
     };
-    let (poor, not_learnt) = (graded(&[Grade::Poor]), graded(&[Grade::NotLearnt]));
+    let poor = graded(&[Grade::Poor]);
+    let not_learnt = graded(&[Grade::NotLearnt]);
     let mut usable = graded(&[Grade::Good, Grade::Fair, Grade::Unchecked]);
     let arbitrary: Vec<&Verdict> = usable.extract_if(.., |graded| graded.is_arbitrary()).collect();
     let frozen: Vec<&Verdict> =
@@ -115,9 +115,11 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
         ));
     }
     let (first, others) = own.split_first()?;
-    let same = |verdict: &&Verdict| verdict.chosen == first.chosen && verdict.field == first.field;
-    let alike = |verdict: &&Verdict| verdict.grade == first.grade;
-    if !others.iter().all(same) || !others.iter().all(alike) {
+    if !others
+        .iter()
+        .all(|verdict: &&Verdict| verdict.chosen == first.chosen && verdict.field == first.field)
+        || !others.iter().all(|verdict: &&Verdict| verdict.grade == first.grade)
+    {
         return None;
     }
     if first.is_simpler_better() {
@@ -145,10 +147,12 @@ fn standing(verdict: &Verdict) -> String {
 
 /// What each model chooses, and which choice held-out data likes best.
 fn differing(sensor: &str, own: &[&Verdict]) -> String {
-    let choice = |verdict: &&Verdict| {
-        format!("{} chooses {}{}", verdict.model, verdict.assigned(), standing(verdict))
-    };
-    let all: Vec<String> = own.iter().map(choice).collect();
+    let all: Vec<String> = own
+        .iter()
+        .map(|verdict: &&Verdict| {
+            format!("{} chooses {}{}", verdict.model, verdict.assigned(), standing(verdict))
+        })
+        .collect();
     let all = listed(&all);
     let smallest = own.iter().filter_map(|verdict| regret(verdict)).reduce(f64::min);
     let told = own.iter().any(|verdict| verdict.has_costs());
@@ -189,13 +193,18 @@ fn regret(verdict: &Verdict) -> Option<f64> {
 
 /// "`learning_rate` = 1e-4 for PIT300 and 3e-5 for TIT101".
 fn choices(verdicts: &[&Verdict]) -> String {
-    let choice = |(place, verdict): (usize, &&Verdict)| {
-        let named = place > 0 && verdicts[place - 1].field == verdict.field;
-        let all = assigned(&verdict.field, &verdict.chosen);
-        let value = if named { verdict.chosen.to_string() } else { all };
-        format!("{value} for {}", verdict.sensor)
-    };
-    listed(&verdicts.iter().enumerate().map(choice).collect::<Vec<_>>())
+    listed(
+        &verdicts
+            .iter()
+            .enumerate()
+            .map(|(place, verdict): (usize, &&Verdict)| {
+                let named = place > 0 && verdicts[place - 1].field == verdict.field;
+                let all = assigned(&verdict.field, &verdict.chosen);
+                let value = if named { verdict.chosen.to_string() } else { all };
+                format!("{value} for {}", verdict.sensor)
+            })
+            .collect::<Vec<_>>(),
+    )
 }
 
 /// Largest regrets over sensors, of the choices and of the alternatives. Sensors are named unless they are all.

@@ -82,9 +82,8 @@ impl Table {
     pub fn without_empty_columns(mut self) -> Self {
         let used: Vec<bool> = (0..self.columns.len())
             .map(|column| {
-                let is_used =
-                    |row| self.cell(row, column).is_some_and(|cell| *cell != Cell::Missing);
-                (0..self.rows.len()).any(is_used)
+                (0..self.rows.len())
+                    .any(|row| self.cell(row, column).is_some_and(|cell| *cell != Cell::Missing))
             })
             .collect();
         let keep = |column: usize| used.get(column).copied().unwrap_or(false);

@@ -83,7 +83,8 @@ fn learning_raises_the_scores_and_lowers_the_loss() {
     let task = Task { states: &states, segments: &segments, split: &split, seed: Seed::new(4) };
     let trained = train(&LaplacianConfig { steps: 800, ..config() }, task, None, &Silent);
     let trained = trained.expect("trains");
-    let (first, last) = (trained.points[0], trained.points[trained.points.len() - 1]);
+    let first = trained.points[0];
+    let last = trained.points[trained.points.len() - 1];
     assert!(last.loss < first.loss, "{first:?} {last:?}");
     assert!(last.scores.dynamics_awareness > 0.5, "{last:?}");
     assert!(last.scores.uniqueness > 0.95 && last.scores.live_dimensions > 2, "{last:?}");

@@ -36,7 +36,8 @@ impl Null {
     /// The boundary of t that is crossed with probability `rate`; tests that cross it end.
     pub(super) fn boundary(&mut self, rate: f64) -> f64 {
         let target = self.below[CELLS] - rate;
-        let (mut low, mut high) = (0.0, CELLS as f64);
+        let mut low = 0.0;
+        let mut high = CELLS as f64;
         // A bisection to the last bit.
         for _ in 0..64 {
             let middle = f64::midpoint(low, high);
@@ -60,14 +61,22 @@ impl Null {
             .collect();
         let total: f64 = steps.iter().map(|(_, _, weight)| weight).sum();
         let next_root = ((self.n + 1) as f64).sqrt();
-        let at = |i: usize| {
-            let y = -next_root * (PI * i as f64 / CELLS as f64).cos();
-            let below = |&(sin, cos, weight): &(f64, f64, f64)| {
-                weight * self.at(((y - sin) / cos).min(self.limit) / root)
-            };
-            steps.iter().map(below).sum::<f64>() / total
-        };
-        Self { n: self.n + 1, below: (0..=CELLS).map(at).collect(), limit: f64::INFINITY }
+        Self {
+            n: self.n + 1,
+            below: (0..=CELLS)
+                .map(|i: usize| {
+                    let y = -next_root * (PI * i as f64 / CELLS as f64).cos();
+                    steps
+                        .iter()
+                        .map(|&(sin, cos, weight): &(f64, f64, f64)| {
+                            weight * self.at(((y - sin) / cos).min(self.limit) / root)
+                        })
+                        .sum::<f64>()
+                        / total
+                })
+                .collect(),
+            limit: f64::INFINITY,
+        }
     }
 
     /// H where c is this share of √n.
@@ -80,7 +89,8 @@ impl Null {
         let cell = (place as usize).clamp(1, CELLS - 2);
         let x = place - cell as f64;
         let [a, b, c, d] = [0, 1, 2, 3].map(|node| self.below[cell + node - 1]);
-        let (left, right) = (x + 1.0, x - 1.0);
+        let left = x + 1.0;
+        let right = x - 1.0;
         let beyond = x - 2.0;
         -a * x * right * beyond / 6.0 + b * left * right * beyond / 2.0
             - c * left * x * beyond / 2.0

@@ -21,7 +21,8 @@ pub(super) fn power(values: &[f64]) -> Vec<f64> {
             let (sin, cos) = (-TAU * pair as f64 / (2 * half) as f64).sin_cos();
             for low in (pair..n).step_by(2 * half) {
                 let high = low + half;
-                let (a, b) = (re[high] * cos - im[high] * sin, re[high] * sin + im[high] * cos);
+                let a = re[high] * cos - im[high] * sin;
+                let b = re[high] * sin + im[high] * cos;
                 (re[high], im[high]) = (re[low] - a, im[low] - b);
                 (re[low], im[low]) = (re[low] + a, im[low] + b);
             }

@@ -68,7 +68,8 @@ pub fn spectrum(values: &[f64], segment: usize) -> Result<Vec<f64>, StatsError> 
 /// # Ok::<(), calib_stats::StatsError>(())
 /// ```
 pub fn spectral_distance(x: &[f64], y: &[f64], segment: usize) -> Result<f64, StatsError> {
-    let (x, y) = (spectrum(x, segment)?, spectrum(y, segment)?);
+    let x = spectrum(x, segment)?;
+    let y = spectrum(y, segment)?;
     let decibels = |power: f64| 10.0 * (power + SPECTRUM_FLOOR).log10();
     let squares: f64 = x.iter().zip(&y).map(|(x, y)| (decibels(*x) - decibels(*y)).powi(2)).sum();
     Ok((squares / x.len() as f64).sqrt())

@@ -19,12 +19,16 @@ use crate::StatsError;
 pub fn wasserstein(x: &[f64], y: &[f64]) -> Result<f64, StatsError> {
     check_finite("x", x)?;
     check_finite("y", y)?;
-    let (x, y) = (sorted(x), sorted(y));
-    let (n, m) = (x.len(), y.len());
+    let x = sorted(x);
+    let y = sorted(y);
+    let n = x.len();
+    let m = y.len();
     // Cut [0, 1] into n m pieces: x changes every m of them, y every n.
-    let (mut at, mut sum) = (0, 0.0);
+    let mut at = 0;
+    let mut sum = 0.0;
     while at < n * m {
-        let (i, j) = (at / m, at / n);
+        let i = at / m;
+        let j = at / n;
         let next = ((i + 1) * m).min((j + 1) * n);
         sum += (next - at) as f64 * (x[i] - y[j]).abs();
         at = next;

@@ -19,7 +19,8 @@ impl Random {
 
     /// Standard normal (Box & Muller, one of the pair).
     pub(crate) fn normal(&mut self) -> f64 {
-        let (radius, angle) = ((-2.0 * self.unit().ln()).sqrt(), self.unit());
+        let radius = (-2.0 * self.unit().ln()).sqrt();
+        let angle = self.unit();
         radius * (std::f64::consts::TAU * angle).cos()
     }
 }

@@ -57,14 +57,16 @@ impl Template {
         defaults: &serde_json::Value,
         section: impl Fn(&str) -> String,
     ) -> Result<BTreeMap<String, Value>, Problem> {
-        let draw = |(key, axis): (&String, &Axis)| {
-            let like = defaults.pointer(&format!("/{}", key.replace('.', "/")));
-            let drawn = axis.draw(like, seed.child(key).rng().unit());
-            let told = format!("{}: {key} cannot be drawn", section(key));
-            let drawn = drawn.map_err(|error| Problem::from(error).after(&told))?;
-            Ok((key.clone(), to_toml(&drawn).map_err(|problem| problem.after(key))?))
-        };
-        let mut values = axes.iter().map(draw).collect::<Result<BTreeMap<_, _>, Problem>>()?;
+        let mut values = axes
+            .iter()
+            .map(|(key, axis): (&String, &Axis)| {
+                let like = defaults.pointer(&format!("/{}", key.replace('.', "/")));
+                let drawn = axis.draw(like, seed.child(key).rng().unit());
+                let told = format!("{}: {key} cannot be drawn", section(key));
+                let drawn = drawn.map_err(|error| Problem::from(error).after(&told))?;
+                Ok((key.clone(), to_toml(&drawn).map_err(|problem| problem.after(key))?))
+            })
+            .collect::<Result<BTreeMap<_, _>, Problem>>()?;
         let simulated = self.table.contains_key("simulate").then_some("simulate.seed");
         for key in ["seed"].into_iter().chain(simulated) {
             let own = seed.child(key).rng().below(SEEDS) as i64;
@@ -129,7 +131,8 @@ fn move_paths(table: &mut Table, from: &Path, to: &Path) -> Result<(), Problem> 
 
 /// `path` as one would write it in `folder`.
 fn relative(path: &Path, folder: &Path) -> Result<PathBuf, Problem> {
-    let (path, folder) = (without_parents(path)?, without_parents(folder)?);
+    let path = without_parents(path)?;
+    let folder = without_parents(folder)?;
     let common = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(common).map(|_| "..");
     let down = path.components().skip(common).map(Component::as_os_str);

@@ -222,11 +222,10 @@ fn finished(directory: &Path, wanted: &[AgentToTrain]) -> BTreeMap<String, Pretr
     let Some(manifest) = artefact::read::<PretrainManifest>(directory) else {
         return BTreeMap::new();
     };
-    let is_wanted = |agent: &PretrainedAgent| {
+    let agents = manifest.facts.agents.into_iter().filter(|agent: &PretrainedAgent| {
         wanted.iter().any(|wanted| wanted.key == agent.key)
             && artefact::are_whole(directory, &agent.files)
-    };
-    let agents = manifest.facts.agents.into_iter().filter(is_wanted);
+    });
     agents.map(|agent| (agent.sensor.clone(), agent)).collect()
 }
 

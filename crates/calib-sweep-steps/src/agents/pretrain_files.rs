@@ -314,7 +314,8 @@ fn check_columns(
     manifest: &PretrainManifest,
     dataset: &Dataset,
 ) -> Result<(), StepError> {
-    let (made, now) = (&manifest.normaliser, &dataset.normaliser);
+    let made = &manifest.normaliser;
+    let now = &dataset.normaliser;
     ensure!(
         made.len() == now.len(),
         "the agents in {} see states of {} columns, and the study's states have {}; \

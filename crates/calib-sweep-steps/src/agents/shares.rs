@@ -97,7 +97,8 @@ pub(super) fn run(
     (wanted, missing): (&[AgentToTrain], &[&AgentToTrain]),
     printer: &Printer,
 ) -> Result<Outcome, StepError> {
-    let (study, directory) = (job.study(), job.layout().pretrain());
+    let study = job.study();
+    let directory = job.layout().pretrain();
     artefact::own(&directory)?;
     let own: Vec<&str> = wanted
         .iter()

@@ -40,14 +40,17 @@ impl Columns<'_> {
             return Ok(vec![default; self.rows]);
         }
         let numbers = self.table.numbers(name)?;
-        let count = |(row, number): (usize, f64)| {
-            ensure!(
-                number >= 0.0 && number.fract() == 0.0 && number < 9e15,
-                "row {row}, column {name}: {number} is no count"
-            );
-            Ok(number as u64)
-        };
-        numbers.into_iter().enumerate().map(count).collect()
+        numbers
+            .into_iter()
+            .enumerate()
+            .map(|(row, number): (usize, f64)| {
+                ensure!(
+                    number >= 0.0 && number.fract() == 0.0 && number < 9e15,
+                    "row {row}, column {name}: {number} is no count"
+                );
+                Ok(number as u64)
+            })
+            .collect()
     }
 
     fn truths(&self, name: &str) -> Result<Vec<bool>, StepError> {
@@ -80,8 +83,8 @@ fn of_table(table: &Table, part: Part) -> Result<Runs, StepError> {
     let mut scales: BTreeMap<(&String, usize), f64> = BTreeMap::new();
     for row in 0..rows {
         let at = || format!("row {row}");
-        let (environment, sensor) =
-            (environment(&environments[row]).with_context(at)?, &sensors[row]);
+        let environment = environment(&environments[row]).with_context(at)?;
+        let sensor = &sensors[row];
         if !order.contains(sensor) {
             order.push(sensor.clone());
         }
@@ -158,7 +161,8 @@ impl Measured {
 
     /// One run; errors in units of the scale.
     fn row(&self, row: usize, candidate: usize, part: Part) -> Result<RunRow, StepError> {
-        let (rmse, scale) = (self.rmse[row], self.error_scale[row]);
+        let rmse = self.rmse[row];
+        let scale = self.error_scale[row];
         ensure!(rmse >= 0.0, "rmse is {rmse}; expected an error, or +∞ where the run diverged");
         ensure!(
             scale > 0.0 && scale.is_finite(),
@@ -230,12 +234,15 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
             format!("row {row}: candidate {candidate} {what}, and {before} in row {first}")
         };
         if let Some(labels) = labels {
-            let (here, there) = (&labels[row], &labels[first]);
+            let here = &labels[row];
+            let there = &labels[first];
             ensure!(here == there, told(format!("is called \"{here}\""), format!("\"{there}\"")));
         }
-        let (here, there) = (defaults[row], defaults[first]);
+        let here = defaults[row];
+        let there = defaults[first];
         ensure!(here == there, told(format!("has is_default = {here}"), there.to_string()));
-        let (here, there) = (gamma[row], gamma[first]);
+        let here = gamma[row];
+        let there = gamma[first];
         ensure!(
             here.total_cmp(&there).is_eq(),
             told(format!("has gamma = {here}"), there.to_string())
@@ -288,11 +295,13 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
 fn labelled(label: &str) -> Vec<(String, Value)> {
     let number = |text: &str| text.parse::<f64>().ok().and_then(serde_json::Number::from_f64);
     let value = |text: &str| number(text).map_or_else(|| Value::from(text), Value::Number);
-    let pair = |part: &str| {
-        let (name, told) = part.split_once(" = ")?;
-        Some((name.to_owned(), value(told)))
-    };
-    let pairs: Option<Vec<_>> = label.split(", ").map(pair).collect();
+    let pairs: Option<Vec<_>> = label
+        .split(", ")
+        .map(|part: &str| {
+            let (name, told) = part.split_once(" = ")?;
+            Some((name.to_owned(), value(told)))
+        })
+        .collect();
     pairs.unwrap_or_else(|| vec![("value".to_owned(), value(label))])
 }
 

@@ -58,12 +58,12 @@ pub fn run(path: &Path, study: &Study, output: Option<&Path>) -> Result<Judgemen
         .map(|verdict| verdict_row(verdict, None, &sweep, study, study.model_name()))
         .collect();
     let title = study.evaluate.title.clone();
-    let stem =
-        || path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     let summary = Summary {
         format: 2,
         tool: TOOL,
-        title: title.unwrap_or_else(stem),
+        title: title.unwrap_or_else(|| {
+            path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+        }),
         choices: evaluate::choices(&verdicts, &rows, &sweep.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
         predicts: None,

@@ -66,8 +66,13 @@ impl Answer for Predictions {
 impl Predictions {
     /// Those before the first that is not finite in single precision.
     pub(super) fn finite(&self) -> Vec<f32> {
-        let finite = |value: &Option<f64>| value.filter(|value| value.abs() <= f64::from(f32::MAX));
-        self.predictions.iter().map_while(finite).map(|value| value as f32).collect()
+        self.predictions
+            .iter()
+            .map_while(|value: &Option<f64>| {
+                value.filter(|value| value.abs() <= f64::from(f32::MAX))
+            })
+            .map(|value| value as f32)
+            .collect()
     }
 
     /// Whether there is one that is not finite, behind which nothing counts.
@@ -88,7 +93,8 @@ pub(super) fn begin(told: &Begin<'_>) -> Vec<u8> {
 
 /// States of `part`, which lies in the unbroken `piece`: a line, then each state as numbers in single precision, low bytes first.
 pub(super) fn states(stream: &dyn Stream, part: &Range<usize>, piece: &Range<usize>) -> Vec<u8> {
-    let (begins, ends) = (part.start == piece.start, part.end == piece.end);
+    let begins = part.start == piece.start;
+    let ends = part.end == piece.end;
     let mut message =
         line(&serde_json::json!({ "states": part.len(), "begins": begins, "ends": ends }));
     message.reserve(4 * part.len() * stream.width());

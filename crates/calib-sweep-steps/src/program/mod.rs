@@ -96,7 +96,8 @@ impl ExternalAgents {
                 if answer.predictions.len() > part.len()
                     || (got.len() != part.len() && !is_diverged)
                 {
-                    let (got, wanted) = (answer.predictions.len(), part.len());
+                    let got = answer.predictions.len();
+                    let wanted = part.len();
                     return Err(failed(ProgramError::Count { command: self.shown(), got, wanted }));
                 }
                 // The last of a piece does not count: no step begins there.

@@ -104,7 +104,9 @@ impl<'p> Process<'p> {
             }
             if waited >= self.program.timeout {
                 let secs = self.program.timeout.as_secs_f64();
-                let (command, asked, said) = (self.program.shown(), asked.to_string(), self.said());
+                let command = self.program.shown();
+                let asked = asked.to_string();
+                let said = self.said();
                 return Err(failed(ProgramError::Silent { command, asked, secs, said }));
             }
         }
@@ -115,11 +117,14 @@ impl<'p> Process<'p> {
             Ok(answer) if answer.is_valid() => return Ok(answer),
             _ => {}
         }
-        let (command, asked) = (self.program.shown(), asked.to_string());
+        let command = self.program.shown();
+        let asked = asked.to_string();
         if let Ok(Failure { error: reason }) = serde_json::from_slice(line) {
             return Err(ProgramError::Refused { command, asked, reason });
         }
-        let (line, expected, said) = (shown(line), A::LIKE, self.said());
+        let line = shown(line);
+        let expected = A::LIKE;
+        let said = self.said();
         Err(ProgramError::Babble { command, asked, line, expected, said })
     }
 
@@ -134,7 +139,8 @@ impl<'p> Process<'p> {
         }
         match status {
             Some(status) if !status.success() => {
-                let (how, said) = (how(status), self.said_at_last());
+                let how = how(status);
+                let said = self.said_at_last();
                 Err(ProgramError::EndedBadly { command, how, said })
             }
             _ => Ok(()),
@@ -144,7 +150,8 @@ impl<'p> Process<'p> {
     /// Why it is that no line comes any more.
     fn ended(&mut self, asked: &LastRequest<'_>) -> ProgramError {
         let how = self.status().map_or_else(|| "has closed its standard output".to_owned(), how);
-        let (command, asked) = (self.program.shown(), asked.to_string());
+        let command = self.program.shown();
+        let asked = asked.to_string();
         ProgramError::Ended { command, how, asked, said: self.said_at_last() }
     }
 

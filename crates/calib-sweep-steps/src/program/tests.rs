@@ -107,11 +107,12 @@ fn a_program_ends_as_it_should() {
 #[cfg(target_os = "linux")]
 fn living(word: &str) -> usize {
     let all = std::fs::read_dir("/proc").expect("there").flatten();
-    let own = |entry: std::fs::DirEntry| {
+    all.map(|entry: std::fs::DirEntry| {
         let line = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
         line.split(|byte| *byte == 0).any(|argument| argument == word.as_bytes())
-    };
-    all.map(own).filter(|found| *found).count()
+    })
+    .filter(|found| *found)
+    .count()
 }
 
 #[cfg(target_os = "linux")]

@@ -160,12 +160,14 @@ impl Agent<'_> {
 
 /// The agents of the first `sensors` sensors, one for each value.
 fn agents(trained: TrainedInPass<'_>, sensors: usize) -> Vec<Agent<'_>> {
-    let of_sensor = |(sensor, column): &(String, usize)| {
-        let start = trained.starts.get(sensor).map(|start| &start.checkpoint);
-        let configs = trained.candidates.iter().map(|candidate| candidate.agent.clone());
-        configs.map(|config| Agent { config, cumulant: *column, start }).collect::<Vec<_>>()
-    };
-    trained.sensors[..sensors].iter().flat_map(of_sensor).collect()
+    trained.sensors[..sensors]
+        .iter()
+        .flat_map(|(sensor, column): &(String, usize)| {
+            let start = trained.starts.get(sensor).map(|start| &start.checkpoint);
+            let configs = trained.candidates.iter().map(|candidate| candidate.agent.clone());
+            configs.map(|config| Agent { config, cumulant: *column, start }).collect::<Vec<_>>()
+        })
+        .collect()
 }
 
 /// What a pass of these agents costs, in multiplications.
@@ -214,7 +216,8 @@ fn seconds_of(
     monitor: &dyn Monitor,
 ) -> Result<f64, StepError> {
     let stream = &*streamed.stream;
-    let (whole, most) = (trained.steps, trained.steps.min(stream.len().saturating_sub(1)));
+    let whole = trained.steps;
+    let most = trained.steps.min(stream.len().saturating_sub(1));
     let learners: Vec<Learner<'_>> = agents.iter().map(Agent::learner).collect();
     let curve = CurveRule { windows: trained.study.sweep.curve_points };
     let seed = agent_seed(trained.study);

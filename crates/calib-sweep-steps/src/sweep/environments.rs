@@ -120,13 +120,15 @@ impl EnvironmentSpec {
         Ok(match self {
             Self::Member { number, starts, inputs } => {
                 let (frames, model) = sources.states.zip(sources.model).with_context(lacks)?;
-                let (states, starts) = (frames.states(), starts.clone());
+                let states = frames.states();
+                let starts = starts.clone();
                 let options = RolloutOptions { span, weights, seed, inputs: inputs.clone() };
                 Box::new(MemberEnvironment::new(model, *number, states, starts, options))
             }
             Self::Online { windows, runs, inputs } => {
                 let held_out = sources.held_out.with_context(lacks)?;
-                let (windows, inputs) = (windows.clone(), inputs.clone());
+                let windows = windows.clone();
+                let inputs = inputs.clone();
                 Box::new(ReplayEnvironment::online(held_out, windows, *runs, inputs))
             }
             Self::LogReplay { windows, inputs } => {
@@ -169,7 +171,8 @@ impl Environments {
         dataset: &Dataset,
         printer: &Printer,
     ) -> Result<Self, StepError> {
-        let (study, paths) = (job.study(), job.layout());
+        let study = job.study();
+        let paths = job.layout();
         let mut described = Vec::new();
         let configured = study.sweep_starts();
         let rollout_seed = Seed::new(study.seed).child("rollout");
@@ -206,7 +209,8 @@ impl Environments {
 fn replayed(job: &Job, dataset: &Dataset, streams: &Streams) -> Vec<EnvironmentSpec> {
     let mut described = Vec::new();
     if let (Some(inputs), Some(windows)) = (&dataset.held_out_fingerprint, &streams.online) {
-        let (windows, inputs) = (windows.clone(), inputs.clone());
+        let windows = windows.clone();
+        let inputs = inputs.clone();
         described.push(EnvironmentSpec::Online {
             windows,
             runs: job.study().sweep.online_runs,
@@ -214,7 +218,8 @@ fn replayed(job: &Job, dataset: &Dataset, streams: &Streams) -> Vec<EnvironmentS
         });
     }
     if !streams.log.starts.is_empty() {
-        let (windows, inputs) = (streams.log.clone(), dataset.fingerprint.clone());
+        let windows = streams.log.clone();
+        let inputs = dataset.fingerprint.clone();
         described.push(EnvironmentSpec::LogReplay { windows, inputs });
     }
     described

@@ -71,7 +71,8 @@ pub(crate) struct LearnedStates {
 impl LearnedStates {
     fn of(dataset: &Dataset) -> Self {
         let frames = &dataset.train;
-        let (rows, segments) = (frames.rows(), frames.segments().len());
+        let rows = frames.rows();
+        let segments = frames.segments().len();
         Self { rows, segments, times: model_files::first_and_last(frames) }
     }
 }

@@ -42,7 +42,7 @@ pub(crate) fn failed_rollouts(
             runs.insert(result.unit.run, not_finite);
         }
     }
-    let note = |(environment, runs): (EnvironmentId, BTreeMap<usize, NotFinite>)| {
+    let notes: Vec<String> = environments.into_iter().map(|(environment, runs): (EnvironmentId, BTreeMap<usize, NotFinite>)| {
         let told = |(run, NotFinite { step, column }): (&usize, &NotFinite)| {
             format!("run {run} at step {step} in {}", normaliser.columns()[*column].name)
         };
@@ -50,8 +50,7 @@ pub(crate) fn failed_rollouts(
             "the model's rollout left the finite numbers in {environment}: {}; every setting has an infinite error there",
             runs.iter().map(told).collect::<Vec<_>>().join(", ")
         )
-    };
-    let notes: Vec<String> = environments.into_iter().map(note).collect();
+    }).collect();
     for note in &notes {
         printer.warn(note);
     }
@@ -75,21 +74,22 @@ mod tests {
 
     #[test]
     fn what_a_race_saved_is_counted_in_runs() {
-        let row = |candidate| RunRow {
-            candidate,
-            steps: 10,
-            updates: 1,
-            scores: calib_agent::Scores::default(),
-            diverged_at: None,
-            curve: Vec::new(),
-        };
         let result = |run, values: usize| UnitResult {
             key: String::new(),
             unit: Unit { sensor: "A".to_owned(), environment: EnvironmentId::Member(0), run },
             seed: 0,
             start_row: 0,
             not_finite: None,
-            rows: (0..values).map(row).collect(),
+            rows: (0..values)
+                .map(|candidate| RunRow {
+                    candidate,
+                    steps: 10,
+                    updates: 1,
+                    scores: calib_agent::Scores::default(),
+                    diverged_at: None,
+                    curve: Vec::new(),
+                })
+                .collect(),
         };
         assert_eq!(saved(&[result(0, 4), result(1, 4)], 8), None);
         let told = saved(&[result(0, 4), result(1, 2)], 8).expect("two runs were not made");

@@ -44,8 +44,10 @@ impl DryRunTally {
 
     /// Remember what the sweep of a job will take.
     pub(crate) fn expect(&self, job: &Job, expected: Expected) {
-        let (model, deployment) = (job.model(), job.deployment());
-        let (model, deployment) = (model.map(str::to_owned), deployment.map(str::to_owned));
+        let model = job.model();
+        let deployment = job.deployment();
+        let model = model.map(str::to_owned);
+        let deployment = deployment.map(str::to_owned);
         self.expected.borrow_mut().push(PartPlan { model, deployment, expected });
     }
 
@@ -182,7 +184,8 @@ impl Memory {
 
     /// The same of runs that an accelerator trains side by side, on this machine: their streams, twice on the way there, and networks where it is no other device.
     pub(crate) fn side_by_side(self, sizes: &Sizes, accelerator: &dyn Accelerator) -> Self {
-        let (states, runs) = (sizes.span.states(), sizes.passes.min(MOST_TOGETHER));
+        let states = sizes.span.states();
+        let runs = sizes.passes.min(MOST_TOGETHER);
         // Beside the states: returns of each sensor, the course, the draws.
         let of_run = (states * (8 * sizes.width + 8 * sizes.sensors + 32)) as u64;
         let thread = accelerator.memory() + runs as u64 * of_run;

@@ -48,10 +48,11 @@ pub(crate) fn write(
 fn thinned(dataset: &Dataset, frames: &Frames, column: usize) -> Vec<(Timestamp, Option<f64>)> {
     let times = frames.timestamps();
     let secs = without_long_gaps(times.iter().map(|&time| seconds(time)), dataset.period.as_secs());
-    let physical = |row: usize| {
-        dataset.normaliser.physical(column, Normalised(frames.states().row(row)[column])).0
-    };
-    let values: Vec<f64> = (0..frames.rows()).map(physical).collect();
+    let values: Vec<f64> = (0..frames.rows())
+        .map(|row: usize| {
+            dataset.normaliser.physical(column, Normalised(frames.states().row(row)[column])).0
+        })
+        .collect();
     let mut points: Vec<(Timestamp, Option<f64>)> = Vec::new();
     for place in min_max_in_time(&secs, &values, BUCKETS, 2.0 * dataset.period.as_secs()) {
         let point = match place {
@@ -69,7 +70,8 @@ fn without_long_gaps(times: impl Iterator<Item = f64>, period: f64) -> Vec<f64> 
     let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
     let recorded: f64 = steps().filter(|step| *step <= 2.0 * period).sum();
     // Our choice: the figure cuts gaps that are longer than a tenth, and what is left of one is a hundredth.
-    let (long, short) = (recorded / 10.0, recorded / 100.0);
+    let long = recorded / 10.0;
+    let short = recorded / 100.0;
     let mut at = times.first().copied().unwrap_or_default();
     let mut shortened: Vec<f64> = times.first().copied().into_iter().collect();
     for step in steps() {
@@ -106,15 +108,17 @@ pub(crate) fn figures(
         times: table.column::<Timestamp>("timestamp")?,
         values: table.optional::<f64>("value")?,
     };
-    let figure = |sensor: &String| RecordedFigure {
-        sensor: sensor.clone(),
-        unit: None,
-        periods: [PRETRAINING, TRAINING, HELD_OUT]
-            .into_iter()
-            .filter_map(|period| rows.period(period, sensor, names))
-            .collect(),
-    };
-    Ok(sensors.iter().map(figure).collect())
+    Ok(sensors
+        .iter()
+        .map(|sensor: &String| RecordedFigure {
+            sensor: sensor.clone(),
+            unit: None,
+            periods: [PRETRAINING, TRAINING, HELD_OUT]
+                .into_iter()
+                .filter_map(|period| rows.period(period, sensor, names))
+                .collect(),
+        })
+        .collect())
 }
 
 /// The table of recorded values.
@@ -131,7 +135,8 @@ impl Rows<'_> {
         let own: Vec<usize> = (0..self.times.len())
             .filter(|&row| self.periods[row] == period && self.sensors[row] == sensor)
             .collect();
-        let (first, last) = (*own.first()?, *own.last()?);
+        let first = *own.first()?;
+        let last = *own.last()?;
         let (name, used_for) = match period {
             HELD_OUT => (names.held_out, PeriodUse::Deployment),
             // Beside pre-training, what settings are chosen on is only a part of the training range.

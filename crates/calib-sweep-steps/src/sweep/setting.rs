@@ -159,7 +159,8 @@ impl SweepContext {
             environments.iter().map(|environment| &**environment).collect();
         let windows = recorded_windows(&environments)?;
         let predicted = (&self.sensors[..], &self.dataset.normaliser);
-        let (agent, span) = (&self.candidates[0].agent, self.streams.demand.span);
+        let agent = &self.candidates[0].agent;
+        let span = self.streams.demand.span;
         SimpleErrors::measure(baselines, &windows, predicted, agent, span)
     }
 

@@ -41,15 +41,23 @@ impl SimpleErrors {
     ) -> Result<Self, StepError> {
         let gamma = agent.gamma;
         let scores = simple_scores(baselines, windows, sensors, gamma, span)?;
-        let unit = |(sensor, column): &(String, usize)| {
-            (sensor.clone(), normaliser.columns()[*column].bounds.scale * (1.0 - gamma))
-        };
         let fitted = baselines.simple(sensors, gamma, &FittingRows::All);
         let best = match agent.baseline {
             Some(SimplePredictor::Best) => baselines.best(sensors, gamma),
             _ => BTreeMap::new(),
         };
-        Ok(Self { runs: None, units: sensors.iter().map(unit).collect(), fitted, best, scores })
+        Ok(Self {
+            runs: None,
+            units: sensors
+                .iter()
+                .map(|(sensor, column): &(String, usize)| {
+                    (sensor.clone(), normaliser.columns()[*column].bounds.scale * (1.0 - gamma))
+                })
+                .collect(),
+            fitted,
+            best,
+            scores,
+        })
     }
 
     /// What agents with `agent.baseline = "best"` start from, as a line; none where no agent does.

@@ -20,15 +20,19 @@ pub(crate) fn all(
     sensors: &[(String, usize)],
 ) -> Vec<ConstantSensor> {
     let all_windows = windows.starts.len();
-    let still = |(sensor, column): &(String, usize)| {
-        let rows = |&&start: &&usize| {
-            let own = start..(start + windows.states).min(held_out.rows());
-            own.into_iter().all(|row| held_out.row(row)[*column] == held_out.row(start)[*column])
-        };
-        let windows = windows.starts.iter().filter(rows).count();
-        ConstantSensor { sensor: sensor.clone(), windows, all_windows }
-    };
-    sensors.iter().map(still).filter(|still| still.windows > 0).collect()
+    sensors
+        .iter()
+        .map(|(sensor, column): &(String, usize)| {
+            let rows = |&&start: &&usize| {
+                let own = start..(start + windows.states).min(held_out.rows());
+                own.into_iter()
+                    .all(|row| held_out.row(row)[*column] == held_out.row(start)[*column])
+            };
+            let windows = windows.starts.iter().filter(rows).count();
+            ConstantSensor { sensor: sensor.clone(), windows, all_windows }
+        })
+        .filter(|still| still.windows > 0)
+        .collect()
 }
 
 impl ConstantSensor {

@@ -161,11 +161,14 @@ pub struct OnlineWindow {
 /// The windows of the held-out range, with their times.
 pub(crate) fn online_windows(windows: &Windows, held_out: &Frames) -> Vec<OnlineWindow> {
     let time = |row: usize| held_out.timestamps()[row];
-    let window = |&start: &usize| {
-        let times = [time(start), time(start + windows.states - 1)];
-        OnlineWindow { start_row: start, times }
-    };
-    windows.starts.iter().map(window).collect()
+    windows
+        .starts
+        .iter()
+        .map(|&start: &usize| {
+            let times = [time(start), time(start + windows.states - 1)];
+            OnlineWindow { start_row: start, times }
+        })
+        .collect()
 }
 
 /// The scale of every sensor's errors: what its return spreads over the training range, for each discount factor.
@@ -179,13 +182,17 @@ pub(crate) fn error_scales(
     gammas.dedup();
     let train = &dataset.train;
     let replay = RowStream::replay(train.states().clone(), train.segments());
-    let scales_of = |(sensor, column): &(String, usize)| {
-        let scale = |&gamma: &f64| ErrorScale {
-            sensor: sensor.clone(),
-            gamma,
-            returns: ReturnMoments::of(&replay, *column, gamma),
-        };
-        gammas.iter().map(scale).collect::<Vec<_>>()
-    };
-    sensors.iter().flat_map(scales_of).collect()
+    sensors
+        .iter()
+        .flat_map(|(sensor, column): &(String, usize)| {
+            gammas
+                .iter()
+                .map(|&gamma: &f64| ErrorScale {
+                    sensor: sensor.clone(),
+                    gamma,
+                    returns: ReturnMoments::of(&replay, *column, gamma),
+                })
+                .collect::<Vec<_>>()
+        })
+        .collect()
 }

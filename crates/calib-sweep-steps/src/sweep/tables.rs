@@ -41,7 +41,8 @@ pub(crate) fn external_runs(
     part: Part,
     results: &[UnitResult],
 ) -> Result<Table, StepError> {
-    let (rows, candidates) = (rows_of(results), &sweep.candidates);
+    let rows = rows_of(results);
+    let candidates = &sweep.candidates;
     let of_rows = || rows.iter().map(|(_, row)| &candidates[row.candidate]);
     let mut table = named(&rows)
         .with("label", of_rows().map(Candidate::label).collect())

@@ -131,11 +131,13 @@ pub(crate) struct JudgedModel {
 impl JudgedModel {
     fn new(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<Self, StepError> {
         let judged = judge(job, context, monitor)?;
-        let (paths, manifest) = (job.layout(), &judged.manifest);
+        let paths = job.layout();
+        let manifest = &judged.manifest;
         let report = report::assemble(&judged)?;
         let rollouts = rollout::finished(job, manifest.model.as_deref())?;
         let owned = |name: Option<&str>| name.map(str::to_owned);
-        let (model, deployment) = (owned(job.model()), owned(job.deployment()));
+        let model = owned(job.model());
+        let deployment = owned(job.deployment());
         let mut starts = match &rollouts {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
             None => Vec::new(),
@@ -222,7 +224,8 @@ pub(crate) fn run(
             Outcome::Done => {}
             other => outcome = other,
         }
-        let (model, deployment) = (part.model_name().to_owned(), part.deployment.clone());
+        let model = part.model_name().to_owned();
+        let deployment = part.deployment.clone();
         places.push(SummaryPlace { name, model, deployment });
     }
     let what_to_deploy = deployed::all(&parts)?;
@@ -287,7 +290,8 @@ fn summaries(
     what_to_deploy: Vec<Deployed>,
     comparisons: Comparisons,
 ) -> Summaries {
-    let (mut models, mut deployments) = (BTreeMap::new(), Vec::<DeploymentSummary>::new());
+    let mut models = BTreeMap::new();
+    let mut deployments = Vec::<DeploymentSummary>::new();
     for part in parts {
         let name = part.model_name().to_owned();
         let Some(deployment) = part.deployment else {
@@ -297,7 +301,8 @@ fn summaries(
         let window = part.judged.study().data.held_out.as_ref().map(ToString::to_string);
         let place = deployments.iter().position(|known| known.deployment == deployment);
         let place = place.unwrap_or_else(|| {
-            let (window, models) = (window.unwrap_or_default(), BTreeMap::new());
+            let window = window.unwrap_or_default();
+            let models = BTreeMap::new();
             deployments.push(DeploymentSummary { deployment, window, models });
             deployments.len() - 1
         });
@@ -426,10 +431,12 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&JudgedModel>]) -> Vec<Rollou
 
 /// The panel of one sensor in one deployment: Online, and the worst ranks of all models.
 fn sensitivity(sensor: &str, group: &[&JudgedModel]) -> Option<Sensitivity> {
-    let own = |part: &&JudgedModel| {
-        part.report.sensitivities.iter().find(|figure| figure.sensor == sensor).cloned()
-    };
-    let all: Vec<Sensitivity> = group.iter().filter_map(own).collect();
+    let all: Vec<Sensitivity> = group
+        .iter()
+        .filter_map(|part: &&JudgedModel| {
+            part.report.sensitivities.iter().find(|figure| figure.sensor == sensor).cloned()
+        })
+        .collect();
     let mut whole = all.first()?.clone();
     whole.sensor = group[0].in_deployment(sensor);
     whole.worst_ranks = all.iter().flat_map(|figure| figure.worst_ranks.clone()).collect();

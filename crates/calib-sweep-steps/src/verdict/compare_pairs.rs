@@ -67,12 +67,14 @@ pub(crate) fn groups<'a>(deployments: &'a [Vec<&'a JudgedModel>]) -> Vec<SharedR
 impl<'a> SharedRollouts<'a> {
     /// Its models whose rollouts were compared.
     pub(crate) fn compared(&self) -> Vec<ComparedModel<'a>> {
-        let own = |part: &&'a JudgedModel| {
-            let members = part.rollouts.as_ref()?.members.len();
-            let name = part.model_name();
-            Some(ComparedModel::new(name, members, part.comparison()?, &part.pairs))
-        };
-        self.parts.iter().filter_map(own).collect()
+        self.parts
+            .iter()
+            .filter_map(|part: &&'a JudgedModel| {
+                let members = part.rollouts.as_ref()?.members.len();
+                let name = part.model_name();
+                Some(ComparedModel::new(name, members, part.comparison()?, &part.pairs))
+            })
+            .collect()
     }
 
     /// Its models whose one-step errors are known.
@@ -121,20 +123,30 @@ pub(crate) fn pooled(deployments: &[Vec<&JudgedModel>]) -> Result<Vec<Pooled>, S
 
 /// Every two models in every group, and in all deployments where there are several groups.
 pub(crate) fn comparisons(deployments: &[Vec<&JudgedModel>]) -> Result<Comparisons, StepError> {
-    let (mut all, groups) = (Comparisons::default(), groups(deployments));
+    let mut all = Comparisons::default();
+    let groups = groups(deployments);
     for group in &groups {
-        let placed = |compared| In { deployments: group.deployments.clone(), compared };
-        all.rollouts.extend(comparison::all_pairs(&group.compared())?.into_iter().map(placed));
-        let placed = |compared| In { deployments: group.deployments.clone(), compared };
-        all.one_step.extend(one_step::all_pairs(&group.predicting())?.into_iter().map(placed));
+        all.rollouts.extend(
+            comparison::all_pairs(&group.compared())?
+                .into_iter()
+                .map(|compared| In { deployments: group.deployments.clone(), compared }),
+        );
+        all.one_step.extend(
+            one_step::all_pairs(&group.predicting())?
+                .into_iter()
+                .map(|compared| In { deployments: group.deployments.clone(), compared }),
+        );
     }
     if groups.len() > 1 {
         let pooled = pooled(deployments)?;
         let models: Vec<ComparedModel<'_>> = pooled.iter().map(Pooled::compared).collect();
         let names: Vec<String> =
             groups.iter().flat_map(|group| group.deployments.clone()).collect();
-        let placed = |compared| In { deployments: names.clone(), compared };
-        all.rollouts.extend(comparison::all_pairs(&models)?.into_iter().map(placed));
+        all.rollouts.extend(
+            comparison::all_pairs(&models)?
+                .into_iter()
+                .map(|compared| In { deployments: names.clone(), compared }),
+        );
     }
     Ok(all)
 }

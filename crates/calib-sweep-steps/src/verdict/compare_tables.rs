@@ -76,14 +76,16 @@ pub(crate) fn warnings(parts: &[JudgedModel]) -> Vec<String> {
             all.push(warning);
         }
     }
-    let placed = |warning: &String| {
-        let holds = |part: &&JudgedModel| part.report.warnings.contains(warning);
-        match places(parts, holds).as_str() {
-            "" => warning.clone(),
-            places => format!("{places}: {warning}"),
-        }
-    };
-    all.into_iter().map(placed).collect()
+    all.into_iter()
+        .map(|warning: &String| {
+            match places(parts, |part: &&JudgedModel| part.report.warnings.contains(warning))
+                .as_str()
+            {
+                "" => warning.clone(),
+                places => format!("{places}: {warning}"),
+            }
+        })
+        .collect()
 }
 
 /// The parts for which something holds: nothing to say if these are all; else deployments or models where it holds for
@@ -109,12 +111,16 @@ fn places(parts: &[JudgedModel], holds: impl Fn(&&JudgedModel) -> bool) -> Strin
             return names.join(", ");
         }
     }
-    let name = |part: &JudgedModel| {
-        let names: Vec<&str> =
-            part.model.iter().chain(&part.deployment).map(String::as_str).collect();
-        names.join(" in ")
-    };
-    parts.iter().filter(&holds).map(name).collect::<Vec<_>>().join("; ")
+    parts
+        .iter()
+        .filter(&holds)
+        .map(|part: &JudgedModel| {
+            let names: Vec<&str> =
+                part.model.iter().chain(&part.deployment).map(String::as_str).collect();
+            names.join(" in ")
+        })
+        .collect::<Vec<_>>()
+        .join("; ")
 }
 
 /// The data that the models of one deployment were built from: that of the model that saw most, with what each saw where

@@ -94,7 +94,6 @@ pub(crate) fn choices(
 ) -> Vec<SensorChoice> {
     let choices = verdicts.iter().zip(rows).map(|(verdict, row)| {
         let candidate = &candidates[verdict.chosen];
-        let instead = |frozen| verdict.simple.iter().find(|simple| simple.predictor == frozen);
         SensorChoice {
             sensor: verdict.sensor.clone(),
             values: candidate.values.iter().cloned().collect(),
@@ -103,7 +102,11 @@ pub(crate) fn choices(
             recommendation: verdict.recommendation(),
             simple_predictor: verdict
                 .simpler()
-                .or_else(|| row.without_learning().and_then(instead))
+                .or_else(|| {
+                    row.without_learning().and_then(|frozen| {
+                        verdict.simple.iter().find(|simple| simple.predictor == frozen)
+                    })
+                })
                 .cloned(),
         }
     });
@@ -205,7 +208,8 @@ pub fn left_out(job: &Job, context: &RunContext) -> Result<Option<String>, StepE
 /// # Errors
 /// If the sweep is not finished, not of this study or damaged, nothing of it can be judged, or the `monitor` asks to stop.
 pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<Judged, StepError> {
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
+    let paths = job.layout();
     let manifest = finished_sweep(job, context)?;
     if let Some(reason) = &manifest.left_out {
         bail!("there is nothing to judge: {reason}");
@@ -341,7 +345,8 @@ fn stale_rollouts(job: &Job, model: Option<&str>) -> Result<Vec<String>, StepErr
 
 /// The manifest of a sweep that was made with this study and the model as it is now.
 fn finished_sweep(job: &Job, context: &RunContext) -> Result<SweepManifest, StepError> {
-    let (paths, again) = (job.layout(), job.command(StepKind::Sweep));
+    let paths = job.layout();
+    let again = job.command(StepKind::Sweep);
     let mut manifest: SweepManifest = artefact::require(&paths.sweep(), &again)?;
     let directory = &paths.sweep();
     StoredArtefact { step: StepKind::Sweep, study: &manifest.study, directory }.check(job)?;

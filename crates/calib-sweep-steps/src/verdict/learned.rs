@@ -43,7 +43,8 @@ impl Learned {
     }
 
     fn of_model(job: &Job) -> Result<Self, StepError> {
-        let (directory, build) = (job.layout().model(), job.command(StepKind::BuildModel));
+        let directory = job.layout().model();
+        let build = job.command(StepKind::BuildModel);
         let model: ModelManifest = artefact::require(&directory, &build)?;
         ensure!(
             model_files::has_profile(&model, &directory),
@@ -61,7 +62,8 @@ impl Learned {
     }
 
     fn of_log(job: &Job, sweep: &SweepManifest) -> Result<Self, StepError> {
-        let (directory, again) = (job.layout().sweep(), job.command(StepKind::Sweep));
+        let directory = job.layout().sweep();
+        let again = job.command(StepKind::Sweep);
         ensure!(
             profile_file::is_whole(&directory, sweep.files.get(PROFILE)),
             "{PROFILE} of the sweep in {} is not what was written; run `{again} --force` to make it again",
@@ -69,7 +71,8 @@ impl Learned {
         );
         let LearnedStates { rows, segments, times } =
             sweep.learned.context("the sweep does not say what it learned from")?;
-        let (profile, period) = (profile(job)?, sweep.period);
+        let profile = profile(job)?;
+        let period = sweep.period;
         Ok(Self { profile, model: None, rows, segments, period, times })
     }
 

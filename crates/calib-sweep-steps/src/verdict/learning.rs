@@ -76,28 +76,32 @@ pub(crate) fn of_several(
     parts: &[JudgedModel],
     deployments: &[Vec<&JudgedModel>],
 ) -> Vec<LearningCurves> {
-    let of_sensor = |sensor: &String| -> Vec<LearningCurves> {
-        if deployments.len() == 1 {
-            let all = parts.iter().enumerate().flat_map(|(number, part)| {
-                let own = part.report.learning.iter();
-                own.filter(move |curves| number == 0 || !curves.environment.is_shared())
+    study
+        .sweep
+        .sensors
+        .iter()
+        .flat_map(|sensor: &String| -> Vec<LearningCurves> {
+            if deployments.len() == 1 {
+                let all = parts.iter().enumerate().flat_map(|(number, part)| {
+                    let own = part.report.learning.iter();
+                    own.filter(move |curves| number == 0 || !curves.environment.is_shared())
+                });
+                return all.filter(|curves| curves.sensor == *sensor).cloned().collect();
+            }
+            let online = deployments.iter().flat_map(|group| {
+                let own = group[0].report.learning.iter();
+                let own = own.filter(|curves| {
+                    curves.sensor == *sensor && curves.environment == LearningEnvironment::Online
+                });
+                own.map(|curves| LearningCurves {
+                    sensor: group[0].in_deployment(sensor),
+                    ..curves.clone()
+                })
+                .collect::<Vec<_>>()
             });
-            return all.filter(|curves| curves.sensor == *sensor).cloned().collect();
-        }
-        let online = deployments.iter().flat_map(|group| {
-            let own = group[0].report.learning.iter();
-            let own = own.filter(|curves| {
-                curves.sensor == *sensor && curves.environment == LearningEnvironment::Online
-            });
-            own.map(|curves| LearningCurves {
-                sensor: group[0].in_deployment(sensor),
-                ..curves.clone()
-            })
-            .collect::<Vec<_>>()
-        });
-        online.collect()
-    };
-    study.sweep.sensors.iter().flat_map(of_sensor).collect()
+            online.collect()
+        })
+        .collect()
 }
 
 /// The points of one value over its `runs`. A run that diverged has an infinite error from then on; where its curve
@@ -116,10 +120,12 @@ fn points(runs: &[&RunRow], all: &[&RunRow]) -> Result<Vec<(usize, Summary)>, St
         .collect();
     let mut points = Vec::with_capacity(steps.len());
     for step in steps {
-        let at = |(curve, diverged): &(BTreeMap<usize, f64>, usize)| {
-            curve.get(&step).copied().or((step > *diverged).then_some(f64::INFINITY))
-        };
-        let known: Vec<f64> = errors.iter().filter_map(at).collect();
+        let known: Vec<f64> = errors
+            .iter()
+            .filter_map(|(curve, diverged): &(BTreeMap<usize, f64>, usize)| {
+                curve.get(&step).copied().or((step > *diverged).then_some(f64::INFINITY))
+            })
+            .collect();
         if !known.is_empty() {
             points.push((step, summarise(&known)?));
         }
@@ -147,8 +153,8 @@ mod tests {
 
     #[test]
     fn runs_are_averaged_step_by_step_and_one_that_diverges_makes_the_rest_infinite() {
-        let (first, second) =
-            (run(&[(10, 3.0), (20, 1.0), (30, 1.0)], None), run(&[(10, 5.0)], Some(14)));
+        let first = run(&[(10, 3.0), (20, 1.0), (30, 1.0)], None);
+        let second = run(&[(10, 5.0)], Some(14));
         let other = run(&[(10, 1.0), (20, 1.0), (30, 1.0)], None);
         let all = [&first, &second, &other];
         let points = points(&[&first, &second], &all).expect("summarised");

@@ -12,13 +12,15 @@ pub(crate) fn of_parts(
     fn own<'a>(part: &'a JudgedModel, sensor: &str) -> Option<&'a RecordedFigure> {
         part.report.recorded.iter().find(|figure| figure.sensor == sensor)
     }
-    let figure = |sensor: &String| {
-        let models = deployments.first()?.iter();
-        let models = models.filter_map(|part| Some((part.model_name(), own(part, sensor)?)));
-        let windows = deployments.iter().filter_map(|group| own(group[0], sensor));
-        together(&models.collect::<Vec<_>>(), &windows.collect::<Vec<_>>())
-    };
-    sensors.iter().filter_map(figure).collect()
+    sensors
+        .iter()
+        .filter_map(|sensor: &String| {
+            let models = deployments.first()?.iter();
+            let models = models.filter_map(|part| Some((part.model_name(), own(part, sensor)?)));
+            let windows = deployments.iter().filter_map(|group| own(group[0], sensor));
+            together(&models.collect::<Vec<_>>(), &windows.collect::<Vec<_>>())
+        })
+        .collect()
 }
 
 /// Of the same sensor in several models and deployments: each period that a model was learned from, once, in the order of
@@ -61,13 +63,15 @@ mod tests {
     use super::*;
 
     fn figure(periods: &[(&str, PeriodUse, f64)]) -> RecordedFigure {
-        let period = |&(name, used_for, first): &(&str, PeriodUse, f64)| RecordedPeriod {
-            name: name.to_owned(),
-            used_for,
-            times: [first.to_string(), (first + 1.0).to_string()],
-            points: vec![(first, 5.0), (first + 1.0, 6.0)],
-        };
-        let periods = periods.iter().map(period).collect();
+        let periods = periods
+            .iter()
+            .map(|&(name, used_for, first): &(&str, PeriodUse, f64)| RecordedPeriod {
+                name: name.to_owned(),
+                used_for,
+                times: [first.to_string(), (first + 1.0).to_string()],
+                points: vec![(first, 5.0), (first + 1.0, 6.0)],
+            })
+            .collect();
         RecordedFigure { sensor: "PIT300".to_owned(), unit: None, periods }
     }
 

@@ -130,19 +130,20 @@ pub(crate) fn write_comparisons(
 
 /// Everything that is known of a finished sweep and its model.
 pub(crate) fn assemble(judged: &Judged) -> Result<Report, StepError> {
-    let cannot = || {
+    assembled(judged).with_context(|| {
         let page = judged.paths().report();
         let page = page.display();
         format!(
             "{page} cannot be written; if results were edited, the steps with --force make them again"
         )
-    };
-    assembled(judged).with_context(cannot)
+    })
 }
 
 fn assembled(judged: &Judged) -> Result<Report, StepError> {
     let Judged { job, manifest: sweep, summary, results, .. } = judged;
-    let (study, paths, name) = (job.study(), job.layout(), job.model_name());
+    let study = job.study();
+    let paths = job.layout();
+    let name = job.model_name();
     let learned = Learned::of(job, sweep)?;
     let model = learned.model.as_ref();
     let content = model.map(model_files::content).transpose()?;
@@ -194,7 +195,8 @@ fn tables(
     model: Option<&ModelManifest>,
     rollouts: Option<&RolloutManifest>,
 ) -> Result<Vec<Table>, StepError> {
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
+    let paths = job.layout();
     let name = job.model_name();
     let mut tables = Vec::new();
     if let Some(rollouts) = rollouts {
@@ -261,7 +263,8 @@ pub(crate) fn rollout_figures(
     let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let path = paths.rollout().join("trajectories.parquet");
     let trajectories = read_parquet_columns(&path, &columns)?;
-    let (sensors, period_secs) = (&manifest.sensors, manifest.period_secs);
+    let sensors = &manifest.sensors;
+    let period_secs = manifest.period_secs;
     let shown = figures::rollouts(&trajectories, sensors, period_secs)?;
     Ok((shown, figures::starts(&trajectories, sensors, period_secs)?))
 }

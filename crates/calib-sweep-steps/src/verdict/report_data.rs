@@ -25,7 +25,8 @@ pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {
 
 /// What of the held-out rows was replayed: windows may be fewer than fit, and the rest of the range has judged nothing.
 fn windows(judged: &Judged, held_out_rows: u64) -> String {
-    let (count, steps) = (judged.manifest.windows.len(), judged.manifest.span.steps);
+    let count = judged.manifest.windows.len();
+    let steps = judged.manifest.span.steps;
     let share = (count * steps) as f64 / held_out_rows as f64;
     let unit = if count == 1 { "window" } else { "windows" };
     let beside_gaps = share_beside_gaps(judged)
@@ -44,7 +45,8 @@ const LOST_TO_GAPS: f64 = 0.1;
 
 /// The share of the windows' steps that are scored, of those that would be without gaps.
 fn share_beside_gaps(judged: &Judged) -> Option<f64> {
-    let (study, span) = (judged.job.study(), judged.manifest.span);
+    let study = judged.job.study();
+    let span = judged.manifest.span;
     let unbroken = 0..span.states();
     let whole =
         study.part().scored_steps(std::slice::from_ref(&unbroken), study.agent.gamma, span.steps);

@@ -296,11 +296,14 @@ fn dimensions(candidates: &[Candidate]) -> Vec<Dimension> {
     if fields.len() < 2 {
         return Vec::new();
     }
-    let dimension = |(place, (field, _)): (usize, &(String, Value))| Dimension {
-        field: field.clone(),
-        values: candidates.iter().map(|candidate| single(&candidate.values[place].1)).collect(),
-    };
-    fields.iter().enumerate().map(dimension).collect()
+    fields
+        .iter()
+        .enumerate()
+        .map(|(place, (field, _)): (usize, &(String, Value))| Dimension {
+            field: field.clone(),
+            values: candidates.iter().map(|candidate| single(&candidate.values[place].1)).collect(),
+        })
+        .collect()
 }
 
 /// A value of one hyperparameter: a number, or a name.

@@ -72,12 +72,14 @@ impl Plan<'_> {
             baselines: Option<&'k Fingerprint>,
         }
         self.settings.get_or_init(|| {
-            let key = |candidate: &Candidate| {
-                let fitted = self.baselines.filter(|_| candidate.agent.baseline.is_some());
-                let baselines = fitted.map(Baselines::fingerprint);
-                fingerprint(&Key { agent: candidate.agent.identity(), baselines }).into()
-            };
-            self.candidates.iter().map(key).collect()
+            self.candidates
+                .iter()
+                .map(|candidate: &Candidate| {
+                    let fitted = self.baselines.filter(|_| candidate.agent.baseline.is_some());
+                    let baselines = fitted.map(Baselines::fingerprint);
+                    fingerprint(&Key { agent: candidate.agent.identity(), baselines }).into()
+                })
+                .collect()
         })
     }
 }

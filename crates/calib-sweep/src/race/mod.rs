@@ -131,7 +131,8 @@ fn surely(
 fn by_standing(left: &BTreeSet<usize>, logs: &[Vec<f64>]) -> Vec<usize> {
     let mut ordered: Vec<usize> = left.iter().copied().collect();
     ordered.sort_by(|&a, &b| {
-        let (a, b) = (standing(&logs[a]), standing(&logs[b]));
+        let a = standing(&logs[a]);
+        let b = standing(&logs[b]);
         a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
     });
     ordered
@@ -202,7 +203,9 @@ pub fn raced(
     let by_unit: BTreeMap<Unit, UnitResult> =
         results.iter().map(|result| (result.unit.clone(), result.clone())).collect();
     let sensors: BTreeSet<&String> = results.iter().map(|result| &result.unit.sensor).collect();
-    let (mut members, mut rounds, mut windows) = (BTreeSet::new(), 0, 0);
+    let mut members = BTreeSet::new();
+    let mut rounds = 0;
+    let mut windows = 0;
     for unit in by_unit.keys() {
         match unit.environment {
             EnvironmentId::Member(member) => {
@@ -266,7 +269,8 @@ mod tests {
 
     #[test]
     fn divergence_in_different_streams_decides_nothing() {
-        let (inf, low) = (f64::INFINITY, f64::NEG_INFINITY);
+        let inf = f64::INFINITY;
+        let low = f64::NEG_INFINITY;
         assert_eq!(left(&[vec![inf, 0.1, 0.1, 0.1], vec![0.1, inf, 0.1, 0.1]]), [0, 1]);
         assert_eq!(
             left(&[vec![inf, inf, 0.1], vec![0.1, 0.1, inf]]),

@@ -33,13 +33,20 @@ impl Streams {
 
     /// Round r is the r-th run of every member and as large a share of the windows, in their order.
     pub(super) fn run_by_run(&self) -> Rounds {
-        let round = |round: usize| {
-            let members = self.members.iter().map(|&member| (EnvironmentId::Member(member), round));
-            let of_round = |window: &usize| window * self.runs / self.windows.max(1) == round;
-            let windows = (0..self.windows).filter(of_round);
-            members.chain(windows.map(|window| (EnvironmentId::LogReplay, window))).collect()
-        };
-        Rounds::new((0..self.runs).map(round).collect())
+        Rounds::new(
+            (0..self.runs)
+                .map(|round: usize| {
+                    let members =
+                        self.members.iter().map(|&member| (EnvironmentId::Member(member), round));
+                    let of_round =
+                        |window: &usize| window * self.runs / self.windows.max(1) == round;
+                    let windows = (0..self.windows).filter(of_round);
+                    members
+                        .chain(windows.map(|window| (EnvironmentId::LogReplay, window)))
+                        .collect()
+                })
+                .collect(),
+        )
     }
 
     /// The first round has N / 2^⌈log₂ values⌉ of the N streams, rounded up and at least two, and each one after it as many as all before, so
@@ -48,7 +55,8 @@ impl Streams {
         let all = self.spread();
         let halvings = values.max(1).next_power_of_two();
         let mut until = all.len().div_ceil(halvings).max(2);
-        let (mut rounds, mut from) = (Vec::new(), 0);
+        let mut rounds = Vec::new();
+        let mut from = 0;
         while from < all.len() {
             let end = until.min(all.len());
             rounds.push(all[from..end].to_vec());
@@ -148,7 +156,8 @@ mod tests {
         let rounds = streams.doubling(11);
         let sizes: Vec<usize> = rounds.numbers().map(|round| rounds.runs(round).len()).collect();
         assert_eq!(sizes, [2, 2, 4, 8, 14]);
-        let (member, log) = (EnvironmentId::Member, EnvironmentId::LogReplay);
+        let member = EnvironmentId::Member;
+        let log = EnvironmentId::LogReplay;
         assert_eq!(rounds.runs(0), [(member(0), 0), (log, 0)]);
         assert_eq!(rounds.runs(1), [(member(1), 0), (log, 8)]);
         assert_eq!(rounds.runs(2), [(member(2), 0), (log, 4), (member(3), 0), (log, 12)]);

@@ -90,8 +90,10 @@ pub(super) fn select_among(
     let kept: Vec<usize> = (0..grid)
         .filter(|&candidate| dropped.iter().all(|dropped| dropped.candidate != candidate))
         .collect();
-    let of_kept = |member: &Vec<f64>| kept.iter().map(|&candidate| member[candidate]).collect();
-    let among: Vec<Vec<f64>> = mean_errors.iter().map(of_kept).collect();
+    let among: Vec<Vec<f64>> = mean_errors
+        .iter()
+        .map(|member: &Vec<f64>| kept.iter().map(|&candidate| member[candidate]).collect())
+        .collect();
     let inner = select(&among, LOWER)?;
     let mut whole = Selection {
         chosen: kept[inner.chosen],
@@ -110,7 +112,8 @@ pub(super) fn select_among(
         }
     }
     for (place, dropped) in dropped.iter().enumerate() {
-        let (candidate, rank) = (dropped.candidate, kept.len() + 1 + place);
+        let candidate = dropped.candidate;
+        let rank = kept.len() + 1 + place;
         whole.worst_ranks[candidate] = rank;
         whole.mean_ranks[candidate] = rank as f64;
         whole.mean_errors[candidate] = dropped.mean_error;

@@ -72,7 +72,8 @@ impl Errors {
         candidates: &[Candidate],
     ) -> Result<Self, SweepError> {
         let own = results.iter().filter(|result| result.unit.environment == environment);
-        let (mut streams, mut totals) = (Vec::<Stream>::new(), vec![(0.0, 0.0); candidates.len()]);
+        let mut streams = Vec::<Stream>::new();
+        let mut totals = vec![(0.0, 0.0); candidates.len()];
         let mut steps = 0;
         for result in own {
             let mut run = vec![None; candidates.len()];
@@ -114,10 +115,15 @@ impl Errors {
     /// All runs for resampling, `[unit][run][candidate]`: streams and their runs Online and of the log, and one unit with all rollouts for a
     /// member. What a dropped value did not make is +∞: it cannot be chosen.
     pub(super) fn units(&self) -> Vec<Vec<Vec<f64>>> {
-        let run = |run: &Vec<Option<f64>>| -> Vec<f64> {
-            run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()
+        let runs = |stream: &Stream| {
+            stream
+                .runs
+                .iter()
+                .map(|run: &Vec<Option<f64>>| -> Vec<f64> {
+                    run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()
+                })
+                .collect::<Vec<_>>()
         };
-        let runs = |stream: &Stream| stream.runs.iter().map(run).collect::<Vec<_>>();
         match self.environment {
             EnvironmentId::Member(_) => vec![self.streams.iter().flat_map(runs).collect()],
             EnvironmentId::Online | EnvironmentId::LogReplay => {
@@ -140,11 +146,12 @@ impl Errors {
 
     /// Mean error of each candidate over the streams that it was trained on; +∞ if it was dropped before the first.
     pub(super) fn means(&self) -> Result<Vec<f64>, SweepError> {
-        let mean = |candidate: usize| match &self.of_streams(candidate)[..] {
-            [] => Ok(f64::INFINITY),
-            errors => Ok(calib_stats::mean(errors)?),
-        };
-        (0..self.totals.len()).map(mean).collect()
+        (0..self.totals.len())
+            .map(|candidate: usize| match &self.of_streams(candidate)[..] {
+                [] => Ok(f64::INFINITY),
+                errors => Ok(calib_stats::mean(errors)?),
+            })
+            .collect()
     }
 
     /// How many streams are independent.
@@ -157,28 +164,34 @@ impl Errors {
 
     /// What is shown of them.
     pub(super) fn scores(&self) -> Result<EnvironmentScores, SweepError> {
-        let summary = |candidate: usize| -> Result<Summary, SweepError> {
-            let summary = match &self.streams[..] {
-                [one] => {
-                    let runs: Vec<f64> = one.runs.iter().filter_map(|run| run[candidate]).collect();
-                    if runs.is_empty() { Summary::NONE } else { summarise(&runs)? }
-                }
-                _ => match &self.of_streams(candidate)[..] {
-                    [] => Summary::NONE,
-                    means => summarise_overlapping(means, self.independent())?,
-                },
-            };
-            Ok(summary)
-        };
-        let skill =
-            |&(rmse, std): &(f64, f64)| (rmse.is_finite() && std > 0.0).then_some(1.0 - rmse / std);
         Ok(EnvironmentScores {
             environment: self.environment,
             streams: self.streams.len(),
             independent: self.independent(),
             runs: self.streams.iter().map(|stream| stream.runs.len()).sum(),
-            candidates: (0..self.totals.len()).map(summary).collect::<Result<_, _>>()?,
-            skill: self.totals.iter().map(skill).collect(),
+            candidates: (0..self.totals.len())
+                .map(|candidate: usize| -> Result<Summary, SweepError> {
+                    let summary = match &self.streams[..] {
+                        [one] => {
+                            let runs: Vec<f64> =
+                                one.runs.iter().filter_map(|run| run[candidate]).collect();
+                            if runs.is_empty() { Summary::NONE } else { summarise(&runs)? }
+                        }
+                        _ => match &self.of_streams(candidate)[..] {
+                            [] => Summary::NONE,
+                            means => summarise_overlapping(means, self.independent())?,
+                        },
+                    };
+                    Ok(summary)
+                })
+                .collect::<Result<_, _>>()?,
+            skill: self
+                .totals
+                .iter()
+                .map(|&(rmse, std): &(f64, f64)| {
+                    (rmse.is_finite() && std > 0.0).then_some(1.0 - rmse / std)
+                })
+                .collect(),
         })
     }
 }

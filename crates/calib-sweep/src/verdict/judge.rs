@@ -146,11 +146,10 @@ impl MeasuredErrors {
         ids.dedup();
         let errors = |id| Errors::new(id, results, (judging.part, judging.scales), candidates);
         let one = |id: EnvironmentId| ids.contains(&id).then(|| errors(id)).transpose();
-        let is_member = |id: &&EnvironmentId| matches!(id, EnvironmentId::Member(_));
         Ok(Self {
             members: ids
                 .iter()
-                .filter(is_member)
+                .filter(|id: &&EnvironmentId| matches!(id, EnvironmentId::Member(_)))
                 .map(|&id| errors(id))
                 .collect::<Result<_, _>>()?,
             log: one(EnvironmentId::LogReplay)?,
@@ -172,9 +171,10 @@ impl NestedRuns {
     /// If there are neither members nor a replayed log.
     pub(super) fn new(all: &MeasuredErrors) -> Result<Self, StatsError> {
         let is_without = all.members.is_empty() && all.log.is_some();
-        let of_members = || Nested::new(all.members.iter().flat_map(Errors::units).collect());
         Ok(Self {
-            members: (!is_without).then(of_members).transpose()?,
+            members: (!is_without)
+                .then(|| Nested::new(all.members.iter().flat_map(Errors::units).collect()))
+                .transpose()?,
             log: all.log.as_ref().map(Errors::nested).transpose()?,
             online: all.online.as_ref().map(Errors::nested).transpose()?,
         })
@@ -218,12 +218,16 @@ fn redrawn(
     let mut rng = seed.rng();
     let inputs: Vec<&Nested> = runs.members.iter().chain(&runs.log).collect();
     let has_members = runs.members.is_some();
-    let choose = |drawn: &[Drawn<'_>]| {
-        let (members, log) = drawn.split_at(usize::from(has_members));
-        let evidence = Evidence { members: members.first(), log: log.first() };
-        chooser.choose(judging.rule, evidence).map(Some)
-    };
-    hierarchical(&inputs, judging.resamples, |below| rng.below(below), choose)
+    hierarchical(
+        &inputs,
+        judging.resamples,
+        |below| rng.below(below),
+        |drawn: &[Drawn<'_>]| {
+            let (members, log) = drawn.split_at(usize::from(has_members));
+            let evidence = Evidence { members: members.first(), log: log.first() };
+            chooser.choose(judging.rule, evidence).map(Some)
+        },
+    )
 }
 
 /// How often each value is chosen, the most frequent first.
@@ -331,15 +335,18 @@ impl TruthInputs<'_> {
 
 /// Each window, and what is best in it.
 fn windows(online: &Errors) -> Vec<WindowTruth> {
-    let truth = |stream: &super::errors::Stream| {
-        let errors = stream.means();
-        let best = least(&errors);
-        WindowTruth {
-            start_row: stream.start_row,
-            runs: stream.runs.len(),
-            scored_steps: stream.scored_steps,
-            best: errors[best].is_finite().then_some(best),
-        }
-    };
-    online.streams.iter().map(truth).collect()
+    online
+        .streams
+        .iter()
+        .map(|stream: &super::errors::Stream| {
+            let errors = stream.means();
+            let best = least(&errors);
+            WindowTruth {
+                start_row: stream.start_row,
+                runs: stream.runs.len(),
+                scored_steps: stream.scored_steps,
+                best: errors[best].is_finite().then_some(best),
+            }
+        })
+        .collect()
 }

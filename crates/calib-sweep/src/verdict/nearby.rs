@@ -43,13 +43,16 @@ mod tests {
     use super::*;
 
     fn candidates(values: &[&[Value]]) -> Vec<Candidate> {
-        let candidate = |(index, values): (usize, &&[Value])| Candidate {
-            index,
-            is_default: index == 0,
-            values: values.iter().cloned().map(|value| ("field".to_owned(), value)).collect(),
-            agent: AgentConfig::default(),
-        };
-        values.iter().enumerate().map(candidate).collect()
+        values
+            .iter()
+            .enumerate()
+            .map(|(index, values): (usize, &&[Value])| Candidate {
+                index,
+                is_default: index == 0,
+                values: values.iter().cloned().map(|value| ("field".to_owned(), value)).collect(),
+                agent: AgentConfig::default(),
+            })
+            .collect()
     }
 
     #[test]

@@ -53,7 +53,8 @@ pub(super) fn choices(
 /// The share of the squared error of a candidate's held-out runs that it makes in their first tenth: what is decided before
 /// anything is learnt. By the points of learning curves; none where there are fewer than ten, or no error.
 pub(super) fn start_up_share(results: &[&UnitResult], candidate: usize) -> Option<f64> {
-    let (mut first, mut all) = (0.0, 0.0);
+    let mut first = 0.0;
+    let mut all = 0.0;
     for result in results.iter().filter(|result| result.unit.environment == EnvironmentId::Online) {
         let row = result.rows.iter().find(|row| row.candidate == candidate)?;
         if row.diverged_at.is_some() || row.curve.len() < 10 {

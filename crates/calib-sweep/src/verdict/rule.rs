@@ -216,11 +216,12 @@ impl ChoiceStanding {
 }
 
 fn first_smallest(keys: &[[f64; 2]]) -> usize {
-    let before = |&a: &usize, &b: &usize| {
-        let [a, b] = [keys[a], keys[b]];
-        a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
-    };
-    (0..keys.len()).min_by(before).unwrap_or(0)
+    (0..keys.len())
+        .min_by(|&a: &usize, &b: &usize| {
+            let [a, b] = [keys[a], keys[b]];
+            a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
+        })
+        .unwrap_or(0)
 }
 
 /// Position of each value when the worst rank decides, then mean rank, then mean error.

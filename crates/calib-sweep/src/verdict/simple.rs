@@ -68,11 +68,18 @@ pub(super) fn compared(
     };
     let mut compared = Vec::new();
     for predictor in SimplePredictor::ALL {
-        let of_stream = |stream: &Stream| rmse(predictor, EnvironmentId::Online, stream);
-        let own: Option<Vec<f64>> = online.streams.iter().map(of_stream).collect();
+        let own: Option<Vec<f64>> = online
+            .streams
+            .iter()
+            .map(|stream: &Stream| rmse(predictor, EnvironmentId::Online, stream))
+            .collect();
         let Some(own) = own.filter(|own| !own.is_empty()) else { continue };
-        let of_log = |stream: &Stream| rmse(predictor, EnvironmentId::LogReplay, stream);
-        let on_log: Option<Vec<f64>> = log.and_then(|log| log.streams.iter().map(of_log).collect());
+        let on_log: Option<Vec<f64>> = log.and_then(|log| {
+            log.streams
+                .iter()
+                .map(|stream: &Stream| rmse(predictor, EnvironmentId::LogReplay, stream))
+                .collect()
+        });
         let agent = online.streams.iter().map(|stream| stream.means()[chosen.index] * scale);
         let logarithms: Vec<f64> = agent
             .zip(&own)
@@ -131,11 +138,10 @@ pub(super) fn beats_the_mean(compared: &[SimpleComparison]) -> bool {
 pub(super) fn decisive(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
     let ratio = |comparison: &SimpleComparison| comparison.ratio.map_or(1.0, |ratio| ratio.value);
     let unmatched = preferred(compared).filter(|own| own.is_better() || !own.is_matched());
-    let better = || {
+    let instead = unmatched.or_else(|| {
         let better = compared.iter().filter(|own| own.is_better());
         better.reduce(|best, other| if ratio(other) > ratio(best) { other } else { best })
-    };
-    let instead = unmatched.or_else(better)?;
+    })?;
     let mean = compared.iter().find(|own| own.predictor == SimplePredictor::Mean);
     mean.filter(|mean| mean.online_rmse <= instead.online_rmse).or(Some(instead))
 }

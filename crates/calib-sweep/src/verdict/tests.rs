@@ -13,35 +13,40 @@ const INF: f64 = f64::INFINITY;
 
 /// Three values, the last of which is the default.
 fn candidates() -> Vec<Candidate> {
-    let candidate = |index| Candidate {
-        index,
-        is_default: index == 2,
-        values: vec![("learning_rate".to_owned(), (index + 1).into())],
-        agent: AgentConfig { gamma: 0.9, ..AgentConfig::default() },
-    };
-    (0..3).map(candidate).collect()
+    (0..3)
+        .map(|index| Candidate {
+            index,
+            is_default: index == 2,
+            values: vec![("learning_rate".to_owned(), (index + 1).into())],
+            agent: AgentConfig { gamma: 0.9, ..AgentConfig::default() },
+        })
+        .collect()
 }
 
 /// One run whose errors are these, over a stream whose returns spread by 1.
 fn run(environment: EnvironmentId, run: usize, start_row: u32, errors: [f64; 3]) -> UnitResult {
-    let row = |(candidate, &rmse): (usize, &f64)| {
-        let score = PartScore { scored_steps: 1000, rmse, mean_return: 0.0, return_std: 1.0 };
-        RunRow {
-            candidate,
-            steps: 1000,
-            updates: 1,
-            scores: Scores { whole_run: Some(score), ..Scores::default() },
-            diverged_at: (rmse == INF).then_some(7),
-            curve: vec![],
-        }
-    };
     UnitResult {
         key: String::new(),
         unit: Unit { sensor: "A".to_owned(), environment, run },
         seed: 0,
         start_row,
         not_finite: None,
-        rows: errors.iter().enumerate().map(row).collect(),
+        rows: errors
+            .iter()
+            .enumerate()
+            .map(|(candidate, &rmse): (usize, &f64)| {
+                let score =
+                    PartScore { scored_steps: 1000, rmse, mean_return: 0.0, return_std: 1.0 };
+                RunRow {
+                    candidate,
+                    steps: 1000,
+                    updates: 1,
+                    scores: Scores { whole_run: Some(score), ..Scores::default() },
+                    diverged_at: (rmse == INF).then_some(7),
+                    curve: vec![],
+                }
+            })
+            .collect(),
     }
 }
 
@@ -144,15 +149,16 @@ fn the_log_decides_alone_where_there_is_no_model() {
 
 #[test]
 fn what_a_race_on_the_log_dropped_is_told_with_its_error_there() {
-    let log = |number: usize| {
-        run(
-            EnvironmentId::LogReplay,
-            number,
-            9 * u32::try_from(number).expect("small"),
-            [0.2, 0.4, 0.3],
-        )
-    };
-    let mut results: Vec<UnitResult> = (0..4).map(log).collect();
+    let mut results: Vec<UnitResult> = (0..4)
+        .map(|number: usize| {
+            run(
+                EnvironmentId::LogReplay,
+                number,
+                9 * u32::try_from(number).expect("small"),
+                [0.2, 0.4, 0.3],
+            )
+        })
+        .collect();
     for result in &mut results[1..] {
         result.rows.retain(|row| row.candidate != 1);
     }
@@ -171,9 +177,9 @@ fn what_a_race_on_the_log_dropped_is_told_with_its_error_there() {
 fn what_a_race_dropped_is_not_chosen() {
     // Value 1 made one run, in a stream that was easy for all; its error there is the smallest of all means.
     let errors = [[0.1, 0.15, 0.2], [0.4, 0.0, 0.5], [0.4, 0.0, 0.5], [0.4, 0.0, 0.5]];
-    let member_run =
-        |number: usize| run(EnvironmentId::Member(number / 2), number % 2, 0, errors[number]);
-    let mut results: Vec<UnitResult> = (0..4).map(member_run).collect();
+    let mut results: Vec<UnitResult> = (0..4)
+        .map(|number: usize| run(EnvironmentId::Member(number / 2), number % 2, 0, errors[number]))
+        .collect();
     for result in &mut results[1..] {
         result.rows.retain(|row| row.candidate != 1);
     }

@@ -33,7 +33,8 @@ pub(super) fn of_parts(
         .iter()
         .find(|choice| choice.part != part && !are_neighbours(candidates, choice.chosen, chosen));
     if let Some(other) = other {
-        let ((counted, _), (name, key)) = (words(part), words(other.part));
+        let (counted, _) = words(part);
+        let (name, key) = words(other.part);
         warnings.push(format!(
             "errors {counted} decided; errors {name} would choose {}; set sweep.scored = \"{key}\" if that part is what counts at your plant",
             candidates[other.chosen].label()

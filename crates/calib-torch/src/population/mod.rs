@@ -72,7 +72,8 @@ struct Population {
 impl Population {
     fn new<'a>(networks: &'a Networks<'a>, device: Device) -> Result<Self, TchError> {
         let Networks { sizes, learners, parameters, states, batch } = networks;
-        let (runs, width) = (parameters.len() as i64, sizes[0] as i64);
+        let runs = parameters.len() as i64;
+        let width = sizes[0] as i64;
         let own = parameters.iter().flat_map(|own| {
             let start = |learner: &Learner<'a>| learner.start.map(|start| &start.parameters[..]);
             learners.iter().map(move |learner| start(learner).unwrap_or(own))
@@ -173,7 +174,8 @@ impl Population {
         let shape = [self.runs, self.learners, -1];
         let [present, target] = [&self.networks.parameters, target]
             .map(|parameters| self.wanted(parameters)?.f_view_(shape));
-        let (present, target) = (present?, target?);
+        let present = present?;
+        let target = target?;
         for (learner, &period) in periods.iter().enumerate() {
             if period > 0 && self.updates.is_multiple_of(period) {
                 let own = |parameters: &Tensor| parameters.f_select(1, learner as i64);
@@ -190,7 +192,8 @@ impl Population {
             Tensor::f_from_slice(&numbers)?.f_view_(shape)?.f_to_device(self.device)
         };
         let present = numbers(&steps.present, &[count, runs, 1])?;
-        let (mut predictions, mut finite) = (Vec::new(), Vec::new());
+        let mut predictions = Vec::new();
+        let mut finite = Vec::new();
         if steps.starts.is_empty() {
             for step in 0..count {
                 let rows = present.f_select(0, step)?.f_constant_pad_nd([0, aligned(1) - 1])?;
@@ -202,7 +205,8 @@ impl Population {
             let starts = numbers(&steps.starts, &[count, runs, self.batch])?;
             self.descent.prepare(count as usize, self.device)?;
             for step in 0..count {
-                let (present, starts) = (present.f_select(0, step)?, starts.f_select(0, step)?);
+                let present = present.f_select(0, step)?;
+                let starts = starts.f_select(0, step)?;
                 let [values, own] = self.learn(&present, &starts, step as usize)?;
                 predictions.push(values);
                 finite.push(own);
@@ -224,11 +228,11 @@ impl Lockstep for Population {
     }
 
     fn finite(&self) -> Result<Vec<bool>, AgentError> {
-        let finite = || -> Result<Vec<bool>, TchError> {
+        no_grad(|| -> Result<Vec<bool>, TchError> {
             let all = self.networks.parameters.f_isfinite()?.f_all_dim(1, false)?;
             Vec::try_from(flat(&self.wanted(&all)?)?)
-        };
-        no_grad(finite).map_err(|error| failed(&error))
+        })
+        .map_err(|error| failed(&error))
     }
 }
 

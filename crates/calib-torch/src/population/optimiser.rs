@@ -52,11 +52,8 @@ impl Descent {
         let is_adam = learners[0].config.optimiser == OptimiserKind::Adam;
         let adam = is_adam.then(|| -> Result<Adam, TchError> {
             let [mean, square] = moments(learners, runs, networks)?;
-            let (beta1, beta2) = (of_all(|config| config.beta1), of_all(|config| config.beta2));
-            let start = |learner: &Learner<'_>| {
-                let moments = learner.start.and_then(|start| start.moments.as_ref());
-                moments.map_or([1.0; 2], |moments| [moments.powers.0, moments.powers.1])
-            };
+            let beta1 = of_all(|config| config.beta1);
+            let beta2 = of_all(|config| config.beta2);
             Ok(Adam {
                 mean,
                 square,
@@ -66,7 +63,13 @@ impl Descent {
                 betas: beta1.into_iter().zip(beta2).map(|(one, two)| [one, two]).collect(),
                 powers: {
                     let own = (0..runs).flat_map(|_| learners.iter());
-                    own.chain(std::iter::repeat(&learners[0])).take(count).map(start).collect()
+                    own.chain(std::iter::repeat(&learners[0]))
+                        .take(count)
+                        .map(|learner: &Learner<'_>| {
+                            let moments = learner.start.and_then(|start| start.moments.as_ref());
+                            moments.map_or([1.0; 2], |moments| [moments.powers.0, moments.powers.1])
+                        })
+                        .collect()
                 },
                 ahead: [Tensor::new(), Tensor::new()],
             })
@@ -84,7 +87,8 @@ impl Descent {
     /// Numbers of the next `count` steps.
     pub(super) fn prepare(&mut self, count: usize, device: Device) -> Result<(), TchError> {
         let Some(adam) = &mut self.adam else { return Ok(()) };
-        let (mut rates, mut corrections) = (Vec::new(), Vec::new());
+        let mut rates = Vec::new();
+        let mut corrections = Vec::new();
         for _ in 0..count {
             for ((powers, betas), rate) in adam.powers.iter_mut().zip(&adam.betas).zip(&self.rates)
             {
@@ -125,7 +129,8 @@ impl Adam {
         let squares = gradient.f_mul(gradient)?;
         let _ = self.square.f_mul_(&self.beta2[0])?.f_addcmul_(&squares, &self.beta2[1])?;
         let [rate, correction] = &self.ahead;
-        let (rate, correction) = (rate.f_select(0, step)?, correction.f_select(0, step)?);
+        let rate = rate.f_select(0, step)?;
+        let correction = correction.f_select(0, step)?;
         let scale = self.square.f_sqrt()?.f_mul_(&correction)?.f_add_(&self.epsilon)?;
         self.mean.f_div(&scale)?.f_mul_(&rate)
     }

@@ -48,7 +48,9 @@ impl Stack {
         let mut layers = Vec::new();
         let mut end = 0;
         for pair in sizes.windows(2) {
-            let (inputs, outputs, weights) = (pair[0] as i64, pair[1] as i64, end);
+            let inputs = pair[0] as i64;
+            let outputs = pair[1] as i64;
+            let weights = end;
             let biases = aligned(weights + inputs * outputs);
             layers.push(Layer { inputs, outputs, weights, biases });
             end = aligned(biases + outputs);
@@ -92,7 +94,8 @@ impl Stack {
 
     /// The inputs of every layer and what comes out, of `[networks, rows, width]`.
     pub(super) fn forward(&self, states: &Tensor) -> Result<(Vec<Tensor>, Tensor), TchError> {
-        let (mut inputs, mut hidden) = (Vec::new(), states.shallow_clone());
+        let mut inputs = Vec::new();
+        let mut hidden = states.shallow_clone();
         for (number, layer) in self.layers.iter().enumerate() {
             let mut made = self.product(&hidden, &layer.weights_of(&self.parameters)?)?;
             made = made.f_add_(&layer.biases_of(&self.parameters)?)?;
@@ -107,7 +110,8 @@ impl Stack {
     /// Gradient of the parameters, where that of the outputs of the first rows is `slope`, `[networks, rows, outputs]`, and
     /// [`forward`](Self::forward) gave `inputs`.
     pub(super) fn backward(&self, inputs: &[Tensor], slope: Tensor) -> Result<Tensor, TchError> {
-        let (gradient, rows) = (self.parameters.f_zeros_like()?, slope.size()[1]);
+        let gradient = self.parameters.f_zeros_like()?;
+        let rows = slope.size()[1];
         // Sums over rows as products, for they are of a fixed order.
         let ones = Tensor::f_ones([1, 1, rows], (Kind::Float, gradient.device()))?;
         let ones = ones.f_expand([gradient.size()[0], -1, -1], false)?;
@@ -127,7 +131,9 @@ impl Stack {
 
     /// The product of each network, `[networks, a, b]` and `[networks, b, c]`.
     fn product(&self, left: &Tensor, right: &Tensor) -> Result<Tensor, TchError> {
-        let (count, rows, columns) = (left.size()[0], left.size()[1], right.size()[2]);
+        let count = left.size()[0];
+        let rows = left.size()[1];
+        let columns = right.size()[2];
         let places = aligned(rows * columns);
         let all = Tensor::f_empty([count, places], (Kind::Float, left.device()))?;
         let all = all.f_narrow(1, 0, rows * columns)?.f_view_([count, rows, columns])?;

@@ -146,11 +146,14 @@ fn two_by_two() {
 
 /// So many plants with one sensor each, in which the model chooses value 1.
 fn plants(count: usize, regrets: impl Fn(usize) -> [f64; 3]) -> Validity {
-    let plant_pair = |plant: usize| Pair {
-        models: vec![model("a", 1, 1.0, 1.0)],
-        ..pair(&format!("plant {plant}"), "p", regrets(plant))
-    };
-    judged((0..count).map(plant_pair).collect())
+    judged(
+        (0..count)
+            .map(|plant: usize| Pair {
+                models: vec![model("a", 1, 1.0, 1.0)],
+                ..pair(&format!("plant {plant}"), "p", regrets(plant))
+            })
+            .collect(),
+    )
 }
 
 #[test]

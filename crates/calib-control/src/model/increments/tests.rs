@@ -6,8 +6,11 @@ use crate::{ActionModelConfig, Columns, Ending, Levels, Pessimism, Starts};
 /// A place that is moved by −0.02 or +0.03, and noise beside it, in episodes of forty rows.
 fn decisions(levels: Option<usize>) -> Decisions {
     let mut rng = Seed::new(1).rng();
-    let (rows, mut place) = (2000, 0.5_f32);
-    let (mut states, mut set, mut rewards) = (Vec::new(), Vec::new(), Vec::new());
+    let rows = 2000;
+    let mut place = 0.5_f32;
+    let mut states = Vec::new();
+    let mut set = Vec::new();
+    let mut rewards = Vec::new();
     for row in 0..rows {
         if row % 40 == 0 {
             place = 0.2 + 0.6 * rng.unit() as f32;
@@ -60,7 +63,8 @@ fn a_smooth_column_keeps_its_offset_and_noise_does_not() {
     assert_eq!(increments.keeps(), [true, false]);
     let ensemble = IncrementModel::new(&model, &increments);
     for member in 0..ensemble.members() {
-        let (mut walk, mut rng) = (ensemble.walk(member), Seed::new(2).rng());
+        let mut walk = ensemble.walk(member);
+        let mut rng = Seed::new(2).rng();
         let mut state = [0.0; 2];
         walk.start(&mut rng, &mut state);
         assert!((0..9).any(|start| model.starts().row(start) == state));
@@ -86,7 +90,9 @@ fn steps_stay_in_the_range_of_the_log() {
     let model = model(None, Pessimism::Nearest);
     let increments = increments(&model);
     let ensemble = IncrementModel::new(&model, &increments);
-    let (mut walk, mut rng, mut state) = (ensemble.walk(0), Seed::new(2).rng(), [0.5, 0.5]);
+    let mut walk = ensemble.walk(0);
+    let mut rng = Seed::new(2).rng();
+    let mut state = [0.5, 0.5];
     let highest = (0..model.log().states().rows())
         .map(|row| model.log().states().row(row)[0])
         .fold(0.0, f32::max);
@@ -122,7 +128,9 @@ fn an_episode_ends_where_the_log_does_not_cover_a_step_if_so_wished() {
     let model = model(None, Pessimism::MinimumReturn);
     let increments = increments(&model);
     let ensemble = IncrementModel::new(&model, &increments);
-    let (mut walk, mut rng, mut state) = (ensemble.walk(0), Seed::new(2).rng(), [90.0, 0.5]);
+    let mut walk = ensemble.walk(0);
+    let mut rng = Seed::new(2).rng();
+    let mut state = [90.0, 0.5];
     let outcome = walk.step(1, &mut rng, &mut state);
     assert_eq!((outcome.reward, outcome.ending), (-7.0, Ending::Terminal));
     assert_eq!((state[0], walk.coverage().far), (90.0, 1));
@@ -134,7 +142,8 @@ fn actions_that_are_numbers_move_by_what_was_set_near_the_level() {
     let increments = increments(&model);
     assert!(increments.keeps()[0]);
     let ensemble = IncrementModel::new(&model, &increments);
-    let (mut walk, mut rng) = (ensemble.walk(1), Seed::new(2).rng());
+    let mut walk = ensemble.walk(1);
+    let mut rng = Seed::new(2).rng();
     for (action, set) in [(0, 0.0), (1, 0.5), (2, 1.0)] {
         let mut state = [0.5, 0.5];
         walk.step(action, &mut rng, &mut state);

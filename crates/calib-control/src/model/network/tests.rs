@@ -6,8 +6,11 @@ use crate::Columns;
 /// A place on a line: action 0 goes back by 0.1, action 1 forth by 0.05; the reward is the place that it leads to, in thousands; above 0.9 it ends.
 fn log() -> Decisions {
     let mut rng = Seed::new(1).rng();
-    let (mut states, mut actions, mut rewards, mut endings, mut lengths) =
-        (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut states = Vec::new();
+    let mut actions = Vec::new();
+    let mut rewards = Vec::new();
+    let mut endings = Vec::new();
+    let mut lengths = Vec::new();
     for _ in 0..60 {
         let mut place = 0.9 * rng.unit() as f32;
         let mut length = 1;

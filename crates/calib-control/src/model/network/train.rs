@@ -52,18 +52,20 @@ fn unless_zero(spread: f32) -> f32 {
 impl Scales {
     pub(super) fn new(log: &Decisions) -> Self {
         let all = || (0..log.len()).map(TransitionIndex::new);
-        let spread_of = |column: usize| {
-            let values = all().flat_map(move |at| log.ends(at).map(|state| state[column]));
-            let Reward { mean, std, lowest, highest } = spread(values);
-            let squares = all().map(|at| {
-                let [from, to] = log.ends(at);
-                f64::from(to[column] - from[column]).powi(2)
-            });
-            let change = unless_zero((squares.sum::<f64>() / log.len() as f64).sqrt() as f32);
-            Column { mean, std, change, lowest, highest }
-        };
         Self {
-            columns: (0..log.states().columns()).map(spread_of).collect(),
+            columns: (0..log.states().columns())
+                .map(|column: usize| {
+                    let values = all().flat_map(move |at| log.ends(at).map(|state| state[column]));
+                    let Reward { mean, std, lowest, highest } = spread(values);
+                    let squares = all().map(|at| {
+                        let [from, to] = log.ends(at);
+                        f64::from(to[column] - from[column]).powi(2)
+                    });
+                    let change =
+                        unless_zero((squares.sum::<f64>() / log.len() as f64).sqrt() as f32);
+                    Column { mean, std, change, lowest, highest }
+                })
+                .collect(),
             reward: spread(log.rewards().iter().copied()),
             actions: log.levels(),
         }
@@ -102,8 +104,10 @@ struct Examples {
 impl Examples {
     fn new(log: &Decisions, scales: &Scales, transitions: impl Iterator<Item = usize>) -> Self {
         let widths = [scales.columns.len() + scales.actions, scales.columns.len() + 2];
-        let (mut inputs, mut targets) = (Vec::new(), Vec::new());
-        let (mut input, mut target) = (vec![0.0; widths[0]], vec![0.0; widths[1]]);
+        let mut inputs = Vec::new();
+        let mut targets = Vec::new();
+        let mut input = vec![0.0; widths[0]];
+        let mut target = vec![0.0; widths[1]];
         for number in transitions {
             let [from, _] = log.ends(TransitionIndex::new(number));
             scales.put_input(from, usize::from(log.actions()[number]), &mut input);
@@ -133,7 +137,8 @@ fn loss(output: &[f32], target: &[f32], gradient: &mut [f32]) -> f64 {
         gradient[place] = output[place] - target[place];
         sum += 0.5 * f64::from(gradient[place]).powi(2);
     }
-    let (odds, ended) = (f64::from(output[last]), f64::from(target[last]));
+    let odds = f64::from(output[last]);
+    let ended = f64::from(target[last]);
     gradient[last] = (1.0 / (1.0 + (-odds).exp()) - ended) as f32;
     // ln(1 + e^x) − y x, without overflow.
     sum + odds.max(0.0) + (-odds.abs()).exp().ln_1p() - ended * odds
@@ -182,7 +187,8 @@ pub(super) fn train(
     let mut rng = seed.child("batches").rng();
     let mut best: Option<(f64, Mlp)> = None;
     let every = config.updates.div_ceil(NetworkConfig::CHECKS);
-    let (mut batch, mut targets) = (Vec::new(), Vec::new());
+    let mut batch = Vec::new();
+    let mut targets = Vec::new();
     let mut gradient = vec![0.0; config.batch * outputs];
     for update in 1..=config.updates {
         monitor.check()?;

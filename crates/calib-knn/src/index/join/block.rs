@@ -135,7 +135,8 @@ impl WithSimd for Band<'_> {
             blocks.iter().flat_map(|block| &block.one).all(|one| one.pending.is_full())
         };
         let mut left = self.limit.leaves;
-        let (mut open, mut popped) = (BinaryHeap::new(), 0_usize);
+        let mut open = BinaryHeap::new();
+        let mut popped = 0_usize;
         open.push((Reverse(0), Reverse(0)));
         // Where nothing can be ruled out a band takes long; its lists are of no use once it is interrupted.
         while let Some((Reverse(bound), Reverse(node))) = open.pop() {
@@ -175,7 +176,8 @@ impl WithSimd for Band<'_> {
         for one in ones.filter(|one| *one.norm.start() <= self.join.norm) {
             self.meet_far(simd, one);
         }
-        let (pool, work) = (self.join.pool(), self.work(&blocks));
+        let pool = self.join.pool();
+        let work = self.work(&blocks);
         let ones = blocks.into_iter().flat_map(|block| block.one);
         let lists = ones.map(|one| one.pending.finish(pool)).collect();
         Searched { lists, work }
@@ -208,7 +210,8 @@ impl<'a> Band<'a> {
             let image = &mut block.images[lane * width..][..width];
             let norm = self.join.image(self.queries, query as usize, image);
             let slack = self.join.embedding.slack(self.join.norm, *norm.end());
-            let (pool, query) = (self.join.pool(), query as usize);
+            let pool = self.join.pool();
+            let query = query as usize;
             let pending = Pending::new(simd, pool, self.queries, query, self.k);
             let mut one = One { pending, slack, norm };
             if self.limit.leaves < usize::MAX {
@@ -250,7 +253,8 @@ impl<'a> Band<'a> {
     /// Meet every source of a leaf that could be near enough to some query of the block.
     #[inline(always)]
     fn visit<S: Simd>(&self, simd: S, leaf: usize, block: &mut Block<'_>) {
-        let (tree, width) = (&self.join.tree, self.join.embedding.width());
+        let tree = &self.join.tree;
+        let width = self.join.embedding.width();
         let Block { leaf: home, one, images, lanes, thresholds, work, .. } = block;
         *work += (BOX_COST * QUERIES * width) as u64;
         let mut to_box = [0.0; QUERIES];
@@ -258,7 +262,8 @@ impl<'a> Band<'a> {
         if box_to_lanes(simd, bounds, lanes, thresholds, &mut to_box) {
             let boxes = tree.strip_boxes(leaf);
             for lane in within(&to_box, thresholds) {
-                let (one, threshold) = (&mut one[lane], &mut thresholds[lane]);
+                let one = &mut one[lane];
+                let threshold = &mut thresholds[lane];
                 let image = &images[lane * width..][..width];
                 let mut to_strips = [0.0; STRIPS];
                 image_to_boxes(simd, image, boxes, &mut to_strips);

@@ -67,7 +67,8 @@ impl Embedding {
         for (to, from) in padded.chunks_exact_mut(MOST).zip(axes.chunks_exact(count)) {
             to[..count].copy_from_slice(from);
         }
-        let (places, width) = ((0..used).collect(), width(columns));
+        let places = (0..used).collect();
+        let width = width(columns);
         let mut this = Self { mean, axes: padded, places, width, spans, usual };
         this.sort_by_variance(&sample);
         this
@@ -84,16 +85,18 @@ impl Embedding {
                 image
             })
             .collect();
-        let variance = |place: usize| {
-            let values = images.iter().skip(place).step_by(self.width).map(|&v| f64::from(v));
-            let (mut sum, mut squares) = (0.0, 0.0);
-            for value in values {
-                sum += value;
-                squares += value * value;
-            }
-            squares - sum * sum / sample.len() as f64
-        };
-        let variances: Vec<f64> = (0..used).map(variance).collect();
+        let variances: Vec<f64> = (0..used)
+            .map(|place: usize| {
+                let values = images.iter().skip(place).step_by(self.width).map(|&v| f64::from(v));
+                let mut sum = 0.0;
+                let mut squares = 0.0;
+                for value in values {
+                    sum += value;
+                    squares += value * value;
+                }
+                squares - sum * sum / sample.len() as f64
+            })
+            .collect();
         let mut order: Vec<usize> = (0..used).collect();
         order.sort_by(|&a, &b| variances[b].total_cmp(&variances[a]));
         for (place, &coordinate) in order.iter().enumerate() {
@@ -137,11 +140,13 @@ fn without_far(all: Vec<&[f32]>, columns: usize, most: usize) -> (Vec<&[f32]>, f
     let mut sample = all.clone();
     loop {
         let mean = mean(&sample, columns);
-        let norm = |state: &&[f32]| {
-            let centred = state.iter().zip(&mean).map(|(&value, mean)| f64::from(value) - mean);
-            centred.map(|value| value * value).sum::<f64>().sqrt()
-        };
-        let norms: Vec<f64> = sample.par_iter().map(norm).collect();
+        let norms: Vec<f64> = sample
+            .par_iter()
+            .map(|state: &&[f32]| {
+                let centred = state.iter().zip(&mean).map(|(&value, mean)| f64::from(value) - mean);
+                centred.map(|value| value * value).sum::<f64>().sqrt()
+            })
+            .collect();
         let mut sorted = norms.clone();
         sorted.sort_unstable_by(f64::total_cmp);
         let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);

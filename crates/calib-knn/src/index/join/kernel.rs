@@ -19,7 +19,8 @@ const STRIP_HALT: usize = 16;
 /// Squared distance between two boxes.
 #[inline(always)]
 pub(super) fn box_to_box<S: Simd>(simd: S, a: (&[f32], &[f32]), b: (&[f32], &[f32])) -> f32 {
-    let (a, b) = (vectors::<S>(a), vectors::<S>(b));
+    let a = vectors::<S>(a);
+    let b = vectors::<S>(b);
     let mut sum = simd.splat_f32s(0.0);
     for ((&al, &au), (&bl, &bu)) in a.0.iter().zip(a.1).zip(b.0.iter().zip(b.1)) {
         let gap = simd.max_f32s(simd.sub_f32s(al, bu), simd.sub_f32s(bl, au));
@@ -56,7 +57,8 @@ pub(super) fn box_to_lanes<S: Simd, const LANES: usize>(
         for ((lower, upper), images) in coordinates.zip(images.chunks(HALT * LANES)) {
             let rows = images.chunks_exact(LANES);
             for ((&lower, &upper), row) in lower.iter().zip(upper).zip(rows) {
-                let (lower, upper) = (simd.splat_f32s(lower), simd.splat_f32s(upper));
+                let lower = simd.splat_f32s(lower);
+                let upper = simd.splat_f32s(upper);
                 for (sum, &lane) in sums.iter_mut().zip(S::as_simd_f32s(&row[lanes.clone()]).0) {
                     let gap = simd.max_f32s(simd.sub_f32s(lower, lane), simd.sub_f32s(lane, upper));
                     let gap = simd.max_f32s(gap, zero);
@@ -159,8 +161,7 @@ pub(super) fn within<const N: usize>(distances: &[f32; N], thresholds: &[f32; N]
 
 /// The place of the least of these distances.
 pub(super) fn least<const N: usize>(distances: &[f32; N]) -> usize {
-    let nearer = |a: usize, b: usize| if distances[b] < distances[a] { b } else { a };
-    (0..N).reduce(nearer).unwrap_or(0)
+    (0..N).reduce(|a: usize, b: usize| if distances[b] < distances[a] { b } else { a }).unwrap_or(0)
 }
 
 /// Some of at most 64 places, in ascending order.
@@ -234,11 +235,13 @@ mod tests {
     }
 
     fn boxes<S: Simd>(simd: S) {
-        let (a, b) = (values(WIDTH, 1), values(WIDTH, 8));
+        let a = values(WIDTH, 1);
+        let b = values(WIDTH, 8);
         let above = |lower: &[f32]| lower.iter().map(|v| v + 3.0).collect::<Vec<_>>();
-        let (au, bu) = (above(&a), above(&b));
-        let apart = |i: usize| (a[i] - bu[i]).max(b[i] - au[i]).max(0.0).powi(2);
-        let expected: f32 = (0..WIDTH).map(apart).sum();
+        let au = above(&a);
+        let bu = above(&b);
+        let expected: f32 =
+            (0..WIDTH).map(|i: usize| (a[i] - bu[i]).max(b[i] - au[i]).max(0.0).powi(2)).sum();
         assert_eq!(box_to_box(simd, (&a, &au), (&b, &bu)), expected);
 
         let sides = values(SIDES * 2 * STRIPS, 3);
@@ -255,17 +258,17 @@ mod tests {
 
     fn boxes_and_lanes<S: Simd>(simd: S) {
         const LANES: usize = 64;
-        let (lower, images) = (values(WIDTH, 2), values(WIDTH * LANES, 5));
+        let lower = values(WIDTH, 2);
+        let images = values(WIDTH * LANES, 5);
         let upper: Vec<f32> = lower.iter().map(|v| v + 2.0).collect();
-        let lane = |lane: usize| -> f32 {
-            (0..WIDTH).map(|c| gap(lower[c], images[c * LANES + lane], upper[c])).sum()
-        };
         let mut distances = [f32::NAN; LANES];
         let mut look = |thresholds: [f32; LANES]| {
             let any = box_to_lanes(simd, (&lower, &upper), &images, &thresholds, &mut distances);
             any.then_some(distances)
         };
-        let exact: [f32; LANES] = std::array::from_fn(lane);
+        let exact: [f32; LANES] = std::array::from_fn(|lane: usize| -> f32 {
+            (0..WIDTH).map(|c| gap(lower[c], images[c * LANES + lane], upper[c])).sum()
+        });
         for near in 0..LANES {
             // One lane is just within its threshold, and decides whether the rest is computed.
             let mut thresholds = [-1.0; LANES];
@@ -279,11 +282,11 @@ mod tests {
     }
 
     fn strips<S: Simd>(simd: S) {
-        let (image, strip) = (values(WIDTH, 9), values(WIDTH * STRIP, 6));
-        let lane = |lane: usize| -> f32 {
+        let image = values(WIDTH, 9);
+        let strip = values(WIDTH * STRIP, 6);
+        let exact: [f32; STRIP] = std::array::from_fn(|lane: usize| -> f32 {
             (0..WIDTH).map(|c| (image[c] - strip[c * STRIP + lane]).powi(2)).sum()
-        };
-        let exact: [f32; STRIP] = std::array::from_fn(lane);
+        });
         let least = exact.iter().copied().fold(f32::INFINITY, f32::min);
         let mut distances = [f32::NAN; STRIP];
         assert!(!strip_distances(simd, &image, &strip, least - 1.0, &mut distances));
@@ -315,7 +318,8 @@ mod tests {
         fn with_simd<S: Simd>(self, simd: S) {
             let mut images = vec![0.0; 16 * 64];
             images[..64].fill(f32::MAX);
-            let (lower, upper) = (vec![0.0; 16], vec![1.0; 16]);
+            let lower = [0.0; 16];
+            let upper = [1.0; 16];
             let mut distances = [0.0; 64];
             for near in 0..64 {
                 // Each lane is infinitely far; one may be.

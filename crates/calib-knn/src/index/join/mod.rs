@@ -230,7 +230,8 @@ fn map(
     let width = embedding.width();
     let chunks = images.par_chunks_mut(CHUNK * width).enumerate();
     let mapped = chunks.map(|(number, chunk)| {
-        let (mut norm, mut far) = (0.0_f64, Vec::new());
+        let mut norm = 0.0_f64;
+        let mut far = Vec::new();
         if monitor.interrupted() {
             return (norm, far);
         }
@@ -263,8 +264,8 @@ fn keep_near(images: &mut [f32], width: usize, far: &[(f64, u32)]) -> Option<Vec
     let mut apart: Vec<u32> = far.iter().map(|&(_, group)| group).collect();
     apart.sort_unstable();
     let count = (images.len() / width) as u32;
-    let near = || (0..count).filter(|group| apart.binary_search(group).is_err()).collect();
-    let near: Vec<u32> = (!apart.is_empty()).then(near)?;
+    let near: Vec<u32> = (!apart.is_empty())
+        .then(|| (0..count).filter(|group| apart.binary_search(group).is_err()).collect())?;
     for (to, &from) in near.iter().enumerate() {
         let from = from as usize * width;
         images.copy_within(from..from + width, to * width);
@@ -290,10 +291,14 @@ impl NeighborIndex for Join<'_> {
         found: &mut NeighborLists,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
-        let (k, arch) = (found.k(), Arch::new());
+        let k = found.k();
+        let arch = Arch::new();
         let bands = self.bands(queries, order);
-        let length = |band: &Vec<(usize, &[u32])>| band.iter().map(|(_, run)| run.len()).sum();
-        let pieces = found.pieces(bands.iter().map(length));
+        let pieces = found.pieces(
+            bands
+                .iter()
+                .map(|band: &Vec<(usize, &[u32])>| band.iter().map(|(_, run)| run.len()).sum()),
+        );
         pieces.zip(&bands).for_each(|(mut piece, blocks)| {
             if monitor.interrupted() {
                 return;
@@ -324,7 +329,8 @@ mod tests {
 
     #[test]
     fn levels_do_not_change_a_list() {
-        let (rows, columns) = (2000, 40);
+        let rows = 2000;
+        let columns = 40;
         let mut rng = Seed::new(8).rng();
         let loadings: Vec<f64> = (0..3 * columns).map(|_| rng.normal()).collect();
         let mut factors = [0.0; 3];
@@ -359,10 +365,13 @@ mod tests {
             let band = Band { join: &join, queries, blocks, k: 5, limit, monitor: &Silent };
             let levels = at_every_level(band);
             let lists = |level: &block::Searched| -> Vec<Vec<_>> {
-                let of_members = |lists: &crate::MemberLists| {
-                    (0..3).flat_map(|m| lists.of(m).collect::<Vec<_>>()).collect()
-                };
-                level.lists.iter().map(of_members).collect()
+                level
+                    .lists
+                    .iter()
+                    .map(|lists: &crate::MemberLists| {
+                        (0..3).flat_map(|m| lists.of(m).collect::<Vec<_>>()).collect()
+                    })
+                    .collect()
             };
             for level in &levels[1..] {
                 assert_eq!(lists(level), lists(&levels[0]));

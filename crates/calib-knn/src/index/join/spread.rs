@@ -77,7 +77,8 @@ impl Spread<'_> {
 
     /// Halve along the coordinate of largest variance: `at` images have the smaller coordinates.
     fn split<'o>(&self, order: &'o mut [u32], at: usize) -> (&'o mut [u32], &'o mut [u32]) {
-        let (images, width) = (self.images, self.width);
+        let images = self.images;
+        let width = self.width;
         let coordinate = widest(images, width, order);
         let value = |image: &u32| images[*image as usize * width + coordinate];
         if at < order.len() {
@@ -90,7 +91,8 @@ impl Spread<'_> {
 /// The coordinate of largest variance over a sample of the images.
 fn widest(images: &[f32], width: usize, order: &[u32]) -> usize {
     let stride = order.len().div_ceil(SAMPLE);
-    let (mut sums, mut squares) = (vec![0.0_f64; width], vec![0.0_f64; width]);
+    let mut sums = vec![0.0_f64; width];
+    let mut squares = vec![0.0_f64; width];
     let mut sampled = 0.0;
     for &image in order.iter().step_by(stride) {
         sampled += 1.0;

@@ -59,7 +59,8 @@ impl Tree {
         place: &ScratchPlace,
         monitor: &dyn Monitor,
     ) -> Result<(Self, Vec<u32>), KnnError> {
-        let (count, leaves) = (images.len() / width, (images.len() / width).div_ceil(LEAF).max(1));
+        let count = images.len() / width;
+        let leaves = (images.len() / width).div_ceil(LEAF).max(1);
         let mut order: Vec<u32> = (0..count as u32).collect();
         let starts = (0..=leaves).map(|leaf| boundary(count, leaves, leaf) as u32).collect();
         let spread = Spread { images, width, count, leaves, strip: STRIP, monitor };
@@ -82,7 +83,8 @@ impl Tree {
     }
 
     fn fill_strips(&mut self, images: &[f32], order: &[u32], monitor: &dyn Monitor) {
-        let (starts, width) = (&self.starts, self.width);
+        let starts = &self.starts;
+        let width = self.width;
         let strips = self.strips.par_chunks_exact_mut(width * LEAF);
         let boxes = self.strip_boxes.par_chunks_exact_mut(STRIP_BOXES);
         strips.zip(boxes).enumerate().for_each(|(leaf, (strips, boxes))| {
@@ -96,7 +98,8 @@ impl Tree {
             let members = &order[starts[leaf] as usize..starts[leaf + 1] as usize];
             for (lane, &image) in members.iter().enumerate() {
                 let image = &images[image as usize * width..][..width];
-                let (strip, lane) = (lane / STRIP, lane % STRIP);
+                let strip = lane / STRIP;
+                let lane = lane % STRIP;
                 let lanes = strips[strip * width * STRIP + lane..].iter_mut().step_by(STRIP);
                 for (to, &value) in lanes.zip(image) {
                     *to = value;
@@ -113,7 +116,8 @@ impl Tree {
 
     /// Append the node over `leaves` and all nodes below it; its box is known once they are.
     fn add_node(&mut self, images: &[f32], order: &[u32], leaves: Range<u32>) -> usize {
-        let (number, width) = (self.nodes.len(), self.width);
+        let number = self.nodes.len();
+        let width = self.width;
         self.nodes.push(Node { leaves: leaves.clone(), second: 0 });
         self.boxes.extend(std::iter::repeat_n(f32::INFINITY, width));
         self.boxes.extend(std::iter::repeat_n(f32::NEG_INFINITY, width));
@@ -162,7 +166,8 @@ impl Tree {
     /// The leaf that holds position `place` of the order, and the lane there.
     pub(super) fn leaf_of(&self, place: usize) -> (usize, usize) {
         // The last leaf whose boundary is not past the place.
-        let (count, leaves) = (self.count as u64, self.leaves() as u64);
+        let count = self.count as u64;
+        let leaves = self.leaves() as u64;
         let leaf = (((place as u64 + 1) * leaves).div_ceil(count) - 1) as usize;
         (leaf, place - self.starts[leaf] as usize)
     }
@@ -247,7 +252,8 @@ mod tests {
 
     #[test]
     fn boxes_hold_their_images() {
-        let (count, width) = (1000, 16);
+        let count = 1000;
+        let width = 16;
         let mut rng = Seed::new(5).rng();
         let images: Vec<f32> = (0..count * width).map(|_| rng.normal() as f32).collect();
         let (tree, order) =

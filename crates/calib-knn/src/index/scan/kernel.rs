@@ -98,7 +98,8 @@ mod tests {
         #[inline(always)]
         fn with_simd<S: Simd>(self, simd: S) {
             const QUERIES: usize = 4;
-            let (columns, strip) = (self.columns, strip::<S>());
+            let columns = self.columns;
+            let strip = strip::<S>();
             // Small integers: exact in f32, in any order.
             let value = |i: usize, salt: usize| ((i * 37 + salt) % 19) as f32 - 9.0;
             let states: Vec<Vec<f32>> = (0..strip - 1)

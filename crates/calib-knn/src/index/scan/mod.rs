@@ -71,13 +71,15 @@ fn centre(sources: &Sources<'_>) -> Vec<f32> {
     if sampled.is_empty() {
         return vec![0.0; sources.columns()];
     }
-    let median = |column: usize| {
-        let mut values: Vec<f32> =
-            sampled.iter().map(|&transition| sources.state(transition)[column]).collect();
-        let middle = values.len() / 2;
-        *values.select_nth_unstable_by(middle, f32::total_cmp).1
-    };
-    (0..sources.columns()).into_par_iter().map(median).collect()
+    (0..sources.columns())
+        .into_par_iter()
+        .map(|column: usize| {
+            let mut values: Vec<f32> =
+                sampled.iter().map(|&transition| sources.state(transition)[column]).collect();
+            let middle = values.len() / 2;
+            *values.select_nth_unstable_by(middle, f32::total_cmp).1
+        })
+        .collect()
 }
 
 /// A block of queries against all sources.
@@ -131,7 +133,9 @@ impl Block<'_> {
     #[inline(always)]
     fn run<S: Simd, const PANEL: usize>(self, simd: S) -> Vec<MemberLists> {
         let (scan, columns) = (self.scan, self.scan.sources.columns());
-        let (pool, total, strip) = (scan.pool(), scan.groups.len(), kernel::strip::<S>());
+        let pool = scan.pool();
+        let total = scan.groups.len();
+        let strip = kernel::strip::<S>();
         let error = (2.0 * columns as f64 + 16.0) * f64::from(f32::EPSILON);
         let tiny = (2.0 * columns as f64 + 16.0) * f64::from(f32::MIN_POSITIVE);
         let mut pending: Vec<Pending<'_>> = (self.order.iter())
@@ -201,7 +205,8 @@ impl Block<'_> {
     }
 
     fn panels<const PANEL: usize>(&self, pending: &[Pending<'_>]) -> Panels {
-        let (centre, columns) = (&self.scan.centre, self.scan.sources.columns().max(1));
+        let centre = &self.scan.centre;
+        let columns = self.scan.sources.columns().max(1);
         let padded = pending.len().next_multiple_of(PANEL);
         let mut panels = Panels {
             values: vec![0.0; padded * columns],
@@ -242,7 +247,8 @@ impl NeighborIndex for Scan<'_> {
         found: &mut NeighborLists,
         monitor: &dyn Monitor,
     ) -> Result<(), KnnError> {
-        let (k, arch) = (found.k(), Arch::new());
+        let k = found.k();
+        let arch = Arch::new();
         // Smaller blocks where there would be too few for all threads.
         let size = order.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, QUERIES);
         in_blocks(order, size, found, monitor, |order| {
@@ -260,11 +266,12 @@ mod tests {
 
     #[test]
     fn wild_values_do_not_move_the_centre() {
-        let (rows, columns) = (4000, 3);
+        let rows = 4000;
+        let columns = 3;
         let values = |wild: bool| -> Vec<f32> {
-            let value =
-                |i: usize| if wild && (i / columns).is_multiple_of(1000) { 1e30 } else { 5.0 };
-            (0..rows * columns).map(value).collect()
+            (0..rows * columns)
+                .map(|i: usize| if wild && (i / columns).is_multiple_of(1000) { 1e30 } else { 5.0 })
+                .collect()
         };
         let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
         let blocks = Blocks::new(&transitions, 2).expect("valid");

@@ -34,12 +34,13 @@ pub(crate) fn remove(directory: &Path) -> Result<(), StepError> {
 /// # Errors
 /// If the tables cannot be read, or are not of one comparison.
 pub fn read(job: &Job) -> Result<Vec<Pair>, StepError> {
-    let again = || format!("run `{} --force`", job.command(StepKind::Rollout));
-    of_directory(&job.layout().rollout()).with_context(again)
+    of_directory(&job.layout().rollout())
+        .with_context(|| format!("run `{} --force`", job.command(StepKind::Rollout)))
 }
 
 fn of_directory(directory: &Path) -> Result<Vec<Pair>, StepError> {
-    let (dtw, others) = (directory.join(DTW), directory.join(OTHERS));
+    let dtw = directory.join(DTW);
+    let others = directory.join(OTHERS);
     let pairs = from_tables(&read_parquet(&dtw)?, &read_parquet(&others)?);
     pairs.with_context(|| {
         format!("{} and {} are not those of one comparison", dtw.display(), others.display())
@@ -97,29 +98,34 @@ fn from_tables(dtw: &Table, others: &Table) -> Result<Vec<Pair>, StepError> {
     let measures = MEASURES.iter().map(|measure| others.optional::<f64>(measure.column));
     let measures = measures.collect::<Result<Vec<_>, _>>()?;
     let whole = |name| others.column::<u32>(name);
-    let (members, rollouts) = (whole("member")?, whole("rollout")?);
-    let (wanted, steps) = (whole("wanted_row")?, whole("steps")?);
+    let members = whole("member")?;
+    let rollouts = whole("rollout")?;
+    let wanted = whole("wanted_row")?;
+    let steps = whole("steps")?;
     let starts = others.column::<Timestamp>("wanted_timestamp")?;
     let sensors = others.column::<String>("sensor")?;
     let of_warping = [dtw.column::<u32>("member")?, dtw.column::<u32>("rollout")?];
-    let pair = |(row, warping): (usize, &[(f64, Option<f64>)])| {
-        let same = [members, rollouts].map(|column| column[row]);
-        ensure!(
-            of_warping.map(|column| column[row * patterns]) == same,
-            "row {row} is of another rollout"
-        );
-        Ok(Pair {
-            member: members[row],
-            rollout: rollouts[row],
-            wanted: wanted[row],
-            start: starts[row],
-            sensor: sensors[row].clone(),
-            steps: steps[row],
-            warping: warping.to_vec(),
-            measures: measures.iter().map(|column| column[row]).collect(),
+    warping
+        .chunks_exact(patterns)
+        .enumerate()
+        .map(|(row, warping): (usize, &[(f64, Option<f64>)])| {
+            let same = [members, rollouts].map(|column| column[row]);
+            ensure!(
+                of_warping.map(|column| column[row * patterns]) == same,
+                "row {row} is of another rollout"
+            );
+            Ok(Pair {
+                member: members[row],
+                rollout: rollouts[row],
+                wanted: wanted[row],
+                start: starts[row],
+                sensor: sensors[row].clone(),
+                steps: steps[row],
+                warping: warping.to_vec(),
+                measures: measures.iter().map(|column| column[row]).collect(),
+            })
         })
-    };
-    warping.chunks_exact(patterns).enumerate().map(pair).collect()
+        .collect()
 }
 
 #[cfg(test)]

@@ -191,7 +191,8 @@ fn jobs<'a>(
     all: &'a [Vec<Trajectory>],
     steps: usize,
 ) -> (Vec<ComparisonJob<'a>>, usize) {
-    let (mut jobs, mut ended_early) = (Vec::new(), 0);
+    let mut jobs = Vec::new();
+    let mut ended_early = 0;
     for (member, rollouts) in all.iter().enumerate() {
         for (number, rollout) in rollouts.iter().enumerate() {
             // The same stretch for every model, however far its own rollout gets.

@@ -91,7 +91,8 @@ impl<'a> ComparedModel<'a> {
         distance: Distance,
     ) -> Result<Option<Difference>, StepError> {
         let known = |model: &Self| model.known(sensor, distance);
-        let (own, others) = (known(self), known(other));
+        let own = known(self);
+        let others = known(other);
         if own.is_empty() || others.is_empty() || !self.is_held_to_the_record_of(other) {
             return Ok(None);
         }
@@ -172,16 +173,20 @@ fn difference(
     let stretches = |pairs: &[(&Pair, f64)]| {
         pairs.iter().map(|(pair, _)| stretch(pair)).collect::<BTreeSet<_>>()
     };
-    let (all, all_others) = (stretches(own), stretches(others));
+    let all = stretches(own);
+    let all_others = stretches(others);
     let shared: Vec<&Stretch> = all.intersection(&all_others).collect();
     if shared.is_empty() || 2 * shared.len() < all.len().min(all_others.len()) {
         let starts = |pairs: &[(&Pair, f64)]| pairs.iter().map(|(pair, _)| pair.start).collect();
         let values = |pairs: &[(&Pair, f64)]| pairs.iter().map(|(_, value)| *value).collect();
         let sample = |pairs| -> (Vec<Timestamp>, Vec<f64>) { (starts(pairs), values(pairs)) };
-        let ((x_starts, x), (y_starts, y)) = (sample(own), sample(others));
+        let (x_starts, x) = sample(own);
+        let (y_starts, y) = sample(others);
         return Ok(unpaired_difference((&x_starts, &x), (&y_starts, &y))?);
     }
-    let (mut starts, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
+    let mut starts = Vec::new();
+    let mut x = Vec::new();
+    let mut y = Vec::new();
     let means = (means(own)?, means(others)?);
     let of_members = |pairs: &[(&Pair, f64)]| -> BTreeMap<_, f64> {
         pairs
@@ -189,7 +194,8 @@ fn difference(
             .map(|(pair, value)| ((stretch(pair), pair.member, pair.rollout), *value))
             .collect()
     };
-    let (own, others) = (of_members(own), of_members(others));
+    let own = of_members(own);
+    let others = of_members(others);
     for stretch in shared {
         let same = own.range((*stretch, 0, 0)..=(*stretch, u32::MAX, u32::MAX));
         let matched = same.filter_map(|(key, x)| Some((*x, *others.get(key)?)));
@@ -236,8 +242,8 @@ mod tests {
 
     /// The first model's distance minus the second's, each with so many members.
     fn minus(one: (usize, &[Pair]), other: (usize, &[Pair])) -> Difference {
-        let (first, second) =
-            (comparison(one.1, Against::Model), comparison(other.1, Against::Model));
+        let first = comparison(one.1, Against::Model);
+        let second = comparison(other.1, Against::Model);
         let one = ComparedModel::new("one", one.0, &first, one.1);
         let other = ComparedModel::new("other", other.0, &second, other.1);
         one.minus(&other, "PIT300", Distance::Raw(0)).expect("valid").expect("defined")
@@ -285,8 +291,8 @@ mod tests {
     #[test]
     fn models_held_to_different_records_are_not_compared() {
         let pairs = [pair(0, 5, 1.0), pair(0, 90, 4.0)];
-        let (first, second) =
-            (comparison(&pairs, Against::Model), comparison(&pairs, Against::Deployment));
+        let first = comparison(&pairs, Against::Model);
+        let second = comparison(&pairs, Against::Deployment);
         let empty = comparison(&[], Against::Model);
         let models = [
             ComparedModel::new("a", 1, &first, &pairs),

@@ -25,21 +25,29 @@ pub(crate) fn show(comparison: &Comparison, printer: &Printer) -> Result<(), Ste
     printer.result(&format!("rollouts against what was recorded, {}:", basis(comparison)))?;
     printer.result("normalised warping distance")?;
     let header = [&["sensor"], STEP_PATTERNS.as_slice()].concat();
-    let warping = |sensor: &SensorComparison| {
-        let normalised = sensor
-            .dtw
-            .iter()
-            .map(|pattern| pattern.normalized_distance.as_ref().or(Some(&pattern.distance)));
-        normalised.map(mean_and_half).collect::<Vec<_>>()
-    };
-    list(comparison, &header, warping, printer)?;
+    list(
+        comparison,
+        &header,
+        |sensor: &SensorComparison| {
+            let normalised = sensor
+                .dtw
+                .iter()
+                .map(|pattern| pattern.normalized_distance.as_ref().or(Some(&pattern.distance)));
+            normalised.map(mean_and_half).collect::<Vec<_>>()
+        },
+        printer,
+    )?;
     printer.result("other distances")?;
     let header = ["sensor", "values", "changes", "autocorr.", "spectrum (dB)", "edit"];
-    let others = |sensor: &SensorComparison| {
-        let values = sensor.measures.iter().map(|measure| measure.value.as_ref());
-        values.map(mean_and_half).collect::<Vec<_>>()
-    };
-    list(comparison, &header, others, printer)
+    list(
+        comparison,
+        &header,
+        |sensor: &SensorComparison| {
+            let values = sensor.measures.iter().map(|measure| measure.value.as_ref());
+            values.map(mean_and_half).collect::<Vec<_>>()
+        },
+        printer,
+    )
 }
 
 /// How many rollouts were left out for each reason there is.
@@ -57,8 +65,12 @@ fn list(
     cells: impl Fn(&SensorComparison) -> Vec<String>,
     printer: &Printer,
 ) -> Result<(), StepError> {
-    let row = |sensor: &SensorComparison| [vec![sensor.sensor.clone()], cells(sensor)].concat();
-    let rows: Vec<Vec<String>> = comparison.sensors.iter().take(LISTED).map(row).collect();
+    let rows: Vec<Vec<String>> = comparison
+        .sensors
+        .iter()
+        .take(LISTED)
+        .map(|sensor: &SensorComparison| [vec![sensor.sensor.clone()], cells(sensor)].concat())
+        .collect();
     printer.lines(&table(header, &rows))?;
     let more = comparison.sensors.len().saturating_sub(LISTED);
     if more > 0 {

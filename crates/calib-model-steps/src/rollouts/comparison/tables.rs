@@ -26,7 +26,8 @@ pub fn report_tables(models: &[ComparedModel<'_>]) -> Result<Vec<Table>, StepErr
     let Some(first) = models.iter().find(|model| !model.comparison.sensors.is_empty()) else {
         return Ok(Vec::new());
     };
-    let (mut warping, mut others) = (Rows::default(), Rows::default());
+    let mut warping = Rows::default();
+    let mut others = Rows::default();
     for sensor in &first.comparison.sensors {
         let name = Cell::Text(sensor.sensor.clone());
         for (place, pattern) in STEP_PATTERNS.iter().enumerate() {

@@ -99,7 +99,8 @@ impl PredictionError {
 /// The one-step errors of `model` that are stored, if they are of this model and the held-out range of the study, and
 /// what was written.
 pub fn read(job: &Job, model: &str) -> Option<OneStep> {
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
+    let paths = job.layout();
     let stored: OneStep = read_sealed_json(&paths.rollout().join(FILE)).ok()?;
     let steps = fingerprint_file(&SquaredErrors::file(&paths.rollout())).ok()?;
     let same =
@@ -131,7 +132,8 @@ pub(crate) fn ensure(
     sensors: &[(String, usize)],
     printer: &Printer,
 ) -> Result<Option<OneStep>, StepError> {
-    let (study, paths) = (job.study(), job.layout());
+    let study = job.study();
+    let paths = job.layout();
     let weights = (study.model.weights, study.model.temperature);
     let content = model_files::content(&model.manifest)?;
     let inputs = (FORMAT, MOST_TRANSITIONS, &content, weights, fingerprint, sensors);
@@ -148,10 +150,6 @@ pub(crate) fn ensure(
     let rows = spaced(&transitions);
     let progress = printer.progress();
     let (errors, steps) = errors(job, model, held_out, &rows, sensors, &progress)?;
-    let of_sensor = |(sensor, column): &(String, usize)| {
-        let error = PredictionError::new(errors.of_column(*column), &steps, Some(sensor))?;
-        Ok(SensorError { sensor: sensor.clone(), error })
-    };
     // What a killed process left half-written goes.
     let _lock = DirectoryLock::new(&paths.rollout(), Below::Unknown)?;
     steps.write(&paths.rollout())?;
@@ -165,7 +163,13 @@ pub(crate) fn ensure(
         transitions: rows.len(),
         members: model.model.members(),
         all_columns: PredictionError::new(errors.of_all(), &steps, None)?,
-        sensors: sensors.iter().map(of_sensor).collect::<Result<_, StepError>>()?,
+        sensors: sensors
+            .iter()
+            .map(|(sensor, column): &(String, usize)| {
+                let error = PredictionError::new(errors.of_column(*column), &steps, Some(sensor))?;
+                Ok(SensorError { sensor: sensor.clone(), error })
+            })
+            .collect::<Result<_, StepError>>()?,
         steps: fingerprint_file(&SquaredErrors::file(&paths.rollout()))?,
     };
     write_sealed_json(&paths.rollout().join(FILE), &one_step)?;
@@ -174,7 +178,8 @@ pub(crate) fn ensure(
 
 /// Source rows of at most [`MOST_TRANSITIONS`] transitions, evenly spaced.
 fn spaced(transitions: &Transitions) -> Vec<RowIndex> {
-    let (all, taken) = (transitions.len(), transitions.len().min(MOST_TRANSITIONS));
+    let all = transitions.len();
+    let taken = transitions.len().min(MOST_TRANSITIONS);
     let place = |number: usize| TransitionIndex::new(number * all / taken);
     (0..taken).map(|number| transitions.source(place(number))).collect()
 }

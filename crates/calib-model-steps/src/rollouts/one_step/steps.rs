@@ -44,12 +44,16 @@ impl SquaredErrors {
         times: Vec<Timestamp>,
         sensors: impl Iterator<Item = &'a String>,
     ) -> Self {
-        let series = |sensor| SensorSquaredErrors {
-            sensor,
-            squares: vec![0.0; times.len()],
-            of_no_change: vec![0.0; times.len()],
-        };
-        let series = sensors.cloned().map(Some).chain([None]).map(series).collect();
+        let series = sensors
+            .cloned()
+            .map(Some)
+            .chain([None])
+            .map(|sensor| SensorSquaredErrors {
+                sensor,
+                squares: vec![0.0; times.len()],
+                of_no_change: vec![0.0; times.len()],
+            })
+            .collect();
         Self { times, series }
     }
 
@@ -121,10 +125,17 @@ impl SquaredErrors {
             self.series.iter().flat_map(values).copied().collect()
         };
         let times = self.series.iter().flat_map(|_| &self.times).copied();
-        let sensor = |series: &SensorSquaredErrors| vec![series.sensor.clone(); self.times.len()];
         let table = Table::new()
             .with("timestamp", times.collect::<Vec<Timestamp>>())
-            .with_optional("sensor", self.series.iter().flat_map(sensor).collect())
+            .with_optional(
+                "sensor",
+                self.series
+                    .iter()
+                    .flat_map(|series: &SensorSquaredErrors| {
+                        vec![series.sensor.clone(); self.times.len()]
+                    })
+                    .collect(),
+            )
             .with("squared_error", all(|series| &series.squares))
             .with("no_change_squared_error", all(|series| &series.of_no_change));
         write_table(table, &Self::file(directory))

@@ -76,18 +76,19 @@ fn range(interval: Interval) -> String {
 /// # Errors
 /// If an interval cannot be computed.
 pub fn all_pairs(models: &[&OneStepModel]) -> Result<Vec<PairedErrors>, StepError> {
-    let of_two = |(one, other): (&OneStepModel, &OneStepModel)| {
-        let sensors = one.one_step.sensors.iter().map(|predicted| {
-            let ratio = one.steps.beside(&other.steps, Some(&predicted.sensor))?;
-            Ok(SensorRatio { sensor: predicted.sensor.clone(), ratio })
-        });
-        Ok(PairedErrors {
-            models: [one, other].map(|model| model.name.clone()),
-            all_columns: one.steps.beside(&other.steps, None)?,
-            sensors: sensors.collect::<Result<_, StepError>>()?,
+    two_by_two(models)
+        .map(|(one, other): (&OneStepModel, &OneStepModel)| {
+            let sensors = one.one_step.sensors.iter().map(|predicted| {
+                let ratio = one.steps.beside(&other.steps, Some(&predicted.sensor))?;
+                Ok(SensorRatio { sensor: predicted.sensor.clone(), ratio })
+            });
+            Ok(PairedErrors {
+                models: [one, other].map(|model| model.name.clone()),
+                all_columns: one.steps.beside(&other.steps, None)?,
+                sensors: sensors.collect::<Result<_, StepError>>()?,
+            })
         })
-    };
-    two_by_two(models).map(of_two).collect()
+        .collect()
 }
 
 fn two_by_two<'a>(
@@ -107,7 +108,8 @@ fn two_by_two<'a>(
 pub fn report_tables(models: &[&OneStepModel]) -> Result<Vec<Table>, StepError> {
     let Some(first) = models.first() else { return Ok(Vec::new()) };
     let several = models.len() > 1;
-    let (mut rows, mut bold) = (Vec::new(), Vec::new());
+    let mut rows = Vec::new();
+    let mut bold = Vec::new();
     for (place, (sensor, error)) in named(&first.one_step).enumerate() {
         let mut row = vec![Cell::Text(label(sensor))];
         row.extend(models.iter().flat_map(|model| cells(model.error(sensor))));
@@ -190,7 +192,8 @@ fn not_worse(models: &[&OneStepModel], sensor: Option<&str>) -> Result<Vec<usize
 fn quotients(models: &[&OneStepModel]) -> Result<Option<Table>, StepError> {
     let pairs: Vec<(&OneStepModel, &OneStepModel)> = two_by_two(models).collect();
     let Some((first, _)) = pairs.first() else { return Ok(None) };
-    let (mut rows, mut bold) = (Vec::new(), Vec::new());
+    let mut rows = Vec::new();
+    let mut bold = Vec::new();
     for (sensor, _) in named(&first.one_step) {
         let mut row = vec![Cell::Text(label(sensor))];
         for (one, other) in &pairs {
@@ -203,7 +206,8 @@ fn quotients(models: &[&OneStepModel]) -> Result<Option<Table>, StepError> {
         rows.push(row);
     }
     let headings = pairs.iter().flat_map(|(one, other)| {
-        let (one, other) = (&one.name, &other.name);
+        let one = &one.name;
+        let other = &other.name;
         [format!("{one} / {other}"), format!("nearer, {one} : {other}")]
     });
     Ok(Some(Table {

@@ -26,7 +26,8 @@ enum Range {
 fn values(count: usize, range: Range, seed: u64) -> Vec<f32> {
     let mut rng = Seed::new(seed).rng();
     let mut value = || {
-        let (sign, mantissa) = (rng.below(2) as u32, rng.below(1 << 23) as u32);
+        let sign = rng.below(2) as u32;
+        let mantissa = rng.below(1 << 23) as u32;
         let exponent = match range {
             Range::Usual => 127 - 8 + rng.below(12),
             Range::Wide => 127 - 55 + rng.below(140),
@@ -57,7 +58,8 @@ fn same(left: f32, right: f32) -> bool {
 
 /// Every processor's product of `[rows, inner]` and `[inner, columns]` against the definition.
 fn assert_defined(rows: usize, inner: usize, columns: usize, range: Range) {
-    let (a, b) = (values(rows * inner, range, 1), values(inner * columns, range, 2));
+    let a = values(rows * inner, range, 1);
+    let b = values(inner * columns, range, 2);
     let mut left = Rows::new(rows, inner);
     Fill::Rows(&mut left).with(Processor::detect(), &a);
     let mut right = Panels::new(Pairing::Features, inner, columns);
@@ -79,7 +81,8 @@ fn assert_defined(rows: usize, inner: usize, columns: usize, range: Range) {
                 for j in 0..columns {
                     let column: Vec<u32> =
                         right.panel(j / PANEL).iter().map(|block| block[j % PANEL]).collect();
-                    let (got, expected) = (out[i * columns + j], defined(0.0, row, &column));
+                    let got = out[i * columns + j];
+                    let expected = defined(0.0, row, &column);
                     assert!(
                         same(got, expected),
                         "{got} for {expected}: {rows} x {inner} x {columns}, {range:?}, {processor:?}"
@@ -137,7 +140,8 @@ fn going_by_double_precision_rounds_once() {
     let sums = values(40_000, Range::Wide, 6);
     let rounded = |value: f32| seconds(Scalar, join(Scalar, 0.0, without_small(Scalar, value)));
     for (two, &sum) in operands.windows(2).zip(&sums) {
-        let (a, b) = (rounded(two[0]), rounded(two[1]));
+        let a = rounded(two[0]);
+        let b = rounded(two[1]);
         for sum in [bias(sum), -a * b, sum * f32::EPSILON, 1.0, a * b * 16_777_216.0] {
             assert!(same(widened(a, b, sum), a.mul_add(b, sum)), "{a} {b} {sum}");
         }
@@ -156,7 +160,8 @@ fn the_instruction_rounds_as_defined() {
         let (first, second): ([f32; HALF], [f32; HALF]) =
             (std::array::from_fn(|_| draw()), std::array::from_fn(|_| draw()));
         let kept = |value: f32| without_small(Scalar, value);
-        let (first, second) = (first.map(kept), second.map(kept));
+        let first = first.map(kept);
+        let second = second.map(kept);
         let got: [u32; HALF] = pulp::cast(hardware.join(pulp::cast(first), pulp::cast(second)));
         for lane in 0..HALF {
             assert_eq!(got[lane], join(Scalar, first[lane], second[lane]));

@@ -22,7 +22,8 @@ fn pass(
     input: &[f32],
     output_gradient: &[f32],
 ) -> (Vec<f32>, Vec<f32>) {
-    let (rows, learnt) = (input.len() / network.inputs(), output_gradient.len());
+    let rows = input.len() / network.inputs();
+    let learnt = output_gradient.len();
     let mut batch = Bf16Batch::new(network.inputs(), rows + 2, learnt + 2);
     let mut workspace = Bf16Workspace::new(network, rows + 2, learnt + 2);
     let rounded = Bf16Network::on(processor, network);
@@ -150,7 +151,9 @@ fn bound(network: &Mlp, input: &[f32]) -> (f64, f64) {
         let sums = (layer.inputs + 2) as f64 * f64::from(f32::EPSILON);
         let unit = |output: usize| {
             let bias = f64::from(bias[output]);
-            let (mut value, mut apart, mut size) = (bias, 0.0, bias.abs());
+            let mut value = bias;
+            let mut apart = 0.0;
+            let mut size = bias.abs();
             for (l, &(x, off)) in values.iter().enumerate() {
                 let w = f64::from(weights[l * layer.outputs + output]);
                 let largest = w.abs() * (x.abs() + off) * (1.0 + ROUNDING).powi(2);
@@ -212,7 +215,8 @@ proptest! {
 #[test]
 fn it_is_close_to_single_precision() {
     let network = Mlp::new(&[142, 256, 256, 1], Seed::new(1));
-    let (input, output_gradient) = (numbers(513 * 142, 2), numbers(256, 3));
+    let input = numbers(513 * 142, 2);
+    let output_gradient = numbers(256, 3);
     let (outputs, gradients) = pass(Processor::detect(), &network, &input, &output_gradient);
     let (expected, expected_gradients) = single(&network, &input, &output_gradient);
     for (got, expected) in outputs.iter().zip(&expected) {

@@ -41,11 +41,12 @@ pub(crate) fn states(plan: &Path) -> BTreeMap<usize, String> {
 
 /// A line a task: its number, and how it stands.
 fn read(text: &str) -> BTreeMap<usize, String> {
-    let line = |line: &str| {
-        let (number, state) = line.trim().split_once(' ')?;
-        Some((number.parse().ok()?, state.trim().to_lowercase()))
-    };
-    text.lines().filter_map(line).collect()
+    text.lines()
+        .filter_map(|line: &str| {
+            let (number, state) = line.trim().split_once(' ')?;
+            Some((number.parse().ok()?, state.trim().to_lowercase()))
+        })
+        .collect()
 }
 
 #[cfg(test)]

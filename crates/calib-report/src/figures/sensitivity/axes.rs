@@ -10,8 +10,10 @@ impl Sensitivity {
     /// The values as numbers, if they can stand on a logarithmic axis: none is a name, and none is 0, such as the step size
     /// that leaves an agent as it was pre-trained.
     fn numbers(&self) -> Option<Vec<f64>> {
-        let placed = |value: &Setting| value.as_number().filter(|number| *number != 0.0);
-        self.values.iter().map(placed).collect()
+        self.values
+            .iter()
+            .map(|value: &Setting| value.as_number().filter(|number| *number != 0.0))
+            .collect()
     }
 
     /// Horizontal position of each value: the number itself, or else its place in the grid.

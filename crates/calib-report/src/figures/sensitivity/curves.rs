@@ -16,20 +16,34 @@ impl Sensitivity {
         let scores = self.errors.iter().enumerate().map(|(index, curve)| {
             let before = &self.errors[..index];
             let alike = before.iter().filter(|other| other.source == curve.source).count();
-            let point =
-                |&place: &usize| score_point(positions[place], curve.summaries[place].as_ref());
-            score_series(curve, alike, order.iter().map(point).collect())
+            score_series(
+                curve,
+                alike,
+                order
+                    .iter()
+                    .map(|&place: &usize| {
+                        score_point(positions[place], curve.summaries[place].as_ref())
+                    })
+                    .collect(),
+            )
         });
         let mut curves: Vec<Series> = scores.collect();
         let side = if self.errors.is_empty() { Side::Left } else { Side::Right };
         curves.extend(self.worst_ranks.iter().enumerate().map(|(index, curve)| {
-            let point = |&place: &usize| Point {
-                x: positions[place],
-                y: curve.worst_ranks[place] as f64,
-                interval: None,
-            };
             let after = self.worst_ranks.len() - 1 - index;
-            rank_series(curve, [index, after], side, order.iter().map(point).collect())
+            rank_series(
+                curve,
+                [index, after],
+                side,
+                order
+                    .iter()
+                    .map(|&place: &usize| Point {
+                        x: positions[place],
+                        y: curve.worst_ranks[place] as f64,
+                        interval: None,
+                    })
+                    .collect(),
+            )
         }));
         curves
     }
@@ -60,7 +74,8 @@ fn rank_series(
     points: Vec<Point>,
 ) -> Series {
     let marker = Some([Marker::Square, Marker::Diamond, Marker::Circle][index % 3]);
-    let (label, colour) = (curve.label.clone(), Colour::Curve(1 + index));
+    let label = curve.label.clone();
+    let colour = Colour::Curve(1 + index);
     let width = 1.8 + WIDER * after.min(3) as f64;
     let dash = if index.is_multiple_of(2) { Dash::Dashed } else { Dash::Dotted };
     Series { label, side, colour, dash, width, marker, points }

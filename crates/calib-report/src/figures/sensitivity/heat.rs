@@ -102,8 +102,8 @@ impl Surface {
     /// Whether the values differ by more than rounding.
     fn varies(&self) -> bool {
         let known = || self.values.iter().copied().filter(|value| !value.is_nan());
-        let (low, high) =
-            (known().fold(f64::INFINITY, f64::min), known().fold(-f64::INFINITY, f64::max));
+        let low = known().fold(f64::INFINITY, f64::min);
+        let high = known().fold(-f64::INFINITY, f64::max);
         high - low > 1e-9 * high.abs()
     }
 
@@ -115,8 +115,10 @@ impl Surface {
         let positive = finite().all(|value| value > 0.0);
         let scaled = |value: f64| if positive { value.ln() } else { value };
         let worst = finite().map(scaled).max_by(|a, b| self.direction.compare(*a, *b))?;
-        let scaled = |&value: &f64| if value.is_finite() { scaled(value) } else { worst };
-        let values: Vec<f64> = values.iter().map(scaled).collect();
+        let values: Vec<f64> = values
+            .iter()
+            .map(|&value: &f64| if value.is_finite() { scaled(value) } else { worst })
+            .collect();
         importance(&groups, &values).ok().flatten()
     }
 
@@ -204,7 +206,8 @@ impl Places {
             return Some(0.0);
         }
         let scaled = |value: f64| if self.logarithmic { value.ln() } else { value };
-        let (best, worst) = (scaled(self.best), scaled(self.worst));
+        let best = scaled(self.best);
+        let worst = scaled(self.worst);
         Some(((scaled(value) - best) / (worst - best)).clamp(0.0, 1.0))
     }
 }
@@ -218,7 +221,8 @@ mod tests {
 
     /// Two learning rates × three batch sizes: the error is the rate's factor × the batch's, one diverged.
     fn grid() -> Sensitivity {
-        let (rates, batches) = ([0.1, 0.01], [1.0, 16.0, 64.0]);
+        let rates = [0.1, 0.01];
+        let batches = [1.0, 16.0, 64.0];
         let errors = [[4.0, 2.0, 4.0], [f64::INFINITY, 1.0, 2.0]];
         let places = || (0..2).flat_map(|rate| (0..3).map(move |batch| (rate, batch)));
         let curve = ErrorCurve {

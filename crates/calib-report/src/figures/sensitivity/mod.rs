@@ -215,7 +215,8 @@ impl Sensitivity {
             self.dimensions.iter().map(|dimension| (&dimension.field, dimension.values.len()));
         for (curve, got) in errors.chain(ranks).chain(dimensions) {
             if got != expected {
-                let (figure, curve) = (title.to_owned(), curve.clone());
+                let figure = title.to_owned();
+                let curve = curve.clone();
                 return Err(ReportError::Points { figure, curve, expected, got });
             }
         }

@@ -35,20 +35,24 @@ impl Sensitivity {
         head.series = widest(&charts);
         let columns = if all.len() == 4 { 2 } else { all.len().min(COLUMNS) };
         let last = charts.len() - 1;
-        let cell = |(place, (chart, one)): (usize, (Chart, &Self))| {
-            let mut chart = chart;
-            let column = place % columns;
-            if column != 0 {
-                chart.left.label = spacing_only(&chart.left.label);
-            }
-            if let Some(right) =
-                chart.right.as_mut().filter(|_| column + 1 != columns && place != last)
-            {
-                right.label.clear();
-            }
-            GridCell { heading: Some(one.sensor.clone()), chart: Some(chart) }
-        };
-        let cells: Vec<GridCell> = charts.into_iter().zip(all).enumerate().map(cell).collect();
+        let cells: Vec<GridCell> = charts
+            .into_iter()
+            .zip(all)
+            .enumerate()
+            .map(|(place, (chart, one)): (usize, (Chart, &Self))| {
+                let mut chart = chart;
+                let column = place % columns;
+                if column != 0 {
+                    chart.left.label = spacing_only(&chart.left.label);
+                }
+                if let Some(right) =
+                    chart.right.as_mut().filter(|_| column + 1 != columns && place != last)
+                {
+                    right.label.clear();
+                }
+                GridCell { heading: Some(one.sensor.clone()), chart: Some(chart) }
+            })
+            .collect();
         Ok(Figure::with_grid(head, cells.chunks(columns).map(<[_]>::to_vec).collect(), HEIGHT))
     }
 

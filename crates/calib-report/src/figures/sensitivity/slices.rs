@@ -11,13 +11,16 @@ impl Dimension {
     /// Its different values, in the order of the grid, and which of them each combination has.
     pub(super) fn distinct(&self) -> (Vec<&Setting>, Vec<usize>) {
         let mut seen: Vec<&Setting> = Vec::new();
-        let place = |value| {
-            seen.iter().position(|known| *known == value).unwrap_or_else(|| {
-                seen.push(value);
-                seen.len() - 1
+        let places = self
+            .values
+            .iter()
+            .map(|value| {
+                seen.iter().position(|known| *known == value).unwrap_or_else(|| {
+                    seen.push(value);
+                    seen.len() - 1
+                })
             })
-        };
-        let places = self.values.iter().map(place).collect();
+            .collect();
         (seen, places)
     }
 }
@@ -41,18 +44,24 @@ impl Sensitivity {
     pub fn slices(&self) -> Vec<Self> {
         let Some(centre) = self.chosen.or_else(|| self.best()) else { return Vec::new() };
         let varied = self.varied();
-        let slice = |along: &&Dimension| {
-            let others = varied.iter().filter(|dimension| dimension.field != along.field);
-            let others: Vec<&&Dimension> = others.collect();
-            let is_on = |place: &usize| {
-                others.iter().all(|other| other.values.get(*place) == other.values.get(centre))
-            };
-            let places: Vec<usize> = (0..self.values.len()).filter(is_on).collect();
-            let values = places.iter().map(|&place| along.values[place].clone());
-            self.restricted(along.field.clone(), values.collect(), &places)
-        };
         // A list of combinations may have nothing beside the choice.
-        varied.iter().map(slice).filter(|slice| slice.values.len() > 1).collect()
+        varied
+            .iter()
+            .map(|along: &&Dimension| {
+                let others = varied.iter().filter(|dimension| dimension.field != along.field);
+                let others: Vec<&&Dimension> = others.collect();
+                let places: Vec<usize> = (0..self.values.len())
+                    .filter(|place: &usize| {
+                        others
+                            .iter()
+                            .all(|other| other.values.get(*place) == other.values.get(centre))
+                    })
+                    .collect();
+                let values = places.iter().map(|&place| along.values[place].clone());
+                self.restricted(along.field.clone(), values.collect(), &places)
+            })
+            .filter(|slice| slice.values.len() > 1)
+            .collect()
     }
 
     /// The best combination by the first curve of errors, or else of ranks.
@@ -118,23 +127,26 @@ impl Sensitivity {
         let last = slices.len() - 1;
         // Two rows of two rather than three and one.
         let columns = if slices.len() == 4 { 2 } else { COLUMNS };
-        let cell = |(place, slice): (usize, &Self)| {
-            let mut chart = slice.chart(slice.field.clone());
-            let column = place % columns;
-            chart.left.scale = left.scale.clone();
-            if column != 0 {
-                chart.left.label.clear();
-            }
-            if let (Some(axis), Some(right)) = (&mut chart.right, &right) {
-                axis.scale = right.scale.clone();
-                if column + 1 != columns && place != last {
-                    axis.label.clear();
+        let cells: Vec<GridCell> = slices
+            .iter()
+            .enumerate()
+            .map(|(place, slice): (usize, &Self)| {
+                let mut chart = slice.chart(slice.field.clone());
+                let column = place % columns;
+                chart.left.scale = left.scale.clone();
+                if column != 0 {
+                    chart.left.label.clear();
                 }
-            }
-            let heading = heading.filter(|_| column == 0).map(str::to_owned);
-            GridCell { heading, chart: Some(chart) }
-        };
-        let cells: Vec<GridCell> = slices.iter().enumerate().map(cell).collect();
+                if let (Some(axis), Some(right)) = (&mut chart.right, &right) {
+                    axis.scale = right.scale.clone();
+                    if column + 1 != columns && place != last {
+                        axis.label.clear();
+                    }
+                }
+                let heading = heading.filter(|_| column == 0).map(str::to_owned);
+                GridCell { heading, chart: Some(chart) }
+            })
+            .collect();
         cells.chunks(columns).map(<[GridCell]>::to_vec).collect()
     }
 

@@ -14,8 +14,10 @@ pub(super) fn choice(
     parts: &[&JudgedModel],
     verdicts: &[SensorVerdict],
 ) -> Result<usize, StepError> {
-    let (study, manifest) = (parts[0].judged.study(), &parts[0].judged.manifest);
-    let (rule, top_k) = (study.evaluate.rule, study.evaluate.top_k);
+    let study = parts[0].judged.study();
+    let manifest = &parts[0].judged.manifest;
+    let rule = study.evaluate.rule;
+    let top_k = study.evaluate.top_k;
     let seed = Seed::new(study.seed);
     let judging = Judging::of_choice(study.part(), rule, top_k, &manifest.scales, seed);
     let results: Vec<&[UnitResult]> = parts.iter().map(|part| &part.judged.results[..]).collect();
@@ -84,17 +86,6 @@ mod tests {
     ///
     /// What starts elsewhere is another stream: rows are told by the key here.
     fn result(member: usize, key: &str, errors: [f64; 3]) -> UnitResult {
-        let row = |(candidate, &rmse): (usize, &f64)| {
-            let score = PartScore { scored_steps: 10, rmse, mean_return: 0.0, return_std: 1.0 };
-            RunRow {
-                candidate,
-                steps: 10,
-                updates: 1,
-                scores: Scores { whole_run: Some(score), ..Scores::default() },
-                diverged_at: None,
-                curve: Vec::new(),
-            }
-        };
         UnitResult {
             key: key.to_owned(),
             unit: Unit {
@@ -105,18 +96,34 @@ mod tests {
             seed: 0,
             start_row: u32::from(key.as_bytes()[0]),
             not_finite: None,
-            rows: errors.iter().enumerate().map(row).collect(),
+            rows: errors
+                .iter()
+                .enumerate()
+                .map(|(candidate, &rmse): (usize, &f64)| {
+                    let score =
+                        PartScore { scored_steps: 10, rmse, mean_return: 0.0, return_std: 1.0 };
+                    RunRow {
+                        candidate,
+                        steps: 10,
+                        updates: 1,
+                        scores: Scores { whole_run: Some(score), ..Scores::default() },
+                        diverged_at: None,
+                        curve: Vec::new(),
+                    }
+                })
+                .collect(),
         }
     }
 
     fn chosen(rule: Rule, results: &[UnitResult]) -> usize {
-        let candidate = |index| Candidate {
-            index,
-            is_default: index == 0,
-            values: vec![("learning_rate".to_owned(), (index + 1).into())],
-            agent: AgentConfig::default(),
-        };
-        let candidates: Vec<Candidate> = (0..3).map(candidate).collect();
+        let candidates: Vec<Candidate> = (0..3)
+            .map(|index| Candidate {
+                index,
+                is_default: index == 0,
+                values: vec![("learning_rate".to_owned(), (index + 1).into())],
+                agent: AgentConfig::default(),
+            })
+            .collect();
         let judging = Judging::of_choice(Part::WholeRun, rule, 1, &[], Seed::new(0));
         verdict("A", &candidates, results, &judging).expect("judged").chosen
     }

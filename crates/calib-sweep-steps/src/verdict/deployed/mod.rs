@@ -222,14 +222,16 @@ pub(crate) fn report_table(rows: &[Deployed]) -> Option<Table> {
     } else {
         "from the replayed log"
     };
-    let cells = |deployed: &Deployed| row(deployed).into_iter().map(Cell::Text).collect();
     Some(Table {
         title: "What to deploy".to_owned(),
         caption: format!(
             "The choice for each deployment, in brackets its regret on held-out data and its grade. The setting for all is what the study's rule chooses {evidence}, with the largest of its regrets."
         ),
         columns: header(rows),
-        rows: rows.iter().map(cells).collect(),
+        rows: rows
+            .iter()
+            .map(|deployed: &Deployed| row(deployed).into_iter().map(Cell::Text).collect())
+            .collect(),
         best: None,
     })
 }
