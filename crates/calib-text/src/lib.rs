@@ -19,20 +19,20 @@
 
 mod cell;
 mod dialect;
+mod notation;
 mod number;
 mod record;
-mod stamps;
 mod time;
 mod unit;
 mod zone;
 
 pub use cell::{Cell, Words};
 pub use dialect::{Dialect, TextColumn, decode, unbracketed};
+pub use notation::{Candidates, Notation, Unreadable, compact_pattern, is_time_of_day};
 pub use number::{
     Decimal, LARGEST, SignError, Signs, cell_of, either_way, parse_number, plain_decimal,
 };
 pub use record::{Marks, RecordReader};
-pub use stamps::{Candidates, Notation, Unreadable, compact_pattern, is_time_of_day};
 pub use time::{ParsedTime, format_time, parse_stamp, parse_time};
 pub use unit::{TimestampUnit, unit_readings, units};
 pub use zone::{Walls, Zone};

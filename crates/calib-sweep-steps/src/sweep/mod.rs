@@ -1,5 +1,6 @@
 //! Sweeps: what agents are trained in, and what is left to run.
 
+pub(crate) mod constant_sensors;
 pub mod cost;
 pub mod environments;
 pub mod expected;
@@ -11,7 +12,6 @@ pub(crate) mod recorded;
 mod run;
 pub mod setting;
 pub mod simple;
-pub(crate) mod standing_still;
 pub mod streams;
 pub(crate) mod tables;
 

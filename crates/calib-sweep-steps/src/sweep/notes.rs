@@ -8,7 +8,7 @@ use calib_data::Dataset;
 use calib_sweep::{EnvironmentId, NotFinite, UnitResult};
 
 use crate::sweep::{
-    standing_still::{self, ConstantSensor},
+    constant_sensors::{self, ConstantSensor},
     streams::Streams,
 };
 
@@ -19,14 +19,16 @@ pub(crate) fn standing_still(
     sensors: &[(String, usize)],
     printer: &Printer,
 ) -> Vec<ConstantSensor> {
-    let still = match (&streams.online, &dataset.held_out) {
-        (Some(windows), Some(held_out)) => standing_still::all(held_out.states(), windows, sensors),
+    let constant = match (&streams.online, &dataset.held_out) {
+        (Some(windows), Some(held_out)) => {
+            constant_sensors::all(held_out.states(), windows, sensors)
+        }
         _ => Vec::new(),
     };
-    for sensor in &still {
+    for sensor in &constant {
         printer.warn(&sensor.note());
     }
-    still
+    constant
 }
 
 /// The runs of each environment whose rollout left the finite numbers, and where, with a warning of each.

@@ -29,6 +29,7 @@ use calib_sweep::{
 use serde::{Deserialize, Serialize};
 
 use crate::sweep::{
+    constant_sensors::ConstantSensor,
     expected::Expected,
     manifest::{SweepFacts, SweepManifest},
     notes::{failed_rollouts, saved},
@@ -37,7 +38,6 @@ use crate::sweep::{
     recorded,
     setting::{SkippedDeployment, SweepContext, candidates_of},
     simple,
-    standing_still::ConstantSensor,
     streams::{OnlineWindow, Streams, error_scales, online_windows},
     tables as sweep_tables,
 };
@@ -265,7 +265,8 @@ fn facts(
     results: &[UnitResult],
     printer: &Printer,
 ) -> Result<SweepFacts, StepError> {
-    let SweepContext { model, dataset, candidates, streams, sensors, still, .. } = setting;
+    let SweepContext { model, dataset, candidates, streams, sensors, constant_sensors, .. } =
+        setting;
     let units = plan.planned(results);
     let settings: Vec<String> = plan.settings().iter().map(ToString::to_string).collect();
     printer.say_all(saved(results, setting.runs()).as_slice());
@@ -273,7 +274,7 @@ fn facts(
     let notes = [
         setting.notes.clone(),
         streams.notes.clone(),
-        still.iter().map(ConstantSensor::note).collect(),
+        constant_sensors.iter().map(ConstantSensor::note).collect(),
         setting.environments.starts.clone(),
         failed,
     ];
@@ -282,7 +283,7 @@ fn facts(
     Ok(SweepFacts {
         key: artefact::key(&(&units, &settings))?,
         windows: windows(dataset, streams),
-        standing_still: still.iter().filter_map(ConstantSensor::everywhere).collect(),
+        standing_still: constant_sensors.iter().filter_map(ConstantSensor::everywhere).collect(),
         scales: error_scales(dataset, sensors, candidates),
         settings,
         units,

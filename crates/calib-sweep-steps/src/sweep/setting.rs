@@ -23,11 +23,11 @@ use crate::{
     agents::pretrain_files,
     program::ExternalAgents,
     sweep::{
+        constant_sensors::ConstantSensor,
         cost::{Cost, MEASURED_STEPS, MeasuredPasses, TrainedInPass},
         environments::{Environments, Sources, StreamParameters, open_all},
         notes::standing_still,
         simple::SimpleErrors,
-        standing_still::ConstantSensor,
         streams::Streams,
     },
 };
@@ -47,7 +47,7 @@ pub struct SweepContext {
     pub environments: Environments,
     /// Name and column of each.
     pub sensors: Vec<(String, usize)>,
-    pub(crate) still: Vec<ConstantSensor>,
+    pub(crate) constant_sensors: Vec<ConstantSensor>,
     /// What agents start from, by sensor, if they were pre-trained.
     pub starts: BTreeMap<String, Start>,
     /// What trains agents, if not calib.
@@ -91,7 +91,7 @@ impl SweepContext {
         let environments =
             Environments::describe(job, model.as_ref(), &dataset, &streams, context)?;
         let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
-        let still = standing_still(&dataset, &streams, &sensors, context);
+        let constant_sensors = standing_still(&dataset, &streams, &sensors, context);
         let (starts, notes) =
             pretrain_files::starts(job, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
         context.say_all(&notes);
@@ -103,7 +103,7 @@ impl SweepContext {
             streams,
             environments,
             sensors,
-            still,
+            constant_sensors,
             starts,
             program: ExternalAgents::of(job)?,
             notes,
