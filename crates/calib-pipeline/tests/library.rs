@@ -8,8 +8,9 @@ use std::{
 use calib_core::{Monitor, Timestamp};
 use calib_data::table::write_log;
 use calib_pipeline::{
-    BuildOptions, Calibration, Evaluation, Freshness, Job, Observer, Outcome, Printer, Remark,
-    Request, Shown, StepResult, output::Result,
+    BuildOptions, Calibration, Evaluation, ExistingFile, Freshness, Job, Logs, Observer, Outcome,
+    Printer, ProposeOptions, Remark, Request, Shown, StandingOf, StatusRequest, StepResult,
+    output::Result,
 };
 
 const STUDY: &str = "\
@@ -113,6 +114,55 @@ fn what_steps_come_to_are_values() {
     let text = std::fs::read_to_string(place.join("evaluate/summary.json")).expect("written");
     let written: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     assert_eq!(serde_json::to_value(&evaluation).expect("JSON"), written);
+}
+
+#[test]
+fn a_log_is_taken_to_a_verdict_by_values_alone() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("plant.toml");
+    std::fs::write(&file, STUDY).expect("writable");
+    let printer = Printer::nobody();
+    let plant = Job::resolve(Request::new(&file)).expect("a study");
+    calib_pipeline::simulate(&plant, &printer).expect("written").expect("it describes a plant");
+    let options = ProposeOptions {
+        logs: folder.path().join("plant"),
+        study: folder.path().join("proposed.toml"),
+        within: 5.0,
+        sensors: vec!["PIT300".to_owned()],
+        horizon: Some(600.0),
+        set: Vec::new(),
+        existing: ExistingFile::Kept,
+    };
+    let proposed = calib_pipeline::propose(&options, &printer).expect("a study");
+    assert_eq!(proposed.sensors(), options.sensors);
+    assert!((proposed.horizon_secs() - 600.0).abs() <= 60.0, "{proposed:?}");
+    assert!(proposed.expected_secs() > 0.0, "{proposed:?}");
+
+    let job = Job::resolve(Request::new(proposed.study())).expect("a study");
+    let standing = || {
+        let request = StatusRequest {
+            path: options.study.clone(),
+            set: Vec::new(),
+            profile: None,
+            output: None,
+        };
+        match calib_pipeline::status(&request, &printer).expect("a study") {
+            StandingOf::Study(standing) => standing,
+            StandingOf::Cluster(_) => panic!("it is no plan for a cluster"),
+        }
+    };
+    assert!(!standing().is_done());
+    let ended = calib_pipeline::run(&job, None, &printer).expect("a run");
+    let evaluation = ended.evaluation.expect("it is judged");
+    assert_eq!(evaluation.verdicts()[0].sensor, "PIT300");
+    assert!(standing().is_done());
+
+    let results = folder.path().join("proposed-results");
+    let checked = calib_pipeline::check(&results, Logs::Read, &printer).expect("results");
+    assert!(checked.files > 5 && checked.damages.is_empty(), "{checked:?}");
+    std::fs::write(results.join("sweep/manifest.json"), "{}").expect("writable");
+    let damaged = calib_pipeline::check(&results, Logs::Leave, &printer).expect("results");
+    assert!(!damaged.damages.is_empty(), "{damaged:?}");
 }
 
 #[test]

@@ -58,6 +58,13 @@ pub struct StudyStanding {
     pub(crate) report: Option<PathBuf>,
 }
 
+impl StudyStanding {
+    /// Whether every step is up to date.
+    pub fn is_done(&self) -> bool {
+        self.state == Overall::Done
+    }
+}
+
 /// How a plan for a cluster stands.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct ClusterStanding {
