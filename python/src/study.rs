@@ -109,7 +109,7 @@ type Run = fn(&Job, &Printer) -> Result<Outcome, StepError>;
 fn step(name: &str) -> PyResult<Run> {
     if name == "control_model" {
         return Ok(|job, printer| {
-            calib_pipeline::control_model(job, printer).map(|()| Outcome::Done)
+            calib_pipeline::control_model(job, printer).map(|_| Outcome::Done)
         });
     }
     let step = StepKind::of_command(name)

@@ -13,6 +13,7 @@ use calib_base::{
     output::Printer,
     progress::recorded,
 };
+use calib_control::ActionModel;
 use calib_model_steps::{
     model::{build_model as model, build_model::BuiltModel, build_plan::BuildPlan},
     represent as representations,
@@ -179,7 +180,7 @@ pub fn control(job: &Job, printer: &Printer) -> Result<StepResult<ControlEvaluat
 ///
 /// # Errors
 /// As [`control`].
-pub fn control_model(job: &Job, printer: &Printer) -> Result<(), StepError> {
+pub fn control_model(job: &Job, printer: &Printer) -> Result<ActionModel, StepError> {
     controls::build(job, printer)
 }
 

@@ -278,10 +278,10 @@ fn control_names(study: &Study, config: &ControlConfig, log: &ActionLog) -> Cont
 }
 
 /// Make the model with actions of a study, if it is not there.
-pub(crate) fn build(job: &Job, printer: &Printer) -> Result<(), StepError> {
+pub(crate) fn build(job: &Job, printer: &Printer) -> Result<ActionModel, StepError> {
     job.refuse_deployment()?;
     let Some(config) = &job.study().control else { return Err(super::run::no_section(job)) };
     let log = log::read(job, config, printer)?;
     log::require_model(&log.decisions, config)?;
-    open_or_build(job, config, &log, printer).map(drop)
+    open_or_build(job, config, &log, printer)
 }
