@@ -279,3 +279,20 @@ fn a_log_is_no_study_and_a_workbook_no_log() {
     let error = place.calib(&["init", "sheets", "study.toml"]).fails(2);
     assert!(error.contains("plant.xlsx is a workbook: save each sheet as CSV"), "{error}");
 }
+
+#[test]
+fn a_folder_in_the_place_of_a_study_is_told_which_file_to_give() {
+    let place = Place::with_study();
+    place.write("study-results/report.html", "");
+    place.write("elsewhere/b.toml", "");
+    place.write("elsewhere/a.toml", "");
+    place.write("logs/log.csv", "time,a\n");
+    for (folder, told) in [
+        ("study-results", "give study.toml, which these results are of"),
+        ("elsewhere", "such as elsewhere/a.toml"),
+        ("logs", "if it holds a log, `calib init logs` writes one"),
+    ] {
+        let refused = place.calib(&["evaluate", folder]).fails(2);
+        assert!(refused.contains("this is a folder") && refused.contains(told), "{refused}");
+    }
+}
