@@ -283,7 +283,9 @@ fn a_log_is_no_study_and_a_workbook_no_log() {
 #[test]
 fn a_folder_in_the_place_of_a_study_is_told_which_file_to_give() {
     let place = Place::with_study();
-    place.write("study-results/report.html", "");
+    for folder in ["study-results", "elsewhere", "logs"] {
+        fs::create_dir(place.path().join(folder)).expect("made");
+    }
     place.write("elsewhere/b.toml", "");
     place.write("elsewhere/a.toml", "");
     place.write("logs/log.csv", "time,a\n");

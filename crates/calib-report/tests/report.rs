@@ -151,6 +151,16 @@ fn infinities_are_called_by_their_name() {
     }
 }
 
+#[test]
+fn intervals_that_leave_a_plot_are_said_to_be_cut() {
+    let cut = "Intervals that leave a plot are cut off at its edge";
+    let mut report = report();
+    assert!(!report.html().unwrap().contains(cut));
+    let wild = report.sensitivities[0].errors[0].summaries[0].as_mut().unwrap();
+    wild.interval.as_mut().unwrap().high *= 100.0;
+    assert!(report.html().unwrap().contains(cut));
+}
+
 /// The page without what keeps numbers on one line.
 fn flowing(report: &Report) -> String {
     let html = report.html().unwrap().replace('\u{a0}', " ");
