@@ -304,10 +304,7 @@ pub fn judge(
     let constant = best_constant(constants, &kinds, &of_candidate(chosen))?;
     let behaviour = log.recorded_return(timeout)?;
     let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
-    let drift = own
-        .iter()
-        .filter(|run| run.kind == kinds[0])
-        .fold(Drift::default(), |all, run| all.and(&run.drift));
+    let drift = drift_of(own.iter().filter(|run| run.kind == kinds[0]));
     let evidence = Evidence {
         selection: &selection,
         coverage: coverage[chosen],
@@ -339,6 +336,11 @@ pub fn judge(
         selection,
         members,
     })
+}
+
+/// How far these runs moved, together.
+fn drift_of<'a>(runs: impl Iterator<Item = &'a &'a Run>) -> Drift {
+    runs.fold(Drift::default(), |all, run| all.and(&run.drift))
 }
 
 /// The best constant action over the members of these kinds, which lack the same block each, and what `own`, the mean returns of the

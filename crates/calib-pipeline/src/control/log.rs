@@ -89,20 +89,10 @@ pub(super) fn read(
         }
         values
     });
-    let endings: Vec<Ending> =
-        match &config.terminal {
-            Some(name) => column(name)
-                .iter()
-                .map(|value: &f64| {
-                    if *value == 0.0 || value.is_nan() {
-                        Ending::Continues
-                    } else {
-                        Ending::Terminal
-                    }
-                })
-                .collect(),
-            None => vec![Ending::Continues; rows],
-        };
+    let endings: Vec<Ending> = match &config.terminal {
+        Some(name) => column(name).into_iter().map(ending).collect(),
+        None => vec![Ending::Continues; rows],
+    };
     let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
     let frames = &dataset.train;
     tell_missing_rewards(frames, &columns, printer);
@@ -138,6 +128,11 @@ pub(super) fn read(
     };
     let times = frames.timestamps().iter().map(|time| time.as_micros()).collect();
     Ok(ActionLog { decisions, names, fingerprint, times, period: dataset.period })
+}
+
+/// How a step ends where `control.terminal` has this value.
+fn ending(terminal: f64) -> Ending {
+    if terminal == 0.0 || terminal.is_nan() { Ending::Continues } else { Ending::Terminal }
 }
 
 /// The actions that agents choose among, and for continuous ones what was set.
