@@ -5,7 +5,7 @@
 Written from docs/metrics.md alone, not from calib's code:
 
 - a linear TD(0) agent without replay on a noisy wave in two pieces, and its errors over the parts of the run;
-- a race over runs of members and windows of the log: which values are left after each round;
+- a race by halving over runs of members and windows of the log: which values each of them trains;
 - runs over members, windows of the log and held-out windows: choices of all rules, regrets with bounds over windows, what others
   choose, and shares of choices under the hierarchical bootstrap, from many more resamples than calib draws.
 """
@@ -16,8 +16,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy import stats
-
-from sequential import boundaries
 
 OUT = Path(__file__).resolve().parents[2] / "crates/calib-sweep/tests/golden/verdict.json"
 RESAMPLES = 40_000
@@ -150,35 +148,32 @@ def verdict():
 
 
 def race():
-    """Rounds of one run of each of four members and one window of the log; an observation is the mean over three streams."""
+    """Successive halving over six runs of each of four members and six windows of the log: which values each of the 30 streams trains."""
     rng = np.random.default_rng(23)
-    level, rounds, members = np.array([0.5, 0.3, 0.36, 0.28, 0.9]), 6, 4
+    level, runs, members = np.array([0.5, 0.3, 0.36, 0.28, 0.9]), 6, 4
     streams = [
         [(level * np.exp(0.15 * rng.standard_normal(5))).round(4).tolist() for _ in range(members + 1)]
-        for _ in range(rounds)
+        for _ in range(runs)
     ]
-    # One value diverges in one stream of the third round.
-    streams[2][1][4] = None
-    limits = boundaries(rounds * (members + 1) // 3, 0.05 / 4)
-    logs, left, after = [], list(range(5)), []
-    for of_round in streams:
-        if len(left) < 2:
-            break
-        for errors in of_round:
-            logs.append([math.inf if e is None else math.log(e) for e in errors])
+    # The best value diverges in the first stream.
+    streams[0][0][3] = None
+    # Each kind in proportion, members first; windows far apart: the bits of their numbers reversed.
+    windows = sorted(range(runs), key=lambda window: f"{window:03b}"[::-1])
+    places = [(k / (runs * members), (k // members, k % members)) for k in range(runs * members)]
+    places += [(k / runs, (window, members)) for k, window in enumerate(windows)]
+    order = [stream for _, stream in sorted(places, key=lambda place: place[0])]
+    trained = [[[] for _ in range(members + 1)] for _ in range(runs)]
+    left, logs, start, end = list(range(5)), [], 0, math.ceil(len(order) / 2 ** math.ceil(math.log2(5)))
+    while len(left) > 1:
+        for run, stream in order[start:end]:
+            trained[run][stream] = list(left)
+            logs.append([math.inf if error is None else math.log(error) for error in streams[run][stream]])
         table = np.array(logs)
-        leader = min(left, key=lambda v: (table[:, v].mean(), v))
-        for value in [v for v in left if v != leader]:
-            difference = table[:, value] - table[:, leader]
-            if np.isinf(difference).any():
-                left.remove(value)
-                continue
-            count = len(difference) // 3
-            x = difference[: 3 * count].reshape(count, 3).mean(1)
-            if count >= 3 and x.mean() * math.sqrt(count) >= limits[count - 3] * x.std(ddof=1) and x.mean() > 0:
-                left.remove(value)
-        after.append(list(left))
-    return {"streams": streams, "after": after}
+        diverged = np.isinf(table)
+        means = np.where(diverged, 0, table).sum(0) / (~diverged).sum(0)
+        left = sorted(sorted(left, key=lambda v: (diverged[:, v].sum(), means[v]))[: math.ceil(len(left) / 2)])
+        start, end = end, 2 * end
+    return {"streams": streams, "trained": trained}
 
 
 OUT.parent.mkdir(parents=True, exist_ok=True)

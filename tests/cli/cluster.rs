@@ -180,22 +180,9 @@ fn of_several_plannings_of_one_folder_one_succeeds() {
 }
 
 #[test]
-fn stages_of_a_halving_come_to_the_bytes_of_one_process() {
-    let place = Place::with_study();
-    place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"halving\"");
-    place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-4, 1e-3, 1e-2, 1e38]");
-    let alone = alone(&place);
-    for shard in 0..plan(&place, "plan", "2") {
-        run(&place, "plan", shard).succeeds();
-    }
-    place.calib(&["cluster", "merge", "plan"]).succeeds();
-    assert!(place.content("study-results") == alone);
-}
-
-#[test]
 fn stages_of_a_race_follow_from_one_another() {
     let place = Place::with_study();
-    place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"sure\"");
+    place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"halving\"");
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-3, 1e-2, 1e38]");
     let alone = alone(&place);
     let count = plan(&place, "plan", "3");
@@ -453,7 +440,7 @@ fn a_shard_without_room_fails_is_named_and_goes_on_elsewhere() {
 fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
     use std::os::unix::fs::PermissionsExt as _;
     let place = Place::with_study();
-    place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"sure\"");
+    place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"halving\"");
     place.calib(&["build-model", "study.toml"]).succeeds();
     let count = plan(&place, "plan", "3");
     let shown = place.calib(&["cluster", "submit", "plan", "--engine", "slurm", "--dry-run"]);

@@ -157,16 +157,13 @@ fn a_halving_chooses_from_a_part_of_the_runs_and_says_so() {
     let shown = place.calib(&["evaluate", "study.toml"]).stdout();
     assert!(shown.contains("the race dropped"), "{shown}");
     let refused = place.calib(&["sweep", "study.toml", "--set", "sweep.race=3"]).fails(2);
-    assert!(
-        refused.contains("sweep.race: expected \"none\", \"sure\" or \"halving\", got"),
-        "{refused}"
-    );
+    assert!(refused.contains("sweep.race: expected \"none\" or \"halving\", got"), "{refused}");
 }
 
 #[test]
-fn a_race_drops_what_is_surely_worse_says_so_and_resumes() {
+fn a_race_drops_what_diverges_says_so_and_resumes() {
     let place = Place::with_study();
-    place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"sure\"");
+    place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"halving\"");
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-3, 1e-2, 1e38]");
     for command in ["build-model", "sweep"] {
         place.calib(&[command, "study.toml"]).succeeds();
@@ -189,9 +186,17 @@ fn a_race_drops_what_is_surely_worse_says_so_and_resumes() {
     assert!(place.calib(&["sweep", "study.toml"]).succeeds().contains("1 training run made"));
     place.calib(&["evaluate", "study.toml"]);
     assert!(place.content("study-results") == content, "the same bytes");
-    let refused = ["sweep", "study.toml", "--set", "sweep.race_error_rate=0.7"];
-    let error = place.calib(&refused).fails(2);
-    assert!(error.contains("race_error_rate must be above 0 and at most 0.5, got 0.7"), "{error}");
+    for (set, told) in [
+        ("sweep.race=sure", "sweep.race: the race by certainty is gone. Write \"halving\""),
+        ("sweep.race=true", "sweep.race: the race by certainty is gone. Write \"halving\""),
+        (
+            "sweep.race_error_rate=0.05",
+            "unknown key `race_error_rate`: the race by certainty is gone",
+        ),
+    ] {
+        let refused = place.calib(&["sweep", "study.toml", "--set", set]).fails(2);
+        assert!(refused.contains(told), "{refused}");
+    }
 }
 
 /// Runs that the last sweep made: all of them where it does not say how many.
@@ -204,7 +209,7 @@ fn told_runs(told: &str) -> Option<usize> {
 fn one_more_value_in_the_grid_trains_that_value_alone() {
     let small = "learning_rate = [1e-5, 1e-3, 1e-2]";
     let large = "learning_rate = [1e-5, 1e-4, 1e-3, 1e-2]";
-    for race in ["none", "halving", "sure"] {
+    for race in ["none", "halving"] {
         let grown = Place::with_study();
         let fresh = Place::with_study();
         for place in [&grown, &fresh] {

@@ -232,7 +232,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
     // 270 steps or more, three quarters of them, and gamma of at most 0.3 are 140 horizons: too few for the second score.
     assert_eq!(json["scores"].as_array().map(Vec::len), Some(1));
     let rules = json["scores"][0]["rules"].as_array().expect("a list").len();
-    assert_eq!(rules, 18, "seven rules of two models, and what two races leave");
+    assert_eq!(rules, 16, "seven rules of two models, and what a race leaves");
     assert!(json["scores"][0]["accuracy"][0]["correlation"].is_null(), "there are no rollouts");
 
     // Each drawn study is one like any other.

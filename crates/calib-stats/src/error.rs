@@ -99,16 +99,6 @@ pub enum StatsError {
         /// Their weight.
         got: f64,
     },
-    /// A race that no sequential test is for.
-    #[error("{what} of a sequential test is {got}; expected {expected}")]
-    Race {
-        /// Which setting.
-        what: &'static str,
-        /// What it is.
-        got: f64,
-        /// What it may be.
-        expected: &'static str,
-    },
     /// A probability outside [0, 1].
     #[error("probability {got} is out of range; expected 0 to 1")]
     Probability {

@@ -16,7 +16,6 @@
 //!   each part of the data; [`ratio_of_sums`]: means over parts of different size; [`summarise_overlapping`]: windows that share rows.
 //! - [`hierarchical`]: how often each candidate is chosen when members, windows of the log and their runs are drawn anew.
 //! - [`importance`]: which share of the differences of a grid one hyperparameter explains.
-//! - [`SequentialTest`]: whether a candidate of a race can be dropped, looked at after every observation.
 //! - [`spearman`], [`kendall_tau_b`], [`top_k_hit`]: agreement with Online.
 //! - [`pooled_spearman`]: rank correlation within groups.
 //! - [`smallest_difference`], [`observations_needed`]: what a number of observations can tell.
@@ -68,7 +67,6 @@ mod quantile;
 mod ranks;
 mod ratio;
 mod selection;
-mod sequential;
 mod summary;
 mod trajectory;
 
@@ -95,7 +93,6 @@ pub use quantile::{median, quantile};
 pub use ranks::{average_ranks, competition_ranks};
 pub use ratio::ratio_of_sums;
 pub use selection::{RankRule, Selection, select, select_by};
-pub use sequential::{Look, SequentialTest};
 pub use summary::{Interval, Summary, mean, sample_std, summarise, summarise_overlapping};
 pub use trajectory::{
     SPECTRUM_FLOOR, autocorrelation, autocorrelation_distance, collapse_step, increments,

@@ -1,11 +1,20 @@
 //! serde's messages, told as a person would.
 
+/// Keys that are gone, each with what became of it and what to do.
+const REMOVED: [(&str, &str); 1] = [(
+    "race_error_rate",
+    "the race by certainty is gone, and its error rate with it. Leave the key out",
+)];
+
 /// Rewrite "unknown field `x`, expected one of `a`, `b`" so that it names the nearest valid key.
 pub(crate) fn friendly(message: &str) -> String {
     let Some(rest) = message.strip_prefix("unknown field `") else {
         return friendly_variant(message);
     };
     let Some((key, rest)) = rest.split_once('`') else { return message.to_owned() };
+    if let Some((_, told)) = REMOVED.iter().find(|(removed, _)| *removed == key) {
+        return format!("unknown key `{key}`: {told}");
+    }
     let valid = quoted(rest);
     if valid.is_empty() {
         return format!("unknown key `{key}`; no keys are known here");

@@ -8,7 +8,7 @@ use serde::{
     de::{self, IntoDeserializer as _, Visitor},
 };
 
-use crate::{Axis, RaceRule, Sampling};
+use crate::{Axis, Sampling};
 
 /// The `[sweep]` section of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -42,23 +42,19 @@ pub struct SweepConfig {
     /// Settings that `random` and `sobol` draw (default 20).
     pub samples: usize,
     /// Whether settings that are behind make no more runs (default: all settings make all runs).
-    #[serde(deserialize_with = "older_race")]
+    #[serde(deserialize_with = "race_kind")]
     pub race: RaceKind,
-    /// For the race `sure`: the largest probability with which the best setting may be dropped (default 0.05).
-    pub race_error_rate: f64,
     /// Agent field → values. The settings are all combinations of the values, the first field varying slowest.
     pub grid: BTreeMap<String, Axis>,
 }
 
-/// Whether settings that are behind make no more runs, and when.
+/// Whether settings that are behind make no more runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RaceKind {
     /// All settings make all runs.
     #[default]
     None,
-    /// A setting that is surely worse than the leader makes no more.
-    Sure,
     /// The worse half makes no more, again and again.
     Halving,
 }
@@ -72,37 +68,35 @@ pub enum Beginning {
     Pretrained,
 }
 
-/// A kind by its name, or as it was written before there were several.
-fn older_race<'de, D: Deserializer<'de>>(deserializer: D) -> Result<RaceKind, D::Error> {
+/// What to write where a study asks for the race that there was, `"sure"` or `true`.
+const RACE_BY_CERTAINTY: &str = "the race by certainty is gone. Write \"halving\", which saves more \
+    runs and chooses as well, or \"none\", which makes all runs";
+
+/// A kind by its name, or `false`, as none was written before there were several.
+fn race_kind<'de, D: Deserializer<'de>>(deserializer: D) -> Result<RaceKind, D::Error> {
     struct Spelt;
     impl Visitor<'_> for Spelt {
         type Value = RaceKind;
 
         fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-            formatter.write_str("\"none\", \"sure\" or \"halving\"")
+            formatter.write_str("\"none\" or \"halving\"")
         }
 
         fn visit_bool<E: de::Error>(self, is_race: bool) -> Result<RaceKind, E> {
-            Ok(if is_race { RaceKind::Sure } else { RaceKind::None })
+            if is_race { Err(E::custom(RACE_BY_CERTAINTY)) } else { Ok(RaceKind::None) }
         }
 
         fn visit_str<E: de::Error>(self, name: &str) -> Result<RaceKind, E> {
-            RaceKind::deserialize(name.into_deserializer())
+            match name {
+                "sure" => Err(E::custom(RACE_BY_CERTAINTY)),
+                _ => RaceKind::deserialize(name.into_deserializer()),
+            }
         }
     }
     deserializer.deserialize_any(Spelt)
 }
 
 impl SweepConfig {
-    /// The rule of its race, if it is one.
-    pub fn race_rule(&self) -> Option<RaceRule> {
-        match self.race {
-            RaceKind::None => None,
-            RaceKind::Sure => Some(RaceRule::Surely { error_rate: self.race_error_rate }),
-            RaceKind::Halving => Some(RaceRule::Halving),
-        }
-    }
-
     /// Runs of every value in a network.
     pub fn runs_of_network(&self) -> usize {
         self.network_runs.unwrap_or(self.member_runs)
@@ -135,7 +129,6 @@ impl Default for SweepConfig {
             sampling: Sampling::Grid,
             samples: 20,
             race: RaceKind::None,
-            race_error_rate: 0.05,
             grid: BTreeMap::from([(
                 "learning_rate".to_owned(),
                 Axis::List(rates.map(Into::into).to_vec()),

@@ -115,12 +115,6 @@ pub enum SweepError {
         /// Different ones found.
         there: usize,
     },
-    /// A race cannot be wrong this often.
-    #[error("sweep.race_error_rate must be above 0 and at most 0.5, got {got}")]
-    RaceErrorRate {
-        /// The rate asked for.
-        got: f64,
-    },
     /// A candidate is not a valid agent.
     #[error("sweep.grid: {candidate} is not a valid agent: {reason}")]
     Candidate {

@@ -72,7 +72,7 @@ pub use opaque_environment::ClosedEnvironment;
 pub use pass::Start;
 pub use plan::{CompletedSweep, PassId, Plan, PlanOptions, RESULT_VERSION, ReadyPass, StoredUnits};
 pub use program::{PredictionRequest, Program, ProgramPredictions, ProgramStopped};
-pub use race::{RaceRule, raced};
+pub use race::raced;
 pub use range::{Range, Scale};
 pub use replay::ReplayEnvironment;
 pub use sampling::Sampling;

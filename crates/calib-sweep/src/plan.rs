@@ -11,7 +11,7 @@ use crate::{
     Baselines, Candidate, Environment, EnvironmentId, PlannedUnit, Program, RunRow, Span, Start,
     SweepError, Unit, UnitResult, UnitRuns, UnitStore, WORK_BETWEEN, cohorts,
     pass::Pass,
-    race::{Race, RaceRule, Streams},
+    race::{Race, Streams},
 };
 
 mod key;
@@ -248,12 +248,17 @@ impl<'a> Plan<'a> {
         self
     }
 
-    /// The same plan as a race: after each round values that are behind are dropped, by `rule`, and a sensor makes no more runs once one
-    /// value is left. Online always trains all values. Every run that is made is the one that it would be without the race.
+    /// The same plan as a race: after each round the worse half of the values is dropped, and a sensor makes no more runs once one value
+    /// is left. Online always trains all values. Every run that is made is the one that it would be without the race.
     ///
-    /// # Errors
-    /// An error rate that is not above 0 and at most 0.5.
-    pub fn race(mut self, rule: RaceRule) -> Result<Self, SweepError> {
+    /// The first round has ⌈N / 2^⌈log₂ V⌉⌉ of N streams, at least two, and each one after it as many as all before. After them ⌈V/2⌉,
+    /// ⌈V/4⌉, … of V values are left, so that about half of all streams are ever seen, by few values. Streams come in turn from members and
+    /// log, as many as there are of each. What leads is the value that diverged in the fewest streams so far, and of these has the smallest
+    /// mean logarithm of the error over the others.
+    ///
+    /// Source: successive halving (Karnin, Koren & Somekh 2013; Jamieson & Talwalkar 2016), with streams as its resource.
+    #[must_use]
+    pub fn race(mut self) -> Self {
         let mut members = Vec::new();
         let mut runs = usize::MAX;
         let mut windows = 0;
@@ -267,10 +272,10 @@ impl<'a> Plan<'a> {
                 EnvironmentId::Online => {}
             }
         }
-        let streams = Streams::new(members, runs, windows);
-        let race = Race::new(&streams, self.candidates.len(), self.options.part, rule)?;
-        self.race = Some(race);
-        Ok(self)
+        let runs = if members.is_empty() { 0 } else { runs };
+        let streams = Streams { members, runs, windows };
+        self.race = Some(Race::new(&streams, self.candidates.len(), self.options.part));
+        self
     }
 
     /// Units in all, as many as there can be.
@@ -323,56 +328,44 @@ impl<'a> Plan<'a> {
     }
 
     /// The results that `store` has.
-    ///
-    /// # Errors
-    /// If an error that a race decides by is NaN.
-    pub fn stored(&self, store: &UnitStore) -> Result<StoredUnits, SweepError> {
+    pub fn stored(&self, store: &UnitStore) -> StoredUnits {
         self.known(&|unit, key| store.get(unit, key))
     }
 
     /// The results that `look_up` finds by unit and key.
-    ///
-    /// # Errors
-    /// As [`stored`](Self::stored).
-    pub fn known(&self, look_up: Lookup<'_>) -> Result<StoredUnits, SweepError> {
+    pub fn known(&self, look_up: Lookup<'_>) -> StoredUnits {
         let mut found = StoredUnits::default();
         let mut survivors = Survivors::default();
         loop {
             found.read(&self.jobs(&survivors), look_up);
-            if !self.decide(&mut survivors, &found.whole)? {
-                return Ok(found);
+            if !self.decide(&mut survivors, &found.whole) {
+                return found;
             }
         }
     }
 
     /// Units of which something has to be run beside `found`; in a race, at most.
-    ///
-    /// # Errors
-    /// As [`stored`](Self::stored).
-    pub fn left(&self, found: &StoredUnits) -> Result<usize, SweepError> {
-        Ok(self.missing(&found.whole)?.len())
+    pub fn left(&self, found: &StoredUnits) -> usize {
+        self.missing(&found.whole).len()
     }
 
     /// Runs that have to be made beside `found`, one for each setting of a unit; in a race, at most.
-    ///
-    /// # Errors
-    /// As [`stored`](Self::stored).
-    pub fn runs_left(&self, found: &StoredUnits) -> Result<usize, SweepError> {
+    pub fn runs_left(&self, found: &StoredUnits) -> usize {
         let mut survivors = Survivors::default();
-        self.decide(&mut survivors, &found.whole)?;
+        self.decide(&mut survivors, &found.whole);
         let known = self.jobs(&survivors);
         let known: BTreeMap<&Unit, usize> = known
             .iter()
             .filter_map(|job| Some((&job.unit, found.rest(job)?.agents.len())))
             .collect();
-        let missing = self.missing(&found.whole)?;
-        Ok(missing.iter().map(|unit| *known.get(unit).unwrap_or(&self.candidates.len())).sum())
+        let missing = self.missing(&found.whole);
+        missing.iter().map(|unit| *known.get(unit).unwrap_or(&self.candidates.len())).sum()
     }
 
     /// Units that have to be run beside `found`; in a race, at most.
-    fn missing(&self, found: &BTreeMap<Unit, UnitResult>) -> Result<Vec<Unit>, SweepError> {
+    fn missing(&self, found: &BTreeMap<Unit, UnitResult>) -> Vec<Unit> {
         let mut survivors = Survivors::default();
-        self.decide(&mut survivors, found)?;
+        self.decide(&mut survivors, found);
         let mut missing = Vec::new();
         for (sensor, _) in &self.sensors {
             for environment in &self.environments {
@@ -384,7 +377,7 @@ impl<'a> Plan<'a> {
                 }
             }
         }
-        Ok(missing)
+        missing
     }
 
     /// Run what `store` lacks; see [`complete`](Self::complete).
@@ -396,7 +389,7 @@ impl<'a> Plan<'a> {
         store: &UnitStore,
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitResult>, SweepError> {
-        Ok(self.complete(self.stored(store)?, store, monitor)?.results)
+        Ok(self.complete(self.stored(store), store, monitor)?.results)
     }
 
     /// Run what units have no run of in `stored`, in parallel, put their results in `store`, and return
@@ -417,14 +410,14 @@ impl<'a> Plan<'a> {
         let mut ran = 0;
         let mut runs = 0;
         let kept = store.states_kept();
-        let mut left = self.passes(&found)?;
+        let mut left = self.passes(&found);
         monitor.begin("training", (left * self.options.span.steps) as u64);
         let mut survivors = Survivors::default();
         loop {
             let jobs = self.jobs(&survivors);
             // Values of later runs were not known before: what is stored of them is not run again, and some are not needed.
             found.read(&jobs, &|unit, key| store.get(unit, key));
-            let now = self.passes(&found)?;
+            let now = self.passes(&found);
             // Sensors need not have come equally far before, so that one pass can train units of several rounds.
             let done = left.saturating_sub(now);
             monitor.advance((done * self.options.span.steps) as u64);
@@ -440,7 +433,7 @@ impl<'a> Plan<'a> {
                     found.add(job, made);
                 }
             }
-            if !self.decide(&mut survivors, &found.whole)? {
+            if !self.decide(&mut survivors, &found.whole) {
                 store.forget_stale(&kept);
                 let results = jobs.iter().filter_map(|job| found.whole.remove(&job.unit)).collect();
                 return Ok(CompletedSweep { results, ran, runs });
@@ -449,11 +442,8 @@ impl<'a> Plan<'a> {
     }
 
     /// Passes over streams that are still to be made beside `found`, in a race at most: sensors share those of a run.
-    ///
-    /// # Errors
-    /// As [`stored`](Self::stored).
-    pub fn passes(&self, found: &StoredUnits) -> Result<usize, SweepError> {
-        Ok(Self::passes_over(self.missing(&found.whole)?.iter()))
+    pub fn passes(&self, found: &StoredUnits) -> usize {
+        Self::passes_over(self.missing(&found.whole).iter())
     }
 
     fn passes_of(made: &[UnitRuns]) -> usize {
@@ -503,19 +493,15 @@ impl<'a> Plan<'a> {
     }
 
     /// Decide what the results allow to decide; whether that was anything.
-    fn decide(
-        &self,
-        survivors: &mut Survivors,
-        found: &BTreeMap<Unit, UnitResult>,
-    ) -> Result<bool, SweepError> {
-        let Some(race) = &self.race else { return Ok(false) };
+    fn decide(&self, survivors: &mut Survivors, found: &BTreeMap<Unit, UnitResult>) -> bool {
+        let Some(race) = &self.race else { return false };
         let mut decided = false;
         for (sensor, _) in &self.sensors {
-            let after = race.survivors(sensor, found)?;
+            let after = race.survivors(sensor, found);
             decided |= after.len() > survivors.rounds(sensor).len();
             survivors.0.insert(sensor.clone(), after);
         }
-        Ok(decided)
+        decided
     }
 
     /// The round of the race before that of a unit; none if it is made whatever happens.

@@ -8,7 +8,7 @@ use calib_agent::{
 };
 use calib_core::{RowStream, Seed, Segments, Silent, States};
 use calib_sweep::{
-    Candidate, ChoiceBaseline, EnvironmentId, Judging, RaceRule, Rule, RunRow, SensorVerdict, Unit,
+    Candidate, ChoiceBaseline, EnvironmentId, Judging, Rule, RunRow, SensorVerdict, Unit,
     UnitResult, raced, verdict,
 };
 use serde::Deserialize;
@@ -20,13 +20,13 @@ struct Golden {
     race: GoldenRace,
 }
 
-/// Rounds of one run a member and one window of the log.
+/// Some runs of each member, and as many windows of the log, which come last.
 #[derive(Deserialize)]
 struct GoldenRace {
-    /// `[round][stream][value]`; null where a value diverged.
+    /// `[run][stream][value]`; null where a value diverged.
     streams: Vec<Vec<Vec<Option<f64>>>>,
-    /// What is left after each round, until one value is.
-    after: Vec<Vec<usize>>,
+    /// `[run][stream]`: the values that are trained.
+    trained: Vec<Vec<Vec<usize>>>,
 }
 
 #[derive(Deserialize)]
@@ -215,32 +215,32 @@ fn each_rule_is_what_it_says_it_is() {
 
 #[test]
 fn a_race_drops_what_numpy_drops() {
-    let GoldenRace { streams, after } = golden().race;
+    let GoldenRace { streams, trained } = golden().race;
     let mut results = Vec::new();
-    for (round, of_round) in streams.iter().enumerate() {
-        for (stream, errors) in of_round.iter().enumerate() {
-            let errors: Vec<f64> = errors.iter().map(|of| of.unwrap_or(f64::INFINITY)).collect();
+    let mut expected = BTreeMap::new();
+    for (run, (errors, trained)) in streams.iter().zip(trained).enumerate() {
+        for (stream, (errors, trained)) in errors.iter().zip(trained).enumerate() {
+            let errors: Vec<f64> =
+                errors.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect();
             let environment = match stream {
                 4 => EnvironmentId::LogReplay,
                 member => EnvironmentId::Member(member),
             };
-            results.push(result(environment, round, 0, &errors));
-        }
-    }
-    let values = streams[0][0].len();
-    let made = raced(&results, values, Part::WholeRun, RaceRule::Surely { error_rate: 0.05 })
-        .expect("finite");
-    for (round, left) in after.iter().enumerate() {
-        let next: Vec<&UnitResult> =
-            made.iter().filter(|result| result.unit.run == round + 1).collect();
-        if left.len() < 2 {
-            assert!(next.is_empty(), "nothing is run after round {round}");
-        } else {
-            for result in next {
-                let rows: Vec<usize> = result.rows.iter().map(|row| row.candidate).collect();
-                assert_eq!(&rows, left, "after round {round}");
+            results.push(result(environment, run, 0, &errors));
+            if !trained.is_empty() {
+                expected.insert((environment, run), trained);
             }
         }
     }
-    assert!(after.len() > 2 && after.last().is_some_and(|left| left.len() < values), "{after:?}");
+    let values = streams[0][0].len();
+    let made: BTreeMap<(EnvironmentId, usize), Vec<usize>> =
+        raced(&results, values, Part::WholeRun)
+            .iter()
+            .map(|result: &UnitResult| {
+                let Unit { environment, run, .. } = result.unit;
+                let trained = result.rows.iter().map(|row| row.candidate);
+                ((environment, run), trained.collect())
+            })
+            .collect();
+    assert_eq!(made, expected);
 }

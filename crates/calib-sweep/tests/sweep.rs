@@ -3,7 +3,7 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
-    path::Path,
+    path::{Path, PathBuf},
     sync::atomic::{AtomicU64, Ordering},
 };
 
@@ -20,8 +20,8 @@ use calib_model::{
 };
 use calib_sweep::{
     Candidate, ChoiceBaseline, Environment, EnvironmentId, ErrorScale, Grade, Judging,
-    MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, RaceRule, ReplayEnvironment,
-    RolloutOptions, Rule, ScoringDemand, SensorVerdict, Span, Start, SweepConfig, SweepError,
+    MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, ReplayEnvironment,
+    RolloutOptions, Rule, ScoringDemand, SensorVerdict, Span, Start, SweepConfig, SweepError, Unit,
     UnitResult, UnitStore, Windows, candidates, raced, verdict,
 };
 
@@ -188,31 +188,28 @@ fn a_larger_grid_trains_its_new_settings_alone() {
     let small = Study::of(&[1e-5, 5e-2, 1e38]);
     let large = Study::of(&[1e-5, 1e-4, 5e-2, 1e38]);
     let directory = tempfile::tempdir().expect("a directory");
-    for rule in [None, Some(RaceRule::Halving), Some(SURELY)] {
+    for is_race in [false, true] {
         let made = |study: &Study, name: &str| {
-            let store = UnitStore::new(directory.path().join(format!("{name}-{rule:?}")));
+            let store = UnitStore::new(directory.path().join(format!("{name}-{is_race}")));
             study.with_runs(1, 4, |plan| {
-                let plan = match rule {
-                    Some(rule) => plan.race(rule).expect("a rate"),
-                    None => plan,
-                };
-                let stored = plan.stored(&store).expect("read");
-                let left = plan.runs_left(&stored).expect("counted");
+                let plan = if is_race { plan.race() } else { plan };
+                let stored = plan.stored(&store);
+                let left = plan.runs_left(&stored);
                 (left, plan.complete(stored, &store, &Silent).expect("runs"))
             })
         };
         let (_, fresh) = made(&large, "fresh");
         let (_, before) = made(&small, "grown");
         let (left, grown) = made(&large, "grown");
-        assert_eq!(grown.results, fresh.results, "{rule:?}");
-        if rule.is_none() {
+        assert_eq!(grown.results, fresh.results, "race: {is_race}");
+        if !is_race {
             // Two sensors, four runs in each of three members, on the log and online.
             assert_eq!((left, grown.runs, grown.ran), (40, 40, 40));
         }
-        assert!(grown.runs < fresh.runs / 2, "{rule:?}: {} of {}", grown.runs, fresh.runs);
+        assert!(grown.runs < fresh.runs / 2, "{is_race}: {} of {}", grown.runs, fresh.runs);
         let (left, back) = made(&small, "grown");
-        assert_eq!((left, back.runs, back.ran), (0, 0, 0), "{rule:?}");
-        assert_eq!(back.results, before.results, "{rule:?}");
+        assert_eq!((left, back.runs, back.ran), (0, 0, 0), "race: {is_race}");
+        assert_eq!(back.results, before.results, "race: {is_race}");
     }
 }
 
@@ -367,19 +364,13 @@ fn agents_start_from_checkpoints() {
     }
 }
 
-const SURELY: RaceRule = RaceRule::Surely { error_rate: 0.05 };
-
 /// The whole sweep of four values, and the same as a race, which is what is left of it.
-fn whole_and_raced(
-    study: &Study,
-    directory: &Path,
-    rule: RaceRule,
-) -> (Vec<UnitResult>, Vec<UnitResult>) {
+fn whole_and_raced(study: &Study, directory: &Path) -> (Vec<UnitResult>, Vec<UnitResult>) {
     let store = |name: &str| UnitStore::new(directory.join(name));
     let whole = study.with_runs(1, 4, |plan| plan.run(&store("whole"), &Silent).expect("runs"));
-    let alone = in_pool(1, || race(study, rule, &store("one")));
-    assert_eq!(alone, in_pool(4, || race(study, rule, &store("four"))));
-    let expected = raced(&whole, 4, Part::WholeRun, rule).expect("finite");
+    let alone = in_pool(1, || race(study, &store("one")));
+    assert_eq!(alone, in_pool(4, || race(study, &store("four"))));
+    let expected = raced(&whole, 4, Part::WholeRun);
     assert_eq!(alone.len(), expected.len());
     for (made, expected) in alone.iter().zip(&expected) {
         assert_eq!((&made.unit, &made.rows), (&expected.unit, &expected.rows), "{}", made.unit);
@@ -387,13 +378,12 @@ fn whole_and_raced(
     (whole, alone)
 }
 
-fn race(study: &Study, rule: RaceRule, store: &UnitStore) -> Vec<UnitResult> {
+fn race(study: &Study, store: &UnitStore) -> Vec<UnitResult> {
     study.with_runs(1, 4, |plan| {
-        let plan = plan.race(rule).expect("a rate");
-        let completed =
-            plan.complete(plan.stored(store).expect("read"), store, &Silent).expect("runs");
-        let stored = plan.stored(store).expect("read");
-        assert_eq!((plan.left(&stored), plan.passes(&stored)).0.expect("counted"), 0);
+        let plan = plan.race();
+        let completed = plan.complete(plan.stored(store), store, &Silent).expect("runs");
+        let stored = plan.stored(store);
+        assert_eq!((plan.left(&stored), plan.passes(&stored)), (0, 0));
         completed.results
     })
 }
@@ -406,7 +396,7 @@ fn rows(results: &[UnitResult]) -> usize {
 fn a_halving_keeps_the_better_half_again_and_again() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
-    let (whole, made) = whole_and_raced(&study, directory.path(), RaceRule::Halving);
+    let (whole, made) = whole_and_raced(&study, directory.path());
     let choosing = |of: &&UnitResult| of.unit.environment != EnvironmentId::Online;
     let in_members =
         |of: &[UnitResult]| rows(&of.iter().filter(choosing).cloned().collect::<Vec<_>>());
@@ -434,26 +424,21 @@ fn a_halving_keeps_the_better_half_again_and_again() {
 fn a_race_is_the_whole_sweep_with_runs_left_out() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
-    // The value that diverges is dropped after the first round, the slow ones when that is sure; runs that are made are the same.
-    let (whole, alone) = whole_and_raced(&study, directory.path(), SURELY);
+    // Three runs of members and a window of the log by four values, as many again by two; runs that are made are the same.
+    let (whole, alone) = whole_and_raced(&study, directory.path());
     assert!(rows(&alone) < rows(&whole) * 3 / 4, "{} of {}", rows(&alone), rows(&whole));
-    let left = |run: usize| {
-        alone
-            .iter()
-            .find(|result: &&UnitResult| {
-                result.unit.sensor == "A"
-                    && result.unit.environment == EnvironmentId::Member(1)
-                    && result.unit.run == run
-            })
-            .map(|result| result.rows.len())
-    };
-    assert_eq!(left(0), Some(4));
-    assert!(left(1) < Some(4), "1e38 has diverged");
+    let left = [0, 1, 2].map(|run: usize| {
+        let environment = EnvironmentId::Member(1);
+        let unit = Unit { sensor: "A".to_owned(), environment, run };
+        alone.iter().find(|result| result.unit == unit).map(|result| result.rows.len())
+    });
+    assert_eq!(left, [Some(4), Some(2), None]);
 
     let judged_race = judged(&study, &alone);
     let of_whole = judged(&study, &whole);
     assert_eq!(judged_race.chosen, of_whole.chosen);
-    assert!(judged_race.dropped.iter().any(|of| of.candidate == 3 && of.runs < of.of_runs));
+    let diverged = judged_race.dropped.iter().find(|dropped| dropped.candidate == 3);
+    assert!(diverged.is_some_and(|dropped| dropped.runs < dropped.of_runs));
     assert!(judged_race.warnings.iter().any(|text| text.contains("the race dropped")));
     assert!(of_whole.dropped.is_empty());
     let scores = |of: &SensorVerdict| of.truth.as_ref().map(|truth| truth.scores.clone());
@@ -462,11 +447,16 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
     // A unit of the first round lost: it is run again, and nothing else.
     let one = UnitStore::new(directory.path().join("one"));
     let lost = one.directory().join("A/member-1/run-0000.json");
-    let later = one.directory().join("A/member-2/run-0000.json");
+    let kept = ["A/member-2/run-0000.json", "A/member-1/run-0001.json"];
+    let kept = kept.map(|name| one.directory().join(name));
     fs::remove_file(lost).expect("was there");
-    let written = || fs::metadata(&later).and_then(|of| of.modified()).expect("there");
+    let written = || {
+        kept.each_ref().map(|file: &PathBuf| {
+            fs::metadata(file).and_then(|metadata| metadata.modified()).expect("there")
+        })
+    };
     let before = written();
-    assert_eq!(race(&study, SURELY, &one), alone);
+    assert_eq!(race(&study, &one), alone);
     assert_eq!(written(), before);
 }
 

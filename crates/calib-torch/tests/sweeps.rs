@@ -12,8 +12,8 @@ use calib_agent::{Accelerator, AgentConfig, Part};
 use calib_core::{Monitor, RowIndex, RowStream, Seed, Segments, Silent, States};
 use calib_files::Fingerprint;
 use calib_sweep::{
-    Candidate, Environment, EnvironmentId, Plan, PlanOptions, RaceRule, RunStream, Span,
-    SweepConfig, SweepError, UnitResult, UnitStore, candidates,
+    Candidate, Environment, EnvironmentId, Plan, PlanOptions, RunStream, Span, SweepConfig,
+    SweepError, UnitResult, UnitStore, candidates,
 };
 use calib_torch::{DeviceChoice, Populations, device};
 
@@ -127,9 +127,8 @@ fn a_sweep_side_by_side_is_the_native_one() {
         assert!((native - torch).abs() < 1e-5 * native, "{native} and {torch}");
     }
     // Each finds its own.
-    let found = |accelerator| {
-        with_plan(accelerator, |plan| plan.stored(&store("torch")).expect("read").whole().len())
-    };
+    let found =
+        |accelerator| with_plan(accelerator, |plan| plan.stored(&store("torch")).whole().len());
     assert_eq!((found(None), found(Some(&small))), (0, 20));
 }
 
@@ -171,7 +170,7 @@ fn an_interrupted_sweep_is_to_the_byte_what_it_would_have_been() {
         let store = UnitStore::new(directory.path().join(patience.to_string()));
         let impatient = Impatient { looks: AtomicU64::new(0), patience };
         let ended = with_plan(Some(&small), |plan| plan.run(&store, &impatient));
-        let some = with_plan(Some(&small), |plan| plan.stored(&store).expect("read").whole().len());
+        let some = with_plan(Some(&small), |plan| plan.stored(&store).whole().len());
         if matches!(ended, Err(SweepError::Cancelled(_))) && some > 0 {
             stopped += 1;
         }
@@ -199,10 +198,7 @@ fn a_race_is_run_side_by_side() {
     let directory = tempfile::tempdir().expect("a directory");
     let run = |accelerator: Option<&dyn Accelerator>, name: &str| {
         let store = UnitStore::new(directory.path().join(name));
-        with_plan(accelerator, |plan| {
-            let plan = plan.race(RaceRule::Halving).expect("valid");
-            plan.run(&store, &Silent).expect("runs")
-        })
+        with_plan(accelerator, |plan| plan.race().run(&store, &Silent).expect("runs"))
     };
     let native = run(None, "native");
     let torch = run(Some(&small()), "torch");

@@ -59,10 +59,8 @@ pub struct ModelPair {
     pub stability: Option<f64>,
     /// The value that it chooses by each rule.
     pub rules: Vec<RuleChoice>,
-    /// Share of the updates in its members and on the log that a race would not have made; what it would have chosen then is the
-    /// rule `raced`. None if that is not known.
-    pub saved: Option<f64>,
-    /// The same of a race by halving, whose choice is the rule `halved`.
+    /// Share of the updates in its members and on the log that a race by halving would not have made; what it would have chosen then is
+    /// the rule `halved`. None if that is not known.
     pub saved_by_halving: Option<f64>,
     /// Spearman's correlation of its ranking with the regrets Online.
     pub spearman: Option<f64>,

@@ -53,9 +53,7 @@ pub struct RankAgreement {
     pub smallest: f64,
     /// Mean over pairs of the share of resamples of the evidence from which the same is chosen.
     pub stability: Option<f64>,
-    /// Mean over pairs of the share of updates that a race would have saved.
-    pub saved: Option<f64>,
-    /// The same of a race by halving.
+    /// Mean over pairs of the share of updates that a race by halving would have saved.
     pub saved_by_halving: Option<f64>,
 }
 
@@ -100,8 +98,7 @@ impl RankAgreement {
             own.iter().map(|pair| pair.and_then(|pair| pair.spearman)).collect();
         let known: Vec<f64> = by_pair.iter().flatten().copied().collect();
         let stable: Vec<f64> = own.iter().flatten().filter_map(|pair| pair.stability).collect();
-        let saved: Vec<f64> = own.iter().flatten().filter_map(|pair| pair.saved).collect();
-        let halving: Vec<f64> =
+        let saved: Vec<f64> =
             own.iter().flatten().filter_map(|pair| pair.saved_by_halving).collect();
         if known.is_empty() {
             return Ok(None);
@@ -116,8 +113,7 @@ impl RankAgreement {
             ),
             smallest: known.iter().copied().fold(f64::INFINITY, f64::min),
             stability: (!stable.is_empty()).then(|| mean(&stable)).transpose()?,
-            saved: (!saved.is_empty()).then(|| mean(&saved)).transpose()?,
-            saved_by_halving: (!halving.is_empty()).then(|| mean(&halving)).transpose()?,
+            saved_by_halving: (!saved.is_empty()).then(|| mean(&saved)).transpose()?,
         }))
     }
 }

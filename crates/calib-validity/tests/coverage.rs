@@ -69,7 +69,6 @@ fn pair(plant: usize, sensor: usize, regrets: [f64; 3]) -> Pair {
         model: "a".to_owned(),
         chosen: 1,
         stability: None,
-        saved: None,
         saved_by_halving: None,
         rules: Vec::new(),
         spearman: None,

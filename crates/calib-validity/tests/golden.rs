@@ -106,7 +106,6 @@ fn pair(of: GoldenPair) -> Pair {
                 model,
                 chosen: of.chosen,
                 stability: None,
-                saved: None,
                 saved_by_halving: None,
                 rules: of
                     .rules

@@ -238,7 +238,7 @@ impl<'p> Inputs<'p> {
         &'a self,
         environments: &'a [Box<dyn Environment + 'a>],
         baselines: Option<&'a Baselines<'a>>,
-    ) -> Result<Plan<'a>, StepError> {
+    ) -> Plan<'a> {
         let SweepPart { study, candidates, sensors, span, .. } = self.part;
         let as_dyn = environments.iter().map(|environment| &**environment).collect();
         let options = PlanOptions {
@@ -249,7 +249,7 @@ impl<'p> Inputs<'p> {
         };
         let plan = Plan::new(candidates, as_dyn, sensors.clone(), options);
         let plan = plan.starting_from(self.starts.clone()).with_baselines(baselines);
-        Ok(raced(plan, study)?)
+        raced(plan, study)
     }
 }
 

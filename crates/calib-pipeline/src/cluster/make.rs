@@ -211,15 +211,14 @@ impl Planning<'_> {
         };
         let environments = setting.open(study)?;
         let baselines = Baselines::new(&setting.dataset.train);
-        let plan = setting.plan(study, &environments, &baselines, None)?;
+        let plan = setting.plan(study, &environments, &baselines, None);
         let store = unit_store(&job.layout().sweep(), None);
-        let KnownUnits { stored, .. } =
-            KnownUnits::of(&plan, &store, job, ResultSource::default())?;
+        let KnownUnits { stored, .. } = KnownUnits::of(&plan, &store, job, ResultSource::default());
         let runs: Vec<(EnvironmentId, usize)> = environments
             .iter()
             .flat_map(|environment| (0..environment.runs()).map(move |run| (environment.id(), run)))
             .collect();
-        if plan.left(&stored)? == 0 {
+        if plan.left(&stored) == 0 {
             return Ok(None);
         }
         context.say("timing some steps of a pass");
@@ -234,7 +233,7 @@ impl Planning<'_> {
         for (environment, run) in runs {
             for (group, sensors) in groups.iter().enumerate() {
                 let pass = PassId { environment, run, sensors: sensors.clone() };
-                if self.is_needed(&plan, &pass, &stored)? {
+                if self.is_needed(&plan, &pass, &stored) {
                     let secs = cost.of(sensors.len());
                     let pass = PlannedPass { part: number, environment, run, group, secs };
                     work.push(StagedPass { stage: plan.stage(environment, run), pass });
@@ -289,22 +288,17 @@ impl Planning<'_> {
     }
 
     /// Whether a unit of a pass has no result, and no part before makes it. Values of later stages of a race are not known yet.
-    fn is_needed(
-        &mut self,
-        plan: &Plan<'_>,
-        pass: &PassId,
-        stored: &StoredUnits,
-    ) -> Result<bool, StepError> {
+    fn is_needed(&mut self, plan: &Plan<'_>, pass: &PassId, stored: &StoredUnits) -> bool {
         if plan.stage(pass.environment, pass.run) > 0 {
-            return Ok(pass.units().any(|unit| !stored.whole().contains_key(&unit)));
+            return pass.units().any(|unit| !stored.whole().contains_key(&unit));
         }
-        let ready = plan.ready(std::slice::from_ref(pass), &BTreeMap::new())?;
+        let ready = plan.ready(std::slice::from_ref(pass), &BTreeMap::new());
         let mut is_needed = false;
         for planned in ready.iter().flat_map(calib_sweep::ReadyPass::units) {
             is_needed |= !stored.whole().contains_key(&planned.unit)
                 && self.seen.insert(planned.fingerprint(plan.settings()));
         }
-        Ok(is_needed)
+        is_needed
     }
 
     /// The shards of all stages, in each the longest first.

@@ -183,12 +183,12 @@ impl Running<'_> {
         let inputs = Inputs::open(&directory, plan.sweep(part)?, wanted)?;
         let environments = inputs.environments()?;
         let baselines = inputs.baselines();
-        let sweep = inputs.plan(&environments, baselines.as_ref())?;
+        let sweep = inputs.plan(&environments, baselines.as_ref());
         let mut earlier = inputs.stored.clone();
         results::add(&mut earlier, before.values().cloned());
         let earlier =
-            sweep.known(&|unit, key| earlier.get(&(unit.clone(), key.to_owned())).cloned())?;
-        let ready = sweep.ready(&passes, earlier.whole())?;
+            sweep.known(&|unit, key| earlier.get(&(unit.clone(), key.to_owned())).cloned());
+        let ready = sweep.ready(&passes, earlier.whole());
         let tasks: Vec<ShardPass<'_>> = ready
             .into_iter()
             .zip(planned.iter().zip(&passes))

@@ -8,7 +8,7 @@ use calib_model_steps::rollouts::{
     one_step::{self, OneStep},
     rollout::{self, RolloutManifest},
 };
-use calib_sweep::{Candidate, ChoiceBaseline, RaceRule, SensorVerdict, SweepError, Truth};
+use calib_sweep::{Candidate, ChoiceBaseline, SensorVerdict, SweepError, Truth};
 use calib_sweep_steps::verdict::evaluate::{self, Judged};
 use calib_validity::{ModelPair, Pair, RuleChoice};
 
@@ -216,17 +216,12 @@ fn model_pair(model: &ModelEvidence, verdict: &SensorVerdict) -> Result<ModelPai
         distance.mean
     });
     let share = verdict.stability.iter().find(|share| share.candidate == verdict.chosen);
-    let error_rate = model.judged.job.study().sweep.race_error_rate;
-    let raced = race::outcome(&model.judged, verdict, RaceRule::Surely { error_rate })?;
-    let halved = race::outcome(&model.judged, verdict, RaceRule::Halving)?;
+    let halved = race::outcome(&model.judged, verdict)?;
     let rules = verdict
         .rules
         .iter()
         .map(|choice| RuleChoice { rule: choice.rule.name().to_owned(), chosen: choice.chosen })
-        .chain(
-            [("raced", raced.chosen), ("halved", halved.chosen)]
-                .map(|(rule, chosen)| RuleChoice { rule: rule.to_owned(), chosen }),
-        );
+        .chain([RuleChoice { rule: "halved".to_owned(), chosen: halved.chosen }]);
     Ok(ModelPair {
         model: model.name.clone(),
         chosen: verdict.chosen,
@@ -236,7 +231,6 @@ fn model_pair(model: &ModelEvidence, verdict: &SensorVerdict) -> Result<ModelPai
             None => Some(0.0),
         },
         rules: rules.collect(),
-        saved: Some(raced.saved),
         saved_by_halving: Some(halved.saved),
         spearman: verdict.truth.as_ref().and_then(|truth| truth.choice.spearman),
         one_step: of_sensor.and_then(|sensor| sensor.error.rmse),

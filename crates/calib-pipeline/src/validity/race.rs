@@ -1,8 +1,8 @@
-//! What races would have saved, and chosen: read off the results of a whole sweep.
+//! What a race would have saved, and chosen: read off the results of a whole sweep.
 
 use calib_base::StepError;
 use calib_core::Seed;
-use calib_sweep::{EnvironmentId, Judging, RaceRule, SensorVerdict, UnitResult, raced, verdict};
+use calib_sweep::{EnvironmentId, Judging, SensorVerdict, UnitResult, raced, verdict};
 use calib_sweep_steps::verdict::evaluate::Judged;
 
 /// A race on the runs that were made.
@@ -14,17 +14,13 @@ pub(super) struct RaceOutcome {
 }
 
 /// Of the sensor of `whole`, by the same part of each run and the same rule of choosing.
-pub(super) fn outcome(
-    judged: &Judged,
-    whole: &SensorVerdict,
-    race: RaceRule,
-) -> Result<RaceOutcome, StepError> {
+pub(super) fn outcome(judged: &Judged, whole: &SensorVerdict) -> Result<RaceOutcome, StepError> {
     let Judged { job, manifest, results, .. } = judged;
     let study = job.study();
     let own = results.iter().filter(|result| result.unit.sensor == whole.sensor).cloned();
     let own: Vec<UnitResult> = own.collect();
     let values = manifest.candidates.len();
-    let left = raced(&own, values, whole.part, race)?;
+    let left = raced(&own, values, whole.part);
     let top_k = study.evaluate.top_k;
     let seed = Seed::new(study.seed);
     let judging = Judging::of_choice(whole.part, whole.rule, top_k, &manifest.scales, seed);

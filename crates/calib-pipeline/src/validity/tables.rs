@@ -107,24 +107,13 @@ fn agreement(agreement: &[RankAgreement]) -> Table {
             interval.map_or(Cell::Missing, Cell::Text),
             number(agreement.smallest),
             agreement.stability.map_or(Cell::Missing, Cell::Percent),
-            agreement.saved.map_or(Cell::Missing, Cell::Percent),
             agreement.saved_by_halving.map_or(Cell::Missing, Cell::Percent),
         ]
     });
     table(
         "Agreement of rankings with held-out data, and how firm choices are",
-        "Spearman's correlation of the model's ranking of the settings with their regrets on held-out data, mean over pairs. Same choice: the share of resamples (of models, runs and windows of the log) from which the same setting is chosen. A race saves: the share of the updates in models and on the log that sweep.race = \"sure\" would not have made; what it would have chosen is the rule \"raced\". \
-         Halving: the same for sweep.race = \"halving\", and the rule \"halved\".",
-        &[
-            "model",
-            "pairs",
-            "correlation",
-            "95 %",
-            "smallest",
-            "same choice",
-            "a race saves",
-            "halving",
-        ],
+        "Spearman's correlation of the model's ranking of the settings with their regrets on held-out data, mean over pairs. Same choice: the share of resamples (of models, runs and windows of the log) from which the same setting is chosen. A race saves: the share of the updates in models and on the log that sweep.race = \"halving\" would not have made; what it would have chosen is the rule \"halved\".",
+        &["model", "pairs", "correlation", "95 %", "smallest", "same choice", "a race saves"],
         rows.collect(),
     )
 }

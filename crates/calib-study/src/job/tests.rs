@@ -1,5 +1,7 @@
 use std::{fs, path::Path};
 
+use calib_sweep::RaceKind;
+
 use super::*;
 
 fn job(text: &str, overrides: &[&str]) -> Result<Job, StudyError> {
@@ -93,6 +95,33 @@ fn mistakes_name_file_line_and_nearest_key() {
     assert!(infinite.contains("model.temperature = inf: expected a finite number"), "{infinite}");
     let list = refused("[sweep.grid]\ngamma = [0.5, nan]\n", &[]);
     assert!(list.contains("sweep.grid.gamma = NaN"), "{list}");
+}
+
+#[test]
+fn what_is_gone_is_refused_with_what_to_write() {
+    let gone = "the race by certainty is gone. Write \"halving\", which saves more runs and chooses as well, \
+        or \"none\", which makes all runs";
+    for race in ["\"sure\"", "true"] {
+        let told = refused(&format!("[sweep]\nrace = {race}\n"), &[]);
+        assert_eq!(told, format!("study.toml:2:8: {gone}"));
+    }
+    let set = "sweep.race=sure";
+    assert_eq!(refused("", &[set]), format!("study.toml with --set {set}: sweep.race: {gone}"));
+    let rate = refused("[sweep]\nrace_error_rate = 0.05\n", &[]);
+    assert_eq!(
+        rate,
+        "study.toml:2:1: unknown key `race_error_rate`: the race by certainty is gone, and its error rate with it. \
+         Leave the key out"
+    );
+    let other = refused("[sweep]\nrace = \"halfing\"\n", &[]);
+    assert_eq!(
+        other,
+        "study.toml:2:8: unknown value \"halfing\"; did you mean \"halving\"? (known values: \"none\", \"halving\")"
+    );
+    for (race, kind) in [("false", RaceKind::None), ("\"halving\"", RaceKind::Halving)] {
+        let job = job(&format!("[sweep]\nrace = {race}\n"), &[]).expect("valid");
+        assert_eq!(job.study().sweep.race, kind);
+    }
 }
 
 #[test]

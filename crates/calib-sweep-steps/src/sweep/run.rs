@@ -168,19 +168,19 @@ fn sweep(
     let span = setting.streams.demand.span;
     let environments = setting.open(study)?;
     let baselines = Baselines::new(&setting.dataset.train);
-    let plan = setting.plan(study, &environments, &baselines, accelerator)?;
+    let plan = setting.plan(study, &environments, &baselines, accelerator);
     let arithmetic = accelerator.map(Accelerator::class);
     let store = unit_store(&directory, arithmetic);
     let KnownUnits { own, stored } =
-        KnownUnits::of(&plan, &store, job, ResultSource { pool, accelerator })?;
-    let missing = plan.left(&stored)?;
+        KnownUnits::of(&plan, &store, job, ResultSource { pool, accelerator });
+    let missing = plan.left(&stored);
     if pool.is_some() && missing > 0 {
         plan.collected(&stored)?;
     }
-    let passes = plan.passes(&stored)?;
+    let passes = plan.passes(&stored);
     let sizes = Sizes::of(study, &setting.dataset, span, [plan.count(), passes]);
     let shared = if job.policy().is_dry() { shared_units(&plan, &stored, counted) } else { 0 };
-    let left = RemainingRuns { units: missing, runs: plan.runs_left(&stored)?, shared };
+    let left = RemainingRuns { units: missing, runs: plan.runs_left(&stored), shared };
     let mut preview = preview(&setting.candidates, &sizes, plan.count(), left, span);
     if let Some(accelerator) = accelerator {
         preview.memory = preview.memory.side_by_side(&sizes, accelerator);
@@ -425,29 +425,26 @@ pub struct KnownUnits {
 
 impl KnownUnits {
     /// Look in the `store` of a job, in those of other models and deployments, and in the pool.
-    ///
-    /// # Errors
-    /// If a key cannot be made.
     pub fn of(
         plan: &Plan<'_>,
         store: &UnitStore,
         job: &Job,
         ResultSource { pool, accelerator }: ResultSource<'_>,
-    ) -> Result<Self, StepError> {
+    ) -> Self {
         if job.policy().redoes() {
-            return Ok(Self::default());
+            return Self::default();
         }
         let arithmetic = accelerator.map(Accelerator::class);
         let others = job.layout().other_sweeps();
         let others = others.iter().map(|sweep| unit_store(sweep, arithmetic)).collect();
         let store = store.clone();
-        let own = plan.stored(&store)?;
+        let own = plan.stored(&store);
         let all = store.beside(others);
         let stored = plan.known(&|unit, key| {
             let made = pool.and_then(|pool| pool.get(&(unit.clone(), key.to_owned())));
             UnitRuns::merged(made.cloned().into_iter().chain(all.get(unit, key)))
-        })?;
-        Ok(Self { own, stored })
+        });
+        Self { own, stored }
     }
 }
 

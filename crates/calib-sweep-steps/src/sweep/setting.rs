@@ -15,7 +15,7 @@ use calib_data::Dataset;
 use calib_model_steps::model::model_files::{self, OpenModel};
 use calib_study::{Job, Study};
 use calib_sweep::{
-    Baselines, Candidate, Environment, Plan, PlanOptions, Program, Span, Start, SweepError,
+    Baselines, Candidate, Environment, Plan, PlanOptions, Program, RaceKind, Span, Start,
     candidates, recorded_windows,
 };
 
@@ -172,16 +172,13 @@ impl SweepContext {
     }
 
     /// The plan of a sweep in these environments.
-    ///
-    /// # Errors
-    /// As [`raced`]; also if what the sweep asks for cannot be trained so.
     pub fn plan<'a>(
         &'a self,
         study: &Study,
         environments: &'a [Box<dyn Environment + 'a>],
         baselines: &'a Baselines<'a>,
         accelerator: Option<&'a dyn Accelerator>,
-    ) -> Result<Plan<'a>, SweepError> {
+    ) -> Plan<'a> {
         let as_dyn = environments.iter().map(|environment| &**environment).collect();
         let options = PlanOptions {
             part: self.streams.demand.part,
@@ -202,13 +199,10 @@ pub fn agent_seed(study: &Study) -> Seed {
 }
 
 /// The plan as a race, where the study has one.
-///
-/// # Errors
-/// If the study asks for a race that cannot be held.
-pub fn raced<'a>(plan: Plan<'a>, study: &Study) -> Result<Plan<'a>, SweepError> {
-    match study.sweep.race_rule() {
-        Some(rule) => plan.race(rule),
-        None => Ok(plan),
+pub fn raced<'a>(plan: Plan<'a>, study: &Study) -> Plan<'a> {
+    match study.sweep.race {
+        RaceKind::None => plan,
+        RaceKind::Halving => plan.race(),
     }
 }
 

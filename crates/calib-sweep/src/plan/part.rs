@@ -71,16 +71,13 @@ impl Plan<'_> {
 
     /// The units of `passes` that are to be made where `before` are the results of all stages before; of a race, those
     /// that are not spared.
-    ///
-    /// # Errors
-    /// If an error that a race decides by is NaN.
     pub fn ready<'p>(
         &'p self,
         passes: &[PassId],
         before: &BTreeMap<Unit, UnitResult>,
-    ) -> Result<Vec<ReadyPass<'p>>, SweepError> {
+    ) -> Vec<ReadyPass<'p>> {
         let mut survivors = Survivors::default();
-        self.decide(&mut survivors, before)?;
+        self.decide(&mut survivors, before);
         let pass_of: BTreeMap<Unit, usize> = passes
             .iter()
             .enumerate()
@@ -91,15 +88,15 @@ impl Plan<'_> {
         for job in self.jobs_of(&survivors, &|unit| pass_of.contains_key(unit)) {
             ready[pass_of[&job.unit]].jobs.push(job);
         }
-        Ok(ready)
+        ready
     }
 
     /// Check that nothing has to be run beside `found`.
     ///
     /// # Errors
-    /// [`SweepError::Incomplete`], or as [`stored`](Self::stored).
+    /// [`SweepError::Incomplete`].
     pub fn collected(&self, found: &StoredUnits) -> Result<(), SweepError> {
-        let missing = self.missing(found.whole())?;
+        let missing = self.missing(found.whole());
         match missing.first() {
             Some(example) => Err(SweepError::Incomplete {
                 missing: missing.len(),

@@ -2,7 +2,6 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use super::STREAMS;
 use crate::EnvironmentId;
 
 /// One run in an environment.
@@ -20,38 +19,9 @@ pub(crate) struct Streams {
 }
 
 impl Streams {
-    /// Of these members, with so many runs in each, and so many windows. Without members there are as many rounds as windows give
-    /// observations.
-    pub(crate) fn new(members: Vec<usize>, runs: usize, windows: usize) -> Self {
-        let runs = if members.is_empty() { windows.div_ceil(STREAMS) } else { runs };
-        Self { members, runs, windows }
-    }
-
-    pub(super) fn count(&self) -> usize {
-        self.members.len() * self.runs + self.windows
-    }
-
-    /// Round r is the r-th run of every member and as large a share of the windows, in their order.
-    pub(super) fn run_by_run(&self) -> Rounds {
-        Rounds::new(
-            (0..self.runs)
-                .map(|round: usize| {
-                    let members =
-                        self.members.iter().map(|&member| (EnvironmentId::Member(member), round));
-                    let of_round =
-                        |window: &usize| window * self.runs / self.windows.max(1) == round;
-                    let windows = (0..self.windows).filter(of_round);
-                    members
-                        .chain(windows.map(|window| (EnvironmentId::LogReplay, window)))
-                        .collect()
-                })
-                .collect(),
-        )
-    }
-
     /// The first round has N / 2^⌈log₂ values⌉ of the N streams, rounded up and at least two, and each one after it as many as all before, so
     /// that all rounds take the same work when half of the values go after each.
-    pub(super) fn doubling(&self, values: usize) -> Rounds {
+    pub(super) fn rounds(&self, values: usize) -> Rounds {
         let all = self.spread();
         let halvings = values.max(1).next_power_of_two();
         let mut until = all.len().div_ceil(halvings).max(2);
@@ -134,17 +104,15 @@ mod tests {
     proptest! {
         #[test]
         fn each_stream_is_in_one_round(members in 1_usize..8, runs in 1_usize..6, windows in 0_usize..40, values in 2_usize..40) {
-            let streams = Streams { members: (0..members).collect(), runs, windows };
-            for rounds in [streams.run_by_run(), streams.doubling(values)] {
-                let mut all: Vec<Run> = rounds.numbers().flat_map(|round| rounds.runs(round).to_vec()).collect();
-                prop_assert_eq!(all.len(), streams.count());
-                all.sort_unstable();
-                all.dedup();
-                prop_assert_eq!(all.len(), streams.count());
-                for round in rounds.numbers() {
-                    for &run in rounds.runs(round) {
-                        prop_assert_eq!(rounds.of(run), Some(round));
-                    }
+            let rounds = Streams { members: (0..members).collect(), runs, windows }.rounds(values);
+            let mut all: Vec<Run> = rounds.numbers().flat_map(|round| rounds.runs(round).to_vec()).collect();
+            prop_assert_eq!(all.len(), members * runs + windows);
+            all.sort_unstable();
+            all.dedup();
+            prop_assert_eq!(all.len(), members * runs + windows);
+            for round in rounds.numbers() {
+                for &run in rounds.runs(round) {
+                    prop_assert_eq!(rounds.of(run), Some(round));
                 }
             }
         }
@@ -153,7 +121,7 @@ mod tests {
     #[test]
     fn a_halving_doubles_what_is_known() {
         let streams = Streams { members: (0..5).collect(), runs: 3, windows: 15 };
-        let rounds = streams.doubling(11);
+        let rounds = streams.rounds(11);
         let sizes: Vec<usize> = rounds.numbers().map(|round| rounds.runs(round).len()).collect();
         assert_eq!(sizes, [2, 2, 4, 8, 14]);
         let member = EnvironmentId::Member;
@@ -164,23 +132,21 @@ mod tests {
     }
 
     #[test]
-    fn without_members_a_round_is_one_observation() {
-        let streams = Streams::new(Vec::new(), usize::MAX, 8);
-        assert_eq!((streams.count(), streams.runs), (8, 3));
-        let rounds = streams.run_by_run();
+    fn without_members_the_windows_are_halved_alone() {
+        let rounds = Streams { members: Vec::new(), runs: 0, windows: 8 }.rounds(4);
         let sizes: Vec<usize> = rounds.numbers().map(|round| rounds.runs(round).len()).collect();
-        assert_eq!(sizes, [3, 3, 2]);
-        assert!(rounds.runs(0).iter().all(|(place, _)| *place == EnvironmentId::LogReplay));
-        assert_eq!(streams.doubling(4).runs(0).len(), 2);
-        assert_eq!(Streams::new(Vec::new(), 0, 0).run_by_run().numbers().count(), 0);
-        assert_eq!(Streams::new(vec![0], 2, 8).runs, 2);
+        assert_eq!(sizes, [2, 2, 4]);
+        let log = EnvironmentId::LogReplay;
+        assert_eq!(rounds.runs(0), [(log, 0), (log, 4)]);
+        let none = Streams { members: Vec::new(), runs: 0, windows: 0 };
+        assert_eq!(none.rounds(4).numbers().count(), 0);
     }
 
     #[test]
     fn the_first_round_has_members_and_log() {
         for (members, runs, windows) in [(1, 1, 10), (1, 2, 30), (5, 10, 2), (5, 1, 1)] {
             let streams = Streams { members: (0..members).collect(), runs, windows };
-            let first = streams.doubling(11).runs(0).to_vec();
+            let first = streams.rounds(11).runs(0).to_vec();
             assert!(first.contains(&(EnvironmentId::Member(0), 0)), "{first:?}");
             assert!(first.contains(&(EnvironmentId::LogReplay, 0)), "{first:?}");
         }

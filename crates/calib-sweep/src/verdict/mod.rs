@@ -25,7 +25,6 @@ pub use grade::{Grade, Recommendation};
 pub use judge::verdict;
 pub use parts::PartChoice;
 pub use rule::Rule;
-pub(crate) use rule::STREAMS_PER_INDEPENDENT;
 pub use simple::{NO_WORSE, SimpleComparison};
 pub use truth::{Agreement, BaselineRegret, ChoiceBaseline, Truth, WindowTruth};
 pub use warnings::ENOUGH_WINDOWS;

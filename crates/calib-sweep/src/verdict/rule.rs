@@ -77,7 +77,7 @@ impl Rule {
 
 /// Streams in how many of which one is independent of the others, as far as standard errors go: what was measured of members with
 /// three runs each.
-pub(crate) const STREAMS_PER_INDEPENDENT: f64 = 3.0;
+const STREAMS_PER_INDEPENDENT: f64 = 3.0;
 
 /// What a choice is made from: all runs, or a resample of them.
 #[derive(Clone, Copy)]

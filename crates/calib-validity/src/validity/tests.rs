@@ -26,8 +26,7 @@ fn model(name: &str, chosen: usize, one_step: f64, spearman: f64) -> ModelPair {
         model: name.to_owned(),
         chosen,
         stability: Some(0.75),
-        saved: Some(if name == "a" { 0.5 } else { 0.25 }),
-        saved_by_halving: None,
+        saved_by_halving: Some(if name == "a" { 0.5 } else { 0.25 }),
         rules: vec![rule("worst_rank", chosen), rule("pooled", 0)],
         spearman: Some(spearman),
         one_step: Some(one_step),
@@ -92,7 +91,8 @@ fn regrets_of_all_methods_by_hand() {
     let absent = [Method::LeastWarped, Method::LatestWindow, Method::BestDefaultOfOptimiser];
     assert!(validity.methods.iter().all(|method| !absent.contains(&method.method)));
     assert_eq!(validity.agreement[0].stability, Some(0.75));
-    let saved: Vec<_> = validity.agreement.iter().map(|agreement| agreement.saved).collect();
+    let saved: Vec<_> =
+        validity.agreement.iter().map(|agreement| agreement.saved_by_halving).collect();
     assert_eq!(saved, [Some(0.5), Some(0.25)]);
 }
 
