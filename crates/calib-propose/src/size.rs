@@ -8,13 +8,11 @@ pub const MOST_RUNS: usize = 30;
 const COMPARED_STEPS: usize = 2_000;
 /// What a network of half as many units takes.
 const SMALLER: f64 = 0.6;
-/// Held-out windows that are replayed at most, with the ends of each that have no whole return.
-const MANY_WINDOWS: f64 = 9.0;
-/// Held-out windows that should fit beside each other, likewise.
+/// Held-out windows that should fit beside each other, with the ends of each that have no whole return.
 const WINDOWS: f64 = 4.5;
 /// Windows that a held-out period has where four would be too short.
 const FEW_WINDOWS: f64 = 2.25;
-/// Effective horizons that a window has at least where there are four or eight of them: docs/how-much-log.md has why.
+/// Effective horizons that a window has at least where there are four of them: docs/how-much-log.md has why.
 const LEAST_HORIZONS: f64 = 50.0;
 /// Steps of a run at least.
 pub(crate) const LEAST_STEPS: usize = 200;
@@ -54,16 +52,13 @@ pub struct Costs {
 }
 
 impl Size {
-    /// Steps of a run at most, so that eight windows of at least fifty horizons of so many states fit in what is held out; four where
-    /// eight do not, and else two. More windows tell smaller differences from chance.
+    /// Steps of a run at most, so that four windows fit in what is held out; two where a window of four would have fewer than
+    /// fifty horizons of so many states.
     pub fn most_steps(held_out_states: usize, horizon_states: f64) -> usize {
         let states = held_out_states as f64;
-        let enough = (LEAST_HORIZONS * horizon_states).max(LEAST_STEPS as f64);
-        let steps = [MANY_WINDOWS, WINDOWS]
-            .into_iter()
-            .map(|windows| states / windows)
-            .find(|steps| *steps >= enough)
-            .unwrap_or(states / FEW_WINDOWS);
+        let of_four = states / WINDOWS;
+        let has_four = of_four >= (LEAST_HORIZONS * horizon_states).max(LEAST_STEPS as f64);
+        let steps = if has_four { of_four } else { states / FEW_WINDOWS };
         (steps as usize).max(LEAST_STEPS.min(held_out_states.saturating_sub(2)))
     }
 
@@ -287,13 +282,13 @@ mod tests {
         };
         assert_eq!(
             steps(5.0),
-            [98, 444, 555, 1_666],
-            "eight, or else four, wherever a window has fifty horizons"
+            [98, 444, 1_111, 3_333],
+            "four wherever a window has fifty horizons"
         );
-        assert_eq!(steps(4.0), [98, 222, 555, 1_666]);
+        assert_eq!(steps(4.0), [98, 222, 1_111, 3_333]);
         assert_eq!(
             steps(30.0),
-            [98, 444, 2_222, 1_666],
+            [98, 444, 2_222, 3_333],
             "two, because four would have 37 horizons"
         );
     }
