@@ -21,6 +21,15 @@ impl Part {
     /// All of them, the longest first.
     pub const ALL: [Self; 3] = [Self::WholeRun, Self::AfterFirstQuarter, Self::FinalQuarter];
 
+    /// Its name in studies and files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::WholeRun => "whole_run",
+            Self::AfterFirstQuarter => "after_first_quarter",
+            Self::FinalQuarter => "final_quarter",
+        }
+    }
+
     /// First step of a run of `steps` that counts.
     pub fn first_step(self, steps: usize) -> usize {
         let before = match self {

@@ -5,8 +5,9 @@ use std::{
 };
 
 use crate::{
-    Layout, Place, Policy, Request, Rollouts, Study, StudyError, profiles::Results,
-    written::WrittenStudy,
+    Layout, Policy, Request, Rollouts, Study, StudyError,
+    profiles::Results,
+    written::{RESULTS, WrittenStudy},
 };
 
 /// A study that was resolved: the file as it was read once, the model and deployment that are chosen of it, where
@@ -72,7 +73,7 @@ impl Job {
             .source
             .renamed()
             .into_iter()
-            .map(|(place, new): (Place, &str)| {
+            .map(|(place, new)| {
                 format!("{place}: this key is now called {new}; the old name still works")
             })
             .collect()
@@ -203,7 +204,7 @@ fn layout(
     let WrittenStudy { request, results, .. } = written;
     let folder = request.study.parent().unwrap_or(Path::new(""));
     let stem = || file_stem(request).unwrap_or_else(|| "study".to_owned());
-    let own = study.output.clone().unwrap_or_else(|| format!("{}-results", stem()).into());
+    let own = study.output.clone().unwrap_or_else(|| format!("{}{RESULTS}", stem()).into());
     let root = match (&request.output, &request.profile, results) {
         (Some(output), ..) => output.clone(),
         (None, Some(name), Results::InOwnFolder) => folder.join(own).join(name),

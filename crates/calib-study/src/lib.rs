@@ -73,3 +73,4 @@ pub use simulate::SimulateConfig;
 pub use source::Place;
 pub use step::{Scope, StepKind};
 pub use study::{EvaluateConfig, Study};
+pub use written::study_files;

@@ -1,6 +1,9 @@
 //! A study file as it was read: once a command.
 
-use std::{fs, io, path::Path};
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 use calib_files::{FileError, read_regular};
 use serde::{Deserialize as _, de::DeserializeOwned};
@@ -145,7 +148,7 @@ impl WrittenStudy {
         let keys: Vec<String> = model.into_iter().chain([key.to_owned()]).collect();
         let of_profile: Vec<String> = keys
             .iter()
-            .filter_map(|key: &String| {
+            .filter_map(|key| {
                 self.request.profile.as_ref().map(|name| format!("profiles.{name}.{key}"))
             })
             .collect();
@@ -169,6 +172,9 @@ impl WrittenStudy {
         }
     }
 }
+
+/// What follows the name of a study in that of the folder of its results.
+pub(crate) const RESULTS: &str = "-results";
 
 /// Refuse a log or a folder in the place of a study.
 fn refuse_log(path: &Path) -> Result<(), StudyError> {
@@ -195,18 +201,29 @@ fn refuse_log(path: &Path) -> Result<(), StudyError> {
 fn study_beside(folder: &Path) -> String {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     let of_results =
-        name.strip_suffix("-results").map(|stem| folder.with_file_name(format!("{stem}.toml")));
+        name.strip_suffix(RESULTS).map(|stem| folder.with_file_name(format!("{stem}.toml")));
     if let Some(study) = of_results.filter(|study| study.is_file()) {
         return format!("a TOML file: give {}, which these results are of", study.display());
     }
-    let inside =
-        fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
-    let first =
-        inside.filter(|path| path.extension().is_some_and(|extension| extension == "toml")).min();
-    match first {
+    match study_files(folder).unwrap_or_default().first() {
         Some(study) => format!("a TOML file, such as {}", study.display()),
         None => format!("a TOML file: if it holds a log, {} writes one", init_command(folder)),
     }
+}
+
+/// The files of a folder that may be studies, in the order of their names.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub fn study_files(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let paths = fs::read_dir(folder)?.flatten().map(|entry| entry.path());
+    let mut studies: Vec<PathBuf> = paths
+        .filter(|path| {
+            path.is_file() && path.extension().is_some_and(|extension| extension == "toml")
+        })
+        .collect();
+    studies.sort();
+    Ok(studies)
 }
 
 fn init_command(log: &Path) -> String {

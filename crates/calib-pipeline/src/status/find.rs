@@ -6,7 +6,7 @@ use std::{
 };
 
 use calib_base::{StepError, bail};
-use calib_study::{Job, Request};
+use calib_study::{Job, Request, study_files};
 
 use crate::cluster;
 
@@ -47,7 +47,7 @@ pub(super) fn find(request: &StatusRequest) -> Result<Subject, StepError> {
     // A study stands beside its results, or in the folder that was made for it.
     let wanted = fs::canonicalize(path)?;
     let parent = wanted.parent().unwrap_or(&wanted);
-    for study in studies(parent) {
+    for study in study_files(parent).unwrap_or_default() {
         let found = job(request, &study).ok();
         let is_its = |job: &Job| {
             fs::canonicalize(job.layout().of_study()).is_ok_and(|results| results == wanted)
@@ -56,7 +56,7 @@ pub(super) fn find(request: &StatusRequest) -> Result<Subject, StepError> {
             return Ok(Subject::Study(Box::new(job)));
         }
     }
-    match studies(path).as_slice() {
+    match study_files(path).unwrap_or_default().as_slice() {
         [study] => Ok(Subject::Study(Box::new(job(request, study)?))),
         [] => bail!(
             "{} holds no study, and none beside it writes its results there; name the study: `calib status STUDY`, \
@@ -79,17 +79,4 @@ fn job(request: &StatusRequest, study: &Path) -> Result<Job, StepError> {
         output: request.output.clone(),
         ..Request::default()
     })?)
-}
-
-/// The files of a folder that may be studies, in the order of their names.
-fn studies(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let paths = entries.map(|entry| entry.path());
-    let mut studies: Vec<PathBuf> = paths
-        .filter(|path| {
-            path.is_file() && path.extension().is_some_and(|extension| extension == "toml")
-        })
-        .collect();
-    studies.sort();
-    studies
 }

@@ -7,7 +7,7 @@ use calib_data::table::Table;
 use calib_files::write_json;
 use calib_validity::{Method, ModelPair, Pair, PairRegret};
 
-use super::{JudgedStudies, Task, show::part_name};
+use super::{JudgedStudies, Task};
 
 pub(super) fn write(directory: &Path, judged: &JudgedStudies) -> Result<(), StepError> {
     write_table(pairs(judged), &directory.join("pairs.parquet"))?;
@@ -37,7 +37,7 @@ fn pairs(judged: &JudgedStudies) -> Table {
         score.validity.each.iter().filter_map(|regret| {
             let pair = &score.validity.judged[regret.pair];
             let plant = judged.plants.iter().find(|plant| plant.plant == pair.plant)?;
-            let part = part_name(score.part);
+            let part = score.part.name();
             let values = &*score.validity.values;
             Some(Row { part, task: &plant.task, pair, regret, values })
         })

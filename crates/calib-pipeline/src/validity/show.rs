@@ -167,15 +167,6 @@ pub(super) fn of_score(Score { part, validity }: &Score) -> String {
     )
 }
 
-/// A part of a run, as in files.
-pub(super) const fn part_name(part: Part) -> &'static str {
-    match part {
-        Part::WholeRun => "whole_run",
-        Part::AfterFirstQuarter => "after_first_quarter",
-        Part::FinalQuarter => "final_quarter",
-    }
-}
-
 /// What is left out, and what the reader should know.
 pub(super) fn notes(judged: &JudgedStudies) -> Vec<String> {
     let validity = judged.validity();

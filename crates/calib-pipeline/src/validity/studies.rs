@@ -16,7 +16,7 @@ use calib_base::{
 use calib_core::Seed;
 use calib_files::read_regular;
 use calib_model::ModelKind;
-use calib_study::{DrawnStudy, Job, Request, Study, StudyError};
+use calib_study::{DrawnStudy, Job, Request, Study, StudyError, study_files};
 use calib_sweep::{Candidate, candidates};
 use calib_sweep_steps::{sweep, verdict::evaluate};
 
@@ -245,16 +245,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>, StepError> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
     }
-    let entries =
-        std::fs::read_dir(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let mut files: Vec<PathBuf> = entries
-        .flatten()
-        .map(|entry| entry.path())
-        .filter(|path| {
-            path.is_file() && path.extension().is_some_and(|extension| extension == "toml")
-        })
-        .collect();
+    let files = study_files(path).with_context(|| format!("cannot read {}", path.display()))?;
     ensure!(!files.is_empty(), "{} has no study (*.toml)", path.display());
-    files.sort();
     Ok(files)
 }

@@ -326,12 +326,14 @@ impl Verdict {
         if against.value == 0.0 {
             return Some(format!("The default ({value}) would have diverged."));
         }
-        let sure = against.interval.map_or_else(String::new, |interval| {
-            let chance = interval.low <= 1.0 && interval.high >= 1.0;
-            let chance = if chance { ", which could be chance" } else { "" };
-            format!("{chance} (95 %: {})", between(interval))
-        });
-        Some(format!("It has {} error than the default, {value}{sure}.", changed(against.value)))
+        let may_be_equal =
+            against.interval.is_some_and(|interval| interval.low <= 1.0 && interval.high >= 1.0);
+        Some(format!(
+            "It has {} error than the default, {value}{}{}.",
+            changed(against.value),
+            if may_be_equal { ", which could be chance" } else { "" },
+            chance_of_change(against)
+        ))
     }
 
     fn alternative_sentence(&self, baseline: ChoiceBaseline) -> Option<String> {

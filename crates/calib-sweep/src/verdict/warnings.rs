@@ -25,30 +25,32 @@ pub(super) fn of_parts(
     {
         warnings.push(format!(
             "the chosen agent makes {:.0} % of its squared error in the first tenth of its runs, so the choice is mostly about how fast it starts up; let it start from a simple predictor (agent.baseline), or score without the start-up \
-             (sweep.scored = \"after_first_quarter\")",
-            100.0 * share
+             (sweep.scored = \"{}\")",
+            100.0 * share,
+            Part::AfterFirstQuarter.name()
         ));
     }
     let other = parts
         .iter()
         .find(|choice| choice.part != part && !are_neighbours(candidates, choice.chosen, chosen));
     if let Some(other) = other {
-        let (counted, _) = words(part);
-        let (name, key) = words(other.part);
         warnings.push(format!(
-            "errors {counted} decided; errors {name} would choose {}; set sweep.scored = \"{key}\" if that part is what counts at your plant",
-            candidates[other.chosen].label()
+            "errors {} decided; errors {} would choose {}; set sweep.scored = \"{}\" if that part is what counts at your plant",
+            counted(part),
+            counted(other.part),
+            candidates[other.chosen].label(),
+            other.part.name()
         ));
     }
     warnings
 }
 
-/// What errors of a part are, and the value of `sweep.scored` that counts them.
-const fn words(part: Part) -> (&'static str, &'static str) {
+/// Over which steps the errors of a part are counted.
+const fn counted(part: Part) -> &'static str {
     match part {
-        Part::WholeRun => ("over whole runs", "whole_run"),
-        Part::AfterFirstQuarter => ("after the first quarter of each run", "after_first_quarter"),
-        Part::FinalQuarter => ("over the final quarter of each run", "final_quarter"),
+        Part::WholeRun => "over whole runs",
+        Part::AfterFirstQuarter => "after the first quarter of each run",
+        Part::FinalQuarter => "over the final quarter of each run",
     }
 }
 
