@@ -34,7 +34,7 @@ fn scaled(column: &[f32]) -> Option<Vec<f32>> {
     (high > low).then(|| {
         column
             .iter()
-            .map(|value: &f32| if value.is_finite() { (value - low) / (high - low) } else { 0.0 })
+            .map(|value| if value.is_finite() { (value - low) / (high - low) } else { 0.0 })
             .collect()
     })
 }

@@ -221,11 +221,8 @@ impl PyActionModel {
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let log = self.model().log();
         let actions = log.actions().iter().map(|&action| i64::from(action)).collect();
-        let terminals = log
-            .endings()
-            .iter()
-            .map(|ending: &calib_control::Ending| *ending == calib_control::Ending::Terminal)
-            .collect();
+        let terminals =
+            log.endings().iter().map(|ending| *ending == calib_control::Ending::Terminal).collect();
         Ok((
             owned(py, actions, &[log.len()])?,
             owned(py, log.rewards().to_vec(), &[log.len()])?,

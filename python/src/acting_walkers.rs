@@ -146,7 +146,7 @@ impl ActionWalkers {
         let shares = values
             .iter()
             .enumerate()
-            .map(|(place, &value): (usize, &f64)| {
+            .map(|(place, &value)| {
                 let [low, high] = ranges[place % ranges.len()];
                 if !value.is_finite() {
                     let number = place / ranges.len();

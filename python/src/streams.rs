@@ -63,7 +63,7 @@ impl Score {
     fn parts(&self) -> BTreeMap<&'static str, BTreeMap<&'static str, f64>> {
         Part::ALL
             .into_iter()
-            .filter_map(|part: Part| {
+            .filter_map(|part| {
                 let score = self.of(part)?;
                 let numbers = [
                     ("rmse", score.rmse),

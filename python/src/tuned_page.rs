@@ -99,7 +99,7 @@ impl TunedPage {
             caption: "By mean rank over the ensemble members of all kinds of models. The return in the model ranks settings, and is not what the plant will give. Not covered: steps for which the log has no such action near. Chosen again: the share of resamples of the runs in which the setting is chosen."
                 .to_owned(),
             columns: columns.map(str::to_owned).to_vec(),
-            rows: self.settings.iter().map(|setting: &PageSetting| {
+            rows: self.settings.iter().map(|setting| {
             vec![
                 Cell::Text(setting.name.clone()),
                 Cell::Text(setting.role.clone()),
@@ -116,10 +116,11 @@ impl TunedPage {
 
     /// Mean return of each setting in each kind of model, with intervals over ensemble members.
     fn returns(&self) -> OverviewFigure {
-        let placed =
-            self.settings.iter().enumerate().filter(|(place, setting): &(usize, &PageSetting)| {
-                *place < DRAWN || setting.role == "default"
-            });
+        let placed = self
+            .settings
+            .iter()
+            .enumerate()
+            .filter(|(place, setting)| *place < DRAWN || setting.role == "default");
         let drawn: Vec<&PageSetting> = placed.map(|(_, setting)| setting).collect();
         let mut series = Vec::with_capacity(self.kinds.len());
         for (kind, name) in self.kinds.iter().enumerate() {

@@ -60,7 +60,7 @@ impl Walkers {
         let walks = members
             .into_iter()
             .enumerate()
-            .map(|(number, member): (usize, usize)| Walker {
+            .map(|(number, member)| Walker {
                 member,
                 at: TransitionIndex(0),
                 rng: rng(0, number),

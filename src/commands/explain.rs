@@ -91,7 +91,7 @@ fn near<'a>(path: &str, all: &'a [String]) -> Vec<&'a str> {
     let wanted = path.rsplit('.').next().unwrap_or(path).to_lowercase();
     let mut found: Vec<(f64, &str)> = all
         .iter()
-        .map(|key: &'a String| {
+        .map(|key| {
             let name = key.rsplit('.').next().unwrap_or(key);
             let contains = wanted.len() > 2 && (name.contains(&wanted) || wanted.contains(name));
             let likeness = strsim::jaro_winkler(&wanted, name) + f64::from(u8::from(contains));
@@ -126,7 +126,7 @@ fn about(schema: &Value, node: &Value) -> String {
     let own = node["description"].as_str();
     let text = own.or_else(|| target(schema, node)["description"].as_str()).unwrap_or_default();
     text.split("\n\n")
-        .map(|text: &str| match text {
+        .map(|text| match text {
             table if table.starts_with('|') => table.to_owned(),
             wrapped => wrapped.replace('\n', " "),
         })

@@ -43,7 +43,7 @@ pub(super) fn show_channels(
         let rows: Vec<Vec<String>> = kept
             .iter()
             .take(limit)
-            .map(|channel: &&ChannelProfile| {
+            .map(|channel| {
                 let mut row = channel_row(channel);
                 row.push(descriptions.words(&channel.name).unwrap_or_default());
                 row.truncate(columns);

@@ -157,7 +157,7 @@ fn of_several_plannings_of_one_folder_one_succeeds() {
         let plan = format!("plan-{fault}");
         let all: Vec<_> = ["1", "2", "3"]
             .iter()
-            .map(|shards: &&str| {
+            .map(|shards| {
                 let args = ["cluster", "plan", "study.toml", "--shards", shards, "-o", &plan];
                 let mut command = place.command(&args);
                 command.env("CALIB_FAULT", fault).stdout(Stdio::null()).stderr(Stdio::piped());

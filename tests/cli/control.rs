@@ -87,7 +87,7 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     let runs = || {
         let entries = fs::read_dir(&units).into_iter().flatten().flatten();
         entries
-            .map(|of: fs::DirEntry| of.file_name().to_string_lossy().into_owned())
+            .map(|of| of.file_name().to_string_lossy().into_owned())
             .filter(|name| name.starts_with("run-"))
             .count()
     };

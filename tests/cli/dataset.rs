@@ -139,7 +139,7 @@ fn a_damaged_copy_of_the_log_is_made_again() {
     let before = place.content("study-results");
     let damaged: Vec<PathBuf> = before
         .keys()
-        .filter(|path: &&PathBuf| path.starts_with("dataset") && !path.ends_with(".lock"))
+        .filter(|path| path.starts_with("dataset") && !path.ends_with(".lock"))
         .cloned()
         .collect();
     assert_eq!(damaged.len(), 5, "{damaged:?}");

@@ -23,7 +23,7 @@ fn results(json: &str) -> BTreeMap<String, (f64, Option<f64>)> {
     let results = json["results"].as_array().expect("a list");
     results
         .iter()
-        .map(|of: &Value| {
+        .map(|of| {
             let name = of["step_pattern"].as_str().expect("a name").to_owned();
             (name, (of["distance"].as_f64().expect("a number"), of["normalized_distance"].as_f64()))
         })

@@ -41,7 +41,7 @@ fn stderr(output: &Output) -> String {
 /// What stands behind `next:` and `or:`.
 fn next(text: &str) -> Vec<String> {
     text.lines()
-        .filter_map(|line: &str| {
+        .filter_map(|line| {
             let line = line.trim();
             line.strip_prefix("next: ").or(line.strip_prefix("or: ")).map(str::to_owned)
         })

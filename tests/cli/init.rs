@@ -210,7 +210,7 @@ fn loggers() -> String {
         ];
         let values: Vec<String> = values
             .iter()
-            .map(|value: &f64| {
+            .map(|value| {
                 if row % 90 == 11 {
                     "-200".to_owned()
                 } else {

@@ -140,7 +140,7 @@ fn a_halving_chooses_from_a_part_of_the_runs_and_says_so() {
             .as_array()
             .expect("a list")
             .iter()
-            .map(|one: &serde_json::Value| one["chosen"].as_u64().expect("a number"))
+            .map(|one| one["chosen"].as_u64().expect("a number"))
             .collect::<Vec<_>>()
     };
     let made = |place: &Place| runs(place).column::<u32>("candidate").expect("there").len();

@@ -255,7 +255,7 @@ pub(crate) fn column(name: &str, kind: &str, values: &[(f64, bool)]) -> Column {
     let bytes = if kind == "bool" {
         let bits: Vec<bool> = there.map(|value| value > 50.0).collect();
         bits.chunks(8)
-            .map(|bits: &[bool]| bits.iter().rev().fold(0, |byte, &bit| byte << 1 | u8::from(bit)))
+            .map(|bits| bits.iter().rev().fold(0, |byte, &bit| byte << 1 | u8::from(bit)))
             .collect()
     } else if kind == "dictionary of text" {
         [plain(kind, 1.0), plain(kind, -1.0)].concat()

@@ -431,7 +431,7 @@ impl AgentConfig {
         let decays = &self.traces;
         require(
             decays.len() <= 16
-                && decays.iter().enumerate().all(|(place, decay): (usize, &f64)| {
+                && decays.iter().enumerate().all(|(place, decay)| {
                     (0.0..1.0).contains(decay) && !decays[..place].contains(decay)
                 }),
             "traces",

@@ -63,7 +63,7 @@ fn trained(golden: &Golden, config: &AgentConfig) -> (Vec<f32>, Vec<f32>) {
         .batches
         .iter()
         .enumerate()
-        .map(|(number, starts): (usize, &Vec<usize>)| {
+        .map(|(number, starts)| {
             let mut learned = [Learned::default()];
             let batch = Batch { stream: &stream, starts, present: Some(number) };
             values.learn(batch, &[0], &mut learned);

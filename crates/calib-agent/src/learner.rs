@@ -120,7 +120,7 @@ impl Cumulants {
         for learner in learners {
             let place = known
                 .iter()
-                .position(|other: &&Learner<'_>| other.has_cumulant_of(learner))
+                .position(|other| other.has_cumulant_of(learner))
                 .unwrap_or_else(|| {
                     known.push(learner);
                     series.push(learner.cumulants(stream));

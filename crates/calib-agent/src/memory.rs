@@ -17,7 +17,7 @@ use crate::{
 pub fn training_bytes(agents: &[AgentConfig], sensors: usize, width: usize, states: usize) -> u64 {
     agents
         .iter()
-        .map(|first: &AgentConfig| {
+        .map(|first| {
             let size = agents.iter().filter(|agent| can_share(first, agent)).count();
             population_bytes(first, size * sensors, sensors, width, states)
         })

@@ -91,9 +91,7 @@ impl<'a> Truth<'a> {
         distinct.dedup();
         let columns = learners
             .iter()
-            .map(|learner: &Learner<'_>| {
-                distinct.partition_point(|&cumulant| cumulant < learner.cumulant)
-            })
+            .map(|learner| distinct.partition_point(|&cumulant| cumulant < learner.cumulant))
             .collect();
         let returns: Vec<_> =
             distinct.iter().map(|&column| discounted_returns(stream, column, gamma)).collect();
@@ -101,7 +99,7 @@ impl<'a> Truth<'a> {
             .iter()
             .map(|returns| {
                 let pieces = stream.pieces();
-                let all = Part::ALL.map(|part: Part| {
+                let all = Part::ALL.map(|part| {
                     ScoredReturns::new(returns, pieces, gamma, part.first_step(steps)..steps)
                 });
                 let whole = all[Part::WholeRun as usize];

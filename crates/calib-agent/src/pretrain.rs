@@ -204,7 +204,7 @@ impl<'a> PretrainRun<'a> {
                 .collect(),
             validations: learners
                 .iter()
-                .map(|learner: &Learner<'a>| Validation::new(stream, learner, validate))
+                .map(|learner| Validation::new(stream, learner, validate))
                 .collect(),
             courses: vec![Course::default(); learners.len()],
             best: vec![None; learners.len()],
@@ -295,7 +295,7 @@ impl<'a> PretrainRun<'a> {
     fn state(&self, learner: usize) -> ValueState {
         self.groups
             .iter()
-            .find_map(|group: &LearnerGroup| {
+            .find_map(|group| {
                 let agent = group.members.iter().position(|&member| member == learner)?;
                 Some(group.values.state(agent))
             })
@@ -345,7 +345,7 @@ impl<'a> PretrainRun<'a> {
         courses
             .zip(last)
             .zip(self.best)
-            .map(|((course, last), best): ((Course, Checkpoint), Option<Checkpoint>)| {
+            .map(|((course, last), best)| {
                 if let Some(epoch) = course.diverged {
                     return Err(PretrainingDiverged { epoch });
                 }

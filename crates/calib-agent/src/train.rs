@@ -185,10 +185,7 @@ pub fn train_learners(
 pub(crate) fn populations(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = vec![];
     for (index, learner) in learners.iter().enumerate() {
-        match groups
-            .iter_mut()
-            .find(|group: &&mut Vec<usize>| can_share(learners[group[0]].config, learner.config))
-        {
+        match groups.iter_mut().find(|group| can_share(learners[group[0]].config, learner.config)) {
             Some(group) => group.push(index),
             None => groups.push(vec![index]),
         }

@@ -175,7 +175,7 @@ fn limits(root: &Path, groups: &str) -> Vec<u64> {
             let told = fs::read_to_string(directory.join("memory.stat")).unwrap_or_default();
             let cached: u64 = told
                 .lines()
-                .filter_map(|line: &str| -> Option<u64> {
+                .filter_map(|line| -> Option<u64> {
                     let inactive = line.strip_prefix("inactive_file ");
                     inactive.or_else(|| line.strip_prefix("active_file "))?.trim().parse().ok()
                 })

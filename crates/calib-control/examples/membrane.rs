@@ -81,7 +81,7 @@ impl Study {
         let text = fs::read_to_string(self.path()).unwrap_or_default();
         let lines = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
         lines
-            .filter(|line: &Value| {
+            .filter(|line| {
                 line["policy"] == self.policy.name() && line["transitions"] == self.transitions
             })
             .collect()

@@ -232,8 +232,7 @@ impl Study<'_> {
             Some(fitted as usize)
         } else {
             let values = fitted_q_evaluation(&log, &starts, &candidates, STEPS, timeout, &Silent)?;
-            (0..values.len())
-                .max_by(|&a: &usize, &b: &usize| values[a].total_cmp(&values[b]).then(b.cmp(&a)))
+            (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]).then(b.cmp(&a)))
         };
         let mut line = json!({
             "rule": self.pessimism,

@@ -53,7 +53,7 @@ impl Drift {
         self.sums
             .iter()
             .zip(&self.squares)
-            .map(|(sum, squares): (&f64, &f64)| {
+            .map(|(sum, squares)| {
                 let mean = sum / count;
                 let variance = ((squares - sum * mean) / (count - 1.0)).max(0.0);
                 [mean, (variance / count).sqrt()]

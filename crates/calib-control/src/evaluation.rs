@@ -148,7 +148,7 @@ fn mean_value(weights: &[f64], length: usize, policy: &[f64], features: &[u32]) 
     policy
         .iter()
         .enumerate()
-        .map(|(action, probability): (usize, &f64)| {
+        .map(|(action, probability)| {
             let own = &weights[action * length..][..length];
             probability * features.iter().map(|&feature| own[feature as usize]).sum::<f64>()
         })

@@ -208,7 +208,7 @@ impl Decisions {
         self.actions
             .iter()
             .enumerate()
-            .filter(|&(_, &taken): &(usize, &u16)| usize::from(taken) == action)
+            .filter(|&(_, &taken)| usize::from(taken) == action)
             .map(|(number, _)| number as u32)
             .collect()
     }

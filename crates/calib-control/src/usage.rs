@@ -29,10 +29,8 @@ impl Decisions {
         }
         (0..self.states().columns())
             .map(|column: usize| -> Result<Spread, ControlError> {
-                let values: Vec<f64> = rows
-                    .iter()
-                    .map(|&row: &usize| f64::from(self.states().row(row)[column]))
-                    .collect();
+                let values: Vec<f64> =
+                    rows.iter().map(|&row| f64::from(self.states().row(row)[column])).collect();
                 Ok([quantile(&values, 0.05)?, quantile(&values, 0.5)?, quantile(&values, 0.95)?])
             })
             .collect()

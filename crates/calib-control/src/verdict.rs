@@ -219,7 +219,7 @@ impl ReturnVerdict {
     /// than they promise: docs/control.md has the regret of such choices.
     pub fn is_ahead_of_default(&self) -> bool {
         self.default.is_some_and(|default| default != self.chosen)
-            && !self.doubts.iter().any(|doubt: &Doubt| {
+            && !self.doubts.iter().any(|doubt| {
                 matches!(doubt, Doubt::NotBetterThanDefault | Doubt::NotToldApart | Doubt::Diverged)
             })
     }
@@ -234,7 +234,7 @@ impl ReturnVerdict {
         let ranks: Vec<Vec<f64>> = self
             .kinds
             .iter()
-            .map(|own: &KindReturns| {
+            .map(|own| {
                 select_by(RankRule::MeanRank, &own.members, HIGHER)
                     .map(|selection| selection.mean_ranks)
             })

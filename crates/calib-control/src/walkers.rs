@@ -94,7 +94,7 @@ impl Walkers {
         let walks: Vec<Walker> = members
             .iter()
             .enumerate()
-            .map(|(number, &member): (usize, &usize)| Walker {
+            .map(|(number, &member)| Walker {
                 member,
                 at: At::Start(0),
                 steps: 0,
@@ -176,7 +176,7 @@ impl Walkers {
             && self.states.len() == like.states.len()
             && self.states.iter().all(|value| value.is_finite())
             && members(self) == members(like)
-            && self.walks.iter().all(|walker: &Walker| match walker.at {
+            && self.walks.iter().all(|walker| match walker.at {
                 At::Start(start) => (start as usize) < model.starts().rows(),
                 At::After(transition) => (transition as usize) < model.log().len(),
             })

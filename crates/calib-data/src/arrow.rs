@@ -79,7 +79,7 @@ pub unsafe fn write_arrow_stream(
     let columns = fields
         .iter()
         .zip(batches)
-        .map(|(field, chunks): (&Field, Vec<Box<dyn Array>>)| {
+        .map(|(field, chunks)| {
             catch_panic(|| Ok(pl::Series::try_from((field, chunks))?.into_column()))
                 .map_err(|reason| ArrowError::Stream(format!("column {}: {reason}", field.name)))
         })

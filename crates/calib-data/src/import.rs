@@ -237,7 +237,7 @@ fn frame(
             None => pl::Float64Chunked::from_iter_options(name, present).into_column(),
             Some(labels) => pl::StringChunked::from_iter_options(
                 name,
-                present.map(|code: Option<f64>| code.map(|code| labels[code as usize].as_str())),
+                present.map(|code| code.map(|code| labels[code as usize].as_str())),
             )
             .into_column(),
         });

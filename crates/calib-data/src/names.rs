@@ -102,9 +102,7 @@ impl<'a> Chosen<'a> {
 
     /// Whether the channel that has these names is one.
     pub(crate) fn has<'b>(&self, names: &(impl Iterator<Item = &'b str> + Clone)) -> bool {
-        self.include
-            .as_ref()
-            .is_none_or(|include: &Names<'_>| include.matching_any(names.clone()).is_some())
+        self.include.as_ref().is_none_or(|include| include.matching_any(names.clone()).is_some())
             && self.exclude.matching_any(names.clone()).is_none()
     }
 }
@@ -135,7 +133,7 @@ pub fn entry_of(name: &str, is_channel: impl Fn(&str) -> bool) -> String {
     // Another channel may be called as the pattern is written, and an equal name matches: `[**]` is a star as `[*]` is.
     let repeated = |times: usize| -> String {
         name.chars()
-            .map(|letter: char| match letter {
+            .map(|letter| match letter {
                 '*' | '?' | '[' => format!("[{}]", letter.to_string().repeat(times)),
                 letter => letter.to_string(),
             })

@@ -243,7 +243,7 @@ impl Look<'_> {
             present: self
                 .bins
                 .iter()
-                .map(|bin: &Range<usize>| inside(bin).len() as f64 / bin.len().max(1) as f64)
+                .map(|bin| inside(bin).len() as f64 / bin.len().max(1) as f64)
                 .collect(),
             moves: self.bins.iter().map(moves).collect(),
             distinct: movement.distinct,
@@ -340,7 +340,7 @@ impl Changes {
         let median = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
         let even = changes
             .iter()
-            .filter(|change: &&f64| (**change - median).abs() <= 1e-6 * median.abs())
+            .filter(|change| (**change - median).abs() <= 1e-6 * median.abs())
             .count() as f64
             / count;
         Self { rises, even, restarts, wraps }

@@ -1,7 +1,7 @@
 //! Distances of one pair, for one or several patterns.
 
 use crate::kernel::dispatch::InstructionSet;
-use crate::kernel::sweep::{Purpose, Stop, Sweep, Track, entry};
+use crate::kernel::sweep::{Purpose, Stop, Sweep, entry};
 use crate::{Branch, DtwError, Ends, NoPath, Normalisation, Role, Series, Settings, StepPattern};
 
 /// A warping distance.
@@ -99,10 +99,7 @@ pub(crate) fn distances(
     for number in 0..sweep.strips() - 1 {
         sweep.run(number, m, |_, _| {});
         if purpose == Purpose::Bounded
-            && sweep
-                .patterns
-                .iter()
-                .all(|track: &Track| track.halo > 0 && track.input.least() > bound)
+            && sweep.patterns.iter().all(|track| track.halo > 0 && track.input.least() > bound)
         {
             return patterns.iter().map(|_| Outcome::Above).collect();
         }

@@ -84,11 +84,8 @@ fn a_gru_predicts_what_pytorch_predicts() {
 fn a_feed_forward_network_learns_as_in_pytorch() {
     let golden = golden();
     let network = Mlp::from_parameters(&golden.nn_sizes, &golden.nn_parameters).expect("fits");
-    let inputs: Vec<f32> = golden
-        .states
-        .iter()
-        .flat_map(|sequence: &Vec<Vec<f32>>| sequence[..sequence.len() - 1].concat())
-        .collect();
+    let inputs: Vec<f32> =
+        golden.states.iter().flat_map(|sequence| sequence[..sequence.len() - 1].concat()).collect();
     let targets: Vec<f32> =
         golden.states.iter().flat_map(|sequence| sequence[1..].concat()).collect();
     let rows = inputs.len() / golden.columns;

@@ -77,7 +77,7 @@ impl Bits {
     /// The runs of consecutive numbers in the set, ascending.
     pub(crate) fn runs(&self) -> impl Iterator<Item = Range<u32>> + '_ {
         self.iter()
-            .filter(|&number: &u32| number == 0 || !self.contains(number - 1))
+            .filter(|&number| number == 0 || !self.contains(number - 1))
             .map(|start| start..self.first_absent(start))
     }
 

@@ -46,9 +46,10 @@ impl LeftOut {
     /// Whether row `row` of the table cannot hold `transition`.
     pub(crate) fn bars(&self, row: u32, transition: u32) -> bool {
         self.for_all.contains(transition)
-            || self.exits.get(&row).is_some_and(|runs: &Vec<Range<u32>>| {
-                runs.iter().any(|run| run.contains(&transition))
-            })
+            || self
+                .exits
+                .get(&row)
+                .is_some_and(|runs| runs.iter().any(|run| run.contains(&transition)))
     }
 
     /// What is left out for all queries, as searches are told.

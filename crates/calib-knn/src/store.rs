@@ -144,9 +144,7 @@ fn check_row(
         return Err(format!("row {row} names transition {bad}, which is not in the member"));
     }
     let ascending = distances.windows(2).all(|pair| pair[0] <= pair[1]);
-    if !ascending
-        || !distances.iter().all(|distance: &f32| distance.is_finite() && *distance >= 0.0)
-    {
+    if !ascending || !distances.iter().all(|distance| distance.is_finite() && *distance >= 0.0) {
         return Err(format!(
             "row {row} has distances {distances:?}, expected finite numbers from 0 in ascending order"
         ));

@@ -145,7 +145,7 @@ pub(crate) fn find_tables<'a>(
 pub(crate) fn finished(tables: Vec<Filling>, k: usize) -> Vec<NeighborTable> {
     tables
         .into_iter()
-        .map(|(neighbors, distances): Filling| {
+        .map(|(neighbors, distances)| {
             NeighborTable::from_shared(Arc::new(neighbors), Arc::new(distances), k)
         })
         .collect()

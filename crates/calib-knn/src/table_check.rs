@@ -77,7 +77,7 @@ pub fn faults(
     let cells = sampled(model, sample, seed);
     cells
         .par_iter()
-        .filter_map(|&cell: &Cell| Some((cell.0, cell.1, fault(model, shortcuts, cell)?)))
+        .filter_map(|&cell| Some((cell.0, cell.1, fault(model, shortcuts, cell)?)))
         .collect()
 }
 

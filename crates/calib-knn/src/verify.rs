@@ -43,7 +43,7 @@ pub fn verify(
     let different: Vec<Cell> = cells
         .into_iter()
         .zip(lists)
-        .filter(|&((number, transition), ref expected): &(Cell, Vec<(f64, u32)>)| {
+        .filter(|&((number, transition), ref expected)| {
             let (neighbors, distances) = model.member(number).neighbors(transition);
             let table = neighbors.iter().copied().zip(distances.iter().copied());
             !expected.iter().map(|&(squared, j)| (j, stored(squared))).eq(table)

@@ -89,7 +89,7 @@ impl Naive<'_> {
             .collect();
         self.inside
             .iter()
-            .map(|&start: &u32| {
+            .map(|&start| {
                 let mut known = BTreeSet::from([start]);
                 let mut open = vec![start];
                 while let Some(node) = open.pop() {
@@ -212,7 +212,7 @@ impl Naive<'_> {
     fn lead_out(&mut self, class: &BTreeSet<u32>) -> Result<(), usize> {
         let mut among: Vec<u32> = class
             .iter()
-            .filter(|node: &&u32| {
+            .filter(|node| {
                 let next = self.transitions.starting_at(self.next(**node));
                 next.is_none_or(|next| {
                     !self.inside.contains(&next.0)

@@ -50,7 +50,7 @@ impl CalibrationModel for NeighborModel {
         let all = start_states_of_all(&self.knn, source, count, seed, place, monitor)?;
         Ok(all
             .into_iter()
-            .map(|starts: Vec<StartState>| starts.into_iter().map(ModelStart::State).collect())
+            .map(|starts| starts.into_iter().map(ModelStart::State).collect())
             .collect())
     }
 

@@ -59,7 +59,7 @@ impl NetworkModel {
 fn rows_of(starts: &[ModelStart]) -> Result<Vec<StartRow>, ModelError> {
     starts
         .iter()
-        .map(|start: &ModelStart| match start {
+        .map(|start| match start {
             ModelStart::Row(start) => Ok(*start),
             ModelStart::State(_) => Err(ModelError::OtherStart),
         })
@@ -71,10 +71,7 @@ fn seeded(starts: &[StartRow], first: usize, seed: Seed) -> Vec<Start> {
     starts
         .iter()
         .enumerate()
-        .map(|(place, start): (usize, &StartRow)| Start {
-            row: start.row,
-            seed: rollout_seed(seed, 0, first + place),
-        })
+        .map(|(place, start)| Start { row: start.row, seed: rollout_seed(seed, 0, first + place) })
         .collect()
 }
 

@@ -142,13 +142,11 @@ pub fn start_states_of_all(
         let wanted = || rows.iter().copied().map(RequestedStart::Deployment);
         return members
             .zip(nearest)
-            .map(|(member, nearest): (Member<'_>, Vec<Vec<Neighbor>>)| {
-                replaced_by(&member, &nearest, wanted(), search)
-            })
+            .map(|(member, nearest)| replaced_by(&member, &nearest, wanted(), search))
             .collect();
     }
     members
-        .map(|member: Member<'_>| {
+        .map(|member| {
             recorded(&member, source, count, source.seed_of(seed, member.number()), search)
         })
         .collect()
@@ -240,7 +238,7 @@ fn replaced_by(
 ) -> Result<Vec<StartState>, RolloutError> {
     let rows: Vec<RowIndex> = nearest
         .iter()
-        .map(|near: &Vec<Neighbor>| member.model().transitions().source(near[0].transition))
+        .map(|near| member.model().transitions().source(near[0].transition))
         .collect();
     let mut starts = at_rows(member, &rows, Absent::External, search)?;
     for ((start, near), wanted) in starts.iter_mut().zip(nearest).zip(wanted) {

@@ -56,7 +56,7 @@ impl JumpStatistics {
             steps += trajectory.len().saturating_sub(1);
             departures += trajectory
                 .windows(2)
-                .filter(|pair: &&[RowIndex]| pair[1].0.abs_diff(pair[0].0 + 1) > VICINITY)
+                .filter(|pair| pair[1].0.abs_diff(pair[0].0 + 1) > VICINITY)
                 .count();
             for run in trajectory.chunk_by(|now, then| then.0 == now.0 + 1) {
                 runs += 1;

@@ -126,7 +126,7 @@ impl Walks {
     fn steps_to_end(&self, ends: &Ends) -> Option<f64> {
         let before: Vec<Option<usize>> = self
             .all()
-            .map(|walk| walk.iter().position(|row: &u32| ends.contains(TransitionIndex(*row))))
+            .map(|walk| walk.iter().position(|row| ends.contains(TransitionIndex(*row))))
             .collect();
         let ended = before.iter().flatten().count();
         let steps: usize = before.into_iter().map(|steps| steps.unwrap_or(self.steps)).sum();
@@ -139,7 +139,7 @@ impl Walks {
             .all()
             .map(|walk| {
                 walk.iter()
-                    .map(|&row: &u32| {
+                    .map(|&row| {
                         let before = if row < dropped.start { 0 } else { dropped.len() };
                         (row as usize - before) * PARTS / member.len()
                     })

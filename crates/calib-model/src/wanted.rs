@@ -70,7 +70,7 @@ pub(crate) fn recorded_rows(
         StartSource::Recent { timestamps, before, window } => {
             check_timestamps(timestamps, rows)?;
             let pool: Vec<RowIndex> = ends(transitions)
-                .filter(|row: &RowIndex| before.is_none_or(|before| timestamps[row.get()] < before))
+                .filter(|row| before.is_none_or(|before| timestamps[row.get()] < before))
                 .collect();
             if pool.is_empty() {
                 return Err(RolloutError::NothingBefore);
@@ -84,7 +84,7 @@ pub(crate) fn recorded_rows(
             }
             check_timestamps(timestamps, rows)?;
             let pool: Vec<RowIndex> = ends(transitions)
-                .filter(|row: &RowIndex| is_in_earlier_year(timestamps[row.get()], month, before))
+                .filter(|row| is_in_earlier_year(timestamps[row.get()], month, before))
                 .collect();
             if pool.is_empty() {
                 return Err(RolloutError::EmptyMonth { month, before: before.map(year_of) });

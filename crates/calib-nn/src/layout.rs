@@ -1,6 +1,6 @@
 use calib_files::{Tensor, Tensors};
 
-use crate::{Layer, Mlp};
+use crate::Mlp;
 
 /// How the weights and biases of the layers are called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,7 +44,7 @@ impl Mlp {
         self.layers()
             .iter()
             .enumerate()
-            .flat_map(|(number, layer): (usize, &Layer)| {
+            .flat_map(|(number, layer)| {
                 let weights = &self.parameters()[layer.weights.clone()];
                 let inputs = layer.inputs;
                 let outputs = layer.outputs;

@@ -281,7 +281,7 @@ fn models(job: &Job) -> Result<Vec<Model>, StepError> {
     let several = job.model().is_none();
     job.models()?
         .into_iter()
-        .map(|job: Job| {
+        .map(|job| {
             let name = job.model().filter(|_| several).map(str::to_owned);
             let study = job.study();
             ensure!(

@@ -75,10 +75,7 @@ fn ideal(recipe: Recipe, signals: &Signals, grid: &DayGrid) -> Vec<f32> {
         Recipe::Ratio(a, b, least) => {
             let a = signals.day(a);
             let b = signals.day(b);
-            a.iter()
-                .zip(b)
-                .map(|(&a, &b): (&f32, &f32)| if b >= least { a / b } else { 0.0 })
-                .collect()
+            a.iter().zip(b).map(|(&a, &b)| if b >= least { a / b } else { 0.0 }).collect()
         }
         Recipe::Constant(value) => vec![value; grid.rows],
     }

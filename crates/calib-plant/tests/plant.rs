@@ -45,7 +45,7 @@ fn same(a: &DayLog, b: &DayLog) -> bool {
     let bits = |day: &DayLog| -> Vec<Vec<u32>> {
         day.columns
             .iter()
-            .map(|column: &Vec<f32>| column.iter().map(|value| value.to_bits()).collect())
+            .map(|column| column.iter().map(|value| value.to_bits()).collect())
             .collect()
     };
     (a.day, a.start, &a.timestamps) == (b.day, b.start, &b.timestamps) && bits(a) == bits(b)

@@ -1,4 +1,4 @@
-use std::{collections::HashSet, fmt::Write as _, ops::Range};
+use std::{collections::HashSet, fmt::Write as _};
 
 use calib_data::{AnglePart, Sentinel, Sketch, entry_of};
 
@@ -228,7 +228,7 @@ impl Draft<'_> {
         let train = start..start + cut.rows[0];
         let missing = |channel: usize| {
             let bins = sketch.bins.iter().zip(&sketch.channels[channel].present);
-            bins.map(|(bin, present): (&Range<usize>, &f64)| {
+            bins.map(|(bin, present)| {
                 let inside = bin.start.max(train.start)..bin.end.min(train.end);
                 inside.len() as f64 * (1.0 - present)
             })
@@ -256,7 +256,7 @@ impl Draft<'_> {
                 .sensors
                 .proposed
                 .iter()
-                .any(|&channel: &usize| self.sketch.channels[channel].missing_run > 0)
+                .any(|&channel| self.sketch.channels[channel].missing_run > 0)
         {
             let share = 100.0 * FILLED;
             return (

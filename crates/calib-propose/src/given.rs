@@ -24,7 +24,7 @@ fn with(text: &str, path: &str, value: &str) -> String {
     let length = lines[start..].iter().position(|line| line.starts_with('['));
     let end = length.map_or(lines.len(), |length| start + length);
     let mut all: Vec<&str> = lines[..start].to_vec();
-    if let Some(at) = lines[start..end].iter().position(|line: &&str| {
+    if let Some(at) = lines[start..end].iter().position(|line| {
         line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('='))
     }) {
         let at = start + at;

@@ -82,7 +82,7 @@ impl Sensors {
                 .map(|&(channel, worth)| {
                     let most = proposed
                         .iter()
-                        .map(|&other: &usize| {
+                        .map(|&other| {
                             correlation(
                                 &sketch.channels[channel].thinned,
                                 &sketch.channels[other].thinned,
@@ -167,7 +167,7 @@ pub(crate) fn explained(sketch: &Sketch, channel: usize, others: &[usize]) -> f6
 fn centred(values: &[f64]) -> Vec<f64> {
     let there = values.iter().filter(|value| !value.is_nan());
     let mean = there.clone().sum::<f64>() / there.count().max(1) as f64;
-    values.iter().map(|value: &f64| if value.is_nan() { 0.0 } else { value - mean }).collect()
+    values.iter().map(|value| if value.is_nan() { 0.0 } else { value - mean }).collect()
 }
 
 /// Pearson's correlation of what both have; 1 where that says nothing, so that such pairs are not taken for unlike.

@@ -141,7 +141,7 @@ impl Size {
     ) -> Self {
         let planned = PLANNED * within_secs;
         let mut levels = Self::levels(agent, model)
-            .map(|level: Self| Self {
+            .map(|level| Self {
                 steps: level.steps.min(most_steps).max(LEAST_STEPS.min(most_steps)),
                 sensors: level.sensors.min(sensors),
                 ..level

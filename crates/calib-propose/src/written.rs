@@ -10,7 +10,7 @@ pub(crate) fn quoted(text: &str) -> String {
     if quoted.contains(breaks_out) {
         quoted
             .chars()
-            .map(|letter: char| {
+            .map(|letter| {
                 if breaks_out(letter) {
                     format!("\\u{:04X}", u32::from(letter))
                 } else {
@@ -26,9 +26,7 @@ pub(crate) fn quoted(text: &str) -> String {
 /// As a key of TOML, on one line, whatever is in it: in quotes, where it needs them.
 pub(crate) fn key(text: &str) -> Cow<'_, str> {
     if !text.is_empty()
-        && text
-            .chars()
-            .all(|letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '_' | '-'))
+        && text.chars().all(|letter| letter.is_ascii_alphanumeric() || matches!(letter, '_' | '-'))
     {
         Cow::Borrowed(text)
     } else {
@@ -43,7 +41,7 @@ pub(crate) fn comment(text: &str) -> Cow<'_, str> {
     }
     Cow::Owned(
         text.chars()
-            .map(|letter: char| {
+            .map(|letter| {
                 if breaks_out(letter) {
                     letter.escape_unicode().to_string()
                 } else {

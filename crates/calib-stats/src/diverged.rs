@@ -75,7 +75,7 @@ pub mod each_if_known {
     ) -> Result<S::Ok, S::Error> {
         scores
             .as_ref()
-            .map(|scores: &Vec<f64>| -> Vec<Stored> {
+            .map(|scores| -> Vec<Stored> {
                 scores.iter().map(|&score| Stored::from(score)).collect()
             })
             .serialize(serializer)
@@ -128,7 +128,7 @@ pub mod rows {
     /// As the serialiser.
     pub fn serialize<S: Serializer>(rows: &[Vec<f64>], serializer: S) -> Result<S::Ok, S::Error> {
         rows.iter()
-            .map(|row: &Vec<f64>| row.iter().map(|&score| Stored::from(score)).collect())
+            .map(|row| row.iter().map(|&score| Stored::from(score)).collect())
             .collect::<Vec<Vec<Stored>>>()
             .serialize(serializer)
     }

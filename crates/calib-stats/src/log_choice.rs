@@ -36,8 +36,7 @@ where
 }
 
 fn choice(mean_logs: Vec<f64>) -> LogChoice {
-    let chosen =
-        (0..mean_logs.len()).filter(|&candidate: &usize| mean_logs[candidate] < f64::INFINITY);
+    let chosen = (0..mean_logs.len()).filter(|&candidate| mean_logs[candidate] < f64::INFINITY);
     let chosen = chosen.min_by(|&a, &b| mean_logs[a].total_cmp(&mean_logs[b]));
     LogChoice { chosen, mean_logs }
 }

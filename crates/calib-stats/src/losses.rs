@@ -38,9 +38,7 @@ impl Losses {
             if best.is_finite() {
                 windows.push(
                     own.iter()
-                        .map(
-                            |&error: &f64| if error == best { 0.0 } else { error.ln() - best.ln() },
-                        )
+                        .map(|&error| if error == best { 0.0 } else { error.ln() - best.ln() })
                         .collect(),
                 );
             }
@@ -98,10 +96,8 @@ impl Losses {
         let (mean, interval) = over(&differences)?;
         Some(Estimate {
             value: mean.exp(),
-            interval: interval.map(|interval: Interval| Interval {
-                low: interval.low.exp(),
-                high: interval.high.exp(),
-            }),
+            interval: interval
+                .map(|interval| Interval { low: interval.low.exp(), high: interval.high.exp() }),
         })
     }
 

@@ -65,7 +65,7 @@ pub fn select_by<Row: AsRef<[f64]>>(
         .tie_set
         .iter()
         .copied()
-        .min_by(|&a: &usize, &b: &usize| leads[b].total_cmp(&leads[a]).then(a.cmp(&b)))
+        .min_by(|&a, &b| leads[b].total_cmp(&leads[a]).then(a.cmp(&b)))
         .unwrap_or(0);
     Ok(selection)
 }

@@ -40,7 +40,7 @@ fn number(value: &Value) -> f64 {
 fn numbers(units: &[Vec<Vec<Value>>]) -> Vec<Vec<Vec<f64>>> {
     units
         .iter()
-        .map(|runs| runs.iter().map(|run: &Vec<Value>| run.iter().map(number).collect()).collect())
+        .map(|runs| runs.iter().map(|run| run.iter().map(number).collect()).collect())
         .collect()
 }
 

@@ -93,7 +93,7 @@ mod tests {
         let text = format!("[data]\npath = \"{path}\"\n");
         let job = Job::of_text(Request::new("folder/study.toml"), text).expect("valid");
         assert_eq!(job.study().data.path.0, [path], "the study keeps what was written");
-        job.data_to_read(|name: &str| (name == "PLANT").then(|| "/plant".to_owned()))
+        job.data_to_read(|name| (name == "PLANT").then(|| "/plant".to_owned()))
             .map(|data| data.path.0)
             .map_err(|error| error.to_string())
     }

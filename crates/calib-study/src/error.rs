@@ -137,7 +137,7 @@ impl Problem {
         }?;
         let is_key = |word: &&str| {
             !word.is_empty()
-                && word.chars().all(|letter: char| {
+                && word.chars().all(|letter| {
                     letter.is_ascii_alphanumeric() || ['_', '-', '.'].contains(&letter)
                 })
         };

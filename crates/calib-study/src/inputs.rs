@@ -73,7 +73,7 @@ impl Inputs {
         let keys: std::collections::BTreeSet<&String> =
             self.0.keys().chain(made.0.keys()).collect();
         keys.into_iter()
-            .filter_map(|key: &String| {
+            .filter_map(|key| {
                 let made = made.0.get(key).cloned();
                 let now = self.0.get(key).cloned();
                 (made != now).then(|| Difference { key: key.clone(), made, now })

@@ -37,9 +37,7 @@ impl Study {
     pub fn compared_models(&self) -> Vec<String> {
         self.models
             .keys()
-            .filter(|name: &&String| {
-                self.compare.as_ref().is_none_or(|compared| compared.contains(name))
-            })
+            .filter(|name| self.compare.as_ref().is_none_or(|compared| compared.contains(name)))
             .cloned()
             .collect()
     }

@@ -49,7 +49,7 @@ impl Job {
         }
         models
             .iter()
-            .flat_map(|model: &Self| {
+            .flat_map(|model| {
                 names.iter().map(|name| model.choose(model.model(), Some(name))).collect::<Vec<_>>()
             })
             .collect()

@@ -154,7 +154,7 @@ impl Protocol {
             for number in 1..=plants.repeat.unwrap_or(1) {
                 let seed = Seed::new(self.seed).child("validity").child(&template.name);
                 let seed = seed.number(number as u64);
-                let values = template.values(&own, seed, &defaults, |key: &str| {
+                let values = template.values(&own, seed, &defaults, |key| {
                     let own = if from_plants.contains(key) { "plants" } else { "task" };
                     format!("[validity.{own}.draw] of {}", template.name)
                 })?;

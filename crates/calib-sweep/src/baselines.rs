@@ -256,9 +256,10 @@ pub fn recorded_windows(
         for run in 0..environment.runs() {
             let streamed = environment.stream(run)?;
             let start_row = streamed.start_row.0;
-            if !windows.iter().any(|window: &RecordedWindow| {
-                window.environment == id && window.start_row == start_row
-            }) {
+            if !windows
+                .iter()
+                .any(|window| window.environment == id && window.start_row == start_row)
+            {
                 let fitting_rows = environment.fitting_rows(run);
                 let stream = streamed.stream;
                 windows.push(RecordedWindow { environment: id, start_row, fitting_rows, stream });

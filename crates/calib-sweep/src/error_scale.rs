@@ -31,7 +31,7 @@ impl ErrorScale {
     pub fn find(scales: &[Self], sensor: &str, candidate: &Candidate) -> f64 {
         scales
             .iter()
-            .find(|scale: &&Self| scale.sensor == sensor && scale.gamma == candidate.agent.gamma)
+            .find(|scale| scale.sensor == sensor && scale.gamma == candidate.agent.gamma)
             .map_or(1.0, Self::unit)
     }
 }

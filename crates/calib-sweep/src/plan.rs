@@ -8,7 +8,7 @@ use calib_core::{Monitor, Seed};
 use rayon::prelude::*;
 
 use crate::{
-    Baselines, Candidate, Environment, EnvironmentId, PlannedUnit, Program, RunRow, Span, Start,
+    Baselines, Candidate, Environment, EnvironmentId, PlannedUnit, Program, Span, Start,
     SweepError, Unit, UnitResult, UnitRuns, UnitStore, WORK_BETWEEN, cohorts,
     pass::Pass,
     race::{Race, Streams},
@@ -308,7 +308,7 @@ impl<'a> Plan<'a> {
             not_finite: *not_finite,
             runs: rows
                 .iter()
-                .map(|row: &RunRow| (settings[row.candidate].to_string(), row.into()))
+                .map(|row| (settings[row.candidate].to_string(), row.into()))
                 .collect(),
         }
     }
@@ -317,7 +317,7 @@ impl<'a> Plan<'a> {
     pub fn planned(&self, results: &[UnitResult]) -> Vec<PlannedUnit> {
         results
             .iter()
-            .map(|UnitResult { unit, key, rows, .. }: &UnitResult| {
+            .map(|UnitResult { unit, key, rows, .. }| {
                 let trained: BTreeSet<usize> = rows.iter().map(|row| row.candidate).collect();
                 let dropped = (0..self.candidates.len())
                     .filter(|candidate| !trained.contains(candidate))

@@ -1,6 +1,6 @@
 use std::{error::Error, fmt};
 
-use calib_agent::{AgentConfig, AgentError, CurveRule, RunOutcome, score_predictions};
+use calib_agent::{AgentConfig, CurveRule, RunOutcome, score_predictions};
 use calib_core::{Cancelled, Monitor, Seed, Stream};
 use calib_files::Fingerprint;
 
@@ -85,10 +85,9 @@ pub(crate) fn outcomes(
             let curve = CurveRule { windows: options.curve_points };
             let scored =
                 score_predictions(stream, job.column, agent.gamma, &values, updates, curve);
-            all.push(scored.map_err(|source: AgentError| SweepError::Agent {
-                unit: job.unit.clone(),
-                source,
-            })?);
+            all.push(
+                scored.map_err(|source| SweepError::Agent { unit: job.unit.clone(), source })?,
+            );
         }
     }
     monitor.advance(options.span.steps as u64);

@@ -61,9 +61,7 @@ impl UnitStore {
     ) -> Result<Vec<UnitResult>, SweepError> {
         let results: Vec<_> = planned
             .iter()
-            .map(|planned: &PlannedUnit| {
-                self.get(&planned.unit, &planned.key)?.result(planned.trained(settings))
-            })
+            .map(|planned| self.get(&planned.unit, &planned.key)?.result(planned.trained(settings)))
             .collect();
         let missing = results.iter().filter(|result| result.is_none()).count();
         match planned.iter().zip(&results).find(|(_, result)| result.is_none()) {

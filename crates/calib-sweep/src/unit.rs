@@ -171,10 +171,7 @@ impl SettingRun {
             curve: outcome
                 .curve
                 .into_iter()
-                .map(|point: calib_agent::CurvePoint| CurvePoint {
-                    step: point.step,
-                    rmse: point.rmse,
-                })
+                .map(|point| CurvePoint { step: point.step, rmse: point.rmse })
                 .collect(),
         }
     }

@@ -120,7 +120,7 @@ fn result(environment: EnvironmentId, run: usize, start_row: usize, errors: &[f6
         rows: errors
             .iter()
             .enumerate()
-            .map(|(candidate, &rmse): (usize, &f64)| {
+            .map(|(candidate, &rmse)| {
                 let score = PartScore { scored_steps: 9, rmse, mean_return: 0.0, return_std: 1.0 };
                 RunRow {
                     candidate,
@@ -236,7 +236,7 @@ fn a_race_drops_what_numpy_drops() {
     let made: BTreeMap<(EnvironmentId, usize), Vec<usize>> =
         raced(&results, values, Part::WholeRun)
             .iter()
-            .map(|result: &UnitResult| {
+            .map(|result| {
                 let Unit { environment, run, .. } = result.unit;
                 let trained = result.rows.iter().map(|row| row.candidate);
                 ((environment, run), trained.collect())

@@ -3,7 +3,7 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
-    path::{Path, PathBuf},
+    path::Path,
     sync::atomic::{AtomicU64, Ordering},
 };
 
@@ -329,9 +329,7 @@ fn long_runs_go_on_in_the_middle() {
     let results = loop {
         let monitor = Impatient { asked: AtomicU64::new(0), patience: 320 };
         match in_pool(1, || {
-            study.with_plan(1, |plan: Plan<'_>| {
-                plan.keeping_after(800_000_000).run(&stopped, &monitor)
-            })
+            study.with_plan(1, |plan| plan.keeping_after(800_000_000).run(&stopped, &monitor))
         }) {
             Err(SweepError::Cancelled(_)) => resumed += u32::from(unfinished.is_dir()),
             other => break other.expect("runs"),
@@ -451,9 +449,8 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
     let kept = kept.map(|name| one.directory().join(name));
     fs::remove_file(lost).expect("was there");
     let written = || {
-        kept.each_ref().map(|file: &PathBuf| {
-            fs::metadata(file).and_then(|metadata| metadata.modified()).expect("there")
-        })
+        kept.each_ref()
+            .map(|file| fs::metadata(file).and_then(|metadata| metadata.modified()).expect("there"))
     };
     let before = written();
     assert_eq!(race(&study, &one), alone);

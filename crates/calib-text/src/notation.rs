@@ -142,7 +142,7 @@ impl Candidates {
             let known = Self::of_all(&cells[reference..=reference], unit).left;
             let whole: Vec<&str> = cells
                 .iter()
-                .filter(|cell: &&&str| known.iter().any(|notation| notation.read(cell).is_some()))
+                .filter(|cell| known.iter().any(|notation| notation.read(cell).is_some()))
                 .copied()
                 .collect();
             let damaged = cells.len() - whole.len();
@@ -284,7 +284,7 @@ fn date_patterns(date: &str) -> Vec<String> {
     let orders = if has_name && fields[0].len() < 4 { &orders[..2] } else { orders };
     let found: BTreeSet<String> = orders
         .iter()
-        .filter_map(|order: &[&str; 3]| -> Option<String> {
+        .filter_map(|order| -> Option<String> {
             let mut pattern = String::new();
             for ((kind, text), separator) in order.iter().zip(fields).zip([*before, *after, ""]) {
                 pattern.push_str(field_pattern(kind, text)?);

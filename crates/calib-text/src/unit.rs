@@ -174,11 +174,7 @@ fn told(micros: i64) -> String {
 
 /// What to say of a number that may have several units.
 pub fn unit_readings(number: &str, units: &[TimestampUnit]) -> String {
-    units
-        .iter()
-        .map(|unit: &TimestampUnit| Notation::Number(*unit).reading(number))
-        .collect::<Vec<_>>()
-        .join(", ")
+    units.iter().map(|unit| Notation::Number(*unit).reading(number)).collect::<Vec<_>>().join(", ")
 }
 
 fn by_size(size: f64) -> TimestampUnit {

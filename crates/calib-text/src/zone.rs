@@ -326,7 +326,7 @@ mod tests {
         let midnight = wall(&format!("{day}T00:00:00"));
         let walls: Vec<i64> = shown
             .iter()
-            .map(|time: &&str| {
+            .map(|time| {
                 if time.contains('T') {
                     wall(&format!("{time}:00"))
                 } else {
@@ -337,7 +337,7 @@ mod tests {
         let (instants, _) = instants(zone, &walls);
         instants
             .iter()
-            .map(|instant: &i64| (*instant != NO_TIME).then(|| (instant - midnight) / MINUTE))
+            .map(|instant| (*instant != NO_TIME).then(|| (instant - midnight) / MINUTE))
             .collect()
     }
 

@@ -33,7 +33,7 @@ impl Judged<'_> {
     /// All methods: models first, then what one would do without calib, then floors. What no pair has is no method here.
     pub(crate) fn methods(&self) -> Result<Vec<Chosen>, StatsError> {
         let models = self.models.iter().map(|name| {
-            self.chosen(Method::Model(name.clone()), |pair: &Pair| Some(pair.model(name)?.chosen))
+            self.chosen(Method::Model(name.clone()), |pair| Some(pair.model(name)?.chosen))
         });
         let mut all: Vec<Chosen> = models.collect();
         if self.models.len() > 1 {
@@ -83,7 +83,7 @@ impl Judged<'_> {
                 Method::Hindsight,
                 self.regrets
                     .iter()
-                    .map(|regrets: &Vec<f64>| regrets.iter().copied().reduce(f64::min))
+                    .map(|regrets| regrets.iter().copied().reduce(f64::min))
                     .collect(),
             ),
             self.without_values(Method::AnotherWindow, another.collect()),
@@ -94,8 +94,8 @@ impl Judged<'_> {
     pub(crate) fn rules_of(&self, model: &str) -> Vec<Chosen> {
         self.rules
             .iter()
-            .map(|rule: &String| {
-                self.chosen(Method::RuleOf(model.to_owned(), rule.clone()), |pair: &Pair| {
+            .map(|rule| {
+                self.chosen(Method::RuleOf(model.to_owned(), rule.clone()), |pair| {
                     pair.model(model)?.by(rule)
                 })
             })
@@ -106,14 +106,12 @@ impl Judged<'_> {
     pub(crate) fn rules_of_all(&self) -> Vec<Chosen> {
         self.rules
             .iter()
-            .map(|rule: &String| {
+            .map(|rule| {
                 let each: Vec<Chosen> = self
                     .models
                     .iter()
                     .map(|model| {
-                        self.chosen(Method::Rule(rule.clone()), |pair: &Pair| {
-                            pair.model(model)?.by(rule)
-                        })
+                        self.chosen(Method::Rule(rule.clone()), |pair| pair.model(model)?.by(rule))
                     })
                     .collect();
                 Chosen {

@@ -36,7 +36,7 @@ pub(crate) fn of_optimisers(pairs: &[Pair], regrets: &[Vec<f64>]) -> Vec<Optimis
     optimisers.dedup();
     optimisers
         .into_iter()
-        .filter_map(|optimiser: &String| {
+        .filter_map(|optimiser| {
             let value = best_default(pairs, regrets, |pair| pair.optimiser == *optimiser)?;
             Some(OptimiserDefault { optimiser: optimiser.clone(), value })
         })

@@ -32,7 +32,7 @@ impl OverPlants {
     pub(crate) fn each(&self, has: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
         self.pairs
             .iter()
-            .map(|pairs: &Vec<usize>| -> Vec<usize> {
+            .map(|pairs| -> Vec<usize> {
                 pairs.iter().copied().filter(|&pair| has(pair)).collect()
             })
             .filter(|pairs| !pairs.is_empty())

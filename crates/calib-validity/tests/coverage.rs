@@ -2,7 +2,7 @@
 
 use calib_core::{Rng, Seed};
 use calib_validity::{
-    Claim, Comparison, Method, MethodSummary, ModelPair, Outcome, Pair, Test, Validity, judge,
+    Claim, Comparison, Method, MethodSummary, ModelPair, Outcome, Pair, Validity, judge,
 };
 
 const STUDIES: usize = 400;
@@ -148,7 +148,7 @@ fn no_worse_is_said_of_what_is_worse_by_the_margin_in_one_case_of_forty() {
                     .judged(count, &mut rng)
                     .tests
                     .iter()
-                    .any(|of: &Test| of.claim == Claim::NoWorse && of.outcome == Outcome::Holds)
+                    .any(|of| of.claim == Claim::NoWorse && of.outcome == Outcome::Holds)
             })
             .count() as f64
             / (2 * STUDIES) as f64;

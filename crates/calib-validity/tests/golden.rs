@@ -102,7 +102,7 @@ fn pair(of: GoldenPair) -> Pair {
         models: of
             .models
             .into_iter()
-            .map(|(model, of): (String, Model)| ModelPair {
+            .map(|(model, of)| ModelPair {
                 model,
                 chosen: of.chosen,
                 stability: None,
@@ -139,10 +139,9 @@ fn near(ours: Option<f64>, theirs: Option<f64>, what: &str) {
 fn near_ends(ours: Option<Interval>, theirs: Option<[f64; 2]>, what: &str) {
     let ours = ours.map(|of| [of.low, of.high]);
     let alike = match (ours, theirs) {
-        (Some(ours), Some(theirs)) => ours
-            .iter()
-            .zip(&theirs)
-            .all(|(a, b): (&f64, &f64)| (a - b).abs() <= 1e-7 * b.abs().max(1.0)),
+        (Some(ours), Some(theirs)) => {
+            ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() <= 1e-7 * b.abs().max(1.0))
+        }
         (ours, theirs) => ours.is_none() && theirs.is_none(),
     };
     assert!(alike, "{what}: {ours:?} instead of {theirs:?}");

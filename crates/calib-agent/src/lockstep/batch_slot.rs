@@ -128,9 +128,7 @@ impl<'a> BatchSlot<'a> {
         trackers
             .into_iter()
             .enumerate()
-            .map(|(learner, tracker): (usize, Tracker)| {
-                tracker.outcome(|part| truth.scored(learner, part))
-            })
+            .map(|(learner, tracker)| tracker.outcome(|part| truth.scored(learner, part)))
             .collect()
     }
 }

@@ -168,7 +168,7 @@ impl Folds {
                 split
                     .judged
                     .iter()
-                    .map(|&part: &usize| -> f64 {
+                    .map(|&part| -> f64 {
                         self.rows_of(part).iter().map(|&t| error(t).powi(2)).sum()
                     })
                     .sum()
@@ -185,7 +185,7 @@ impl Folds {
     ) -> Option<Vec<f64>> {
         self.splits()
             .iter()
-            .map(|split: &Split| {
+            .map(|split| {
                 let judged = Target::sum(targets, &split.judged);
                 let error =
                     judged.squared_error(&sum(second, &split.judged), &solve(&split.fitted)?);
@@ -205,7 +205,7 @@ impl Folds {
                     judged: own.collect(),
                 }
             })
-            .filter(|split: &Split| self.count(&split.fitted) > 0 && self.count(&split.judged) > 0)
+            .filter(|split| self.count(&split.fitted) > 0 && self.count(&split.judged) > 0)
             .collect()
     }
 }

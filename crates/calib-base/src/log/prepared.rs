@@ -413,7 +413,7 @@ fn sources(data: &DataConfig) -> Result<Sources, StepError> {
     let files = calib_data::log_files(data)?.into_iter();
     Ok(Sources {
         files: files
-            .map(|path: PathBuf| {
+            .map(|path| {
                 let path = fs::canonicalize(&path)
                     .with_context(|| format!("cannot read {}", path.display()))?;
                 Ok(SourceFile { stamp: FileStat::of(&path)?, path })
@@ -442,7 +442,7 @@ fn parts() -> impl Iterator<Item = String> {
 fn folders(root: &Path) -> impl Iterator<Item = PathBuf> {
     let entries = fs::read_dir(root).into_iter().flatten().flatten();
     let mut found: Vec<PathBuf> = entries
-        .filter(|entry: &fs::DirEntry| {
+        .filter(|entry| {
             let name = entry.file_name();
             let is_key = name.len() == KEY_DIGITS
                 && name.to_string_lossy().bytes().all(|digit| digit.is_ascii_hexdigit());

@@ -121,7 +121,7 @@ pub(super) fn notes(results: &Path) -> Vec<(PathBuf, Note)> {
     let entries = fs::read_dir(results.join(FOLDER)).into_iter().flatten().flatten();
     let paths = entries.map(|entry| entry.path());
     let mut notes: Vec<(PathBuf, Note)> = paths
-        .filter_map(|path: PathBuf| {
+        .filter_map(|path| {
             let text = calib_files::read_regular(&path).ok()?;
             let note: Note = serde_json::from_slice(&text).ok()?;
             (note.format == FORMAT).then_some((path, note))

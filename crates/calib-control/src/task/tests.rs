@@ -138,7 +138,7 @@ fn the_reward_of_a_plant_follows_from_what_it_logs() {
         let mut logged = Vec::new();
         plant.log(&mut logged);
         let reward = f64::from(
-            config.reward.of(1, |name: &str| {
+            config.reward.of(1, |name| {
                 let seen = Membrane::columns().iter().position(|column| column.0 == name);
                 let beside = Membrane::logged().iter().position(|&other| other == name);
                 let value = seen.map(|place| observed[place]).or(beside.map(|place| logged[place]));

@@ -32,7 +32,7 @@ fn runs(returns: &[[f64; 3]]) -> Vec<Run> {
     returns
         .iter()
         .enumerate()
-        .flat_map(|(member, returns): (usize, &[f64; 3])| {
+        .flat_map(|(member, returns)| {
             let returns = *returns;
             (0..3).map(move |candidate| run(member, candidate, returns[candidate]))
         })

@@ -110,7 +110,7 @@ fn plan_samples(
             .tags
             .iter()
             .enumerate()
-            .map(|(column, tag): (usize, &super::series::Tag)| Channel {
+            .map(|(column, tag)| Channel {
                 name: tag.name.clone(),
                 type_name: tag.type_name().to_owned(),
                 description: Description::default(),
@@ -241,10 +241,8 @@ fn refuse_too_fine(
 ) -> Result<(), DataError> {
     let chosen = Chosen::of(data);
     let values = (rows as u64).saturating_mul(
-        channels
-            .iter()
-            .filter(|channel: &&Channel| channel.readable && chosen.has(&channel.names()))
-            .count() as u64,
+        channels.iter().filter(|channel| channel.readable && chosen.has(&channel.names())).count()
+            as u64,
     );
     if values > MANY && values / 1_000 > samples {
         let period_secs = data.period_secs.unwrap_or_default();

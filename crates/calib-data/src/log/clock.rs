@@ -190,12 +190,11 @@ fn by_all_rows(
     mut found: Candidates,
 ) -> Result<Candidates, DataError> {
     // Any number can be read in every unit.
-    let mut blocks =
-        if found.left.iter().all(|notation: &Notation| matches!(notation, Notation::Number(_))) {
-            None
-        } else {
-            Some(file.blocks()?)
-        };
+    let mut blocks = if found.left.iter().all(|notation| matches!(notation, Notation::Number(_))) {
+        None
+    } else {
+        Some(file.blocks()?)
+    };
     while let Some(block) = blocks.as_mut().map(|blocks| blocks.next(1)).transpose()?.flatten() {
         for (range, line) in &block.parts {
             let mut records = file.records(&block.bytes[range.clone()], *line);

@@ -132,7 +132,7 @@ pub(crate) fn import(
     };
     let mut instants = clock.rows();
     file.read_parts(
-        |records: Records<'_>| WideChunk::read(records, width, time, clock.notation(), fractions),
+        |records| WideChunk::read(records, width, time, clock.notation(), fractions),
         |part| imported.add(part, &mut instants, store),
         monitor,
     )?;
@@ -161,7 +161,7 @@ impl Imported {
         for (column, cells) in part.cells.chunks(rows.max(1)).enumerate() {
             self.words_only[column] &= !cells
                 .iter()
-                .any(|&bits: &u64| matches!(Cell::decode(bits), Cell::Number(_) | Cell::NonFinite));
+                .any(|&bits| matches!(Cell::decode(bits), Cell::Number(_) | Cell::NonFinite));
         }
         let at = store.append(&part.cells)?;
         self.columns.parts.push((self.columns.rows, rows, at));

@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     fn seconds(seconds: &[f64]) -> Vec<Timestamp> {
-        seconds.iter().map(|secs: &f64| Timestamp::from_micros((secs * 1e6) as i64)).collect()
+        seconds.iter().map(|secs| Timestamp::from_micros((secs * 1e6) as i64)).collect()
     }
 
     #[test]

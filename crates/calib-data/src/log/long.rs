@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     DataConfig, DataError,
-    text::{Annotated, Cell, Key, Notation, Records, Sample, TextFile, Words, annotated_names},
+    text::{Annotated, Cell, Key, Notation, Records, TextFile, Words, annotated_names},
 };
 
 /// Samples that one thread read, with names of its own for tags and words.
@@ -93,7 +93,7 @@ pub(crate) fn stream_text(
 ) -> Result<(), DataError> {
     let mut pouring = Pouring::new(clock, sink);
     file.read_parts(
-        |records: Records<'_>| LongChunk::read(records, roles, clock.notation(), fractions),
+        |records| LongChunk::read(records, roles, clock.notation(), fractions),
         |part| part.pour(&mut pouring),
         monitor,
     )?;
@@ -287,7 +287,7 @@ pub(crate) fn stream_annotated(
         let mut pouring = Pouring::new(clock, sink);
         Annotated::open(head.path())?.read(
             &mut words,
-            |sample: Sample<'_>, words: &Words| {
+            |sample, words| {
                 let tag = if let Some(&tag) = known.get(sample.key) {
                     tag
                 } else {

@@ -160,7 +160,7 @@ impl Log {
         let missed = self
             .channels
             .iter()
-            .filter(|channel: &&Channel| !channel.readable && chosen.has(&channel.names()));
+            .filter(|channel| !channel.readable && chosen.has(&channel.names()));
         missed.map(|channel| (channel.name.clone(), channel.type_name.clone())).collect()
     }
 
@@ -193,7 +193,7 @@ impl Log {
             most_of_channel: counts.max().unwrap_or(0),
             examples: named
                 .iter()
-                .flat_map(|(name, found): &(&str, &Contradicting)| -> Vec<String> {
+                .flat_map(|(name, found)| -> Vec<String> {
                     found.first.iter().map(|contradiction| contradiction.told(name)).collect()
                 })
                 .take(SHOWN)

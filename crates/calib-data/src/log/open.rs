@@ -102,7 +102,7 @@ pub(super) fn open(data: &DataConfig, monitor: &dyn Monitor) -> Result<(Opened, 
 fn time_columns(heads: &mut [Head], data: &DataConfig) -> Result<Vec<usize>, DataError> {
     let mut found: Vec<Option<usize>> = heads
         .iter()
-        .map(|head: &Head| match head {
+        .map(|head| match head {
             Head::Annotated(..) => Some(0),
             _ => time_column(head, &head.columns(), data),
         })

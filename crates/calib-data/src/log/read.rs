@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{
     Channel, Log, Origin,
-    dedup::{Contradicting, Contradiction, agree},
+    dedup::{Contradicting, agree},
     file::LogFile,
     resample::{Bridged, Grid},
     rows::{LEFT_OUT, RowMap, Rows},
@@ -235,7 +235,7 @@ impl Log {
         let mut places: HashMap<usize, usize> = HashMap::with_capacity(channels.len());
         let slots: Vec<Option<usize>> = channels
             .iter()
-            .map(|&channel: &usize| {
+            .map(|&channel| {
                 let field = *self.channels[channel].positions.get(&file)?;
                 Some(*places.entry(field).or_insert_with(|| {
                     fields.push(field);
@@ -398,7 +398,7 @@ impl Log {
                 let codes = placed
                     .cells
                     .iter()
-                    .map(|&cell: &u64| with_label(cell, words, |label| labels.code(label)))
+                    .map(|&cell| with_label(cell, words, |label| labels.code(label)))
                     .collect::<Vec<f64>>();
                 (placed.times, codes)
             }
@@ -513,7 +513,7 @@ impl Log {
         let examples = found
             .first
             .iter()
-            .map(|contradiction: &Contradiction| {
+            .map(|contradiction| {
                 let at = format_time(Timestamp::from_micros(contradiction.time));
                 let [before, now] = contradiction.values.map(&label);
                 format!("at {at} {name} is {before:?} and {now:?}")

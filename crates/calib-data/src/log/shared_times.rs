@@ -41,7 +41,7 @@ impl SharedTimes {
         let rows = counts[counts.len() / 2];
         let alike = counts
             .iter()
-            .filter(|&&count: &&u64| count.abs_diff(rows) as f64 <= TOLERANCE * rows as f64)
+            .filter(|&&count| count.abs_diff(rows) as f64 <= TOLERANCE * rows as f64)
             .count();
         let step = *steps.get(steps.len() / 2)?;
         let is_regular = rows > 1 && alike as f64 >= ALIKE * counts.len() as f64;

@@ -98,7 +98,7 @@ fn expand(pattern: &str) -> Result<Vec<PathBuf>, DataError> {
 fn workbook_in(folder: &Path) -> String {
     let files = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     files
-        .filter(|path: &PathBuf| {
+        .filter(|path| {
             let extension =
                 path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
             extension.is_some_and(|extension| ["xlsx", "xls", "ods"].contains(&extension.as_str()))
@@ -147,9 +147,11 @@ pub(crate) fn left_alone(data: &DataConfig) -> Result<Vec<PathBuf>, DataError> {
         let mut found = Vec::new();
         walk(folder, &mut found)?;
         if has_parquet_logs(&mut found) {
-            left.extend(found.into_iter().filter(|path: &PathBuf| {
-                !is_parquet(path) && !is_note(path) && !named.contains(path)
-            }));
+            left.extend(
+                found
+                    .into_iter()
+                    .filter(|path| !is_parquet(path) && !is_note(path) && !named.contains(path)),
+            );
         }
     }
     Ok(left.into_iter().collect())
@@ -244,7 +246,7 @@ mod tests {
         let sources = find_files(&data)?;
         Ok(sources
             .iter()
-            .map(|source: &PartitionedFile| {
+            .map(|source| {
                 let path = source.path.strip_prefix(folder).expect("inside");
                 path.to_string_lossy().into_owned()
             })

@@ -9,7 +9,7 @@ use super::{
     clock::Clock,
     column_aliases::{TIME_FIELDS, TIMES, plain},
     file::{FieldKind, LogFile},
-    head::{Head, HeadColumn},
+    head::Head,
     rows::NO_TIME,
     values::RawColumn,
 };
@@ -22,7 +22,7 @@ use crate::{
 pub(crate) fn likely_times(head: &Head) -> Vec<String> {
     head.columns()
         .into_iter()
-        .filter(|column: &HeadColumn| {
+        .filter(|column| {
             let name = column.name.to_lowercase();
             column.kind == FieldKind::Time || name.contains("time") || name.contains("date")
         })
@@ -62,7 +62,7 @@ pub(crate) fn no_timestamp(head: &Head, others: usize, data: &DataConfig) -> Dat
 
 /// In quotes where a shell would take it apart.
 fn shell_word(word: &str) -> String {
-    if word.chars().all(|letter: char| letter.is_alphanumeric() || "._-=/:".contains(letter)) {
+    if word.chars().all(|letter| letter.is_alphanumeric() || "._-=/:".contains(letter)) {
         word.to_owned()
     } else {
         format!("'{word}'")
@@ -75,7 +75,7 @@ fn parts_of_dates(head: &Head) -> Vec<String> {
     let columns = head.columns();
     let found = TIME_FIELDS
         .iter()
-        .map_while(|names: &&[&str]| {
+        .map_while(|names| {
             columns.iter().find(|column| names.contains(&plain(&column.name).as_str()))
         })
         .map(|column| column.name.clone());
@@ -91,7 +91,7 @@ pub(crate) fn join_fields(head: &mut Head) -> Option<usize> {
     let Head::Text(file) = head else { return None };
     let fields: Vec<usize> = names
         .iter()
-        .filter_map(|name: &String| file.columns().iter().position(|column| column.name == *name))
+        .filter_map(|name| file.columns().iter().position(|column| column.name == *name))
         .collect();
     let holds = |(&column, [low, high]): (&usize, [f64; 2])| {
         let cells = file.dialect.cells(column);
@@ -139,9 +139,9 @@ pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataErro
         let clocks: Vec<usize> = others().filter(|&column| has_clock(column)).collect();
         match (
             &clocks[..],
-            clocks.iter().find(|column: &&usize| {
-                TIMES.contains(&plain(&file.columns()[**column].name).as_str())
-            }),
+            clocks
+                .iter()
+                .find(|column| TIMES.contains(&plain(&file.columns()[**column].name).as_str())),
         ) {
             ([], _) => return Ok(time),
             ([clock], _) | (_, Some(clock)) => (time, *clock),
@@ -318,7 +318,7 @@ fn text_stamps(
         Some(pattern) => (Notation::Pattern(pattern.clone()), "what data.timestamp_format says"),
         None => (Notation::Iso, "ISO 8601, such as 2022-11-01T06:00:00 or 2022-11-01T06:00:00Z"),
     };
-    text.iter().enumerate().map(|(row, text): (usize, Option<&str>)| {
+    text.iter().enumerate().map(|(row, text)| {
         match text.map(str::trim) {
         None | Some("") => Ok(None),
         Some(text) => notation.read(text).map(Some).ok_or_else(|| {
@@ -355,7 +355,7 @@ fn dates<N: ToString>(
         };
     };
     let notation = Notation::Pattern(format.clone());
-    numbers.iter().map(|number: &Option<N>| {
+    numbers.iter().map(|number| {
         let Some(number) = number.as_ref().map(N::to_string) else { return Ok(None) };
         notation.read(&number).map(Some).ok_or_else(|| {
             format!(

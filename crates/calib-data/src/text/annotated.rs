@@ -252,7 +252,7 @@ pub(crate) fn names(keys: &[Key]) -> Vec<String> {
     };
     let short: Vec<String> = keys
         .iter()
-        .map(|key: &Key| {
+        .map(|key| {
             let values = key.iter().filter(|(part, value)| tells(part) && !value.is_empty());
             values.map(|(_, value)| value.as_str()).collect::<Vec<_>>().join(".")
         })
@@ -301,7 +301,7 @@ mod tests {
         let mut all = Vec::new();
         Annotated::open(&path)?.read(
             &mut Words::default(),
-            |sample: Sample<'_>, _: &Words| {
+            |sample, _| {
                 all.push((sample.key.clone(), sample.time, sample.cell));
                 Ok(())
             },

@@ -184,7 +184,7 @@ fn chosen(
 ) -> Result<Vec<(usize, String)>, DataError> {
     data.only
         .iter()
-        .map(|(name, value): (&String, &String)| {
+        .map(|(name, value)| {
             let column = columns.iter().position(|column| column.name == *name);
             let names = columns.iter().map(|column| column.name.as_str());
             let column = column.ok_or_else(|| DataError::where_column(path, name, names))?;

@@ -17,7 +17,7 @@ pub(crate) use calib_text::{
 };
 
 pub(crate) use self::{
-    annotated::{Annotated, Key, Sample, is_annotated, names as annotated_names},
+    annotated::{Annotated, Key, is_annotated, names as annotated_names},
     file::{Records, TextFile, is_value},
     input::size,
     quality::Quality,

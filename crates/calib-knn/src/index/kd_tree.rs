@@ -111,7 +111,7 @@ impl NeighborIndex for KdTree<'_> {
         in_blocks(order, QUERIES, found, monitor, |order| {
             let lists = order
                 .iter()
-                .map(|&query: &u32| self.fill(queries, query as usize, k, usize::MAX).0)
+                .map(|&query| self.fill(queries, query as usize, k, usize::MAX).0)
                 .collect();
             monitor.advance(order.len() as u64);
             lists

@@ -102,7 +102,7 @@ impl NeighborLists {
             for (neighbors, distances) in lists {
                 let mut list: Vec<(f64, u32)> = neighbors
                     .iter()
-                    .map(|&source: &u32| match source {
+                    .map(|&source| match source {
                         u32::MAX => (f64::INFINITY, source),
                         _ => (squared(place, source), source),
                     })

@@ -161,7 +161,7 @@ impl<'a> Pending<'a> {
                 pool.groups
                     .transitions(group as usize)
                     .iter()
-                    .any(|transition: &u32| listed.binary_search(transition).is_ok())
+                    .any(|transition| listed.binary_search(transition).is_ok())
             });
         }
         self.most = MOST_MET.max(2 * self.met.len());

@@ -171,9 +171,7 @@ impl TableSearch<'_> {
         self.survey(tables)?
             .into_iter()
             .zip(tables)
-            .map(|((member, survey), table): ((Member<'_>, Survey), &mut Filling)| {
-                member.untrap(table, &survey)
-            })
+            .map(|((member, survey), table)| member.untrap(table, &survey))
             .collect()
     }
 
@@ -185,7 +183,7 @@ impl TableSearch<'_> {
         Ok(self
             .survey(tables)?
             .into_iter()
-            .map(|(member, survey): (Member<'_>, Survey)| member.as_found(&survey))
+            .map(|(member, survey)| member.as_found(&survey))
             .collect())
     }
 
@@ -195,7 +193,7 @@ impl TableSearch<'_> {
         tables
             .iter()
             .enumerate()
-            .map(|(number, table): (usize, &Filling)| {
+            .map(|(number, table)| {
                 let member = Member::new(*self, number);
                 let survey = member.survey(table)?;
                 self.monitor.advance(1);

@@ -173,7 +173,7 @@ impl Shape {
         }
         classes.retain(|members| {
             !members.is_empty()
-                && members.iter().all(|node: &u32| {
+                && members.iter().all(|node| {
                     edges[*node as usize]
                         .iter()
                         .all(|&to| class[to as usize] == class[*node as usize])

@@ -311,7 +311,7 @@ fn refresh(
         .members
         .par_iter()
         .enumerate()
-        .map(|(member, old): (usize, &MemberSummary)| {
+        .map(|(member, old)| {
             let mut classes =
                 old.recurrence.as_ref().map(|known| known.classes.clone()).unwrap_or_default();
             let (now, ends) = closed_classes(&knn, member, weights, classes.candidates, &Silent)?;

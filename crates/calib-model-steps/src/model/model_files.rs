@@ -343,7 +343,7 @@ pub fn sensor_columns(
         .sweep
         .sensors
         .iter()
-        .map(|sensor: &String| {
+        .map(|sensor| {
             let column = sensor_column(sensor, normaliser, profile).context("sweep.sensors")?;
             Ok((sensor.clone(), column))
         })

@@ -248,9 +248,7 @@ pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<Str
     ];
     warnings
         .into_iter()
-        .filter_map(|(which, text): (&Concerns, String)| {
-            Some(text.replace("MEMBERS", &those(which)?))
-        })
+        .filter_map(|(which, text)| Some(text.replace("MEMBERS", &those(which)?)))
         .collect()
 }
 
@@ -267,13 +265,13 @@ pub fn report_table(model: &ModelManifest) -> Option<Table> {
         .members
         .iter()
         .enumerate()
-        .filter_map(|(number, member): (usize, &MemberSummary)| {
+        .filter_map(|(number, member)| {
             let recurrence = member.recurrence.as_ref()?;
             let number_or = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
             let Recurrence { candidates, before, after, left_out, exits, .. } = &recurrence.classes;
             let text = |classes: &ClosedClasses| {
                 let sizes: Vec<String> =
-                    classes.largest.iter().take(5).map(|&size: &usize| count(size)).collect();
+                    classes.largest.iter().take(5).map(|&size| count(size)).collect();
                 let more = if classes.count > 5 { ", …" } else { "" };
                 Cell::Text(format!("{} ({}{more})", classes.count, sizes.join("; ")))
             };

@@ -155,7 +155,7 @@ pub fn summaries(members: &[Vec<(RequestedStart, Option<f32>)>]) -> Vec<StartSum
     };
     members
         .iter()
-        .map(|starts: &Vec<(RequestedStart, Option<f32>)>| {
+        .map(|starts| {
             let lacks =
                 |&(number, &(wanted, replaced)): &(usize, &(RequestedStart, Option<f32>))| {
                     match wanted {

@@ -83,7 +83,7 @@ fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<KeyedCandidate>, S
         .representation
         .candidates()
         .into_iter()
-        .map(|config: LaplacianConfig| {
+        .map(|config| {
             Ok((artefact::key(&(TRAINING, material.fingerprint, &config, study.seed))?, config))
         })
         .collect()

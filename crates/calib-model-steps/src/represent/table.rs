@@ -103,7 +103,7 @@ pub(super) fn write(
 fn telling(candidates: &[Candidate]) -> Vec<Field> {
     FIELDS
         .into_iter()
-        .filter(|(_, value): &Field| {
+        .filter(|(_, value)| {
             let mut values =
                 candidates.iter().filter_map(|candidate| candidate.config.as_ref().map(value));
             values.next().is_some_and(|first| values.any(|other| other != first))
@@ -123,7 +123,7 @@ pub(crate) fn show(manifest: &RepresentationManifest, printer: &Printer) -> Resu
         .enumerate()
         .map(|(number, candidate)| {
             let mut row = vec![number.to_string()];
-            row.extend(fields.iter().map(|(_, value): &Field| {
+            row.extend(fields.iter().map(|(_, value)| {
                 candidate.config.as_ref().map_or_else(String::new, |config| plain(value(config)))
             }));
             match &candidate.scores {
@@ -179,7 +179,7 @@ pub fn report_table(manifest: &RepresentationManifest) -> ReportTable {
     ]);
     let rows = manifest.candidates.iter().enumerate().map(|(number, candidate)| {
         let mut row = vec![Cell::Text(number.to_string())];
-        row.extend(fields.iter().map(|(_, value): &Field| {
+        row.extend(fields.iter().map(|(_, value)| {
             candidate
                 .config
                 .as_ref()

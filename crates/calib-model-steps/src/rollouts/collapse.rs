@@ -178,10 +178,7 @@ pub(crate) fn show(collapse: &Collapse, printer: &Printer) -> Result<(), StepErr
 /// A table for the report; none where nothing is wrong.
 pub fn report_table(model: &str, collapse: &Collapse) -> Option<Table> {
     if collapse.ended.is_empty()
-        && !collapse
-            .sensors
-            .iter()
-            .any(|sensor: &SensorCollapse| sensor.collapsed > 0 || sensor.escaped > 0)
+        && !collapse.sensors.iter().any(|sensor| sensor.collapsed > 0 || sensor.escaped > 0)
     {
         return None;
     }

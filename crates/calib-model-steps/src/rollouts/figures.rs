@@ -37,7 +37,7 @@ pub fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> {
     };
     sensors
         .iter()
-        .map(|&sensor: &&str| {
+        .map(|&sensor| {
             let name = readable(sensor);
             if name.is_empty() || alike(sensor, &name) { sensor.to_owned() } else { name }
         })
@@ -173,7 +173,7 @@ impl FirstRollouts {
     fn from(&self, start: &FirstRollout) -> Option<&[f64]> {
         self.pairs
             .iter()
-            .find(|pair: &&FirstRollout| pair.time.is_some() && pair.time == start.time)
+            .find(|pair| pair.time.is_some() && pair.time == start.time)
             .map(|pair| pair.values.as_slice())
     }
 }
@@ -277,7 +277,7 @@ mod tests {
     fn starts(times: &[i64]) -> FirstRollouts {
         let pairs = times
             .iter()
-            .map(|&time: &i64| FirstRollout {
+            .map(|&time| FirstRollout {
                 time: Some(Timestamp::from_micros(time)),
                 recorded: vec![5.0; 3],
                 values: vec![time as f64, 9.0],

@@ -17,7 +17,7 @@ use calib_base::{
 use calib_core::{Frames, Normalised, RowIndex, Seed, Timestamp};
 use calib_data::table::Table;
 use calib_files::Fingerprint;
-use calib_model::{JumpStatistics, ModelStart, Rolling, RolloutConfig, Search, Trajectory};
+use calib_model::{JumpStatistics, Rolling, RolloutConfig, Search, Trajectory};
 use calib_study::{Job, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -255,9 +255,7 @@ fn roll_out(
     let all: Vec<Vec<Trajectory>> = given
         .iter()
         .enumerate()
-        .map(|(member, starts): (usize, &Vec<ModelStart>)| {
-            model.model.roll_out(member, starts, &rolling, &progress)
-        })
+        .map(|(member, starts)| model.model.roll_out(member, starts, &rolling, &progress))
         .collect::<Result<_, _>>()?;
     drop(progress);
     let trajectories = artefact::marked(trajectories(model, record, &all, sensors));
@@ -276,7 +274,7 @@ fn roll_out(
     let comparison = compare(model, record, &all, sensors, directory, steps, printer)?;
     let starts = summaries(
         &all.iter()
-            .map(|rollouts: &Vec<Trajectory>| rollouts.iter().map(Trajectory::start).collect())
+            .map(|rollouts| rollouts.iter().map(Trajectory::start).collect())
             .collect::<Vec<_>>(),
     );
     let members = all.iter().zip(starts).enumerate();

@@ -41,7 +41,7 @@ impl Columns {
             .clone()
             .into_iter()
             .zip(unusual)
-            .map(|(columns, unusual): (Self, bool)| {
+            .map(|(columns, unusual)| {
                 if !unusual {
                     return columns;
                 }

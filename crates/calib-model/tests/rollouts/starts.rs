@@ -117,7 +117,7 @@ fn calendar_months_choose_rows_before_the_deployment() {
             start_states(&member, source(month, before), 200, Seed::new(1)).expect("starts");
         starts
             .iter()
-            .map(|s: &StartState| rollout(&member, s, 0, Weights::Linear, Seed::new(0)).rows()[0].0)
+            .map(|s| rollout(&member, s, 0, Weights::Linear, Seed::new(0)).rows()[0].0)
             .collect()
     };
     let july = |row: &u32| (91..106).contains(row) || (273..289).contains(row);

@@ -77,7 +77,7 @@ impl Bf16Network {
             hidden: hidden
                 .iter()
                 .enumerate()
-                .map(|(number, layer): (usize, &Layer)| HiddenLayer {
+                .map(|(number, layer)| HiddenLayer {
                     inputs: layer.inputs,
                     outputs: layer.outputs,
                     weights: Panels::new(Pairing::Features, layer.inputs, layer.outputs),

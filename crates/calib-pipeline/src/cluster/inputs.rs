@@ -126,7 +126,7 @@ pub(crate) fn mapped_bytes(
         .count();
     let size = |name: &String| directory.join(name).metadata().map_or(0, |found| found.len());
     let (tables, others): (Vec<&String>, Vec<&String>) =
-        files.keys().partition(|name: &&String| name.starts_with("members/"));
+        files.keys().partition(|name| name.starts_with("members/"));
     let sum = |names: Vec<&String>| names.into_iter().map(size).sum::<u64>();
     sum(others) + sum(tables) / members.max(1) as u64
 }
@@ -215,7 +215,7 @@ impl<'p> Inputs<'p> {
         self.part
             .environments
             .iter()
-            .map(|described: &EnvironmentSpec| -> Result<Box<dyn Environment + '_>, StepError> {
+            .map(|described| -> Result<Box<dyn Environment + '_>, StepError> {
                 if self.opened.contains(&described.id()) {
                     return described.open(sources, rolling);
                 }

@@ -333,7 +333,7 @@ impl Planning<'_> {
 fn memory(parts: &[PlannedPart], passes: &[PlannedPass]) -> u64 {
     let training = passes
         .iter()
-        .filter_map(|pass: &PlannedPass| {
+        .filter_map(|pass| {
             let part = parts.get(pass.part)?.sweep.as_ref()?;
             let agents = agents_of(&part.candidates);
             let states = part.span.states();
@@ -347,7 +347,7 @@ fn memory(parts: &[PlannedPart], passes: &[PlannedPass]) -> u64 {
     let mapped = |part: &usize| parts.get(*part)?.sweep.as_ref().map(|sweep| sweep.mapped);
     let results: u64 = passes
         .iter()
-        .filter_map(|pass: &PlannedPass| {
+        .filter_map(|pass| {
             let part = parts.get(pass.part)?.sweep.as_ref()?;
             let units = part.groups[pass.group].len() * part.candidates.len();
             Some(units as u64 * (200 + 80 * part.study.sweep.curve_points as u64))

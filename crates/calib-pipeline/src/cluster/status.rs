@@ -164,7 +164,7 @@ pub(crate) fn status(
 /// Shards whose results are not there, or not what they should be.
 pub(crate) fn missing(opened: &OpenedPlan) -> Vec<usize> {
     (0..opened.plan.shards.len())
-        .filter(|number: &usize| standing(opened, *number).state != State::Done)
+        .filter(|number| standing(opened, *number).state != State::Done)
         .collect()
 }
 

@@ -107,9 +107,7 @@ impl Handover<'_> {
         };
         let stages = (0..plan.stages()).map(|stage| {
             plan.of_stage(stage)
-                .filter(|number: &usize| {
-                    missing.as_ref().is_none_or(|shards| shards.contains(number))
-                })
+                .filter(|number| missing.as_ref().is_none_or(|shards| shards.contains(number)))
                 .collect()
         });
         stages.filter(|shards: &Vec<usize>| !shards.is_empty()).collect()

@@ -98,7 +98,7 @@ pub(super) fn described(
             .columns
             .iter()
             .enumerate()
-            .map(|(place, column): (usize, &String)| -> Result<ColumnMap, StepError> {
+            .map(|(place, column)| -> Result<ColumnMap, StepError> {
                 let CoverageMap { upper, states, covered } = model.coverage_map(place, PARTS)?;
                 let upper = upper.into_iter().map(|bound| names.physical(place, bound)).collect();
                 Ok(ColumnMap { column: column.clone(), upper, states, covered })

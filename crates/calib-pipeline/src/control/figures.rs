@@ -137,7 +137,7 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
             columns: std::iter::once(name.clone())
                 .chain(ways.iter().map(|way| way.0.to_owned()))
                 .collect(),
-            rows: values.iter().enumerate().map(|(place, own): (usize, &&str)| {
+            rows: values.iter().enumerate().map(|(place, own)| {
         let shown = drawn.iter().map(|series| Cell::Number(series.points[place].y));
         std::iter::once(Cell::Text((*own).to_owned())).chain(shown).collect()
     }).collect(),
@@ -223,11 +223,8 @@ fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
     let drawn = own.map(|(number, (action, shares))| {
         series(number, &action.name, points(0.0, &percent(shares)))
     });
-    let names: Vec<String> = map
-        .upper
-        .iter()
-        .map(|upper: &f64| format!("to {}", calib_report::number(*upper)))
-        .collect();
+    let names: Vec<String> =
+        map.upper.iter().map(|upper| format!("to {}", calib_report::number(*upper))).collect();
     OverviewFigure {
         caption: format!(
             "Share of the recorded states in each fifth of {} near which the action was taken. What a choice does where curves are low rests on \
@@ -242,7 +239,7 @@ fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
             rows: names
                 .iter()
                 .enumerate()
-                .map(|(part, name): (usize, &String)| {
+                .map(|(part, name)| {
                     let shares = map
                         .covered
                         .iter()

@@ -242,7 +242,7 @@ fn settings_told(
         .actions
         .iter()
         .zip(acted)
-        .map(|(column, values): (&String, &Vec<f64>)| {
+        .map(|(column, values)| {
             let own: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
             ensure!(!own.is_empty(), "the log has no value of {column}");
             let share = |share: f64| quantile(&own, share);

@@ -123,7 +123,7 @@ fn actions(evaluation: &ControlEvaluation) -> Table {
         title: "Actions".to_owned(),
         caption: "How often each action was taken, and in what share of the recorded states a step with it lies within the radius.".to_owned(),
         columns: texts(["action", "taken", "of the log", "known in states"]),
-        rows: log.actions.iter().map(|action: &super::described::ActionTold| {
+        rows: log.actions.iter().map(|action| {
         vec![
             Cell::Text(action.name.clone()),
             Cell::Count(action.transitions as u64),
@@ -137,12 +137,12 @@ fn actions(evaluation: &ControlEvaluation) -> Table {
 
 /// The numbers of the maps, a table a column.
 fn maps(evaluation: &ControlEvaluation) -> Vec<Table> {
-    evaluation.log.map.iter().take(figures::MAPS).map(|map: &super::described::ColumnMap| {
+    evaluation.log.map.iter().take(figures::MAPS).map(|map| {
         Table {
             title: format!("Coverage along {}", map.column),
             caption: "Share of the recorded states of each fifth of the column near which the action was taken.".to_owned(),
-            columns: std::iter::once("action".to_owned()).chain(map.upper.iter().map(|upper: &f64| format!("to {}", calib_report::number(*upper)))).collect(),
-            rows: evaluation.log.actions.iter().zip(&map.covered).map(|(action, covered): (&super::described::ActionTold, &Vec<f64>)| {
+            columns: std::iter::once("action".to_owned()).chain(map.upper.iter().map(|upper| format!("to {}", calib_report::number(*upper)))).collect(),
+            rows: evaluation.log.actions.iter().zip(&map.covered).map(|(action, covered)| {
             let shares = covered.iter().map(|&share| Cell::Percent(share));
             std::iter::once(Cell::Text(action.name.clone())).chain(shares).collect()
         }).collect(),

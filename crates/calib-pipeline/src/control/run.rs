@@ -121,9 +121,7 @@ fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Resul
         "set control.agent.pairs = false, keep fewer columns with data.include, or use fewer threads (--threads)",
     )?;
     if columns > PAIRED_COLUMNS
-        && candidates
-            .iter()
-            .any(|agent: &AgentConfig| agent.pairs && agent.algorithm != Algorithm::DeepQLearning)
+        && candidates.iter().any(|agent| agent.pairs && agent.algorithm != Algorithm::DeepQLearning)
     {
         let times = (columns - 1) / 2 + 1;
         printer.warn(&format!(

@@ -9,7 +9,7 @@ use calib_study::Job;
 
 use super::{
     advice::rank_name,
-    described::{ActionLogSummary, ActionTold, SettingTold},
+    described::ActionLogSummary,
     files::{ControlEvaluation, ControlSummary},
 };
 
@@ -64,7 +64,7 @@ pub(super) fn actions(log: &ActionLogSummary) -> String {
     let rows: Vec<_> = log
         .actions
         .iter()
-        .map(|action: &ActionTold| {
+        .map(|action| {
             let share = action.transitions as f64 / log.transitions as f64;
             vec![
                 action.name.clone(),
@@ -84,7 +84,7 @@ fn settings(log: &ActionLogSummary) -> String {
     let rows: Vec<_> = log
         .settings
         .iter()
-        .map(|setting: &SettingTold| {
+        .map(|setting| {
             let quantiles = setting.quantiles.iter().map(|&value| significant(value));
             std::iter::once(setting.column.clone()).chain(quantiles).collect::<Vec<_>>()
         })
@@ -100,7 +100,7 @@ pub(super) fn states(log: &ActionLogSummary) -> String {
     let rows: Vec<_> = log
         .actions
         .iter()
-        .map(|action: &ActionTold| {
+        .map(|action| {
             let own = action.states.iter().take(COLUMNS).map(|[low, middle, high]| {
                 format!(
                     "{} ({} to {})",
@@ -144,7 +144,7 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
     let resamples = verdict.chosen_of_resamples.iter().sum::<usize>().max(1) as f64;
     let rows: Vec<_> = order
         .iter()
-        .map(|&candidate: &usize| {
+        .map(|&candidate| {
             let mark = match candidate {
                 other if other == verdict.chosen => "chosen",
                 other if Some(other) == verdict.default => "default",
@@ -205,9 +205,5 @@ pub(super) fn name(evaluation: &ControlEvaluation, candidate: usize) -> String {
     if fields.is_empty() {
         return "the agent".to_owned();
     }
-    fields
-        .iter()
-        .map(|(field, value): &(String, String)| format!("{field}={value}"))
-        .collect::<Vec<_>>()
-        .join(" ")
+    fields.iter().map(|(field, value)| format!("{field}={value}")).collect::<Vec<_>>().join(" ")
 }

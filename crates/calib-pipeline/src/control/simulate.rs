@@ -174,7 +174,7 @@ fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> Result<(), Ste
         let scaled = recorded.states.iter().skip(place).step_by(width);
         channels.push((
             name,
-            scaled.map(|&share: &f32| (low + f64::from(share) * (high - low)) as f32).collect(),
+            scaled.map(|&share| (low + f64::from(share) * (high - low)) as f32).collect(),
         ));
     }
     if let Some(name) = T::continuous() {
@@ -186,9 +186,7 @@ fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> Result<(), Ste
             recorded
                 .actions
                 .iter()
-                .map(|action: &Option<u16>| {
-                    action.map_or(f32::NAN, |action| values[usize::from(action)] as f32)
-                })
+                .map(|action| action.map_or(f32::NAN, |action| values[usize::from(action)] as f32))
                 .collect(),
         ));
     }
@@ -208,7 +206,7 @@ fn write<T: Task>(path: &Path, recorded: &Recorded, step: i64) -> Result<(), Ste
             recorded
                 .endings
                 .iter()
-                .map(|&ending: &Ending| f32::from(u8::from(ending == Ending::Terminal)))
+                .map(|&ending| f32::from(u8::from(ending == Ending::Terminal)))
                 .collect(),
         ));
     }

@@ -24,7 +24,7 @@ fn within_states(states: f64, state_secs: f64) -> Option<String> {
     let whole = (secs / size).floor() as u64;
     (1..=whole)
         .rev()
-        .find(|count: &u64| Horizon::new(*count as f64 * size, state_secs).states <= states)
+        .find(|count| Horizon::new(*count as f64 * size, state_secs).states <= states)
         .map(|count| format!("{count}{unit}"))
 }
 

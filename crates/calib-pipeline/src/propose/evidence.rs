@@ -49,7 +49,7 @@ impl Evidence {
         let chosen = choose_agent(&tried).unwrap_or(tried[0]);
         let errors = tried
             .iter()
-            .map(|trial: &Trial| format!("{} {:.3}", trial.agent.label(), trial.ratio))
+            .map(|trial| format!("{} {:.3}", trial.agent.label(), trial.ratio))
             .collect::<Vec<_>>()
             .join(", ");
         let mut reason = format!(

@@ -230,7 +230,7 @@ const YEAR_MICROS: i64 = 365 * 86_400 * 1_000_000;
 fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
     names
         .iter()
-        .map(|name: &String| {
+        .map(|name| {
             let channel = sketch.channels.iter().position(|channel| channel.name == *name);
             channel.with_context(|| {
                 let names = sketch.channels.iter().map(|channel| channel.name.as_str());

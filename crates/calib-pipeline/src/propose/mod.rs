@@ -291,7 +291,7 @@ impl Proposal {
             .proposed
             .iter()
             .take(self.size.sensors)
-            .map(|&channel: &usize| sketch.channels[channel].name.clone())
+            .map(|&channel| sketch.channels[channel].name.clone())
             .collect();
         let left_out =
             scope.left_out.iter().map(|channel| [channel.name.clone(), channel.why.to_string()]);

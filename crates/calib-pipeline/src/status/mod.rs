@@ -208,7 +208,7 @@ fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<StepStan
     let sweeps = job.parts(Scope::Deployment)?;
     let arithmetic = sweeps
         .iter()
-        .find_map(|part: &Job| artefact::read::<SweepManifest>(&part.layout().sweep()))
+        .find_map(|part| artefact::read::<SweepManifest>(&part.layout().sweep()))
         .and_then(|found| found.facts.arithmetic);
     let plan = Plan::of(job, &models, arithmetic.as_deref(), &context)?;
     let is_swept =

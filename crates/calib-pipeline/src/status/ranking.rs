@@ -56,7 +56,7 @@ pub(super) fn rankings(
     planned
         .sensors()
         .into_iter()
-        .map(|sensor: &str| {
+        .map(|sensor| {
             let own: Vec<&StoredRun<'_>> =
                 stored.iter().filter(|run| run.sensor() == sensor).collect();
             let mut logs: Vec<LogErrors> = vec![LogErrors::new(); planned.labels.len()];

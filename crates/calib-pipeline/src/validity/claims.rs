@@ -66,7 +66,7 @@ fn power(power: &[Power]) -> Table {
         &columns,
         power
             .iter()
-            .map(|power: &Power| {
+            .map(|power| {
                 let needed = power.needed.iter().map(|needed| needed.map_or(Cell::Missing, count));
                 [
                     Cell::Text(power.method.to_string()),

@@ -119,7 +119,7 @@ fn profile(validity: &Validity) -> OverviewFigure {
     let methods: Vec<&MethodSummary> = validity
         .methods
         .iter()
-        .filter(|method: &&MethodSummary| {
+        .filter(|method| {
             let other = [
                 Method::LogReplay,
                 Method::Default,

@@ -159,7 +159,7 @@ pub(super) fn plants(plants: &[Judged]) -> Table {
         &["plant", "optimiser", "agent", "gamma", "steps", "batch"],
         plants
             .iter()
-            .map(|Judged { plant, task }: &Judged| {
+            .map(|Judged { plant, task }| {
                 vec![
                     Cell::Text(plant.clone()),
                     Cell::Text(task.optimiser.to_owned()),

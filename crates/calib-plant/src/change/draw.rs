@@ -37,9 +37,8 @@ impl Changes {
             pumps.into_iter().partition(|event| event.value.duty == PumpDuty::Permeate);
         let sensors = Span { seed: seed.child("sensor"), days: options.days };
         let of_sensor = |info: &'static SignalInfo| {
-            let events = sensors.events(info.tag, rates.sensors_per_year, |draw: &mut Draw| {
-                draw.sensor(info, strength)
-            });
+            let events = sensors
+                .events(info.tag, rates.sensors_per_year, |draw| draw.sensor(info, strength));
             (!events.is_empty()).then(|| (info, Timeline::new(events)))
         };
         Self {

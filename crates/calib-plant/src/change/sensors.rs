@@ -26,8 +26,10 @@ impl Sensors {
             lines: changes
                 .sensors
                 .iter()
-                .map(|(info, timeline): &(&'static crate::signal::SignalInfo, Timeline<Sensor>)| {
-                    Line { signal: info.signal, timeline: timeline.clone(), now: None }
+                .map(|(info, timeline)| Line {
+                    signal: info.signal,
+                    timeline: timeline.clone(),
+                    now: None,
                 })
                 .collect(),
             period_secs,

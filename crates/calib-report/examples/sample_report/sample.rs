@@ -79,7 +79,7 @@ impl Sensor {
             summaries: RATES
                 .iter()
                 .enumerate()
-                .map(|(place, &rate): (usize, &f64)| {
+                .map(|(place, &rate)| {
                     Some(runs(rate, best, self.floor, seed + place, self.diverges))
                 })
                 .collect(),
@@ -232,7 +232,7 @@ pub(crate) fn grids() -> Vec<RolloutGrid> {
     };
     rollouts()
         .into_iter()
-        .filter_map(|figure: RolloutFigure| {
+        .filter_map(|figure| {
             let truth = figure.truth?;
             let rows = vec![
                 RolloutRow {

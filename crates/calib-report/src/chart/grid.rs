@@ -149,7 +149,7 @@ fn column_heading(lines: Vec<String>, y: f64, left: f64) -> MarkGroup {
     let marks = lines
         .into_iter()
         .enumerate()
-        .map(|(place, line): (usize, String)| {
+        .map(|(place, line)| {
             let up = HEADING_ROW * (last - place) as f64;
             let mut text = Text::new(left, y - up, line, HEADING_SIZE, Anchor::Start);
             text.weight = Weight::Bold;

@@ -1,7 +1,7 @@
 //! The legend, in rows above the plot, where it cannot cover a curve.
 
 use super::scene::{Anchor, Mark, Text, text_width};
-use super::{Chart, Colour, Dash, Marker, Series, Side};
+use super::{Chart, Colour, Dash, Marker, Side};
 
 const SIZE: u32 = 13;
 const ROW_HEIGHT: f64 = 22.0;
@@ -28,7 +28,7 @@ pub(crate) fn keys(chart: &Chart) -> Vec<Key> {
     let mut keys: Vec<Key> = chart
         .series
         .iter()
-        .map(|series: &Series| Key {
+        .map(|series| Key {
             label: match (&chart.right, series.side) {
                 (Some(_), Side::Right) => format!("{} (right axis)", series.label),
                 _ => series.label.clone(),

@@ -65,12 +65,12 @@ impl Chart {
             series: self
                 .series
                 .iter()
-                .map(|series: &Series| {
+                .map(|series| {
                     if series.marker.is_some()
                         || series
                             .points
                             .iter()
-                            .any(|point: &Point| point.interval.is_some() || !point.y.is_finite())
+                            .any(|point| point.interval.is_some() || !point.y.is_finite())
                     {
                         return series.clone();
                     }

@@ -137,7 +137,7 @@ mod tests {
             steps: 10,
             curves: values
                 .iter()
-                .map(|value: &Setting| LearningCurve { value: value.clone(), points: Vec::new() })
+                .map(|value| LearningCurve { value: value.clone(), points: Vec::new() })
                 .collect(),
         };
         (0..values.len()).map(curves.look()).collect()

@@ -79,7 +79,7 @@ impl RecordedFigure {
         let label = axis_label(&self.sensor, self.unit.as_deref());
         let rows = shown
             .iter()
-            .map(|(period, extent): &(&RecordedPeriod, Extent)| {
+            .map(|(period, extent)| {
                 let cell = GridCell {
                     heading: Some(period.heading(extent)),
                     chart: Some(period.plot(extent, &scale)),

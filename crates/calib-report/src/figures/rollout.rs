@@ -79,9 +79,7 @@ impl RolloutFigure {
         let (low, high) = limits(self.truth.iter());
         self.rollouts
             .iter()
-            .filter(|trajectory: &&Trajectory| {
-                trajectory.values.iter().any(|&value| value < low || value > high)
-            })
+            .filter(|trajectory| trajectory.values.iter().any(|&value| value < low || value > high))
             .map(|trajectory| trajectory.label.as_str())
             .collect()
     }
@@ -92,7 +90,7 @@ impl RolloutFigure {
             .truth
             .iter()
             .chain(&self.rollouts)
-            .map(|trajectory: &Trajectory| match extent(&trajectory.values) {
+            .map(|trajectory| match extent(&trajectory.values) {
                 Some((low, high)) => {
                     format!("{} between {} and {}", trajectory.label, number(low), number(high))
                 }
@@ -107,7 +105,7 @@ impl RolloutFigure {
         let all = || self.truth.iter().chain(&self.rollouts);
         let (unit_secs, _) = time_unit(
             all()
-                .map(|trajectory: &Trajectory| {
+                .map(|trajectory| {
                     trajectory.period_secs * trajectory.values.len().saturating_sub(1) as f64
                 })
                 .fold(0.0, f64::max),
@@ -127,7 +125,7 @@ impl RolloutFigure {
         rollouts
             .iter()
             .enumerate()
-            .map(|(index, rollout): (usize, &Series)| {
+            .map(|(index, rollout)| {
                 let mut panel = chart.clone();
                 panel.series = truth.iter().chain([rollout]).cloned().collect();
                 if index != last {

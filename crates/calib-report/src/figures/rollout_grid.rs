@@ -68,7 +68,7 @@ impl RolloutGrid {
             .rows
             .iter()
             .enumerate()
-            .map(|(number, row): (usize, &RolloutRow)| {
+            .map(|(number, row)| {
                 let all = std::iter::once(Some(&row.truth))
                     .chain(row.rollouts.iter().map(Option::as_ref));
                 all.enumerate()

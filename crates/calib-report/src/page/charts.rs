@@ -217,8 +217,7 @@ impl Sensitivity {
     /// What means are over: "windows".
     fn samples(&self) -> &'static str {
         let runs = |curve: &&ErrorCurve| curve.over == Samples::Runs;
-        let counted =
-            self.errors.iter().filter(|curve: &&ErrorCurve| curve.source != ErrorSource::Evidence);
+        let counted = self.errors.iter().filter(|curve| curve.source != ErrorSource::Evidence);
         match counted.clone().filter(runs).count() {
             0 => "windows",
             all if all == counted.count() => "runs",
@@ -305,7 +304,7 @@ fn rollout_table(rollout: &RolloutFigure) -> Table {
     let row = |place: usize| {
         let secs = length * place as f64 / rows.saturating_sub(1).max(1) as f64;
         std::iter::once(Cell::Number(secs))
-            .chain(all.iter().map(|t: &&Trajectory| {
+            .chain(all.iter().map(|t| {
                 let index = (secs / t.period_secs).round() as usize;
                 t.values
                     .get(index)

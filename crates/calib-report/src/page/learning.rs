@@ -99,7 +99,7 @@ impl LearningCurves {
         let every = steps.len().div_ceil(ROWS).max(1);
         let row = |&step: &usize| {
             std::iter::once(Cell::Count(step as u64))
-                .chain(self.curves.iter().map(|curve: &crate::LearningCurve| {
+                .chain(self.curves.iter().map(|curve| {
                     let point = curve.points.iter().find(|&&(at, _)| at == step);
                     point.map_or(Cell::Missing, |(_, summary)| Cell::Number(summary.mean))
                 }))

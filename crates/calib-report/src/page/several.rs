@@ -64,12 +64,10 @@ fn importance_table(sensitivity: &Sensitivity) -> Table {
         rows: importances
             .shares
             .into_iter()
-            .map(|(field, shares): (String, Vec<Option<f64>>)| {
+            .map(|(field, shares)| {
                 std::iter::once(Cell::Text(field))
                     .chain(
-                        shares
-                            .into_iter()
-                            .map(|share: Option<f64>| share.map_or(Cell::Missing, Cell::Percent)),
+                        shares.into_iter().map(|share| share.map_or(Cell::Missing, Cell::Percent)),
                     )
                     .collect()
             })

@@ -96,7 +96,7 @@ fn jumps(jumps: &[JumpStatistics]) -> Table {
                   another time of the log. A model that hardly ever departs (below 1 %) replays the log and tells nothing new."
             .to_owned(),
         columns: columns.map(ToOwned::to_owned).to_vec(),
-        rows: jumps.iter().map(|jump: &JumpStatistics| {
+        rows: jumps.iter().map(|jump| {
         vec![
             Cell::Text(jump.model.clone()),
             Cell::Text(jump.member.to_string()),
@@ -142,7 +142,7 @@ fn channels(channels: &[Channel]) -> Table {
         caption: "Ranges are in physical units, over all rows from the start of the training range to the end of the held-out period. Missing is a \
                   share of the training rows.".to_owned(),
         columns: columns.map(ToOwned::to_owned).to_vec(),
-        rows: channels.iter().map(|channel: &Channel| {
+        rows: channels.iter().map(|channel| {
         let bound = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
         vec![
             Cell::Text(channel.name.clone()),

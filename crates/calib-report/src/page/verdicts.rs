@@ -289,7 +289,7 @@ fn alternatives(report: &Report) -> Table {
         rows: report
             .verdicts
             .iter()
-            .map(|verdict: &Verdict| {
+            .map(|verdict| {
                 let names = [Cell::Text(verdict.sensor.clone()), model(verdict)];
                 let others = ways.iter().map(|&(_, baseline)| share(verdict.regret_of(baseline)));
                 let costs = [share(verdict.regret())].into_iter().chain(others);

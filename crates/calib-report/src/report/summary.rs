@@ -6,7 +6,7 @@ use crate::number::{number, percent};
 
 /// Whether there are verdicts of several models on the same sensor.
 pub(crate) fn are_of_several_models(verdicts: &[Verdict]) -> bool {
-    verdicts.iter().any(|verdict: &Verdict| {
+    verdicts.iter().any(|verdict| {
         verdicts.iter().any(|other| other.sensor == verdict.sensor && other.model != verdict.model)
     })
 }
@@ -115,10 +115,8 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
         ));
     }
     let (first, others) = own.split_first()?;
-    if !others
-        .iter()
-        .all(|verdict: &&Verdict| verdict.chosen == first.chosen && verdict.field == first.field)
-        || !others.iter().all(|verdict: &&Verdict| verdict.grade == first.grade)
+    if !others.iter().all(|verdict| verdict.chosen == first.chosen && verdict.field == first.field)
+        || !others.iter().all(|verdict| verdict.grade == first.grade)
     {
         return None;
     }
@@ -149,7 +147,7 @@ fn standing(verdict: &Verdict) -> String {
 fn differing(sensor: &str, own: &[&Verdict]) -> String {
     let all: Vec<String> = own
         .iter()
-        .map(|verdict: &&Verdict| {
+        .map(|verdict| {
             format!("{} chooses {}{}", verdict.model, verdict.assigned(), standing(verdict))
         })
         .collect();
@@ -197,7 +195,7 @@ fn choices(verdicts: &[&Verdict]) -> String {
         &verdicts
             .iter()
             .enumerate()
-            .map(|(place, verdict): (usize, &&Verdict)| {
+            .map(|(place, verdict)| {
                 let named = place > 0 && verdicts[place - 1].field == verdict.field;
                 let all = assigned(&verdict.field, &verdict.chosen);
                 let value = if named { verdict.chosen.to_string() } else { all };

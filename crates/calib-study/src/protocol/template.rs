@@ -59,7 +59,7 @@ impl Template {
     ) -> Result<BTreeMap<String, Value>, Problem> {
         let mut values = axes
             .iter()
-            .map(|(key, axis): (&String, &Axis)| {
+            .map(|(key, axis)| {
                 let like = defaults.pointer(&format!("/{}", key.replace('.', "/")));
                 let drawn = axis.draw(like, seed.child(key).rng().unit());
                 let told = format!("{}: {key} cannot be drawn", section(key));

@@ -222,7 +222,7 @@ fn finished(directory: &Path, wanted: &[AgentToTrain]) -> BTreeMap<String, Pretr
     let Some(manifest) = artefact::read::<PretrainManifest>(directory) else {
         return BTreeMap::new();
     };
-    let agents = manifest.facts.agents.into_iter().filter(|agent: &PretrainedAgent| {
+    let agents = manifest.facts.agents.into_iter().filter(|agent| {
         wanted.iter().any(|wanted| wanted.key == agent.key)
             && artefact::are_whole(directory, &agent.files)
     });

@@ -43,7 +43,7 @@ impl Columns<'_> {
         numbers
             .into_iter()
             .enumerate()
-            .map(|(row, number): (usize, f64)| {
+            .map(|(row, number)| {
                 ensure!(
                     number >= 0.0 && number.fract() == 0.0 && number < 9e15,
                     "row {row}, column {name}: {number} is no count"
@@ -297,7 +297,7 @@ fn labelled(label: &str) -> Vec<(String, Value)> {
     let value = |text: &str| number(text).map_or_else(|| Value::from(text), Value::Number);
     let pairs: Option<Vec<_>> = label
         .split(", ")
-        .map(|part: &str| {
+        .map(|part| {
             let (name, told) = part.split_once(" = ")?;
             Some((name.to_owned(), value(told)))
         })

@@ -68,9 +68,7 @@ impl Predictions {
     pub(super) fn finite(&self) -> Vec<f32> {
         self.predictions
             .iter()
-            .map_while(|value: &Option<f64>| {
-                value.filter(|value| value.abs() <= f64::from(f32::MAX))
-            })
+            .map_while(|value| value.filter(|value| value.abs() <= f64::from(f32::MAX)))
             .map(|value| value as f32)
             .collect()
     }

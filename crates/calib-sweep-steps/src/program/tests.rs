@@ -107,7 +107,7 @@ fn a_program_ends_as_it_should() {
 #[cfg(target_os = "linux")]
 fn living(word: &str) -> usize {
     let all = std::fs::read_dir("/proc").expect("there").flatten();
-    all.map(|entry: std::fs::DirEntry| {
+    all.map(|entry| {
         let line = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
         line.split(|byte| *byte == 0).any(|argument| argument == word.as_bytes())
     })

@@ -44,7 +44,7 @@ pub(crate) fn failed_rollouts(
             runs.insert(result.unit.run, not_finite);
         }
     }
-    let notes: Vec<String> = environments.into_iter().map(|(environment, runs): (EnvironmentId, BTreeMap<usize, NotFinite>)| {
+    let notes: Vec<String> = environments.into_iter().map(|(environment, runs)| {
         let told = |(run, NotFinite { step, column }): (&usize, &NotFinite)| {
             format!("run {run} at step {step} in {}", normaliser.columns()[*column].name)
         };

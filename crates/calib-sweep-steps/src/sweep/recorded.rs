@@ -110,7 +110,7 @@ pub(crate) fn figures(
     };
     Ok(sensors
         .iter()
-        .map(|sensor: &String| RecordedFigure {
+        .map(|sensor| RecordedFigure {
             sensor: sensor.clone(),
             unit: None,
             periods: [PRETRAINING, TRAINING, HELD_OUT]

@@ -164,7 +164,7 @@ pub(crate) fn online_windows(windows: &Windows, held_out: &Frames) -> Vec<Online
     windows
         .starts
         .iter()
-        .map(|&start: &usize| {
+        .map(|&start| {
             let times = [time(start), time(start + windows.states - 1)];
             OnlineWindow { start_row: start, times }
         })
@@ -187,7 +187,7 @@ pub(crate) fn error_scales(
         .flat_map(|(sensor, column): &(String, usize)| {
             gammas
                 .iter()
-                .map(|&gamma: &f64| ErrorScale {
+                .map(|&gamma| ErrorScale {
                     sensor: sensor.clone(),
                     gamma,
                     returns: ReturnMoments::of(&replay, *column, gamma),

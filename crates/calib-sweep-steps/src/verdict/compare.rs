@@ -433,7 +433,7 @@ fn rollout_grids(study: &Study, deployments: &[Vec<&JudgedModel>]) -> Vec<Rollou
 fn sensitivity(sensor: &str, group: &[&JudgedModel]) -> Option<Sensitivity> {
     let all: Vec<Sensitivity> = group
         .iter()
-        .filter_map(|part: &&JudgedModel| {
+        .filter_map(|part| {
             part.report.sensitivities.iter().find(|figure| figure.sensor == sensor).cloned()
         })
         .collect();

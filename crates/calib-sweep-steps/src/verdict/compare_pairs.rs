@@ -69,7 +69,7 @@ impl<'a> SharedRollouts<'a> {
     pub(crate) fn compared(&self) -> Vec<ComparedModel<'a>> {
         self.parts
             .iter()
-            .filter_map(|part: &&'a JudgedModel| {
+            .filter_map(|part| {
                 let members = part.rollouts.as_ref()?.members.len();
                 let name = part.model_name();
                 Some(ComparedModel::new(name, members, part.comparison()?, &part.pairs))

@@ -77,7 +77,7 @@ pub(crate) fn warnings(parts: &[JudgedModel]) -> Vec<String> {
         }
     }
     all.into_iter()
-        .map(|warning: &String| {
+        .map(|warning| {
             match places(parts, |part: &&JudgedModel| part.report.warnings.contains(warning))
                 .as_str()
             {
@@ -114,7 +114,7 @@ fn places(parts: &[JudgedModel], holds: impl Fn(&&JudgedModel) -> bool) -> Strin
     parts
         .iter()
         .filter(&holds)
-        .map(|part: &JudgedModel| {
+        .map(|part| {
             let names: Vec<&str> =
                 part.model.iter().chain(&part.deployment).map(String::as_str).collect();
             names.join(" in ")

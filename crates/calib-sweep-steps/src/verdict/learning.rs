@@ -80,7 +80,7 @@ pub(crate) fn of_several(
         .sweep
         .sensors
         .iter()
-        .flat_map(|sensor: &String| -> Vec<LearningCurves> {
+        .flat_map(|sensor| -> Vec<LearningCurves> {
             if deployments.len() == 1 {
                 let all = parts.iter().enumerate().flat_map(|(number, part)| {
                     let own = part.report.learning.iter();

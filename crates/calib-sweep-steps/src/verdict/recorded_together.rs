@@ -14,7 +14,7 @@ pub(crate) fn of_parts(
     }
     sensors
         .iter()
-        .filter_map(|sensor: &String| {
+        .filter_map(|sensor| {
             let models = deployments.first()?.iter();
             let models = models.filter_map(|part| Some((part.model_name(), own(part, sensor)?)));
             let windows = deployments.iter().filter_map(|group| own(group[0], sensor));

@@ -299,7 +299,7 @@ fn dimensions(candidates: &[Candidate]) -> Vec<Dimension> {
     fields
         .iter()
         .enumerate()
-        .map(|(place, (field, _)): (usize, &(String, Value))| Dimension {
+        .map(|(place, (field, _))| Dimension {
             field: field.clone(),
             values: candidates.iter().map(|candidate| single(&candidate.values[place].1)).collect(),
         })

@@ -74,7 +74,7 @@ impl Plan<'_> {
         self.settings.get_or_init(|| {
             self.candidates
                 .iter()
-                .map(|candidate: &Candidate| {
+                .map(|candidate| {
                     let fitted = self.baselines.filter(|_| candidate.agent.baseline.is_some());
                     let baselines = fitted.map(Baselines::fingerprint);
                     fingerprint(&Key { agent: candidate.agent.identity(), baselines }).into()

@@ -92,7 +92,7 @@ pub(super) fn select_among(
         .collect();
     let among: Vec<Vec<f64>> = mean_errors
         .iter()
-        .map(|member: &Vec<f64>| kept.iter().map(|&candidate| member[candidate]).collect())
+        .map(|member| kept.iter().map(|&candidate| member[candidate]).collect())
         .collect();
     let inner = select(&among, LOWER)?;
     let mut whole = Selection {

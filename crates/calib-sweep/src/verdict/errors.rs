@@ -119,7 +119,7 @@ impl Errors {
             stream
                 .runs
                 .iter()
-                .map(|run: &Vec<Option<f64>>| -> Vec<f64> {
+                .map(|run| -> Vec<f64> {
                     run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()
                 })
                 .collect::<Vec<_>>()

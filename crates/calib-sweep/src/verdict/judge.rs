@@ -149,7 +149,7 @@ impl MeasuredErrors {
         Ok(Self {
             members: ids
                 .iter()
-                .filter(|id: &&EnvironmentId| matches!(id, EnvironmentId::Member(_)))
+                .filter(|id| matches!(id, EnvironmentId::Member(_)))
                 .map(|&id| errors(id))
                 .collect::<Result<_, _>>()?,
             log: one(EnvironmentId::LogReplay)?,
@@ -338,7 +338,7 @@ fn windows(online: &Errors) -> Vec<WindowTruth> {
     online
         .streams
         .iter()
-        .map(|stream: &super::errors::Stream| {
+        .map(|stream| {
             let errors = stream.means();
             let best = least(&errors);
             WindowTruth {

@@ -46,7 +46,7 @@ mod tests {
         values
             .iter()
             .enumerate()
-            .map(|(index, values): (usize, &&[Value])| Candidate {
+            .map(|(index, values)| Candidate {
                 index,
                 is_default: index == 0,
                 values: values.iter().cloned().map(|value| ("field".to_owned(), value)).collect(),

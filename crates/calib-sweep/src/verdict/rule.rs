@@ -217,7 +217,7 @@ impl ChoiceStanding {
 
 fn first_smallest(keys: &[[f64; 2]]) -> usize {
     (0..keys.len())
-        .min_by(|&a: &usize, &b: &usize| {
+        .min_by(|&a, &b| {
             let [a, b] = [keys[a], keys[b]];
             a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
         })

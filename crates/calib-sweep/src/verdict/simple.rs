@@ -71,13 +71,13 @@ pub(super) fn compared(
         let own: Option<Vec<f64>> = online
             .streams
             .iter()
-            .map(|stream: &Stream| rmse(predictor, EnvironmentId::Online, stream))
+            .map(|stream| rmse(predictor, EnvironmentId::Online, stream))
             .collect();
         let Some(own) = own.filter(|own| !own.is_empty()) else { continue };
         let on_log: Option<Vec<f64>> = log.and_then(|log| {
             log.streams
                 .iter()
-                .map(|stream: &Stream| rmse(predictor, EnvironmentId::LogReplay, stream))
+                .map(|stream| rmse(predictor, EnvironmentId::LogReplay, stream))
                 .collect()
         });
         let agent = online.streams.iter().map(|stream| stream.means()[chosen.index] * scale);

@@ -34,7 +34,7 @@ fn run(environment: EnvironmentId, run: usize, start_row: u32, errors: [f64; 3])
         rows: errors
             .iter()
             .enumerate()
-            .map(|(candidate, &rmse): (usize, &f64)| {
+            .map(|(candidate, &rmse)| {
                 let score =
                     PartScore { scored_steps: 1000, rmse, mean_return: 0.0, return_std: 1.0 };
                 RunRow {

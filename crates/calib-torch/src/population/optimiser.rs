@@ -65,7 +65,7 @@ impl Descent {
                     let own = (0..runs).flat_map(|_| learners.iter());
                     own.chain(std::iter::repeat(&learners[0]))
                         .take(count)
-                        .map(|learner: &Learner<'_>| {
+                        .map(|learner| {
                             let moments = learner.start.and_then(|start| start.moments.as_ref());
                             moments.map_or([1.0; 2], |moments| [moments.powers.0, moments.powers.1])
                         })

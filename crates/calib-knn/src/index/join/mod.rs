@@ -294,11 +294,8 @@ impl NeighborIndex for Join<'_> {
         let k = found.k();
         let arch = Arch::new();
         let bands = self.bands(queries, order);
-        let pieces = found.pieces(
-            bands
-                .iter()
-                .map(|band: &Vec<(usize, &[u32])>| band.iter().map(|(_, run)| run.len()).sum()),
-        );
+        let pieces =
+            found.pieces(bands.iter().map(|band| band.iter().map(|(_, run)| run.len()).sum()));
         pieces.zip(&bands).for_each(|(mut piece, blocks)| {
             if monitor.interrupted() {
                 return;
@@ -368,9 +365,7 @@ mod tests {
                 level
                     .lists
                     .iter()
-                    .map(|lists: &crate::MemberLists| {
-                        (0..3).flat_map(|m| lists.of(m).collect::<Vec<_>>()).collect()
-                    })
+                    .map(|lists| (0..3).flat_map(|m| lists.of(m).collect::<Vec<_>>()).collect())
                     .collect()
             };
             for level in &levels[1..] {

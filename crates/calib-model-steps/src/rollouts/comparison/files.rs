@@ -108,7 +108,7 @@ fn from_tables(dtw: &Table, others: &Table) -> Result<Vec<Pair>, StepError> {
     warping
         .chunks_exact(patterns)
         .enumerate()
-        .map(|(row, warping): (usize, &[(f64, Option<f64>)])| {
+        .map(|(row, warping)| {
             let same = [members, rollouts].map(|column| column[row]);
             ensure!(
                 of_warping.map(|column| column[row * patterns]) == same,

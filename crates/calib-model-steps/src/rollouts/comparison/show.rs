@@ -69,7 +69,7 @@ fn list(
         .sensors
         .iter()
         .take(LISTED)
-        .map(|sensor: &SensorComparison| [vec![sensor.sensor.clone()], cells(sensor)].concat())
+        .map(|sensor| [vec![sensor.sensor.clone()], cells(sensor)].concat())
         .collect();
     printer.lines(&table(header, &rows))?;
     let more = comparison.sensors.len().saturating_sub(LISTED);

@@ -131,9 +131,7 @@ impl SquaredErrors {
                 "sensor",
                 self.series
                     .iter()
-                    .flat_map(|series: &SensorSquaredErrors| {
-                        vec![series.sensor.clone(); self.times.len()]
-                    })
+                    .flat_map(|series| vec![series.sensor.clone(); self.times.len()])
                     .collect(),
             )
             .with("squared_error", all(|series| &series.squares))

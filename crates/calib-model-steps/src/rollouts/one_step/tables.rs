@@ -77,7 +77,7 @@ fn range(interval: Interval) -> String {
 /// If an interval cannot be computed.
 pub fn all_pairs(models: &[&OneStepModel]) -> Result<Vec<PairedErrors>, StepError> {
     two_by_two(models)
-        .map(|(one, other): (&OneStepModel, &OneStepModel)| {
+        .map(|(one, other)| {
             let sensors = one.one_step.sensors.iter().map(|predicted| {
                 let ratio = one.steps.beside(&other.steps, Some(&predicted.sensor))?;
                 Ok(SensorRatio { sensor: predicted.sensor.clone(), ratio })

@@ -42,7 +42,7 @@ pub(crate) fn states(plan: &Path) -> BTreeMap<usize, String> {
 /// A line a task: its number, and how it stands.
 fn read(text: &str) -> BTreeMap<usize, String> {
     text.lines()
-        .filter_map(|line: &str| {
+        .filter_map(|line| {
             let (number, state) = line.trim().split_once(' ')?;
             Some((number.parse().ok()?, state.trim().to_lowercase()))
         })

@@ -3,17 +3,13 @@
 use calib_stats::{Direction, Summary};
 
 use super::Sensitivity;
-use crate::Setting;
 use crate::chart::{Axis, Scale, extent};
 
 impl Sensitivity {
     /// The values as numbers, if they can stand on a logarithmic axis: none is a name, and none is 0, such as the step size
     /// that leaves an agent as it was pre-trained.
     fn numbers(&self) -> Option<Vec<f64>> {
-        self.values
-            .iter()
-            .map(|value: &Setting| value.as_number().filter(|number| *number != 0.0))
-            .collect()
+        self.values.iter().map(|value| value.as_number().filter(|number| *number != 0.0)).collect()
     }
 
     /// Horizontal position of each value: the number itself, or else its place in the grid.

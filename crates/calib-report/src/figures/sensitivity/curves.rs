@@ -21,9 +21,7 @@ impl Sensitivity {
                 alike,
                 order
                     .iter()
-                    .map(|&place: &usize| {
-                        score_point(positions[place], curve.summaries[place].as_ref())
-                    })
+                    .map(|&place| score_point(positions[place], curve.summaries[place].as_ref()))
                     .collect(),
             )
         });
@@ -37,7 +35,7 @@ impl Sensitivity {
                 side,
                 order
                     .iter()
-                    .map(|&place: &usize| Point {
+                    .map(|&place| Point {
                         x: positions[place],
                         y: curve.worst_ranks[place] as f64,
                         interval: None,

@@ -117,7 +117,7 @@ impl Surface {
         let worst = finite().map(scaled).max_by(|a, b| self.direction.compare(*a, *b))?;
         let values: Vec<f64> = values
             .iter()
-            .map(|&value: &f64| if value.is_finite() { scaled(value) } else { worst })
+            .map(|&value| if value.is_finite() { scaled(value) } else { worst })
             .collect();
         importance(&groups, &values).ok().flatten()
     }

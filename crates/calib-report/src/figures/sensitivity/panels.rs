@@ -39,7 +39,7 @@ impl Sensitivity {
             .into_iter()
             .zip(all)
             .enumerate()
-            .map(|(place, (chart, one)): (usize, (Chart, &Self))| {
+            .map(|(place, (chart, one))| {
                 let mut chart = chart;
                 let column = place % columns;
                 if column != 0 {

@@ -47,11 +47,11 @@ impl Sensitivity {
         // A list of combinations may have nothing beside the choice.
         varied
             .iter()
-            .map(|along: &&Dimension| {
+            .map(|along| {
                 let others = varied.iter().filter(|dimension| dimension.field != along.field);
                 let others: Vec<&&Dimension> = others.collect();
                 let places: Vec<usize> = (0..self.values.len())
-                    .filter(|place: &usize| {
+                    .filter(|place| {
                         others
                             .iter()
                             .all(|other| other.values.get(*place) == other.values.get(centre))
@@ -130,7 +130,7 @@ impl Sensitivity {
         let cells: Vec<GridCell> = slices
             .iter()
             .enumerate()
-            .map(|(place, slice): (usize, &Self)| {
+            .map(|(place, slice)| {
                 let mut chart = slice.chart(slice.field.clone());
                 let column = place % columns;
                 chart.left.scale = left.scale.clone();

@@ -99,7 +99,7 @@ mod tests {
             rows: errors
                 .iter()
                 .enumerate()
-                .map(|(candidate, &rmse): (usize, &f64)| {
+                .map(|(candidate, &rmse)| {
                     let score =
                         PartScore { scored_steps: 10, rmse, mean_return: 0.0, return_std: 1.0 };
                     RunRow {

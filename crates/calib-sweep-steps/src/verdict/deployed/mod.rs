@@ -230,7 +230,7 @@ pub(crate) fn report_table(rows: &[Deployed]) -> Option<Table> {
         columns: header(rows),
         rows: rows
             .iter()
-            .map(|deployed: &Deployed| row(deployed).into_iter().map(Cell::Text).collect())
+            .map(|deployed| row(deployed).into_iter().map(Cell::Text).collect())
             .collect(),
         best: None,
     })
