@@ -466,3 +466,108 @@ fn a_plant_that_somebody_operates_is_logged_and_inspected() {
     let told = place.calib(&["simulate", "x", "--task", "acrobot", "--policy", "rule"]).fails(2);
     assert!(told.contains("nobody operates acrobot"), "{told}");
 }
+
+/// A program that takes the action of its parameters for ever.
+#[cfg(unix)]
+const ALWAYS: &str = r#"
+while read -r line; do
+  case $line in
+    *'"begin"'*) action=$(echo "$line" | sed 's/.*"action":\([0-9a-z]*\).*/\1/'); echo '{"ready": 1}' ;;
+    *'"ends"'*) echo '{"ready": 1}' ;;
+    *) echo "{\"action\": $action}" ;;
+  esac
+done
+"#;
+
+/// The pump, and agents of a program in `sh`.
+#[cfg(unix)]
+fn pump_of_a_program(script: &str) -> Place {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    place.write("agent.sh", script);
+    let study = fs::read_to_string(place.path().join("study.toml")).expect("written");
+    let agent = "[agent]\nkind = \"external\"\ncommand = [\"sh\", \"agent.sh\"]\n[agent.parameters]\naction = 1\n[sweep.grid]\naction = [0, 1]\n";
+    let limits = "timeout = 20\n";
+    place.write("study.toml", &format!("{study}{limits}{agent}"));
+    place
+}
+
+#[cfg(unix)]
+#[test]
+fn agents_of_a_program_act_and_are_judged() {
+    let place = pump_of_a_program(ALWAYS);
+    let args = ["control", "study.toml", "--threads", "2"];
+    let told = place.calib(&args).ends(&[0, 1]);
+    assert!(told.contains("action=0") && !told.contains("fitted Q"), "{told}");
+    let first = place.content("study-results/control");
+    let again = place.calib(&args);
+    again.ends(&[0, 1]);
+    assert!(again.stderr().contains("up to date"), "{}", again.stderr());
+    place.calib(&["control", "study.toml", "--force", "--threads", "1"]).ends(&[0, 1]);
+    assert!(place.content("study-results/control") == first, "the same bytes on one thread");
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&[&args[..], &["--json"]].concat()).ends(&[0, 1]))
+            .expect("JSON");
+    assert_eq!(json["choice"], serde_json::json!({ "parameters": { "action": 0 } }));
+    assert_eq!(json["verdict"]["default"], 1);
+    // What a program gets that never changes its action is what calib finds for that action, to the bit.
+    assert_eq!(json["verdict"]["constant"]["action"], 0);
+    assert_eq!(
+        json["verdict"]["constant"]["mean_return"],
+        json["verdict"]["selection"]["mean_errors"][0]
+    );
+    assert_eq!(json["verdict"]["selection"]["mean_errors"].as_array().map(Vec::len), Some(2));
+    place.calib(&["check", "study-results"]).succeeds();
+    // Another program is another verdict.
+    place.write("agent.sh", &format!("{ALWAYS}# changed\n"));
+    let other = place.calib(&args);
+    other.ends(&[0, 1]);
+    assert!(!other.stderr().contains("control is up to date"), "{}", other.stderr());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_program_that_cannot_act_is_told() {
+    let fails = |script: &str| pump_of_a_program(script).calib(&["control", "study.toml"]).fails(2);
+    let told = fails(&ALWAYS.replace("$action}\"", "7}\""));
+    assert!(
+        told.contains("`sh agent.sh` answered a state of a run with action = ")
+            && told.contains("with action 7: expected a whole number below 2"),
+        "{told}"
+    );
+    let told = fails(&ALWAYS.replace("{\\\"action\\\": $action}", "go left"));
+    assert!(told.contains("expected one line such as {\"action\": 0}"), "{told}");
+    let told = fails("read -r line; echo '{\"error\": \"no such parameter\"}'");
+    assert!(
+        told.contains("the beginning of a run with action = ")
+            && told.contains(": no such parameter"),
+        "{told}"
+    );
+    let told =
+        fails(&ALWAYS.replace("*'\"ends\"'*) echo '{\"ready\": 1}'", "*'\"ends\"'*) exit 3"));
+    assert!(told.contains("exit status: 3 before it had answered the end of an episode"), "{told}");
+    let own = pump_of_a_program(ALWAYS);
+    let told =
+        own.calib(&["control", "study.toml", "--set", "control.agent.step_size=0.5"]).fails(2);
+    assert!(
+        told.contains("[control.agent] and [control.grid] are of calib's own agents"),
+        "{told}"
+    );
+    let told =
+        own.calib(&["control", "study.toml", "--set", "sweep.grid={ speed = [1, 2] }"]).fails(2);
+    assert!(told.contains("[agent.parameters]"), "{told}");
+}
+
+/// An agent that diverges is the worst, and the others are judged all the same.
+#[cfg(unix)]
+#[test]
+fn an_agent_of_a_program_may_diverge() {
+    let place = pump_of_a_program(&ALWAYS.replace(
+        "echo \"{\\\"action\\\": $action}\"",
+        "[ $action = 1 ] && action=null; echo \"{\\\"action\\\": $action}\"",
+    ));
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&["control", "study.toml", "--json"]).ends(&[0, 1]))
+            .expect("JSON");
+    assert_eq!(json["verdict"]["chosen"], 0);
+    assert_eq!(json["verdict"]["selection"]["mean_errors"][1], "-inf");
+}

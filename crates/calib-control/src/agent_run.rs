@@ -41,7 +41,7 @@ impl AgentRun {
 }
 
 /// Whoever acts in an environment.
-pub(crate) trait Actor {
+pub trait Actor {
     /// Look at `state`, the first of an episode.
     fn look(&mut self, state: &[f32]);
 
@@ -68,7 +68,7 @@ impl Actor for Agent {
 
 /// Let `agent` act and learn in `environment` for `span`. Its draws come from `seed`, those of the environment from another.
 pub fn live(
-    agent: &mut Agent,
+    agent: &mut impl Actor,
     environment: &mut dyn Environment,
     span: RunLength,
     seed: Seed,

@@ -129,6 +129,9 @@ pub enum ControlError {
         /// What it is.
         got: f64,
     },
+    /// A program whose agents act failed.
+    #[error(transparent)]
+    Program(Box<dyn std::error::Error + Send + Sync>),
     /// No state to begin episodes in.
     #[error("there is no state to begin episodes in")]
     NoStarts,

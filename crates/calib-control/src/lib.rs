@@ -29,7 +29,7 @@ mod verdict;
 mod walkers;
 
 pub use agent::{Agent, AgentConfig, Algorithm};
-pub use agent_run::{AgentRun, RunLength, live};
+pub use agent_run::{Actor, AgentRun, RunLength, live};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use config::{ControlConfig, StartRows};
 pub use constant::{ConstantReturns, constant_returns};
@@ -50,7 +50,9 @@ pub use model::{
 pub use recorded::RecordedReturn;
 pub use reward::{Reward, Term};
 pub use settings::Settings;
-pub use sweep::{Extent, NotKept, Run, RunId, RunKeeper, sweep, sweep_keeping, truth};
+pub use sweep::{
+    ActingAgents, Extent, NotKept, Run, RunId, RunKeeper, sweep, sweep_keeping, truth,
+};
 pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,
 };

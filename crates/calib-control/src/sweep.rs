@@ -84,6 +84,42 @@ impl RunKeeper for NotKept {
     }
 }
 
+/// The agents that are compared: calib's own, or those of somebody else.
+pub trait ActingAgents: Sync {
+    /// How many there are.
+    fn count(&self) -> usize;
+
+    /// Let agent `candidate`, which knows nothing of earlier runs, act and learn in `environment`.
+    ///
+    /// # Errors
+    /// If the monitor interrupts, or the agent cannot go on.
+    fn live(
+        &self,
+        candidate: usize,
+        environment: &mut dyn Environment,
+        span: RunLength,
+        seed: Seed,
+        monitor: &dyn Monitor,
+    ) -> Result<AgentRun, ControlError>;
+}
+
+impl ActingAgents for [AgentConfig] {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn live(
+        &self,
+        candidate: usize,
+        environment: &mut dyn Environment,
+        span: RunLength,
+        seed: Seed,
+        _monitor: &dyn Monitor,
+    ) -> Result<AgentRun, ControlError> {
+        Ok(one_life(self[candidate], environment, span, seed))
+    }
+}
+
 /// How much is run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
@@ -113,16 +149,17 @@ pub fn sweep<M: Ensemble>(
 /// As [`sweep`], with a `keeper` of the runs: those that it knows are not made again.
 ///
 /// # Errors
-/// If the monitor interrupts, or a run cannot be kept.
-pub fn sweep_keeping<M: Ensemble>(
+/// If the monitor interrupts, an agent cannot go on, or a run cannot be kept.
+pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
     model: &M,
-    candidates: &[AgentConfig],
+    agents: &A,
     extent: Extent,
     seed: Seed,
     keeper: &dyn RunKeeper,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Run>, ControlError> {
-    let of_member = extent.runs * candidates.len();
+    let candidates = agents.count();
+    let of_member = extent.runs * candidates;
     let units = model.members() * of_member;
     let task = match model.kind() {
         ActionModelKind::Neighbors => "agents in neighbours",
@@ -136,8 +173,8 @@ pub fn sweep_keeping<M: Ensemble>(
             monitor.check()?;
             let member = unit / of_member;
             let rest = unit % of_member;
-            let run = rest / candidates.len();
-            let candidate = rest % candidates.len();
+            let run = rest / candidates;
+            let candidate = rest % candidates;
             let id = RunId { kind: model.kind(), member, run, candidate };
             if let Some(known) = keeper.known(id) {
                 monitor.advance(1);
@@ -145,7 +182,7 @@ pub fn sweep_keeping<M: Ensemble>(
             }
             let seed = seed.child("member").number(member as u64).number(run as u64);
             let mut walk = model.walk(member);
-            let life = one_life(candidates[candidate], &mut walk, extent.span, seed);
+            let life = agents.live(candidate, &mut walk, extent.span, seed, monitor)?;
             let lived = Run {
                 kind: model.kind(),
                 member,

@@ -79,8 +79,8 @@ pub use cluster::{
     MergedSweeps, SubmittedPlan,
 };
 pub use control::{
-    ActionLogSummary, Advice, ControlColumn, ControlEvaluation, ControlModel, ControlNames, PYTHON,
-    SimulateTask, SimulatedTask, Vocabulary,
+    ActingAgent, ActionLogSummary, Advice, ControlColumn, ControlEvaluation, ControlModel,
+    ControlNames, PYTHON, SimulateTask, SimulatedTask, Vocabulary,
 };
 pub use each::{PartResult, Results};
 pub use inspect::{Inspection, inspect_deployments};

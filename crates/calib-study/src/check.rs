@@ -32,6 +32,13 @@ impl Study {
         );
         if let Some(control) = &self.control {
             control.check().map_err(|error| Problem::from(error).within("control"))?;
+            let own = ControlConfig::default();
+            require!(
+                !self.agent.is_external()
+                    || (control.agent, &control.grid) == (own.agent, &own.grid),
+                "agent.kind = \"external\" makes a program act, and [control.agent] and [control.grid] are of calib's own agents; give the \
+                 program's parameters in [agent.parameters] and the values to try in [sweep.grid], and leave these two out"
+            );
         }
         // The upper ends are far beyond use; they turn a slip of the finger into a message.
         let counts = [

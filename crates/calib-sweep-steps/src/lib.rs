@@ -6,7 +6,7 @@
 
 pub mod agents;
 pub mod external;
-mod program;
+pub mod program;
 pub mod render;
 pub mod sweep;
 pub mod verdict;

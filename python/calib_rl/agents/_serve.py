@@ -46,6 +46,8 @@ def _answer_all(factory: Factory, questions: IO[bytes], answers: IO[bytes]) -> N
         question = json.loads(line)
         if "begin" in question:
             told = question["begin"]
+            if "actions" in told:
+                raise ValueError("the study has [control], so its agents act; serve is for agents that predict. For agents that act, use calib_rl.tune")
             task = Task(*(told[name] for name in Task._fields))
             served = _Served(made(factory, task, told["parameters"]), task)
             _answer(answers, {"ready": 1})

@@ -32,6 +32,13 @@ pub(super) const STUDY: Vocabulary = Vocabulary {
     add_settings: "Add values to [control.grid], such as step_size = [0.003, 0.03, 0.3].",
 };
 
+/// The keys of a study whose agents are those of a program.
+pub(super) const PROGRAM: Vocabulary = Vocabulary {
+    default: "the default is the agent of [agent.parameters], not what runs on the plant",
+    add_settings: "Add values to [sweep.grid].",
+    ..STUDY
+};
+
 /// The arguments of `calib_rl.tune`.
 pub const PYTHON: Vocabulary = Vocabulary {
     steps: "total_timesteps",

@@ -6,7 +6,7 @@ use calib_base::{
     StepError,
     artefact::{self, Below, DirectoryLock, Files, Manifest, TOOL},
 };
-use calib_control::{AgentConfig, Distance, Importance, ReturnVerdict, Run};
+use calib_control::{Distance, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_report::Decision;
@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     advice::{Advice, STUDY},
+    agents::{ActingAgent, ProgramIdentity},
     described::ActionLogSummary,
     show::name,
 };
@@ -55,7 +56,7 @@ pub struct ControlEvaluation {
     /// What an episode ends with where the log does not cover a step.
     pub(super) worst_return: f64,
     /// What was compared.
-    pub(super) candidates: Vec<AgentConfig>,
+    pub(super) candidates: Vec<ActingAgent>,
     /// What distinguishes each: field and value.
     pub(super) fields: Vec<Vec<(String, String)>>,
     pub(super) verdict: ReturnVerdict,
@@ -64,8 +65,9 @@ pub struct ControlEvaluation {
     #[serde(with = "calib_stats::diverged::rows")]
     #[schemars(with = "Vec<Vec<calib_stats::diverged::Stored>>")]
     pub(super) learning: Vec<Vec<f64>>,
-    /// Value of each candidate by fitted Q evaluation, which needs no model: for comparison (`"-inf"` if it diverged).
-    #[serde(with = "calib_stats::diverged::each")]
+    /// Value of each candidate by fitted Q evaluation, which needs no model: for comparison (`"-inf"` if it diverged). Agents of a program
+    /// have none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty", with = "calib_stats::diverged::each")]
     #[schemars(with = "Vec<calib_stats::diverged::Stored>")]
     pub(super) fitted_q_evaluation: Vec<f64>,
     /// The same by weighted importance sampling, where the log has the probabilities of its actions: for comparison.
@@ -80,7 +82,7 @@ impl ControlEvaluation {
     }
 
     /// The agent of every setting, in the order in which the verdict counts them.
-    pub fn agents(&self) -> &[AgentConfig] {
+    pub fn agents(&self) -> &[ActingAgent] {
         &self.candidates
     }
 
@@ -95,12 +97,12 @@ impl ControlEvaluation {
             settings: &settings,
             actions: &actions,
             columns: &self.log.columns,
-            vocabulary: STUDY,
+            vocabulary: self.candidates.first().map_or(STUDY, ActingAgent::vocabulary),
         })
     }
 
     /// The agent to deploy, if the log supports the choice.
-    pub fn supported(&self) -> Option<&AgentConfig> {
+    pub fn supported(&self) -> Option<&ActingAgent> {
         self.verdict.is_supported().then(|| &self.candidates[self.verdict.chosen])
     }
 }
@@ -109,7 +111,7 @@ impl ControlEvaluation {
 #[derive(Serialize, JsonSchema)]
 pub(crate) struct ControlSummary<'a> {
     /// What to deploy, if the log supports it: the chosen candidate.
-    choice: &'a AgentConfig,
+    choice: &'a ActingAgent,
     /// What to do, in words.
     decision: Decision,
     /// Whether the choice is ahead of the default in the models, whatever speaks against deploying it.
@@ -133,14 +135,23 @@ impl<'a> From<&'a ControlEvaluation> for ControlSummary<'a> {
 }
 
 /// What a verdict follows from.
-pub(super) fn key(study: &Study, log: &Fingerprint) -> Result<String, StepError> {
+pub(super) fn key(
+    study: &Study,
+    log: &Fingerprint,
+    program: Option<ProgramIdentity<'_>>,
+) -> Result<String, StepError> {
     let resamples = study.evaluate.resamples;
     let control = study.control.as_ref();
     let represented = control
         .filter(|control| control.model.distance == Distance::Laplacian)
         .map(|_| study.representation.candidates());
     let model = (&study.control, represented);
-    artefact::key(&(ControlManifest::FORMAT, TOOL, log, model, study.seed, resamples))
+    let own = (ControlManifest::FORMAT, TOOL, log, model, study.seed, resamples);
+    // Of calib's own agents all is in the study.
+    match program {
+        None => artefact::key(&own),
+        Some(program) => artefact::key(&(own, program)),
+    }
 }
 
 /// The verdict that is there, if it follows from the same and is whole, and whether what shows it is.
@@ -156,7 +167,7 @@ pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bo
 /// Write verdict and runs, and what `show` writes of them, which is remade where it is not whole.
 pub(super) fn write(
     directory: &Path,
-    study: &Study,
+    (study, key): (&Study, String),
     (log, evaluation): (&Fingerprint, &ControlEvaluation),
     runs: &[Run],
     show: impl FnOnce() -> Result<Vec<String>, StepError>,
@@ -170,7 +181,7 @@ pub(super) fn write(
         shown: artefact::fingerprints(directory, shown.iter().map(String::as_str))?,
         format: ControlManifest::FORMAT,
         tool: TOOL.to_owned(),
-        key: key(study, log)?,
+        key,
         study: study.clone(),
         log: log.clone(),
         files: artefact::fingerprints(directory, [RUNS, VERDICT])?,

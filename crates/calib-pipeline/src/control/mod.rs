@@ -1,6 +1,7 @@
 //! Agents that act: from a log of decisions to a verdict, and logs of tasks whose truth is known.
 
 mod advice;
+mod agents;
 mod described;
 mod figures;
 mod files;
@@ -14,6 +15,7 @@ mod simulate;
 mod units;
 
 pub use advice::{Advice, PYTHON, Vocabulary};
+pub use agents::ActingAgent;
 pub use described::ActionLogSummary;
 pub use files::ControlEvaluation;
 pub(crate) use files::ControlSummary;

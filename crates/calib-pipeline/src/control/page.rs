@@ -73,46 +73,48 @@ fn texts<const N: usize>(texts: [&str; N]) -> Vec<String> {
 /// Every candidate, in the order of the rule.
 fn candidates(evaluation: &ControlEvaluation) -> Table {
     let (verdict, selection) = (&evaluation.verdict, &evaluation.verdict.selection);
-    let mut columns = texts([
-        "setting",
-        "",
-        rank_name(evaluation.verdict.rule),
-        "model return",
-        "not covered",
-        "fitted Q",
-    ]);
+    let mut columns =
+        texts(["setting", "", rank_name(evaluation.verdict.rule), "model return", "not covered"]);
+    let mut caption = "By rank over the ensemble members of all models. The return in the model ranks settings, and is not what the plant will give. Not covered: steps for which the log has no such action near.".to_owned();
+    if !evaluation.fitted_q_evaluation.is_empty() {
+        columns.push("fitted Q".to_owned());
+        caption.push_str(" Fitted Q, and importance sampling where probabilities were logged, need no model. Importance sampling rests on so many episodes.");
+    }
     if evaluation.importance_sampling.is_some() {
         columns.extend(texts(["importance", "of episodes"]));
     }
     Table {
         title: "Settings".to_owned(),
-        caption: "By rank over the ensemble members of all models. The return in the model ranks settings, and is not what the plant will give. Not covered: steps for which the log has no such action near. Fitted Q, and importance sampling where probabilities were logged, need no model. Importance sampling rests on so many episodes."
-            .to_owned(),
+        caption,
         columns,
-        rows: show::best(evaluation, evaluation.candidates.len()).into_iter().map(|candidate: usize| {
-        let role = match candidate {
-            other if other == verdict.chosen => "chosen",
-            other if Some(other) == verdict.default => "default",
-            _ => "",
-        };
-        let numbers = [selection.mean_errors[candidate], evaluation.fitted_q_evaluation[candidate]];
-        let mut row = vec![
-            Cell::Text(show::name(evaluation, candidate)),
-            Cell::Text(role.to_owned()),
-            Cell::Text(show::rank(evaluation, candidate)),
-            Cell::Number(numbers[0]),
-            Cell::Percent(verdict.coverage[candidate].uncovered()),
-            Cell::Number(numbers[1]),
-        ];
-        if let Some(estimates) = &evaluation.importance_sampling {
-            let Importance { value, effective_episodes } = estimates[candidate];
-            row.extend([
-                value.map_or(Cell::Missing, Cell::Number),
-                Cell::Number(effective_episodes),
-            ]);
-        }
-        row
-    }).collect(),
+        rows: show::best(evaluation, evaluation.candidates.len())
+            .into_iter()
+            .map(|candidate: usize| {
+                let role = match candidate {
+                    other if other == verdict.chosen => "chosen",
+                    other if Some(other) == verdict.default => "default",
+                    _ => "",
+                };
+                let mut row = vec![
+                    Cell::Text(show::name(evaluation, candidate)),
+                    Cell::Text(role.to_owned()),
+                    Cell::Text(show::rank(evaluation, candidate)),
+                    Cell::Number(selection.mean_errors[candidate]),
+                    Cell::Percent(verdict.coverage[candidate].uncovered()),
+                ];
+                row.extend(
+                    evaluation.fitted_q_evaluation.get(candidate).copied().map(Cell::Number),
+                );
+                if let Some(estimates) = &evaluation.importance_sampling {
+                    let Importance { value, effective_episodes } = estimates[candidate];
+                    row.extend([
+                        value.map_or(Cell::Missing, Cell::Number),
+                        Cell::Number(effective_episodes),
+                    ]);
+                }
+                row
+            })
+            .collect(),
         best: None,
     }
 }

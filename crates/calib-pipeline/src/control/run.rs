@@ -6,10 +6,10 @@ use calib_base::{
     output::{Printer, count, counted, duration},
 };
 use calib_control::{
-    ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns, ControlConfig,
-    ControlError, Distance, Ensemble, Extent, IncrementModel, Increments, NetworkModel, Question,
-    Run, RunLength, Support, constant_returns, fitted_q_evaluation, importance_sampling, judge,
-    sweep_keeping,
+    ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
+    ControlConfig, ControlError, Distance, Ensemble, Extent, IncrementModel, Increments,
+    NetworkModel, Question, Run, RunLength, Support, constant_returns, fitted_q_evaluation,
+    importance_sampling, judge, sweep_keeping,
 };
 use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
@@ -18,6 +18,7 @@ use calib_report::listed;
 use calib_study::Job;
 
 use super::{
+    agents::{ComparedAgents, ProgramAgents},
     described::described,
     files::{self, ControlEvaluation},
     log::{self, ActionLog},
@@ -34,13 +35,11 @@ pub(crate) fn run(
     job.refuse_deployment()?;
     let study = job.study();
     let Some(config) = &study.control else { return Err(no_section(job)) };
+    let agents = ComparedAgents::of_study(job, config)?;
     let log = log::read(job, config, printer)?;
     let directory = job.layout().control();
-    let kept = if job.policy().redoes() {
-        None
-    } else {
-        files::kept(&directory, &files::key(study, &log.fingerprint)?)
-    };
+    let key = files::key(study, &log.fingerprint, agents.program_identity())?;
+    let kept = if job.policy().redoes() { None } else { files::kept(&directory, &key) };
     if let Some((evaluation, is_shown)) = kept {
         if !job.policy().is_dry() {
             if evaluation.log.distance == Distance::Laplacian {
@@ -54,19 +53,20 @@ pub(crate) fn run(
         printer.say(&format!("{} is up to date", directory.display()));
         return Ok(StepResult::Made(evaluation));
     }
-    let candidates = config.grid.candidates(config.agent)?;
-    announce(config, &log, candidates.len(), printer);
-    fits(&candidates, &log, printer)?;
+    announce(config, &log, agents.count(), printer);
+    if let ComparedAgents::Own(candidates) = &agents {
+        fits(candidates, &log, printer)?;
+    }
     log::require_model(&log.decisions, config)?;
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
-    let units =
-        RunFiles::open(&job.layout().control_units(), &files::key(study, &log.fingerprint)?)?;
-    let JudgedSettings { log, evaluation, runs } = judged(job, config, log, &units, printer)?;
+    let units = RunFiles::open(&job.layout().control_units(), &key)?;
+    let JudgedSettings { log, evaluation, runs } =
+        judged(job, config, log, &agents, &units, printer)?;
     let page = || page::write(&directory, job, &evaluation);
-    files::write(&directory, study, (&log, &evaluation), &runs, page)?;
+    files::write(&directory, (study, key), (&log, &evaluation), &runs, page)?;
     units.remove()?;
     let took = duration(clock.elapsed());
     printer.say(&format!("written to {} in {took}", directory.display()));
@@ -149,31 +149,39 @@ fn judged(
     job: &Job,
     config: &ControlConfig,
     log: ActionLog,
+    agents: &ComparedAgents,
     units: &RunFiles,
     printer: &Printer,
 ) -> Result<JudgedSettings, StepError> {
     let study = job.study();
     let progress = printer.progress();
     let seed = Seed::new(study.seed).child("control");
-    let candidates = config.grid.candidates(config.agent)?;
     // Agents that live for less than an episode have no longer ones.
     let timeout = config.timeout.min(config.steps);
     let model = model::open_or_build(job, config, &log, printer)?;
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
-    let SweptSettings { runs, constants } =
-        swept(config, &model, &candidates, seed, units, printer)?;
+    let SweptSettings { runs, constants } = match agents {
+        ComparedAgents::Own(candidates) => {
+            swept(config, &model, &candidates[..], seed, units, printer)?
+        }
+        ComparedAgents::Program { command, candidates } => {
+            let program = ProgramAgents::new(command, candidates, &names);
+            let swept = swept(config, &model, &program, seed, units, printer)?;
+            program.finish()?;
+            swept
+        }
+    };
     let decisions = model.log();
     let support = Support {
         most_uncovered: config.most_uncovered,
         fewest_terminals: config.terminal.as_ref().map_or(0, |_| config.fewest_terminals),
     };
-    let default = candidates.iter().position(|candidate| *candidate == config.agent);
     let question = Question {
         log: decisions,
         timeout,
-        candidates: candidates.len(),
-        default,
+        candidates: agents.count(),
+        default: agents.default(config),
         rule: config.rule,
         support,
         resamples: study.evaluate.resamples,
@@ -182,17 +190,23 @@ fn judged(
     let verdict = judge(&runs, &question, seed)?;
     let steps = config.steps;
     let timeout = config.timeout;
-    let fitted = fitted_q_evaluation(decisions, &observed, &candidates, steps, timeout, &progress)?;
-    let importance = importance_sampling(decisions, &candidates, steps, timeout, &progress)?;
+    // Both ask for the probabilities of an agent's actions, which a program does not tell.
+    let (fitted, importance) = match agents {
+        ComparedAgents::Own(candidates) => (
+            fitted_q_evaluation(decisions, &observed, candidates, steps, timeout, &progress)?,
+            importance_sampling(decisions, candidates, steps, timeout, &progress)?,
+        ),
+        ComparedAgents::Program { .. } => (Vec::new(), None),
+    };
     let evaluation = ControlEvaluation {
         log: described(&model, config.model.distance, &names)?,
         worst_return: model.worst_return(),
-        fields: candidates.iter().map(|candidate| named(config, candidate)).collect(),
-        learning: learning(&runs, candidates.len()),
+        fields: agents.fields(config),
+        learning: learning(&runs, agents.count()),
         verdict,
         fitted_q_evaluation: fitted,
         importance_sampling: importance,
-        candidates,
+        candidates: agents.stored(),
     };
     Ok(JudgedSettings { log: fingerprint, evaluation, runs })
 }
@@ -205,18 +219,22 @@ struct SweptSettings {
 
 impl SweptSettings {
     /// Add what comes of one kind of model.
-    fn add<M: Ensemble>(&mut self, model: &M, question: &SweepInputs<'_>) -> Result<(), StepError> {
-        let SweepInputs { actions, candidates, extent, seed, units, monitor } = *question;
-        self.runs.extend(sweep_keeping(model, candidates, extent, seed, units, monitor)?);
+    fn add<M: Ensemble, A: ActingAgents + ?Sized>(
+        &mut self,
+        model: &M,
+        question: &SweepInputs<'_, A>,
+    ) -> Result<(), StepError> {
+        let SweepInputs { actions, agents, extent, seed, units, monitor } = *question;
+        self.runs.extend(sweep_keeping(model, agents, extent, seed, units, monitor)?);
         self.constants.push(constant_returns(model, actions, extent, seed, monitor)?);
         Ok(())
     }
 }
 
 /// What all kinds of models have in common.
-struct SweepInputs<'a> {
+struct SweepInputs<'a, A: ?Sized> {
     actions: usize,
-    candidates: &'a [AgentConfig],
+    agents: &'a A,
     extent: Extent,
     seed: Seed,
     units: &'a RunFiles,
@@ -224,10 +242,10 @@ struct SweepInputs<'a> {
 }
 
 /// Every candidate, and every constant action, in every member of every kind of model.
-fn swept(
+fn swept<A: ActingAgents + ?Sized>(
     config: &ControlConfig,
     model: &ActionModel,
-    candidates: &[AgentConfig],
+    agents: &A,
     seed: Seed,
     units: &RunFiles,
     printer: &Printer,
@@ -237,7 +255,7 @@ fn swept(
     let extent = Extent { runs: config.runs, span };
     let question = SweepInputs {
         actions: model.log().levels(),
-        candidates,
+        agents,
         extent,
         seed,
         units,
@@ -266,11 +284,6 @@ fn swept(
         }
     }
     Ok(swept)
-}
-
-fn named(config: &ControlConfig, candidate: &AgentConfig) -> Vec<(String, String)> {
-    let fields = config.grid.told(candidate).into_iter();
-    fields.map(|(field, value)| (field.to_owned(), value)).collect()
 }
 
 /// The mean curve of each candidate over the runs that have one.

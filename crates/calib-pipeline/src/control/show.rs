@@ -150,7 +150,6 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
                 other if Some(other) == verdict.default => "default",
                 _ => "",
             };
-            let fitted = evaluation.fitted_q_evaluation[candidate];
             let mut row = vec![
                 name(evaluation, candidate),
                 mark.to_owned(),
@@ -158,8 +157,10 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
                 significant(selection.mean_errors[candidate]),
                 percent(verdict.coverage[candidate].uncovered()),
                 percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
-                if fitted.is_finite() { significant(fitted) } else { "diverged".to_owned() },
             ];
+            row.extend(evaluation.fitted_q_evaluation.get(candidate).map(|&fitted| {
+                if fitted.is_finite() { significant(fitted) } else { "diverged".to_owned() }
+            }));
             row.extend(
                 evaluation
                     .importance_sampling
@@ -169,15 +170,11 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
             row
         })
         .collect();
-    let mut header = vec![
-        "setting",
-        "",
-        rank_name(verdict.rule),
-        "model return",
-        "not covered",
-        "chosen again",
-        "fitted Q",
-    ];
+    let mut header =
+        vec!["setting", "", rank_name(verdict.rule), "model return", "not covered", "chosen again"];
+    if !evaluation.fitted_q_evaluation.is_empty() {
+        header.push("fitted Q");
+    }
     if evaluation.importance_sampling.is_some() {
         header.extend(["importance", "of episodes"]);
     }

@@ -6,8 +6,8 @@ use calib_core::Stream;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
-/// Of the protocol.
-const VERSION: u32 = 1;
+/// The version of the protocol, which a program repeats.
+pub const PROTOCOL_VERSION: u32 = 1;
 
 /// A run begins: what is to be predicted, and by what agent.
 #[derive(Serialize)]
@@ -22,7 +22,7 @@ pub(super) struct Begin<'a> {
 }
 
 /// What an answer can be.
-pub(super) trait Answer: DeserializeOwned {
+pub trait Answer: DeserializeOwned {
     /// What it looks like.
     const LIKE: &'static str;
 
@@ -33,7 +33,7 @@ pub(super) trait Answer: DeserializeOwned {
 /// The program has made the agent.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Ready {
+pub struct Ready {
     ready: u32,
 }
 
@@ -41,7 +41,7 @@ impl Answer for Ready {
     const LIKE: &'static str = "{\"ready\": 1}";
 
     fn is_valid(&self) -> bool {
-        self.ready == VERSION
+        self.ready == PROTOCOL_VERSION
     }
 }
 
@@ -86,7 +86,7 @@ pub(super) struct Failure {
 }
 
 pub(super) fn begin(told: &Begin<'_>) -> Vec<u8> {
-    line(&serde_json::json!({ "calib": VERSION, "begin": told }))
+    line(&serde_json::json!({ "calib": PROTOCOL_VERSION, "begin": told }))
 }
 
 /// States of `part`, which lies in the unbroken `piece`: a line, then each state as numbers in single precision, low bytes first.
@@ -101,8 +101,10 @@ pub(super) fn states(stream: &dyn Stream, part: &Range<usize>, piece: &Range<usi
     message
 }
 
-fn line(value: &Value) -> Vec<u8> {
-    let mut text = value.to_string().into_bytes();
+/// A message that is one line.
+pub fn line(message: &impl Serialize) -> Vec<u8> {
+    let mut text = serde_json::to_vec(message)
+        .unwrap_or_else(|error| unreachable!("a message has text keys only: {error}"));
     text.push(b'\n');
     text
 }

@@ -1,40 +1,36 @@
-//! Agents of another program: it is started for each unit, reads states and answers with predictions. `docs/guides/external-agents.md` is
-//! what its author reads.
+//! Agents of another program: it is started, reads lines of JSON and answers with lines of JSON. `docs/guides/external-agents.md` is
+//! what its author reads. Here are those that predict. Those that act are in `calib-pipeline`, and talk through the same [`Process`].
 
+mod command;
 mod error;
 #[cfg(target_os = "linux")]
 mod guard;
 mod message;
 mod process;
 
-use std::{
-    fmt,
-    ops::Range,
-    path::{Path, PathBuf, absolute},
-    time::Duration,
-};
+use std::{fmt, ops::Range};
 
 use calib_agent::AgentConfig;
-use calib_base::{Context as _, StepError};
+use calib_base::StepError;
 use calib_core::Monitor;
-use calib_files::{Fingerprint, Fingerprinter, fingerprint_file};
+use calib_files::Fingerprint;
 use calib_study::Job;
 use calib_sweep::{PredictionRequest, Program, ProgramPredictions, ProgramStopped};
 
+pub use command::ProgramCommand;
 use error::{ProgramError, failed};
-use message::{Begin, Predictions, Ready, begin, states};
-use process::Process;
+pub use message::{Answer, PROTOCOL_VERSION, Ready, line};
+use message::{Begin, Predictions, begin, states};
+pub use process::Process;
 
-/// The program of a study.
+/// Bytes of a prediction in an answer at most.
+const PREDICTION_BYTES: usize = 64;
+
+/// Agents of a program that predict.
 #[derive(Debug)]
 pub(crate) struct ExternalAgents {
-    command: Vec<String>,
-    /// Where it is started: that of the study.
-    folder: PathBuf,
+    program: ProgramCommand,
     states_per_message: usize,
-    /// How long an answer may take.
-    timeout: Duration,
-    fingerprint: Fingerprint,
 }
 
 impl ExternalAgents {
@@ -43,20 +39,9 @@ impl ExternalAgents {
     /// # Errors
     /// If a file that the command names cannot be read.
     pub(crate) fn of(job: &Job) -> Result<Option<Self>, StepError> {
-        let AgentConfig { command, states_per_message, timeout_secs, .. } = &job.study().agent;
-        if !job.study().agent.is_external() {
-            return Ok(None);
-        }
-        let folder = job.layout().study().parent().unwrap_or(Path::new(""));
-        let folder = absolute(folder.join("."))
-            .with_context(|| format!("the folder of {}", job.layout().study().display()))?;
-        Ok(Some(Self {
-            command: command.clone(),
-            fingerprint: fingerprint(command, &folder)?,
-            folder,
-            states_per_message: *states_per_message,
-            timeout: Duration::from_secs_f64(*timeout_secs),
-        }))
+        let program = ProgramCommand::of_study(job)?;
+        let states_per_message = job.study().agent.states_per_message;
+        Ok(program.map(|program| Self { program, states_per_message }))
     }
 
     /// What one agent predicts, told by the program.
@@ -98,7 +83,8 @@ impl ExternalAgents {
                 {
                     let got = answer.predictions.len();
                     let wanted = part.len();
-                    return Err(failed(ProgramError::Count { command: self.shown(), got, wanted }));
+                    let command = self.program.shown();
+                    return Err(failed(ProgramError::Count { command, got, wanted }));
                 }
                 // The last of a piece does not count: no step begins there.
                 let counted = part.start..part.end.min(piece.end - 1);
@@ -113,16 +99,11 @@ impl ExternalAgents {
         }
         Ok(predicted)
     }
-
-    /// As one would type it.
-    fn shown(&self) -> String {
-        calib_study::shell_words(self.command.iter().cloned())
-    }
 }
 
 impl Program for ExternalAgents {
     fn fingerprint(&self) -> &Fingerprint {
-        &self.fingerprint
+        self.program.fingerprint()
     }
 
     fn predictions(
@@ -130,16 +111,15 @@ impl Program for ExternalAgents {
         wanted: &PredictionRequest<'_>,
         monitor: &dyn Monitor,
     ) -> Result<Vec<ProgramPredictions>, ProgramStopped> {
-        let mut process = Process::start(self).map_err(failed)?;
+        let mut process =
+            Process::start(&self.program, PREDICTION_BYTES * self.states_per_message)?;
         let agents = wanted.agents.iter();
         let all = agents
             .map(|agent| self.predicted(&mut process, wanted, agent, monitor))
             .collect::<Result<Vec<_>, _>>()?;
-        process.finish().map_err(failed)?;
-        // Each unit starts the files that are there then: what others made must have started the same.
-        let same =
-            fingerprint(&self.command, &self.folder).is_ok_and(|now| now == self.fingerprint);
-        if same { Ok(all) } else { Err(failed(ProgramError::Changed { command: self.shown() })) }
+        process.finish()?;
+        self.program.check_unchanged()?;
+        Ok(all)
     }
 }
 
@@ -159,24 +139,6 @@ impl fmt::Display for LastRequest<'_> {
             Self::States(part) => write!(f, "states {} to {}", part.start, part.end - 1),
         }
     }
-}
-
-/// Whether the first word of a command is a path, and not a name that the system looks up.
-fn is_path(program: &str) -> bool {
-    Path::new(program).components().count() > 1
-}
-
-/// Of a command, and of the content of each file that it names.
-fn fingerprint(command: &[String], folder: &Path) -> Result<Fingerprint, StepError> {
-    let mut all = Fingerprinter::default();
-    for (place, word) in command.iter().enumerate() {
-        all.add(word.as_bytes());
-        let path = folder.join(word);
-        if (place > 0 || is_path(word)) && path.is_file() {
-            all.add(fingerprint_file(&path)?.as_str().as_bytes());
-        }
-    }
-    Ok(all.finish())
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! A process that is asked and answers. Threads of their own read and write, so that one that hangs, or does not read, is noticed.
 
 use std::{
+    fmt,
     io::{BufRead as _, BufReader, Read, Write as _},
     process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio},
     sync::{
@@ -17,9 +18,9 @@ use calib_sweep::ProgramStopped;
 #[cfg(target_os = "linux")]
 use super::guard;
 use super::{
-    ExternalAgents, LastRequest,
+    ProgramCommand,
+    command::is_path,
     error::{ProgramError, failed},
-    is_path,
     message::{Answer, Failure},
 };
 
@@ -27,15 +28,15 @@ use super::{
 const LOOK: Duration = Duration::from_millis(50);
 /// How long a process may take to end when nothing is left to do, or to be found ended when it is silent.
 const FAREWELL: Duration = Duration::from_secs(5);
-/// Bytes of a line that are not of predictions, and of each of these at most.
+/// Bytes of an answer at most, beside those that are asked for.
 const LINE_BYTES: usize = 1 << 16;
-const PREDICTION_BYTES: usize = 64;
 /// Of what a process has said, the last is told; and of a line, the beginning.
 const SAID_BYTES: usize = 2000;
 const LINE_SHOWN: usize = 120;
 
-pub(super) struct Process<'p> {
-    program: &'p ExternalAgents,
+/// A running program, which answers one message at a time. It ends with everything that it has started when this is dropped.
+pub struct Process<'p> {
+    program: &'p ProgramCommand,
     child: Child,
     messages: Option<Sender<Vec<u8>>>,
     lines: Receiver<Vec<u8>>,
@@ -45,8 +46,12 @@ pub(super) struct Process<'p> {
 }
 
 impl<'p> Process<'p> {
-    pub(super) fn start(program: &'p ExternalAgents) -> Result<Self, ProgramError> {
-        let [name, arguments @ ..] = program.command.as_slice() else {
+    /// Start it. Its answers have so many bytes at most, beside what a line has in any case.
+    ///
+    /// # Errors
+    /// If there is no such program, or it cannot be run.
+    pub fn start(program: &'p ProgramCommand, answer_bytes: usize) -> Result<Self, ProgramStopped> {
+        let [name, arguments @ ..] = program.words.as_slice() else {
             unreachable!("a command was checked to have words")
         };
         let path =
@@ -59,10 +64,12 @@ impl<'p> Process<'p> {
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         #[cfg(target_os = "linux")]
         guard::watch_over(&mut command);
-        let mut child = command.spawn().map_err(|source| ProgramError::Start {
-            command: program.shown(),
-            folder: program.folder.clone(),
-            source,
+        let mut child = command.spawn().map_err(|source| {
+            failed(ProgramError::Start {
+                command: program.shown(),
+                folder: program.folder.clone(),
+                source,
+            })
         })?;
         let (messages, to_write) = channel();
         let (read, lines) = sync_channel(1);
@@ -71,7 +78,7 @@ impl<'p> Process<'p> {
         if let (Some(input), Some(output), Some(errors)) =
             (child.stdin.take(), child.stdout.take(), child.stderr.take())
         {
-            let longest = LINE_BYTES + PREDICTION_BYTES * program.states_per_message;
+            let longest = LINE_BYTES + answer_bytes;
             let heard = Arc::clone(&said);
             thread::spawn(move || write(input, &to_write));
             thread::spawn(move || read_lines(output, longest, &read));
@@ -80,11 +87,14 @@ impl<'p> Process<'p> {
         Ok(Self { program, child, messages: Some(messages), lines, said, said_all })
     }
 
-    /// Send a message and wait for its answer.
-    pub(super) fn ask<A: Answer>(
+    /// Send a message and wait for its answer. `asked` is what an error calls the message.
+    ///
+    /// # Errors
+    /// If there is no answer, another one or none in time, or the monitor interrupts.
+    pub fn ask<A: Answer>(
         &mut self,
         message: Vec<u8>,
-        asked: &LastRequest<'_>,
+        asked: &dyn fmt::Display,
         monitor: &dyn Monitor,
     ) -> Result<A, ProgramStopped> {
         // Where nobody reads any more, nobody answers either.
@@ -112,7 +122,7 @@ impl<'p> Process<'p> {
         }
     }
 
-    fn answer<A: Answer>(&self, line: &[u8], asked: &LastRequest<'_>) -> Result<A, ProgramError> {
+    fn answer<A: Answer>(&self, line: &[u8], asked: &dyn fmt::Display) -> Result<A, ProgramError> {
         match serde_json::from_slice::<A>(line) {
             Ok(answer) if answer.is_valid() => return Ok(answer),
             _ => {}
@@ -129,26 +139,29 @@ impl<'p> Process<'p> {
     }
 
     /// Nothing more is asked: the process ends.
-    pub(super) fn finish(mut self) -> Result<(), ProgramError> {
+    ///
+    /// # Errors
+    /// If it says more, or ends with another status than 0.
+    pub fn finish(mut self) -> Result<(), ProgramStopped> {
         self.messages = None;
         let command = self.program.shown();
         let status = self.status();
         // What it has said by now; whoever else holds its standard output is not waited for.
         if let Ok(line) = self.lines.recv_timeout(LOOK) {
-            return Err(ProgramError::More { command, line: shown(&line) });
+            return Err(failed(ProgramError::More { command, line: shown(&line) }));
         }
         match status {
             Some(status) if !status.success() => {
                 let how = how(status);
                 let said = self.said_at_last();
-                Err(ProgramError::EndedBadly { command, how, said })
+                Err(failed(ProgramError::EndedBadly { command, how, said }))
             }
             _ => Ok(()),
         }
     }
 
     /// Why it is that no line comes any more.
-    fn ended(&mut self, asked: &LastRequest<'_>) -> ProgramError {
+    fn ended(&mut self, asked: &dyn fmt::Display) -> ProgramError {
         let how = self.status().map_or_else(|| "has closed its standard output".to_owned(), how);
         let command = self.program.shown();
         let asked = asked.to_string();

@@ -3,7 +3,12 @@
 
 use calib_core::{RowStream, Seed, Segments, Silent, States};
 
-use super::*;
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use super::{command::fingerprint, *};
 
 /// The protocol in a few lines of shell: predicts what it counts, and reads states as bytes of one column.
 const COUNTING: &str = r#"
@@ -20,11 +25,13 @@ done
 fn program(script: &str, timeout: f64) -> ExternalAgents {
     let command = ["sh", "-c", script].map(str::to_owned).to_vec();
     ExternalAgents {
-        fingerprint: fingerprint(&command, Path::new("/")).expect("no files"),
-        command,
-        folder: PathBuf::from("/"),
+        program: ProgramCommand {
+            fingerprint: fingerprint(&command, Path::new("/")).expect("no files"),
+            words: command,
+            folder: PathBuf::from("/"),
+            timeout: Duration::from_secs_f64(timeout),
+        },
         states_per_message: 4,
-        timeout: Duration::from_secs_f64(timeout),
     }
 }
 
@@ -143,8 +150,8 @@ fn how_a_program_was_killed_is_told() {
 
 #[test]
 fn a_program_that_is_not_there_is_told() {
-    let command = vec!["./no-such-agent".to_owned(), "x".to_owned()];
-    let absent = ExternalAgents { command, ..program("", 1.0) };
+    let mut absent = program("", 1.0);
+    absent.program.words = vec!["./no-such-agent".to_owned(), "x".to_owned()];
     let told = asked(&absent, 1).expect_err("absent");
     assert!(told.starts_with("`./no-such-agent x` cannot be started in /;"), "{told}");
 }

@@ -1,0 +1,354 @@
+//! The agents that a study compares: calib's own, or those of a program.
+
+use std::{
+    collections::BTreeMap,
+    sync::{Mutex, PoisonError},
+};
+
+use calib_base::StepError;
+use calib_control::{
+    ActingAgents, Actor, AgentConfig, AgentRun, ControlConfig, ControlError, Ending, Environment,
+    Outcome, RunLength, live,
+};
+use calib_core::{Monitor, Rng, Seed};
+use calib_files::Fingerprint;
+use calib_study::Job;
+use calib_sweep::{Candidate, ProgramStopped, candidates, written};
+use calib_sweep_steps::program::{Answer, PROTOCOL_VERSION, Process, ProgramCommand, Ready, line};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{
+    advice::{PROGRAM, STUDY, Vocabulary},
+    log::Names,
+};
+
+/// An agent that was compared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum ActingAgent {
+    /// One of calib's.
+    Own(AgentConfig),
+    /// One of a program.
+    Program {
+        /// What the program was told: `[agent.parameters]`, with the values of the grid.
+        parameters: BTreeMap<String, Value>,
+    },
+}
+
+impl ActingAgent {
+    /// What the user calls what decides about a verdict on such agents.
+    pub(super) fn vocabulary(&self) -> Vocabulary {
+        match self {
+            Self::Own(_) => STUDY,
+            Self::Program { .. } => PROGRAM,
+        }
+    }
+}
+
+/// The agents of a study, in the order in which verdicts count them.
+pub(super) enum ComparedAgents {
+    /// calib's own: `[control.agent]` and `[control.grid]`.
+    Own(Vec<AgentConfig>),
+    /// Those of a program: `[agent.parameters]` and `[sweep.grid]`.
+    Program { command: ProgramCommand, candidates: Vec<Candidate> },
+}
+
+/// What a verdict about agents of a program follows from.
+#[derive(Serialize)]
+pub(super) struct ProgramIdentity<'a> {
+    program: &'a Fingerprint,
+    gamma: f64,
+    parameters: Vec<&'a BTreeMap<String, Value>>,
+}
+
+impl ComparedAgents {
+    /// Those of a study.
+    ///
+    /// # Errors
+    /// If the grid cannot be what it is, or a file of the program cannot be read.
+    pub(super) fn of_study(job: &Job, config: &ControlConfig) -> Result<Self, StepError> {
+        let Some(command) = ProgramCommand::of_study(job)? else {
+            return Ok(Self::Own(config.grid.candidates(config.agent)?));
+        };
+        let study = job.study();
+        let seed = Seed::new(study.seed).child("sweep");
+        Ok(Self::Program { command, candidates: candidates(&study.sweep, &study.agent, seed)? })
+    }
+
+    pub(super) fn count(&self) -> usize {
+        match self {
+            Self::Own(agents) => agents.len(),
+            Self::Program { candidates, .. } => candidates.len(),
+        }
+    }
+
+    /// What distinguishes each: field and value.
+    pub(super) fn fields(&self, config: &ControlConfig) -> Vec<Vec<(String, String)>> {
+        match self {
+            Self::Own(agents) => {
+                let told = agents.iter().map(|agent| config.grid.told(agent).into_iter());
+                told.map(|fields| fields.map(|(field, value)| (field.to_owned(), value)).collect())
+                    .collect()
+            }
+            Self::Program { candidates, .. } => {
+                let values = candidates.iter().map(|candidate| candidate.values.iter());
+                values
+                    .map(|fields| {
+                        fields.map(|(field, value)| (field.clone(), written(value))).collect()
+                    })
+                    .collect()
+            }
+        }
+    }
+
+    /// The setting that needs no decision, if it is among them.
+    pub(super) fn default(&self, config: &ControlConfig) -> Option<usize> {
+        match self {
+            Self::Own(agents) => agents.iter().position(|agent| *agent == config.agent),
+            Self::Program { candidates, .. } => {
+                candidates.iter().position(|candidate| candidate.is_default)
+            }
+        }
+    }
+
+    /// Each as files have it.
+    pub(super) fn stored(&self) -> Vec<ActingAgent> {
+        match self {
+            Self::Own(agents) => agents.iter().copied().map(ActingAgent::Own).collect(),
+            Self::Program { candidates, .. } => {
+                let parameters = candidates.iter().map(|one| one.agent.parameters.clone());
+                parameters.map(|parameters| ActingAgent::Program { parameters }).collect()
+            }
+        }
+    }
+
+    /// What results follow from beside the study's `[control]`: nothing for calib's own agents.
+    pub(super) fn program_identity(&self) -> Option<ProgramIdentity<'_>> {
+        match self {
+            Self::Own(_) => None,
+            Self::Program { command, candidates } => Some(ProgramIdentity {
+                program: command.fingerprint(),
+                gamma: candidates.first().map_or(0.0, |candidate| candidate.agent.gamma),
+                parameters: candidates.iter().map(|one| &one.agent.parameters).collect(),
+            }),
+        }
+    }
+}
+
+/// Agents of a program that act. One process for each thread trains one agent after the other.
+pub(super) struct ProgramAgents<'a> {
+    command: &'a ProgramCommand,
+    candidates: &'a [Candidate],
+    names: &'a Names,
+    /// Processes that wait for the next agent.
+    idle: Mutex<Vec<Process<'a>>>,
+}
+
+impl<'a> ProgramAgents<'a> {
+    pub(super) fn new(
+        command: &'a ProgramCommand,
+        candidates: &'a [Candidate],
+        names: &'a Names,
+    ) -> Self {
+        Self { command, candidates, names, idle: Mutex::new(Vec::new()) }
+    }
+
+    /// No agent is left to train: the processes end.
+    ///
+    /// # Errors
+    /// If one ends badly, or the program was changed meanwhile.
+    pub(super) fn finish(self) -> Result<(), StepError> {
+        for process in self.idle.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            process.finish().map_err(failed)?;
+        }
+        Ok(self.command.check_unchanged().map_err(failed)?)
+    }
+}
+
+impl ActingAgents for ProgramAgents<'_> {
+    fn count(&self) -> usize {
+        self.candidates.len()
+    }
+
+    fn live(
+        &self,
+        candidate: usize,
+        environment: &mut dyn Environment,
+        span: RunLength,
+        seed: Seed,
+        monitor: &dyn Monitor,
+    ) -> Result<AgentRun, ControlError> {
+        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let process = match idle {
+            Some(process) => process,
+            None => Process::start(self.command, 0).map_err(failed)?,
+        };
+        let agent = &self.candidates[candidate].agent;
+        let mut actor = ProgramActor {
+            process,
+            setting: self.candidates[candidate].label(),
+            command: self.command,
+            actions: environment.actions(),
+            message: None,
+            stopped: None,
+            monitor,
+        };
+        let begin = BeginActing {
+            columns: environment.columns(),
+            column_names: &self.names.columns,
+            actions: environment.actions(),
+            action_names: &self.names.actions,
+            gamma: agent.gamma,
+            seed: seed.child("agent").get(),
+            steps: span.steps,
+            timeout: span.timeout,
+            parameters: &agent.parameters,
+        };
+        actor.begin(&begin).map_err(failed)?;
+        let lived = live(&mut actor, environment, span, seed);
+        if let Some(stopped) = actor.stopped {
+            return Err(failed(stopped));
+        }
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(actor.process);
+        Ok(lived)
+    }
+}
+
+fn failed(stopped: ProgramStopped) -> ControlError {
+    match stopped {
+        ProgramStopped::Cancelled(cancelled) => cancelled.into(),
+        ProgramStopped::Failed(source) => ControlError::Program(source),
+    }
+}
+
+/// A run begins: what the agent acts in, and what agent it is.
+#[derive(Serialize)]
+struct BeginActing<'a> {
+    columns: usize,
+    column_names: &'a [String],
+    actions: usize,
+    action_names: &'a [String],
+    gamma: f64,
+    seed: u64,
+    steps: usize,
+    timeout: usize,
+    parameters: &'a BTreeMap<String, Value>,
+}
+
+/// The state that an agent is in, and what led to it.
+#[derive(Serialize)]
+struct StateMessage {
+    state: Vec<f32>,
+    /// Of the step that led here; none in the first state of an episode.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reward: Option<f64>,
+    /// Whether the episode ends here, and how.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ends: Option<EpisodeEnd>,
+}
+
+/// How an episode ends.
+#[derive(Clone, Copy, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum EpisodeEnd {
+    /// Nothing follows.
+    Terminal,
+    /// It was cut at the timeout: what would have followed has a value.
+    Timeout,
+}
+
+/// The number of an action; null if the agent has diverged.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ActionAnswer {
+    action: Option<usize>,
+}
+
+impl Answer for ActionAnswer {
+    const LIKE: &'static str = "{\"action\": 0} (null is an agent that has diverged)";
+
+    fn is_valid(&self) -> bool {
+        true
+    }
+}
+
+/// An agent in a process.
+struct ProgramActor<'a, 'p> {
+    process: Process<'p>,
+    command: &'p ProgramCommand,
+    /// For messages.
+    setting: String,
+    actions: usize,
+    /// What it has not been told yet, because the episode may end there.
+    message: Option<StateMessage>,
+    /// Why it cannot go on.
+    stopped: Option<ProgramStopped>,
+    monitor: &'a dyn Monitor,
+}
+
+impl ProgramActor<'_, '_> {
+    fn begin(&mut self, begin: &BeginActing<'_>) -> Result<(), ProgramStopped> {
+        let message = line(&serde_json::json!({ "calib": PROTOCOL_VERSION, "begin": begin }));
+        let asked = format!("the beginning of a run with {}", self.setting);
+        self.process.ask::<Ready>(message, &asked, self.monitor).map(|_| ())
+    }
+
+    /// Tell the last state of an episode.
+    fn end(&mut self, message: StateMessage, ends: EpisodeEnd) {
+        let message = StateMessage { ends: Some(ends), ..message };
+        let asked = format!("the end of an episode with {}", self.setting);
+        self.stopped = self.process.ask::<Ready>(line(&message), &asked, self.monitor).err();
+    }
+
+    fn choose(&mut self, message: &StateMessage) -> Result<Option<usize>, ProgramStopped> {
+        self.monitor.check().map_err(ProgramStopped::Cancelled)?;
+        let asked = format!("a state of a run with {}", self.setting);
+        let ActionAnswer { action } = self.process.ask(line(message), &asked, self.monitor)?;
+        if let Some(action) = action.filter(|&action| action >= self.actions) {
+            return Err(ProgramStopped::Failed(
+                format!(
+                    "`{}` answered {asked} with action {action}: expected a whole number below {}, which is how many actions \
+                     there are",
+                    self.command.shown(),
+                    self.actions
+                )
+                .into(),
+            ));
+        }
+        Ok(action)
+    }
+}
+
+impl Actor for ProgramActor<'_, '_> {
+    fn look(&mut self, state: &[f32]) {
+        if let Some(message) = self.message.take() {
+            self.end(message, EpisodeEnd::Timeout);
+        }
+        self.message = Some(StateMessage { state: state.to_vec(), reward: None, ends: None });
+    }
+
+    fn act(&mut self, _rng: &mut Rng) -> Option<usize> {
+        if self.stopped.is_some() {
+            return None;
+        }
+        let message = self.message.take()?;
+        match self.choose(&message) {
+            Ok(action) => action,
+            Err(stopped) => {
+                self.stopped = Some(stopped);
+                None
+            }
+        }
+    }
+
+    fn learn(&mut self, _action: usize, outcome: Outcome, next: &[f32]) {
+        let reward = Some(outcome.reward);
+        let message = StateMessage { state: next.to_vec(), reward, ends: None };
+        match outcome.ending {
+            Ending::Continues => self.message = Some(message),
+            Ending::Terminal => self.end(message, EpisodeEnd::Terminal),
+        }
+    }
+}
