@@ -81,6 +81,8 @@ pub enum WeightsKind {
     Softmax,
     /// One over its distance.
     Inverse,
+    /// One over its place among the neighbours, as in the k-nearest-neighbour bootstrap.
+    Rank,
 }
 
 /// Which search structure builds the tables. All give identical tables.
@@ -122,6 +124,7 @@ impl ModelConfig {
             WeightsKind::Linear => Ok(Weights::Linear),
             WeightsKind::Uniform => Ok(Weights::Uniform),
             WeightsKind::Inverse => Ok(Weights::Inverse),
+            WeightsKind::Rank => Ok(Weights::Rank),
             WeightsKind::Softmax if self.temperature > 0.0 && self.temperature.is_finite() => {
                 Ok(Weights::Softmax { temperature: self.temperature })
             }

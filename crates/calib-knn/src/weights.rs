@@ -8,6 +8,7 @@ use calib_core::Rng;
 /// | `Uniform` | `1/k` | our choice |
 /// | `Softmax` | `∝ exp(−d_j/T)` | our choice |
 /// | `Inverse` | `∝ 1/d_j`; uniform over the zeros if there are any | our choice |
+/// | `Rank` | `∝ 1/j` | Lall & Sharma 1996, with `k = √n` |
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Weights {
     /// Falls linearly with the share of the distance.
@@ -22,6 +23,8 @@ pub enum Weights {
     },
     /// Inverse distance.
     Inverse,
+    /// Inverse place among the neighbours, whatever the distances are.
+    Rank,
 }
 
 impl Weights {
@@ -68,7 +71,7 @@ impl Weights {
         let sum: f64 = distances.iter().copied().map(f64::from).sum();
         let nearest = distances.iter().copied().fold(f32::INFINITY, f32::min);
         let single = distances.len() == 1;
-        distances.iter().map(move |&distance| {
+        distances.iter().enumerate().map(move |(place, &distance)| {
             let distance = f64::from(distance);
             match self {
                 Self::Linear if single || sum == 0.0 => 1.0,
@@ -80,6 +83,7 @@ impl Weights {
                 Self::Inverse if nearest == 0.0 => f64::from(u8::from(distance == 0.0)),
                 // Relative to the nearest, so that tiny distances cannot overflow.
                 Self::Inverse => f64::from(nearest) / distance,
+                Self::Rank => 1.0 / (place + 1) as f64,
             }
         })
     }
@@ -91,11 +95,12 @@ mod tests {
 
     use super::*;
 
-    const ALL: [Weights; 4] = [
+    const ALL: [Weights; 5] = [
         Weights::Linear,
         Weights::Uniform,
         Weights::Softmax { temperature: 2.0 },
         Weights::Inverse,
+        Weights::Rank,
     ];
 
     fn close(got: &[f64], expected: &[f64]) {
@@ -120,6 +125,10 @@ mod tests {
         close(&soft, &[1.0 / (1.0 + e), e / (1.0 + e)]);
         close(&Weights::Inverse.probabilities(&[1.0, 3.0]), &[0.75, 0.25]);
         close(&Weights::Inverse.probabilities(&[0.0, 0.0, 3.0]), &[0.5, 0.5, 0.0]);
+        close(
+            &Weights::Rank.probabilities(&[0.0, 0.0, 3.0]),
+            &[6.0 / 11.0, 3.0 / 11.0, 2.0 / 11.0],
+        );
     }
 
     #[test]

@@ -353,7 +353,8 @@ fn case() -> impl Strategy<Value = Case> {
         let weights = prop_oneof![
             3 => Just(WeightsKind::Linear),
             1 => Just(WeightsKind::Uniform),
-            1 => Just(WeightsKind::Inverse)
+            1 => Just(WeightsKind::Inverse),
+            1 => Just(WeightsKind::Rank)
         ];
         let exclusion = prop_oneof![
             4 => Just((false, 0_u32)),

@@ -51,7 +51,7 @@ impl<'a> Graph<'a> {
         weights: Weights,
     ) -> Self {
         let rows = neighbors.len() / k;
-        let doubtful = if weights == Weights::Uniform {
+        let doubtful = if matches!(weights, Weights::Uniform | Weights::Rank) {
             Bits::default()
         } else {
             Bits::from_words(
