@@ -14,15 +14,19 @@ own=$root/.libtorch
 if [ -z "${LIBTORCH:-}" ] && [ -z "${LIBTORCH_USE_PYTORCH:-}" ]; then
     if [ "$(cat "$own/complete" 2>/dev/null)" != "$version" ]; then
         echo "fetching libtorch $version into $own (about 0.6 GB to load, 1.2 GB on disk)" >&2
-        rm -rf "$own"
-        mkdir -p "$own"
+        # Whole or not at all, whoever else fetches it meanwhile.
+        part=$(mktemp -d "$root/.libtorch-XXXXXX")
+        trap 'rm -rf "$part"' EXIT
+        chmod 755 "$part"
         # Headers and libraries of PyTorch's package. Of CUDA it wants two libraries even where there is no GPU; the
         # others are used if they are there.
-        python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target "$own" \
+        python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target "$part" \
             "torch==$version" 'nvidia-cuda-cupti==13.0.85.*' 'nvidia-cuda-runtime==13.0.96.*'
         # What only Python needs.
-        rm -rf "$own/torch/test" "$own/torch/bin" "$own/functorch"
-        echo "$version" > "$own/complete"
+        rm -rf "$part/torch/test" "$part/torch/bin" "$part/functorch"
+        echo "$version" > "$part/complete"
+        rm -rf "$own"
+        mv "$part" "$own"
     fi
     export LIBTORCH=$own/torch
 fi

@@ -167,7 +167,7 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
         ActionModelKind::Network => "agents in networks",
     };
     monitor.begin(task, units as u64);
-    let runs: Vec<Result<Run, ControlError>> = (0..units)
+    (0..units)
         .into_par_iter()
         .map(|unit: usize| -> Result<Run, ControlError> {
             monitor.check()?;
@@ -199,8 +199,7 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
             monitor.advance(1);
             Ok(lived)
         })
-        .collect();
-    runs.into_iter().collect()
+        .collect()
 }
 
 /// The mean return of every candidate in an environment whose truth is known, `[runs][candidates]`; each run begins with `make`.

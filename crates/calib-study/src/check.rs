@@ -34,7 +34,7 @@ impl Study {
             control.check().map_err(|error| Problem::from(error).within("control"))?;
             let own = ControlConfig::default();
             require!(
-                !self.agent.is_external()
+                !(self.agent.is_external() && self.is_of_acting_agents())
                     || (control.agent, &control.grid) == (own.agent, &own.grid),
                 "agent.kind = \"external\" makes a program act, and [control.agent] and [control.grid] are of calib's own agents; give the \
                  program's parameters in [agent.parameters] and the values to try in [sweep.grid], and leave these two out"

@@ -69,10 +69,13 @@ impl ComparedAgents {
     /// # Errors
     /// If the grid cannot be what it is, or a file of the program cannot be read.
     pub(super) fn of_study(job: &Job, config: &ControlConfig) -> Result<Self, StepError> {
-        let Some(command) = ProgramCommand::of_study(job)? else {
+        let study = job.study();
+        // With predicted sensors the program is one that predicts, and calib's own agents act.
+        let command =
+            if study.is_of_acting_agents() { ProgramCommand::of_study(job)? } else { None };
+        let Some(command) = command else {
             return Ok(Self::Own(config.grid.candidates(config.agent)?));
         };
-        let study = job.study();
         let seed = Seed::new(study.seed).child("sweep");
         Ok(Self::Program { command, candidates: candidates(&study.sweep, &study.agent, seed)? })
     }
@@ -211,6 +214,8 @@ impl ActingAgents for ProgramAgents<'_> {
         if let Some(stopped) = actor.stopped {
             return Err(failed(stopped));
         }
+        // The run is kept under the program's fingerprint.
+        self.command.check_unchanged().map_err(failed)?;
         self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(actor.process);
         Ok(lived)
     }
@@ -263,6 +268,8 @@ enum EpisodeEnd {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ActionAnswer {
+    /// Null has to be said: an answer without the key is a slip.
+    #[serde(deserialize_with = "Option::deserialize")]
     action: Option<usize>,
 }
 

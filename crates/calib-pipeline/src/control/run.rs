@@ -168,7 +168,11 @@ fn judged(
         ComparedAgents::Program { command, candidates } => {
             let program = ProgramAgents::new(command, candidates, &names);
             let swept = swept(config, &model, &program, seed, units, printer)?;
-            program.finish()?;
+            // Whoever ends badly may have answered wrongly before.
+            if let Err(reason) = program.finish() {
+                units.remove()?;
+                return Err(reason);
+            }
             swept
         }
     };

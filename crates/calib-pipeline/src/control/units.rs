@@ -46,11 +46,11 @@ impl RunFiles {
         self.directory.join(format!("{of_kind}-{member}-{run}-{candidate}.json"))
     }
 
-    /// Forget them: the verdict is there.
+    /// Forget them: the verdict is there, or they cannot be trusted.
     ///
     /// # Errors
     /// If a file cannot be removed.
-    pub(super) fn remove(self) -> Result<(), StepError> {
+    pub(super) fn remove(&self) -> Result<(), StepError> {
         Ok(remove_known(&self.directory, &mut is_unit)?)
     }
 }

@@ -30,8 +30,10 @@ pub(super) enum ProgramError {
         at_last(said)
     )]
     Babble { command: String, asked: String, line: String, expected: &'static str, said: String },
-    /// It goes on where nothing was asked.
-    #[error("`{command}` said {line:?} after its last answer: expected nothing, but for answers")]
+    /// It speaks where nothing was asked.
+    #[error(
+        "`{command}` said {line:?} beside its answers: expected one line for each message, and nothing else on standard output"
+    )]
     More { command: String, line: String },
     /// It says what is wrong.
     #[error("`{command}` cannot answer {asked}: {reason}")]

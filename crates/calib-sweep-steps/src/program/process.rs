@@ -97,6 +97,11 @@ impl<'p> Process<'p> {
         asked: &dyn fmt::Display,
         monitor: &dyn Monitor,
     ) -> Result<A, ProgramStopped> {
+        // It would be taken for the answer, and every answer after it for the one before.
+        if let Ok(line) = self.lines.try_recv() {
+            let command = self.program.shown();
+            return Err(failed(ProgramError::More { command, line: shown(&line) }));
+        }
         // Where nobody reads any more, nobody answers either.
         let _ = self.messages.as_ref().map(|messages| messages.send(message));
         let look = LOOK.min(self.program.timeout);

@@ -107,7 +107,7 @@ fn a_program_ends_as_it_should() {
     assert!(told.contains("exit status: 4 after its last answer"), "{told}");
     let more = COUNTING.to_owned() + "echo bye";
     let told = asked(&program(&more, 20.0), 1).expect_err("it says more");
-    assert!(told.contains(r#"said "bye" after its last answer"#), "{told}");
+    assert!(told.contains(r#"said "bye" beside its answers"#), "{told}");
 }
 
 /// Processes that live and were started with this word.
