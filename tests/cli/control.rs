@@ -539,12 +539,12 @@ fn a_program_is_told_what_its_actions_led_to() {
     let hearing = ALWAYS.replace("  case", "  echo \"$line\" >> heard\n  case");
     let lines = |heard: &str, part: &str| heard.lines().filter(|line| line.contains(part)).count();
     let heard = told_to(&pump_of_a_program(&hearing), "study.toml");
-    // Two settings in two members, each for 50 steps in episodes of 20.
-    assert_eq!(lines(&heard, "\"begin\""), 4);
-    assert_eq!(lines(&heard, "\"ends\":\"timeout\""), 4 * 2, "{heard}");
+    // Two settings in two members, and once more the chosen one; each for 50 steps in episodes of 20.
+    assert_eq!(lines(&heard, "\"begin\""), 5);
+    assert_eq!(lines(&heard, "\"ends\":\"timeout\""), 5 * 2, "{heard}");
     assert_eq!(lines(&heard, "\"ends\":\"terminal\""), 0);
-    assert_eq!(lines(&heard, "\"reward\""), 4 * 49, "that of the last step changes nothing");
-    assert_eq!(lines(&heard, "\"state\""), 4 * (49 + 3), "and the first states of three episodes");
+    assert_eq!(lines(&heard, "\"reward\""), 5 * 49, "that of the last step changes nothing");
+    assert_eq!(lines(&heard, "\"state\""), 5 * (49 + 3), "and the first states of three episodes");
     let begin = heard.lines().next().expect("a beginning");
     let begin: serde_json::Value = serde_json::from_str(begin).expect("JSON");
     let begin = &begin["begin"];

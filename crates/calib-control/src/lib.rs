@@ -24,6 +24,7 @@ mod reward;
 mod settings;
 mod sweep;
 mod task;
+mod trajectory;
 mod usage;
 mod verdict;
 mod walkers;
@@ -56,6 +57,7 @@ pub use sweep::{
 pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,
 };
+pub use trajectory::{Trajectory, trajectory};
 pub use usage::{CoverageMap, Spread};
 pub use verdict::{
     BestConstant, Doubt, KINDS_AGREE, KindReturns, Question, Regret, ReturnVerdict, Support, judge,

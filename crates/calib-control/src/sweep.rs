@@ -103,7 +103,7 @@ pub trait ActingAgents: Sync {
     ) -> Result<AgentRun, ControlError>;
 }
 
-impl ActingAgents for [AgentConfig] {
+impl ActingAgents for &[AgentConfig] {
     fn count(&self) -> usize {
         self.len()
     }
@@ -143,7 +143,7 @@ pub fn sweep<M: Ensemble>(
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Run>, ControlError> {
-    sweep_keeping(model, candidates, extent, seed, &NotKept, monitor)
+    sweep_keeping(model, &candidates, extent, seed, &NotKept, monitor)
 }
 
 /// As [`sweep`], with a `keeper` of the runs: those that it knows are not made again.

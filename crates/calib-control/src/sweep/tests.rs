@@ -3,6 +3,7 @@ use calib_core::Silent;
 use super::*;
 use crate::{
     ActionModel, ActionModelConfig, Begin, Behaviour, CartPole, Grid, Simulated, Starts, record,
+    trajectory,
 };
 
 pub(crate) fn small_model() -> ActionModel {
@@ -95,7 +96,7 @@ fn a_sweep_goes_on_from_what_was_kept() {
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
     let extent = Extent { runs: 2, span: RunLength { steps: 200, timeout: 50 } };
     let swept = |keeper: &dyn RunKeeper| {
-        sweep_keeping(&model, &candidates[..], extent, Seed::new(5), keeper, &Silent).expect("run")
+        sweep_keeping(&model, &&candidates[..], extent, Seed::new(5), keeper, &Silent).expect("run")
     };
     let whole = swept(&NotKept);
     assert!(whole.iter().all(|run| run.drift.episodes > 0));
@@ -104,4 +105,25 @@ fn a_sweep_goes_on_from_what_was_kept() {
     *kept.made.lock().expect("not poisoned") = 0;
     assert_eq!(swept(&kept), whole);
     assert_eq!(*kept.made.lock().expect("not poisoned"), whole.len() - 7);
+}
+
+#[test]
+fn a_trajectory_is_the_end_of_the_first_run() {
+    let model = small_model();
+    let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };
+    let candidates = grid.candidates(AgentConfig::default()).expect("two");
+    let span = RunLength { steps: 400, timeout: 50 };
+    let extent = Extent { runs: 1, span };
+    let runs = sweep(&model, &candidates, extent, Seed::new(5), &Silent).expect("run");
+    let whole = trajectory(&model, &&candidates[..], 1, span, 400, Seed::new(5), &Silent);
+    let whole = whole.expect("run");
+    assert_eq!(whole.run.mean_return(), runs[1].mean_return);
+    let sum = whole.run.returns.iter().sum::<f64>() + whole.run.rest;
+    assert!((whole.rewards.iter().sum::<f64>() - sum).abs() < 1e-9);
+    let begun = whole.begins.iter().filter(|begins| **begins).count();
+    assert!(begun.abs_diff(whole.run.returns.len()) <= 1 && whole.begins[0], "{begun} episodes");
+    let end = trajectory(&model, &&candidates[..], 1, span, 100, Seed::new(5), &Silent);
+    let end = end.expect("run");
+    assert_eq!(end.actions, whole.actions[300..]);
+    assert_eq!(end.states, whole.states[300 * whole.columns..]);
 }

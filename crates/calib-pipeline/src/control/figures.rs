@@ -6,7 +6,12 @@ use calib_report::{
 };
 use calib_stats::{Estimate, jackknife};
 
-use super::{described::ColumnMap, files::ControlEvaluation, show};
+use super::{
+    conduct::{AgentConduct, ColumnConduct, SetValues},
+    described::ColumnMap,
+    files::ControlEvaluation,
+    show,
+};
 
 /// Columns whose map is drawn.
 pub(super) const MAPS: usize = 8;
@@ -43,6 +48,15 @@ pub(super) fn all(evaluation: &ControlEvaluation) -> Vec<(&'static str, Overview
         .map(|(field, &name)| (name, sensitivity(evaluation, field)))
         .collect();
     all.extend(learning(evaluation).map(|figure| ("learning", figure)));
+    if let Some(conduct) = &evaluation.conduct {
+        let state = conduct.columns.first();
+        let sets = conduct.set.iter().zip(["last-steps-1", "last-steps-2", "last-steps-3"]);
+        all.extend(state.into_iter().flat_map(|state| {
+            sets.clone().map(|(set, name)| (name, last_steps(conduct, state, set)))
+        }));
+        let columns = conduct.columns.iter().zip(["taken-1", "taken-2", "taken-3", "taken-4"]);
+        all.extend(columns.map(|(column, name)| (name, taken(evaluation, column, conduct.steps))));
+    }
     let maps = evaluation.log.map.iter().zip(COVERAGES);
     all.extend(maps.map(|(map, name)| (name, coverage(evaluation, map))));
     all
@@ -216,49 +230,143 @@ fn learning(evaluation: &ControlEvaluation) -> Option<OverviewFigure> {
 
 /// Where along a column the log says what each action does.
 fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
-    let title = format!("Where along {} actions are known", map.column);
-    let percent =
-        |shares: &Vec<f64>| shares.iter().map(|share| 100.0 * share).collect::<Vec<f64>>();
-    let own = evaluation.log.actions.iter().zip(&map.covered).enumerate();
-    let drawn = own.map(|(number, (action, shares))| {
-        series(number, &action.name, points(0.0, &percent(shares)))
-    });
-    let names: Vec<String> =
-        map.upper.iter().map(|upper| format!("to {}", calib_report::number(*upper))).collect();
-    OverviewFigure {
+    by_parts(&SharesByPart {
+        title: format!("Where along {} actions are known", map.column),
         caption: format!(
             "Share of the recorded states in each fifth of {} near which the action was taken. What a choice does where curves are low rests on \
              steps from elsewhere.",
             map.column
         ),
+        axis: "states in which it is known (%)",
+        column: &map.column,
+        upper: &map.upper,
+        shares: &map.covered,
+        evaluation,
+    })
+}
+
+/// Which actions the chosen agent takes along a column.
+fn taken(evaluation: &ControlEvaluation, column: &ColumnConduct, steps: usize) -> OverviewFigure {
+    by_parts(&SharesByPart {
+        title: format!("What the chosen agent does along {}", column.column),
+        caption: format!(
+            "Share of the agent's steps in each fifth of {} in which it takes the action, over the last {steps} steps of its first run in the \
+             neighbours of the first ensemble member. All shares are 0 where it never was. It goes on exploring, so no share need be 100 %.",
+            column.column
+        ),
+        axis: "steps in which it is taken (%)",
+        column: &column.column,
+        upper: &column.upper,
+        shares: &column.taken,
+        evaluation,
+    })
+}
+
+/// A share for each action in each part of a column.
+struct SharesByPart<'a> {
+    title: String,
+    caption: String,
+    axis: &'a str,
+    column: &'a str,
+    /// Upper bounds of the parts.
+    upper: &'a [f64],
+    /// `[actions][parts]`.
+    shares: &'a [Vec<f64>],
+    evaluation: &'a ControlEvaluation,
+}
+
+fn by_parts(shown: &SharesByPart<'_>) -> OverviewFigure {
+    let SharesByPart { title, caption, axis, column, upper, shares, evaluation } = shown;
+    let actions = &evaluation.log.actions;
+    let drawn = actions.iter().zip(*shares).enumerate().map(|(number, (action, shares))| {
+        let percent: Vec<f64> = shares.iter().map(|share| 100.0 * share).collect();
+        series(number, &action.name, points(0.0, &percent))
+    });
+    let names: Vec<String> =
+        upper.iter().map(|upper| format!("to {}", calib_report::number(*upper))).collect();
+    OverviewFigure {
+        caption: caption.clone(),
         table: Table {
             title: title.clone(),
-            columns: std::iter::once(map.column.clone())
-                .chain(evaluation.log.actions.iter().map(|action| action.name.clone()))
+            columns: std::iter::once((*column).to_owned())
+                .chain(actions.iter().map(|action| action.name.clone()))
                 .collect(),
             rows: names
                 .iter()
                 .enumerate()
                 .map(|(part, name)| {
-                    let shares = map
-                        .covered
-                        .iter()
-                        .map(|shares_of_action| Cell::Percent(shares_of_action[part]));
-                    std::iter::once(Cell::Text(name.clone())).chain(shares).collect()
+                    let own = shares.iter().map(|shares| Cell::Percent(shares[part]));
+                    std::iter::once(Cell::Text(name.clone())).chain(own).collect()
                 })
                 .collect(),
             ..Table::default()
         },
         chart: Chart {
-            description: format!("Coverage of each action along {}.", map.column),
-            title,
-            x: Axis { label: map.column.clone(), scale: Scale::names(names) },
-            left: Axis {
-                label: "states in which it is known (%)".to_owned(),
-                scale: Scale::linear(0.0, 100.0),
-            },
+            description: format!("{title}: {axis} of each action."),
+            title: title.clone(),
+            x: Axis { label: (*column).to_owned(), scale: Scale::names(names) },
+            left: Axis { label: (*axis).to_owned(), scale: Scale::linear(0.0, 100.0) },
             right: None,
             series: drawn.collect(),
+            rules: Vec::new(),
+        },
+    }
+}
+
+/// The last steps of the chosen agent: a column of the states, and what a column of the actions was set to.
+fn last_steps(conduct: &AgentConduct, state: &ColumnConduct, set: &SetValues) -> OverviewFigure {
+    let first = 1.0 + (conduct.steps - state.values.len()) as f64;
+    let line = |values: &[f64], side: Side, number: usize, label: &str| {
+        let mut drawn = Vec::new();
+        for (step, &y) in values.iter().enumerate() {
+            let x = first + step as f64;
+            // An episode does not follow from the one before.
+            if conduct.begins.contains(&step) {
+                drawn.push(Point { x, y: f64::NAN, interval: None });
+            }
+            drawn.push(Point { x, y, interval: None });
+        }
+        Series { side, marker: None, ..series(number, label, drawn) }
+    };
+    let title =
+        format!("{} and {} in the last steps of the chosen agent", state.column, set.column);
+    let last = first + state.values.len() as f64 - 1.0;
+    OverviewFigure {
+        caption: "The last steps of the chosen agent's first run, in the neighbours of the first ensemble member. Lines break where an episode begins."
+            .to_owned(),
+        table: Table {
+            title: title.clone(),
+            columns: ["step", &state.column, &set.column, "reward"].map(str::to_owned).to_vec(),
+            rows: state
+                .values
+                .iter()
+                .zip(&set.values)
+                .zip(&conduct.rewards)
+                .enumerate()
+                .map(|(step, ((&value, &set), &reward))| {
+                    let numbers = [value, set, reward].map(Cell::Number);
+                    let step = Cell::Count(first as u64 + step as u64);
+                    std::iter::once(step).chain(numbers).collect()
+                })
+                .collect(),
+            ..Table::default()
+        },
+        chart: Chart {
+            description: format!("{} and {} against the step.", state.column, set.column),
+            title,
+            x: Axis { label: "step".to_owned(), scale: Scale::linear(first, last) },
+            left: Axis {
+                label: state.column.clone(),
+                scale: Scale::linear_around(&state.values),
+            },
+            right: Some(Axis {
+                label: set.column.clone(),
+                scale: Scale::linear_around(&set.values),
+            }),
+            series: vec![
+                line(&state.values, Side::Left, 0, &state.column),
+                line(&set.values, Side::Right, 1, &set.column),
+            ],
             rules: Vec::new(),
         },
     }

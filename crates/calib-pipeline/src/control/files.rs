@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     advice::{Advice, STUDY},
     agents::{ActingAgent, ProgramIdentity},
+    conduct::AgentConduct,
     described::ActionLogSummary,
     show::name,
 };
@@ -40,7 +41,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 8;
+    const FORMAT: u32 = 9;
 
     fn format(&self) -> u32 {
         self.format
@@ -73,6 +74,9 @@ pub struct ControlEvaluation {
     /// The same by weighted importance sampling, where the log has the probabilities of its actions: for comparison.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) importance_sampling: Option<Vec<Importance>>,
+    /// What the chosen agent did at the end of its first run; none if it diverged there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) conduct: Option<AgentConduct>,
 }
 
 impl ControlEvaluation {

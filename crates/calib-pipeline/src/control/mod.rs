@@ -2,6 +2,7 @@
 
 mod advice;
 mod agents;
+mod conduct;
 mod described;
 mod figures;
 mod files;

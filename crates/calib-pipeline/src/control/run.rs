@@ -9,7 +9,7 @@ use calib_control::{
     ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
     ControlConfig, ControlError, Distance, Ensemble, Extent, IncrementModel, Increments,
     NetworkModel, Question, Run, RunLength, Support, constant_returns, fitted_q_evaluation,
-    importance_sampling, judge, sweep_keeping,
+    importance_sampling, judge, sweep_keeping, trajectory,
 };
 use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
@@ -19,6 +19,7 @@ use calib_study::Job;
 
 use super::{
     agents::{ComparedAgents, ProgramAgents},
+    conduct::{AgentConduct, conduct},
     described::described,
     files::{self, ControlEvaluation},
     log::{self, ActionLog},
@@ -136,6 +137,9 @@ fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Resul
 /// Pairs of more columns are worth a warning.
 const PAIRED_COLUMNS: usize = 32;
 
+/// Steps of the chosen agent that are counted at most.
+const MOST_TOLD_STEPS: usize = 5_000;
+
 /// What was judged, and by which runs.
 struct JudgedSettings {
     /// Fingerprint of the log.
@@ -161,21 +165,18 @@ fn judged(
     let model = model::open_or_build(job, config, &log, printer)?;
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
-    let SweptSettings { runs, constants } = match agents {
-        ComparedAgents::Own(candidates) => {
-            swept(config, &model, &candidates[..], seed, units, printer)?
-        }
+    let own: &[AgentConfig] = match agents {
+        ComparedAgents::Own(candidates) => candidates,
+        ComparedAgents::Program { .. } => &[],
+    };
+    let program = match agents {
+        ComparedAgents::Own(_) => None,
         ComparedAgents::Program { command, candidates } => {
-            let program = ProgramAgents::new(command, candidates, &names);
-            let swept = swept(config, &model, &program, seed, units, printer)?;
-            // Whoever ends badly may have answered wrongly before.
-            if let Err(reason) = program.finish() {
-                units.remove()?;
-                return Err(reason);
-            }
-            swept
+            Some(ProgramAgents::new(command, candidates, &names))
         }
     };
+    let acting: &dyn ActingAgents = program.as_ref().map_or(&own, |program| program);
+    let SweptSettings { runs, constants } = swept(config, &model, acting, seed, units, printer)?;
     let decisions = model.log();
     let support = Support {
         most_uncovered: config.most_uncovered,
@@ -194,6 +195,21 @@ fn judged(
     let verdict = judge(&runs, &question, seed)?;
     let steps = config.steps;
     let timeout = config.timeout;
+    let described = described(&model, config.model.distance, &names)?;
+    let span = RunLength { steps, timeout: config.timeout };
+    // An agent that has learned, as far as it will.
+    let kept = steps.div_ceil(4).min(MOST_TOLD_STEPS);
+    let last = trajectory(&model, acting, verdict.chosen, span, kept, seed, &progress)?;
+    let of_reward: Vec<String> = config.reward.columns().cloned().collect();
+    let conduct: Option<AgentConduct> = (!last.run.diverged)
+        .then(|| conduct(&last, &names, &described, &of_reward, &config.actions));
+    if let Some(program) = program
+        && let Err(reason) = program.finish()
+    {
+        // Whoever ends badly may have answered wrongly before.
+        units.remove()?;
+        return Err(reason);
+    }
     // Both ask for the probabilities of an agent's actions, which a program does not tell.
     let (fitted, importance) = match agents {
         ComparedAgents::Own(candidates) => (
@@ -203,13 +219,14 @@ fn judged(
         ComparedAgents::Program { .. } => (Vec::new(), None),
     };
     let evaluation = ControlEvaluation {
-        log: described(&model, config.model.distance, &names)?,
+        log: described,
         worst_return: model.worst_return(),
         fields: agents.fields(config),
         learning: learning(&runs, agents.count()),
         verdict,
         fitted_q_evaluation: fitted,
         importance_sampling: importance,
+        conduct,
         candidates: agents.stored(),
     };
     Ok(JudgedSettings { log: fingerprint, evaluation, runs })
@@ -223,11 +240,7 @@ struct SweptSettings {
 
 impl SweptSettings {
     /// Add what comes of one kind of model.
-    fn add<M: Ensemble, A: ActingAgents + ?Sized>(
-        &mut self,
-        model: &M,
-        question: &SweepInputs<'_, A>,
-    ) -> Result<(), StepError> {
+    fn add<M: Ensemble>(&mut self, model: &M, question: &SweepInputs<'_>) -> Result<(), StepError> {
         let SweepInputs { actions, agents, extent, seed, units, monitor } = *question;
         self.runs.extend(sweep_keeping(model, agents, extent, seed, units, monitor)?);
         self.constants.push(constant_returns(model, actions, extent, seed, monitor)?);
@@ -236,9 +249,9 @@ impl SweptSettings {
 }
 
 /// What all kinds of models have in common.
-struct SweepInputs<'a, A: ?Sized> {
+struct SweepInputs<'a> {
     actions: usize,
-    agents: &'a A,
+    agents: &'a dyn ActingAgents,
     extent: Extent,
     seed: Seed,
     units: &'a RunFiles,
@@ -246,10 +259,10 @@ struct SweepInputs<'a, A: ?Sized> {
 }
 
 /// Every candidate, and every constant action, in every member of every kind of model.
-fn swept<A: ActingAgents + ?Sized>(
+fn swept(
     config: &ControlConfig,
     model: &ActionModel,
-    agents: &A,
+    agents: &dyn ActingAgents,
     seed: Seed,
     units: &RunFiles,
     printer: &Printer,

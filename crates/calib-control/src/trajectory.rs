@@ -1,0 +1,97 @@
+//! What an agent did in the last steps of a run.
+
+use calib_core::{Monitor, Rng, Seed};
+
+use crate::{ActingAgents, AgentRun, ControlError, Ensemble, Environment, Outcome, RunLength};
+
+/// The last steps of an agent's run, in order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// The whole run.
+    pub run: AgentRun,
+    /// Columns of a state.
+    pub columns: usize,
+    /// States in which actions were taken, `[steps, columns]`.
+    pub states: Vec<f32>,
+    /// The action of each step.
+    pub actions: Vec<usize>,
+    /// The reward of each step.
+    pub rewards: Vec<f64>,
+    /// Whether an episode begins with the step.
+    pub begins: Vec<bool>,
+}
+
+/// Repeat the first run of `candidate` in the first member of `model`, as [`sweep`](crate::sweep) made it, and keep its last `kept` steps.
+///
+/// # Errors
+/// If the monitor interrupts, or the agent cannot go on.
+pub fn trajectory<M: Ensemble, A: ActingAgents + ?Sized>(
+    model: &M,
+    agents: &A,
+    candidate: usize,
+    span: RunLength,
+    kept: usize,
+    seed: Seed,
+    monitor: &dyn Monitor,
+) -> Result<Trajectory, ControlError> {
+    let mut walk = model.walk(0);
+    let mut recorded = Recorded {
+        left_out: span.steps.saturating_sub(kept),
+        state: vec![0.0; walk.columns()],
+        is_first: true,
+        environment: &mut walk,
+        states: Vec::new(),
+        actions: Vec::new(),
+        rewards: Vec::new(),
+        begins: Vec::new(),
+    };
+    let seed = seed.child("member").number(0).number(0);
+    let run = agents.live(candidate, &mut recorded, span, seed, monitor)?;
+    let Recorded { states, actions, rewards, begins, environment, .. } = recorded;
+    Ok(Trajectory { run, columns: environment.columns(), states, actions, rewards, begins })
+}
+
+/// An environment whose steps are written down.
+struct Recorded<'e> {
+    environment: &'e mut dyn Environment,
+    /// Steps to go before the first that is kept.
+    left_out: usize,
+    /// The present state, and whether an episode begins with it.
+    state: Vec<f32>,
+    is_first: bool,
+    states: Vec<f32>,
+    actions: Vec<usize>,
+    rewards: Vec<f64>,
+    begins: Vec<bool>,
+}
+
+impl Environment for Recorded<'_> {
+    fn actions(&self) -> usize {
+        self.environment.actions()
+    }
+
+    fn columns(&self) -> usize {
+        self.environment.columns()
+    }
+
+    fn start(&mut self, rng: &mut Rng, state: &mut [f32]) {
+        self.environment.start(rng, state);
+        self.state.copy_from_slice(state);
+        self.is_first = true;
+    }
+
+    fn step(&mut self, action: usize, rng: &mut Rng, state: &mut [f32]) -> Outcome {
+        let outcome = self.environment.step(action, rng, state);
+        if self.left_out == 0 {
+            self.states.extend_from_slice(&self.state);
+            self.actions.push(action);
+            self.rewards.push(outcome.reward);
+            self.begins.push(self.is_first);
+        } else {
+            self.left_out -= 1;
+        }
+        self.state.copy_from_slice(state);
+        self.is_first = false;
+        outcome
+    }
+}

@@ -1,0 +1,131 @@
+//! What the chosen agent does once it has learned: its last steps, and which actions it takes where.
+
+use calib_control::Trajectory;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    described::{ActionLogSummary, ColumnMap},
+    log::Names,
+};
+
+/// Steps that are told one by one.
+const TOLD: usize = 200;
+/// Columns of the states that are told.
+const COLUMNS: usize = 4;
+
+/// What the chosen agent did at the end of its first run in the neighbours of the first ensemble member.
+#[derive(Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub(super) struct AgentConduct {
+    /// Steps that `taken` counts: the last quarter of the run.
+    pub(super) steps: usize,
+    /// What each column of the actions was set to, in the last steps.
+    pub(super) set: Vec<SetValues>,
+    /// Columns of the states: first those of the reward.
+    pub(super) columns: Vec<ColumnConduct>,
+    /// Rewards of the last steps.
+    pub(super) rewards: Vec<f64>,
+    /// Of the last steps, those with which an episode begins.
+    pub(super) begins: Vec<usize>,
+}
+
+/// A column of the actions.
+#[derive(Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub(super) struct SetValues {
+    pub(super) column: String,
+    pub(super) values: Vec<f64>,
+}
+
+/// A column of the states, in its unit.
+#[derive(Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub(super) struct ColumnConduct {
+    pub(super) column: String,
+    /// In the last steps.
+    pub(super) values: Vec<f64>,
+    /// Upper bounds of the parts of the recorded range.
+    pub(super) upper: Vec<f64>,
+    /// Steps of the agent in each part.
+    pub(super) steps: Vec<usize>,
+    /// Share of these steps in which the action was taken, `[actions][parts]`; 0 where the agent never was.
+    pub(super) taken: Vec<Vec<f64>>,
+}
+
+/// Tell of a trajectory. `of_reward` are the columns that the reward is made of, `acts` those of the actions.
+pub(super) fn conduct(
+    trajectory: &Trajectory,
+    names: &Names,
+    log: &ActionLogSummary,
+    of_reward: &[String],
+    acts: &[String],
+) -> AgentConduct {
+    let steps = trajectory.actions.len();
+    let told = steps.saturating_sub(TOLD)..steps;
+    let set = acts.iter().enumerate().map(|(place, column)| SetValues {
+        column: column.clone(),
+        values: trajectory.actions[told.clone()]
+            .iter()
+            .map(|&action| names.levels[action][place])
+            .collect(),
+    });
+    let (first, others): (Vec<usize>, Vec<usize>) =
+        (0..log.map.len()).partition(|&place| of_reward.contains(&log.map[place].column));
+    let columns = first.into_iter().chain(others).take(COLUMNS).map(|place| {
+        let values: Vec<f64> = trajectory
+            .states
+            .chunks(trajectory.columns)
+            .map(|state| names.physical(place, f64::from(state[place])))
+            .collect();
+        let taken = taken(&values, &trajectory.actions, log.actions.len(), &log.map[place]);
+        ColumnConduct { values: values[told.clone()].to_vec(), ..taken }
+    });
+    AgentConduct {
+        steps,
+        set: set.collect(),
+        columns: columns.collect(),
+        rewards: trajectory.rewards[told.clone()].to_vec(),
+        begins: told
+            .clone()
+            .filter(|&step| trajectory.begins[step])
+            .map(|step| step - told.start)
+            .collect(),
+    }
+}
+
+/// Which action is taken in each part of a column.
+fn taken(values: &[f64], chosen: &[usize], actions: usize, map: &ColumnMap) -> ColumnConduct {
+    let parts = map.upper.len();
+    let mut counts = vec![vec![0_usize; parts]; actions];
+    for (value, &action) in values.iter().zip(chosen) {
+        let part = map.upper.iter().position(|upper| value <= upper).unwrap_or(parts - 1);
+        counts[action][part] += 1;
+    }
+    let steps: Vec<usize> =
+        (0..parts).map(|part| counts.iter().map(|own| own[part]).sum()).collect();
+    let share = |(&count, &steps): (&usize, &usize)| count as f64 / steps.max(1) as f64;
+    ColumnConduct {
+        column: map.column.clone(),
+        values: Vec::new(),
+        upper: map.upper.clone(),
+        taken: counts.iter().map(|own| own.iter().zip(&steps).map(share).collect()).collect(),
+        steps,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_of_the_steps_in_a_part() {
+        let map = ColumnMap {
+            column: "level".to_owned(),
+            upper: vec![1.0, 2.0, 3.0],
+            states: vec![0; 3],
+            covered: Vec::new(),
+        };
+        // A value beyond the record belongs to the last part.
+        let told = taken(&[0.5, 0.7, 1.0, 3.5], &[0, 1, 1, 1], 2, &map);
+        assert_eq!(told.steps, [3, 0, 1]);
+        assert_eq!(told.taken, [vec![1.0 / 3.0, 0.0, 0.0], vec![2.0 / 3.0, 0.0, 1.0]]);
+    }
+}
