@@ -343,6 +343,8 @@ impl PartProfile {
 }
 
 /// A gap that is longer is said.
+/// So many widths of the training range beyond it are no state of a plant. Our choice.
+const ABSURD: f64 = 1_000.0;
 const YEAR_SECS: f64 = 365.0 * 86_400.0;
 
 /// What is said of a gap of years, of so many microseconds from `from` on.
@@ -468,6 +470,11 @@ impl Profile {
             }
             if held_out > 0 {
                 let side = if furthest < 0.0 { "below" } else { "above" };
+                let lost_sign = if furthest.abs() > ABSURD {
+                    ". Was the decimal sign of some values lost, or their unit changed?"
+                } else {
+                    ""
+                };
                 let values = if held_out == 1 {
                     "a held-out value".to_owned()
                 } else {
@@ -475,7 +482,7 @@ impl Profile {
                 };
                 doubts.push((name, format!(
                     "{name} has {values} far outside of its training range, up to {:.0} of its widths {side} it: \
-                     no model of the training range knows them",
+                     no model of the training range knows them{lost_sign}",
                     furthest.abs(),
                 )));
             }

@@ -121,6 +121,9 @@ impl Axis {
             let can_be_swept = fields.keys().filter(|key| *key != "gamma");
             let known = can_be_swept.cloned().collect::<Vec<_>>().join(", ");
             let section = if agent.is_external() { "[agent.parameters]" } else { "[agent]" };
+            if fields.len() < 2 && agent.is_external() {
+                return Err(SweepError::NoParameters { field: field.to_owned() });
+            }
             return Err(SweepError::UnknownField { field: field.to_owned(), section, known });
         };
         self.points_like(Some(own)).map_err(|error| {

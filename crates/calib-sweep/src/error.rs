@@ -69,6 +69,14 @@ pub enum SweepError {
         /// The fields that there are.
         known: String,
     },
+    /// A field where a program has no parameters.
+    #[error(
+        "sweep.grid.{field} varies a parameter, and [agent.parameters] has none; give {field} its default there"
+    )]
+    NoParameters {
+        /// What the study says.
+        field: String,
+    },
     /// A range that holds no values.
     #[error("sweep.grid.{field} is not a range of values: {reason}")]
     Range {

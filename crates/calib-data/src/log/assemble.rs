@@ -92,6 +92,14 @@ fn plan_samples(
     sink: Sink,
     data: &DataConfig,
 ) -> Result<Planned, DataError> {
+    if data.file_as_prefix {
+        return Err(DataError::config(
+            "data.file_as_prefix".to_owned(),
+            "true".to_owned(),
+            "false, because these files have one value per row. If several devices have the same tags, choose one with data.where, or name the \
+             files of one in data.path",
+        ));
+    }
     let null_timestamps = sink.null_times;
     let bad_quality = sink.bad_quality;
     let undecided = sink.undecided;

@@ -81,7 +81,8 @@ impl Advice<'_> {
             )
         } else if verdict.is_supported() {
             let (headline, plain) = if verdict.default == Some(verdict.chosen) {
-                (format!("Keep the default: {chosen}."), format!(", and {default}."))
+                let constant = self.constant_may_do_more();
+                (format!("Keep the default: {chosen}."), format!(", and {default}.{constant}"))
             } else {
                 let over = verdict.over_default.as_ref().map_or_else(String::new, |over| {
                     format!(
@@ -89,7 +90,7 @@ impl Advice<'_> {
                         difference(over)
                     )
                 });
-                (format!("Deploy {chosen}."), format!(".{over}"))
+                (format!("Deploy {chosen}."), format!(".{over}{}", self.constant_may_do_more()))
             };
             let plain = format!("It has the best {rank}{plain}");
             (Support::Supported, "Supported by the log", headline, plain)
@@ -98,10 +99,15 @@ impl Advice<'_> {
                 Support::KeepDefault,
                 "No clear difference",
                 format!("Keep the default: {}.", settings[other]),
-                format!("{chosen} is first by {rank}, but may be no better. Here {default}."),
+                format!(
+                    "{chosen} is first by {rank}, but may be no better. Here {default}.{}",
+                    self.constant_may_do_more()
+                ),
             )
         } else {
-            let plain = if let Some(agreement) = self.disagreement() {
+            let plain = if self.has_diverged() {
+                format!("Every setting diverged in a model. First by {rank} is {chosen}.")
+            } else if let Some(agreement) = self.disagreement() {
                 format!(
                     "First by {rank} is {chosen}, but the kinds of models disagree on the order of the settings (Spearman {agreement:.2} on average). Why not to deploy it is listed below."
                 )
@@ -125,6 +131,25 @@ impl Advice<'_> {
             )
         };
         Decision { support, badge: badge.to_owned(), headline, plain }
+    }
+
+    /// Whether the choice diverged, and so every other setting: what diverged ranks last.
+    fn has_diverged(&self) -> bool {
+        self.verdict.doubts.iter().any(|doubt| matches!(doubt, Doubt::Diverged))
+    }
+
+    /// That a constant action got more, where that could be chance. Where it is not, it is a reason against the choice.
+    fn constant_may_do_more(&self) -> String {
+        let constant = self.verdict.constant.as_ref();
+        let more = constant.filter(|constant| {
+            constant.over.as_ref().is_some_and(|over| over.mean.is_finite() && over.mean < 0.0)
+        });
+        more.map_or_else(String::new, |constant| {
+            format!(
+                " Always {} gets more in the models, which could be chance.",
+                self.action(constant.action)
+            )
+        })
     }
 
     /// Whether nothing speaks against the choice but that it may be no better than the default.
@@ -165,7 +190,9 @@ impl Advice<'_> {
         } else {
             "A random setting may diverge in the model.".to_owned()
         });
-        lines.extend(self.kinds());
+        if !self.has_diverged() {
+            lines.extend(self.kinds());
+        }
         lines.extend(verdict.constant.as_ref().map(|constant| self.beside_constant(constant)));
         let recorded = verdict.behaviour;
         lines.push(format!(
@@ -205,7 +232,7 @@ impl Advice<'_> {
             format!("Alone, {} would choose {setting}.", other.kind.name())
         }));
         lines.extend(verdict.kinds_agreement().map(|agreement| {
-            format!("The kinds agree on the order of the settings with a Spearman correlation of {agreement:.2}.")
+            format!("The orders of the settings by the kinds have a Spearman correlation of {agreement:.2}; at 1 they are the same.")
         }));
         lines
     }
@@ -213,8 +240,25 @@ impl Advice<'_> {
     /// What always taking one action would get, which needs no agent.
     fn beside_constant(&self, constant: &BestConstant) -> String {
         let BestConstant { action, mean_return, uncovered, over } = constant;
-        let over = over.as_ref().map_or_else(String::new, |over| {
-            format!(" The chosen setting: {} beside it.", difference(over))
+        let over = over.as_ref().filter(|over| over.mean.is_finite());
+        let over = over.map_or_else(String::new, |over| {
+            let amount = |value: f64| {
+                let side = if value < 0.0 { "less" } else { "more" };
+                format!("{} {side}", significant(value.abs()))
+            };
+            let interval = over.interval.map_or_else(String::new, |interval| {
+                let chance = if interval.low < 0.0 && interval.high > 0.0 {
+                    ", which could be chance"
+                } else {
+                    ""
+                };
+                format!(
+                    " (95 % over blocks of the log: {} to {}){chance}",
+                    amount(interval.low),
+                    amount(interval.high)
+                )
+            });
+            format!(" The chosen setting gets {} than that{interval}.", amount(over.mean))
         });
         format!(
             "Best constant action: always {} gets {} in the model, where {} of its steps are not covered.{over}",
@@ -407,7 +451,10 @@ mod tests {
         );
         let found = advice.findings();
         assert!(
-            found.iter().any(|line| line.ends_with("a Spearman correlation of -1.00.")),
+            found
+                .iter()
+                .any(|line| line
+                    .ends_with("a Spearman correlation of -1.00; at 1 they are the same.")),
             "{found:?}"
         );
     }

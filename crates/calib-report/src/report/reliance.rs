@@ -35,6 +35,14 @@ impl Verdict {
             (_, Grade::Good) => "Good: at most 5 % from the best setting",
             (_, Grade::Fair) => "Fair: not shown to be worse than the default",
             (_, Grade::Simpler) if self.may_beat_simple() => UNDECIDED,
+            (_, Grade::Simpler)
+                if self
+                    .simpler
+                    .as_ref()
+                    .is_some_and(|simpler| !simpler.is_shown() && simpler.is_better) =>
+            {
+                FEW_WINDOWS
+            }
             (_, Grade::Simpler) => SIMPLER_IS_BETTER,
             (_, Grade::Poor) => "Poor: do not rely on it",
             (_, Grade::NotLearnt) if self.left_training().is_some() => {

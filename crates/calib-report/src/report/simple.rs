@@ -44,6 +44,11 @@ impl Simpler {
         Some(Estimate { value: 1.0 / ratio.value, interval })
     }
 
+    /// Whether the predictor is better, and windows show that this is no chance. A single window shows nothing.
+    pub(super) fn is_shown(&self) -> bool {
+        self.is_better && self.ratio.is_some_and(|ratio| ratio.interval.is_some())
+    }
+
     /// "42 % less", of the error of the predictor beside the agent's.
     fn difference(&self) -> Option<String> {
         Some(changed(self.inverse()?.value))
@@ -84,9 +89,9 @@ impl Simpler {
         let interval = self.inverse().map_or_else(String::new, chance_of_change);
         let difference = self.difference().unwrap_or_else(|| "less".to_owned());
         let typical = self.typical();
-        let chance = if self.is_better { "" } else { ", which could be chance" };
+        let chance = if self.is_shown() { "" } else { ", which could be chance" };
         let hint = if self.may_be_worse() {
-            " More held-out windows would decide: hold out more (data.train_fraction), or use shorter runs (sweep.steps)."
+            " More held-out windows would decide: hold out more (data.held_out, or data.train_fraction), or use shorter runs (sweep.steps)."
                 .to_owned()
         } else if self.has_baseline {
             String::new()
@@ -108,6 +113,9 @@ impl Verdict {
         let name = simpler.predictor.label();
         let sensor = &self.sensor;
         match simpler.difference() {
+            Some(difference) if simpler.is_better && !simpler.is_shown() => format!(
+                "Use {name} for {sensor} for now: it has {difference} error than the agent, in too few held-out windows to be sure."
+            ),
             Some(difference) if simpler.is_better => {
                 format!("Use {name} for {sensor}, not an agent: it has {difference} error.")
             }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use calib_agent::Accelerator;
 use calib_base::{
-    StepError, bail,
+    StepError, bail, ensure,
     log::{
         context::RunContext,
         partition::{self, Parts, PretrainPart},
@@ -208,6 +208,10 @@ pub fn raced<'a>(plan: Plan<'a>, study: &Study) -> Plan<'a> {
 
 /// The values that a study sweeps.
 pub(crate) fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> {
+    ensure!(
+        !study.is_of_acting_agents(),
+        "the agents of this study act ([control], and no sweep.sensors); `calib control` tunes them"
+    );
     if study.sweep.sensors.is_empty() {
         bail!("sweep.sensors is empty; name the sensors to predict, such as [\"PIT300\"]");
     }

@@ -73,8 +73,7 @@ pub(super) fn all(
     truth: Option<&Truth>,
 ) -> Vec<String> {
     let mut warnings = Vec::new();
-    warnings.extend(truth.and_then(few_windows));
-    warnings.extend(truth.and_then(|truth| few_horizons(truth, judging.part)));
+    warnings.extend(truth.and_then(|truth| little_held_out(truth, judging.part)));
     let rows: Vec<_> = results.iter().flat_map(|result| &result.rows).collect();
     if rows.iter().any(|row| row.updates == 0 && row.diverged_at.is_none()) {
         warnings.push(
@@ -117,34 +116,34 @@ pub(super) fn all(
 /// Hardly any difference can be shown with fewer held-out windows. Our choice.
 pub const ENOUGH_WINDOWS: usize = 4;
 
-fn few_windows(truth: &Truth) -> Option<String> {
+/// That few windows, or short ones, were held out. Where both are, the remedy of one makes the other worse.
+fn little_held_out(truth: &Truth, part: Part) -> Option<String> {
     let count = truth.windows.len();
     let windows = if count == 1 { "window" } else { "windows" };
-    (count < ENOUGH_WINDOWS).then(|| {
-        format!(
-            "the held-out data has {count} {windows}, so little tells a difference from chance; hold out more (data.train_fraction), \
-             or use shorter runs (sweep.steps)"
-        )
-    })
-}
-
-fn few_horizons(truth: &Truth, part: Part) -> Option<String> {
-    let whole = match part {
-        Part::WholeRun => "",
-        Part::AfterFirstQuarter | Part::FinalQuarter => ", or sweep.scored = \"whole_run\"",
-    };
+    let horizons = truth.horizons;
     // 500 · (1 − 0.9) is a little less than 50 in binary.
-    (truth.horizons < FEW_HORIZONS - 1e-6).then(|| {
-        format!(
-            "each held-out window scores only {:.1} horizons (of 1 / (1 − gamma) steps), so the verdict depends on what happened in {} as much as \
-             on the settings; use longer runs (sweep.steps), and hold out enough for them{whole}",
-            truth.horizons,
-            match truth.windows.len() {
-                1 => "that one".to_owned(),
-                windows => format!("those {windows}"),
-            },
-        )
-    })
+    let are_short = horizons < FEW_HORIZONS - 1e-6;
+    match (count < ENOUGH_WINDOWS, are_short) {
+        (false, false) => None,
+        (true, false) => Some(format!(
+            "the held-out data has {count} {windows}, so little tells a difference from chance; hold out more (data.held_out, or \
+             data.train_fraction), or use shorter runs (sweep.steps)"
+        )),
+        (true, true) => Some(format!(
+            "the held-out data has {count} {windows} of only {horizons:.1} horizons (of 1 / (1 − gamma) steps), so little tells a difference from \
+             chance; hold out more (data.held_out, or data.train_fraction), or predict less far ahead (agent.gamma)"
+        )),
+        (false, true) => {
+            let whole = match part {
+                Part::WholeRun => "",
+                Part::AfterFirstQuarter | Part::FinalQuarter => ", or sweep.scored = \"whole_run\"",
+            };
+            Some(format!(
+                "each held-out window scores only {horizons:.1} horizons (of 1 / (1 − gamma) steps), so the verdict depends on what happened in \
+                 those {count} as much as on the settings; use longer runs (sweep.steps), and hold out enough for them{whole}"
+            ))
+        }
+    }
 }
 
 /// Windows that judge nothing.
