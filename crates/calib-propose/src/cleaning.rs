@@ -113,13 +113,16 @@ impl Contradicting {
     }
 }
 
-/// A few rows of the same time that say different things, as where a clock was set back or recordings overlap, are no reason to have no study; many are a log
+/// A few rows of the same time that say different things, as where a clock was set back, recordings overlap, or two devices share a name (data.where chooses one), are no reason to have no study; many are a log
 /// that is read wrongly, and stay refused.
 fn contradictions(sketch: &Sketch, scope: &Scope) -> Option<(&'static str, String)> {
     let channels = scope.channels.iter().map(|&channel| &sketch.channels[channel]);
     let found =
         Contradicting::of(sketch, channels).filter(|found| found.share <= FEW_CONTRADICT)?;
-    let why = format!("{}, as where a clock was set back or recordings overlap", found.told());
+    let why = format!(
+        "{}, as where a clock was set back, recordings overlap, or two devices share a name (data.where chooses one)",
+        found.told()
+    );
     Some(("first", why))
 }
 

@@ -80,6 +80,24 @@ impl ComparedAgents {
         Ok(Self::Program { command, candidates: candidates(&study.sweep, &study.agent, seed)? })
     }
 
+    /// calib's own agents; none if they are those of a program.
+    pub(super) fn own(&self) -> &[AgentConfig] {
+        match self {
+            Self::Own(agents) => agents,
+            Self::Program { .. } => &[],
+        }
+    }
+
+    /// Those of a program, if they are, ready to act in states of these `names`.
+    pub(super) fn of_program<'a>(&'a self, names: &'a Names) -> Option<ProgramAgents<'a>> {
+        match self {
+            Self::Own(_) => None,
+            Self::Program { command, candidates } => {
+                Some(ProgramAgents::new(command, candidates, names))
+            }
+        }
+    }
+
     pub(super) fn count(&self) -> usize {
         match self {
             Self::Own(agents) => agents.len(),
@@ -150,11 +168,7 @@ pub(super) struct ProgramAgents<'a> {
 }
 
 impl<'a> ProgramAgents<'a> {
-    pub(super) fn new(
-        command: &'a ProgramCommand,
-        candidates: &'a [Candidate],
-        names: &'a Names,
-    ) -> Self {
+    fn new(command: &'a ProgramCommand, candidates: &'a [Candidate], names: &'a Names) -> Self {
         Self { command, candidates, names, idle: Mutex::new(Vec::new()) }
     }
 

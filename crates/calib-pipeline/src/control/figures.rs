@@ -247,17 +247,25 @@ fn coverage(evaluation: &ControlEvaluation, map: &ColumnMap) -> OverviewFigure {
 
 /// Which actions the chosen agent takes along a column.
 fn taken(evaluation: &ControlEvaluation, column: &ColumnConduct, steps: usize) -> OverviewFigure {
+    let visited: Vec<Vec<f64>> = column
+        .taken
+        .iter()
+        .map(|shares| {
+            let parts = shares.iter().zip(&column.steps);
+            parts.map(|(&share, &steps)| if steps > 0 { share } else { f64::NAN }).collect()
+        })
+        .collect();
     by_parts(&SharesByPart {
         title: format!("What the chosen agent does along {}", column.column),
         caption: format!(
             "Share of the agent's steps in each fifth of {} in which it takes the action, over the last {steps} steps of its first run in the \
-             neighbours of the first ensemble member. All shares are 0 where it never was. It goes on exploring, so no share need be 100 %.",
+             neighbours of the first ensemble member. Lines have no point where it never was. It goes on exploring, so no share need be 100 %.",
             column.column
         ),
         axis: "steps in which it is taken (%)",
         column: &column.column,
         upper: &column.upper,
-        shares: &column.taken,
+        shares: &visited,
         evaluation,
     })
 }
@@ -295,7 +303,10 @@ fn by_parts(shown: &SharesByPart<'_>) -> OverviewFigure {
                 .iter()
                 .enumerate()
                 .map(|(part, name)| {
-                    let own = shares.iter().map(|shares| Cell::Percent(shares[part]));
+                    let own = shares.iter().map(|shares| match shares[part] {
+                        share if share.is_nan() => Cell::Missing,
+                        share => Cell::Percent(share),
+                    });
                     std::iter::once(Cell::Text(name.clone())).chain(own).collect()
                 })
                 .collect(),
@@ -305,7 +316,8 @@ fn by_parts(shown: &SharesByPart<'_>) -> OverviewFigure {
             description: format!("{title}: {axis} of each action."),
             title: title.clone(),
             x: Axis { label: (*column).to_owned(), scale: Scale::names(names) },
-            left: Axis { label: (*axis).to_owned(), scale: Scale::linear(0.0, 100.0) },
+            // Markers at 100 % are whole.
+            left: Axis { label: (*axis).to_owned(), scale: Scale::linear(0.0, 103.0) },
             right: None,
             series: drawn.collect(),
             rules: Vec::new(),
@@ -320,9 +332,12 @@ fn last_steps(conduct: &AgentConduct, state: &ColumnConduct, set: &SetValues) ->
         let mut drawn = Vec::new();
         for (step, &y) in values.iter().enumerate() {
             let x = first + step as f64;
-            // An episode does not follow from the one before.
             if conduct.begins.contains(&step) {
+                // An episode does not follow from the one before.
                 drawn.push(Point { x, y: f64::NAN, interval: None });
+            } else if side == Side::Right && step > 0 {
+                // What was set holds until it is set anew.
+                drawn.push(Point { x, y: values[step - 1], interval: None });
             }
             drawn.push(Point { x, y, interval: None });
         }

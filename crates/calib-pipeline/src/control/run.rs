@@ -18,7 +18,7 @@ use calib_report::listed;
 use calib_study::Job;
 
 use super::{
-    agents::{ComparedAgents, ProgramAgents},
+    agents::ComparedAgents,
     conduct::{AgentConduct, conduct},
     described::described,
     files::{self, ControlEvaluation},
@@ -165,16 +165,8 @@ fn judged(
     let model = model::open_or_build(job, config, &log, printer)?;
     let ActionLog { names, fingerprint, .. } = log;
     let observed = model.starts().clone();
-    let own: &[AgentConfig] = match agents {
-        ComparedAgents::Own(candidates) => candidates,
-        ComparedAgents::Program { .. } => &[],
-    };
-    let program = match agents {
-        ComparedAgents::Own(_) => None,
-        ComparedAgents::Program { command, candidates } => {
-            Some(ProgramAgents::new(command, candidates, &names))
-        }
-    };
+    let own = agents.own();
+    let program = agents.of_program(&names);
     let acting: &dyn ActingAgents = program.as_ref().map_or(&own, |program| program);
     let SweptSettings { runs, constants } = swept(config, &model, acting, seed, units, printer)?;
     let decisions = model.log();
@@ -211,12 +203,11 @@ fn judged(
         return Err(reason);
     }
     // Both ask for the probabilities of an agent's actions, which a program does not tell.
-    let (fitted, importance) = match agents {
-        ComparedAgents::Own(candidates) => (
-            fitted_q_evaluation(decisions, &observed, candidates, steps, timeout, &progress)?,
-            importance_sampling(decisions, candidates, steps, timeout, &progress)?,
-        ),
-        ComparedAgents::Program { .. } => (Vec::new(), None),
+    let fitted = fitted_q_evaluation(decisions, &observed, own, steps, timeout, &progress)?;
+    let importance = if own.is_empty() {
+        None
+    } else {
+        importance_sampling(decisions, own, steps, timeout, &progress)?
     };
     let evaluation = ControlEvaluation {
         log: described,
