@@ -104,6 +104,7 @@ fn plan_samples(
     let bad_quality = sink.bad_quality;
     let undecided = sink.undecided;
     let bad_rows = sink.store.bad_rows.clone();
+    let read_as = sink.mixed_tags();
     let series = sink.finish()?;
     let Some((first, last)) = series.span() else {
         return Err(DataError::NoRows { path: data.path.0.join(", "), files: files.len() });
@@ -138,7 +139,7 @@ fn plan_samples(
         undecided,
         bad_rows,
         without_times: false,
-        read_as: Vec::new(),
+        read_as,
     })
 }
 

@@ -194,13 +194,15 @@ impl Log {
 
 /// Whether a channel may tell plants apart: by words, or by numbers under a name that says so.
 fn may_name_plants(channel: &Channel) -> bool {
-    let name = plain(&channel.name);
-    let is_called_so = || {
-        TAGS.contains(&name.as_str())
-            || PLANT_NAMES.iter().any(|known| name.starts_with(known) || name.ends_with(known))
-            || ["no", "nr", "number"].iter().any(|end| name.ends_with(end))
-    };
     channel.readable
         && channel.angle.is_none()
-        && (channel.type_name.contains("text") || is_called_so())
+        && (channel.type_name.contains("text") || names_plants(&channel.name))
+}
+
+/// Whether a column is called as columns are that name plants.
+pub(super) fn names_plants(column: &str) -> bool {
+    let name = plain(column);
+    TAGS.contains(&name.as_str())
+        || PLANT_NAMES.iter().any(|known| name.starts_with(known) || name.ends_with(known))
+        || ["no", "nr", "number"].iter().any(|end| name.ends_with(end))
 }

@@ -12,6 +12,7 @@ use super::{
     head::Head,
     series::Sink,
     shape::{Roles, TagOf},
+    side_labels::SideLabels,
     times::Times,
     values::{each_label, to_cells},
 };
@@ -27,6 +28,8 @@ struct LongChunk {
     stamps: Vec<Option<ParsedTime>>,
     cells: Vec<u64>,
     names: Names,
+    /// What each column of `Roles::sides` says beside each tag, `[tags][columns]`.
+    sides: Vec<SideLabels>,
     seen: Seen,
     bad_quality: u64,
 }
@@ -94,7 +97,7 @@ pub(crate) fn stream_text(
     let mut pouring = Pouring::new(clock, sink);
     file.read_parts(
         |records| LongChunk::read(records, roles, clock.notation(), fractions),
-        |part| part.pour(&mut pouring),
+        |part| part.pour(roles, &mut pouring),
         monitor,
     )?;
     pouring.finish()
@@ -140,6 +143,12 @@ impl LongChunk {
                 }
             };
             let cell = part.value(&records, roles, fractions)?;
+            for (side, column) in roles.sides.iter().enumerate() {
+                let labels = part.side(tag, side, roles.sides.len());
+                if !labels.knows(records.bytes(column.position)) {
+                    labels.add(&records.text(column.position));
+                }
+            }
             part.tags.push(tag);
             part.stamps.push(time);
             part.cells.push(cell.encode());
@@ -170,6 +179,15 @@ impl LongChunk {
         Ok(Cell::Missing)
     }
 
+    /// What column `side` of `sides` says beside a tag.
+    fn side(&mut self, tag: u32, side: usize, sides: usize) -> &mut SideLabels {
+        let place = tag as usize * sides + side;
+        if self.sides.len() <= place {
+            self.sides.resize_with(place + 1, SideLabels::default);
+        }
+        &mut self.sides[place]
+    }
+
     /// Leave out the samples that are not chosen.
     fn keep(&mut self, chosen: Option<&[bool]>) {
         let Some(chosen) = chosen else { return };
@@ -181,9 +199,13 @@ impl LongChunk {
         self.cells.retain(|_| flags.next().is_some_and(|is| *is));
     }
 
-    fn pour(mut self, into: &mut Pouring<'_>) -> Result<(), DataError> {
+    fn pour(mut self, roles: &Roles, into: &mut Pouring<'_>) -> Result<(), DataError> {
         let tags = self.names.list.iter().map(|name| into.sink.tag(name));
         let tags: Vec<usize> = tags.collect::<Result<_, _>>()?;
+        for (place, labels) in self.sides.iter().enumerate() {
+            let (tag, side) = (place / roles.sides.len(), place % roles.sides.len());
+            into.sink.add_side(tags[tag], &roles.sides[side].name, labels);
+        }
         into.sink.store.adopt(self.seen, &mut self.cells)?;
         into.sink.bad_quality += self.bad_quality;
         for ((tag, stamp), cell) in self.tags.into_iter().zip(self.stamps).zip(self.cells) {
@@ -209,6 +231,8 @@ pub(crate) fn stream_parquet(
         TagOf::Column(column) => Some(column),
         TagOf::File(_) => None,
     });
+    let tag_column = fields.len() - 1;
+    fields.extend(roles.sides.iter().map(|side| side.position));
     let mut unit = data.timestamp_unit;
     let mut pouring = Pouring::new(clock, sink);
     for slice in file.slices(&(0..file.rows)) {
@@ -261,15 +285,32 @@ pub(crate) fn stream_parquet(
             TagOf::Column(_) => {
                 let mut tags = Vec::with_capacity(slice.len());
                 let names = &mut part.names;
-                each_label(&columns[fields.len() - 1], |tag| {
+                each_label(&columns[tag_column], |tag| {
                     tags.push(names.position(tag.unwrap_or_default()));
                 })
                 .map_err(|error| file.damaged(&error))?;
                 tags
             }
         };
+        let first_side = columns.len() - roles.sides.len();
+        for (side, column) in columns[first_side..].iter().enumerate() {
+            let mut row = 0;
+            let tags = std::mem::take(&mut part.tags);
+            each_label(column, |word| {
+                let is_chosen = chosen.as_ref().is_none_or(|chosen| chosen[row]);
+                if let Some(word) = word.filter(|_| is_chosen) {
+                    let labels = part.side(tags[row], side, roles.sides.len());
+                    if !labels.knows(word.as_bytes()) {
+                        labels.add(word);
+                    }
+                }
+                row += 1;
+            })
+            .map_err(|error| file.damaged(&error))?;
+            part.tags = tags;
+        }
         part.keep(chosen.as_deref());
-        part.pour(&mut pouring)?;
+        part.pour(roles, &mut pouring)?;
     }
     pouring.finish()
 }

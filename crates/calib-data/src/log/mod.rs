@@ -23,6 +23,7 @@ mod seldom;
 mod series;
 mod shape;
 mod shared_times;
+mod side_labels;
 mod source;
 mod split;
 mod times;

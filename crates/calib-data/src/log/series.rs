@@ -3,7 +3,10 @@
 //! Samples are sorted into their tags while they stream past, and lie outside of the memory. A channel is read by
 //! itself and put on the clock of all; memory holds that clock and the channels of a batch.
 
-use std::{collections::HashMap, ops::Range};
+use std::{
+    collections::{BTreeMap, HashMap},
+    ops::Range,
+};
 
 use calib_core::Timestamp;
 
@@ -11,6 +14,7 @@ use super::{
     columns::Store,
     dedup::{Placed, place},
     rows::NO_TIME,
+    side_labels::{SideLabels, mixed},
     union::Union,
 };
 use crate::{AngleOf, Contradictions, DataError, text::Cell};
@@ -24,6 +28,8 @@ pub(crate) struct Sink {
     tags: Vec<Tag>,
     positions: HashMap<String, usize>,
     waiting: usize,
+    /// What columns that may name devices say beside each tag.
+    sides: BTreeMap<usize, BTreeMap<String, SideLabels>>,
     pub(crate) null_times: u64,
     /// Those among them whose time names no instant, or two between which nothing decides.
     pub(crate) undecided: u64,
@@ -53,6 +59,7 @@ impl Sink {
             tags: Vec::new(),
             positions: HashMap::new(),
             waiting: 0,
+            sides: BTreeMap::new(),
             null_times: 0,
             undecided: 0,
             bad_quality: 0,
@@ -106,6 +113,17 @@ impl Sink {
         tag.cells.push(cell);
         self.waiting += 1;
         if self.waiting >= WAITING { self.flush() } else { Ok(()) }
+    }
+
+    /// What a column that may name devices says beside some samples of a tag.
+    pub(super) fn add_side(&mut self, tag: usize, column: &str, labels: &SideLabels) {
+        let sides = self.sides.entry(tag).or_default();
+        sides.entry(column.to_owned()).or_default().merge(labels);
+    }
+
+    /// What is said of tags that may be of several devices.
+    pub(super) fn mixed_tags(&self) -> Vec<String> {
+        mixed(self.sides.iter().map(|(tag, sides)| (self.tags[*tag].name.as_str(), sides)))
     }
 
     fn flush(&mut self) -> Result<(), DataError> {

@@ -10,6 +10,7 @@ use super::{
     file::FieldKind,
     filename_tag::tag_of_path,
     head::{Head, HeadColumn},
+    side_labels::{SideColumn, side_columns},
 };
 use crate::{DataConfig, DataError, Shape, text::Quality};
 
@@ -21,6 +22,8 @@ pub(crate) struct Roles {
     /// Columns of the value; the first that has one in a row gives it.
     pub(crate) values: Vec<usize>,
     pub(crate) quality: Option<(usize, Quality)>,
+    /// Columns that may name devices.
+    pub(crate) sides: Vec<SideColumn>,
 }
 
 /// Where the name of a tag comes from.
@@ -166,7 +169,11 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
             });
         }
         let quality = quality_of(head, quality_column(head, &columns, time, data)?, data)?;
-        return Ok(Some(Roles { time, tag: TagOf::Column(tag), values, quality }));
+        let mut known = vec![time, tag];
+        known.extend(&values);
+        known.extend(quality.iter().map(|(column, _)| *column));
+        let sides = side_columns(head, &columns, &known, data)?;
+        return Ok(Some(Roles { time, tag: TagOf::Column(tag), values, quality, sides }));
     }
     if let Some(tag) = tag.filter(|_| data.tag.is_some()) {
         return Err(DataError::Shape {
@@ -214,7 +221,8 @@ fn unnamed_roles(
     }
     if changes * 2 > sample.len() && distinct.len() * 2 < sample.len() {
         let tag = TagOf::Column(words);
-        return Ok(Some(Roles { time, tag, values: vec![value], quality: None }));
+        let sides = Vec::new();
+        return Ok(Some(Roles { time, tag, values: vec![value], quality: None, sides }));
     }
     Err(DataError::Shape {
         reason: format!(
@@ -301,7 +309,8 @@ fn file_per_tag(
     for (((head, &time), stem), file) in heads.iter().zip(times).zip(stems).zip(files) {
         let tag = if by_file && !stem.is_empty() { stem } else { file.name };
         let quality = quality_of(head, file.quality, data)?;
-        roles.push(Roles { time, tag: TagOf::File(tag), values: vec![file.value], quality });
+        let values = vec![file.value];
+        roles.push(Roles { time, tag: TagOf::File(tag), values, quality, sides: Vec::new() });
     }
     Ok(Recognised::Samples(Shape::FilePerTag, roles))
 }

@@ -5,10 +5,10 @@ use std::{fmt::Write as _, fs};
 use calib_core::Silent;
 use calib_data::{
     BadRows, ContradictionCause, Contradictions, DataConfig, PreprocessConfig, Profile,
-    format_time, inspect, load, sketch,
+    format_time, inspect, load, sketch, table::Table,
 };
 
-use crate::support::{Folder, log_at};
+use crate::support::{Folder, log_at, seconds};
 
 const ROWS: u32 = 300;
 
@@ -439,4 +439,45 @@ fn rows_whose_seconds_were_lost_are_spread() {
     write(&folder, "plant.csv", twice);
     let told = refused(&data);
     assert!(told.contains("contradict each other in 1 values"), "{told}");
+}
+
+/// A long table of a room in which two devices measure the same, ten times each.
+#[test]
+fn tags_of_several_devices_are_told() {
+    let folder = Folder::new();
+    let mut text = String::from("source,timestamp,property,value,unit\n");
+    let mut sources = Vec::new();
+    for row in 0..20_i64 {
+        let source = if row < 10 { "bms" } else { "meter" };
+        for (property, unit) in [("co2", "ppm"), ("temp", "C")] {
+            let value = 400 + row;
+            writeln!(text, "{source},2022-10-18 13:{row:02}:00,{property},{value},{unit}")
+                .expect("memory");
+            sources.push((row, source.to_owned(), property.to_owned()));
+        }
+    }
+    write(&folder, "room.csv", &text);
+    let mut data = folder.data();
+    data.tag = Some("property".to_owned());
+    let told = "co2, temp have samples of several \"source\", such as bms and meter: if these are different devices, choose one with \
+                data.where = { \"source\" = \"bms\" }";
+    assert_eq!(profile(&data).read_as, [told]);
+    assert_eq!(sketch(&data, &Silent).expect("a log").read_as, [told]);
+    data.only.insert("source".to_owned(), "bms".to_owned());
+    let one = profile(&data);
+    assert_eq!((one.rows, one.read_as.len()), (10, 0));
+
+    // The same as Parquet, of which rows are chosen behind the reader.
+    let folder = Folder::new();
+    let table = Table::new()
+        .with("timestamp", seconds(sources.iter().map(|(row, ..)| 60 * row)))
+        .with("source", sources.iter().map(|(_, source, _)| source.clone()).collect::<Vec<_>>())
+        .with("property", sources.iter().map(|(_, _, tag)| tag.clone()).collect::<Vec<_>>())
+        .with("value", sources.iter().map(|(row, ..)| *row).collect::<Vec<i64>>());
+    folder.write("room.parquet", &table);
+    let mut data = folder.data();
+    data.tag = Some("property".to_owned());
+    assert_eq!(profile(&data).read_as, [told]);
+    data.only.insert("source".to_owned(), "meter".to_owned());
+    assert_eq!(profile(&data).read_as, Vec::<String>::new());
 }

@@ -1,0 +1,163 @@
+//! What columns beside the samples of a long table say, such as the name of the device: samples of one tag may be of several.
+
+use std::collections::BTreeMap;
+
+use super::{
+    cause::names_plants,
+    column_aliases::plain,
+    file::FieldKind,
+    head::{Head, HeadColumn},
+};
+use crate::{DataConfig, DataError};
+
+/// Columns that differ between samples of one device.
+const NO_DEVICES: [&str; 19] = [
+    "unit",
+    "units",
+    "uom",
+    "engunits",
+    "engineeringunits",
+    "description",
+    "desc",
+    "label",
+    "comment",
+    "comments",
+    "status",
+    "quality",
+    "state",
+    "annotated",
+    "questionable",
+    "substituted",
+    "datestring",
+    "datevalue",
+    "timezone",
+];
+/// A column with more different words in its first rows names no devices.
+const DEVICES: usize = 20;
+/// Tags that are named.
+const NAMED: usize = 3;
+
+/// A column beside the samples that may name devices.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct SideColumn {
+    pub(crate) position: usize,
+    pub(crate) name: String,
+}
+
+/// The columns of a long table that may name devices: words that have no role (`roles` are the positions with one) and of which there are few.
+pub(crate) fn side_columns(
+    head: &Head,
+    columns: &[HeadColumn],
+    roles: &[usize],
+    data: &DataConfig,
+) -> Result<Vec<SideColumn>, DataError> {
+    let mut sides = Vec::new();
+    for (position, HeadColumn { name, kind }) in columns.iter().enumerate() {
+        let is_known = roles.contains(&position)
+            || data.only.contains_key(name)
+            || NO_DEVICES.contains(&plain(name).as_str());
+        if is_known || !(*kind == FieldKind::Text || names_plants(name)) {
+            continue;
+        }
+        let mut words = head.sample(position)?;
+        words.sort_unstable();
+        words.dedup();
+        if words.len() <= DEVICES {
+            sides.push(SideColumn { position, name: name.clone() });
+        }
+    }
+    Ok(sides)
+}
+
+/// What a column says beside the samples of one tag: the first word, and another one if there is.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SideLabels {
+    first: Option<String>,
+    other: Option<String>,
+}
+
+impl SideLabels {
+    /// Whether nothing more is to be found out from `bytes`, which are most of the time those of the row before.
+    pub(crate) fn knows(&self, bytes: &[u8]) -> bool {
+        self.other.is_some() || self.first.as_ref().is_some_and(|first| first.as_bytes() == bytes)
+    }
+
+    pub(crate) fn add(&mut self, word: &str) {
+        let word = word.trim();
+        if word.is_empty() {
+            return;
+        }
+        match &self.first {
+            None => self.first = Some(word.to_owned()),
+            Some(first) if first != word && self.other.is_none() => {
+                self.other = Some(word.to_owned());
+            }
+            Some(_) => {}
+        }
+    }
+
+    /// Add what another thread, or another file, has found.
+    pub(crate) fn merge(&mut self, other: &Self) {
+        for word in other.first.iter().chain(&other.other) {
+            self.add(word);
+        }
+    }
+}
+
+/// What is said of tags that have samples of several words in a column; `tags` are names of tags, with what each column says beside them.
+pub(crate) fn mixed<'a>(
+    tags: impl Iterator<Item = (&'a str, &'a BTreeMap<String, SideLabels>)>,
+) -> Vec<String> {
+    let mut by_column: BTreeMap<&str, Vec<(&str, &SideLabels)>> = BTreeMap::new();
+    for (tag, sides) in tags {
+        for (column, labels) in sides.iter().filter(|(_, labels)| labels.other.is_some()) {
+            by_column.entry(column).or_default().push((tag, labels));
+        }
+    }
+    by_column
+        .into_iter()
+        .map(|(column, tags)| {
+            let labels = tags[0].1;
+            let words = labels.first.iter().chain(&labels.other);
+            let words: Vec<&str> = words.map(String::as_str).collect();
+            let more = if tags.len() > NAMED { ", …" } else { "" };
+            let names: Vec<&str> = tags.iter().take(NAMED).map(|tag| tag.0).collect();
+            format!(
+                "{}{more} {} samples of several {column:?}, such as {}: if these are different devices, choose one with data.where = {{ {column:?} = {:?} }}",
+                names.join(", "),
+                if tags.len() == 1 { "has" } else { "have" },
+                words.join(" and "),
+                words[0]
+            )
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tags_of_several_devices_are_told() {
+        let mut one = SideLabels::default();
+        let mut two = SideLabels::default();
+        for word in ["bms", "bms", " "] {
+            one.add(word);
+        }
+        two.add("meter");
+        assert!(one.knows(b"bms") && !one.knows(b"meter"));
+        let tags = |labels: &SideLabels| {
+            let sides = BTreeMap::from([("source".to_owned(), labels.clone())]);
+            mixed([("co2", &sides), ("temp", &sides)].into_iter())
+        };
+        assert!(tags(&one).is_empty());
+        one.merge(&two);
+        assert!(one.knows(b"anything"));
+        assert_eq!(
+            tags(&one),
+            [
+                "co2, temp have samples of several \"source\", such as bms and meter: if these are different devices, choose one with data.where = { \"source\" = \"bms\" }"
+            ]
+        );
+    }
+}
