@@ -1,8 +1,9 @@
-use calib_agent::Part;
+use calib_agent::{Part, SimplePredictor};
 use calib_stats::Selection;
 
 use super::{
-    Dropped, Judging, PartChoice, Rule, differ, rule::ChoiceStanding, told_apart, truth::Truth,
+    Dropped, Judging, PartChoice, Rule, SimpleComparison, differ, rule::ChoiceStanding, told_apart,
+    truth::Truth,
 };
 use crate::{Candidate, UnitResult};
 
@@ -11,6 +12,21 @@ const FEW_HORIZONS: f64 = 50.0;
 
 /// An untrained agent makes about a tenth of its error in the first tenth of a run once it has nothing left to catch up on.
 const MUCH_AT_THE_START: f64 = 0.3;
+
+/// Held-out values that lie further from the training mean, in spreads of the training range, are another level. Our choice.
+const OTHER_LEVEL: f64 = 2.0;
+
+/// That the sensor has another level than in training, by the error of the training mean.
+pub(super) fn level_has_changed(simple: &[SimpleComparison]) -> Option<String> {
+    let mean = simple.iter().find(|row| row.predictor == SimplePredictor::Mean)?;
+    (mean.online_error > OTHER_LEVEL && mean.online_error.is_finite()).then(|| {
+        format!(
+            "held-out values lie {:.1} times the spread of the training range from its mean, so the plant has changed, and what was learned before \
+             may not hold; train on a time that is like the present (data.train)",
+            mean.online_error
+        )
+    })
+}
 
 /// What the errors of a run measure: its start-up, or what comes after it.
 pub(super) fn of_parts(
