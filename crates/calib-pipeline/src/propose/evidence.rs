@@ -8,6 +8,9 @@ use calib_propose::{Horizon, ProposedAgent, Sensors, Trial, choose_agent};
 
 use super::trial::{TrialPrediction, Trials, halved};
 
+/// Agents with so many times the error of a simple predictor learn nothing from the values. Our choice.
+const FAR_WORSE: f64 = 100.0;
+
 /// What was tried where only the training range is known, and what follows from it.
 pub(super) struct Evidence {
     pub(super) agent: ProposedAgent,
@@ -49,12 +52,25 @@ impl Evidence {
         let chosen = choose_agent(&tried).unwrap_or(tried[0]);
         let errors = tried
             .iter()
-            .map(|trial| format!("{} {:.3}", trial.agent.label(), trial.ratio))
+            .map(|trial| {
+                let label = trial.agent.label();
+                if trial.ratio.is_finite() {
+                    format!("{label} {:.3}", trial.ratio)
+                } else {
+                    format!("{label} diverged")
+                }
+            })
             .collect::<Vec<_>>()
             .join(", ");
         let mut reason = format!(
             "On the last third of the training range, error divided by that of the best simple predictor (below 1 is better): {errors}"
         );
+        if tried.iter().all(|trial| trial.ratio > FAR_WORSE || !trial.ratio.is_finite()) {
+            trials.context.warn(
+                "agents diverge on the training range, or are far worse than simple predictors there: values may be damaged, for example by a lost decimal \
+                 sign; look at the smallest and largest ones with `calib inspect`",
+            );
+        }
         if !predicted.iter().chain(&network).any(TrialPrediction::is_predicted) {
             let warning = format!(
                 "nothing that calib tried predicts {} ahead better than the mean; try a shorter --horizon, or other sensors with --sensor",
