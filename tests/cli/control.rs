@@ -96,8 +96,23 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     }
     child.kill().expect("it was running, or has ended");
     child.wait().expect("a status");
+    let told = place.calib(&["status", study]).succeeds();
+    assert!(told.contains("settings: ") && told.contains(" of 18 runs"), "{told}");
     let again = place.calib(&args);
     again.ends(&[1]);
+    let status = |study: &str| -> serde_json::Value {
+        serde_json::from_str(&place.calib(&["status", study, "--json"]).succeeds()).expect("JSON")
+    };
+    let ranking = &status(study)["control"];
+    assert_eq!(ranking["runs"], serde_json::json!([18, 18]));
+    assert_eq!(ranking["members"], 9);
+    let verdict = fs::read(results.join("control/verdict.json")).expect("a verdict");
+    let verdict: serde_json::Value = serde_json::from_slice(&verdict).expect("JSON");
+    let chosen = verdict["verdict"]["chosen"].as_u64().expect("a number") as usize;
+    assert_eq!(
+        ranking["settings"][0]["mean_rank"],
+        verdict["verdict"]["selection"]["mean_ranks"][chosen]
+    );
     assert!(again.stderr().contains("control-model is up to date"), "{}", again.stderr());
     assert!(place.content("pole/study-results") == whole, "the same bytes");
     assert_eq!(runs(), 0, "what was kept on the way is gone");

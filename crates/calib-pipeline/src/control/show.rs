@@ -198,7 +198,11 @@ fn importance(estimate: Importance) -> [String; 2] {
 
 /// What distinguishes a candidate.
 pub(super) fn name(evaluation: &ControlEvaluation, candidate: usize) -> String {
-    let fields = &evaluation.fields[candidate];
+    told(&evaluation.fields[candidate])
+}
+
+/// What distinguishes a candidate: its swept `fields` with their values.
+pub(super) fn told(fields: &[(String, String)]) -> String {
     if fields.is_empty() {
         return "the agent".to_owned();
     }

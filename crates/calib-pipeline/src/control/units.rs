@@ -1,6 +1,10 @@
 //! `control-units/`: runs of a sweep that is not finished, so that it goes on from them.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    time::SystemTime,
+};
 
 use calib_base::{
     StepError,
@@ -53,6 +57,22 @@ impl RunFiles {
     pub(super) fn remove(&self) -> Result<(), StepError> {
         Ok(remove_known(&self.directory, &mut is_unit)?)
     }
+}
+
+/// The runs in `directory` that belong to the verdict of the newest one. Another process may be at work there.
+pub(super) fn stored(directory: &Path) -> Vec<Run> {
+    let files = fs::read_dir(directory).into_iter().flatten().flatten();
+    let mut runs: Vec<(SystemTime, RunFile)> = files
+        .filter(|file| is_unit(Path::new(&file.file_name())))
+        .filter_map(|file| {
+            let modified = file.metadata().and_then(|metadata| metadata.modified()).ok()?;
+            Some((modified, read_sealed_json(&file.path()).ok()?))
+        })
+        .collect();
+    let newest = runs.iter().max_by_key(|(modified, _)| *modified);
+    let Some(key) = newest.map(|(_, file)| file.key.clone()) else { return Vec::new() };
+    runs.retain(|(_, file)| file.key == key);
+    runs.into_iter().map(|(_, file)| file.run).collect()
 }
 
 fn is_unit(path: &Path) -> bool {

@@ -25,6 +25,7 @@ pub(crate) use self::ranking::Ranking;
 use self::{find::Subject, ranking::rankings};
 use crate::{
     cluster,
+    control::{self, ControlRanking},
     plan::{Plan, PlannedStep, State},
 };
 
@@ -53,6 +54,9 @@ pub struct StudyStanding {
     pub(crate) secs_left: Option<f64>,
     pub(crate) steps: Vec<StepStanding>,
     pub(crate) rankings: Vec<Ranking>,
+    /// How the settings of agents that act stand.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) control: Option<ControlRanking>,
     /// The report, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) report: Option<PathBuf>,
@@ -168,7 +172,9 @@ fn of_study(job: &Job, printer: &Printer) -> Result<StudyStanding, StepError> {
         Overall::Killed
     };
     let rankings = if job.study().control.is_some() { Vec::new() } else { of_sweeps(job)? };
+    let control = control::ranking(job)?;
     Ok(StudyStanding {
+        control,
         study: job.layout().study().to_owned(),
         state,
         secs_left,

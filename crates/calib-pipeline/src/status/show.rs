@@ -3,12 +3,13 @@
 use calib_base::{
     StepError,
     clock::unix_secs,
-    output::{Printer, count, duration_of_secs, percent, table},
+    output::{Printer, count, counted, duration_of_secs, percent, significant, table},
     progress::CommandState,
 };
 
 use super::{
-    ClusterStanding, Command, Overall, Ranking, StandingOf, StepStanding, StepState, StudyStanding,
+    ClusterStanding, Command, ControlRanking, Overall, Ranking, StandingOf, StepStanding,
+    StepState, StudyStanding,
 };
 
 /// Settings that are shown of each sensor, unless all are wanted.
@@ -47,6 +48,9 @@ fn tell_study(study: &StudyStanding, printer: &Printer) -> Result<(), StepError>
     let rows: Vec<Vec<String>> = study.steps.iter().map(step_row).collect();
     printer.lines(&table(&["step", "", "state"], &rows))?;
     tell_rankings(&study.rankings, printer)?;
+    if let Some(ranking) = &study.control {
+        tell_control(ranking, printer)?;
+    }
     match &study.report {
         Some(report) => printer.result(&format!("report: {}", report.display())),
         None => Ok(()),
@@ -84,6 +88,36 @@ fn step_row(step: &StepStanding) -> Vec<String> {
 fn tell_cluster(standing: &ClusterStanding, printer: &Printer) -> Result<(), StepError> {
     standing.cluster.tell(&standing.directory, printer)?;
     tell_rankings(&standing.rankings, printer)
+}
+
+fn tell_control(ranking: &ControlRanking, printer: &Printer) -> Result<(), StepError> {
+    let [runs, all] = ranking.runs;
+    let by = format!("{} of {} runs", count(runs), count(all));
+    if ranking.settings.is_empty() {
+        return printer.result(&format!(
+            "settings: no ranking yet: {by} are done, and no model has one of every setting"
+        ));
+    }
+    let provisional = if runs < all { "provisional, " } else { "" };
+    printer.result(&format!(
+        "settings: {provisional}by {by}, in {}",
+        counted(ranking.members, "model")
+    ))?;
+    let placed = ranking.settings.iter().enumerate();
+    let rows: Vec<Vec<String>> = placed
+        .filter(|(place, setting)| *place < SHOWN || setting.is_default)
+        .map(|(_, setting)| {
+            let default = if setting.is_default { " (the default)" } else { "" };
+            let mean = setting.mean_return.map_or_else(|| "diverged".to_owned(), significant);
+            vec![format!("{}{default}", setting.setting), format!("{:.1}", setting.mean_rank), mean]
+        })
+        .collect();
+    printer.lines(&table(&["setting", "mean rank", "model return"], &rows))?;
+    let more = ranking.settings.len() - rows.len();
+    if more > 0 {
+        printer.result(&format!("  and {} more: --json has all", count(more)))?;
+    }
+    Ok(())
 }
 
 fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepError> {

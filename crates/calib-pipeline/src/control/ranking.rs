@@ -1,0 +1,117 @@
+//! How settings stand by the runs that are there, before a sweep is finished.
+
+use std::collections::BTreeMap;
+
+use calib_base::StepError;
+use calib_control::{ActionModelKind, Run};
+use calib_files::read_sealed_json;
+use calib_stats::{Direction, select_by};
+use calib_study::Job;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::{
+    agents::ComparedAgents,
+    files::{ControlEvaluation, VERDICT},
+    show::told,
+    units,
+};
+
+/// How the settings of agents that act stand. It is provisional as long as runs are missing, and no verdict: nothing is said of what
+/// speaks against deploying them.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct ControlRanking {
+    /// Runs that are there, and runs in all.
+    pub(crate) runs: [usize; 2],
+    /// Ensemble members, of all kinds of models, in which every setting has a run. The ranking is by these.
+    pub(crate) members: usize,
+    /// The best first; none while no member has a run of every setting.
+    pub(crate) settings: Vec<ControlRanked>,
+}
+
+/// A setting.
+#[derive(Debug, PartialEq, Serialize, JsonSchema)]
+pub(crate) struct ControlRanked {
+    pub(crate) setting: String,
+    pub(crate) is_default: bool,
+    pub(crate) mean_rank: f64,
+    /// Mean return an episode in the models; none if it diverged in one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) mean_return: Option<f64>,
+}
+
+/// How the settings of a study stand; none if there is no run.
+///
+/// # Errors
+/// If the settings cannot be what they are.
+pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
+    let Some(config) = &job.study().control else { return Ok(None) };
+    let agents = ComparedAgents::of_study(job, config)?;
+    let all = config.models.len() * config.model.members * config.runs * agents.count();
+    let default = agents.default(config);
+    let named = |candidate: usize, mean_rank: f64, mean_return: f64, name: String| ControlRanked {
+        setting: name,
+        is_default: default == Some(candidate),
+        mean_rank,
+        mean_return: Some(mean_return).filter(|mean| mean.is_finite()),
+    };
+    let runs = units::stored(&job.layout().control_units());
+    if runs.is_empty() {
+        // The runs of a finished sweep are one table, and their ranks stand in the verdict.
+        let verdict = job.layout().control().join(VERDICT);
+        let Ok(found) = read_sealed_json::<ControlEvaluation>(&verdict) else { return Ok(None) };
+        if found.agents() != agents.stored() {
+            return Ok(None);
+        }
+        let selection = &found.verdict().selection;
+        let settings = super::show::best(&found, found.agents().len());
+        let settings = settings.into_iter().map(|candidate| {
+            let [rank, mean] = [selection.mean_ranks[candidate], selection.mean_errors[candidate]];
+            named(candidate, rank, mean, super::show::name(&found, candidate))
+        });
+        let members = config.models.len() * config.model.members;
+        return Ok(Some(ControlRanking { runs: [all; 2], members, settings: settings.collect() }));
+    }
+    let members = complete(&runs, agents.count());
+    let mut settings = Vec::new();
+    if !members.is_empty() {
+        let selection = select_by(config.rule, &members, Direction::HigherIsBetter)?;
+        let fields = agents.fields(config);
+        let mut order: Vec<usize> = (0..agents.count()).collect();
+        order.sort_by(|&a, &b| selection.mean_ranks[a].total_cmp(&selection.mean_ranks[b]));
+        settings = order
+            .into_iter()
+            .map(|candidate| {
+                let [rank, mean] =
+                    [selection.mean_ranks[candidate], selection.mean_errors[candidate]];
+                named(candidate, rank, mean, told(&fields[candidate]))
+            })
+            .collect();
+    }
+    Ok(Some(ControlRanking { runs: [runs.len().min(all), all], members: members.len(), settings }))
+}
+
+/// Mean returns of the members in which every setting has as many runs, `[members][settings]`.
+fn complete(runs: &[Run], candidates: usize) -> Vec<Vec<f64>> {
+    let mut by_run: BTreeMap<(ActionModelKind, usize, usize), Vec<Option<f64>>> = BTreeMap::new();
+    for run in runs.iter().filter(|run| run.candidate < candidates) {
+        let returns = by_run.entry((run.kind, run.member, run.run));
+        returns.or_insert_with(|| vec![None; candidates])[run.candidate] = Some(run.mean_return);
+    }
+    let mut members: BTreeMap<(ActionModelKind, usize), Vec<Vec<f64>>> = BTreeMap::new();
+    for ((kind, member, _), returns) in by_run {
+        if let Some(returns) = returns.into_iter().collect::<Option<Vec<f64>>>() {
+            members.entry((kind, member)).or_default().push(returns);
+        }
+    }
+    members
+        .into_values()
+        .map(|runs| {
+            (0..candidates)
+                .map(|candidate| {
+                    runs.iter().map(|returns| returns[candidate]).sum::<f64>() / runs.len() as f64
+                })
+                .collect()
+        })
+        .collect()
+}
