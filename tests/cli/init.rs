@@ -415,7 +415,7 @@ fn few_contradictions_are_told_as_they_are_resolved() {
     shown.succeeds();
     let init = place.calib(&["init", "log.csv", "--within=1s"]);
     assert!(
-        init.stderr().contains("or recordings overlap: the first of them is kept"),
+        init.stderr().contains("(data.where chooses one): the first of them is kept"),
         "{}",
         init.stderr()
     );
