@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use calib_core::Monitor;
 use calib_text::ParsedTime;
+use polars::prelude as pl;
 
 use super::{
     clock::{Clock, Fractions, Instants},
@@ -14,11 +15,11 @@ use super::{
     shape::{Roles, TagOf},
     side_labels::SideLabels,
     times::Times,
-    values::{each_label, to_cells},
+    values::{RawColumn, each_label, to_cells},
 };
 use crate::{
     DataConfig, DataError,
-    text::{Annotated, Cell, Key, Notation, Records, TextFile, Words, annotated_names},
+    text::{Annotated, Cell, Key, Notation, Quality, Records, TextFile, Words, annotated_names},
 };
 
 /// Samples that one thread read, with names of its own for tags and words.
@@ -188,6 +189,65 @@ impl LongChunk {
         &mut self.sides[place]
     }
 
+    /// Leave out the values of bad `quality`, by the codes in `column` of a Parquet file.
+    fn leave_out_bad(
+        &mut self,
+        column: &RawColumn,
+        quality: &Quality,
+        file: &LogFile,
+    ) -> Result<(), DataError> {
+        let mut known: HashMap<String, bool> = HashMap::new();
+        let mut is_good = Vec::with_capacity(self.cells.len());
+        let mut unknown = None;
+        each_label(column, |code| {
+            let code = code.unwrap_or_default();
+            let good = known.get(code).copied().unwrap_or_else(|| {
+                let good = quality.is_good(code).unwrap_or_else(|reason| {
+                    unknown.get_or_insert(reason);
+                    false
+                });
+                known.insert(code.to_owned(), good);
+                good
+            });
+            is_good.push(good);
+        })
+        .map_err(|error| file.damaged(&error))?;
+        if let Some(reason) = unknown {
+            let reason = format!("{}: {reason}", file.path().display());
+            return Err(DataError::Shape { reason });
+        }
+        for (cell, _) in self.cells.iter_mut().zip(is_good).filter(|(_, good)| !good) {
+            self.bad_quality += 1;
+            *cell = Cell::Missing.encode();
+        }
+        Ok(())
+    }
+
+    /// Note what the last of `columns` of a Parquet file, those of `Roles::sides`, say beside the samples that are chosen.
+    fn add_sides(
+        &mut self,
+        columns: &[RawColumn],
+        chosen: Option<&[bool]>,
+        roles: &Roles,
+    ) -> pl::PolarsResult<()> {
+        let tags = std::mem::take(&mut self.tags);
+        for (side, column) in columns[columns.len() - roles.sides.len()..].iter().enumerate() {
+            let mut row = 0;
+            each_label(column, |word| {
+                let is_chosen = chosen.is_none_or(|chosen| chosen[row]);
+                if let Some(word) = word.filter(|_| is_chosen) {
+                    let labels = self.side(tags[row], side, roles.sides.len());
+                    if !labels.knows(word.as_bytes()) {
+                        labels.add(word);
+                    }
+                }
+                row += 1;
+            })?;
+        }
+        self.tags = tags;
+        Ok(())
+    }
+
     /// Leave out the samples that are not chosen.
     fn keep(&mut self, chosen: Option<&[bool]>) {
         let Some(chosen) = chosen else { return };
@@ -252,32 +312,7 @@ pub(crate) fn stream_parquet(
             }
         }
         if let Some((_, quality)) = &roles.quality {
-            let refused = |reason: String| DataError::Shape {
-                reason: format!("{}: {reason}", file.path().display()),
-            };
-            let mut known: HashMap<String, bool> = HashMap::new();
-            let mut is_good = Vec::with_capacity(slice.len());
-            let mut unknown = None;
-            each_label(&columns[1 + roles.values.len()], |code| {
-                let code = code.unwrap_or_default();
-                let good = known.get(code).copied().unwrap_or_else(|| {
-                    let good = quality.is_good(code).unwrap_or_else(|reason| {
-                        unknown.get_or_insert(reason);
-                        false
-                    });
-                    known.insert(code.to_owned(), good);
-                    good
-                });
-                is_good.push(good);
-            })
-            .map_err(|error| file.damaged(&error))?;
-            if let Some(reason) = unknown {
-                return Err(refused(reason));
-            }
-            for (cell, _) in part.cells.iter_mut().zip(is_good).filter(|(_, good)| !good) {
-                part.bad_quality += 1;
-                *cell = Cell::Missing.encode();
-            }
+            part.leave_out_bad(&columns[1 + roles.values.len()], quality, file)?;
         }
         let chosen = file.chosen(&slice, data)?;
         part.tags = match &roles.tag {
@@ -292,23 +327,7 @@ pub(crate) fn stream_parquet(
                 tags
             }
         };
-        let first_side = columns.len() - roles.sides.len();
-        for (side, column) in columns[first_side..].iter().enumerate() {
-            let mut row = 0;
-            let tags = std::mem::take(&mut part.tags);
-            each_label(column, |word| {
-                let is_chosen = chosen.as_ref().is_none_or(|chosen| chosen[row]);
-                if let Some(word) = word.filter(|_| is_chosen) {
-                    let labels = part.side(tags[row], side, roles.sides.len());
-                    if !labels.knows(word.as_bytes()) {
-                        labels.add(word);
-                    }
-                }
-                row += 1;
-            })
-            .map_err(|error| file.damaged(&error))?;
-            part.tags = tags;
-        }
+        part.add_sides(&columns, chosen.as_deref(), roles).map_err(|error| file.damaged(&error))?;
         part.keep(chosen.as_deref());
         part.pour(roles, &mut pouring)?;
     }
