@@ -61,8 +61,8 @@ pub(super) const QUALITIES: [&str; 12] = [
     "goodquality",
     "valuequality",
 ];
-/// Columns beside a sample that are no channels.
-pub(super) const ASIDES: [&str; 23] = [
+/// Columns beside a sample that are no channels: what is remarked of it.
+pub(super) const REMARKS: [&str; 16] = [
     "unit",
     "units",
     "uom",
@@ -78,15 +78,11 @@ pub(super) const ASIDES: [&str; 23] = [
     "substituted",
     "datestring",
     "datevalue",
-    "server",
-    "source",
-    "id",
-    "webid",
-    "path",
     "timezone",
-    "wwretrievalmode",
-    "resolution",
 ];
+/// Columns beside a sample that are no channels: where it comes from.
+pub(super) const ORIGINS: [&str; 7] =
+    ["server", "source", "id", "webid", "path", "wwretrievalmode", "resolution"];
 pub(super) const TIMES: [&str; 15] = [
     "timestamp",
     "time",

@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 
 use super::{
-    column_aliases::{ASIDES, MODES, QUALITIES, TAGS, TIMES, VALUES, plain},
+    column_aliases::{MODES, ORIGINS, QUALITIES, REMARKS, TAGS, TIMES, VALUES, plain},
     file::FieldKind,
     filename_tag::tag_of_path,
     head::{Head, HeadColumn},
@@ -153,7 +153,8 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
             .filter(|&column| {
                 columns[column].kind == FieldKind::Number
                     && !is(column, &QUALITIES)
-                    && !is(column, &ASIDES)
+                    && !is(column, &REMARKS)
+                    && !is(column, &ORIGINS)
             })
             .map(|column| columns[column].name.as_str())
             .collect();
@@ -209,7 +210,7 @@ fn unnamed_roles(
         return Ok(None);
     };
     let name = plain(&columns[words].name);
-    let known = [&MODES[..], &QUALITIES, &ASIDES].concat();
+    let known = [&MODES[..], &QUALITIES, &REMARKS, &ORIGINS].concat();
     if known.contains(&name.as_str()) || columns.len() > 3 {
         return Ok(None);
     }
@@ -327,7 +328,7 @@ fn single_value(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Si
     let quality = quality_column(head, &columns, time, data)?;
     let is_aside = |column: usize| {
         let name = plain(&columns[column].name);
-        [&QUALITIES[..], &ASIDES].concat().contains(&name.as_str()) && columns.len() > 2
+        [&QUALITIES[..], &REMARKS, &ORIGINS].concat().contains(&name.as_str()) && columns.len() > 2
     };
     let values: Vec<usize> = match &data.value {
         Some(name) => (0..columns.len()).filter(|&column| columns[column].name == *name).collect(),

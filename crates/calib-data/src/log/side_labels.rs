@@ -4,34 +4,14 @@ use std::collections::BTreeMap;
 
 use super::{
     cause::names_plants,
-    column_aliases::plain,
+    column_aliases::{REMARKS, plain},
     file::FieldKind,
     head::{Head, HeadColumn},
 };
 use crate::{DataConfig, DataError};
 
-/// Columns that differ between samples of one device.
-const NO_DEVICES: [&str; 19] = [
-    "unit",
-    "units",
-    "uom",
-    "engunits",
-    "engineeringunits",
-    "description",
-    "desc",
-    "label",
-    "comment",
-    "comments",
-    "status",
-    "quality",
-    "state",
-    "annotated",
-    "questionable",
-    "substituted",
-    "datestring",
-    "datevalue",
-    "timezone",
-];
+/// Columns that differ between samples of one device, beside [`REMARKS`].
+const STATES: [&str; 3] = ["status", "quality", "state"];
 /// A column with more different words in its first rows names no devices.
 const DEVICES: usize = 20;
 /// Tags that are named.
@@ -53,9 +33,11 @@ pub(crate) fn side_columns(
 ) -> Result<Vec<SideColumn>, DataError> {
     let mut sides = Vec::new();
     for (position, HeadColumn { name, kind }) in columns.iter().enumerate() {
+        let called = plain(name);
         let is_known = roles.contains(&position)
             || data.only.contains_key(name)
-            || NO_DEVICES.contains(&plain(name).as_str());
+            || REMARKS.contains(&called.as_str())
+            || STATES.contains(&called.as_str());
         if is_known || !(*kind == FieldKind::Text || names_plants(name)) {
             continue;
         }
