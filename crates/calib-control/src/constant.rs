@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     ActionModelKind, ControlError, Coverage, Ensemble, Extent, Outcome, Walked as _,
     agent_run::{Actor, Episodes},
+    sweep::run_seed,
 };
 
 /// What comes of taking one action for ever, in the members of one kind of model.
@@ -54,7 +55,7 @@ pub fn constant_returns<M: Ensemble>(
         let mut coverage = Coverage::default();
         for run in 0..extent.runs {
             monitor.check()?;
-            let seed = seed.child("member").number(member as u64).number(run as u64);
+            let seed = run_seed(seed, member, run);
             let mut walk = model.walk(member);
             let mut episodes = Episodes::new(&walk, extent.span, seed);
             while episodes.step(&mut Constant(action), &mut walk) {}

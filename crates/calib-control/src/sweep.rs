@@ -180,7 +180,7 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
                 monitor.advance(1);
                 return Ok(known);
             }
-            let seed = seed.child("member").number(member as u64).number(run as u64);
+            let seed = run_seed(seed, member, run);
             let mut walk = model.walk(member);
             let life = agents.live(candidate, &mut walk, extent.span, seed, monitor)?;
             let lived = Run {
@@ -228,6 +228,11 @@ pub fn truth<E: Environment>(
         })
         .collect();
     Ok(flat?.chunks(candidates.len()).map(<[f64]>::to_vec).collect())
+}
+
+/// What run `run` of member `member` draws from, whatever acts in it: all candidates, and constant actions, meet the same chance.
+pub(crate) fn run_seed(seed: Seed, member: usize, run: usize) -> Seed {
+    seed.child("member").number(member as u64).number(run as u64)
 }
 
 fn one_life(

@@ -2,7 +2,10 @@
 
 use calib_core::{Monitor, Rng, Seed};
 
-use crate::{ActingAgents, AgentRun, ControlError, Ensemble, Environment, Outcome, RunLength};
+use crate::{
+    ActingAgents, AgentRun, ControlError, Ensemble, Environment, Outcome, RunLength,
+    sweep::run_seed,
+};
 
 /// The last steps of an agent's run, in order.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +48,7 @@ pub fn trajectory<M: Ensemble, A: ActingAgents + ?Sized>(
         rewards: Vec::new(),
         begins: Vec::new(),
     };
-    let seed = seed.child("member").number(0).number(0);
+    let seed = run_seed(seed, 0, 0);
     let run = agents.live(candidate, &mut recorded, span, seed, monitor)?;
     let Recorded { states, actions, rewards, begins, environment, .. } = recorded;
     Ok(Trajectory { run, columns: environment.columns(), states, actions, rewards, begins })
