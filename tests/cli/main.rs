@@ -1,5 +1,6 @@
 //! The command line as users meet it: one binary, so that it links once.
 
+mod acting_programs;
 mod build;
 mod change;
 mod cluster;

@@ -1,0 +1,188 @@
+//! Programs whose agents act: what they are told, what is made of their answers, and what is said where they fail.
+#![cfg(unix)]
+
+use std::fs;
+
+use crate::{
+    control::{place, pump},
+    harness::Place,
+};
+
+/// A program that takes the action of its parameters for ever.
+const ALWAYS: &str = r#"
+while read -r line; do
+  case $line in
+    *'"begin"'*) action=$(echo "$line" | sed 's/.*"action":\([0-9a-z]*\).*/\1/'); echo '{"ready": 1}' ;;
+    *'"ends"'*) echo '{"ready": 1}' ;;
+    *) echo "{\"action\": $action}" ;;
+  esac
+done
+"#;
+
+/// What a study says of it.
+const PROGRAM: &str = "[agent]\nkind = \"external\"\ncommand = [\"sh\", \"agent.sh\"]\n[agent.parameters]\naction = 1\n[sweep.grid]\naction = [0, 1]\n";
+
+/// The pump, and agents of a program in `sh`.
+fn pump_of_a_program(script: &str) -> Place {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    place.write("agent.sh", script);
+    let study = fs::read_to_string(place.path().join("study.toml")).expect("written");
+    place.write("study.toml", &format!("{study}timeout = 20\n{PROGRAM}"));
+    place
+}
+
+#[test]
+fn agents_of_a_program_act_and_are_judged() {
+    let place = pump_of_a_program(ALWAYS);
+    let args = ["control", "study.toml", "--threads", "2"];
+    let told = place.calib(&args).ends(&[0, 1]);
+    assert!(told.contains("action=0") && !told.contains("fitted Q"), "{told}");
+    let first = place.content("study-results/control");
+    let again = place.calib(&args);
+    again.ends(&[0, 1]);
+    assert!(again.stderr().contains("up to date"), "{}", again.stderr());
+    place.calib(&["control", "study.toml", "--force", "--threads", "1"]).ends(&[0, 1]);
+    assert!(place.content("study-results/control") == first, "the same bytes on one thread");
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&[&args[..], &["--json"]].concat()).ends(&[0, 1]))
+            .expect("JSON");
+    assert_eq!(json["choice"], serde_json::json!({ "parameters": { "action": 0 } }));
+    assert_eq!(json["verdict"]["default"], 1);
+    // What a program gets that never changes its action is what calib finds for that action, to the bit.
+    assert_eq!(json["verdict"]["constant"]["action"], 0);
+    assert_eq!(
+        json["verdict"]["constant"]["mean_return"],
+        json["verdict"]["selection"]["mean_errors"][0]
+    );
+    assert_eq!(json["verdict"]["selection"]["mean_errors"].as_array().map(Vec::len), Some(2));
+    place.calib(&["check", "study-results"]).succeeds();
+    // Another program is another verdict.
+    place.write("agent.sh", &format!("{ALWAYS}# changed\n"));
+    let other = place.calib(&args);
+    other.ends(&[0, 1]);
+    assert!(!other.stderr().contains("/control is up to date"), "{}", other.stderr());
+}
+
+/// What a program is told, run by run.
+#[test]
+fn a_program_is_told_what_its_actions_led_to() {
+    let told_to = |place: &Place, study: &str| {
+        let args = ["control", study, "--threads", "1", "--set", "control.models=[\"neighbors\"]"];
+        place.calib(&args).ends(&[0, 1]);
+        let folder = place.path().join(study);
+        fs::read_to_string(folder.with_file_name("heard")).expect("the program wrote it")
+    };
+    let hearing = ALWAYS.replace("  case", "  echo \"$line\" >> heard\n  case");
+    let lines = |heard: &str, part: &str| heard.lines().filter(|line| line.contains(part)).count();
+    let heard = told_to(&pump_of_a_program(&hearing), "study.toml");
+    // Two settings in two members, and once more the chosen one; each for 50 steps in episodes of 20.
+    assert_eq!(lines(&heard, "\"begin\""), 5);
+    assert_eq!(lines(&heard, "\"ends\":\"timeout\""), 5 * 2, "{heard}");
+    assert_eq!(lines(&heard, "\"ends\":\"terminal\""), 0);
+    assert_eq!(lines(&heard, "\"reward\""), 5 * 49, "that of the last step changes nothing");
+    assert_eq!(lines(&heard, "\"state\""), 5 * (49 + 3), "and the first states of three episodes");
+    let begin = heard.lines().next().expect("a beginning");
+    let begin: serde_json::Value = serde_json::from_str(begin).expect("JSON");
+    let begin = &begin["begin"];
+    assert_eq!((&begin["columns"], &begin["actions"]), (&1.into(), &2.into()));
+    assert_eq!(begin["action_names"], serde_json::json!(["pump=0", "pump=1"]));
+    assert_eq!((&begin["steps"], &begin["timeout"]), (&50.into(), &20.into()));
+    assert_eq!(begin["gamma"], 0.99);
+    let pole = place();
+    let study = fs::read_to_string(pole.path().join("pole/study.toml")).expect("written");
+    let (study, _) = study.split_once("[control.grid]").expect("a grid");
+    let agent = format!("{study}{PROGRAM}").replace("steps = 1500", "steps = 200");
+    fs::write(pole.path().join("pole/study.toml"), agent).expect("writable");
+    pole.write("pole/agent.sh", &hearing);
+    let heard = told_to(&pole, "pole/study.toml");
+    assert!(lines(&heard, "\"ends\":\"terminal\"") > 10, "a pole falls soon");
+    assert_eq!(lines(&heard, "\"ends\":\"timeout\""), 0);
+}
+
+/// Runs are kept, but none that cannot be trusted.
+#[test]
+fn a_sweep_of_a_program_goes_on() {
+    let args = ["control", "study.toml", "--threads", "1"];
+    let dying = ALWAYS.replace(
+        "*'\"begin\"'*)",
+        "*'\"begin\"'*) began=$((began + 1)); [ $began = 6 ] && [ ! -e go ] && exit 3; ",
+    );
+    let stopped = pump_of_a_program(&dying);
+    let told = stopped.calib(&args).fails(2);
+    assert!(told.contains("exit status: 3 before it had answered the beginning"), "{told}");
+    let kept = || {
+        fs::read_dir(stopped.path().join("study-results/control-units")).map_or(0, Iterator::count)
+    };
+    assert!(kept() >= 5, "{} runs are kept", kept());
+    stopped.write("go", "");
+    stopped.calib(&args).ends(&[0, 1]);
+    let whole = pump_of_a_program(&dying);
+    whole.write("go", "");
+    whole.calib(&args).ends(&[0, 1]);
+    assert!(stopped.content("study-results/control") == whole.content("study-results/control"));
+    let changing = pump_of_a_program(&ALWAYS.replace("while", "echo '# more' >> agent.sh; while"));
+    let told = changing.calib(&args).fails(2);
+    assert!(told.contains("a file of `sh agent.sh` was changed while the sweep ran"), "{told}");
+    assert!(!changing.path().join("study-results/control-units/run-0-0-0.json").exists());
+    // It answered everything, and ends badly every time.
+    let bad = pump_of_a_program(&format!("{ALWAYS}\nexit 4"));
+    for _ in 0..2 {
+        let told = bad.calib(&args).fails(2);
+        assert!(told.contains("exit status: 4 after its last answer"), "{told}");
+    }
+    let more = pump_of_a_program(&ALWAYS.replace("$action}\"", "$action}\"; echo more"));
+    let told = more.calib(&args).fails(2);
+    assert!(told.contains("`sh agent.sh` ") && told.contains("\"more"), "{told}");
+}
+
+#[test]
+fn a_program_that_cannot_act_is_told() {
+    let fails = |script: &str| pump_of_a_program(script).calib(&["control", "study.toml"]).fails(2);
+    let told = fails(&ALWAYS.replace("$action}\"", "7}\""));
+    assert!(
+        told.contains("`sh agent.sh` answered a state of a run with action = ")
+            && told.contains("with action 7: expected a whole number below 2"),
+        "{told}"
+    );
+    let told = fails(&ALWAYS.replace("{\\\"action\\\": $action}", "go left"));
+    assert!(told.contains("expected one line such as {\"action\": 0}"), "{told}");
+    let told = fails(&ALWAYS.replace("\\\"action\\\": $action", ""));
+    assert!(
+        told.contains("with \"{}\\n\": expected one line")
+            || told.contains("with \"{}\": expected one line"),
+        "{told}"
+    );
+    let told = fails("read -r line; echo '{\"error\": \"no such parameter\"}'");
+    assert!(
+        told.contains("the beginning of a run with action = ")
+            && told.contains(": no such parameter"),
+        "{told}"
+    );
+    let told =
+        fails(&ALWAYS.replace("*'\"ends\"'*) echo '{\"ready\": 1}'", "*'\"ends\"'*) exit 3"));
+    assert!(told.contains("exit status: 3 before it had answered the end of an episode"), "{told}");
+    let own = pump_of_a_program(ALWAYS);
+    let told =
+        own.calib(&["control", "study.toml", "--set", "control.agent.step_size=0.5"]).fails(2);
+    assert!(
+        told.contains("[control.agent] and [control.grid] are of calib's own agents"),
+        "{told}"
+    );
+    let told =
+        own.calib(&["control", "study.toml", "--set", "sweep.grid={ speed = [1, 2] }"]).fails(2);
+    assert!(told.contains("[agent.parameters]"), "{told}");
+}
+
+/// An agent that diverges is the worst, and the others are judged all the same.
+#[test]
+fn an_agent_of_a_program_may_diverge() {
+    let place = pump_of_a_program(&ALWAYS.replace(
+        "echo \"{\\\"action\\\": $action}\"",
+        "[ $action = 1 ] && action=null; echo \"{\\\"action\\\": $action}\"",
+    ));
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&["control", "study.toml", "--json"]).ends(&[0, 1]))
+            .expect("JSON");
+    assert_eq!(json["verdict"]["chosen"], 0);
+    assert_eq!(json["verdict"]["selection"]["mean_errors"][1], "-inf");
+}
