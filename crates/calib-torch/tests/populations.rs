@@ -15,8 +15,9 @@ const TOLERANCE: f64 = 2e-5;
 /// The same of a few steps.
 const CURVE: f64 = 2e-4;
 
+/// On a GPU where there is one.
 fn populations() -> Populations {
-    Populations::new(device(DeviceChoice::Cpu).expect("always there"))
+    Populations::new(device(DeviceChoice::Auto).expect("always something"))
 }
 
 /// Three columns of waves and noise, in pieces.
