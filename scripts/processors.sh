@@ -50,24 +50,31 @@ declare -A sets=(
     [learnt]="model.kind=nn dynamics.hidden_units=20 dynamics.epochs=2 agent.optimiser=sgd agent.precision=bf16 agent.hidden_layers=1"
     [represented]="representation.kind=laplacian representation.steps=40 representation.hidden_units=16 model.weights=softmax pretrain.epochs=2 agent.traces=[0.5]"
 )
+run() { # STUDY, NAME, and what calib is run by
+    local study=$1 name=$2 options=() set ended=0
+    shift 2
+    for set in ${sets[$study]}; do options+=(--set "$set"); done
+    mkdir -p "$work/$study/$name"
+    cp "$work/study.toml" "$work/$study/$name"
+    (cd "$work/$study/$name" && "$@" "$calib" -q --threads 1 run study.toml "${options[@]}" --output results) \
+        >"$work/$study/$name.out" 2>"$work/$study/$name.err" || ended=$?
+    # 1 is an answer: all values tie.
+    [ "$ended" -le 1 ] || { cat "$work/$study/$name.err" >&2; echo "processors: $study on $name ends with $ended" >&2; exit 1; }
+}
+# Each on one thread, so side by side.
+running=()
+for study in "${!sets[@]}"; do
+    run "$study" native env &
+    running+=($!)
+    for processor in "${processors[@]}"; do
+        run "$study" "$processor" qemu-x86_64 -cpu "$processor" &
+        running+=($!)
+    done
+done
+for process in "${running[@]}"; do wait "$process"; done
 wrong=0
 for study in "${!sets[@]}"; do
-    options=()
-    for set in ${sets[$study]}; do options+=(--set "$set"); done
-    run() { # NAME, and what calib is run by
-        local name=$1
-        shift
-        mkdir -p "$work/$study/$name"
-        cp "$work/study.toml" "$work/$study/$name"
-        local ended=0
-        (cd "$work/$study/$name" && "$@" "$calib" -q --threads 1 run study.toml "${options[@]}" --output results) \
-            >"$work/$study/$name.out" 2>"$work/$study/$name.err" || ended=$?
-        # 1 is an answer: all values tie.
-        [ "$ended" -le 1 ] || { cat "$work/$study/$name.err" >&2; echo "processors: $study on $name ends with $ended" >&2; exit 1; }
-    }
-    run native env
     for processor in "${processors[@]}"; do
-        run "$processor" qemu-x86_64 -cpu "$processor"
         if diff -rq -x timings.json -x sources.json -x .lock "$work/$study/native" "$work/$study/$processor" &&
             diff -q "$work/$study/native.out" "$work/$study/$processor.out"; then
             files=$(find "$work/$study/$processor" -type f | wc -l)
