@@ -10,6 +10,7 @@ use calib_base::{
         context::RunContext,
         plant_of_study::PlantOfStudy,
         simulate::{PlantLogState, sentence},
+        stand_in::StandInLog,
     },
     options::{BuildOptions, Device},
     outcome::{NoPlan, Outcome, StepResult, Told as _},
@@ -153,16 +154,27 @@ pub(crate) fn run_to(
     let plant = PlantOfStudy::of(job)?;
     let stages = stages(&models, plant.as_ref(), extent, &plan, job);
     let progress = RunProgress::new(talk, stages, &plan, &jobs)?;
-    if let Some(plant) = plant
-        && !simulate(plant, job, &progress, talk)?
-    {
-        talk.say(&format!("then: {}", remaining(&models).join(", ")));
-        tell(&plan, job, context)?;
-        let evaluation = None;
-        let left_out = Vec::new();
-        let outcome = ended.0;
-        return Ok(StudyRun { evaluation, left_out, outcome });
+    let log = match plant {
+        Some(plant) => simulate(plant, job, &progress, talk)?,
+        None => StudyLog::Whole,
+    };
+    let mut job = job.clone();
+    let mut talk = talk.clone();
+    match &log {
+        StudyLog::Whole => {}
+        StudyLog::StandIn(log) => {
+            job = log.job().clone();
+            models = self::models(&job)?;
+            talk = log.context(&talk);
+        }
+        StudyLog::None => {
+            talk.say(&format!("then: {}", remaining(&models).join(", ")));
+            tell(&plan, &job, context)?;
+            let outcome = ended.0;
+            return Ok(StudyRun { evaluation: None, left_out: Vec::new(), outcome });
+        }
     }
+    let (job, talk) = (&job, &talk);
     streams::check(&models[0].job.before_deployment()?, talk)?;
     let counted = DryRunTally::default();
     let whole = WholeRun { plan: &plan, progress: &progress, counted: &counted, device, talk };
@@ -176,6 +188,7 @@ pub(crate) fn run_to(
         }
     }
     plan.expect(&counted.expected());
+    talk.say_all(&Vec::from_iter(counted.in_all()));
     tell(&plan, job, context)?;
     let left_out: Vec<String> = models.iter().filter_map(|model| model.left_out.clone()).collect();
     if !left_out.is_empty() {
@@ -295,13 +308,22 @@ fn models(job: &Job) -> Result<Vec<Model>, StepError> {
         .collect()
 }
 
-/// Make the log, unless it is there. Returns whether there is one to go on with, which a dry run may lack.
+/// The log that the steps of a run read.
+enum StudyLog {
+    Whole,
+    /// In a dry run, where the log is not simulated yet.
+    StandIn(StandInLog),
+    /// The same, where what stands in would take too much memory.
+    None,
+}
+
+/// Make the log, unless it is there.
 fn simulate(
     plant: PlantOfStudy,
     job: &Job,
     progress: &RunProgress<'_>,
     talk: &Printer,
-) -> Result<bool, StepError> {
+) -> Result<StudyLog, StepError> {
     let shown = plant.directory.display().to_string();
     if plant.found == PlantLogState::NotSimulated {
         talk.say(&format!(
@@ -309,18 +331,22 @@ fn simulate(
         ));
     }
     if !is_made(&plant, job) {
-        return Ok(true);
+        return Ok(StudyLog::Whole);
     }
     progress.stage(StepKind::Simulate.label());
     if job.policy().is_dry() {
         let takes = sentence(&Plant::new(plant.options.clone())?);
         talk.say(&format!("dry run: would write {takes}, to {shown}"));
-        return Ok(plant.found == PlantLogState::Whole);
+        if plant.found == PlantLogState::Whole {
+            return Ok(StudyLog::Whole);
+        }
+        let stand_in = StandInLog::of(&plant.options, job)?;
+        return Ok(stand_in.map_or(StudyLog::None, StudyLog::StandIn));
     }
     let simulated = plant.make(job.policy().redoes(), talk).context("[simulate]")?;
     talk.result(&simulated.line())?;
     simulated.changes_line().map_or(Ok(()), |line| talk.result(&line))?;
-    Ok(true)
+    Ok(StudyLog::Whole)
 }
 
 /// The steps that a dry run without a log cannot look into.
@@ -383,9 +409,11 @@ impl Model {
     }
 }
 
-fn not_yet(step: StepKind, reason: &StepError, talk: &Printer) {
+fn not_yet(step: StepKind, reason: &StepError, talk: &RunContext) {
     let step = step.label();
-    talk.say(&format!("dry run: {step} waits for the steps before it ({reason})"));
+    // What is missing of a log that stands in for another is no reason.
+    let reason = if talk.stands_in().is_some() { String::new() } else { format!(" ({reason})") };
+    talk.say(&format!("dry run: {step} waits for the steps before it{reason}"));
 }
 
 /// How the steps ended: a negative answer of one is one of the whole.

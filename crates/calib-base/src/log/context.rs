@@ -15,6 +15,8 @@ use crate::{log::prepared::Prepared, output::Printer};
 pub struct RunContext {
     printer: Printer,
     opened: Arc<Mutex<Opened>>,
+    /// Rows that each row of the log stands for: 1, unless it [stands in](crate::log::stand_in) for another.
+    rows_each: usize,
 }
 
 /// Logs by their folders, all of the study that was opened last: others are let go.
@@ -27,7 +29,7 @@ struct Opened {
 impl RunContext {
     /// A command begins: what an earlier one has opened may have changed meanwhile.
     pub fn new(printer: &Printer) -> Self {
-        Self { printer: printer.clone(), opened: Arc::default() }
+        Self { printer: printer.clone(), opened: Arc::default(), rows_each: 1 }
     }
 
     /// The same for a step on the way to another result.
@@ -48,6 +50,17 @@ impl RunContext {
         Self { printer: self.printer.silent(), ..self.clone() }
     }
 
+    /// The same for logs that stand in for others: each row for `rows_each` of them.
+    #[must_use]
+    pub(crate) fn with_stand_in(&self, rows_each: usize) -> Self {
+        Self { rows_each, ..Self::new(self) }
+    }
+
+    /// The rows that each row of a log stands for; none if it stands for itself.
+    pub fn stands_in(&self) -> Option<usize> {
+        (self.rows_each > 1).then_some(self.rows_each)
+    }
+
     /// A log that was opened, of those below `root`.
     pub(crate) fn opened(&self, root: &Path, directory: &Path) -> Option<Prepared> {
         let opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
@@ -57,7 +70,8 @@ impl RunContext {
     /// Keep a log that was opened.
     pub(crate) fn remember(&self, root: &Path, directory: &Path, log: &Prepared) {
         let mut opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
-        if opened.root != root {
+        // States that stand in for others are in memory, those of one log at a time.
+        if opened.root != root || self.stands_in().is_some() {
             *opened = Opened { root: root.to_owned(), logs: BTreeMap::new() };
         }
         opened.logs.insert(directory.to_owned(), log.clone());

@@ -7,3 +7,4 @@ pub mod plant_of_study;
 pub mod prepared;
 pub mod profile_file;
 pub mod simulate;
+pub mod stand_in;

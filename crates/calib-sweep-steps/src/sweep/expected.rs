@@ -40,6 +40,17 @@ pub struct Expected {
 }
 
 impl Expected {
+    /// Of one sweep after the other.
+    pub(crate) fn in_all<'a>(sweeps: impl Iterator<Item = &'a Self>) -> Option<Self> {
+        sweeps.cloned().reduce(|all, sweep| Self {
+            passes: all.passes + sweep.passes,
+            threads: all.threads.max(sweep.threads),
+            secs: all.secs + sweep.secs,
+            processor_secs: all.processor_secs + sweep.processor_secs,
+            disk: all.disk + sweep.disk,
+        })
+    }
+
     /// Of a sweep that was planned, with `passes` left.
     pub(crate) fn of(
         cost: Cost,
@@ -57,7 +68,7 @@ impl Expected {
         let rounds = passes.div_ceil(threads.max(1));
         Self {
             passes,
-            threads: threads.min(passes),
+            threads: threads.min(passes.max(1)),
             secs: pass_secs * rounds as f64,
             processor_secs: pass_secs * passes as f64,
             disk: results * (ROW_BYTES + POINT_BYTES * study.sweep.curve_points as u64),
@@ -97,6 +108,7 @@ pub fn before_model(
         TrainedInPass { study, candidates: &candidates, sensors: &sensors, starts: &starts, steps };
     let online = if dataset.held_out.is_some() { study.sweep.online_runs } else { 0 };
     let passes = study.members() * study.member_runs() + online + study.sweep.log_replay_runs;
+    let left = passes - counted.again(streams_of(job, online).into_iter());
     let units = passes * sensors.len();
     let sizes = Sizes::of(study, dataset, streams.demand.span, [units, passes]);
     let threads = rayon::current_num_threads();
@@ -108,8 +120,25 @@ pub fn before_model(
     let progress = context.silent().progress();
     let cost = Cost::over(trained, &streamed, 0.0, counted.measured(), &progress)?;
     let results = (units * candidates.len()) as u64;
-    let expected = Expected::new(cost.of(sensors.len()), passes, threads, results, study);
+    let expected = Expected::new(cost.of(sensors.len()), left, threads, results, study);
     context.say(&expected.line());
     counted.expect(job, expected);
     Ok(())
+}
+
+/// Names of the streams that agents of all sensors are trained on, the same for models and deployments that share them.
+fn streams_of(job: &Job, online: usize) -> Vec<String> {
+    let study = job.study();
+    let deployment = job.deployment().unwrap_or_default();
+    let starts = if study.starts_follow_from_deployment() { deployment } else { "" };
+    let model = job.model_name();
+    let kinds = [
+        (format!("online {deployment}"), online),
+        ("log".to_owned(), study.sweep.log_replay_runs),
+        (format!("members of {model} {starts}"), study.members() * study.member_runs()),
+    ];
+    kinds
+        .into_iter()
+        .flat_map(|(kind, runs)| (0..runs).map(move |run| format!("{kind} {run}")))
+        .collect()
 }

@@ -56,6 +56,13 @@ impl DryRunTally {
         &self.measured
     }
 
+    /// What all sweeps take together, in a line; nothing where there is only one.
+    pub fn in_all(&self) -> Option<String> {
+        let expected = self.expected.borrow();
+        let all = Expected::in_all(expected.iter().map(|part| &part.expected))?;
+        (expected.len() > 1).then(|| format!("all sweeps together: {}", all.line()))
+    }
+
     /// What was remembered.
     pub fn expected(&self) -> Vec<PartPlan> {
         self.expected.borrow().clone()
