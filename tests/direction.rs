@@ -24,7 +24,7 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
         let path = entry.path();
         if path.is_dir() {
             found.extend(sources(&path));
-        } else if path.extension().is_some_and(|of| of == "rs") {
+        } else if path.extension().is_some_and(|ending| ending == "rs") {
             found.push(path);
         }
     }
@@ -40,7 +40,7 @@ fn circle(graph: &Graph) -> Option<Vec<String>> {
     ) -> Option<Vec<String>> {
         let here = path.last()?.clone();
         for next in graph.get(&here).into_iter().flatten() {
-            if let Some(start) = path.iter().position(|of| of == next) {
+            if let Some(start) = path.iter().position(|name| name == next) {
                 return Some(path[start..].to_vec());
             }
             if !done.contains(next) {
@@ -75,16 +75,17 @@ fn crates() -> Graph {
 
 #[test]
 fn a_circle_is_found() {
-    let graph = |edges: &[(&str, &str)]| {
-        let mut graph = Graph::new();
-        for (from, to) in edges {
-            graph.entry((*from).to_owned()).or_default().insert((*to).to_owned());
-        }
-        graph
-    };
-    assert_eq!(circle(&graph(&[("a", "b"), ("b", "c"), ("a", "c")])), None);
-    let around = circle(&graph(&[("a", "b"), ("b", "c"), ("c", "b")])).expect("b → c → b");
+    assert_eq!(circle(&graph_of(&[("a", "b"), ("b", "c"), ("a", "c")])), None);
+    let around = circle(&graph_of(&[("a", "b"), ("b", "c"), ("c", "b")])).expect("b → c → b");
     assert_eq!(around, ["b", "c"]);
+}
+
+fn graph_of(edges: &[(&str, &str)]) -> Graph {
+    let mut graph = Graph::new();
+    for (from, to) in edges {
+        graph.entry((*from).to_owned()).or_default().insert((*to).to_owned());
+    }
+    graph
 }
 
 /// The crates that hold the steps, each of which may use those before it.
@@ -128,7 +129,7 @@ fn modules(folder: &Path) -> Graph {
 }
 
 fn first_name(text: &str) -> String {
-    text.chars().take_while(|of| of.is_alphanumeric() || *of == '_').collect()
+    text.chars().take_while(|letter| letter.is_alphanumeric() || *letter == '_').collect()
 }
 
 /// The first names of a list of imports, `a::{b, c}, d}`, as far as its closing brace.
@@ -258,8 +259,8 @@ fn no_function_is_longer_than_a_screen_and_a_half() {
             let begins = line.trim_start().split(' ').take(4).any(|word| word == "fn");
             if begun.is_none() && begins && !line.trim_end().ends_with(';') {
                 begun = Some((number, indent));
-            } else if let Some((start, of)) = begun
-                && indent == of
+            } else if let Some((start, outer)) = begun
+                && indent == outer
                 && line.trim_start().starts_with(['}', ')'])
             {
                 // The arguments end there, and a function of a trait need not have more.

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use crate::{
     array::{copied, owned, require_memory},
     errors,
-    observer::{Watch, Watching},
+    observer::Watching,
     work::{Needs, watched},
 };
 
@@ -30,7 +30,6 @@ pub(crate) fn dtw<'py>(
     ends: &str,
     path: bool,
 ) -> PyResult<Warped<'py>> {
-    let refused = |error: &dyn std::error::Error| errors::value(error.to_string());
     let pattern: StepPattern = step_pattern.parse().map_err(|error| refused(&error))?;
     let local_distance: LocalDistance = local_distance.parse().map_err(|error| refused(&error))?;
     let window: Window = window.parse().map_err(|error| refused(&error))?;
@@ -41,16 +40,14 @@ pub(crate) fn dtw<'py>(
     let query = query?;
     let reference = reference?;
     if path {
-        let samples = |(_, shape): &(Vec<f64>, Vec<usize>)| shape[0];
-        let needed = dtw.path_bytes(samples(&query), samples(&reference));
+        let needed = dtw.path_bytes(query.1[0], reference.1[0]);
         // And once more as positions for Python.
         let needed = needed.saturating_mul(2);
         require_memory(needed, "the path", "shorten the series, or ask for the distance alone")?;
     }
-    let work = |watch: &Arc<Watch>| {
+    let warped = watched(py, Needs::Threads, None, |watch| {
         let monitor = Watching(Arc::clone(watch));
         let stop = || monitor.interrupted();
-        let channels = |shape: &[usize]| shape.get(1).copied().unwrap_or(1);
         let query = Series::with_channels(&query.0, channels(&query.1))?;
         let reference = Series::with_channels(&reference.0, channels(&reference.1))?;
         if path {
@@ -59,9 +56,8 @@ pub(crate) fn dtw<'py>(
         } else {
             dtw.distance_until(query, reference, &stop).map(|distance| (distance, None))
         }
-    };
-    let (distance, path) = watched(py, Needs::Threads, None, work)?
-        .map_err(|error: calib_dtw::DtwError| refused(&error))?;
+    })?;
+    let (distance, path) = warped.map_err(|error: calib_dtw::DtwError| refused(&error))?;
     let path = path.map(|path| {
         let count = path.len();
         let queries = path.iter().map(|(query, _)| *query as i64);
@@ -69,4 +65,13 @@ pub(crate) fn dtw<'py>(
         owned(py, both, &[2, count])
     });
     Ok((distance.raw, distance.normalised, distance.end, path.transpose()?))
+}
+
+fn refused(error: &dyn std::error::Error) -> PyErr {
+    errors::value(error.to_string())
+}
+
+/// Channels of a series of this shape, `[n]` or `[n, c]`.
+fn channels(shape: &[usize]) -> usize {
+    shape.get(1).copied().unwrap_or(1)
 }

@@ -9,11 +9,13 @@ use pyo3::{
 
 /// An exception of `calib_rl`, by its name.
 fn of_calib(py: Python<'_>, name: &str, text: &str) -> PyErr {
-    let raised = || -> PyResult<PyErr> {
-        let class = py.import("calib_rl._errors")?.getattr(name)?;
-        Ok(PyErr::from_value(class.call1((PyString::new(py, text),))?))
-    };
-    raised().unwrap_or_else(|error| error)
+    made(py, name, text).unwrap_or_else(|error| error)
+}
+
+/// The exception; what went wrong where it cannot be made.
+fn made(py: Python<'_>, name: &str, text: &str) -> PyResult<PyErr> {
+    let class = py.import("calib_rl._errors")?.getattr(name)?;
+    Ok(PyErr::from_value(class.call1((PyString::new(py, text),))?))
 }
 
 /// What a step could not do.

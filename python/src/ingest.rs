@@ -23,14 +23,13 @@ pub(crate) fn write_log(
     path: PathBuf,
 ) -> PyResult<(usize, usize)> {
     let stream = Address(stream.pointer_checked(Some(c"arrow_array_stream"))?.as_ptr() as usize);
-    let work = |_: &_| {
+    let taken = watched(py, Needs::Tables, None, |_| {
         let Address(address) = stream;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         FolderRecord::open(path.parent().unwrap_or(Path::new("")))?.note([name])?;
         // SAFETY: a capsule of this name holds such a stream, which lives as long as the capsule; the caller waits for this.
         unsafe { write_arrow_stream(address as *mut _, &path) }
-    };
-    let taken = watched(py, Needs::Tables, None, work)?;
+    })?;
     let taken = taken.map_err(|error| errors::of_any(py, &error))?;
     Ok((taken.rows, taken.columns))
 }

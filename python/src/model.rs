@@ -277,7 +277,7 @@ impl Model {
         visited.try_reserve_exact(cells).map_err(|_| crate::array::no_memory(4 * cells))?;
         let kept = &self.kept;
         let seed = Seed::new(seed.unwrap_or(self.seed())).child("rollout");
-        let work = |watch: &Arc<Watch>| {
+        let visited = watched(py, Needs::Threads, observer, |watch| {
             let member_model = kept.knn().member(member);
             let rows: Option<Vec<RowIndex>> =
                 rows.map(|rows| rows.into_iter().map(RowIndex::new).collect());
@@ -290,8 +290,7 @@ impl Model {
             let all = rollouts(&member_model, &starts, steps, kept.weights(), seed, &monitor)?;
             visited.extend(all.iter().flat_map(calib_model::Rollout::rows).map(|row| row.0));
             Ok::<_, calib_model::RolloutError>(visited)
-        };
-        let visited = watched(py, Needs::Threads, observer, work)?;
+        })?;
         let visited = visited.map_err(|error| errors::of_any(py, &error))?;
         self.kept.check(py)?;
         owned(py, visited, &[count, steps + 1])
@@ -320,32 +319,10 @@ impl Model {
         let cells = (count as u64).saturating_mul(k as u64);
         let needed = need.saturating_add(cells.saturating_mul(8 + 16));
         require_memory(needed, "the nearest states", "lower k, or ask for fewer states at a time")?;
-        let work = |watch: &Arc<Watch>| -> Result<_, Box<dyn std::error::Error + Send + Sync>> {
-            let monitor = Watching(Arc::clone(watch));
-            let mut states = States::new(values, shape[0], shape[1])?;
-            if let Some(model) = kept.stored() {
-                let columns = model.frames().states().columns();
-                if columns != shape[1] {
-                    return Err(
-                        calib_knn::KnnError::Columns { expected: columns, got: shape[1] }.into()
-                    );
-                }
-                states = model.in_metric(&states)?;
-            }
-            let found = kept.knn().member(member).nearest_sources(&states, k, &monitor)?;
-            let mut rows = vec![u32::MAX; count * k];
-            let mut distances = vec![f32::INFINITY; count * k];
-            for (query, near) in found.iter().enumerate() {
-                for (place, neighbor) in near.iter().enumerate() {
-                    let source = kept.knn().transitions().source(neighbor.transition);
-                    rows[query * k + place] = source.0;
-                    distances[query * k + place] = neighbor.distance;
-                }
-            }
-            Ok((rows, distances))
-        };
-        let (rows, distances) = watched(py, Needs::Threads, None, work)?
-            .map_err(|error| errors::of_any(py, &*error))?;
+        let found = watched(py, Needs::Threads, None, |watch| {
+            nearest_sources(kept, values, &shape, k, member, watch)
+        })?;
+        let (rows, distances) = found.map_err(|error| errors::of_any(py, &*error))?;
         self.kept.check(py)?;
         Ok((owned(py, rows, &[count, k])?, owned(py, distances, &[count, k])?))
     }
@@ -394,4 +371,35 @@ impl Model {
         let count = all.len();
         owned(py, all, &[count])
     }
+}
+
+/// Rows of the `k` sources of a member that are nearest to each of these states, and how far they are.
+fn nearest_sources(
+    kept: &Kept,
+    values: Vec<f32>,
+    shape: &[usize],
+    k: usize,
+    member: usize,
+    watch: &Arc<Watch>,
+) -> Result<(Vec<u32>, Vec<f32>), Box<dyn std::error::Error + Send + Sync>> {
+    let monitor = Watching(Arc::clone(watch));
+    let mut states = States::new(values, shape[0], shape[1])?;
+    if let Some(model) = kept.stored() {
+        let columns = model.frames().states().columns();
+        if columns != shape[1] {
+            return Err(calib_knn::KnnError::Columns { expected: columns, got: shape[1] }.into());
+        }
+        states = model.in_metric(&states)?;
+    }
+    let found = kept.knn().member(member).nearest_sources(&states, k, &monitor)?;
+    let mut rows = vec![u32::MAX; shape[0] * k];
+    let mut distances = vec![f32::INFINITY; shape[0] * k];
+    for (query, near) in found.iter().enumerate() {
+        for (place, neighbor) in near.iter().enumerate() {
+            let source = kept.knn().transitions().source(neighbor.transition);
+            rows[query * k + place] = source.0;
+            distances[query * k + place] = neighbor.distance;
+        }
+    }
+    Ok((rows, distances))
 }

@@ -69,10 +69,9 @@ impl Watch {
     /// Wait for something to be said, or the end, but not longer than this: what was said, how far it is, and whether it ended.
     pub(crate) fn wait(&self, longest: Duration) -> (Vec<Told>, Progress, bool) {
         let state = self.state();
-        let quiet = |state: &mut State| state.told.is_empty() && !state.finished;
         let (mut state, _) = self
             .news
-            .wait_timeout_while(state, longest, quiet)
+            .wait_timeout_while(state, longest, |state| state.told.is_empty() && !state.finished)
             .unwrap_or_else(PoisonError::into_inner);
         (state.told.drain(..).collect(), state.progress.clone(), state.finished)
     }

@@ -236,12 +236,12 @@ pub(crate) fn evaluate_runs(
     observer: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<&'static str> {
     let study = job.map_or_else(Study::default, |job| job.get().job.study().clone());
-    let work = |watch: &Arc<Watch>| {
+    let judged = watched(py, Needs::Tables, observer, |watch| {
         let printer = Printer::new(Arc::new(Ears(Arc::clone(watch))));
         calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), &printer)
             .map(|judged| judged.outcome())
-    };
-    match watched(py, Needs::Tables, observer, work)? {
+    })?;
+    match judged {
         Ok(Outcome::Done) => Ok("done"),
         Ok(Outcome::Negative | Outcome::Faulty | Outcome::Incomplete) => Ok("negative"),
         Err(error) => Err(errors::of_step(py, &error)),

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use crate::{
     errors,
     lost::Step,
-    observer::{Ears, Watch},
+    observer::Ears,
     work::{Needs, watched},
 };
 
@@ -56,11 +56,11 @@ impl PyJob {
     ) -> PyResult<&'static str> {
         let step = step(name)?;
         let job = &self.job;
-        let work = |watch: &Arc<Watch>| {
+        let ended = watched(py, Needs::Tables, observer, |watch| {
             let _at_work = Step::begin();
             step(job, &Printer::new(Arc::new(Ears(Arc::clone(watch)))))
-        };
-        match watched(py, Needs::Tables, observer, work)? {
+        })?;
+        match ended {
             Ok(Outcome::Done) => Ok("done"),
             Ok(Outcome::Negative) => Ok("negative"),
             Ok(Outcome::Faulty) => Ok("faulty"),

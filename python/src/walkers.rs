@@ -169,9 +169,8 @@ impl Walkers {
         let walks: Vec<Walker> =
             serde_json::from_str(state).map_err(|error| errors::value(error.to_string()))?;
         let transitions = self.kept.knn().transitions().len();
-        let members =
-            |walks: &[Walker]| walks.iter().map(|walker| walker.member).collect::<Vec<_>>();
-        if members(&walks) != members(&self.walks)
+        let members = walks.iter().map(|walker| walker.member);
+        if members.ne(self.walks.iter().map(|walker| walker.member))
             || walks.iter().any(|walker| walker.at.get() >= transitions)
         {
             return Err(errors::value("the state is of walkers through another model"));

@@ -20,7 +20,7 @@ use std::{
 use pyo3::{exceptions::PyRuntimeError, prelude::*};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::observer::{Progress, Watch};
+use crate::observer::{Progress, Told, Watch};
 
 /// Between two looks for signals.
 const LOOK: Duration = Duration::from_millis(50);
@@ -143,20 +143,9 @@ fn listen(py: Python<'_>, watch: &Watch, observer: Option<&Bound<'_, PyAny>>) ->
     let mut shown = Progress::default();
     loop {
         let (told, progress, finished) = py.detach(|| watch.wait(LOOK));
-        let hear = || -> PyResult<()> {
-            py.check_signals()?;
-            let Some(observer) = observer else { return Ok(()) };
-            for (kind, text) in told {
-                observer.call_method1("told", (kind, text))?;
-            }
-            if progress != shown {
-                let Progress { task, done, total } = &progress;
-                observer.call_method1("progress", (task, done, total))?;
-            }
-            Ok(())
-        };
+        let news = Some(&progress).filter(|progress| **progress != shown);
         if raised.is_none()
-            && let Err(error) = hear()
+            && let Err(error) = hear(py, observer, told, news)
         {
             watch.stop();
             raised = Some(error);
@@ -166,4 +155,22 @@ fn listen(py: Python<'_>, watch: &Watch, observer: Option<&Bound<'_, PyAny>>) ->
             return raised.map_or(Ok(()), Err);
         }
     }
+}
+
+/// Look for signals, and pass on what was told and how far the work is, if that is news.
+fn hear(
+    py: Python<'_>,
+    observer: Option<&Bound<'_, PyAny>>,
+    told: Vec<Told>,
+    news: Option<&Progress>,
+) -> PyResult<()> {
+    py.check_signals()?;
+    let Some(observer) = observer else { return Ok(()) };
+    for (kind, text) in told {
+        observer.call_method1("told", (kind, text))?;
+    }
+    if let Some(Progress { task, done, total }) = news {
+        observer.call_method1("progress", (task, done, total))?;
+    }
+    Ok(())
 }

@@ -62,9 +62,12 @@ impl FromStr for Address {
 mod tests {
     use super::*;
 
+    fn read(text: &str) -> Result<String, AddrParseError> {
+        text.parse::<Address>().map(|address| address.0.to_string())
+    }
+
     #[test]
     fn a_port_alone_is_one_of_this_machine() {
-        let read = |text: &str| text.parse::<Address>().map(|address| address.0.to_string());
         assert_eq!(read("8080").as_deref(), Ok("127.0.0.1:8080"));
         assert_eq!(read("localhost:80").as_deref(), Ok("127.0.0.1:80"));
         assert_eq!(read("[::1]:80").as_deref(), Ok("[::1]:80"));

@@ -132,22 +132,24 @@ fn write_path(path: &Path, existing: ExistingFile, alignment: &Alignment) -> Res
 }
 
 fn show(results: &[PatternResult], printer: &Printer) -> Result<(), StepError> {
-    let number = |number: f64| {
-        if number == 0.0 || (1e-3..1e9).contains(&number) {
-            format!("{number:.6}")
-        } else {
-            format!("{number:.6e}")
-        }
-    };
     let rows: Vec<Vec<String>> = results
         .iter()
         .map(|result| {
             vec![
                 result.step_pattern.clone(),
-                number(result.distance),
-                result.normalized_distance.map_or_else(|| "–".to_owned(), number),
+                number_text(result.distance),
+                result.normalized_distance.map_or_else(|| "–".to_owned(), number_text),
             ]
         })
         .collect();
     printer.lines(&table(&["step pattern", "distance", "normalised"], &rows))
+}
+
+/// Six decimals, with an exponent where these would say little or the number is long.
+fn number_text(number: f64) -> String {
+    if number == 0.0 || (1e-3..1e9).contains(&number) {
+        format!("{number:.6}")
+    } else {
+        format!("{number:.6e}")
+    }
 }

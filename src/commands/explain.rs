@@ -229,9 +229,8 @@ mod tests {
         }
         let sections = list(&schema, &schema, "");
         assert!(sections.lines().all(|line| !line.contains("\\n")), "{sections}");
-        let column = |line: &str, meaning: &str| line.find(meaning);
         let [data, output] = ["Where the log is", "Where results go"].map(|meaning| {
-            sections.lines().find_map(|line| column(line, meaning)).expect("it is there")
+            sections.lines().find_map(|line| line.find(meaning)).expect("it is there")
         });
         assert_eq!(data, output, "meanings begin below each other: {sections}");
         assert!(sections.contains("without `.toml`, followed by `-results`"), "{sections}");

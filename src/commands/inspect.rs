@@ -73,11 +73,11 @@ fn settings(args: &InspectArgs) -> Result<Settings, StepError> {
         })?;
         let study = job.study();
         let data = data_of(&job)?;
-        let with_data = |name: String| {
+        let deployments = study.deployment_names().into_iter().map(|name| {
             let held_out = study.deployments.get(&name).cloned();
             (name, DataConfig { held_out, ..data.clone() })
-        };
-        let deployments = study.deployment_names().into_iter().map(with_data).collect();
+        });
+        let deployments = deployments.collect();
         let preprocess = study.preprocess.clone();
         return Ok(Settings { data, preprocess, deployments, job: Some(job) });
     } else {

@@ -84,7 +84,6 @@ fn notes(channel: &ChannelProfile) -> String {
 }
 
 fn channel_row(channel: &ChannelProfile) -> Vec<String> {
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
     let values = channel.values.as_ref();
     let distinct = values.map_or_else(
         || "0".to_owned(),
@@ -92,12 +91,17 @@ fn channel_row(channel: &ChannelProfile) -> Vec<String> {
     );
     vec![
         channel.name.clone(),
-        number(values.map(|values| values.min)),
-        number(values.map(|values| values.max)),
-        number(values.map(|values| values.mean)),
+        number_text(values.map(|values| values.min)),
+        number_text(values.map(|values| values.max)),
+        number_text(values.map(|values| values.mean)),
         percent(channel.missing_fraction),
         values.map_or_else(|| "–".to_owned(), |values| span(values.longest_stuck_secs)),
-        number(values.and_then(|values| values.smallest_change)),
+        number_text(values.and_then(|values| values.smallest_change)),
         distinct,
     ]
+}
+
+/// The number, or a dash.
+fn number_text(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".to_owned(), significant)
 }

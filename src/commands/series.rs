@@ -123,9 +123,13 @@ fn from_parquet(path: &Path, column: Option<&str>) -> Result<Vec<f64>, StepError
     }
     check_table(path, None).with_context(context)?;
     let table = read_parquet(path)?;
-    let is_numeric =
-        |name| Table::values(&table, name).is_some_and(|values| values.numbers().is_some());
-    let names: Vec<(&str, bool)> = table.names().map(|name| (name, is_numeric(name))).collect();
+    let names: Vec<(&str, bool)> = table
+        .names()
+        .map(|name| {
+            let values = Table::values(&table, name);
+            (name, values.is_some_and(|values| values.numbers().is_some()))
+        })
+        .collect();
     let name = names[only_numeric(path, &names)?].0;
     table.numbers(name).with_context(context)
 }
@@ -165,9 +169,12 @@ fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
 mod tests {
     use super::*;
 
+    fn source_of(text: &str) -> Result<(PathBuf, Option<String>), StepError> {
+        source(text).map(|source| (source.path, source.column))
+    }
+
     #[test]
     fn a_column_follows_the_extension() {
-        let source_of = |text: &str| source(text).map(|source| (source.path, source.column));
         let plain = (PathBuf::from("a.b/x.npy"), None);
         assert_eq!(source_of("a.b/x.npy").expect("a file"), plain);
         let column = (PathBuf::from("C:\\logs\\x.CSV"), Some("flow: total".to_owned()));

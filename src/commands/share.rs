@@ -73,9 +73,12 @@ mod tests {
         move |asked: &str| (asked == name).then(|| value.to_owned())
     }
 
+    fn nothing(_name: &str) -> Option<String> {
+        None
+    }
+
     #[test]
     fn systems_say_which_task_it_is() {
-        let nothing = |_: &str| None;
         let key = "--shard";
         assert_eq!(number(key, "17", nothing).expect("typed"), 17);
         assert_eq!(number(key, "auto", with("SLURM_ARRAY_TASK_ID", "3")).expect("an array"), 3);
@@ -94,7 +97,6 @@ mod tests {
 
     #[test]
     fn shares_are_typed_or_found() {
-        let nothing = |_: &str| None;
         assert_eq!(share("3/8", nothing).expect("typed"), Share::new(3, 8).expect("valid"));
         let found = share("auto/8", with("PARALLEL_SEQ", "8")).expect("found");
         assert_eq!(found, Share::new(7, 8).expect("valid"));

@@ -1,4 +1,7 @@
-use std::io::{self, IsTerminal as _, Write as _};
+use std::{
+    borrow::Cow,
+    io::{self, IsTerminal as _, Write as _},
+};
 
 use calib_core::Monitor;
 use calib_pipeline::{
@@ -45,23 +48,26 @@ impl Terminal {
     }
 }
 
+fn one_line(text: &str) -> Cow<'_, str> {
+    harmless(text, Lines::One)
+}
+
 impl Observer for Terminal {
     fn remark(&self, remark: Remark<'_>) {
-        let one = |text| harmless(text, Lines::One);
         eprint_line(&match remark {
-            Remark::Talk(text) => self.hinted(&one(text)),
+            Remark::Talk(text) => self.hinted(&one_line(text)),
             Remark::Table(text) | Remark::Detail(text) => {
                 harmless(text, Lines::Several).into_owned()
             }
-            Remark::Heading(text) => self.paint(&one(text), "1"),
-            Remark::Warning(text) => format!("{} {}", self.paint("warning:", "33"), one(text)),
-            Remark::Error(text) => format!("{} {}", self.paint("error:", "31"), one(text)),
+            Remark::Heading(text) => self.paint(&one_line(text), "1"),
+            Remark::Warning(text) => format!("{} {}", self.paint("warning:", "33"), one_line(text)),
+            Remark::Error(text) => format!("{} {}", self.paint("error:", "31"), one_line(text)),
         });
     }
 
     fn result(&self, result: Result<'_>) -> io::Result<()> {
         let text = match result {
-            Result::Line(text) => harmless(text, Lines::One),
+            Result::Line(text) => one_line(text),
             Result::Lines(text) => harmless(text, Lines::Several),
             Result::Json(text) => harmless_json(text),
         };

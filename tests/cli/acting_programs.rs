@@ -66,21 +66,18 @@ fn agents_of_a_program_act_and_are_judged() {
 /// What a program is told, run by run.
 #[test]
 fn a_program_is_told_what_its_actions_led_to() {
-    let told_to = |place: &Place, study: &str| {
-        let args = ["control", study, "--threads", "1", "--set", "control.models=[\"neighbors\"]"];
-        place.calib(&args).ends(&[0, 1]);
-        let folder = place.path().join(study);
-        fs::read_to_string(folder.with_file_name("heard")).expect("the program wrote it")
-    };
     let hearing = ALWAYS.replace("  case", "  echo \"$line\" >> heard\n  case");
-    let lines = |heard: &str, part: &str| heard.lines().filter(|line| line.contains(part)).count();
-    let heard = told_to(&pump_of_a_program(&hearing), "study.toml");
+    let heard = heard_in(&pump_of_a_program(&hearing), "study.toml");
     // Two settings in two members, and once more the chosen one; each for 50 steps in episodes of 20.
-    assert_eq!(lines(&heard, "\"begin\""), 5);
-    assert_eq!(lines(&heard, "\"ends\":\"timeout\""), 5 * 2, "{heard}");
-    assert_eq!(lines(&heard, "\"ends\":\"terminal\""), 0);
-    assert_eq!(lines(&heard, "\"reward\""), 5 * 49, "that of the last step changes nothing");
-    assert_eq!(lines(&heard, "\"state\""), 5 * (49 + 3), "and the first states of three episodes");
+    assert_eq!(lines_with(&heard, "\"begin\""), 5);
+    assert_eq!(lines_with(&heard, "\"ends\":\"timeout\""), 5 * 2, "{heard}");
+    assert_eq!(lines_with(&heard, "\"ends\":\"terminal\""), 0);
+    assert_eq!(lines_with(&heard, "\"reward\""), 5 * 49, "that of the last step changes nothing");
+    assert_eq!(
+        lines_with(&heard, "\"state\""),
+        5 * (49 + 3),
+        "and the first states of three episodes"
+    );
     let begin = heard.lines().next().expect("a beginning");
     let begin: serde_json::Value = serde_json::from_str(begin).expect("JSON");
     let begin = &begin["begin"];
@@ -94,9 +91,22 @@ fn a_program_is_told_what_its_actions_led_to() {
     let agent = format!("{study}{PROGRAM}").replace("steps = 1500", "steps = 200");
     fs::write(pole.path().join("pole/study.toml"), agent).expect("writable");
     pole.write("pole/agent.sh", &hearing);
-    let heard = told_to(&pole, "pole/study.toml");
-    assert!(lines(&heard, "\"ends\":\"terminal\"") > 10, "a pole falls soon");
-    assert_eq!(lines(&heard, "\"ends\":\"timeout\""), 0);
+    let heard = heard_in(&pole, "pole/study.toml");
+    assert!(lines_with(&heard, "\"ends\":\"terminal\"") > 10, "a pole falls soon");
+    assert_eq!(lines_with(&heard, "\"ends\":\"timeout\""), 0);
+}
+
+/// What a program wrote down of what it was told while `study` ran.
+fn heard_in(place: &Place, study: &str) -> String {
+    let args = ["control", study, "--threads", "1", "--set", "control.models=[\"neighbors\"]"];
+    place.calib(&args).ends(&[0, 1]);
+    let study = place.path().join(study);
+    fs::read_to_string(study.with_file_name("heard")).expect("the program wrote it")
+}
+
+/// How many lines have this part.
+fn lines_with(heard: &str, part: &str) -> usize {
+    heard.lines().filter(|line| line.contains(part)).count()
 }
 
 /// Runs are kept, but none that cannot be trusted.
@@ -137,29 +147,28 @@ fn a_sweep_of_a_program_goes_on() {
 
 #[test]
 fn a_program_that_cannot_act_is_told() {
-    let fails = |script: &str| pump_of_a_program(script).calib(&["control", "study.toml"]).fails(2);
-    let told = fails(&ALWAYS.replace("$action}\"", "7}\""));
+    let told = refusal_of(&ALWAYS.replace("$action}\"", "7}\""));
     assert!(
         told.contains("`sh agent.sh` answered a state of a run with action = ")
             && told.contains("with action 7: expected a whole number below 2"),
         "{told}"
     );
-    let told = fails(&ALWAYS.replace("{\\\"action\\\": $action}", "go left"));
+    let told = refusal_of(&ALWAYS.replace("{\\\"action\\\": $action}", "go left"));
     assert!(told.contains("expected one line such as {\"action\": 0}"), "{told}");
-    let told = fails(&ALWAYS.replace("\\\"action\\\": $action", ""));
+    let told = refusal_of(&ALWAYS.replace("\\\"action\\\": $action", ""));
     assert!(
         told.contains("with \"{}\\n\": expected one line")
             || told.contains("with \"{}\": expected one line"),
         "{told}"
     );
-    let told = fails("read -r line; echo '{\"error\": \"no such parameter\"}'");
+    let told = refusal_of("read -r line; echo '{\"error\": \"no such parameter\"}'");
     assert!(
         told.contains("the beginning of a run with action = ")
             && told.contains(": no such parameter"),
         "{told}"
     );
     let told =
-        fails(&ALWAYS.replace("*'\"ends\"'*) echo '{\"ready\": 1}'", "*'\"ends\"'*) exit 3"));
+        refusal_of(&ALWAYS.replace("*'\"ends\"'*) echo '{\"ready\": 1}'", "*'\"ends\"'*) exit 3"));
     assert!(told.contains("exit status: 3 before it had answered the end of an episode"), "{told}");
     let own = pump_of_a_program(ALWAYS);
     let told =
@@ -171,6 +180,11 @@ fn a_program_that_cannot_act_is_told() {
     let told =
         own.calib(&["control", "study.toml", "--set", "sweep.grid={ speed = [1, 2] }"]).fails(2);
     assert!(told.contains("[agent.parameters]"), "{told}");
+}
+
+/// What is said of a program that cannot act.
+fn refusal_of(script: &str) -> String {
+    pump_of_a_program(script).calib(&["control", "study.toml"]).fails(2)
 }
 
 /// An agent that diverges is the worst, and the others are judged all the same.

@@ -139,7 +139,9 @@ fn kill_while_judging(place: &Place, directory: &Path) -> Option<Vec<SystemTime>
     Some(
         parts
             .into_iter()
-            .map(|path| fs::metadata(path).and_then(|of| of.modified()).expect("a time"))
+            .map(|path| {
+                fs::metadata(path).and_then(|metadata| metadata.modified()).expect("a time")
+            })
             .collect(),
     )
 }
@@ -229,13 +231,16 @@ fn approximate_tables_say_how_good_they_are() {
         let manifest: serde_json::Value =
             serde_json::from_str(&run(&["--json"]).succeeds()).expect("JSON on stdout");
         assert_eq!(manifest["recall"]["rows"], 300);
-        let number = |value: &serde_json::Value| value.as_f64().expect("a number");
         let (recall, interval) = (&manifest["recall"]["recall"], &manifest["recall"]["interval"]);
         assert!(number(&interval[0]) <= number(recall) && number(recall) <= number(&interval[1]));
         assert!(number(&interval[1]) - number(&interval[0]) < 0.13, "{interval}");
     }
     let args = ["build-model", "study.toml", "--set", "model.leaf_budget=2", "--index", "scan"];
     assert!(place.calib(&args).fails(2).contains("is for the join"));
+}
+
+fn number(value: &serde_json::Value) -> f64 {
+    value.as_f64().expect("a number")
 }
 
 #[test]

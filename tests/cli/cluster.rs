@@ -1,6 +1,13 @@
 //! Work divided between processes: the bytes of one, whatever the division and whatever happens to the processes.
 
-use std::{collections::BTreeMap, fs, path::PathBuf, process::Stdio, thread, time::Duration};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    process::Stdio,
+    thread,
+    time::Duration,
+};
 
 use calib_files::{Fingerprinter, read_sealed_json, write_sealed_json};
 use serde_json::Value;
@@ -165,7 +172,7 @@ fn of_several_plannings_of_one_folder_one_succeeds() {
             })
             .collect();
         let ended = all.into_iter().map(|child| child.wait_with_output().expect("it ends"));
-        let (done, refused): (Vec<_>, Vec<_>) = ended.partition(|of| of.status.success());
+        let (done, refused): (Vec<_>, Vec<_>) = ended.partition(|output| output.status.success());
         assert_eq!(done.len(), 1, "{fault}");
         for output in refused {
             let told = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -275,8 +282,12 @@ fn shards_that_are_killed_a_hundred_times_give_the_same_bytes() {
     place.calib(&["cluster", "status", "plan", "--clean"]).succeeds();
     let left = fs::read_dir(place.path().join("plan/shards")).expect("readable").flatten();
     let left: Vec<PathBuf> = left.map(|entry| entry.path()).collect();
-    let ends = |path: &PathBuf| path.extension().is_some_and(|of| of == "state" || of == "tmp");
-    assert!(!left.iter().any(ends), "{left:?}");
+    assert!(!left.iter().any(|path| is_unfinished(path)), "{left:?}");
+}
+
+/// Whether a file is of a shard that has not ended.
+fn is_unfinished(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "state" || ending == "tmp")
 }
 
 #[cfg(unix)]
@@ -360,9 +371,9 @@ fn of_version_nine(file: &[u8]) -> Vec<u8> {
     let tool = concat!("calib ", env!("CARGO_PKG_VERSION"));
     let body = body.replacen(tool, "calib 9.9.9", 1) + "\n";
     let units = body.lines().count() - 1;
-    let mut of = Fingerprinter::default();
-    of.add(body.as_bytes()).add(&[1]).add(&(units as u64).to_le_bytes());
-    let seal = of.finish();
+    let mut fingerprinter = Fingerprinter::default();
+    fingerprinter.add(body.as_bytes()).add(&[1]).add(&(units as u64).to_le_bytes());
+    let seal = fingerprinter.finish();
     let trailer =
         format!("{{\"extent\":\"whole\",\"units\":{units},\"fingerprint\":\"{seal}\"}}\n");
     (body + &trailer).into_bytes()
@@ -462,15 +473,14 @@ fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
         fs::remove_file(place.path().join("asked")).expect("there");
         asked.replace(&*place.path().to_string_lossy(), "PLACE")
     };
-    let script = |name: &str| format!("PLACE/plan/slurm/{name}.sh");
     let after_ok = "--parsable --kill-on-invalid-dep=yes --dependency=afterok:";
     let after_any = "--parsable --kill-on-invalid-dep=yes --dependency=afterany:";
     let asked = submit(&[]);
     let expected = [
-        format!("--parsable {}", script("stage-0")),
-        format!("{after_ok}71 {}", script("stage-1")),
-        format!("{after_ok}72 {}", script("stage-2")),
-        format!("{after_any}73 {}", script("merge")),
+        format!("--parsable {}", script_of("stage-0")),
+        format!("{after_ok}71 {}", script_of("stage-1")),
+        format!("{after_ok}72 {}", script_of("stage-2")),
+        format!("{after_any}73 {}", script_of("merge")),
     ];
     assert_eq!(asked.lines().collect::<Vec<_>>(), expected);
     for shard in 0..count - 3 {
@@ -489,4 +499,10 @@ fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
     let args = ["cluster", "submit", "plan", "--engine", "slurm", "--config", "cluster.toml"];
     let error = place.calib(&args).fails(2);
     assert!(error.contains("thread") && error.contains("cluster.toml"), "{error}");
+}
+
+/// Where the script of a stage is, as it is shown.
+#[cfg(unix)]
+fn script_of(stage: &str) -> String {
+    format!("PLACE/plan/slurm/{stage}.sh")
 }

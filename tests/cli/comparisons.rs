@@ -39,15 +39,17 @@ fn mean(values: &[f64]) -> f64 {
 fn assert_is(written: &Value, means: &[f64]) {
     let n = means.len();
     let centre = mean(means);
-    let variance = means.iter().map(|of| (of - centre).powi(2)).sum::<f64>() / (n - 1) as f64;
+    let variance = means.iter().map(|value| (value - centre).powi(2)).sum::<f64>() / (n - 1) as f64;
     let half = T[n - 3] * (variance / n as f64).sqrt();
-    let near = |value: &Value, expected: f64| {
-        let got = value.as_f64().expect("a number");
-        assert!((got - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{got}, not {expected}");
-    };
-    near(&written["mean"], centre);
-    near(&written["interval"]["low"], centre - half);
-    near(&written["interval"]["high"], centre + half);
+    assert_near(&written["mean"], centre);
+    assert_near(&written["interval"]["low"], centre - half);
+    assert_near(&written["interval"]["high"], centre + half);
+}
+
+#[track_caller]
+fn assert_near(value: &Value, expected: f64) {
+    let got = value.as_f64().expect("a number");
+    assert!((got - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{got}, not {expected}");
 }
 
 #[test]
@@ -65,7 +67,7 @@ fn members_that_start_from_one_state_are_one_observation() {
     assert_eq!((&written["runs"], &written["clusters"]), (&12.into(), &4.into()));
     let starts = distances(&place, "study-results/rollout", "PIT300");
     assert!(starts.values().all(|members| members.len() == 3));
-    assert_is(written, &starts.values().map(|of| mean(of)).collect::<Vec<_>>());
+    assert_is(written, &starts.values().map(|members| mean(members)).collect::<Vec<_>>());
 
     let one = place.calib(&["rollout", "study.toml", "--set", "rollout.rollouts=1"]).succeeds();
     assert!(one.contains("from 1 start state, too few for an interval"), "{one}");
@@ -105,7 +107,7 @@ fn models_are_compared_start_by_start() {
     let differences: Vec<f64> =
         one.values().zip(two.values()).map(|(one, two)| mean(one) - mean(two)).collect();
     assert_is(written, &differences);
-    let nearer = differences.iter().filter(|of| **of < 0.0).count();
+    let nearer = differences.iter().filter(|difference| **difference < 0.0).count();
     assert_eq!(written["smaller"], serde_json::json!([nearer, 3 - nearer]));
     let ratio = &summary["comparisons"]["one_step"][0]["all_columns"];
     assert_eq!(ratio["blocks"], 16);

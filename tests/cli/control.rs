@@ -87,7 +87,7 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     let runs = || {
         let entries = fs::read_dir(&units).into_iter().flatten().flatten();
         entries
-            .map(|of| of.file_name().to_string_lossy().into_owned())
+            .map(|entry| entry.file_name().to_string_lossy().into_owned())
             .filter(|name| name.starts_with("run-"))
             .count()
     };
@@ -100,10 +100,9 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     assert!(told.contains("settings: ") && told.contains(" of 18 runs"), "{told}");
     let again = place.calib(&args);
     again.ends(&[1]);
-    let status = |study: &str| -> serde_json::Value {
-        serde_json::from_str(&place.calib(&["status", study, "--json"]).succeeds()).expect("JSON")
-    };
-    let ranking = &status(study)["control"];
+    let status: serde_json::Value =
+        serde_json::from_str(&place.calib(&["status", study, "--json"]).succeeds()).expect("JSON");
+    let ranking = &status["control"];
     assert_eq!(ranking["runs"], serde_json::json!([18, 18]));
     assert_eq!(ranking["members"], 9);
     let verdict = fs::read(results.join("control/verdict.json")).expect("a verdict");
@@ -369,7 +368,8 @@ fn what_is_damaged_is_found_and_made_again() {
     let args = [&["control", "pole/study.toml", "-q"][..], &set].concat();
     place.calib(&args).ends(&[0, 1]);
     let whole = place.content("pole/study-results");
-    let figures = whole.keys().filter(|name| name.extension().is_some_and(|of| of == "svg"));
+    let figures =
+        whole.keys().filter(|name| name.extension().is_some_and(|ending| ending == "svg"));
     assert!(figures.count() > 0, "there are figures");
     for name in whole.keys().filter(|name| !name.ends_with(".lock")) {
         let path = place.path().join("pole/study-results").join(name);

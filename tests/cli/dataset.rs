@@ -2,7 +2,7 @@
 
 use std::{fs, path::PathBuf};
 
-use crate::harness::Place;
+use crate::harness::{Place, Ran};
 
 /// How often files are opened while something runs.
 #[cfg(target_os = "linux")]
@@ -47,22 +47,25 @@ const OPENS: usize = 2;
 fn logs(place: &Place) -> Vec<PathBuf> {
     let entries = fs::read_dir(place.path().join("data")).expect("there").flatten();
     let paths = entries.map(|entry| entry.path());
-    paths.filter(|path| path.extension().is_some_and(|of| of == "parquet")).collect()
+    paths.filter(|path| path.extension().is_some_and(|ending| ending == "parquet")).collect()
+}
+
+fn run(place: &Place) -> Ran {
+    place.calib(&["run", "study.toml"])
 }
 
 #[test]
 #[cfg(target_os = "linux")]
 fn a_simulated_log_is_checked_when_it_is_read_and_not_again() {
     let place = Place::with_plant();
-    let run = || place.calib(&["run", "study.toml"]);
-    run();
+    run(&place);
     let watched = opened::watch(&logs(&place));
-    assert!(run().code() < 2);
+    assert!(run(&place).code() < 2);
     assert_eq!(watched.count(), 0);
     let day = logs(&place).pop().expect("a day");
     let bytes = fs::read(&day).expect("there");
     fs::write(&day, [&bytes[..100], &[1; 100], &bytes[200..]].concat()).expect("writable");
-    let refused = run().fails(2);
+    let refused = run(&place).fails(2);
     assert!(refused.contains("is not what was simulated"), "{refused}");
 }
 
@@ -88,15 +91,14 @@ fn what_is_there_is_shown_without_a_look_into_the_log() {
 #[test]
 fn a_log_that_was_touched_or_moved_is_read_and_changes_nothing() {
     let place = Place::with_study();
-    let run = || place.calib(&["run", "study.toml"]).stderr();
-    run();
+    run(&place);
     let before = place.content("study-results");
     for log in logs(&place) {
         let bytes = fs::read(&log).expect("there");
         fs::remove_file(&log).expect("ours");
         fs::write(&log, bytes).expect("writable");
     }
-    let told = run();
+    let told = run(&place).stderr();
     assert!(told.contains("0 runs are left"), "{told}");
     assert_eq!(place.content("study-results"), before);
 }
@@ -105,8 +107,7 @@ fn a_log_that_was_touched_or_moved_is_read_and_changes_nothing() {
 fn another_log_of_the_same_size_and_time_is_another_log() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
-    let model = |place: &Place| place.content("study-results/model");
-    let before = model(&place);
+    let before = place.content("study-results/model");
     place
         .calib(&[
             "simulate",
@@ -122,14 +123,14 @@ fn another_log_of_the_same_size_and_time_is_another_log() {
         ])
         .succeeds();
     for log in logs(&place) {
-        let time = fs::metadata(&log).and_then(|of| of.modified()).expect("known");
+        let time = fs::metadata(&log).and_then(|metadata| metadata.modified()).expect("known");
         let other = place.path().join("other").join(log.file_name().expect("has one"));
         fs::copy(other, &log).expect("writable");
         let file = fs::File::options().write(true).open(&log).expect("there");
         file.set_modified(time).expect("ours");
     }
     place.calib(&["build-model", "study.toml"]).succeeds();
-    assert_ne!(model(&place), before);
+    assert_ne!(place.content("study-results/model"), before);
 }
 
 #[test]
@@ -206,14 +207,14 @@ fn a_run_says_what_is_up_to_date_and_what_is_to_do() {
 #[test]
 fn what_others_put_beside_prepared_logs_stays() {
     let place = Place::with_study();
-    let run = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).succeeds();
-    run("preprocess.subsample=1");
+    let build = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).succeeds();
+    build("preprocess.subsample=1");
     let states = place.path().join("study-results/dataset");
     let own = fs::read_dir(&states).expect("there").flatten().next().expect("one").path();
     fs::create_dir(states.join("notes")).expect("made");
     fs::write(states.join("notes/mine.txt"), "mine").expect("written");
     fs::write(own.join("mine.txt"), "mine").expect("written");
-    run("preprocess.subsample=2");
+    build("preprocess.subsample=2");
     assert!(states.join("notes/mine.txt").exists());
     let left: Vec<_> =
         fs::read_dir(&own).expect("there").flatten().map(|entry| entry.file_name()).collect();

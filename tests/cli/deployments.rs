@@ -34,15 +34,19 @@ fn json(place: &Place, path: &str) -> serde_json::Value {
     serde_json::from_str(&text).expect("JSON")
 }
 
+/// Run `calib`; what it printed.
+fn run(place: &Place, args: &[&str]) -> String {
+    place.calib(args).succeeds()
+}
+
 #[test]
 fn a_deployment_is_a_study_in_which_it_is_held_out() {
     let place = place("nearest", "");
-    let run = |args: &[&str]| place.calib(args).succeeds();
-    run(&["build-model", "study.toml"]);
-    let rolled = run(&["rollout", "study.toml"]);
+    run(&place, &["build-model", "study.toml"]);
+    let rolled = run(&place, &["rollout", "study.toml"]);
     assert!(rolled.contains("against the deployment"), "{rolled}");
     assert!(rolled.contains("start states lie in the block that it leaves out"), "{rolled}");
-    let seen = run(&["inspect", "study.toml"]);
+    let seen = run(&place, &["inspect", "study.toml"]);
     assert!(seen.contains("deployment near: 2022-11-03 00:00:00 to"), "{seen}");
     assert!(seen.contains("deployment far: 2022-11-03 12:00:00 to"), "{seen}");
     let dry = place.calib(&["sweep", "study.toml", "--dry-run"]);
@@ -51,17 +55,17 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     assert!(told.contains("4 of them with an earlier model or deployment"), "{told}");
     assert!(told.contains("deployment near") && told.contains("deployment far"), "{told}");
     assert!(!place.path().join("study-results/deployments/near/sweep").exists());
-    let swept = run(&["sweep", "study.toml"]);
+    let swept = run(&place, &["sweep", "study.toml"]);
     // Two sensors in three members with two runs, three Online and two of log replay; the second has the last already.
     assert!(
         swept.contains("22 training runs made") && swept.contains("18 training runs made"),
         "{swept}"
     );
-    let verdict = run(&["evaluate", "study.toml"]);
+    let verdict = run(&place, &["evaluate", "study.toml"]);
     assert!(verdict.contains("what to deploy") && verdict.contains("for all"), "{verdict}");
-    let again = run(&["sweep", "study.toml"]);
+    let again = run(&place, &["sweep", "study.toml"]);
     assert_eq!(again.matches("up to date").count(), 2, "{again}");
-    assert_eq!(run(&["rollout", "study.toml"]).matches("up to date").count(), 2);
+    assert_eq!(run(&place, &["rollout", "study.toml"]).matches("up to date").count(), 2);
 
     // In the order of time, with its window and what to deploy.
     let summary = json(&place, "study-results/evaluate/summary.json");
@@ -73,15 +77,10 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     );
     let deploy = &summary["what_to_deploy"][0];
     assert_eq!(deploy["choices"].as_array().expect("a list").len(), 2);
-    let rate = |words: &serde_json::Value, values: &serde_json::Value| {
-        let written = words.as_str().and_then(|words| words.split_whitespace().last());
-        assert_eq!(values["learning_rate"].as_f64(), written.and_then(|word| word.parse().ok()));
-        assert_eq!(values.as_object().map(serde_json::Map::len), Some(1), "{values}");
-    };
     for choice in deploy["choices"].as_array().into_iter().flatten() {
-        rate(&choice["chosen"], &choice["values"]);
+        assert_told(&choice["chosen"], &choice["values"]);
     }
-    rate(&deploy["for_all"], &deploy["for_all_values"]);
+    assert_told(&deploy["for_all"], &deploy["for_all_values"]);
     let report =
         fs::read_to_string(place.path().join("study-results/report.html")).expect("readable");
     for text in [
@@ -115,7 +114,7 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     let alone = text.replace(DEPLOYMENTS, "").replace("train = { end = 2022-11-03 }", &held_out);
     place.write("study.toml", &alone);
     for command in ["build-model", "rollout", "sweep", "evaluate"] {
-        run(&[command, "study.toml", "--output", "alone", "--threads", "1"]);
+        run(&place, &[command, "study.toml", "--output", "alone", "--threads", "1"]);
     }
     for part in ["rollout", "sweep"] {
         let one = place.content(&format!("study-results/deployments/near/{part}"));
@@ -127,27 +126,33 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     }
 }
 
+/// The words for a setting end with its learning rate, and its values have nothing else.
+fn assert_told(words: &serde_json::Value, values: &serde_json::Value) {
+    let written = words.as_str().and_then(|words| words.split_whitespace().last());
+    assert_eq!(values["learning_rate"].as_f64(), written.and_then(|word| word.parse().ok()));
+    assert_eq!(values.as_object().map(serde_json::Map::len), Some(1), "{values}");
+}
+
 #[test]
 fn what_does_not_depend_on_the_deployment_is_run_once() {
     let models = "[models.year]\n[models.narrow.model]\nneighbors = 2\n";
     let pretrain = "[pretrain]\nepochs = 2\nlearning_rate = 1e-3\nfraction = 0.4\n";
     let place = place("random", &format!("{models}{pretrain}"));
-    let run = |args: &[&str]| place.calib(args).succeeds();
-    run(&["pretrain", "study.toml"]);
-    run(&["build-model", "study.toml"]);
+    run(&place, &["pretrain", "study.toml"]);
+    run(&place, &["build-model", "study.toml"]);
     // One rollout a model, whatever is deployed when.
-    assert_eq!(run(&["rollout", "study.toml"]).matches("wrote").count(), 2);
+    assert_eq!(run(&place, &["rollout", "study.toml"]).matches("wrote").count(), 2);
     assert!(!place.path().join("study-results/models/year/deployments").exists());
-    let first = run(&["sweep", "study.toml", "--deployment", "near"]);
+    let first = run(&place, &["sweep", "study.toml", "--deployment", "near"]);
     assert!(
         first.contains("22 training runs made") && first.contains("12 training runs made"),
         "{first}"
     );
     // Members and log replay are the same, Online is the same for both models.
-    let second = run(&["sweep", "study.toml"]);
+    let second = run(&place, &["sweep", "study.toml"]);
     assert!(second.contains("6 training runs made"), "{second}");
     assert_eq!(second.matches("up to date").count(), 3, "{second}");
-    let verdict = run(&["evaluate", "study.toml", "-q"]);
+    let verdict = run(&place, &["evaluate", "study.toml", "-q"]);
     // All models choose the same everywhere; but so short a run learns nothing that a line does not know.
     assert!(verdict.contains("what to deploy") && verdict.contains("no agent: "), "{verdict}");
     let report =
@@ -155,10 +160,10 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
     assert!(report.contains("year, worst rank") && report.contains("narrow, worst rank"));
     assert!(report.contains("calib pretrain study.toml"));
     // One deployment, both models.
-    let one = run(&["evaluate", "study.toml", "--deployment", "far", "-q"]);
+    let one = run(&place, &["evaluate", "study.toml", "--deployment", "far", "-q"]);
     assert!(one.contains("study-results/deployments/far/report.html"), "{one}");
     // One model, both deployments.
-    run(&["evaluate", "study.toml", "--model", "year", "-q"]);
+    run(&place, &["evaluate", "study.toml", "--model", "year", "-q"]);
     assert!(place.path().join("study-results/models/year/report.html").is_file());
     // Killed sweeps go on, and give the same bytes.
     let before = place.content("study-results/models/year/deployments/far/sweep");
@@ -170,7 +175,7 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
             fs::remove_dir_all(sweep.join("units/PIT300/online")).expect("it is there");
         }
     }
-    run(&["sweep", "study.toml", "--threads", "1"]);
+    run(&place, &["sweep", "study.toml", "--threads", "1"]);
     assert!(place.content("study-results/models/year/deployments/far/sweep") == before);
 }
 

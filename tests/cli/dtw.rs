@@ -23,9 +23,10 @@ fn results(json: &str) -> BTreeMap<String, (f64, Option<f64>)> {
     let results = json["results"].as_array().expect("a list");
     results
         .iter()
-        .map(|of| {
-            let name = of["step_pattern"].as_str().expect("a name").to_owned();
-            (name, (of["distance"].as_f64().expect("a number"), of["normalized_distance"].as_f64()))
+        .map(|result| {
+            let name = result["step_pattern"].as_str().expect("a name").to_owned();
+            let distance = result["distance"].as_f64().expect("a number");
+            (name, (distance, result["normalized_distance"].as_f64()))
         })
         .collect()
 }
@@ -61,20 +62,21 @@ fn distances_agree_with_the_reference_package() {
                 .as_array()
                 .expect("a list")
                 .iter()
-                .filter(|of| of[1] == window && of[2] == ends && of[3].is_f64())
+                .filter(|result| result[1] == window && result[2] == ends && result[3].is_f64())
                 .collect();
             let mut args = vec!["dtw", "query.npy", "reference.npy", "--json", "--window", window];
             args.extend((ends == "openEnd").then_some("--open-end"));
-            for of in &expected {
-                args.extend(["--step-pattern", of[0].as_str().expect("a name")]);
+            for result in &expected {
+                args.extend(["--step-pattern", result[0].as_str().expect("a name")]);
             }
             let found = results(&place.calib(&args).succeeds());
-            for of in expected {
-                let (raw, normalised) = found[of[0].as_str().expect("a name")];
-                assert!(close(raw, of[3].as_f64().expect("a number")), "{of}: {raw}");
-                assert_eq!(normalised.is_some(), of[4].is_f64(), "{of}");
+            for result in expected {
+                let (raw, normalised) = found[result[0].as_str().expect("a name")];
+                assert!(close(raw, result[3].as_f64().expect("a number")), "{result}: {raw}");
+                assert_eq!(normalised.is_some(), result[4].is_f64(), "{result}");
                 assert!(
-                    normalised.is_none_or(|found| close(found, of[4].as_f64().expect("a number")))
+                    normalised
+                        .is_none_or(|found| close(found, result[4].as_f64().expect("a number")))
                 );
                 checked += 1;
             }
@@ -204,7 +206,7 @@ fn rollouts_are_compared_with_what_was_recorded() {
     let measures = read("measures.parquet");
     // 3 members, 2 rollouts, 2 sensors; 4 step patterns.
     assert_eq!((dtw.rows(), measures.rows()), (48, 12));
-    assert!(measures.numbers("time_warp_edit").expect("numbers").iter().all(|&of| of > 0.0));
+    assert!(measures.numbers("time_warp_edit").expect("numbers").iter().all(|&value| value > 0.0));
 
     // The first rollout, from its trajectory: the same distance, but for the unit.
     let trajectories = read("trajectories.parquet");

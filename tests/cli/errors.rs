@@ -155,21 +155,21 @@ fn a_changed_file_of_the_model_is_found_and_made_again() {
 #[test]
 fn a_sensor_twice_and_counts_of_zero() {
     let place = Place::with_study();
-    let of = |set: &str| place.calib(&["sweep", "study.toml", "--set", set]).fails(2);
-    assert!(of("sweep.sensors=[\"A\", \"A\"]").contains("names A twice"));
-    assert!(of("sweep.member_runs=0").contains("sweep.member_runs must be from 1 to"));
-    assert!(of("evaluate.top_k=0").contains("evaluate.top_k must be from 1 to"));
+    let refused = |set: &str| place.calib(&["sweep", "study.toml", "--set", set]).fails(2);
+    assert!(refused("sweep.sensors=[\"A\", \"A\"]").contains("names A twice"));
+    assert!(refused("sweep.member_runs=0").contains("sweep.member_runs must be from 1 to"));
+    assert!(refused("evaluate.top_k=0").contains("evaluate.top_k must be from 1 to"));
 }
 
 #[test]
 fn slips_of_the_finger_are_refused_before_anything_starts() {
     let place = Place::with_study();
-    let of = |set: &str| place.calib(&["rollout", "study.toml", "--set", set]).fails(2);
-    assert!(of("sweep.member_runs=9000000000000000000").contains("sweep.member_runs must be"));
-    assert!(of("rollout.steps=100000000000000").contains("rollout.steps must be"));
-    assert!(of("rollout.rollouts=1000000").contains("rollout.rollouts must be"));
-    assert!(of("sweep.steps=[1").contains("is not a TOML value"));
-    assert!(of("data.train={start=2022-11-31}").contains("is not a TOML value"));
+    let refused = |set: &str| place.calib(&["rollout", "study.toml", "--set", set]).fails(2);
+    assert!(refused("sweep.member_runs=9000000000000000000").contains("sweep.member_runs must be"));
+    assert!(refused("rollout.steps=100000000000000").contains("rollout.steps must be"));
+    assert!(refused("rollout.rollouts=1000000").contains("rollout.rollouts must be"));
+    assert!(refused("sweep.steps=[1").contains("is not a TOML value"));
+    assert!(refused("data.train={start=2022-11-31}").contains("is not a TOML value"));
 }
 
 #[test]

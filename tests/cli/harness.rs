@@ -201,8 +201,13 @@ impl Ran {
 
     /// Assert that it exits with one of `codes`, and return what it printed.
     pub(crate) fn ends(&self, codes: &[i32]) -> String {
-        let told = || format!("calib {}\n{}{}", self.args, self.stdout(), self.stderr());
-        assert!(codes.contains(&self.code()), "{}", told());
+        assert!(
+            codes.contains(&self.code()),
+            "calib {}\n{}{}",
+            self.args,
+            self.stdout(),
+            self.stderr()
+        );
         self.stdout()
     }
 

@@ -51,7 +51,7 @@ fn next(text: &str) -> Vec<String> {
 /// What an error says to run.
 fn told(text: &str) -> Option<String> {
     let error = &text[text.find("error: ")?..];
-    error.split('`').skip(1).step_by(2).find(|of| of.starts_with("calib ")).map(str::to_owned)
+    error.split('`').skip(1).step_by(2).find(|words| words.starts_with("calib ")).map(str::to_owned)
 }
 
 /// Run `line`, and whatever its errors say to run first, until it ends well; what was run before it did.
@@ -96,7 +96,7 @@ fn errors_say_what_to_run_with_all_that_was_given() {
     let given = "--profile small --set agent.gamma=0.8 --set 'sweep.sensors=[\"PIT300\"]' --output \"it's here\"";
     let line = format!("calib evaluate study.toml {given} --model b --deployment late");
     let before = follow(&place, &line);
-    let commands: Vec<&str> = before.iter().filter_map(|of| of.split(' ').nth(1)).collect();
+    let commands: Vec<&str> = before.iter().filter_map(|ran| ran.split(' ').nth(1)).collect();
     for command in ["simulate", "represent", "build-model", "pretrain", "sweep"] {
         assert!(commands.contains(&command), "{before:?}");
     }
@@ -108,8 +108,8 @@ fn errors_say_what_to_run_with_all_that_was_given() {
     // What was made otherwise is told with the same flags.
     let other = line.replace("gamma=0.8", "gamma=0.7");
     let before = follow(&place, &other);
-    assert!(before.iter().all(|of| of.contains("agent.gamma=0.7")), "{before:?}");
-    assert!(before.iter().any(|of| of.starts_with("calib sweep")), "{before:?}");
+    assert!(before.iter().all(|ran| ran.contains("agent.gamma=0.7")), "{before:?}");
+    assert!(before.iter().any(|ran| ran.starts_with("calib sweep")), "{before:?}");
     // What is damaged too.
     let rows = place.path().join("it's here/models/b/model/rows.parquet");
     let whole = fs::read(&rows).expect("there");
@@ -138,7 +138,7 @@ fn what_comes_next_is_of_the_same_run() {
         let ran = place.calib(&args);
         ran.succeeds();
         let hints = next(&ran.stderr());
-        let told: Vec<&str> = hints.iter().filter_map(|of| of.split(' ').nth(1)).collect();
+        let told: Vec<&str> = hints.iter().filter_map(|hint| hint.split(' ').nth(1)).collect();
         assert_eq!(told, expected, "{command}: {hints:?}");
         // Pasted before what they need is there, they say so, and of the same run.
         for hint in &hints {
@@ -158,7 +158,7 @@ fn told_of_the_same(text: &str) -> bool {
     told(text).is_some_and(|hint| {
         ["--profile small", "agent.gamma=0.8", "PIT300", "it's here"]
             .iter()
-            .all(|of| hint.contains(of))
+            .all(|given| hint.contains(given))
     })
 }
 
@@ -185,10 +185,9 @@ fn a_study_that_is_edited_during_a_run_is_not_mixed_with_itself() {
     lines.read_to_string(&mut rest).expect("readable");
     let status = child.wait().expect("a status");
     assert!(status.success(), "{rest}");
-    let of =
-        |step: &str| json(&place, &format!("study-results/{step}/manifest.json"))["study"].clone();
     for step in ["model", "rollout", "sweep"] {
-        let study = of(step);
+        let manifest = json(&place, &format!("study-results/{step}/manifest.json"));
+        let study = &manifest["study"];
         assert_eq!(study["agent"]["gamma"], 0.9, "{step}");
         assert_eq!(study["model"]["members"], 3, "{step}");
     }

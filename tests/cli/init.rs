@@ -119,8 +119,8 @@ fn names_of_channels_are_nothing_but_names() {
         .as_array()
         .expect("channels")
         .iter()
-        .filter(|of| of["dropped"].is_null())
-        .filter_map(|of| of["name"].as_str())
+        .filter(|channel| channel["dropped"].is_null())
+        .filter_map(|channel| channel["name"].as_str())
         .collect();
     assert_eq!(kept, [names[0].1, names[1].1, names[2].1]);
 }
@@ -330,7 +330,7 @@ fn an_angle_becomes_its_sine_and_its_cosine() {
     let shown = place.calib(&["inspect", "study.toml", "--json"]).succeeds();
     let shown: serde_json::Value = serde_json::from_str(&shown).expect("JSON");
     let cosine = shown["channels"].as_array().expect("channels").iter();
-    let cosine = cosine.filter(|of| of["name"] == "Wind_cos").collect::<Vec<_>>()[0];
+    let cosine = cosine.filter(|channel| channel["name"] == "Wind_cos").collect::<Vec<_>>()[0];
     assert_eq!(
         (&cosine["angle"]["channel"], &cosine["angle"]["part"]),
         (&"Wind".into(), &"cosine".into())
@@ -345,7 +345,7 @@ fn an_angle_becomes_its_sine_and_its_cosine() {
             && study["data"]["angles"].as_table().expect("given").is_empty()
     );
     let left_out = said["left_out"].as_array().expect("channels");
-    let wind = left_out.iter().find(|of| of[0] == "Wind").expect("left out");
+    let wind = left_out.iter().find(|channel| channel[0] == "Wind").expect("left out");
     assert!(wind[1].as_str().is_some_and(|why| why.contains("an entry of data.angles")), "{wind}");
     let (_, study) = init(&["--set=data.angles.Wind=360"]);
     assert_eq!(study["data"]["angles"]["Wind"].as_integer(), Some(360), "as it was given");

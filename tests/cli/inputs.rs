@@ -92,21 +92,21 @@ fn a_variable_may_mean_another_log() {
 fn the_keys_that_differ_are_named_with_both_values() {
     let place = Place::with_study();
     run(&place);
-    let of =
+    let refused =
         |command: &str, set: &str| place.calib(&[command, "study.toml", "--set", set]).fails(2);
-    let message = of("evaluate", "agent.gamma=0.8");
+    let message = refused("evaluate", "agent.gamma=0.8");
     assert!(
         message.contains(
             "agent.gamma = 0.9, now 0.8; run `calib sweep study.toml --set 'agent.gamma=0.8'`"
         ),
         "{message}"
     );
-    let message = of("sweep", "model.neighbors=7");
+    let message = refused("sweep", "model.neighbors=7");
     assert!(
         message.contains("model.neighbors = 3, now 7; run `calib build-model study.toml --set"),
         "{message}"
     );
-    let message = of("rollout", "preprocess.fill_limit=6");
+    let message = refused("rollout", "preprocess.fill_limit=6");
     assert!(message.contains("preprocess.fill_limit = 5, now 6"), "{message}");
     // Rollouts of other settings are told of, and not shown.
     let note = place.calib(&["evaluate", "study.toml", "--set", "rollout.steps=399"]);

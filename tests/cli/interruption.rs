@@ -39,10 +39,14 @@ fn same(place: &Place, command: &str) {
 #[test]
 fn a_killed_simulation_goes_on() {
     let place = Place::new();
-    let args = |name| ["simulate", name, "--days", "6", "--channels", "40", "--period", "10"];
-    place.calib(&args("whole")).succeeds();
-    kill_and_rerun(&place, &args("killed"));
+    place.calib(&simulation("whole")).succeeds();
+    kill_and_rerun(&place, &simulation("killed"));
     assert!(place.content("whole") == place.content("killed"));
+}
+
+/// What simulates a plant into a folder.
+fn simulation(folder: &str) -> [&str; 8] {
+    ["simulate", folder, "--days", "6", "--channels", "40", "--period", "10"]
 }
 
 #[test]
@@ -156,7 +160,7 @@ fn what_a_batch_system_ends_is_to_be_tried_again_and_gives_the_same_bytes() {
 fn living(word: &str) -> usize {
     let all = std::fs::read_dir("/proc").expect("there").flatten();
     let lines = all.map(|entry| std::fs::read(entry.path().join("cmdline")).unwrap_or_default());
-    lines.filter(|line| line.split(|byte| *byte == 0).any(|of| of == word.as_bytes())).count()
+    lines.filter(|line| line.split(|byte| *byte == 0).any(|part| part == word.as_bytes())).count()
 }
 
 #[cfg(target_os = "linux")]

@@ -8,13 +8,6 @@ use crate::harness::{Place, schema};
 #[test]
 fn every_command_with_json_has_a_schema() {
     let place = Place::new();
-    let commands = |help: &str| -> Vec<String> {
-        let list = help.split("Commands:").nth(1).expect("a list of commands");
-        let names = list.lines().skip(1).take_while(|line| line.starts_with("  "));
-        // What does not fit beside a name is indented further.
-        let names = names.filter(|line| !line.starts_with("   "));
-        names.filter_map(|line| line.split_whitespace().next().map(str::to_owned)).collect()
-    };
     let mut with_json = Vec::new();
     for command in commands(&place.calib(&["--help"]).succeeds()) {
         if command == "help" {
@@ -22,9 +15,9 @@ fn every_command_with_json_has_a_schema() {
         }
         let help = place.calib(&[&command, "--help"]).succeeds();
         if command == "cluster" {
-            for part in commands(&help) {
-                let help = |part| place.calib(&["cluster", part, "--help"]).succeeds();
-                if part != "help" && help(&part).contains("--json") {
+            for part in commands(&help).into_iter().filter(|part| part != "help") {
+                let help = place.calib(&["cluster", &part, "--help"]).succeeds();
+                if help.contains("--json") {
                     with_json.push(format!("cluster {part}"));
                 }
             }
@@ -35,6 +28,15 @@ fn every_command_with_json_has_a_schema() {
     with_json.sort();
     let known: Vec<String> = calib::json_schemas().into_keys().map(str::to_owned).collect();
     assert_eq!(with_json, known);
+}
+
+/// The names of the commands that a help lists.
+fn commands(help: &str) -> Vec<String> {
+    let list = help.split("Commands:").nth(1).expect("a list of commands");
+    let names = list.lines().skip(1).take_while(|line| line.starts_with("  "));
+    // What does not fit beside a name is indented further.
+    let names = names.filter(|line| !line.starts_with("   "));
+    names.filter_map(|line| line.split_whitespace().next().map(str::to_owned)).collect()
 }
 
 /// A word where a number stood, a key too few and one too many, at the top and further down.
@@ -71,10 +73,10 @@ fn a_choice_is_a_structure() {
     let verdict: Value = serde_json::from_str(&printed).expect("JSON");
     let choices = verdict["choices"].as_array().expect("a list");
     assert_eq!(choices.len(), 2);
-    for (choice, of) in choices.iter().zip(verdict["verdicts"].as_array().expect("a list")) {
-        assert_eq!(choice["sensor"], of["sensor"]);
+    for (choice, judged) in choices.iter().zip(verdict["verdicts"].as_array().expect("a list")) {
+        assert_eq!(choice["sensor"], judged["sensor"]);
         let rate = choice["values"]["learning_rate"].as_f64().expect("a number");
-        let index = of["chosen"].as_u64().expect("a number") as usize;
+        let index = judged["chosen"].as_u64().expect("a number") as usize;
         let label = verdict["candidates"][index].as_str().expect("words");
         let written: f64 = label.rsplit(' ').next().expect("a word").parse().expect("a number");
         assert_eq!(rate, written, "{label}");

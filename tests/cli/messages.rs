@@ -36,14 +36,14 @@ fn verbose_lines_begin_with_the_time() {
     let place = Place::with_study();
     let said = place.calib(&["build-model", "study.toml", "-v"]).stderr();
     assert!(said.lines().any(|line| line.ends_with("s  reading data")), "{said}");
-    let seconds =
-        |line: &str| line.trim().split(' ').next().and_then(|word| word.parse::<f64>().ok());
-    assert!(
-        said.lines().filter(|line| line.contains(" s  ")).all(|line| seconds(line).is_some()),
-        "{said}"
-    );
+    let mut timed = said.lines().filter(|line| line.contains(" s  "));
+    assert!(timed.all(begins_with_a_number), "{said}");
     let refused = place.calib(&["build-model", "study.toml", "-v", "-q"]).fails(2);
     assert!(refused.contains("--quiet"), "{refused}");
+}
+
+fn begins_with_a_number(line: &str) -> bool {
+    line.trim().split(' ').next().is_some_and(|word| word.parse::<f64>().is_ok())
 }
 
 #[test]

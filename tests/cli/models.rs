@@ -1,5 +1,7 @@
 //! Several models of one study, in one report.
 
+use std::path::Path;
+
 use crate::harness::Place;
 
 const MODELS: &str = r#"
@@ -71,8 +73,11 @@ fn models_are_compared_in_one_report() {
     }
     let alone = place.path().join("alone/model/members/0/neighbors.npy");
     let together = results.join("models/laplacian/model/members/0/neighbors.npy");
-    let read = |path| std::fs::read(path).expect("readable");
-    assert!(read(alone) == read(together));
+    assert!(read(&alone) == read(&together));
+}
+
+fn read(path: &Path) -> Vec<u8> {
+    std::fs::read(path).expect("readable")
 }
 
 #[test]

@@ -74,10 +74,10 @@ fn rollouts_that_end_at_once_are_left_out_and_told() {
     write_tensors(&path, &weights).expect("written");
     // As if they had been trained like this.
     let manifest = place.path().join("study-results/model/manifest.json");
-    let mut of = read_sealed_json::<serde_json::Value>(&manifest).expect("sealed");
+    let mut sealed = read_sealed_json::<serde_json::Value>(&manifest).expect("sealed");
     let fingerprint = fingerprint_file(&path).expect("readable");
-    of["files"]["weights.safetensors"] = fingerprint.as_str().into();
-    write_sealed_json(&manifest, &of).expect("written");
+    sealed["files"]["weights.safetensors"] = fingerprint.as_str().into();
+    write_sealed_json(&manifest, &sealed).expect("written");
     let told = place.calib(&["rollout", "study.toml"]).succeeds();
     assert!(told.contains("2 of 2 rollouts not compared: they ended before"), "{told}");
     let comparison = &json(&place, "rollout/manifest.json")["comparison"];
@@ -230,12 +230,15 @@ fn native_and_libtorch_training_agree_about_the_model() {
     let native = build("native", &[]);
     let torch = build("torch", &["--device", "cpu"]);
     assert_eq!(native["key"], torch["key"]);
-    let loss = |manifest: &serde_json::Value| {
-        manifest["training"]["validation_loss"].as_f64().expect("a number")
-    };
-    let a = loss(&native);
-    let b = loss(&torch);
+    let a = validation_loss(&native);
+    let b = validation_loss(&torch);
     assert!((a - b).abs() < 0.02 * a, "{a} {b}");
+}
+
+/// The loss on what a training did not see.
+#[cfg(feature = "torch")]
+fn validation_loss(manifest: &serde_json::Value) -> f64 {
+    manifest["training"]["validation_loss"].as_f64().expect("a number")
 }
 
 /// A study of neighbours, whose agents are networks.
@@ -259,23 +262,18 @@ fn agents_that_libtorch_trains_are_results_of_their_own() {
     calib("build-model", &[]).succeeds();
     let device = ["--device", "cpu"];
     assert!(calib("sweep", &device).succeeds().contains("training runs made in"));
-    let manifest = || {
-        let path = place.path().join("study-results/sweep/manifest.json");
-        let text = fs::read(path).expect("written");
-        serde_json::from_slice::<serde_json::Value>(&text).expect("JSON")
-    };
-    assert_eq!(manifest()["arithmetic"], "libtorch-cpu");
+    assert_eq!(json(&place, "sweep/manifest.json")["arithmetic"], "libtorch-cpu");
     assert!(calib("sweep", &device).succeeds().contains("up to date"));
     // The verdict is the device's, and says so.
     let ended = calib("evaluate", &["--json"]);
     let summary: serde_json::Value = serde_json::from_str(&ended.stdout()).expect("JSON");
-    assert!(summary["choices"].as_array().is_some_and(|of| !of.is_empty()), "{summary}");
+    assert!(summary["choices"].as_array().is_some_and(|choices| !choices.is_empty()), "{summary}");
     assert!(summary.to_string().contains("libtorch-cpu"), "{summary}");
     let page = fs::read_to_string(place.path().join("study-results/report.html")).expect("a page");
     assert!(page.contains("--device cpu"), "the report says how it was made");
     // Natively they are others, and those of the device stay.
     assert!(calib("sweep", &[]).succeeds().contains("training runs made in"));
-    assert_eq!(manifest().get("arithmetic"), None);
+    assert_eq!(json(&place, "sweep/manifest.json").get("arithmetic"), None);
     assert!(calib("sweep", &device).succeeds().contains("up to date"));
     // A run knows which of them it would make.
     let planned = |more: &[&str]| calib("run", &[more, &["--dry-run"]].concat()).stderr();

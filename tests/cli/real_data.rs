@@ -37,13 +37,16 @@ fn run_shortened(study: &str, folder: &str, more: &[&str]) {
             let verdict = String::from_utf8_lossy(&output.stdout);
             let (predicts, sensors) = verdict.split_once('\n').expect("lines");
             assert!(predicts.starts_with("Agents predict the mean of their sensor"), "{verdict}");
-            let is_headline = |line: &&str| {
-                ![" ", "note: ", "report: "].iter().any(|start| line.starts_with(start))
-            };
-            assert_eq!(sensors.lines().filter(is_headline).count(), 3, "{verdict}");
+            let headlines = sensors.lines().filter(|line| is_headline(line));
+            assert_eq!(headlines.count(), 3, "{verdict}");
         }
     }
     assert!(place.path().join("results/report.html").is_file());
+}
+
+/// Whether a line of a verdict says what is chosen for a sensor.
+fn is_headline(line: &str) -> bool {
+    ![" ", "note: ", "report: "].iter().any(|start| line.starts_with(start))
 }
 
 #[test]

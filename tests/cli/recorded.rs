@@ -16,8 +16,9 @@ struct Range {
 
 impl Range {
     fn ends(&self) -> (f64, f64) {
-        let fold = |of: fn(f64, f64) -> f64, from| self.values.iter().copied().fold(from, of);
-        (fold(f64::min, f64::INFINITY), fold(f64::max, f64::NEG_INFINITY))
+        let low = self.values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        (low, high)
     }
 }
 

@@ -38,8 +38,8 @@ fn traps_are_left_out_unless_the_study_says_otherwise() {
     assert!(told.contains("trap") && told.contains("are trapped after about"), "{told}");
     assert!(built.stderr().contains("set model.remove_traps = true"), "{}", built.stderr());
     let found = manifest(&place);
-    assert!(sum(&found, |of| &of["after"]["traps"]) > 0);
-    assert_eq!(sum(&found, |of| &of["left_out"]), 0);
+    assert!(sum(&found, |recurrence| &recurrence["after"]["traps"]) > 0);
+    assert_eq!(sum(&found, |recurrence| &recurrence["left_out"]), 0);
 
     let built = place.calib(&["build-model", "study.toml", "-v", "--verify", "50"]);
     built.succeeds();
@@ -47,10 +47,13 @@ fn traps_are_left_out_unless_the_study_says_otherwise() {
     assert!(told.contains("neighbours left out ("), "{told}");
     assert!(!told.contains("a few rows that they never leave"), "{}", built.stderr());
     let cured = manifest(&place);
-    assert_eq!(sum(&cured, |of| &of["before"]["traps"]), sum(&found, |of| &of["after"]["traps"]));
-    assert_eq!(sum(&cured, |of| &of["after"]["traps"]), 0);
-    assert_eq!(sum(&cured, |of| &of["trapped"]), 0);
-    let left_out = sum(&cured, |of| &of["left_out"]);
+    assert_eq!(
+        sum(&cured, |recurrence| &recurrence["before"]["traps"]),
+        sum(&found, |recurrence| &recurrence["after"]["traps"])
+    );
+    assert_eq!(sum(&cured, |recurrence| &recurrence["after"]["traps"]), 0);
+    assert_eq!(sum(&cured, |recurrence| &recurrence["trapped"]), 0);
+    let left_out = sum(&cured, |recurrence| &recurrence["left_out"]);
     assert!((1..100).contains(&left_out), "{left_out} left out");
     let stretches = &cured["members"][0]["recurrence"]["left_out_times"];
     assert!(stretches[0]["times"][0].as_str().is_some_and(|time| time.starts_with("2022-11-0")));

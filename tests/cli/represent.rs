@@ -38,7 +38,6 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     assert!(trained.contains("awareness") && trained.contains("chosen"), "{trained}");
     let manifest = manifest(&place);
     let candidates = manifest["candidates"].as_array().expect("a list");
-    let awareness = |of: &Value| of["scores"]["dynamics_awareness"].as_f64().expect("a number");
     let chosen = manifest["chosen"].as_u64().expect("one qualifies") as usize;
     let best = candidates.iter().map(awareness).fold(0.0, f64::max);
     assert_eq!(candidates.len(), 2);
@@ -105,6 +104,11 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     let after = place.content("study-results/representation/candidates");
     assert_eq!((before.len(), after.len()), (4, 6));
     assert!(before.iter().all(|(path, content)| after[path] == *content));
+}
+
+/// The dynamics awareness of a candidate.
+fn awareness(candidate: &Value) -> f64 {
+    candidate["scores"]["dynamics_awareness"].as_f64().expect("a number")
 }
 
 #[test]
@@ -205,21 +209,24 @@ fn a_stale_representation_says_nothing_of_the_next_one() {
     let (psi, rows) = psi(&place);
     write_npy(&place.path().join("psi.npy"), &psi, rows, 4).expect("written");
     place.calib(&["represent", "study.toml"]).succeeds();
-    let components =
-        |count: &'static str| ["build-model", "study.toml", "--set", count, "--index", "scan"];
     let before = place.content("study-results");
-    let refused = place.calib(&components("model.components=4")).fails(2);
+    let refused = place.calib(&built_with("model.components=4")).fails(2);
     assert!(refused.contains("fewer than the"), "{refused}");
     assert!(place.content("study-results") == before, "the model is still there");
     // Five components of four coordinates there are none, but the next ones are eight.
     let twice: Vec<f32> = psi.chunks_exact(4).flat_map(|row| [row, row].concat()).collect();
     write_npy(&place.path().join("wide.npy"), &twice, rows, 8).expect("written");
     place.edit_study("psi.npy", "wide.npy");
-    let stale = place.calib(&components("model.components=5")).fails(2);
+    let stale = place.calib(&built_with("model.components=5")).fails(2);
     assert!(
         stale.contains("run `calib represent study.toml --set 'model.components=5'` again"),
         "{stale}"
     );
+}
+
+/// What builds the model with something set.
+fn built_with(set: &str) -> [&str; 6] {
+    ["build-model", "study.toml", "--set", set, "--index", "scan"]
 }
 
 #[test]
@@ -272,13 +279,11 @@ fn parquet_is_joined_by_time_and_by_row() {
     let mut at: Vec<Timestamp> = order.iter().map(|&row| times[row]).collect();
     at.push(Timestamp::from_micros(0));
     let path = place.path().join("psi.parquet");
-    let column = |column: usize| {
-        let values = order.iter().map(|&row| psi[4 * row + column]);
-        values.chain([0.0]).collect::<Vec<f32>>()
-    };
     let mut table = Table::new().with("at", at);
     for number in 0..4 {
-        table = table.with(format!("psi{number}"), column(number));
+        let values = order.iter().map(|&row| psi[4 * row + number]);
+        let values: Vec<f32> = values.chain([0.0]).collect();
+        table = table.with(format!("psi{number}"), values);
     }
     table.write_parquet(&path).expect("written");
     place.calib(&["represent", "study.toml"]).succeeds();

@@ -64,7 +64,7 @@ impl Checker<'_> {
         parts.extend(rules.get("$ref").map(|path| self.target(path)));
         for rule in ["anyOf", "oneOf", "allOf"] {
             let all = rules.get(rule).and_then(Value::as_array).into_iter().flatten();
-            parts.extend(all.filter(|of| self.check(of, value, "$").is_ok()));
+            parts.extend(all.filter(|part| self.check(part, value, "$").is_ok()));
         }
         let own = rules.get("properties").and_then(Value::as_object);
         let is_open = rules.get("additionalProperties").is_some_and(|says| *says != false);
@@ -113,11 +113,13 @@ impl Checker<'_> {
         match rule {
             "$ref" => self.check(self.target(says), value, at),
             "anyOf" | "oneOf" => {
-                let why: Vec<String> =
-                    list().iter().filter_map(|of| self.check(of, value, at).err()).collect();
+                let why: Vec<String> = list()
+                    .iter()
+                    .filter_map(|schema| self.check(schema, value, at).err())
+                    .collect();
                 if why.len() < list().len() { Ok(()) } else { Err(why.join("; or ")) }
             }
-            "allOf" => list().iter().try_for_each(|of| self.check(of, value, at)),
+            "allOf" => list().iter().try_for_each(|schema| self.check(schema, value, at)),
             "type" => {
                 let is = |name: &Value| is_a(name.as_str().expect("a name"), value);
                 let is = says.as_array().map_or_else(|| is(says), |names| names.iter().any(is));
@@ -158,19 +160,22 @@ impl Checker<'_> {
                 }
             }
             "properties" => {
-                says.as_object().expect("properties").iter().try_for_each(|(key, of)| {
+                says.as_object().expect("properties").iter().try_for_each(|(key, schema)| {
                     value
                         .get(key)
-                        .map_or(Ok(()), |value| self.whole(of, value, &format!("{at}.{key}")))
+                        .map_or(Ok(()), |value| self.whole(schema, value, &format!("{at}.{key}")))
                 })
             }
             "additionalProperties" => {
-                let named =
-                    |key: &String| rules.get("properties").is_some_and(|of| of.get(key).is_some());
-                let others = value.as_object().into_iter().flatten().filter(|(key, _)| !named(key));
+                let named = rules.get("properties");
+                let others = value
+                    .as_object()
+                    .into_iter()
+                    .flatten()
+                    .filter(|(key, _)| named.is_none_or(|named| named.get(key).is_none()));
                 others.into_iter().try_for_each(|(key, value)| match says {
                     Value::Bool(false) => Err(format!("{at}: {key} is in no schema")),
-                    of => self.whole(of, value, &format!("{at}.{key}")),
+                    schema => self.whole(schema, value, &format!("{at}.{key}")),
                 })
             }
             "items" => {
@@ -178,7 +183,7 @@ impl Checker<'_> {
                     if rules
                         .get("prefixItems")
                         .and_then(Value::as_array)
-                        .is_some_and(|of| place < of.len())
+                        .is_some_and(|items| place < items.len())
                     {
                         return Ok(());
                     }
@@ -187,8 +192,8 @@ impl Checker<'_> {
             }
             "prefixItems" => {
                 let values = value.as_array().into_iter().flatten();
-                list().iter().zip(values).enumerate().try_for_each(|(place, (of, value))| {
-                    self.whole(of, value, &format!("{at}[{place}]"))
+                list().iter().zip(values).enumerate().try_for_each(|(place, (schema, value))| {
+                    self.whole(schema, value, &format!("{at}[{place}]"))
                 })
             }
             "const" | "enum" | "minimum" | "maximum" | "exclusiveMinimum" | "exclusiveMaximum"

@@ -13,16 +13,10 @@ fn results(place: &Place, folder: &str) -> BTreeMap<PathBuf, Vec<u8>> {
 
 #[test]
 fn a_grid_of_representations_in_shares_is_that_of_one_process() {
-    let place = || {
-        let place = Place::with_study();
-        place.edit_study("[model]", LAPLACIAN);
-        place.edit_study("[1e-3, 3e-3]", "[1e-3, 2e-3, 3e-3]");
-        place
-    };
-    let alone = place();
-    let shared = place();
+    let alone = with_three_representations();
+    let shared = with_three_representations();
     alone.calib(&["represent", "study.toml"]).succeeds();
-    let share = |of: &str| shared.calib(&["represent", "study.toml", "--share", of]);
+    let share = |part: &str| shared.calib(&["represent", "study.toml", "--share", part]);
     // In any order, and one twice; of one nothing is left to do.
     assert!(share("1/2").succeeds().contains("share 1/2: 1 representation trained, of 3"));
     let early = shared.calib(&["build-model", "study.toml"]).fails(2);
@@ -41,21 +35,20 @@ fn a_grid_of_representations_in_shares_is_that_of_one_process() {
     assert!(forced.contains("--force makes everything again"), "{forced}");
 }
 
+/// A study with a grid of three representations.
+fn with_three_representations() -> Place {
+    let place = Place::with_study();
+    place.edit_study("[model]", LAPLACIAN);
+    place.edit_study("[1e-3, 3e-3]", "[1e-3, 2e-3, 3e-3]");
+    place
+}
+
 #[test]
 fn agents_that_shares_pre_train_are_those_of_one_process() {
-    let place = || {
-        let place = Place::with_study();
-        place.edit_study(
-            "[sweep]",
-            "[pretrain]\nepochs = 6\nlearning_rate = 1e-3\nfraction = 0.4\n\n[sweep]",
-        );
-        place.edit_study("[\"PIT300\", \"TIT101\"]", "[\"PIT300\", \"TUIT101\", \"TIT101\"]");
-        place
-    };
-    let alone = place();
-    let shared = place();
+    let alone = with_three_agents();
+    let shared = with_three_agents();
     alone.calib(&["pretrain", "study.toml"]).succeeds();
-    let share = |of: &str| shared.calib(&["pretrain", "study.toml", "--share", of]);
+    let share = |part: &str| shared.calib(&["pretrain", "study.toml", "--share", part]);
     assert!(share("0/2").succeeds().contains("share 0/2: 2 agents pre-trained, of 3"));
     // What a share has made counts, whoever goes on.
     let again = share("0/2");
@@ -67,6 +60,17 @@ fn agents_that_shares_pre_train_are_those_of_one_process() {
     let folder = "study-results/pretrain";
     assert!(results(&alone, folder) == results(&shared, folder));
     assert!(shared.calib(&["pretrain", "study.toml"]).succeeds().contains("up to date"));
+}
+
+/// A study of three sensors, whose agents are pre-trained.
+fn with_three_agents() -> Place {
+    let place = Place::with_study();
+    place.edit_study(
+        "[sweep]",
+        "[pretrain]\nepochs = 6\nlearning_rate = 1e-3\nfraction = 0.4\n\n[sweep]",
+    );
+    place.edit_study("[\"PIT300\", \"TIT101\"]", "[\"PIT300\", \"TUIT101\", \"TIT101\"]");
+    place
 }
 
 #[test]

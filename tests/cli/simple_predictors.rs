@@ -31,7 +31,7 @@ fn an_agent_that_does_not_learn_has_the_error_of_its_baseline() {
         let summary = summary(&place(name));
         for verdict in summary["verdicts"].as_array().expect("a list") {
             let simple = verdict["simple"].as_array().expect("a list");
-            let own = simple.iter().find(|of| of["predictor"] == name).expect("scored");
+            let own = simple.iter().find(|score| score["predictor"] == name).expect("scored");
             let frozen = verdict["truth"]["scores"]["candidates"][0]["mean"].as_f64();
             let own = own["online_error"].as_f64();
             let (own, frozen) = own.zip(frozen).expect("numbers");

@@ -58,7 +58,10 @@ const LOOKS: usize = 3_000;
 
 fn states<'v>(status: &'v Value, step: &str) -> Vec<&'v str> {
     let steps = status["steps"].as_array().expect("steps").iter();
-    steps.filter(|of| of["step"] == step).filter_map(|of| of["state"].as_str()).collect()
+    steps
+        .filter(|entry| entry["step"] == step)
+        .filter_map(|entry| entry["state"].as_str())
+        .collect()
 }
 
 fn runs(ranking: &Value) -> (u64, u64) {
@@ -84,13 +87,13 @@ fn a_finished_study_is_done_and_its_settings_are_ranked() {
         assert_eq!(runs(ranking), (33, 33), "{ranking}");
         let settings = ranking["settings"].as_array().expect("settings");
         assert_eq!(settings[0]["ratio"], 1.0);
-        let ratios = settings.iter().filter_map(|of| of["ratio"].as_f64());
+        let ratios = settings.iter().filter_map(|setting| setting["ratio"].as_f64());
         assert!(ratios.clone().is_sorted() && ratios.count() == 3, "{ranking}");
         let [low, high] = [0, 1].map(|end| settings[2]["interval"][end].as_f64().expect("known"));
         let ratio = settings[2]["ratio"].as_f64().expect("known");
         assert!(low < ratio && ratio < high, "{ranking}");
         // By the default rule: two runs in each of three members, two on the log.
-        assert!(settings.iter().all(|of| of["runs"] == 8), "{ranking}");
+        assert!(settings.iter().all(|setting| setting["runs"] == 8), "{ranking}");
     }
     let folder = status(&place, "study-results");
     assert_eq!(folder["rankings"], after["rankings"], "by the folder of its results");

@@ -98,10 +98,10 @@ fn other_data_make_the_plant_superfluous() {
 #[test]
 fn mistakes_about_the_plant_are_named() {
     let place = Place::with_plant();
-    let of = |set: &str| place.calib(&["simulate", "study.toml", "--set", set]).fails(2);
-    assert!(of("simulate.chanels=5").contains("did you mean `channels`"));
-    assert!(of("simulate.channels=1").contains("`channels` is 1, expected"));
-    assert!(of("simulate.period_secs=0").contains("positive number of seconds"));
+    let refused = |set: &str| place.calib(&["simulate", "study.toml", "--set", set]).fails(2);
+    assert!(refused("simulate.chanels=5").contains("did you mean `channels`"));
+    assert!(refused("simulate.channels=1").contains("`channels` is 1, expected"));
+    assert!(refused("simulate.period_secs=0").contains("positive number of seconds"));
     let message = place.calib(&["simulate", "study.toml", "--days", "2"]).fails(2);
     assert!(message.contains("--set simulate.days=2"), "{message}");
     place.edit_study("path = \"data\"", "path = \"data/*.parquet\"");
@@ -169,22 +169,22 @@ fn a_profile_is_the_study_at_another_size_with_results_of_its_own() {
 fn mistakes_in_profiles_are_named_before_they_are_chosen() {
     let place = Place::with_plant();
     let study = std::fs::read_to_string(place.path().join("study.toml")).expect("readable");
-    let of = |profiles: &str, args: &[&str]| {
+    let refused = |profiles: &str, args: &[&str]| {
         place.write("study.toml", &format!("{study}\n{profiles}\n"));
         place.calib(&[&["simulate", "study.toml"], args].concat()).fails(2)
     };
-    let key = of("[profiles.tiny.agent]\ngama = 0.5", &[]);
+    let key = refused("[profiles.tiny.agent]\ngama = 0.5", &[]);
     assert!(
         key.contains("[profiles.tiny]: agent: unknown key `gama`; did you mean `gamma`"),
         "{key}"
     );
-    let model = of("[profiles.tiny.models.a]\nagent.gamma = 0.5", &[]);
+    let model = refused("[profiles.tiny.models.a]\nagent.gamma = 0.5", &[]);
     assert!(model.contains("[models.a]: agent cannot differ"), "{model}");
-    let name = of("[profiles.sweep]\nseed = 1", &[]);
+    let name = refused("[profiles.sweep]\nseed = 1", &[]);
     assert!(name.contains("choose another name"), "{name}");
-    let unknown = of("[profiles.tiny]\nseed = 1", &["--profile", "small"]);
+    let unknown = refused("[profiles.tiny]\nseed = 1", &["--profile", "small"]);
     assert!(unknown.contains("--profile small: the study's profiles are tiny"), "{unknown}");
-    let value = of("[profiles.tiny.agent]\ngamma = 5", &["--profile", "tiny"]);
+    let value = refused("[profiles.tiny.agent]\ngamma = 5", &["--profile", "tiny"]);
     assert!(value.contains("study.toml:") && value.contains("`gamma`"), "{value}");
 }
 
@@ -210,10 +210,10 @@ fn models_of_a_part_of_the_range_have_the_units_of_all_of_it() {
     assert_eq!(all["normaliser"], day["normaliser"]);
     assert!(day["rows"].as_u64() < all["rows"].as_u64().map(|rows| rows * 2 / 3));
     assert!(day["times"][0].as_str().expect("a time").starts_with("2022-11-02"));
-    let of = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).fails(2);
-    let late = of("models.day.model.period.start=2022-11-05");
+    let refused = |set: &str| place.calib(&["build-model", "study.toml", "--set", set]).fails(2);
+    let late = refused("models.day.model.period.start=2022-11-05");
     assert!(late.contains("model.period") && late.contains("has 0 states"), "{late}");
-    let key = of("models.day.model.perriod=1");
+    let key = refused("models.day.model.perriod=1");
     assert!(key.contains("unknown key `perriod`; did you mean `period`"), "{key}");
 }
 

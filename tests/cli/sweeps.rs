@@ -1,5 +1,7 @@
 //! What is swept: every field of the agent, lists, ranges, samples; and what it takes.
 
+use std::{collections::BTreeMap, path::PathBuf};
+
 use calib_data::table::{Table, read_parquet};
 use insta::assert_snapshot;
 
@@ -54,13 +56,13 @@ fn every_field_of_the_agent_can_be_swept_and_has_an_effect() {
         let candidate = table.column::<u32>("candidate").expect("there");
         let errors = table.column::<f64>("rmse").expect("there");
         for member in ["member:0", "member:1", "member:2", "online"] {
-            let of = |wanted: u32| {
+            let rmse = |wanted: u32| {
                 let mut rows = environment.iter().zip(candidate).zip(errors);
-                let row = rows.find(|((name, of), _)| *name == member && **of == wanted);
+                let row = rows.find(|((name, value), _)| *name == member && **value == wanted);
                 *row.expect("trained").1
             };
-            assert!(of(0).is_finite() && of(1).is_finite(), "{field} in {member}");
-            assert!(of(0) != of(1), "{field} makes a difference in {member}");
+            assert!(rmse(0).is_finite() && rmse(1).is_finite(), "{field} in {member}");
+            assert!(rmse(0) != rmse(1), "{field} makes a difference in {member}");
         }
     }
     // Swept traces can be told from one another to the end.
@@ -98,8 +100,8 @@ fn a_dry_run_lists_the_values_and_what_they_take() {
 #[test]
 fn mistakes_in_the_values_say_what_to_do() {
     let place = place();
-    let of = |set: &str| place.calib(&["sweep", "study.toml", "--set", set]).fails(2);
-    let set = |grid: &str| of(&format!("sweep.grid={{ {grid} }}"));
+    let refused = |set: &str| place.calib(&["sweep", "study.toml", "--set", set]).fails(2);
+    let set = |grid: &str| refused(&format!("sweep.grid={{ {grid} }}"));
     let mistakes = [
         set("learning_rate = { from = 1e-2, to = 1e-4, per_decade = 1 }"),
         set("learning_rate = { from = 0, to = 1e-1, per_decade = 2 }"),
@@ -112,8 +114,8 @@ fn mistakes_in_the_values_say_what_to_do() {
         set(
             "beta2 = { from = 0.1, to = 0.9, count = 101 }, beta1 = { from = 0.1, to = 0.9, count = 101 }",
         ),
-        of("sweep.sampling=sobel"),
-        place.calib(&["sweep", "study.toml", "--set", "sweep.sampling=random"]).fails(2),
+        refused("sweep.sampling=sobel"),
+        refused("sweep.sampling=random"),
     ];
     assert_snapshot!(mistakes.join("\n\n"));
 }
@@ -133,31 +135,37 @@ fn a_halving_chooses_from_a_part_of_the_runs_and_says_so() {
     let place = Place::with_study();
     place.edit_study("member_runs = 2", "member_runs = 4");
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-4, 1e-3, 1e-2, 1e38]");
-    let chosen = |place: &Place| {
-        let told = place.calib(&["evaluate", "study.toml", "--json"]).stdout();
-        let verdict: serde_json::Value = serde_json::from_str(&told).expect("JSON");
-        verdict["verdicts"]
-            .as_array()
-            .expect("a list")
-            .iter()
-            .map(|one| one["chosen"].as_u64().expect("a number"))
-            .collect::<Vec<_>>()
-    };
-    let made = |place: &Place| runs(place).column::<u32>("candidate").expect("there").len();
     for command in ["build-model", "sweep"] {
         place.calib(&[command, "study.toml"]).succeeds();
     }
     let whole = chosen(&place);
-    let all = made(&place);
+    let all = runs_made(&place);
     place.edit_study("member_runs = 4", "member_runs = 4\nrace = \"halving\"");
     place.calib(&["sweep", "study.toml"]).succeeds();
     assert_eq!(chosen(&place), whole);
-    let left = made(&place);
+    let left = runs_made(&place);
     assert!(left < all * 3 / 4, "{left} of {all} runs");
     let shown = place.calib(&["evaluate", "study.toml"]).stdout();
     assert!(shown.contains("the race dropped"), "{shown}");
     let refused = place.calib(&["sweep", "study.toml", "--set", "sweep.race=3"]).fails(2);
     assert!(refused.contains("sweep.race: expected \"none\" or \"halving\", got"), "{refused}");
+}
+
+/// The chosen candidates, sensor by sensor.
+fn chosen(place: &Place) -> Vec<u64> {
+    let told = place.calib(&["evaluate", "study.toml", "--json"]).stdout();
+    let verdict: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    verdict["verdicts"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|one| one["chosen"].as_u64().expect("a number"))
+        .collect()
+}
+
+/// How many runs the sweep made.
+fn runs_made(place: &Place) -> usize {
+    runs(place).column::<u32>("candidate").expect("there").len()
 }
 
 #[test]
@@ -171,8 +179,9 @@ fn a_race_drops_what_diverges_says_so_and_resumes() {
     let table = runs(&place);
     let environment = table.column::<String>("environment").expect("there");
     let candidate = table.column::<u32>("candidate").expect("there");
-    let made = |name: &str, wanted: u32| {
-        environment.iter().zip(candidate).filter(|(of, at)| *of == name && **at == wanted).count()
+    let made = |member: &str, wanted: u32| {
+        let runs = environment.iter().zip(candidate);
+        runs.filter(|(name, value)| *name == member && **value == wanted).count()
     };
     // Two sensors; the one that diverges makes its first run in each member, and all Online.
     assert_eq!((made("member:0", 3), made("online", 3)), (2, 6));
@@ -253,10 +262,15 @@ fn one_more_value_in_the_grid_trains_that_value_alone() {
         let back = grown.calib(&["sweep", "study.toml"]).succeeds();
         assert!(back.contains("up to date"), "{race}: {back}");
         grown.calib(&["evaluate", "study.toml"]);
-        let tables = |mut content: std::collections::BTreeMap<std::path::PathBuf, Vec<u8>>| {
-            content.retain(|path, _| !path.starts_with("sweep/units"));
-            content
-        };
-        assert!(tables(grown.content("study-results")) == tables(before), "{race}: as it was");
+        assert!(
+            without_units(grown.content("study-results")) == without_units(before),
+            "{race}: as it was"
+        );
     }
+}
+
+/// What a sweep left but for its units.
+fn without_units(mut content: BTreeMap<PathBuf, Vec<u8>>) -> BTreeMap<PathBuf, Vec<u8>> {
+    content.retain(|path, _| !path.starts_with("sweep/units"));
+    content
 }

@@ -1,6 +1,6 @@
 //! Nothing is lost, and nothing is silently wrong: damaged files, foreign files, names and numbers from outside.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, time::SystemTime};
 
 use calib_core::Timestamp;
 use calib_data::table::{Table, read_parquet, write_log};
@@ -45,17 +45,21 @@ fn a_sweep_with_nothing_to_write_writes_nothing() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     place.calib(&["sweep", "study.toml"]).succeeds();
     let manifest = place.path().join("study-results/sweep/manifest.json");
-    let written = |path: &Path| fs::metadata(path).expect("there").modified().expect("a time");
-    let (before, content) = (written(&manifest), fs::read(&manifest).expect("readable"));
+    let (before, content) = (modified(&manifest), fs::read(&manifest).expect("readable"));
     // Not even a lock can be taken.
     let lock = place.path().join("study-results/sweep/.lock");
     fs::remove_file(&lock).expect("removed");
     fs::create_dir(&lock).expect("made");
     place.calib(&["sweep", "study.toml"]).succeeds();
-    assert_eq!((written(&manifest), fs::read(&manifest).expect("readable")), (before, content));
+    assert_eq!((modified(&manifest), fs::read(&manifest).expect("readable")), (before, content));
     let refused = place.calib(&["sweep", "study.toml", "--force"]).fails(2);
     assert!(refused.contains(".lock"), "{refused}");
     assert!(manifest.exists(), "what could not be begun is not given up");
+}
+
+/// When a file was last written.
+fn modified(path: &Path) -> SystemTime {
+    fs::metadata(path).expect("there").modified().expect("a time")
 }
 
 #[test]
@@ -180,11 +184,10 @@ fn what_the_kernel_says_of_itself_is_no_log() {
 #[test]
 fn pipes_are_refused_instead_of_waited_for() {
     let place = place();
-    let pipe = |name: &str| {
+    for name in ["s.toml", "q.npy", "q.csv", "q.parquet", "logs.parquet"] {
         let made = std::process::Command::new("mkfifo").arg(place.path().join(name)).status();
         assert!(made.expect("mkfifo").success());
-    };
-    ["s.toml", "q.npy", "q.csv", "q.parquet", "logs.parquet"].into_iter().for_each(pipe);
+    }
     place.write("r.csv", "1\n2\n");
     for query in ["q.npy", "q.csv", "q.parquet:a"] {
         let refused = place.calib(&["dtw", query, "r.csv"]).fails(2);
@@ -202,11 +205,10 @@ fn log(place: &Place, name: &str, channels: &[&str], value: impl Fn(usize, usize
         .map(|row| Timestamp::from_micros(1_667_260_800_000_000 + row * 60_000_000))
         .collect();
     let table = Table::new().with("timestamp", times);
-    let column = |channel: usize| (0..3000).map(|row| value(row, channel)).collect::<Vec<f64>>();
-    let table = channels
-        .iter()
-        .enumerate()
-        .fold(table, |table, (number, channel)| table.with(*channel, column(number)));
+    let table = channels.iter().enumerate().fold(table, |table, (number, channel)| {
+        let values: Vec<f64> = (0..3000).map(|row| value(row, number)).collect();
+        table.with(*channel, values)
+    });
     fs::create_dir_all(place.path().join(name)).expect("made");
     table.write_parquet(&place.path().join(name).join("a.parquet")).expect("written");
 }
@@ -327,11 +329,11 @@ fn dates_that_stand_for_never_are_no_rows() {
 fn results_are_no_logs() {
     let place = place();
     place.calib(&["run", "study.toml", "-q"]).succeeds();
-    let of = |path: &str| {
+    let inspected = |path: &str| {
         let set = format!("data.path={path}");
         place.calib(&["inspect", "study.toml", "--set", &set]).succeeds().replace("in .", "in data")
     };
-    assert_eq!(of("."), of("data"));
+    assert_eq!(inspected("."), inspected("data"));
     let refused = place.calib(&["inspect", "study-results"]).fails(2);
     assert!(refused.contains("results of calib, which are no logs"), "{refused}");
 }
@@ -339,22 +341,20 @@ fn results_are_no_logs() {
 #[test]
 fn a_study_beside_its_text_can_run_again() {
     let place = Place::new();
-    let row = |row: usize| {
-        let (hour, minute) = (row / 60 % 24, row % 60);
-        let day = 1 + row / 1440;
-        format!(
-            "2024-03-{day:02} {hour:02}:{minute:02}:00,{:.3},{:.3}\n",
-            wave(row, 0),
-            wave(row, 1)
-        )
-    };
-    let rows: String = (0..2000).map(row).collect();
+    let rows: String = (0..2000).map(row_of_waves).collect();
     place.write("log.csv", &format!("time,a,b\n{rows}"));
     place.write("study.toml", "[data]\npath = \".\"\ntrain_fraction = 0.7\n");
     let before = place.calib(&["inspect", "."]).succeeds();
     assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("wrote"));
     assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("up to date"));
     assert_eq!(place.calib(&["inspect", "."]).succeeds(), before);
+}
+
+/// A row of a log of two waves.
+fn row_of_waves(row: usize) -> String {
+    let (hour, minute) = (row / 60 % 24, row % 60);
+    let day = 1 + row / 1440;
+    format!("2024-03-{day:02} {hour:02}:{minute:02}:00,{:.3},{:.3}\n", wave(row, 0), wave(row, 1))
 }
 
 #[test]

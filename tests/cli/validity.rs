@@ -66,7 +66,7 @@ fn place() -> Place {
 /// The method called `name` of a judgement's first score.
 fn method(json: &Value, name: &str) -> Value {
     let all = json["scores"][0]["methods"].as_array().expect("a list");
-    all.iter().find(|of| of["method"] == name).expect("it is there").clone()
+    all.iter().find(|method| method["method"] == name).expect("it is there").clone()
 }
 
 fn parsed(text: &str) -> Value {

@@ -123,7 +123,7 @@ fn logs_as_text() -> Vec<Vec<u8>> {
         .expect("the formats")
         .flatten()
         .map(|entry| entry.path())
-        .filter(|path| path.is_file() && path.extension().is_some_and(|of| of != "parquet"))
+        .filter(|path| path.is_file() && path.extension().is_some_and(|ending| ending != "parquet"))
         .collect();
     paths.sort();
     paths.iter().map(|path| fs::read(path).expect("readable")).collect()
@@ -259,8 +259,10 @@ proptest! {
         cells in vec("\\PC{0,12}|[-+0-9TtZz:. /,apmAPM]{0,24}|[0-9]{1,18}|\\PC{0,3}[0-9]{1,2}:[0-9]{2}", 1..6),
         name in "\\PC{0,8}",
     ) {
-        let quoted = |cell: &String| format!("\"{}\",1\n", cell.replace('"', "\"\""));
-        let rows: String = cells.iter().map(quoted).collect();
+        let rows: String = cells
+            .iter()
+            .map(|cell| format!("\"{}\",1\n", cell.replace('"', "\"\"")))
+            .collect();
         let text = format!("time,\"{}\"\n{rows}", name.replace('"', "\"\""));
         let (_place, path) = Place::with("a.csv", text.as_bytes());
         read_text(&path);

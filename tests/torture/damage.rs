@@ -140,7 +140,7 @@ fn damage() {
     );
     let mut wrong = Vec::new();
     for kind in KINDS {
-        let of_kind = || outcomes.iter().filter(|(of, ..)| *of == kind);
+        let of_kind = || outcomes.iter().filter(|(tried, ..)| *tried == kind);
         let count = |wanted| of_kind().filter(|(.., outcome)| *outcome == Ok(wanted)).count();
         let errors = of_kind().filter_map(|(_, name, outcome)| {
             let error = outcome.as_ref().err()?;

@@ -51,13 +51,14 @@ type Content = BTreeMap<PathBuf, Vec<u8>>;
 /// knows whether another process still writes it.
 fn content(place: &Place) -> Content {
     let mut content = place.content(".");
-    let is_lock = |path: &Path| path.ends_with(".lock");
-    let is_beside = |path: &Path| {
-        path.to_str().is_some_and(|name| name.starts_with(".calib-"))
-            && path.extension().is_some_and(|kind| kind == "tmp")
-    };
-    content.retain(|path, _| !is_lock(path) && !is_beside(path));
+    content.retain(|path, _| !path.ends_with(".lock") && !is_left_by_a_kill(path));
     content
+}
+
+/// Whether a file is one that a kill leaves half-written beside that of a user.
+fn is_left_by_a_kill(path: &Path) -> bool {
+    path.to_str().is_some_and(|name| name.starts_with(".calib-"))
+        && path.extension().is_some_and(|kind| kind == "tmp")
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -144,14 +145,16 @@ fn campaign(job: &Job) {
     assert!(!operations.is_empty());
     let all = std::env::var("CALIB_FAULTS").is_ok_and(|which| which == "all");
     let wanted = if all { operations.len() } else { SLICE.min(operations.len()) };
-    // Spread over the command, and different ones for each kind.
-    let number = |kind: usize, place: usize| {
-        1 + (place * operations.len() + kind * operations.len() / KINDS.len()) / wanted
-            % operations.len()
-    };
     let cases: Vec<(usize, usize)> = (0..KINDS.len())
         .flat_map(|kind| (0..wanted).map(move |place| (kind, place)))
-        .map(|(kind, place)| (kind, if all { place + 1 } else { number(kind, place) }))
+        .map(|(kind, place)| {
+            if all {
+                return (kind, place + 1);
+            }
+            // Spread over the command, and different ones for each kind.
+            let shift = kind * operations.len() / KINDS.len();
+            (kind, 1 + (place * operations.len() + shift) / wanted % operations.len())
+        })
         .collect();
     let outcomes = on_all_cores(cases.len(), |case| {
         let (kind, number) = cases[case];
@@ -159,7 +162,7 @@ fn campaign(job: &Job) {
     });
     let mut wrong = Vec::new();
     for (kind, name) in KINDS.iter().enumerate() {
-        let of_kind = || cases.iter().zip(&outcomes).filter(|((of, _), _)| *of == kind);
+        let of_kind = || cases.iter().zip(&outcomes).filter(|((tried, _), _)| *tried == kind);
         let count = |wanted| of_kind().filter(|(_, outcome)| **outcome == Ok(wanted)).count();
         println!(
             "{:<40} {name}: {} of {} operations tried, {} refused, {} whole all the same, {} killed",
@@ -305,10 +308,12 @@ fn names(text: &str, call: &str) -> bool {
 /// Files with one of `calls`, but for `own`, a path from the root.
 fn callers(calls: &[&'static str], own: &str) -> Vec<(PathBuf, Vec<&'static str>)> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join(own);
-    let made = |text: &str| calls.iter().copied().filter(|call| names(text, call)).collect();
     let found = sources_of_all().into_iter().filter(|(path, _)| *path != own);
-    let found = found.map(|(path, text)| (path, made(&text)));
-    found.filter(|(_, made): &(_, Vec<_>)| !made.is_empty()).collect()
+    let found = found.map(|(path, text)| {
+        let made: Vec<_> = calls.iter().copied().filter(|call| names(&text, call)).collect();
+        (path, made)
+    });
+    found.filter(|(_, made)| !made.is_empty()).collect()
 }
 
 #[test]

@@ -153,8 +153,11 @@ fn with_runs() -> Place {
     let place = neighbours();
     let rows: Vec<(&str, i64, i64, f64)> = ["member:0", "member:1", "online"]
         .into_iter()
-        .flat_map(|of| (0..2).flat_map(move |run| (0..2).map(move |value| (of, run, value))))
-        .map(|(of, run, value)| (of, run, value, 1.0 + value as f64 + 0.1 * run as f64))
+        .flat_map(|environment| (0..2).map(move |run| (environment, run)))
+        .flat_map(|(environment, run)| (0..2).map(move |value| (environment, run, value)))
+        .map(|(environment, run, value)| {
+            (environment, run, value, 1.0 + value as f64 + 0.1 * run as f64)
+        })
         .collect();
     Table::new()
         .with("environment", rows.iter().map(|row| row.0.to_owned()).collect::<Vec<String>>())
@@ -339,7 +342,7 @@ fn foreign() {
     });
     let mut wrong = Vec::new();
     for (number, act) in acts.iter().enumerate() {
-        let of_act = || outcomes.iter().filter(|(of, _)| *of == number);
+        let of_act = || outcomes.iter().filter(|(tried, _)| *tried == number);
         let count = |how| of_act().filter(|(_, outcome)| *outcome == Ok(how)).count();
         println!("{:<60} {:>6} {:>6}", act.args.join(" "), count("done"), count("refused"));
         wrong.extend(of_act().filter_map(|(_, outcome)| outcome.clone().err()));

@@ -146,18 +146,16 @@ impl Bases {
     fn new() -> Self {
         let made = everything();
         made.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
-        let json = |name: &str| Path::new(name).extension().is_some_and(|kind| kind == "json");
-        let manifests =
-            files(&made, |name| json(name) && !name.contains("run-") && !name.contains("evaluate"));
-        let units = files(&made, |name| json(name) && name.contains("run-"));
+        let manifests = files(&made, |name| {
+            is_json(name) && !name.contains("run-") && !name.contains("evaluate")
+        });
+        let units = files(&made, |name| is_json(name) && name.contains("run-"));
         let plain = neighbours();
         plain.calib(&["simulate", "study.toml", "-q"]).succeeds();
         Self { made, manifests, units, plain }
     }
 
     fn case(&self, target: &str, draws: &mut Draws) -> (String, Ended) {
-        let study =
-            |place: &Place| fs::read_to_string(place.path().join("study.toml")).expect("readable");
         match target {
             "study" | "profile" => {
                 let place = copied(&self.plain);
@@ -208,6 +206,15 @@ impl Bases {
             }
         }
     }
+}
+
+fn is_json(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|kind| kind == "json")
+}
+
+/// The text of the study in a place.
+fn study(place: &Place) -> String {
+    fs::read_to_string(place.path().join("study.toml")).expect("readable")
 }
 
 /// ψ from a file whose bytes were changed.

@@ -73,18 +73,21 @@ pub(crate) fn run(place: &Place, args: &[&str], names: &[&str]) -> Ended {
 #[cfg(unix)]
 fn limit(command: &mut std::process::Command) {
     use std::os::unix::process::CommandExt as _;
-    let limited = || {
-        let limit = libc::rlimit { rlim_cur: BYTES, rlim_max: BYTES };
-        // SAFETY: the limit is read, and nothing is kept of it.
-        #[expect(unsafe_code, reason = "limits are set in C")]
-        let set = unsafe { libc::setrlimit(libc::RLIMIT_AS, &raw const limit) };
-        if set == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) }
-    };
     // SAFETY: between fork and exec nothing but `setrlimit` is called.
     #[expect(unsafe_code, reason = "what a child does before it begins is unsafe by nature")]
     unsafe {
-        command.pre_exec(limited);
+        command.pre_exec(limit_own_addresses);
     }
+}
+
+/// Limit the addresses of the process that calls this.
+#[cfg(unix)]
+fn limit_own_addresses() -> std::io::Result<()> {
+    let limit = libc::rlimit { rlim_cur: BYTES, rlim_max: BYTES };
+    // SAFETY: the limit is read, and nothing is kept of it.
+    #[expect(unsafe_code, reason = "limits are set in C")]
+    let set = unsafe { libc::setrlimit(libc::RLIMIT_AS, &raw const limit) };
+    if set == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) }
 }
 
 /// Words by which a message says what to do, what was expected, or what there is instead; a caret below the place of a

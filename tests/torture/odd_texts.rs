@@ -58,7 +58,7 @@ fn difference(place: &Place, kind: &Kind, log: &Log) -> Option<String> {
         return Some(format!("{name:?} holds no numbers"));
     };
     let truth: BTreeMap<i64, Option<f64>> =
-        log.truth.iter().map(|of| (of.time, of.value)).collect();
+        log.truth.iter().map(|written| (written.time, written.value)).collect();
     for (time, value) in times.iter().zip(values) {
         let at = time.as_micros();
         let Some(expected) = truth.get(&at) else {
@@ -148,11 +148,12 @@ fn noise(draws: &mut Draws) -> Vec<u8> {
         3 => b"#datype,group\nle_tim\"fault:RFC39 \r",
         _ => b"time,a\n2024-03-01 06:00:00,1.5\xff",
     };
-    let byte = |draws: &mut Draws| match alphabet {
-        [] => 1 + draws.below(255) as u8,
-        some => *draws.of(some),
-    };
-    let mut bytes: Vec<u8> = (0..length).map(|_| byte(draws)).collect();
+    let mut bytes: Vec<u8> = (0..length)
+        .map(|_| match alphabet {
+            [] => 1 + draws.below(255) as u8,
+            some => *draws.of(some),
+        })
+        .collect();
     if draws.below(3) == 0 {
         let begins: [&[u8]; 6] = [
             b"time,a\n",
@@ -206,15 +207,6 @@ const LARGE: [&str; 8] = [
 /// The content of its files, each perhaps repeated.
 fn large(kind: &str, draws: &mut Draws) -> Vec<(String, Vec<u8>)> {
     let mut text = String::new();
-    let time = |second: usize| {
-        format!(
-            "2024-03-{:02} {:02}:{:02}:{:02}",
-            1 + second / 86_400,
-            second / 3_600 % 24,
-            second / 60 % 60,
-            second % 60
-        )
-    };
     match kind {
         "InfluxDB with other keys in every table" | "InfluxDB with many tables" => {
             let same = kind.ends_with("many tables");
@@ -273,6 +265,17 @@ fn large(kind: &str, draws: &mut Draws) -> Vec<(String, Vec<u8>)> {
         }
     }
     vec![("a.csv".to_owned(), text.into_bytes())]
+}
+
+/// The time of a second of March.
+fn time(second: usize) -> String {
+    format!(
+        "2024-03-{:02} {:02}:{:02}:{:02}",
+        1 + second / 86_400,
+        second / 3_600 % 24,
+        second / 60 % 60,
+        second % 60
+    )
 }
 
 #[test]

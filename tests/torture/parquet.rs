@@ -59,19 +59,6 @@ impl Column {
     }
 
     fn schema(&self) -> Vec<SchemaElement> {
-        let group =
-            |(name, repetition, converted): &(String, _, Option<ConvertedType>)| SchemaElement {
-                type_: None,
-                type_length: None,
-                repetition_type: Some(*repetition),
-                name: name.clone(),
-                num_children: Some(1),
-                converted_type: *converted,
-                scale: None,
-                precision: None,
-                field_id: None,
-                logical_type: None,
-            };
         let leaf = SchemaElement {
             type_: Some(self.physical),
             type_length: self.length,
@@ -84,7 +71,7 @@ impl Column {
             field_id: None,
             logical_type: self.logical.clone(),
         };
-        self.groups.iter().map(group).chain([leaf]).collect()
+        self.groups.iter().map(schema_of_group).chain([leaf]).collect()
     }
 
     /// The pages of the column, and where its data page begins in them.
@@ -141,6 +128,24 @@ fn page(bytes: &mut Vec<u8>, content: &[u8], set: impl FnOnce(&mut PageHeader)) 
     let mut protocol = TCompactOutputProtocol::new(&mut *bytes);
     header.write_to_out_protocol(&mut protocol).expect("memory");
     bytes.extend(content);
+}
+
+/// A group, with one child.
+fn schema_of_group(
+    (name, repetition, converted): &(String, FieldRepetitionType, Option<ConvertedType>),
+) -> SchemaElement {
+    SchemaElement {
+        type_: None,
+        type_length: None,
+        repetition_type: Some(*repetition),
+        name: name.clone(),
+        num_children: Some(1),
+        converted_type: *converted,
+        scale: None,
+        precision: None,
+        field_id: None,
+        logical_type: None,
+    }
 }
 
 /// A run of equal numbers of at most eight bits.

@@ -100,14 +100,13 @@ impl Shape {
         };
         let mut columns = self.columns(&name, rows, draws);
         let one = |columns: &[Column]| Some(file(columns, rows as i64, |_| ()));
-        let a = || "a.parquet".to_owned();
         match self.files {
-            "empty file" => vec![(a(), Some(Vec::new()))],
-            "magic only" => vec![(a(), Some(b"PAR1PAR1".to_vec()))],
-            "no columns" => vec![(a(), one(&[]))],
+            "empty file" => vec![(a_parquet(), Some(Vec::new()))],
+            "magic only" => vec![(a_parquet(), Some(b"PAR1PAR1".to_vec()))],
+            "no columns" => vec![(a_parquet(), one(&[]))],
             "same column twice" => {
                 columns.push(columns[1].clone());
-                vec![(a(), one(&columns))]
+                vec![(a_parquet(), one(&columns))]
             }
             "many columns" => {
                 let further = columns[2].clone();
@@ -115,7 +114,7 @@ impl Shape {
                     (0..1500)
                         .map(|number| Column { name: format!("Q{number}"), ..further.clone() }),
                 );
-                vec![(a(), one(&columns))]
+                vec![(a_parquet(), one(&columns))]
             }
             "two that follow" | "two that overlap" | "other columns" | "other types" => {
                 let mut others = self.columns(
@@ -128,16 +127,21 @@ impl Shape {
                 if self.files == "other types" {
                     others[1] = column(&name, draws.of::<&str>(&KINDS), &wave(rows, draws));
                 }
-                vec![(a(), one(&columns)), ("b.parquet".to_owned(), one(&others))]
+                vec![(a_parquet(), one(&columns)), ("b.parquet".to_owned(), one(&others))]
             }
-            "the same twice" => vec![(a(), one(&columns)), ("b.parquet".to_owned(), one(&columns))],
+            "the same twice" => {
+                vec![(a_parquet(), one(&columns)), ("b.parquet".to_owned(), one(&columns))]
+            }
             "hive folders" => vec![
                 ("day=1/a.parquet".to_owned(), one(&columns)),
                 ("day=x/a.parquet".to_owned(), one(&columns)),
             ],
             "named as a column" => vec![("P=1/a.parquet".to_owned(), one(&columns))],
             "a folder called so" => {
-                vec![(a(), one(&columns)), ("b.parquet/inside.txt".to_owned(), Some(Vec::new()))]
+                vec![
+                    (a_parquet(), one(&columns)),
+                    ("b.parquet/inside.txt".to_owned(), Some(Vec::new())),
+                ]
             }
             "another ending" => {
                 vec![("a.csv".to_owned(), one(&columns)), ("a.PARQUET".to_owned(), one(&columns))]
@@ -145,7 +149,7 @@ impl Shape {
             "cut off" => {
                 let mut bytes = file(&columns, rows as i64, |_| ());
                 bytes.truncate(draws.below(bytes.len()));
-                vec![(a(), Some(bytes))]
+                vec![(a_parquet(), Some(bytes))]
             }
             "a bit" => {
                 let mut bytes = file(&columns, rows as i64, |_| ());
@@ -153,17 +157,17 @@ impl Shape {
                     let place = draws.below(bytes.len());
                     bytes[place] ^= 1 << draws.below(8);
                 }
-                vec![(a(), Some(bytes))]
+                vec![(a_parquet(), Some(bytes))]
             }
-            "runs of 10^8 rows" => vec![(a(), Some(endless(100_000_000)))],
+            "runs of 10^8 rows" => vec![(a_parquet(), Some(endless(100_000_000)))],
             "encrypted" => {
                 let mut bytes = file(&columns, rows as i64, |_| ());
                 let end = bytes.len() - 4;
                 bytes[end..].copy_from_slice(b"PARE");
-                vec![(a(), Some(bytes))]
+                vec![(a_parquet(), Some(bytes))]
             }
             declares => vec![(
-                a(),
+                a_parquet(),
                 Some(file(&columns, rows as i64, |metadata| declare(declares, metadata))),
             )],
         }
@@ -177,6 +181,10 @@ impl Shape {
             column("Q", "f64", &wave(rows, draws)),
         ]
     }
+}
+
+fn a_parquet() -> String {
+    "a.parquet".to_owned()
 }
 
 fn wave(rows: u64, draws: &mut Draws) -> Vec<(f64, bool)> {

@@ -269,7 +269,6 @@ fn number(numbers: &str, thousandths: u64, row: usize, file: usize) -> (String, 
     let fraction = thousandths % 1_000;
     let half = whole as f64 + 0.5;
     let late = row >= 430;
-    let text_and_value = |text: String, value: f64| (text, Some(value));
     match (numbers, file) {
         ("comma", _)
         | ("comma in one file, whole in the other" | "comma in one file, point in the other", 0) => {
@@ -319,6 +318,10 @@ fn number(numbers: &str, thousandths: u64, row: usize, file: usize) -> (String, 
         ("infinite ones among them", _) if row % 17 == 4 => ("-1e200".to_owned(), None),
         _ => text_and_value(format!("{whole}.5"), half),
     }
+}
+
+fn text_and_value(text: String, value: f64) -> (String, Option<f64>) {
+    (text, Some(value))
 }
 
 fn quoted(name: &str) -> String {
@@ -384,11 +387,12 @@ impl Log {
         }
         let name = quoted(kind.name);
         for file in 0..kind.files() {
-            let of = |rows: &[(usize, String, String)]| -> Vec<(String, String)> {
+            let of_file = |rows: &[(usize, String, String)]| -> Vec<(String, String)> {
                 let own = rows.iter().filter(|row| row.0 == file);
                 own.map(|(_, at, text)| (at.clone(), text.clone())).collect()
             };
-            let (one, other) = (of(&one), of(&other));
+            let one = of_file(&one);
+            let other = of_file(&other);
             let mut rows = String::new();
             let both = one.iter().zip(&other);
             let dress = kind.dress;
@@ -406,8 +410,8 @@ impl Log {
                     log.add(&format!("part{file}"), dress, dressed(dress, &header, &units, &rows));
                 }
                 "file per tag" => {
-                    for (tag, of) in [("P1", &one), ("Q1", &other)] {
-                        let rows: Vec<String> = of
+                    for (tag, values) in [("P1", &one), ("Q1", &other)] {
+                        let rows: Vec<String> = values
                             .iter()
                             .map(|(at, text)| format!("{at}{separator}{text}\n"))
                             .collect();

@@ -135,9 +135,6 @@ fn converted(kind: &str) -> Option<ConvertedType> {
 }
 
 pub(crate) fn logical(kind: &str) -> Option<LogicalType> {
-    let integer = |bit_width, is_signed| LogicalType::INTEGER(IntType { bit_width, is_signed });
-    let time =
-        |zone, unit| LogicalType::TIMESTAMP(TimestampType { is_adjusted_to_u_t_c: zone, unit });
     Some(match kind {
         "u64" => integer(64, false),
         "u32" => integer(32, false),
@@ -153,6 +150,14 @@ pub(crate) fn logical(kind: &str) -> Option<LogicalType> {
         "ns" => time(true, TimeUnit::NANOS(NanoSeconds {})),
         _ => return None,
     })
+}
+
+fn integer(bit_width: i8, is_signed: bool) -> LogicalType {
+    LogicalType::INTEGER(IntType { bit_width, is_signed })
+}
+
+fn time(is_adjusted_to_u_t_c: bool, unit: TimeUnit) -> LogicalType {
+    LogicalType::TIMESTAMP(TimestampType { is_adjusted_to_u_t_c, unit })
 }
 
 fn scale_and_precision(kind: &str) -> Option<(i32, i32)> {
@@ -237,9 +242,9 @@ pub(crate) fn value(content: &str, row: u64, draws: &mut Draws) -> (f64, bool) {
 }
 
 /// Runs of equal levels, of one level a row.
-fn levels(of: impl Iterator<Item = u8>) -> Vec<(u64, u8)> {
+fn levels(by_row: impl Iterator<Item = u8>) -> Vec<(u64, u8)> {
     let mut runs: Vec<(u64, u8)> = Vec::new();
-    for level in of {
+    for level in by_row {
         match runs.last_mut() {
             Some((count, last)) if *last == level => *count += 1,
             _ => runs.push((1, level)),
@@ -269,15 +274,14 @@ pub(crate) fn column(name: &str, kind: &str, values: &[(f64, bool)]) -> Column {
     made.scale_and_precision = scale_and_precision(kind);
     made.repetition = FieldRepetitionType::OPTIONAL;
     made.dictionary = (kind == "dictionary of text").then_some(2);
-    let around = |depth: u8| levels(values.iter().map(|(_, there)| depth + u8::from(*there)));
-    let group = |name: &str, repetition, converted| (name.to_owned(), repetition, converted);
-    made.definition_levels = Some(around(match kind {
+    let depth: u8 = match kind {
         "deep struct" => 60,
         "list of lists" => 4,
         "list" => 2,
         "struct" | "map key" => 1,
         _ => 0,
-    }));
+    };
+    made.definition_levels = Some(levels(values.iter().map(|(_, there)| depth + u8::from(*there))));
     match kind {
         "struct" => made.groups = vec![group("inside", FieldRepetitionType::OPTIONAL, None)],
         "deep struct" => {
@@ -316,4 +320,13 @@ pub(crate) fn column(name: &str, kind: &str, values: &[(f64, bool)]) -> Column {
     name.clone_into(&mut made.groups[0].0);
     "value".clone_into(&mut made.name);
     made
+}
+
+/// A group, as columns have them around them.
+fn group(
+    name: &str,
+    repetition: FieldRepetitionType,
+    converted: Option<ConvertedType>,
+) -> (String, FieldRepetitionType, Option<ConvertedType>) {
+    (name.to_owned(), repetition, converted)
 }

@@ -251,8 +251,6 @@ impl AgentConfig {
         self.check_kind()?;
         let mlp = self.value_function == ValueFunction::Mlp;
         let uniform = self.replay == ReplayKind::Uniform;
-        let single = |value: f64| (1e-45..=1e38).contains(&value);
-        let fraction = |value: f64| (0.0..1.0).contains(&value);
         self.check_traces()?;
         self.check_online()?;
         require(
@@ -274,13 +272,13 @@ impl AgentConfig {
             "f32 with value_function = \"linear\": its updates wait for memory, not for products",
         )?;
         require(
-            self.learning_rate == 0.0 || single(self.learning_rate),
+            self.learning_rate == 0.0 || fits_single_precision(self.learning_rate),
             "learning_rate",
             &self.learning_rate,
             "0 or a number from 1e-45 to 1e38 (parameters are in single precision)",
         )?;
-        require(fraction(self.beta1), "beta1", &self.beta1, "a number in [0, 1)")?;
-        require(fraction(self.beta2), "beta2", &self.beta2, "a number in [0, 1)")?;
+        require(is_fraction(self.beta1), "beta1", &self.beta1, "a number in [0, 1)")?;
+        require(is_fraction(self.beta2), "beta2", &self.beta2, "a number in [0, 1)")?;
         require(
             (1e-30..=1e38).contains(&self.epsilon),
             "epsilon",
@@ -288,13 +286,13 @@ impl AgentConfig {
             "a number from 1e-30 to 1e38 (parameters are in single precision)",
         )?;
         require(
-            self.weight_decay == 0.0 || single(self.weight_decay),
+            self.weight_decay == 0.0 || fits_single_precision(self.weight_decay),
             "weight_decay",
             &self.weight_decay,
             "0 or a number from 1e-45 to 1e38 (parameters are in single precision)",
         )?;
         require(
-            fraction(self.gamma),
+            is_fraction(self.gamma),
             "gamma",
             &self.gamma,
             "a number in [0, 1): returns with a discount factor of 1 or more do not converge",
@@ -439,6 +437,16 @@ impl AgentConfig {
             "at most 16 different numbers in [0, 1), such as [0.9, 0.99]",
         )
     }
+}
+
+/// Whether `value` is positive, and neither 0 nor infinite in single precision.
+fn fits_single_precision(value: f64) -> bool {
+    (1e-45..=1e38).contains(&value)
+}
+
+/// Whether `value` is a number in [0, 1).
+fn is_fraction(value: f64) -> bool {
+    (0.0..1.0).contains(&value)
 }
 
 /// With an exponent where digits alone would be hundreds.

@@ -64,8 +64,12 @@ impl Learner<'_> {
 
     /// Whether both learn from the same numbers.
     fn has_cumulant_of(&self, other: &Self) -> bool {
-        let address = |learner: &Self| learner.baseline.map(<[f32]>::as_ptr);
-        self.cumulant == other.cumulant && address(self) == address(other)
+        self.cumulant == other.cumulant && self.baseline_address() == other.baseline_address()
+    }
+
+    /// Where its baseline is in memory, if it has one.
+    fn baseline_address(&self) -> Option<*const f32> {
+        self.baseline.map(<[f32]>::as_ptr)
     }
 
     /// What is received on arriving at each state. That of the first state of a piece is never used.

@@ -23,20 +23,25 @@ pub fn runs_together(
     (states, width): (usize, usize),
 ) -> usize {
     let groups = groups(learners);
-    let of_group = |group: &Vec<usize>| {
+    let bytes = groups.iter().map(|group| {
         let config = learners[group[0]].config;
-        let seen = config.seen_width(width);
-        let sizes = layer_sizes(config, seen);
-        let rows = 2 * config.transitions_per_update() + 1;
-        // Inputs of each layer, and as much again for their gradients and what is made on the way.
-        let activations = 3 * rows * sizes.iter().sum::<usize>();
-        // Parameters, gradient, two moments, target network, and what an optimiser's step makes.
-        let parameters = 8 * parameter_count(config, seen);
-        4 * (group.len() * (activations + parameters) + 2 * states * seen) as u64
-    };
-    let bytes = groups.iter().map(of_group).max().unwrap_or(1).max(1);
+        group_bytes(config, group.len(), states, width)
+    });
+    let bytes = bytes.max().unwrap_or(1).max(1);
     let fits = usize::try_from(accelerator.memory() / bytes).unwrap_or(usize::MAX);
     fits.clamp(1, MOST_TOGETHER)
+}
+
+/// Bytes that a run takes for `learners` learners of one group, over a stream of `states` states of `width` values.
+fn group_bytes(config: &AgentConfig, learners: usize, states: usize, width: usize) -> u64 {
+    let seen = config.seen_width(width);
+    let sizes = layer_sizes(config, seen);
+    let rows = 2 * config.transitions_per_update() + 1;
+    // Inputs of each layer, and as much again for their gradients and what is made on the way.
+    let activations = 3 * rows * sizes.iter().sum::<usize>();
+    // Parameters, gradient, two moments, target network, and what an optimiser's step makes.
+    let parameters = 8 * parameter_count(config, seen);
+    4 * (learners * (activations + parameters) + 2 * states * seen) as u64
 }
 
 /// Train the same `learners` in every run, all of them side by side; outcomes run by run, in the order of the learners.

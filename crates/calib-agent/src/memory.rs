@@ -127,22 +127,30 @@ mod tests {
         assert_eq!(bytes(PretrainSettings { patience: 3, ..settings }, 1, 2), one + 4 * 9 * 169);
     }
 
+    /// Bytes that training takes with one sensor, over 1,000 states of 10 values.
+    fn bytes_for_one_sensor(agents: &[AgentConfig]) -> u64 {
+        training_bytes(agents, 1, 10, 1000)
+    }
+
     #[test]
     fn the_largest_population_counts() {
         let small = AgentConfig { batch_size: 4, hidden_units: 8, ..AgentConfig::default() };
-        let bytes = |agents: &[AgentConfig]| training_bytes(agents, 1, 10, 1000);
         // 10 · 8 + 8 + 8 · 8 + 8 + 8 + 1 = 169 parameters; 9 rows of 10 + 8 + 8 + 1 values and two of 8.
         let expected = 4 * (9 * 169 + 9 * (27 + 16) + 169 + 1000) + 8 * 1000;
-        assert_eq!(bytes(std::slice::from_ref(&small)), expected);
+        assert_eq!(bytes_for_one_sensor(std::slice::from_ref(&small)), expected);
         let faster = AgentConfig { learning_rate: 0.5, ..small.clone() };
-        assert_eq!(bytes(&[small.clone(), faster]), expected + 4 * 9 * 169, "in one population");
+        assert_eq!(
+            bytes_for_one_sensor(&[small.clone(), faster]),
+            expected + 4 * 9 * 169,
+            "in one population"
+        );
         let other = AgentConfig { gamma: 0.5, ..small.clone() };
-        assert_eq!(bytes(&[small.clone(), other]), expected, "one after the other");
+        assert_eq!(bytes_for_one_sensor(&[small.clone(), other]), expected, "one after the other");
         let traced = AgentConfig { traces: vec![0.9], ..small.clone() };
-        assert!(bytes(&[traced]) > expected + 4 * 20 * 1000);
+        assert!(bytes_for_one_sensor(&[traced]) > expected + 4 * 20 * 1000);
         // 32 · 32 + 32 three times; 9 rows of 10 + 32 + 32 + 96 values instead of the 43 above.
         let rounded = AgentConfig { precision: Precision::Bf16, ..small.clone() };
-        assert_eq!(bytes(&[rounded]), expected + 4 * (3 * 33 * 32 + 9 * (170 - 43)));
+        assert_eq!(bytes_for_one_sensor(&[rounded]), expected + 4 * (3 * 33 * 32 + 9 * (170 - 43)));
         let sensors = training_bytes(&[small], 3, 10, 1000);
         assert_eq!(sensors, expected + 2 * (4 * 9 * 169 + 8 * 1000));
     }

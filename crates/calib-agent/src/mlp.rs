@@ -218,6 +218,12 @@ mod tests {
     use super::*;
     use crate::OptimiserKind;
 
+    /// A copy of the first agent's network of two layers of six units.
+    fn first_network(agents: &MlpValues) -> Mlp {
+        let parameters = agents.agents[0].network.parameters().to_vec();
+        Mlp::from_parameters(&[3, 6, 6, 1], &parameters).expect("as many")
+    }
+
     #[test]
     fn a_step_of_descent_follows_the_semi_gradient() {
         let config = AgentConfig {
@@ -235,11 +241,7 @@ mod tests {
         let starts = [8, 2, 2, 5];
         let learner = Learner { config: &config, cumulant: 1, start: None, baseline: None };
         let mut agents = MlpValues::new(&[learner], &stream, 4, Seed::new(9));
-        let network = |agents: &MlpValues| {
-            let parameters = agents.agents[0].network.parameters().to_vec();
-            Mlp::from_parameters(&[3, 6, 6, 1], &parameters).expect("as many")
-        };
-        let before = network(&agents);
+        let before = first_network(&agents);
         let value = |network: &Mlp, t: usize| {
             network.forward(stream.state(t), &mut Workspace::new(network, 1))[0]
         };

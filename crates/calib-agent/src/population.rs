@@ -1,7 +1,7 @@
 use calib_core::{Monitor, Seed, Stream};
 
 use crate::{
-    AgentConfig, AgentError, Learner, ReplayKind, ValueFunction,
+    AgentConfig, AgentError, Learner, Precision, ReplayKind, ValueFunction,
     checkpointer::ValueState,
     linear::LinearValues,
     mlp::MlpValues,
@@ -32,21 +32,29 @@ pub(crate) fn values_of(
 /// What agents must share to learn in lockstep: what they see, the shape and precision of the value function, γ, whether there are
 /// target networks, and everything that decides which transitions an update sees.
 pub(crate) fn can_share(a: &AgentConfig, b: &AgentConfig) -> bool {
-    let shape = |config: &AgentConfig| match config.value_function {
-        ValueFunction::Mlp => Some((config.hidden_layers, config.hidden_units, config.precision)),
-        ValueFunction::Linear => None,
-    };
-    let draws = |config: &AgentConfig| match config.replay {
-        ReplayKind::Uniform => Some((config.replay_capacity, config.batch_size)),
-        ReplayKind::None => None,
-    };
     a.traces == b.traces
         && a.optimiser.has_traces() == b.optimiser.has_traces()
-        && shape(a) == shape(b)
-        && draws(a) == draws(b)
+        && network_shape(a) == network_shape(b)
+        && replay_sizes(a) == replay_sizes(b)
         && a.gamma == b.gamma
         && a.updates_per_step == b.updates_per_step
         && (a.target_network_period > 0) == (b.target_network_period > 0)
+}
+
+/// Hidden layers, units of each, and precision; none without a network.
+fn network_shape(config: &AgentConfig) -> Option<(usize, usize, Precision)> {
+    match config.value_function {
+        ValueFunction::Mlp => Some((config.hidden_layers, config.hidden_units, config.precision)),
+        ValueFunction::Linear => None,
+    }
+}
+
+/// Transitions that are kept, and those of a mini-batch; none without replay.
+fn replay_sizes(config: &AgentConfig) -> Option<(usize, usize)> {
+    match config.replay {
+        ReplayKind::Uniform => Some((config.replay_capacity, config.batch_size)),
+        ReplayKind::None => None,
+    }
 }
 
 /// What a population is trained on and held to.

@@ -102,13 +102,15 @@ mod tests {
         assert_eq!(run.curve.len(), 3, "windows before it");
     }
 
+    /// What predictions of 0 come to in every step of a run.
+    fn scored_zeros(column: usize, gamma: f64, steps: usize) -> Result<RunOutcome, AgentError> {
+        score_predictions(&stream(), column, gamma, &vec![0.0; steps], 0, CurveRule::default())
+    }
+
     #[test]
     fn what_cannot_be_scored_is_refused() {
-        let score = |column, gamma, steps: usize| {
-            score_predictions(&stream(), column, gamma, &vec![0.0; steps], 0, CurveRule::default())
-        };
-        assert!(matches!(score(0, 0.5, 120), Err(AgentError::ShortStream { .. })));
-        assert!(matches!(score(1, 0.5, 100), Err(AgentError::Cumulant { .. })));
-        assert!(matches!(score(0, 0.999, 100), Err(AgentError::NothingToScore { .. })));
+        assert!(matches!(scored_zeros(0, 0.5, 120), Err(AgentError::ShortStream { .. })));
+        assert!(matches!(scored_zeros(1, 0.5, 100), Err(AgentError::Cumulant { .. })));
+        assert!(matches!(scored_zeros(0, 0.999, 100), Err(AgentError::NothingToScore { .. })));
     }
 }

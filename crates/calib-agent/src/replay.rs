@@ -74,18 +74,20 @@ mod tests {
         assert!(chi_square < 43.8, "chi-square {chi_square} with 19 degrees of freedom");
     }
 
+    /// Eight transitions that an update draws.
+    fn drawn(replay: &Replay, t: usize, update: usize) -> [usize; 8] {
+        let mut batch = [0; 8];
+        replay.draw(t, update, &mut batch);
+        batch
+    }
+
     #[test]
     fn a_draw_depends_on_seed_step_and_update_only() {
         let replay = filled(1000, 5000);
-        let draw = |replay: &Replay, t, update| {
-            let mut batch = [0; 8];
-            replay.draw(t, update, &mut batch);
-            batch
-        };
-        let once = draw(&replay, 7, 0);
-        assert_eq!(once, draw(&filled(1000, 1000), 7, 0));
-        assert_ne!(once, draw(&replay, 8, 0));
-        assert_ne!(once, draw(&replay, 7, 1));
-        assert_ne!(draw(&replay, 1, 0), draw(&replay, 0, 1));
+        let once = drawn(&replay, 7, 0);
+        assert_eq!(once, drawn(&filled(1000, 1000), 7, 0));
+        assert_ne!(once, drawn(&replay, 8, 0));
+        assert_ne!(once, drawn(&replay, 7, 1));
+        assert_ne!(drawn(&replay, 1, 0), drawn(&replay, 0, 1));
     }
 }

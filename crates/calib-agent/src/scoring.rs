@@ -171,27 +171,33 @@ pub(crate) fn nothing_to_score(
 mod tests {
     use super::*;
 
+    /// How many of the first `steps` steps are scored of a stream without gaps, for γ = 0.99.
+    fn steps_of_unbroken(part: Part, states: usize, steps: usize) -> usize {
+        let unbroken = 0..states;
+        part.scored_steps(std::slice::from_ref(&unbroken), 0.99, steps)
+    }
+
     #[test]
     fn streams_that_are_too_short_are_known_beforehand() {
         // H = 459 for γ = 0.99: the last quarter must be longer, or the stream goes on after the run.
-        let scored = |part: Part, states: usize, steps| {
-            let unbroken = 0..states;
-            part.scored_steps(std::slice::from_ref(&unbroken), 0.99, steps)
-        };
-        assert_eq!(scored(Part::FinalQuarter, 4 * 459, 4 * 459), 0);
-        assert_eq!(scored(Part::FinalQuarter, 4 * 459 + 4, 4 * 459 + 4), 1);
-        assert_eq!(scored(Part::WholeRun, 459, 459), 0);
-        assert_eq!(scored(Part::WholeRun, 460, 460), 1);
-        assert_eq!(scored(Part::WholeRun, 1459, 1000), 1000, "all steps of the run");
-        assert_eq!(scored(Part::FinalQuarter, 1459, 1000), 250);
-        assert_eq!(scored(Part::AfterFirstQuarter, 1459, 1000), 750);
+        assert_eq!(steps_of_unbroken(Part::FinalQuarter, 4 * 459, 4 * 459), 0);
+        assert_eq!(steps_of_unbroken(Part::FinalQuarter, 4 * 459 + 4, 4 * 459 + 4), 1);
+        assert_eq!(steps_of_unbroken(Part::WholeRun, 459, 459), 0);
+        assert_eq!(steps_of_unbroken(Part::WholeRun, 460, 460), 1);
+        assert_eq!(steps_of_unbroken(Part::WholeRun, 1459, 1000), 1000, "all steps of the run");
+        assert_eq!(steps_of_unbroken(Part::FinalQuarter, 1459, 1000), 250);
+        assert_eq!(steps_of_unbroken(Part::AfterFirstQuarter, 1459, 1000), 750);
+    }
+
+    /// Where each part of a run of `steps` steps begins.
+    fn first_steps(steps: usize) -> [usize; 3] {
+        Part::ALL.map(|part| part.first_step(steps))
     }
 
     #[test]
     fn parts_begin_where_they_say() {
-        let first = |steps| Part::ALL.map(|part| part.first_step(steps));
-        assert_eq!(first(100), [0, 25, 75]);
-        assert_eq!(first(3), [0, 1, 2]);
+        assert_eq!(first_steps(100), [0, 25, 75]);
+        assert_eq!(first_steps(3), [0, 1, 2]);
     }
 
     #[test]

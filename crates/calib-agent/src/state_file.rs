@@ -95,11 +95,9 @@ impl StateFile {
 mod tests {
     use super::*;
 
-    #[test]
-    fn states_come_back_and_only_to_the_same_training() {
-        let directory = tempfile::tempdir().expect("a directory");
-        let file = |key: &str| StateFile::new(directory.path().join("a/state"), key.to_owned());
-        let state = |target: Option<Vec<f32>>, powers: Option<(f64, f64)>| ValueState {
+    /// A value function of three parameters after seven updates.
+    fn state(target: Option<Vec<f32>>, powers: Option<(f64, f64)>) -> ValueState {
+        ValueState {
             checkpoint: Checkpoint {
                 parameters: vec![0.1, -0.0, 3.0],
                 moments: powers.map(|powers| Moments {
@@ -111,7 +109,13 @@ mod tests {
             traces: target.clone(),
             target,
             updates: 7,
-        };
+        }
+    }
+
+    #[test]
+    fn states_come_back_and_only_to_the_same_training() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let file = |key: &str| StateFile::new(directory.path().join("a/state"), key.to_owned());
         let values = vec![
             (0, state(None, Some((0.1 + 0.2, 1e-300)))),
             (3, state(Some(vec![1.0, 2.0, 3.0]), None)),

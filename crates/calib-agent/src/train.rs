@@ -138,10 +138,10 @@ pub fn train_learners(
             let own = members.iter().map(|&member| trackers[member].clone()).collect();
             let mut population = Population::new(task, &truth, &of_group, own);
             if let Some(kept) = kept.as_ref().filter(|_| number == finished) {
-                let place = |learner: usize| members.iter().position(|&member| member == learner);
-                let values = kept.values.iter();
-                let values =
-                    values.filter_map(|(learner, values)| Some((place(*learner)?, values)));
+                let values = kept.values.iter().filter_map(|(learner, values)| {
+                    let place = members.iter().position(|member| member == learner)?;
+                    Some((place, values))
+                });
                 population.resume(kept.progress.step, values);
             }
             let work_per_step = work_per_step(&of_group, stream.width());

@@ -22,12 +22,12 @@ impl<'a> Validation<'a> {
         let Learner { config, cumulant, baseline, .. } = *learner;
         let gamma = config.gamma;
         let first = transitions.first().copied().unwrap_or(usize::MAX);
-        let cut = |piece: &Range<usize>| piece.start.max(first).min(piece.end)..piece.end;
         let pieces = stream.pieces().iter().filter(|piece| piece.end > first.saturating_add(1));
         let (stretches, known) = pieces
             .map(|piece| {
                 let known = known_returns(piece, gamma);
-                (cut(piece), known.start.max(first).min(known.end)..known.end)
+                let stretch = piece.start.max(first).min(piece.end)..piece.end;
+                (stretch, known.start.max(first).min(known.end)..known.end)
             })
             .unzip();
         Self { baseline, cumulant, gamma, stretches, known }

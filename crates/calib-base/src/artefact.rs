@@ -5,7 +5,7 @@ use std::{
     io,
     ops::{Deref, DerefMut},
     path::{Path, PathBuf},
-    sync::{Mutex, PoisonError},
+    sync::{Mutex, MutexGuard, PoisonError},
 };
 
 use calib_data::table::{RESULTS_KEY, Table};
@@ -176,15 +176,19 @@ pub fn fingerprints<'a>(
 /// # Errors
 /// If it cannot be read.
 pub fn fingerprint_once(path: &Path) -> Result<Fingerprint, FileError> {
-    static READ: Mutex<BTreeMap<FileStat, Fingerprint>> = Mutex::new(BTreeMap::new());
-    let known = || READ.lock().unwrap_or_else(PoisonError::into_inner);
     let Some(stamp) = FileStat::of(path)? else { return fingerprint_file(path) };
-    if let Some(found) = known().get(&stamp) {
+    if let Some(found) = known_fingerprints().get(&stamp) {
         return Ok(found.clone());
     }
     let found = fingerprint_file(path)?;
-    known().insert(stamp, found.clone());
+    known_fingerprints().insert(stamp, found.clone());
     Ok(found)
+}
+
+/// The fingerprints of the files that this process has read.
+fn known_fingerprints() -> MutexGuard<'static, BTreeMap<FileStat, Fingerprint>> {
+    static READ: Mutex<BTreeMap<FileStat, Fingerprint>> = Mutex::new(BTreeMap::new());
+    READ.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Whether all files of a complete directory are still what was written.

@@ -101,8 +101,8 @@ fn of_stat(text: &str) -> Option<f64> {
 /// at all.
 #[expect(clippy::disallowed_methods, reason = "how long to wait is no result")]
 pub(crate) fn settle(stamps: impl Iterator<Item = FileStat>) {
-    let since_1970 = |now: Duration| i64::try_from(now.as_nanos()).ok();
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).ok().and_then(since_1970);
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).ok();
+    let now = since_1970.and_then(|now| i64::try_from(now.as_nanos()).ok());
     let longest = stamps.map(|stamp| stamp.unsettled_ns(now.unwrap_or(0))).max();
     thread::sleep(Duration::from_nanos(longest.unwrap_or(0)));
 }

@@ -190,15 +190,19 @@ fn limits(root: &Path, groups: &str) -> Vec<u64> {
 mod tests {
     use super::*;
 
+    /// The bytes that a size stands for.
+    fn bytes_of(text: &str) -> Result<u64, String> {
+        text.parse::<MemorySize>().map(|size| size.0)
+    }
+
     #[test]
     fn sizes_are_read_as_people_write_them() {
-        let read = |text: &str| text.parse::<MemorySize>().map(|size| size.0);
-        assert_eq!(read("16GiB"), Ok(16 << 30));
-        assert_eq!(read("1.5g"), Ok(3 << 29));
-        assert_eq!(read("500 MB"), Ok(500_000_000));
-        assert_eq!(read("4096"), Ok(4096));
+        assert_eq!(bytes_of("16GiB"), Ok(16 << 30));
+        assert_eq!(bytes_of("1.5g"), Ok(3 << 29));
+        assert_eq!(bytes_of("500 MB"), Ok(500_000_000));
+        assert_eq!(bytes_of("4096"), Ok(4096));
         for bad in ["", "much", "12 apples", "-3G", "0", "nanG"] {
-            assert!(read(bad).is_err(), "{bad}");
+            assert!(bytes_of(bad).is_err(), "{bad}");
         }
     }
 

@@ -70,7 +70,9 @@ fn true_returns(path: &Path, candidates: &[AgentConfig], runs: usize) -> Outcome
     }
     let runs: Vec<Vec<f64>> = serde_json::from_slice(&fs::read(path)?)?;
     Ok((0..candidates.len())
-        .map(|of: usize| runs.iter().map(|run| run[of]).sum::<f64>() / runs.len() as f64)
+        .map(|candidate: usize| {
+            runs.iter().map(|run| run[candidate]).sum::<f64>() / runs.len() as f64
+        })
         .collect())
 }
 
@@ -83,7 +85,7 @@ fn one(
 ) -> Outcome<()> {
     let name = format!("{}/{length}/{number}", quality.name());
     let done = |weight: f64| {
-        lines(path).iter().any(|of| of["name"] == name.as_str() && of["weight"] == weight)
+        lines(path).iter().any(|line| line["name"] == name.as_str() && line["weight"] == weight)
     };
     if WEIGHTS.into_iter().all(done) {
         return Ok(());
@@ -164,15 +166,15 @@ fn lines(path: &Path) -> Vec<Value> {
 
 /// By length of the log and weight: percentile and regret of the choices, as a share of that of a random choice, and uncovered steps.
 fn table(path: &Path, truth: &[f64]) -> Outcome<()> {
-    let random = truth.iter().map(|of| truth.iter().copied().fold(f64::MIN, f64::max) - of);
+    let random = truth.iter().map(|value| truth.iter().copied().fold(f64::MIN, f64::max) - value);
     let random = random.sum::<f64>() / truth.len() as f64;
     let mut cells: BTreeMap<(String, String), Vec<[f64; 3]>> = BTreeMap::new();
     for line in lines(path) {
         let name = line["name"].as_str().unwrap_or_default();
         let cell = name.rsplit_once('/').map_or(name, |(cell, _)| cell).to_owned();
-        let of = regret(truth, line["chosen"].as_u64().unwrap_or(0) as usize);
+        let choice = regret(truth, line["chosen"].as_u64().unwrap_or(0) as usize);
         let uncovered = line["uncovered"].as_f64().unwrap_or(f64::NAN);
-        let row = [of.percentile, of.regret / random, uncovered].map(|share| 100.0 * share);
+        let row = [choice.percentile, choice.regret / random, uncovered].map(|share| 100.0 * share);
         for cell in [cell, "all".to_owned()] {
             cells.entry((cell, line["weight"].to_string())).or_default().push(row);
         }
@@ -182,9 +184,9 @@ fn table(path: &Path, truth: &[f64]) -> Outcome<()> {
     );
     for ((cell, weight), rows) in cells {
         let told = |column: usize| -> Outcome<String> {
-            let of = summarise(&rows.iter().map(|row| row[column]).collect::<Vec<_>>())?;
-            let half = of.interval.map_or(f64::NAN, |interval| interval.high - of.mean);
-            Ok(format!("{:.0} ± {half:.0}", of.mean))
+            let summary = summarise(&rows.iter().map(|row| row[column]).collect::<Vec<_>>())?;
+            let half = summary.interval.map_or(f64::NAN, |interval| interval.high - summary.mean);
+            Ok(format!("{:.0} ± {half:.0}", summary.mean))
         };
         let [percentile, regret, uncovered] = [told(0)?, told(1)?, told(2)?];
         let logs = rows.len();

@@ -105,7 +105,7 @@ impl Study {
         let mut operators = self.operators()?;
         let (model, starts) = self.model(&mut operators, &mut make(), seed)?;
         let candidates = grid().candidates(default())?;
-        let untuned = candidates.iter().position(|of| *of == default());
+        let untuned = candidates.iter().position(|candidate| *candidate == default());
         let extent = Extent { runs: 1, span };
         let runs = sweep(&model, &candidates, extent, seed.child("sweep"), &Silent)?;
         let log = model.log();
@@ -125,8 +125,8 @@ impl Study {
             })
             .collect();
         let taught = |config| self.taught(&model, config, make, span, seed);
-        let by_policy = |of: &mut Behaviour| {
-            of.mean_return(&mut make(), 100, span.timeout, seed.child("policy"))
+        let by_policy = |behaviour: &mut Behaviour| {
+            behaviour.mean_return(&mut make(), 100, span.timeout, seed.child("policy"))
         };
         let mut rule = Behaviour::rule_of::<Membrane>().ok_or("a plant has a rule")?;
         Ok(json!({
@@ -199,11 +199,11 @@ impl Study {
         writeln!(text, "{} plants, {} policy\n", lines.len(), self.policy.name())?;
         writeln!(text, "| | return an episode | tuned less this | taught less this |")?;
         writeln!(text, "|---|---|---|---|")?;
-        for (name, of) in &ways {
-            let own: Vec<f64> = lines.iter().map(of).collect();
+        for (name, value) in &ways {
+            let own: Vec<f64> = lines.iter().map(value).collect();
             let less = |way: usize| -> Outcome<String> {
                 let over: Vec<f64> =
-                    lines.iter().map(|line| ways[way].1(line) - of(line)).collect();
+                    lines.iter().map(|line| ways[way].1(line) - value(line)).collect();
                 told(&over)
             };
             writeln!(text, "| {name} | {} | {} | {} |", told(&own)?, less(0)?, less(1)?)?;
@@ -256,7 +256,7 @@ fn ways() -> [Way; 9] {
 
 /// The mean and half its 95 % interval.
 fn told(values: &[f64]) -> Outcome<String> {
-    let of = summarise(values)?;
-    let half = of.interval.map_or(f64::NAN, |interval| interval.high - of.mean);
-    Ok(format!("{:.0} ± {half:.0}", of.mean))
+    let summary = summarise(values)?;
+    let half = summary.interval.map_or(f64::NAN, |interval| interval.high - summary.mean);
+    Ok(format!("{:.0} ± {half:.0}", summary.mean))
 }

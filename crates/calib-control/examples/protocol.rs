@@ -88,12 +88,12 @@ impl Model {
 
 fn main() -> Outcome<()> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
-    let model = match arguments.iter().position(|of| of == "--model") {
+    let model = match arguments.iter().position(|argument| argument == "--model") {
         None => Model::Euclidean,
         Some(place) => {
             let named: Vec<String> = arguments.drain(place..).skip(1).collect();
             let [name] = &named[..] else { return Err("--model NAME comes last".into()) };
-            let own = Model::ALL.into_iter().find(|of| of.name() == name);
+            let own = Model::ALL.into_iter().find(|model| model.name() == name);
             own.ok_or_else(|| {
                 format!("`{name}` is no model: euclidean, laplacian, network or pool")
             })?
@@ -184,12 +184,12 @@ impl Study<'_> {
                 let of_log: Vec<Value> = lines
                     .lines()
                     .filter_map(|line| serde_json::from_str::<Value>(line).ok())
-                    .filter(|of| of["name"] == name.as_str())
+                    .filter(|line| line["name"] == name.as_str())
                     .collect();
-                let done = of_log.iter().any(|of| of["rule"] == rule && self.model.is_of(of));
+                let done = of_log.iter().any(|line| line["rule"] == rule && self.model.is_of(line));
                 if !done {
                     // It does not depend on the model.
-                    let fitted = of_log.iter().find_map(|of| of["fitted"].as_u64());
+                    let fitted = of_log.iter().find_map(|line| line["fitted"].as_u64());
                     let line = self.one(kind, task, (quality, length, number), truth, fitted)?;
                     let mut file = OpenOptions::new().create(true).append(true).open(&path)?;
                     writeln!(file, "{}", with(line, &name))?;
@@ -222,7 +222,7 @@ impl Study<'_> {
             return self.pool(kind, &log, &starts, &candidates, seed);
         }
         let runs = self.runs(kind, &log, &starts, &candidates, seed)?;
-        let default = candidates.iter().position(|of| *of == AgentConfig::default());
+        let default = candidates.iter().position(|candidate| *candidate == AgentConfig::default());
         let support = Support::default();
         let rule = RankRule::WorstRank;
         let question =
@@ -366,14 +366,22 @@ fn told(runs: &[Run]) -> Value {
         *terminals += run.terminals;
         *drift = std::mem::take(drift).and(&run.drift);
     }
-    let moved =
-        |drift: &Drift| drift.means().into_iter().map(|[mean, _]| mean.abs()).fold(0.0, f64::max);
+    let uncovered = sums.iter().map(|(coverage, ..)| rounded(coverage.uncovered()));
+    let terminals = sums
+        .iter()
+        .map(|(coverage, terminals, _)| rounded(*terminals as f64 / coverage.steps.max(1) as f64));
+    let moved = sums.iter().map(|(.., drift)| rounded(furthest(drift)));
     json!({
         "returns": returns,
-        "uncovered": sums.iter().map(|of| rounded(of.0.uncovered())).collect::<Vec<_>>(),
-        "terminals": sums.iter().map(|of| rounded(of.1 as f64 / of.0.steps.max(1) as f64)).collect::<Vec<_>>(),
-        "moved": sums.iter().map(|of| rounded(moved(&of.2))).collect::<Vec<_>>(),
+        "uncovered": uncovered.collect::<Vec<_>>(),
+        "terminals": terminals.collect::<Vec<_>>(),
+        "moved": moved.collect::<Vec<_>>(),
     })
+}
+
+/// How far episodes are moved in the column in which that is most, on average.
+fn furthest(drift: &Drift) -> f64 {
+    drift.means().into_iter().map(|[mean, _]| mean.abs()).fold(0.0, f64::max)
 }
 
 /// Five significant digits; nothing where it diverged.

@@ -311,15 +311,17 @@ mod tests {
         assert!(log.starts().len() > log.terminals(), "some episodes are cut");
     }
 
+    /// 4,000 transitions of a behaviour that is perturbed.
+    fn recording(behaviour: Behaviour) -> Recorded {
+        record(&mut behaviour.perturbed(0.3), &mut cart_pole(), 4000, 50, Seed::new(4))
+    }
+
     #[test]
     fn probabilities_are_how_often_an_action_is_taken() {
         let mut world = cart_pole();
         let agent = Agent::new(AgentConfig { temperature: 1.0, ..AgentConfig::default() }, 4, 2);
         let span = RunLength { steps: 2000, timeout: 200 };
         let learnt = Behaviour::learnt(agent, &mut world, 1e9, span, Seed::new(2));
-        let recording = |behaviour: Behaviour| {
-            record(&mut behaviour.perturbed(0.3), &mut cart_pole(), 4000, 50, Seed::new(4))
-        };
         for recorded in [recording(learnt), recording(Behaviour::Random)] {
             let taken = recorded.actions.iter().zip(&recorded.probabilities);
             let mut expected = 0.0;
@@ -338,15 +340,17 @@ mod tests {
         }
     }
 
+    /// The mean return of 50 episodes.
+    fn mean_return(behaviour: &mut Behaviour) -> f64 {
+        behaviour.mean_return(&mut cart_pole(), 50, 200, Seed::new(3))
+    }
+
     #[test]
     fn what_was_learnt_is_better_than_chance() {
         let mut world = cart_pole();
         let span = RunLength { steps: 20_000, timeout: 200 };
         let agent = Agent::new(AgentConfig::default(), 4, 2);
         let mut learnt = Behaviour::learnt(agent, &mut world, 80.0, span, Seed::new(2));
-        let mean_return = |behaviour: &mut Behaviour| {
-            behaviour.mean_return(&mut cart_pole(), 50, 200, Seed::new(3))
-        };
         let mut half = learnt.clone().perturbed(Quality::Medium.random_share());
         let learnt = mean_return(&mut learnt);
         let random = mean_return(&mut Behaviour::Random);

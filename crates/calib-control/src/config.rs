@@ -133,9 +133,8 @@ impl ControlConfig {
         if self.models.is_empty() {
             return Err(ControlError::NoModels);
         }
-        let is_again =
-            |&(place, kind): &(usize, &ActionModelKind)| self.models[..place].contains(kind);
-        if let Some((_, kind)) = self.models.iter().enumerate().find(is_again) {
+        let mut models = self.models.iter().enumerate();
+        if let Some((_, kind)) = models.find(|&(place, kind)| self.models[..place].contains(kind)) {
             return Err(ControlError::RepeatedModel { kind: kind.name() });
         }
         self.reward.check()?;

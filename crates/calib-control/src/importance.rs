@@ -68,12 +68,14 @@ fn log_ratios(log: &Decisions, logged: &[f64], config: AgentConfig, updates: usi
             log.states().row(log.transitions().source(TransitionIndex::new(number)).get())
         }),
     );
-    let log_ratio = |(number, policy): (usize, &[f64])| {
-        let own = policy[usize::from(log.actions()[number])];
-        // A policy that diverged does nothing that was recorded.
-        if own > 0.0 { own.ln() - logged[number].ln() } else { f64::NEG_INFINITY }
-    };
-    all.chunks(log.levels()).enumerate().map(log_ratio).collect()
+    all.chunks(log.levels())
+        .enumerate()
+        .map(|(number, policy)| {
+            let own = policy[usize::from(log.actions()[number])];
+            // A policy that diverged does nothing that was recorded.
+            if own > 0.0 { own.ln() - logged[number].ln() } else { f64::NEG_INFINITY }
+        })
+        .collect()
 }
 
 fn episodes<'a>(log: &'a Decisions, log_ratios: &[f64]) -> Vec<Episode<'a>> {

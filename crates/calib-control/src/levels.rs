@@ -1,3 +1,5 @@
+use std::cmp::Ordering;
+
 use crate::ControlError;
 
 /// The actions that a log took: every combination of values of its action columns, in ascending order.
@@ -18,13 +20,8 @@ impl Levels {
         let rows = columns.first().map_or(0, Vec::len);
         let of_row = |row: usize| -> Option<Vec<f64>> {
             // Adding 0 makes one zero of both.
-            let value = |column: &Vec<f64>| column[row] + 0.0;
-            let values: Vec<f64> = columns.iter().map(value).collect();
+            let values: Vec<f64> = columns.iter().map(|column| column[row] + 0.0).collect();
             values.iter().all(|value| !value.is_nan()).then_some(values)
-        };
-        let compare = |a: &Vec<f64>, b: &Vec<f64>| {
-            let mut orders = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
-            orders.find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
         };
         let mut values: Vec<Vec<f64>> = Vec::new();
         for row in 0..rows {
@@ -50,15 +47,24 @@ impl Levels {
 
     /// What an action is called: its values by column.
     pub fn name(&self, action: usize, columns: &[String]) -> String {
-        let told = |(column, &value): (&String, &f64)| {
-            // A log of single precision holds 0.28 as 0.2800000011920929.
-            let short = value as f32;
-            let own = if f64::from(short) == value { short.to_string() } else { value.to_string() };
-            format!("{column}={own}")
-        };
-        let told: Vec<String> = columns.iter().zip(&self.values[action]).map(told).collect();
+        let values = columns.iter().zip(&self.values[action]);
+        let told: Vec<String> =
+            values.map(|(column, &value)| format!("{column}={}", short(value))).collect();
         told.join(" ")
     }
+}
+
+/// The order of two actions: that of the first values that differ.
+fn compare(a: &[f64], b: &[f64]) -> Ordering {
+    let mut orders = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
+    orders.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+}
+
+/// A value with no more digits than it needs.
+fn short(value: f64) -> String {
+    // A log of single precision holds 0.28 as 0.2800000011920929.
+    let single = value as f32;
+    if f64::from(single) == value { single.to_string() } else { value.to_string() }
 }
 
 #[cfg(test)]

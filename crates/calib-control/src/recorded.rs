@@ -106,23 +106,26 @@ pub(crate) mod tests {
     const ON: Ending = Ending::Continues;
     const END: Ending = Ending::Terminal;
 
+    fn assert_near(got: f64, expected: f64) {
+        assert!((got - expected).abs() < 1e-9, "{got}");
+    }
+
     #[test]
     fn what_is_left_after_a_cut_is_no_whole_episode() {
         // 150 steps an episode, cut after 100: an agent's next episode would begin anew.
-        let near = |got: f64, expected: f64| assert!((got - expected).abs() < 1e-9, "{got}");
-        near(mean(&[(150, ON); 4], 100), -100.0);
-        near(mean(&[(150, END); 4], 100), -100.0);
+        assert_near(mean(&[(150, ON); 4], 100), -100.0);
+        assert_near(mean(&[(150, END); 4], 100), -100.0);
         // One that the end of the log cut after a fifth.
-        near(mean(&[(100, ON), (100, ON), (20, ON)], 100), -100.0);
+        assert_near(mean(&[(100, ON), (100, ON), (20, ON)], 100), -100.0);
         // Terminals end whole episodes, however short.
         let recorded =
             log(&[(40, END), (60, END), (25, ON)]).recorded_return(100).expect("numbers");
-        near(recorded.mean, -125.0 / 2.25);
-        near(recorded.episodes, 2.25);
+        assert_near(recorded.mean, -125.0 / 2.25);
+        assert_near(recorded.episodes, 2.25);
         assert_eq!((recorded.best, recorded.worst), (Some(-40.0), Some(-60.0)));
         // Less than an episode is not told as one.
         let recorded = log(&[(25, ON)]).recorded_return(100).expect("numbers");
-        near(recorded.mean, -100.0);
+        assert_near(recorded.mean, -100.0);
         assert_eq!((recorded.best, recorded.worst, recorded.interval), (None, None, None));
     }
 

@@ -25,9 +25,13 @@ fn of_column(column: &[f64], levels: usize) -> Vec<f64> {
         return own;
     }
     let last = levels - 1;
-    let at = |level: usize| low + (high - low) * level as f64 / last as f64;
-    // In single precision, as most logs have it, so that names are short.
-    (0..levels).map(|level| f64::from(at(level) as f32)).collect()
+    (0..levels)
+        .map(|level| {
+            let value = low + (high - low) * level as f64 / last as f64;
+            // In single precision, as most logs have it, so that names are short.
+            f64::from(value as f32)
+        })
+        .collect()
 }
 
 impl Levels {
@@ -47,15 +51,16 @@ impl Levels {
     ) -> Result<(Self, Settings), ControlError> {
         assert!(levels > 1, "checked with the configuration");
         let own: Vec<Vec<f64>> = columns.iter().map(|column| of_column(column, levels)).collect();
-        let mut values = vec![Vec::new()];
+        let mut values: Vec<Vec<f64>> = vec![Vec::new()];
         for column in &own {
             if values.len() * column.len() > most {
                 return Err(ControlError::ManyLevels { most });
             }
-            let with = |settings: &Vec<f64>, value: f64| [&settings[..], &[value]].concat();
             values = values
                 .iter()
-                .flat_map(|settings| column.iter().map(move |&value| with(settings, value)))
+                .flat_map(|settings| {
+                    column.iter().map(move |&value| [&settings[..], &[value]].concat())
+                })
                 .collect();
         }
         let ranges: Vec<f64> = own

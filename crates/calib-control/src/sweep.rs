@@ -251,8 +251,12 @@ fn tenths(returns: &[f64]) -> Vec<f64> {
         return Vec::new();
     }
     let bound = |tenth: usize| tenth * returns.len() / 10;
-    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
-    (0..10).map(|tenth| mean(&returns[bound(tenth)..bound(tenth + 1)])).collect()
+    (0..10)
+        .map(|tenth| {
+            let part = &returns[bound(tenth)..bound(tenth + 1)];
+            part.iter().sum::<f64>() / part.len() as f64
+        })
+        .collect()
 }
 
 #[cfg(test)]

@@ -354,17 +354,8 @@ fn best_constant(
     let constants: Vec<&ConstantReturns> =
         constants.iter().filter(|constant| kinds.contains(&constant.kind)).collect();
     let Some(first) = constants.first() else { return Ok(None) };
-    let of_action = |action: usize| -> Vec<f64> {
-        (0..own.len())
-            .map(|member: usize| {
-                let sum: f64 =
-                    constants.iter().map(|constant| constant.members[member][action]).sum();
-                sum / constants.len() as f64
-            })
-            .collect()
-    };
-    let mean = |returns: &[f64]| returns.iter().sum::<f64>() / returns.len() as f64;
-    let actions = (0..first.coverage.len()).map(|action| (action, of_action(action)));
+    let actions = (0..first.coverage.len())
+        .map(|action| (action, returns_of_action(&constants, action, own.len())));
     // Of equal ones the first.
     let best =
         actions.reduce(|best, other| if mean(&other.1) > mean(&best.1) { other } else { best });
@@ -375,6 +366,20 @@ fn best_constant(
         uncovered: first.coverage[action].uncovered(),
         over: beyond(own, &returns)?,
     }))
+}
+
+/// What an action gets in each member, the mean over kinds.
+fn returns_of_action(constants: &[&ConstantReturns], action: usize, members: usize) -> Vec<f64> {
+    (0..members)
+        .map(|member: usize| {
+            let sum: f64 = constants.iter().map(|constant| constant.members[member][action]).sum();
+            sum / constants.len() as f64
+        })
+        .collect()
+}
+
+fn mean(returns: &[f64]) -> f64 {
+    returns.iter().sum::<f64>() / returns.len() as f64
 }
 
 /// What the steps of each candidate rested on, over these runs.

@@ -169,17 +169,20 @@ impl Walkers {
     }
 
     fn fits(&self, model: &ActionModel, like: &Self) -> bool {
-        let members =
-            |walkers: &Self| walkers.walks.iter().map(|walk| walk.member).collect::<Vec<_>>();
         self.columns == like.columns
             && self.displacements.len() == like.displacements.len()
             && self.states.len() == like.states.len()
             && self.states.iter().all(|value| value.is_finite())
-            && members(self) == members(like)
+            && self.members().eq(like.members())
             && self.walks.iter().all(|walker| match walker.at {
                 At::Start(start) => (start as usize) < model.starts().rows(),
                 At::After(transition) => (transition as usize) < model.log().len(),
             })
+    }
+
+    /// The member of each walk.
+    fn members(&self) -> impl Iterator<Item = usize> {
+        self.walks.iter().map(|walk| walk.member)
     }
 
     /// Begin an episode of walk `number`.
@@ -438,6 +441,18 @@ mod tests {
         }
     }
 
+    /// 900 steps of three walks, where they led, and the walks.
+    fn way(model: &ActionModel) -> (Vec<(Went, At)>, Walkers) {
+        let mut walkers = Walkers::new(model, &[0, 1, 2]);
+        let mut seen = Vec::new();
+        for number in 0..900 {
+            let target = Target::Level(number % 4);
+            let went = walkers.step(model, number % 3, target, model.rules(), 30);
+            seen.push((went, walkers.walks()[number % 3].at));
+        }
+        (seen, walkers)
+    }
+
     #[test]
     fn a_model_that_was_stored_is_the_same() {
         for levels in [None, Some(4)] {
@@ -447,16 +462,6 @@ mod tests {
                 write_action_model(directory.path(), &model, &CONFIG).expect("written");
             assert!(names.iter().all(|name| directory.path().join(name).exists()));
             let opened = open_action_model(directory.path(), &record).expect("opened");
-            let way = |model: &ActionModel| {
-                let mut walkers = Walkers::new(model, &[0, 1, 2]);
-                let mut seen = Vec::new();
-                for number in 0..900 {
-                    let target = Target::Level(number % 4);
-                    let went = walkers.step(model, number % 3, target, model.rules(), 30);
-                    seen.push((went, walkers.walks()[number % 3].at));
-                }
-                (seen, walkers)
-            };
             let (first, _) = way(&model);
             let (second, walkers) = way(&opened);
             assert_eq!(first, second);

@@ -98,10 +98,18 @@ impl Frames {
 mod tests {
     use super::*;
 
+    /// Two states of one value.
+    fn states() -> States {
+        States::new(vec![0.0; 2], 2, 1).expect("valid")
+    }
+
+    /// One segment of two rows.
+    fn segments() -> Segments {
+        Segments::from_lengths([2]).expect("valid")
+    }
+
     #[test]
     fn parts_must_agree() {
-        let states = || States::new(vec![0.0; 2], 2, 1).expect("valid");
-        let segments = || Segments::from_lengths([2]).expect("valid");
         let at = Timestamp::from_micros;
         assert!(Frames::new(vec![at(0), at(1)], segments(), states()).is_ok());
         let order = Frames::new(vec![at(1), at(1)], segments(), states()).expect_err("a repeat");

@@ -60,12 +60,11 @@ impl<'de> Deserialize<'de> for Timestamp {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         match Stored::deserialize(deserializer)? {
             Stored::Text(text) => {
-                // Without an offset in files of earlier versions.
-                let clock =
-                    || text.parse::<jiff::civil::DateTime>()?.to_zoned(jiff::tz::TimeZone::UTC);
-                let instant = text
-                    .parse::<jiff::Timestamp>()
-                    .or_else(|_| clock().map(|zoned| zoned.timestamp()));
+                let instant = text.parse::<jiff::Timestamp>().or_else(|_| {
+                    // Without an offset in files of earlier versions.
+                    let clock = text.parse::<jiff::civil::DateTime>()?;
+                    clock.to_zoned(jiff::tz::TimeZone::UTC).map(|zoned| zoned.timestamp())
+                });
                 Ok(Self(instant.map_err(D::Error::custom)?.as_microsecond()))
             }
             Stored::Micros(micros) => Ok(Self(micros)),
@@ -129,9 +128,13 @@ mod tests {
         assert_eq!(Period::from_secs(0.5).map(Period::as_micros), Some(500_000));
     }
 
+    /// A time as it stands in a file.
+    fn json(micros: i64) -> String {
+        serde_json::to_string(&Timestamp(micros)).expect("JSON")
+    }
+
     #[test]
     fn times_survive_a_file() {
-        let json = |micros| serde_json::to_string(&Timestamp(micros)).expect("JSON");
         assert_eq!(json(1_500_000), "\"1970-01-01T00:00:01.5Z\"");
         assert_eq!(json(WRITABLE.start), "\"0000-01-01T00:00:00Z\"");
         assert_eq!(json(WRITABLE.end), WRITABLE.end.to_string());

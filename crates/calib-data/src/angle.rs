@@ -193,21 +193,20 @@ mod tests {
         assert!(shaft.is_same(0.0, TAU) && !shaft.is_same(0.0, 6.2));
     }
 
+    fn recorded_angle(turn: f64, recorded: [f64; 2]) -> AngleOf {
+        AngleOf { turn, recorded: Some(recorded), ..degrees(AnglePart::Sine) }
+    }
+
     #[test]
     fn a_turn_of_another_unit_is_doubted() {
-        let angle = |turn: f64, recorded: [f64; 2]| AngleOf {
-            turn,
-            recorded: Some(recorded),
-            ..degrees(AnglePart::Sine)
-        };
-        let doubt = angle(360.0, [0.0, 6.25]).doubt().expect("radians");
+        let doubt = recorded_angle(360.0, [0.0, 6.25]).doubt().expect("radians");
         assert!(
             doubt.starts_with("wind runs from 0 to 6.25, which is 0.017 turns of 360"),
             "{doubt}"
         );
-        assert!(angle(TAU, [-180.0, 180.0]).doubt().is_some());
+        assert!(recorded_angle(TAU, [-180.0, 180.0]).doubt().is_some());
         for recorded in [[0.0, 359.0], [-180.0, 180.0], [80.0, 95.0], [0.0, 7_200.0], [5.0, 5.0]] {
-            assert_eq!(angle(360.0, recorded).doubt(), None, "{recorded:?}");
+            assert_eq!(recorded_angle(360.0, recorded).doubt(), None, "{recorded:?}");
         }
     }
 

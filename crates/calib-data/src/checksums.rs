@@ -51,20 +51,23 @@ pub(crate) fn verify(
         Ok(chunks) => chunks,
         Err(reason) => return Ok(Err(reason)),
     };
-    let damage = |chunk: &Chunk| -> Result<Option<String>, FileError> {
-        let of_system = |source| FileError::io("read", path, source);
-        match chunk.check(file.reader(chunk.bytes[0])?) {
-            Ok(damage) => Ok(damage.map(|damage| chunk.told(&damage))),
-            // The reader tells what it cannot read in its own words.
-            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
-                Ok(Some(chunk.told("is cut off")))
-            }
-            Err(error) => Err(of_system(error)),
-        }
-    };
-    let found: Vec<Option<String>> =
-        chunks.par_iter().map(damage).collect::<Result<Vec<_>, FileError>>()?;
+    let found: Vec<Option<String>> = chunks
+        .par_iter()
+        .map(|chunk| damage_of(chunk, path, file))
+        .collect::<Result<Vec<_>, FileError>>()?;
     Ok(found.into_iter().flatten().next().map_or(Ok(()), Err))
+}
+
+/// What is wrong with a chunk, in words; `None` if nothing is.
+fn damage_of(chunk: &Chunk, path: &Path, file: &HeldFile) -> Result<Option<String>, FileError> {
+    match chunk.check(file.reader(chunk.bytes[0])?) {
+        Ok(damage) => Ok(damage.map(|damage| chunk.told(&damage))),
+        // The reader tells what it cannot read in its own words.
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
+            Ok(Some(chunk.told("is cut off")))
+        }
+        Err(error) => Err(FileError::io("read", path, error)),
+    }
 }
 
 fn chunks(metadata: &pl::FileMetadata, is_wanted: impl Fn(&str) -> bool) -> Vec<Chunk> {
@@ -246,8 +249,10 @@ fn values(header: &PageHeader) -> i64 {
 /// Bytes at the beginning of a page that are never compressed.
 fn levels(header: &PageHeader) -> usize {
     let Some(v2) = &header.data_page_header_v2 else { return 0 };
-    let length = |bytes: i32| usize::try_from(bytes).unwrap_or(0);
-    length(v2.definition_levels_byte_length) + length(v2.repetition_levels_byte_length)
+    [v2.definition_levels_byte_length, v2.repetition_levels_byte_length]
+        .into_iter()
+        .map(|bytes| usize::try_from(bytes).unwrap_or(0))
+        .sum()
 }
 
 #[cfg(test)]

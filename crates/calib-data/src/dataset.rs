@@ -189,18 +189,19 @@ impl Survey {
     /// The columns of the states, in order.
     fn columns(&self, preprocess: &PreprocessConfig) -> Vec<Column> {
         let sensor_names = || {
-            let name = |channel: usize| self.log.channels[channel].name.clone();
-            self.sensors.iter().map(move |sensor| (name(sensor.channel), sensor.bounds))
+            self.sensors
+                .iter()
+                .map(move |sensor| (self.log.channels[sensor.channel].name.clone(), sensor.bounds))
         };
-        let column = |name, kind, bounds| Column { name, kind, bounds };
-        let mut columns: Vec<Column> =
-            sensor_names().map(|(name, bounds)| column(name, ColumnKind::Sensor, bounds)).collect();
+        let mut columns: Vec<Column> = sensor_names()
+            .map(|(name, bounds)| Column { name, kind: ColumnKind::Sensor, bounds })
+            .collect();
         for decay in &preprocess.traces {
             columns.extend(sensor_names().map(|(name, bounds)| {
-                column(format!("trace({decay}) {name}"), ColumnKind::Feature, bounds)
+                let name = format!("trace({decay}) {name}");
+                Column { name, kind: ColumnKind::Feature, bounds }
             }));
         }
-        let feature = |name| column(name, ColumnKind::Feature, Bounds::IDENTITY);
         if preprocess.time_of_day {
             let names = ["time_of_day_sin", "time_of_day_cos"];
             columns.extend(names.map(|name| feature(name.to_owned())));
@@ -308,6 +309,11 @@ impl Survey {
         let held_out = self.held_out.iter().flat_map(|part| &part.runs);
         self.train.runs.iter().chain(held_out).cloned().collect()
     }
+}
+
+/// A column that is no sensor, as it is computed.
+fn feature(name: String) -> Column {
+    Column { name, kind: ColumnKind::Feature, bounds: Bounds::IDENTITY }
 }
 
 /// The fingerprint of the states of one range, and of what they mean.

@@ -18,12 +18,16 @@ pub(crate) fn trace(values: &mut [f64], runs: &[Range<usize>], decay: f64) {
 
 /// Sine and cosine of the time of day (UTC, or as the log has it), midnight being the angle 0.
 pub(crate) fn time_of_day(timestamps: &[Timestamp]) -> [Vec<f64>; 2] {
-    const DAY: i64 = 86_400_000_000;
-    let angle = |time: &Timestamp| time.as_micros().rem_euclid(DAY) as f64 / DAY as f64 * TAU;
     [
-        timestamps.iter().map(|time| angle(time).sin()).collect(),
-        timestamps.iter().map(|time| angle(time).cos()).collect(),
+        timestamps.iter().map(|&time| angle(time).sin()).collect(),
+        timestamps.iter().map(|&time| angle(time).cos()).collect(),
     ]
+}
+
+/// Of the hand of a clock that goes round once a day.
+fn angle(time: Timestamp) -> f64 {
+    const DAY: i64 = 86_400_000_000;
+    time.as_micros().rem_euclid(DAY) as f64 / DAY as f64 * TAU
 }
 
 #[cfg(test)]
@@ -42,14 +46,15 @@ mod tests {
         assert_eq!(values, [1.0, 3.0], "no decay is no trace");
     }
 
+    fn are_close(got: &[f64], expected: [f64; 6]) -> bool {
+        got.iter().zip(expected).all(|(got, expected)| (got - expected).abs() < 1e-12)
+    }
+
     #[test]
     fn the_day_is_a_circle() {
         let hours = [0, 6, 12, 18, 24, -6].map(|hour| Timestamp::from_micros(hour * 3_600_000_000));
         let [sine, cosine] = time_of_day(&hours);
-        let close = |got: &[f64], expected: [f64; 6]| {
-            got.iter().zip(expected).all(|(got, expected)| (got - expected).abs() < 1e-12)
-        };
-        assert!(close(&sine, [0.0, 1.0, 0.0, -1.0, 0.0, -1.0]));
-        assert!(close(&cosine, [1.0, 0.0, -1.0, 0.0, 1.0, 0.0]));
+        assert!(are_close(&sine, [0.0, 1.0, 0.0, -1.0, 0.0, -1.0]));
+        assert!(are_close(&cosine, [1.0, 0.0, -1.0, 0.0, 1.0, 0.0]));
     }
 }

@@ -131,22 +131,24 @@ pub fn entry_of(name: &str, is_channel: impl Fn(&str) -> bool) -> String {
         return name.to_owned();
     }
     // Another channel may be called as the pattern is written, and an equal name matches: `[**]` is a star as `[*]` is.
-    let repeated = |times: usize| -> String {
-        name.chars()
-            .map(|letter| match letter {
-                '*' | '?' | '[' => format!("[{}]", letter.to_string().repeat(times)),
-                letter => letter.to_string(),
-            })
-            .collect()
-    };
     let mut times = 1;
     loop {
-        let entry = repeated(times);
+        let entry = bracketed(name, times);
         if !is_channel(&entry) {
             return entry;
         }
         times += 1;
     }
+}
+
+/// A name with each sign that means something in patterns in brackets, so many times.
+fn bracketed(name: &str, times: usize) -> String {
+    name.chars()
+        .map(|letter| match letter {
+            '*' | '?' | '[' => format!("[{}]", letter.to_string().repeat(times)),
+            letter => letter.to_string(),
+        })
+        .collect()
 }
 
 /// `; did you mean A or B?`, or nothing.

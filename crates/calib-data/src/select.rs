@@ -161,9 +161,12 @@ mod tests {
         assert_eq!(bounds, Bounds { offset: 2.0, scale: 2.0 });
     }
 
+    fn told(value: f64) -> String {
+        DropReason::Constant { value }.to_string()
+    }
+
     #[test]
     fn values_of_single_precision_are_told_with_its_digits() {
-        let told = |value: f64| DropReason::Constant { value }.to_string();
         assert_eq!(told(f64::from(0.85_f32)), "constant at 0.85 in the training range");
         assert_eq!(told(0.85), "constant at 0.85 in the training range");
         assert_eq!(told(1.0 / 3.0), "constant at 0.3333333333333333 in the training range");

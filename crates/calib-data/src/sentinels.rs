@@ -80,7 +80,7 @@ impl Extremes {
         if self.distinct.len() < DISTINCT {
             return Vec::new();
         }
-        let is_often = |end: &(f64, u64)| end.1 >= OFTEN.0.max(self.count / OFTEN.1);
+        let often = OFTEN.0.max(self.count / OFTEN.1);
         let mut best = Vec::new();
         for low in 0..KEPT {
             for high in 0..KEPT {
@@ -93,7 +93,7 @@ impl Extremes {
                     .collect();
                 if width > 0.0
                     && far.len() > best.len()
-                    && ends().all(is_often)
+                    && ends().all(|end| end.1 >= often)
                     && far.iter().all(|(_, away)| *away >= NEAR)
                 {
                     best = far;

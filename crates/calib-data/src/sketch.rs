@@ -229,10 +229,10 @@ impl Look<'_> {
             let before = |limit: usize| there.partition_point(|sample| sample.row < limit);
             &there[before(bin.start)..before(bin.end)]
         };
-        let moves = |bin: &Range<usize>| {
+        let moves = self.bins.iter().map(|bin| {
             let values: Vec<f64> = inside(bin).iter().map(|sample| sample.value).collect();
             moves(&values)
-        };
+        });
         let mut thinned = vec![f64::NAN; timestamps.len().div_ceil(self.every)];
         for sample in there.iter().filter(|sample| sample.row % self.every == 0) {
             thinned[sample.row / self.every] = sample.value;
@@ -245,7 +245,7 @@ impl Look<'_> {
                 .iter()
                 .map(|bin| inside(bin).len() as f64 / bin.len().max(1) as f64)
                 .collect(),
-            moves: self.bins.iter().map(moves).collect(),
+            moves: moves.collect(),
             distinct: movement.distinct,
             range: moments.map(|moments| [moments.min, moments.max]),
             rises: changes.rises,
@@ -350,8 +350,8 @@ impl Changes {
 /// Whether changes are those of an angle: most that are longer than half a turn lead nearly once around, and the short way around they
 /// are no longer than other changes. The last does not hold of a pump that is either off or near its full speed of 360.
 fn goes_around(changes: &[f64], turn: f64) -> bool {
-    let sizes = || changes.iter().map(|change| change.abs());
-    let (jumps, mut steps): (Vec<f64>, Vec<f64>) = sizes().partition(|size| *size > turn / 2.0);
+    let sizes = changes.iter().map(|change| change.abs());
+    let (jumps, mut steps): (Vec<f64>, Vec<f64>) = sizes.partition(|size| *size > turn / 2.0);
     let mut short_ways: Vec<f64> = jumps
         .iter()
         .filter(|jump| **jump > AROUND * turn)
@@ -421,13 +421,13 @@ fn variogram(variance: f64, pairs_at: impl Fn(usize, &mut Pairs)) -> Vec<(usize,
     if variance <= 0.0 {
         return Vec::new();
     }
-    let at = |lag: usize| {
+    let known = LAGS.iter().filter_map(|&lag| {
         let mut pairs = Pairs::default();
         pairs_at(lag, &mut pairs);
         let Pairs { sum, count } = pairs;
         (count >= 30).then(|| (lag, 1.0 - sum / count as f64 / (2.0 * variance)))
-    };
-    LAGS.iter().filter_map(|&lag| at(lag)).collect()
+    });
+    known.collect()
 }
 
 /// The 95 % quantile of the lengths of runs of missing values between two that are there, in a stretch. `there` has the stretch and the

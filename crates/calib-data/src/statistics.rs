@@ -161,12 +161,16 @@ impl Extent {
         let (least, most) =
             texts.fold((first, first), |(least, most), text| (least.min(text), most.max(text)));
         let is_within = min <= least.as_bytes() && most.as_bytes() <= max;
-        let shown = |text: &str| format!("{:?}", text.chars().take(40).collect::<String>());
         Some(Self {
-            read: [shown(least), shown(most)],
-            said: [min, max].map(|bytes| shown(&String::from_utf8_lossy(bytes))),
+            read: [quoted(least), quoted(most)],
+            said: [min, max].map(|bytes| quoted(&String::from_utf8_lossy(bytes))),
             is_same: is_within,
             is_within,
         })
     }
+}
+
+/// The beginning of a text, in quotes.
+fn quoted(text: &str) -> String {
+    format!("{:?}", text.chars().take(40).collect::<String>())
 }

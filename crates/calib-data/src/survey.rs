@@ -315,14 +315,15 @@ impl Scan<'_> {
         let in_train = Moments::of(&values[train.clone()]);
         let around = [Moments::of(&values[..train.start]), Moments::of(&values[train.end..])];
         let moments = around.into_iter().chain([in_train]).flatten().reduce(Moments::merge);
-        let count = |moments: Option<Moments>| moments.map_or(0, |moments| moments.count);
+        let present = moments.map_or(0, |moments| moments.count);
+        let present_in_train = in_train.map_or(0, |moments| moments.count);
         if let (Some(moments), Some(held_out)) = (in_train, held_out) {
             note_held_out(&values[held_out.clone()], moments, &mut far_out);
         }
         Looked {
             in_train,
-            missing: self.log.rows.timestamps.len() - count(moments),
-            missing_fraction: 1.0 - count(in_train) as f64 / self.log.train.len() as f64,
+            missing: self.log.rows.timestamps.len() - present,
+            missing_fraction: 1.0 - present_in_train as f64 / self.log.train.len() as f64,
             profile: moments.map(|moments| ValueProfile {
                 min: moments.min,
                 max: moments.max,

@@ -70,16 +70,16 @@ mod tests {
         read_tags(&path).map_err(|error| error.to_string())
     }
 
+    fn described(unit: &str, label: Option<&str>) -> Description {
+        Description { unit: Some(unit.to_owned()), label: label.map(str::to_owned) }
+    }
+
     #[test]
     fn units_and_descriptions_are_read() {
         let tags = read(
             "Tag Name;Descriptor;EngUnits\nPIT300;\"pressure; membrane\";kPa\nFIT100;;m3/h\n;x;y\n",
         );
         let tags = tags.expect("a list");
-        let described = |unit: &str, label: Option<&str>| Description {
-            unit: Some(unit.to_owned()),
-            label: label.map(str::to_owned),
-        };
         assert_eq!(tags.len(), 2);
         assert_eq!(tags["PIT300"], described("kPa", Some("pressure; membrane")));
         assert_eq!(tags["FIT100"], described("m3/h", None));

@@ -63,8 +63,8 @@ impl BestEnd<'_> {
             return;
         }
         let normalised = self.pattern.normalise(raw, self.query, column + 1);
-        let rank = |raw: f64, normalised: Option<f64>| normalised.unwrap_or(raw);
-        if self.best.is_none_or(|best| rank(raw, normalised) < rank(best.raw, best.normalised)) {
+        let rank = normalised.unwrap_or(raw);
+        if self.best.is_none_or(|best| rank < best.normalised.unwrap_or(best.raw)) {
             self.best = Some(Distance { raw, normalised, end: column });
         }
     }

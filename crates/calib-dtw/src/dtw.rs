@@ -229,10 +229,14 @@ mod tests {
 
     use super::*;
 
+    fn wave(phase: f64) -> Vec<f64> {
+        (0..3000).map(|t| (f64::from(t) * 0.01 + phase).sin()).collect()
+    }
+
     #[test]
     fn what_nobody_waits_for_ends_wherever_it_is() {
-        let wave = |phase: f64| (0..3000).map(move |t| (f64::from(t) * 0.01 + phase).sin());
-        let (query, reference): (Vec<f64>, Vec<f64>) = (wave(0.0).collect(), wave(0.3).collect());
+        let query = wave(0.0);
+        let reference = wave(0.3);
         let dtw = Dtw::new(StepPattern::symmetric2());
         let expected = dtw.align(&query, &reference).expect("a path");
         // How often it is asked in all, and then a stop at each of these.

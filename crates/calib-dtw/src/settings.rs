@@ -145,11 +145,15 @@ mod tests {
         );
     }
 
+    /// The distance between two samples of two channels, 3 and 4 apart.
+    fn distance_by(local: LocalDistance) -> f64 {
+        local.between(&[0.0, 1.0], &[3.0, 5.0])
+    }
+
     #[test]
     fn local_distances_of_two_channels() {
-        let between = |local: LocalDistance| local.between(&[0.0, 1.0], &[3.0, 5.0]);
-        assert_eq!(between(LocalDistance::Absolute), 7.0);
-        assert_eq!(between(LocalDistance::Squared), 25.0);
-        assert_eq!(between(LocalDistance::Euclidean), 5.0);
+        assert_eq!(distance_by(LocalDistance::Absolute), 7.0);
+        assert_eq!(distance_by(LocalDistance::Squared), 25.0);
+        assert_eq!(distance_by(LocalDistance::Euclidean), 5.0);
     }
 }

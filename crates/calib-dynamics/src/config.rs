@@ -108,22 +108,22 @@ impl DynamicsConfig {
                 });
             }
         }
-        let number = |key, expected: &str, got: f64| DynamicsError::Config {
-            key,
-            expected: expected.to_owned(),
-            got: format!("{got:?}"),
-        };
         if !(1e-45..=1e38).contains(&self.learning_rate) {
             let expected =
                 "a positive number, from 1e-45 to 1e38 (weights are in single precision)";
-            return Err(number("learning_rate", expected, self.learning_rate));
+            return Err(refused_number("learning_rate", expected, self.learning_rate));
         }
         if !(self.validation_fraction > 0.0 && self.validation_fraction < 1.0) {
             let expected = "a number between 0 and 1";
-            return Err(number("validation_fraction", expected, self.validation_fraction));
+            return Err(refused_number("validation_fraction", expected, self.validation_fraction));
         }
         Ok(())
     }
+}
+
+/// That `key` is not what is expected of it.
+fn refused_number(key: &'static str, expected: &str, got: f64) -> DynamicsError {
+    DynamicsError::Config { key, expected: expected.to_owned(), got: format!("{got:?}") }
 }
 
 #[cfg(test)]
@@ -137,15 +137,17 @@ mod tests {
         config.check().expect("defaults are valid");
     }
 
+    /// Why a section is refused.
+    fn refusal(text: &str) -> String {
+        let config: DynamicsConfig = toml::from_str(text).expect("readable");
+        config.check().expect_err(text).to_string()
+    }
+
     #[test]
     fn slips_are_named() {
-        let checked = |text: &str| {
-            let config: DynamicsConfig = toml::from_str(text).expect("readable");
-            config.check().expect_err(text).to_string()
-        };
-        assert!(checked("epochs = 0").contains("epochs"), "{}", checked("epochs = 0"));
-        assert!(checked("learning_rate = -1.0").contains("positive"));
-        assert!(checked("validation_fraction = 1.0").contains("between 0 and 1"));
+        assert!(refusal("epochs = 0").contains("epochs"), "{}", refusal("epochs = 0"));
+        assert!(refusal("learning_rate = -1.0").contains("positive"));
+        assert!(refusal("validation_fraction = 1.0").contains("between 0 and 1"));
         assert!(toml::from_str::<DynamicsConfig>("hidden = 3").is_err());
     }
 }

@@ -97,10 +97,9 @@ impl Residuals {
     /// # Errors
     /// If they are not residuals of `columns` values.
     pub fn from_tensors(tensors: &Tensors, columns: usize) -> Result<Self, DynamicsError> {
-        let wrong = || DynamicsError::Weights { reason: "they are no residuals of it".to_owned() };
-        let tensor = tensors.get("residuals").ok_or_else(wrong)?;
-        let ends = tensors.metadata.get("ends").ok_or_else(wrong)?;
-        let ends: Vec<usize> = serde_json::from_str(ends).map_err(|_| wrong())?;
+        let tensor = tensors.get("residuals").ok_or_else(not_residuals)?;
+        let ends = tensors.metadata.get("ends").ok_or_else(not_residuals)?;
+        let ends: Vec<usize> = serde_json::from_str(ends).map_err(|_| not_residuals())?;
         let mut pieces = Vec::with_capacity(ends.len());
         let mut start = 0;
         for end in ends {
@@ -109,10 +108,14 @@ impl Residuals {
         }
         let is_whole = pieces.iter().all(|piece| !piece.is_empty());
         if tensor.shape != [start, columns] || start == 0 || !is_whole {
-            return Err(wrong());
+            return Err(not_residuals());
         }
         Ok(Self { columns, values: tensor.values.clone(), pieces })
     }
+}
+
+fn not_residuals() -> DynamicsError {
+    DynamicsError::Weights { reason: "they are no residuals of it".to_owned() }
 }
 
 /// Residuals on their way into one rollout.

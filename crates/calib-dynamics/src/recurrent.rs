@@ -50,13 +50,13 @@ impl Recurrent {
     ) -> Result<Self, DynamicsError> {
         let columns = head_bias.len();
         let hidden = layers.first().map_or(0, |layer| layer.bias_hh.len() / 3);
-        let wrong = |reason: String| Err(DynamicsError::Weights { reason });
         if columns == 0 || hidden == 0 || head_weight.len() != columns * hidden {
-            return wrong(format!(
+            let reason = format!(
                 "an output of {columns} values from {hidden} units has {} weights, got {}",
                 columns * hidden,
                 head_weight.len()
-            ));
+            );
+            return Err(DynamicsError::Weights { reason });
         }
         for (number, layer) in layers.iter().enumerate() {
             let inputs = if number == 0 { columns } else { hidden };
@@ -64,9 +64,10 @@ impl Recurrent {
             let got =
                 [&layer.weight_ih, &layer.weight_hh, &layer.bias_ih, &layer.bias_hh].map(Vec::len);
             if got != expected {
-                return wrong(format!(
+                let reason = format!(
                     "layer {number} of {hidden} units on {inputs} values has {expected:?} weights, got {got:?}"
-                ));
+                );
+                return Err(DynamicsError::Weights { reason });
             }
         }
         Ok(Self { columns, hidden, layers, head_weight, head_bias, history })
@@ -89,16 +90,17 @@ impl Recurrent {
         let mut draw = |count: usize| -> Vec<f32> {
             (0..count).map(|_| rng.uniform(-bound, bound) as f32).collect()
         };
-        let mut layer = |number: usize| {
-            let inputs = if number == 0 { columns } else { hidden };
-            GruLayer {
-                weight_ih: draw(3 * hidden * inputs),
-                weight_hh: draw(3 * hidden * hidden),
-                bias_ih: draw(3 * hidden),
-                bias_hh: draw(3 * hidden),
-            }
-        };
-        let layers = (0..layers).map(&mut layer).collect();
+        let layers = (0..layers)
+            .map(|number: usize| {
+                let inputs = if number == 0 { columns } else { hidden };
+                GruLayer {
+                    weight_ih: draw(3 * hidden * inputs),
+                    weight_hh: draw(3 * hidden * hidden),
+                    bias_ih: draw(3 * hidden),
+                    bias_hh: draw(3 * hidden),
+                }
+            })
+            .collect();
         let head_weight = draw(columns * hidden);
         let head_bias = draw(columns);
         Self { columns, hidden, layers, head_weight, head_bias, history }
@@ -239,6 +241,11 @@ impl Walk for RecurrentWalk<'_> {
 mod tests {
     use super::*;
 
+    /// σ by its definition.
+    fn logistic(x: f64) -> f64 {
+        1.0 / (1.0 + (-x).exp())
+    }
+
     #[test]
     fn one_unit_follows_the_formula() {
         let layer = GruLayer {
@@ -251,11 +258,10 @@ mod tests {
         let mut walk = model.walk().expect("it runs");
         let mut next = vec![0.0; LANES];
         let mut h = 0.0_f64;
-        let sigmoid = |x: f64| 1.0 / (1.0 + (-x).exp());
         for x in [0.7_f64, -1.2, 0.3] {
             walk.step(&[x as f32; LANES], &mut next).expect("a step");
-            let r = sigmoid(0.5 * x + 0.01 + 0.1 * h - 0.01);
-            let z = sigmoid(-0.25 * x + 0.02 + 0.2 * h + 0.04);
+            let r = logistic(0.5 * x + 0.01 + 0.1 * h - 0.01);
+            let z = logistic(-0.25 * x + 0.02 + 0.2 * h + 0.04);
             let n = (x + 0.03 + r * (-0.3 * h + 0.05)).tanh();
             h = (1.0 - z) * n + z * h;
             for &value in &next {

@@ -193,7 +193,9 @@ impl GruPass {
         scale: f32,
     ) {
         let Sequences { inputs, length, count, .. } = sequences;
-        let (units, rows, columns) = (shape.hidden, length * count, shape.columns);
+        let units = shape.hidden;
+        let rows = length * count;
+        let columns = shape.columns;
         let gates = 3 * units;
         for error in &mut self.outputs {
             *error *= scale;

@@ -130,7 +130,6 @@ impl<'a> RecurrentTrainer<'a> {
 
 /// Bytes that training a GRU takes beside the states: activations and gradients of a mini-batch, and copies of the parameters.
 pub fn recurrent_training_bytes(config: &DynamicsConfig, columns: usize) -> u64 {
-    let float = |count: usize| 4 * count as u64;
     let units = config.hidden_units;
     let rows = config.batch_size.saturating_mul(config.sequence_length);
     let activations = rows.saturating_mul(12 * units);
@@ -138,10 +137,15 @@ pub fn recurrent_training_bytes(config: &DynamicsConfig, columns: usize) -> u64 
     let above = (config.hidden_layers - 1).saturating_mul(of_layer(units));
     let parameters = of_layer(columns) + above + columns * (units + 1);
     // Parameters, those kept, two moments, and a gradient for each half of a mini-batch.
-    float(activations)
+    float_bytes(activations)
         .saturating_mul(config.hidden_layers as u64)
-        .saturating_add(float(rows.saturating_mul(3 * columns)))
-        .saturating_add(6 * float(parameters))
+        .saturating_add(float_bytes(rows.saturating_mul(3 * columns)))
+        .saturating_add(6 * float_bytes(parameters))
+}
+
+/// Bytes of `count` numbers in single precision.
+fn float_bytes(count: usize) -> u64 {
+    4 * count as u64
 }
 
 #[cfg(test)]

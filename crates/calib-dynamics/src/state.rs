@@ -45,7 +45,6 @@ impl TrainingState {
     /// # Errors
     /// If the checkpoint is not one of such a training.
     pub fn from_tensors(checkpoint: &Tensors, count: usize) -> Result<Self, DynamicsError> {
-        let wrong = |reason: &str| DynamicsError::Weights { reason: reason.to_owned() };
         let array = |name: &str| match checkpoint.get(name) {
             Some(found) if found.values.len() == count => Ok(found.values.clone()),
             _ => Err(wrong("the checkpoint is of another network")),
@@ -63,6 +62,10 @@ impl TrainingState {
             record,
         })
     }
+}
+
+fn wrong(reason: &str) -> DynamicsError {
+    DynamicsError::Weights { reason: reason.to_owned() }
 }
 
 /// One pass over `items`, transitions or first ones of sequences, in the order of the epoch: `update` is called with each

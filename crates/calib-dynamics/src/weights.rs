@@ -106,6 +106,16 @@ mod tests {
 
     use super::*;
 
+    /// A layer of four units.
+    fn layer(inputs: usize) -> GruLayer {
+        GruLayer {
+            weight_ih: (0..12 * inputs).map(|v| v as f32).collect(),
+            weight_hh: vec![0.5; 48],
+            bias_ih: vec![0.25; 12],
+            bias_hh: vec![0.75; 12],
+        }
+    }
+
     #[test]
     fn weights_come_back() {
         let network = Mlp::new(&[3, 5, 4, 3], Seed::new(1));
@@ -113,12 +123,6 @@ mod tests {
         let tensors = model.to_tensors();
         assert_eq!(tensors.get("layers.1.weight").expect("there").shape, [4, 5]);
         assert_eq!(FeedForward::from_tensors(&tensors).expect("they fit"), model);
-        let layer = |inputs: usize| GruLayer {
-            weight_ih: (0..12 * inputs).map(|v| v as f32).collect(),
-            weight_hh: vec![0.5; 48],
-            bias_ih: vec![0.25; 12],
-            bias_hh: vec![0.75; 12],
-        };
         let layers = vec![layer(3), layer(4)];
         let model = Recurrent::new(layers, vec![1.0; 12], vec![2.0; 3], 19).expect("valid");
         let tensors = model.to_tensors();

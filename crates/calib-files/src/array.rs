@@ -181,24 +181,28 @@ mod tests {
         bytes
     }
 
+    /// The two numbers of a type that `data` holds.
+    fn pair_of(descr: &str, data: &[u8]) -> Vec<f64> {
+        parse(&npy(1, descr, "False", "(2,)", data)).expect(descr).values
+    }
+
     #[test]
     fn every_number_type_is_read() {
-        let read = |descr: &str, data: &[u8]| {
-            parse(&npy(1, descr, "False", "(2,)", data)).expect(descr).values
-        };
-        assert_eq!(read("|i1", &[1, 0xff]), [1.0, -1.0]);
-        assert_eq!(read("|u1", &[1, 0xff]), [1.0, 255.0]);
-        assert_eq!(read("|b1", &[1, 0]), [1.0, 0.0]);
-        assert_eq!(read("|b1", &[7, 0]), [1.0, 0.0], "as NumPy has it");
-        assert_eq!(read("<i2", &[1, 0, 0xfe, 0xff]), [1.0, -2.0]);
-        assert_eq!(read(">i2", &[0, 1, 0xff, 0xfe]), [1.0, -2.0]);
-        assert_eq!(read(">u4", &[0, 0, 0, 1, 0xff, 0, 0, 0]), [1.0, 4_278_190_080.0]);
-        let both = |one: &[u8], two: &[u8]| [one, two].concat();
-        assert_eq!(read("<i8", &both(&7_i64.to_le_bytes(), &(-7_i64).to_le_bytes())), [7.0, -7.0]);
-        let floats = both(&1.5_f32.to_le_bytes(), &(-0.25_f32).to_le_bytes());
-        assert_eq!(read("<f4", &floats), [1.5, -0.25]);
-        let doubles = both(&0.1_f64.to_be_bytes(), &f64::MAX.to_be_bytes());
-        assert_eq!(read(">f8", &doubles), [0.1, f64::MAX]);
+        assert_eq!(pair_of("|i1", &[1, 0xff]), [1.0, -1.0]);
+        assert_eq!(pair_of("|u1", &[1, 0xff]), [1.0, 255.0]);
+        assert_eq!(pair_of("|b1", &[1, 0]), [1.0, 0.0]);
+        assert_eq!(pair_of("|b1", &[7, 0]), [1.0, 0.0], "as NumPy has it");
+        assert_eq!(pair_of("<i2", &[1, 0, 0xfe, 0xff]), [1.0, -2.0]);
+        assert_eq!(pair_of(">i2", &[0, 1, 0xff, 0xfe]), [1.0, -2.0]);
+        assert_eq!(pair_of(">u4", &[0, 0, 0, 1, 0xff, 0, 0, 0]), [1.0, 4_278_190_080.0]);
+        assert_eq!(
+            pair_of("<i8", &[7_i64.to_le_bytes(), (-7_i64).to_le_bytes()].concat()),
+            [7.0, -7.0]
+        );
+        let floats = [1.5_f32.to_le_bytes(), (-0.25_f32).to_le_bytes()].concat();
+        assert_eq!(pair_of("<f4", &floats), [1.5, -0.25]);
+        let doubles = [0.1_f64.to_be_bytes(), f64::MAX.to_be_bytes()].concat();
+        assert_eq!(pair_of(">f8", &doubles), [0.1, f64::MAX]);
     }
 
     #[test]
@@ -246,16 +250,19 @@ mod tests {
         assert_eq!(array_bytes(&path).expect("a hole"), header.len() as u64 + 16_000_000_000_000);
     }
 
+    fn refusal(bytes: &[u8]) -> String {
+        parse(bytes).expect_err("refused")
+    }
+
     #[test]
     fn other_files_are_refused_with_the_reason() {
-        let reason = |bytes: &[u8]| parse(bytes).expect_err("refused");
-        assert!(reason(b"PAR1").contains("does not begin"));
-        assert!(reason(b"\x93NUMPY\x01\x00\xff\xff{").contains("cut off"));
-        assert!(reason(&npy(1, "<c16", "False", "(1,)", &[0; 16])).contains("'<c16'"));
-        assert!(reason(&npy(1, "<U3", "False", "(1,)", &[0; 12])).contains("real numbers"));
-        let short = reason(&npy(1, "<f8", "False", "(3,)", &[0; 17]));
+        assert!(refusal(b"PAR1").contains("does not begin"));
+        assert!(refusal(b"\x93NUMPY\x01\x00\xff\xff{").contains("cut off"));
+        assert!(refusal(&npy(1, "<c16", "False", "(1,)", &[0; 16])).contains("'<c16'"));
+        assert!(refusal(&npy(1, "<U3", "False", "(1,)", &[0; 12])).contains("real numbers"));
+        let short = refusal(&npy(1, "<f8", "False", "(3,)", &[0; 17]));
         assert!(short.contains("expected 24 bytes") && short.contains("got 17"), "{short}");
         let huge = "(18446744073709551615, 2)";
-        assert!(reason(&npy(1, "<f8", "False", huge, &[])).contains("truncated or damaged"));
+        assert!(refusal(&npy(1, "<f8", "False", huge, &[])).contains("truncated or damaged"));
     }
 }

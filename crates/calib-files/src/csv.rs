@@ -63,14 +63,14 @@ fn parse(bytes: &[u8]) -> Result<Vec<CsvColumn>, String> {
         let cell = cell.trim();
         !cell.is_empty() && cell.parse::<f64>().is_err()
     });
-    let name = |(number, cell): (usize, &String)| {
-        if is_header { cell.trim().to_owned() } else { number.to_string() }
-    };
     let mut columns: Vec<CsvColumn> = first
         .cells
         .iter()
         .enumerate()
-        .map(|cell| CsvColumn { name: name(cell), numbers: Ok(Vec::new()) })
+        .map(|(number, cell)| {
+            let name = if is_header { cell.trim().to_owned() } else { number.to_string() };
+            CsvColumn { name, numbers: Ok(Vec::new()) }
+        })
         .collect();
     let expected = columns.len();
     // A record has a line's end, and a byte between its cells.

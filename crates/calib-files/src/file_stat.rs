@@ -51,16 +51,21 @@ fn known(found: &fs::Metadata) -> Option<FileStat> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt as _;
-        let since_1970 = |secs: i64, ns: i64| secs.checked_mul(1_000_000_000)?.checked_add(ns);
         Some(FileStat {
             bytes: found.len(),
-            modified_ns: since_1970(found.mtime(), found.mtime_nsec())?,
-            changed_ns: since_1970(found.ctime(), found.ctime_nsec())?,
+            modified_ns: nanoseconds(found.mtime(), found.mtime_nsec())?,
+            changed_ns: nanoseconds(found.ctime(), found.ctime_nsec())?,
             inode: found.ino(),
         })
     }
     #[cfg(not(unix))]
     None
+}
+
+/// Seconds and nanoseconds as nanoseconds, if there are not too many.
+#[cfg(unix)]
+fn nanoseconds(secs: i64, ns: i64) -> Option<i64> {
+    secs.checked_mul(1_000_000_000)?.checked_add(ns)
 }
 
 #[cfg(all(test, unix))]
@@ -89,10 +94,13 @@ mod tests {
         assert!(after.changed_ns > before.changed_ns + before.tick_ns());
         assert!(FileStat::of(&directory.path().join("b")).is_err());
     }
+
+    fn changed_at(changed_ns: i64) -> FileStat {
+        FileStat { bytes: 1, modified_ns: changed_ns, changed_ns, inode: 1 }
+    }
+
     #[test]
     fn what_was_written_long_ago_is_settled() {
-        let changed_at =
-            |changed_ns| FileStat { bytes: 1, modified_ns: changed_ns, changed_ns, inode: 1 };
         let stamp = changed_at(7_000_000_001);
         let tick = stamp.tick_ns();
         assert_eq!(stamp.unsettled_ns(stamp.changed_ns + 2 * tick), 0);

@@ -1,5 +1,6 @@
 use std::{
     fmt,
+    fs::File,
     io::{self, Read as _},
     path::Path,
 };
@@ -63,35 +64,38 @@ const READ_AT_ONCE: usize = 1 << 20;
 /// If the file cannot be read, or is none: a pipe has no content that could be read twice.
 pub fn fingerprint_file(path: &Path) -> Result<Fingerprint, FileError> {
     let mut file = open_regular(path)?;
-    let mut hash = || -> io::Result<Fingerprint> {
-        let size = usize::try_from(file.metadata()?.len()).unwrap_or(READ_AT_ONCE);
-        let mut hasher = blake3::Hasher::new();
-        let mut buffer = vec![0; size.clamp(1, READ_AT_ONCE)];
-        loop {
-            match file.read(&mut buffer)? {
-                0 => return Ok(Fingerprint(hasher.finalize().to_hex().to_string())),
-                read => hasher.update_rayon(&buffer[..read]),
-            };
-        }
-    };
-    hash().map_err(|source| FileError::io("read", path, source))
+    fingerprint_rest(&mut file).map_err(|source| FileError::io("read", path, source))
+}
+
+/// The fingerprint of what is still to be read of a file.
+fn fingerprint_rest(file: &mut File) -> io::Result<Fingerprint> {
+    let size = usize::try_from(file.metadata()?.len()).unwrap_or(READ_AT_ONCE);
+    let mut hasher = blake3::Hasher::new();
+    let mut buffer = vec![0; size.clamp(1, READ_AT_ONCE)];
+    loop {
+        match file.read(&mut buffer)? {
+            0 => return Ok(Fingerprint(hasher.finalize().to_hex().to_string())),
+            read => hasher.update_rayon(&buffer[..read]),
+        };
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn fingerprint_of_parts(parts: &[&str]) -> Fingerprint {
+        let mut fingerprinter = Fingerprinter::default();
+        for part in parts {
+            fingerprinter.add(part.as_bytes());
+        }
+        fingerprinter.finish()
+    }
+
     #[test]
     fn parts_do_not_run_together() {
-        let fingerprint = |parts: &[&str]| {
-            let mut fingerprinter = Fingerprinter::default();
-            for part in parts {
-                fingerprinter.add(part.as_bytes());
-            }
-            fingerprinter.finish()
-        };
-        assert_ne!(fingerprint(&["ab", "c"]), fingerprint(&["a", "bc"]));
-        assert_eq!(fingerprint(&["ab", "c"]), fingerprint(&["ab", "c"]));
+        assert_ne!(fingerprint_of_parts(&["ab", "c"]), fingerprint_of_parts(&["a", "bc"]));
+        assert_eq!(fingerprint_of_parts(&["ab", "c"]), fingerprint_of_parts(&["ab", "c"]));
     }
 
     #[test]

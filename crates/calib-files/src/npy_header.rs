@@ -27,25 +27,24 @@ impl<'a> NpyHeader<'a> {
     /// # Errors
     /// What is wrong with it, in words.
     pub(crate) fn parse(bytes: &'a [u8]) -> Result<Self, String> {
-        let cut = || "the header is cut off".to_owned();
         let Some(rest) = bytes.strip_prefix(b"\x93NUMPY") else {
             return Err("it does not begin as NumPy files do".to_owned());
         };
-        let (version, rest) = rest.split_first_chunk::<2>().ok_or_else(cut)?;
+        let (version, rest) = rest.split_first_chunk::<2>().ok_or_else(cut_off)?;
         let (length, rest) = match version {
             [1, 0] => {
-                let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
+                let (length, rest) = rest.split_first_chunk().ok_or_else(cut_off)?;
                 (usize::from(u16::from_le_bytes(*length)), rest)
             }
             [2 | 3, 0] => {
-                let (length, rest) = rest.split_first_chunk().ok_or_else(cut)?;
+                let (length, rest) = rest.split_first_chunk().ok_or_else(cut_off)?;
                 (u32::from_le_bytes(*length) as usize, rest)
             }
             [major, minor] => {
                 return Err(format!("expected format version 1.0 to 3.0, got {major}.{minor}"));
             }
         };
-        let (header, after) = rest.split_at_checked(length).ok_or_else(cut)?;
+        let (header, after) = rest.split_at_checked(length).ok_or_else(cut_off)?;
         if length > LONGEST {
             return Err(format!("its header has {length} bytes, expected at most {LONGEST}"));
         }
@@ -59,6 +58,14 @@ impl<'a> NpyHeader<'a> {
     pub(crate) fn bytes(&self, size: usize) -> Option<usize> {
         self.shape.iter().try_fold(size, |product, &length| product.checked_mul(length))
     }
+}
+
+fn cut_off() -> String {
+    "the header is cut off".to_owned()
+}
+
+fn lacks(key: &str) -> String {
+    format!("the header has no {key:?}")
 }
 
 /// A literal of Python that is being read.
@@ -94,7 +101,6 @@ impl<'a> Dictionary<'a> {
         if !self.rest.trim().is_empty() {
             return Err("the header goes on after its dictionary".to_owned());
         }
-        let lacks = |key: &str| format!("the header has no {key:?}");
         Ok(NpyHeader {
             description: description.ok_or_else(|| lacks("descr"))?,
             is_column_major: is_column_major.ok_or_else(|| lacks("fortran_order"))?,
@@ -168,10 +174,12 @@ impl<'a> Dictionary<'a> {
             }
             if !self.take(",") {
                 self.expect(")")?;
-                let is_number = shape.len() == 1;
-                let number =
-                    || "the header has no usable shape: one length alone is written as (3,)";
-                return if is_number { Err(number().to_owned()) } else { Ok(shape) };
+                if shape.len() == 1 {
+                    let reason =
+                        "the header has no usable shape: one length alone is written as (3,)";
+                    return Err(reason.to_owned());
+                }
+                return Ok(shape);
             }
         }
         Ok(shape)
@@ -201,6 +209,12 @@ mod tests {
         NpyHeader::parse(bytes.leak())
     }
 
+    /// The shape of a header that gives it so.
+    fn read_shape(shape: &str) -> Result<Vec<usize>, String> {
+        let header = format!("{{'descr':\"|u1\",'fortran_order':True,'shape':{shape}}}");
+        parse(&header).map(|header| header.shape)
+    }
+
     #[test]
     fn headers_of_numpy_are_read() {
         let usual = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }      \n";
@@ -208,20 +222,16 @@ mod tests {
         assert_eq!((header.description, header.is_column_major), ("<f8", false));
         assert_eq!((&header.shape[..], header.data), (&[2, 3][..], 10 + usual.len()));
         assert_eq!(header.bytes(8), Some(48));
-        let shape = |shape: &str| {
-            let header = format!("{{'descr':\"|u1\",'fortran_order':True,'shape':{shape}}}");
-            parse(&header).map(|header| header.shape)
-        };
-        assert_eq!(shape("()"), Ok(vec![]));
-        assert_eq!(shape("(3,)"), Ok(vec![3]));
-        assert_eq!(shape(" ( 3 , 0 , ) "), Ok(vec![3, 0]));
+        assert_eq!(read_shape("()"), Ok(vec![]));
+        assert_eq!(read_shape("(3,)"), Ok(vec![3]));
+        assert_eq!(read_shape(" ( 3 , 0 , ) "), Ok(vec![3, 0]));
         for refused in
             ["(3)", "3", "[3]", "(-3,)", "(03,)", "(3 4)", "(,)", "(3,,4)", "(3,", "(3.0,)"]
         {
-            assert!(shape(refused).is_err(), "{refused}");
+            assert!(read_shape(refused).is_err(), "{refused}");
         }
-        assert_eq!(shape(&format!("({})", "1,".repeat(64))).map(|shape| shape.len()), Ok(64));
-        let many = shape(&format!("({})", "1,".repeat(65))).expect_err("too many");
+        assert_eq!(read_shape(&format!("({})", "1,".repeat(64))).map(|shape| shape.len()), Ok(64));
+        let many = read_shape(&format!("({})", "1,".repeat(65))).expect_err("too many");
         assert!(many.contains("more than 64 dimensions"), "{many}");
     }
 

@@ -62,9 +62,6 @@ pub fn require_regular(path: &Path) -> Result<(), FileError> {
 pub fn is_same_file(one: &Path, other: &Path) -> bool {
     #[cfg(unix)]
     {
-        use std::os::unix::fs::MetadataExt as _;
-        let identity =
-            |path: &Path| fs::metadata(path).ok().map(|metadata| (metadata.dev(), metadata.ino()));
         identity(one).is_some_and(|one| Some(one) == identity(other))
     }
     #[cfg(not(unix))]
@@ -72,6 +69,13 @@ pub fn is_same_file(one: &Path, other: &Path) -> bool {
         fs::canonicalize(one)
             .is_ok_and(|one| fs::canonicalize(other).is_ok_and(|other| other == one))
     }
+}
+
+/// The file system and the number of the file that a path leads to, if it exists.
+#[cfg(unix)]
+fn identity(path: &Path) -> Option<(u64, u64)> {
+    use std::os::unix::fs::MetadataExt as _;
+    fs::metadata(path).ok().map(|metadata| (metadata.dev(), metadata.ino()))
 }
 
 /// Whether a file is on a file system that holds nothing: reading it asks the kernel.
@@ -118,21 +122,25 @@ mod tests {
         assert!(open_to_append(&directory.path().join("none/log")).is_err());
     }
 
+    /// Why a path is not opened.
+    fn refusal(path: &Path) -> String {
+        format!("{:?}", open_regular(path).expect_err("refused"))
+    }
+
     #[test]
     fn only_files_are_opened() {
         let directory = tempfile::tempdir().expect("a directory");
         let file = directory.path().join("a");
         fs::write(&file, b"content").expect("written");
         assert_eq!(read_regular(&file).expect("readable"), b"content");
-        let refused = |path: &Path| format!("{:?}", open_regular(path).expect_err("refused"));
-        assert!(refused(directory.path()).contains("a folder"));
-        assert!(refused(&directory.path().join("none")).contains("NotFound"));
+        assert!(refusal(directory.path()).contains("a folder"));
+        assert!(refusal(&directory.path().join("none")).contains("NotFound"));
         if cfg!(unix) {
-            assert!(refused(Path::new("/dev/null")).contains("a device"));
+            assert!(refusal(Path::new("/dev/null")).contains("a device"));
         }
         if cfg!(target_os = "linux") {
             for path in ["/proc/uptime", "/proc/self/status", "/proc/self/maps"] {
-                assert!(refused(Path::new(path)).contains("the kernel"), "{path}");
+                assert!(refusal(Path::new(path)).contains("the kernel"), "{path}");
             }
         }
     }

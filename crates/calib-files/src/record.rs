@@ -3,7 +3,7 @@
 
 use std::{
     collections::BTreeSet,
-    fs,
+    fs::{self, File},
     io::{self, Write as _},
     path::{Path, PathBuf},
 };
@@ -196,13 +196,15 @@ impl FolderRecord {
 
 fn append(path: &Path, text: &str) -> Result<(), FileError> {
     let mut file = open_lock(path)?;
-    let mut written = || -> io::Result<()> {
-        let mut output = Announced::output(&mut file, path);
-        output.write_all(text.as_bytes())?;
-        output.flush()?;
-        output.get_ref().sync()
-    };
-    written().map_err(|source| FileError::io("write", path, source))
+    write_through(&mut file, path, text).map_err(|source| FileError::io("write", path, source))
+}
+
+/// Write `text` to an open file, and on to the disk.
+fn write_through(file: &mut File, path: &Path, text: &str) -> io::Result<()> {
+    let mut output = Announced::output(file, path);
+    output.write_all(text.as_bytes())?;
+    output.flush()?;
+    output.get_ref().sync()
 }
 
 /// What the record says, as far as it is one: a link is somebody's, and so is what it leads to.

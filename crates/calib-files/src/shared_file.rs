@@ -113,11 +113,10 @@ impl Read for HeldReader {
 
 impl Seek for HeldReader {
     fn seek(&mut self, place: SeekFrom) -> io::Result<u64> {
-        let moved = |from: u64, by: i64| from.checked_add_signed(by);
         let place = match place {
             SeekFrom::Start(offset) => Some(offset),
-            SeekFrom::Current(by) => moved(self.offset, by),
-            SeekFrom::End(by) => moved(self.len()?, by),
+            SeekFrom::Current(by) => self.offset.checked_add_signed(by),
+            SeekFrom::End(by) => self.len()?.checked_add_signed(by),
         };
         self.offset = place.ok_or(io::ErrorKind::InvalidInput)?;
         Ok(self.offset)

@@ -58,6 +58,11 @@ fn data(rows: usize, columns: &[usize]) -> Vec<(usize, [States; 2])> {
         .collect()
 }
 
+/// Cells of each of these kinds, which have not been measured yet.
+fn cells<'a>(states: &'a States, kinds: &[IndexKind], theiler: u32) -> Vec<Cell<'a>> {
+    kinds.iter().map(|&kind| Cell { states, kind, theiler, least: f64::INFINITY }).collect()
+}
+
 fn seconds(cells: &[Cell<'_>]) -> String {
     cells.iter().map(|cell| format!("{:.2}", cell.least)).collect::<Vec<_>>().join(", ")
 }
@@ -74,9 +79,6 @@ fn main() {
     let tree = IndexKind::KdTree;
     let join = IndexKind::Join;
     let auto = IndexKind::Auto;
-    let cells = |states, kinds: &[IndexKind], theiler| -> Vec<Cell<'_>> {
-        kinds.iter().map(|&kind| Cell { states, kind, theiler, least: f64::INFINITY }).collect()
-    };
     // Each entry is the start of a line and the groups of cells that follow.
     let mut first: Vec<(String, [Vec<Cell<'_>>; 2])> = (by_columns.iter())
         .map(|(columns, states)| {

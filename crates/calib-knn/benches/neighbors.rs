@@ -37,45 +37,49 @@ fn changed(states: &States, change: impl Fn(usize, &mut [f32])) -> States {
     States::new(values, states.rows(), states.columns()).expect("valid")
 }
 
+/// `states`, constant in half of the rows.
+fn half_still(states: &States) -> States {
+    changed(states, |row, state| {
+        if row % 1000 < 500 {
+            state.fill(0.25);
+        }
+    })
+}
+
+/// `states` with wild values in one row in 1000.
+fn partly_wild(states: &States) -> States {
+    changed(states, |row, state| {
+        if row % 1000 == 0 {
+            state.fill(1e6);
+        }
+    })
+}
+
 fn by_shape(criterion: &mut Criterion) {
     let rows = if testing() { 500 } else { 20_000 };
     let plant = plant(rows, 142);
     let gaussian = gaussian(rows, 142);
-    let still = |states: &States| {
-        changed(states, |row, state| {
-            if row % 1000 < 500 {
-                state.fill(0.25);
-            }
-        })
-    };
     let copies = changed(&plant, |row, state| {
         let from = plant.row(row % (rows / 10));
         state.copy_from_slice(from);
     });
     let constant = changed(&plant, |_, state| state[10..].fill(0.5));
-    let wild = |states: &States| {
-        changed(states, |row, state| {
-            if row % 1000 == 0 {
-                state.fill(1e6);
-            }
-        })
-    };
     let shapes = [
-        ("plant, half of it one standstill", still(&plant), (5, 3)),
-        ("gaussian, half of it one standstill", still(&gaussian), (5, 3)),
+        ("plant, half of it one standstill", half_still(&plant), (5, 3)),
+        ("gaussian, half of it one standstill", half_still(&gaussian), (5, 3)),
         ("plant, each state ten times", copies, (5, 3)),
         ("plant, 132 of 142 columns constant", constant, (5, 3)),
-        ("plant, one row in 1000 wild", wild(&plant), (5, 3)),
-        ("gaussian, one row in 1000 wild", wild(&gaussian), (5, 3)),
+        ("plant, one row in 1000 wild", partly_wild(&plant), (5, 3)),
+        ("gaussian, one row in 1000 wild", partly_wild(&gaussian), (5, 3)),
         ("plant, two members", plant.clone(), (2, 3)),
         ("plant, 50 members", plant.clone(), (50, 3)),
         ("plant, k = 100", plant.clone(), (5, 100)),
     ];
     let mut group = criterion.benchmark_group("by shape, 142 columns");
     group.sample_size(10).throughput(Throughput::Elements(rows as u64));
-    for (name, states, of) in &shapes {
+    for (name, states, members_and_k) in &shapes {
         group.bench_function(*name, |bench| {
-            bench.iter(|| build_of(states, *of, IndexKind::Auto, Exclusion::default()));
+            bench.iter(|| build_of(states, *members_and_k, IndexKind::Auto, Exclusion::default()));
         });
     }
     let few = rows / 50;

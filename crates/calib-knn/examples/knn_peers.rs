@@ -180,16 +180,15 @@ fn tree<const D: usize>(
         ImmutableKdTree::new_from_slice(&points).map_err(|error| format!("{error:?}"))?;
     let build = clock.elapsed().as_secs_f64();
     let one_more = NonZero::new(k + 1).ok_or("k is zero")?;
-    let answer = |&query: &usize| -> Vec<u32> {
-        let state = point::<D>(log.row(query));
-        let found = tree.query(&state).nearest_n::<SquaredEuclidean<f32>>(one_more).execute();
-        let rows = found.into_iter().map(|found| (sources.start + found.item as usize) as u32);
-        rows.filter(|&row| row as usize != query).take(k).collect()
-    };
     let clock = Instant::now();
     let mut found: Vec<Vec<u32>> = vec![];
     for batch in queries.chunks(256) {
-        found.par_extend(batch.par_iter().map(answer));
+        found.par_extend(batch.par_iter().map(|&query| -> Vec<u32> {
+            let state = point::<D>(log.row(query));
+            let near = tree.query(&state).nearest_n::<SquaredEuclidean<f32>>(one_more).execute();
+            let rows = near.into_iter().map(|found| (sources.start + found.item as usize) as u32);
+            rows.filter(|&row| row as usize != query).take(k).collect()
+        }));
         if clock.elapsed().as_secs_f64() > budget {
             break;
         }

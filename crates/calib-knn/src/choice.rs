@@ -84,16 +84,22 @@ impl IndexKind {
 mod tests {
     use super::*;
 
+    fn told(kind: IndexKind, reason: Reason) -> String {
+        IndexChoice { kind, reason }.to_string()
+    }
+
+    fn without(kind: IndexKind, reason: Reason) -> String {
+        IndexChoice { kind, reason }.without_share()
+    }
+
     #[test]
     fn reasons_are_told() {
-        let told = |kind, reason| IndexChoice { kind, reason }.to_string();
         assert_eq!(told(IndexKind::Scan, Reason::Asked), "scan (asked for)");
         let share = Reason::Work { share: 0.0123 };
         assert_eq!(
             told(IndexKind::Join, share),
             "join (a join takes 1.23e-2 of the work of a scan, by a sample)"
         );
-        let without = |kind, reason| IndexChoice { kind, reason }.without_share();
         assert_eq!(without(IndexKind::Join, share), "join (less work than a scan, by a sample)");
         assert_eq!(without(IndexKind::Scan, share), "scan (a join is more work, by a sample)");
         assert_eq!(without(IndexKind::Join, Reason::Asked), "join (asked for)");

@@ -28,24 +28,26 @@ impl KnnModel {
         monitor: &dyn Monitor,
     ) -> Result<impl Iterator<Item = Vec<f64>> + use<'a>, KnnError> {
         assert_eq!(recorded.rows(), self.states().rows(), "the same rows were recorded");
-        let columns = recorded.columns();
         let members = self.nearest_sources(queries, self.k(), place, monitor)?;
-        let of_member = move |lists: Vec<Vec<Neighbor>>| {
-            let mut expected = vec![0.0; lists.len() * columns];
-            for (list, out) in lists.iter().zip(expected.chunks_exact_mut(columns)) {
-                let distances: Vec<f32> = list.iter().map(|neighbour| neighbour.distance).collect();
-                for (Neighbor { transition, .. }, p) in
-                    list.iter().zip(weights.probabilities(&distances))
-                {
-                    let next = self.transitions().next(TransitionIndex(transition.0));
-                    for (out, &value) in out.iter_mut().zip(recorded.row(next.get())) {
-                        *out += p * f64::from(value);
-                    }
+        Ok(members.into_iter().map(move |lists| self.mean_after(&lists, recorded, weights)))
+    }
+
+    /// The mean of the states in `recorded` that follow each of these lists, `[lists, columns]` row by row.
+    fn mean_after(&self, lists: &[Vec<Neighbor>], recorded: &States, weights: Weights) -> Vec<f64> {
+        let columns = recorded.columns();
+        let mut expected = vec![0.0; lists.len() * columns];
+        for (list, out) in lists.iter().zip(expected.chunks_exact_mut(columns)) {
+            let distances: Vec<f32> = list.iter().map(|neighbour| neighbour.distance).collect();
+            for (Neighbor { transition, .. }, p) in
+                list.iter().zip(weights.probabilities(&distances))
+            {
+                let next = self.transitions().next(TransitionIndex(transition.0));
+                for (out, &value) in out.iter_mut().zip(recorded.row(next.get())) {
+                    *out += p * f64::from(value);
                 }
             }
-            expected
-        };
-        Ok(members.into_iter().map(of_member))
+        }
+        expected
     }
 }
 

@@ -33,7 +33,6 @@ impl Groups {
         let rows = sources.transitions().sources();
         let state =
             |transition: u32| &states[rows[transition as usize] as usize * columns..][..columns];
-        let hash = |transition: u32| hash(state(transition));
         let candidates = sources.candidates();
         let mut hashed = vec![(0, 0); sources.candidates_len()];
         hashed.par_chunks_mut(CHUNK).enumerate().for_each(|(number, chunk)| {
@@ -43,7 +42,7 @@ impl Groups {
             let first = (number * CHUNK) as u32;
             for (number, hashed) in (first..).zip(&mut *chunk) {
                 let transition = candidates.nth(number);
-                *hashed = (hash(transition), transition);
+                *hashed = (hash(state(transition)), transition);
             }
             monitor.advance(chunk.len() as u64);
         });
@@ -232,6 +231,11 @@ mod tests {
         assert_eq!(all, [&[0, 2][..], &[1, 4, 5], &[3]]);
     }
 
+    /// The transitions of a member's list.
+    fn found(lists: &MemberLists, member: usize) -> Vec<u32> {
+        lists.of(member).map(|(transition, _)| transition.0).collect()
+    }
+
     #[test]
     fn large_groups_offer_the_first_admissible_rows() {
         let states = States::new(vec![0.5; 1000], 1000, 1).expect("valid");
@@ -243,8 +247,6 @@ mod tests {
         let mut lists = MemberLists::new(5, 2);
         lists.reset([0, 3].into_iter());
         groups.offer(0, 0.0, &(1..700), &mut lists, CandidateMask::new(&blocks, &[]));
-        let found =
-            |lists: &MemberLists, member| lists.of(member).map(|(t, _)| t.0).collect::<Vec<_>>();
         assert_eq!(found(&lists, 0), [700, 701]);
         assert_eq!(found(&lists, 3), [0, blocks.dropped(3).end]);
         let left_out =

@@ -194,12 +194,11 @@ impl KnnModel {
     ) -> Result<Self, KnnError> {
         let blocks = Blocks::new(&transitions, members)?;
         Sources::new(&states, &transitions, &blocks)?;
-        let open = |member| {
+        let mut found: BTreeMap<usize, NeighborTable> = BTreeMap::new();
+        for &member in opened {
             let table = open_table(&member_directory(directory, member), &blocks, member)?;
-            Ok((member, table))
-        };
-        let mut found: BTreeMap<usize, NeighborTable> =
-            opened.iter().map(|&member| open(member)).collect::<Result<_, KnnError>>()?;
+            found.insert(member, table);
+        }
         let (first, k) = found
             .first_key_value()
             .map(|(member, table)| (*member, table.k()))

@@ -182,12 +182,11 @@ mod tests {
                 cells.chunks_exact(3).map(|point| [point[0], point[1], point[2]].map(f32::from)).collect();
             let searched = Points::new(points.concat(), 3).expect("valid");
             let self_match = if excluded { SelfMatch::Excluded } else { SelfMatch::Allowed };
-            let skip = |at: usize| excluded.then_some(at);
             for kind in [IndexKind::Auto, IndexKind::Join, IndexKind::Scan, IndexKind::KdTree] {
                 let joined = searched.join(k, self_match, kind, &Silent).expect("found");
                 for (at, point) in points.iter().enumerate() {
                     let got = &joined.neighbors[at * k..(at + 1) * k];
-                    prop_assert_eq!(got, brute(&points, *point, skip(at), k));
+                    prop_assert_eq!(got, brute(&points, *point, excluded.then_some(at), k));
                 }
             }
             let elsewhere = States::new(vec![2.5, 0.0, 9.0], 1, 3).expect("valid");
@@ -196,16 +195,20 @@ mod tests {
         }
     }
 
+    /// The join of the points 0, 1 and 3.
+    fn join_three(k: usize, self_match: SelfMatch) -> Result<PointNeighbors, KnnError> {
+        let points = Points::new(vec![0.0, 1.0, 3.0], 1).expect("three points");
+        points.join(k, self_match, IndexKind::Auto, &Silent)
+    }
+
     #[test]
     fn what_cannot_be_found_is_told() {
-        let points = || Points::new(vec![0.0, 1.0, 3.0], 1).expect("three points");
-        let join = |k, self_match| points().join(k, self_match, IndexKind::Auto, &Silent);
-        assert_eq!(join(1, SelfMatch::Excluded).expect("found").distances, [1.0, 1.0, 2.0]);
+        assert_eq!(join_three(1, SelfMatch::Excluded).expect("found").distances, [1.0, 1.0, 2.0]);
         assert!(matches!(
-            join(3, SelfMatch::Excluded),
+            join_three(3, SelfMatch::Excluded),
             Err(KnnError::TooFewPoints { most: 2, .. })
         ));
-        assert!(matches!(join(0, SelfMatch::Allowed), Err(KnnError::NoNeighbors)));
+        assert!(matches!(join_three(0, SelfMatch::Allowed), Err(KnnError::NoNeighbors)));
         assert!(matches!(Points::new(vec![], 3), Err(KnnError::Points { count: 0 })));
         assert!(matches!(Points::new(vec![f32::NAN], 1), Err(KnnError::States(_))));
     }

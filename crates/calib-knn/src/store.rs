@@ -93,13 +93,12 @@ pub(crate) fn open_left_out(
     for line in file.as_slice().chunks_exact(3) {
         let row = line[0];
         let run = line[1]..line[2];
-        let of_member = |row: u32| blocks.contains(member, TransitionIndex(row));
         if run.is_empty() || run.end as usize > blocks.transitions() {
             return Err(damaged(format!("left_out.npy has the run {run:?} of transitions")));
         }
         if row == EVERY_ROW {
             for_all.extend(run);
-        } else if of_member(row) {
+        } else if blocks.contains(member, TransitionIndex(row)) {
             exits.entry(row).or_default().push(run);
         } else {
             return Err(damaged(format!(

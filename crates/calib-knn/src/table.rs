@@ -255,15 +255,14 @@ pub(crate) fn check_candidates(
         if blocks.admissible(member, &(0..0), candidates) >= k.saturating_add(most_forbidden) {
             continue;
         }
-        let admissible = |query: TransitionIndex| {
-            let forbidden = exclusion.forbidden(transitions, transitions.next(query));
-            blocks.admissible(member, &forbidden, candidates)
-        };
         let least = (0..blocks.transitions() as u32)
             .into_par_iter()
             .map(TransitionIndex)
             .filter(|&query| blocks.contains(member, query))
-            .map(admissible)
+            .map(|query| {
+                let forbidden = exclusion.forbidden(transitions, transitions.next(query));
+                blocks.admissible(member, &forbidden, candidates)
+            })
             .min()
             .unwrap_or(0);
         if least < k {
@@ -296,15 +295,15 @@ mod tests {
             let blocks = Blocks::new(&transitions, members).expect("enough transitions");
             let self_match = if excluded { SelfMatch::Excluded } else { SelfMatch::Allowed };
             let exclusion = Exclusion { self_match, theiler };
-            let count = |member, query| {
-                let forbidden = exclusion.forbidden(&transitions, transitions.next(query));
-                blocks
-                    .transitions_of(member)
-                    .filter(|j| j.0.is_multiple_of(every) && !forbidden.contains(&j.0))
-                    .count()
-            };
             let worst = (0..members).map(|member| {
-                blocks.transitions_of(member).map(|query| count(member, query)).min().unwrap_or(0)
+                let found = blocks.transitions_of(member).map(|query| {
+                    let forbidden = exclusion.forbidden(&transitions, transitions.next(query));
+                    blocks
+                        .transitions_of(member)
+                        .filter(|j| j.0.is_multiple_of(every) && !forbidden.contains(&j.0))
+                        .count()
+                });
+                found.min().unwrap_or(0)
             });
             let expected = worst.enumerate().find(|&(_, least)| least < k);
             let chosen: Vec<u32> =

@@ -20,9 +20,13 @@ const ROWS: usize = 80_000;
 /// What tells a process of these tests which case it builds, and of how many times the rows.
 const CASE: &str = "CALIB_KNN_MEMORY_CASE";
 
+/// The defaults, with this search structure and so many neighbours.
+fn with(index: IndexKind, neighbors: usize) -> ModelConfig {
+    ModelConfig { index, neighbors, ..ModelConfig::default() }
+}
+
 /// A case for a process of its own: columns, threads, what is built and whether in files.
 fn cases() -> Vec<(usize, usize, ModelConfig, bool)> {
-    let with = |index, neighbors| ModelConfig { index, neighbors, ..ModelConfig::default() };
     let covering = ModelConfig {
         prototypes: 8,
         prototype_kind: PrototypeKind::KCentre,

@@ -39,6 +39,16 @@ struct Naive<'a> {
     exits: BTreeMap<u32, BTreeSet<u32>>,
 }
 
+/// The sizes of `classes`, in their order.
+fn sizes(classes: &[BTreeSet<u32>]) -> Vec<usize> {
+    classes.iter().map(BTreeSet::len).collect()
+}
+
+/// As many of the sizes as a build tells.
+fn told(sizes: &[usize]) -> Vec<usize> {
+    sizes[..sizes.len().min(10)].to_vec()
+}
+
 impl Naive<'_> {
     fn distance(&self, a: RowIndex, b: RowIndex) -> f64 {
         let pairs = self.states.row(a.get()).iter().zip(self.states.row(b.get()));
@@ -116,23 +126,28 @@ impl Naive<'_> {
 
     /// How many of these are not followed by the same state.
     fn lost<'t>(&self, nodes: impl IntoIterator<Item = &'t u32>) -> usize {
-        let is_still = |node: u32| {
-            let source = self.transitions.source(TransitionIndex(node));
-            let next = self.next(node);
-            self.distance(source, next) == 0.0
-                && self.transitions.starting_at(next).is_some_and(|next| {
-                    self.inside.contains(&next.0) && next.0.is_multiple_of(self.config.prototypes)
-                })
-        };
-        nodes.into_iter().filter(|node| !is_still(**node)).count()
+        nodes.into_iter().filter(|node| !self.is_still(**node)).count()
+    }
+
+    /// Whether `node` leads to the state that it starts from, and a candidate follows.
+    fn is_still(&self, node: u32) -> bool {
+        let source = self.transitions.source(TransitionIndex(node));
+        let next = self.next(node);
+        self.distance(source, next) == 0.0
+            && self.transitions.starting_at(next).is_some_and(|next| {
+                self.inside.contains(&next.0) && next.0.is_multiple_of(self.config.prototypes)
+            })
     }
 
     fn expected(mut self) -> Result<Expected, KnnError> {
-        let short = |candidates| KnnError::TooFewCandidates { member: 9, candidates, k: 0 };
         let candidates =
             self.inside.iter().filter(|j| j.is_multiple_of(self.config.prototypes)).count();
         let is_trap = |class: &BTreeSet<u32>| 10 * class.len() < candidates;
-        let first = self.table().map_err(short)?;
+        let first = self.table().map_err(|candidates| KnnError::TooFewCandidates {
+            member: 9,
+            candidates,
+            k: 0,
+        })?;
         let before = self.closed(&first);
         // All traps at once, again and again.
         let returns = 100 * self.loops(&first) >= candidates;
@@ -156,10 +171,11 @@ impl Naive<'_> {
             }),
         };
         let after = self.closed(&table);
-        let sizes = |classes: &[BTreeSet<u32>]| classes.iter().map(BTreeSet::len).collect();
-        let neighbors = |row: Vec<(f64, u32)>| row.into_iter().map(|(_, to)| to).collect();
+        let rows = (table.into_iter())
+            .map(|(node, row)| (node, row.into_iter().map(|(_, to)| to).collect()))
+            .collect();
         Ok(Expected {
-            rows: table.into_iter().map(|(node, row)| (node, neighbors(row))).collect(),
+            rows,
             before: sizes(&before),
             after: sizes(&after),
             left_out: self.left_out,
@@ -278,7 +294,6 @@ impl Case {
                 (Ok(expected), Ok((model, built))) => {
                     for (member, expected) in expected.iter().enumerate() {
                         let found = &built.recurrence[member];
-                        let told = |sizes: &[usize]| sizes[..sizes.len().min(10)].to_vec();
                         prop_assert_eq!(&found.before.largest, &told(&expected.before));
                         prop_assert_eq!(found.before.count, expected.before.len());
                         prop_assert_eq!(&found.after.largest, &told(&expected.after));
@@ -469,12 +484,13 @@ fn a_log_that_comes_back_by_small_steps_has_a_closed_class() {
     const TEETH: usize = 300;
     const ROWS: usize = 30;
     let mut rng = Seed::new(3).rng();
-    let mut value = |row: usize| {
-        let tooth = (row / ROWS) as f64;
-        let rise = (row % ROWS) as f64 / ROWS as f64;
-        (rise - tooth + 1e-4 * rng.normal()) as f32
-    };
-    let values = (0..TEETH * ROWS).map(&mut value).collect();
+    let values = (0..TEETH * ROWS)
+        .map(|row| {
+            let tooth = (row / ROWS) as f64;
+            let rise = (row % ROWS) as f64 / ROWS as f64;
+            (rise - tooth + 1e-4 * rng.normal()) as f32
+        })
+        .collect();
     let states = States::new(values, TEETH * ROWS, 1).expect("finite");
     let segments = Segments::from_lengths([TEETH * ROWS]).expect("valid");
     let config = ModelConfig { members: 2, ..ModelConfig::default() };
@@ -516,9 +532,12 @@ fn a_log_that_never_returns_stays_as_it_was_found() {
 fn a_long_standstill_is_left_in_a_few_searches() {
     const ROWS: usize = 120_000;
     const STILL: std::ops::Range<usize> = 10_000..110_000;
-    let value = |row: usize| (std::f32::consts::TAU * row as f32 / 977.3).sin();
-    let values: Vec<f32> =
-        (0..ROWS).map(|row| value(if STILL.contains(&row) { STILL.start } else { row })).collect();
+    let values: Vec<f32> = (0..ROWS)
+        .map(|row| {
+            let row = if STILL.contains(&row) { STILL.start } else { row };
+            (std::f32::consts::TAU * row as f32 / 977.3).sin()
+        })
+        .collect();
     let (model, built) = model_of(values, &[ROWS]).expect("the plant goes on afterwards");
     for (number, found) in built.recurrence.iter().enumerate() {
         assert_eq!((found.after.traps, found.exits), (0, 0), "member {number}: {found:?}");

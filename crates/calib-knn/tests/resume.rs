@@ -61,9 +61,12 @@ fn build(
 }
 
 fn bytes(model: &KnnModel) -> Vec<(Vec<u32>, Vec<u32>)> {
-    let bits = |distances: &[f32]| distances.iter().map(|d| d.to_bits()).collect();
     (0..model.members())
-        .map(|m| (model.table(m).neighbors().to_vec(), bits(model.table(m).distances())))
+        .map(|member| {
+            let table = model.table(member);
+            let distances = table.distances().iter().map(|distance| distance.to_bits()).collect();
+            (table.neighbors().to_vec(), distances)
+        })
         .collect()
 }
 

@@ -44,20 +44,13 @@ impl Case {
         let block = member * count / self.members..(member + 1) * count / self.members;
         let rows: Vec<RowIndex> = block.flat_map(ends).collect();
         let inside = |i: usize| !ends(i).iter().any(|row| rows.contains(row));
-        let segment = |row: RowIndex| all.segments().position_of(row.get());
-        let forbidden = |query: RowIndex, source: RowIndex| {
-            let near = self.exclusion.theiler > 0
-                && segment(query) == segment(source)
-                && query.0.abs_diff(source.0) <= self.exclusion.theiler;
-            near || (self.exclusion.self_match == SelfMatch::Excluded && query == source)
-        };
         let mut fewest = usize::MAX;
         let lists = (0..count)
             .map(|i| {
                 inside(i).then(|| {
                     let query = ends(i)[1];
                     let mut list: Vec<(f64, u32)> = (0..count)
-                        .filter(|&j| inside(j) && !forbidden(query, ends(j)[0]))
+                        .filter(|&j| inside(j) && !self.forbids(&all, query, ends(j)[0]))
                         .map(|j| {
                             let pairs =
                                 states.row(query.get()).iter().zip(states.row(ends(j)[0].get()));
@@ -77,6 +70,15 @@ impl Case {
             .collect();
         let fewest = if fewest == usize::MAX { 0 } else { fewest };
         if fewest < self.k { Err(fewest) } else { Ok(lists) }
+    }
+
+    /// Whether a search from `query` must not find `source`.
+    fn forbids(&self, transitions: &Transitions, query: RowIndex, source: RowIndex) -> bool {
+        let segment = |row: RowIndex| transitions.segments().position_of(row.get());
+        let near = self.exclusion.theiler > 0
+            && segment(query) == segment(source)
+            && query.0.abs_diff(source.0) <= self.exclusion.theiler;
+        near || (self.exclusion.self_match == SelfMatch::Excluded && query == source)
     }
 
     fn build(&self, kind: IndexKind) -> Result<Vec<NeighborTable>, KnnError> {

@@ -139,10 +139,12 @@ pub fn start_states_of_all(
     if let StartSource::Nearest { states } = source {
         let (rows, drawn) = drawn(states, count, seed)?;
         let nearest = model.nearest_sources(&drawn, 1, place, monitor)?;
-        let wanted = || rows.iter().copied().map(RequestedStart::Deployment);
         return members
             .zip(nearest)
-            .map(|(member, nearest)| replaced_by(&member, &nearest, wanted(), search))
+            .map(|(member, nearest)| {
+                let wanted = rows.iter().copied().map(RequestedStart::Deployment);
+                replaced_by(&member, &nearest, wanted, search)
+            })
             .collect();
     }
     members

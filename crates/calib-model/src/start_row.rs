@@ -34,31 +34,35 @@ pub fn start_rows(
     count: usize,
     seed: Seed,
 ) -> Result<Vec<StartRow>, RolloutError> {
-    let at = |row| StartRow { row, wanted: RequestedStart::Recorded(row), replaced: None };
     if let StartSource::Nearest { states: deployment } = source {
         let rows = deployment_rows(deployment, count, seed)?;
         return Ok(rows.into_iter().map(|row| nearest(states, deployment, row)).collect());
     }
     if let Some(rows) = recorded_rows(source, transitions, states.rows(), count, seed)? {
-        return Ok(rows.into_iter().map(at).collect());
+        return Ok(rows.into_iter().map(recorded).collect());
     }
     let all = transitions.len();
     if all == 0 {
         return Err(RolloutError::NoTransitions);
     }
-    let next = |position: usize| transitions.next(TransitionIndex::new(position));
-    Ok((0..count).map(|r| at(next(draw(seed, r, all)))).collect())
+    let drawn = (0..count).map(|r| TransitionIndex::new(draw(seed, r, all)));
+    Ok(drawn.map(|transition| recorded(transitions.next(transition))).collect())
+}
+
+/// The row itself, which was asked for.
+fn recorded(row: RowIndex) -> StartRow {
+    StartRow { row, wanted: RequestedStart::Recorded(row), replaced: None }
 }
 
 /// The recorded row nearest to one of the deployment.
 fn nearest(states: &States, deployment: &States, wanted: RowIndex) -> StartRow {
     let sought = deployment.row(wanted.get());
-    let square = |row: usize| -> f64 {
-        let pairs = states.row(row).iter().zip(sought);
-        pairs.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum()
-    };
     let (row, square) = (0..states.rows())
-        .map(|row| (row, square(row)))
+        .map(|row| {
+            let pairs = states.row(row).iter().zip(sought);
+            let squares = pairs.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2));
+            (row, squares.sum::<f64>())
+        })
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .expect("data has rows");
     StartRow {
@@ -96,9 +100,9 @@ mod tests {
         let listed = [RowIndex(0), RowIndex(7), RowIndex(10)];
         let listed = StartSource::Rows { rows: &listed, absent: Absent::External };
         assert_eq!(rows(listed), [0, 7, 10, 0]);
-        let hour = |hour: i64| Timestamp::from_micros(hour * 3_600_000_000);
         // January 1970 until row 12, then February.
-        let timestamps: Vec<Timestamp> = (0..20).map(|row| hour(732 + row)).collect();
+        let timestamps: Vec<Timestamp> =
+            (0..20).map(|row| Timestamp::from_micros((732 + row) * 3_600_000_000)).collect();
         let window = Some(8);
         let recent = |before| StartSource::Recent { timestamps: &timestamps, before, window };
         assert_eq!(rows(recent(None)), [19, 15, 17, 13]);

@@ -68,7 +68,6 @@ impl JumpStatistics {
         rows.dedup();
         // Each trajectory has one run more than it has jumps, and one row more than steps.
         let jumps = runs - (visited - steps);
-        let ratio = |a: usize, b: usize| if b == 0 { 0.0 } else { a as f64 / b as f64 };
         Self {
             steps,
             jumps,
@@ -94,6 +93,11 @@ impl JumpStatistics {
         self.steps > 0
             && (self.distinct_rows as f64) < CIRCLING * self.steps.min(transitions) as f64
     }
+}
+
+/// `a / b`; 0 if nothing is counted.
+fn ratio(a: usize, b: usize) -> f64 {
+    if b == 0 { 0.0 } else { a as f64 / b as f64 }
 }
 
 #[cfg(test)]

@@ -51,23 +51,25 @@ impl WalkStatistics {
     /// The statistics of `member`, whose walks end in `ends`.
     pub fn of(member: &Member<'_>, ends: &Ends, weights: Weights, seed: Seed) -> Self {
         let walks = Walks::new(member, weights, seed, STEPS);
-        let distinct = |walk: &[u32]| {
-            let mut rows = walk.to_vec();
-            rows.sort_unstable();
-            rows.dedup();
-            rows.len()
-        };
         let mut each: Vec<usize> = walks.all().map(distinct).collect();
         each.sort_unstable();
-        let last = |walk: &[u32]| distinct(&walk[2 * STEPS / 3..]);
+        let last_thirds = walks.all().map(|walk| &walk[2 * STEPS / 3..]);
         Self {
             distinct_rows: each[each.len() / 2],
-            trapped: walks.all().filter(|walk| last(walk) < TRAPPED).count(),
+            trapped: last_thirds.filter(|rows| distinct(rows) < TRAPPED).count(),
             effective_rows: walks.effective_rows(),
             steps_to_end: walks.steps_to_end(ends),
             mixing_steps: walks.mixing_steps(member),
         }
     }
+}
+
+/// How many different rows there are.
+fn distinct(rows: &[u32]) -> usize {
+    let mut rows = rows.to_vec();
+    rows.sort_unstable();
+    rows.dedup();
+    rows.len()
 }
 
 /// Transitions that walks draw.

@@ -118,9 +118,13 @@ mod tests {
 
     use super::*;
 
+    /// The beginning of a day, counted from 1970-01-01.
+    fn day(number: i64) -> Timestamp {
+        Timestamp::from_micros(number * 86_400_000_000)
+    }
+
     #[test]
     fn the_same_month_of_an_earlier_calendar_year() {
-        let day = |text: i64| Timestamp::from_micros(text * 86_400_000_000);
         // 1971-01-10; 1970-12-30; 1970-01-05; 1971-12-30.
         let january = day(374);
         let december = day(363);

@@ -7,10 +7,10 @@ const COPIES: u128 = 4 + 1 + 6;
 /// Bytes that training a network with layers of these sizes takes on mini-batches of `rows`: copies of the parameters, and
 /// of each layer its values and gradients. At most, and without what is learnt from.
 pub fn training_bytes(sizes: &[usize], rows: usize) -> u64 {
-    let wide = |size: &usize| *size as u128;
-    let parameters: u128 = sizes.windows(2).map(|pair| wide(&pair[1]) * (wide(&pair[0]) + 1)).sum();
-    let widest = sizes.iter().map(wide).max().unwrap_or(0);
-    let values = wide(&rows) * (sizes.iter().map(wide).sum::<u128>() + 2 * widest);
+    let sizes: Vec<u128> = sizes.iter().map(|&size| size as u128).collect();
+    let parameters: u128 = sizes.windows(2).map(|pair| pair[1] * (pair[0] + 1)).sum();
+    let widest = sizes.iter().copied().max().unwrap_or(0);
+    let values = rows as u128 * (sizes.iter().sum::<u128>() + 2 * widest);
     u64::try_from(4 * (COPIES * parameters + values)).unwrap_or(u64::MAX)
 }
 

@@ -226,22 +226,27 @@ struct MadeBy {
     needs_manifest: bool,
 }
 
+impl MadeBy {
+    /// By the command of `step`.
+    fn of_step(step: StepKind, needs_manifest: bool) -> Self {
+        Self { command: format!("calib {} STUDY", step.command()), needs_manifest }
+    }
+}
+
 fn made_by(folder: &Path) -> Option<MadeBy> {
     let name = folder.file_name()?.to_str()?;
-    let of_step = |step: StepKind, needs_manifest| MadeBy {
-        command: format!("calib {} STUDY", step.command()),
-        needs_manifest,
-    };
     match name {
-        "control-model" | "control-representation" => Some(of_step(StepKind::Control, true)),
-        "control-units" => Some(of_step(StepKind::Control, false)),
+        "control-model" | "control-representation" => {
+            Some(MadeBy::of_step(StepKind::Control, true))
+        }
+        "control-units" => Some(MadeBy::of_step(StepKind::Control, false)),
         "validity-results" => {
             Some(MadeBy { command: "calib validity STUDY …".to_owned(), needs_manifest: false })
         }
         name => {
             let step = StepKind::of_folder(name)?;
             // A log is kept in folders below it.
-            Some(of_step(step, step != StepKind::Prepare))
+            Some(MadeBy::of_step(step, step != StepKind::Prepare))
         }
     }
 }

@@ -170,15 +170,20 @@ impl PlannedStep {
 
     /// Whether it is taken for this part of the study, be it with others.
     fn is_of(&self, part: &Job) -> bool {
-        let is_own = |name: Option<&str>, of_part: Option<&str>| name.is_none() || name == of_part;
         is_own(self.model.as_deref(), part.model())
             && is_own(self.deployment.as_deref(), part.deployment())
     }
 
+    /// The model and the deployment that it is of, if it is not of all.
     fn whose(&self) -> String {
         let names = [self.model.as_deref(), self.deployment.as_deref()];
         names.into_iter().flatten().collect::<Vec<_>>().join(" ")
     }
+}
+
+/// Whether a step of this model or deployment, or of all, is taken for a part of that one.
+fn is_own(name: Option<&str>, of_part: Option<&str>) -> bool {
+    name.is_none() || name == of_part
 }
 
 /// Whether what a step made for a part of the study is what it would make now of what is there.
@@ -220,15 +225,12 @@ fn model_content(part: &Job) -> Option<String> {
 mod tests {
     use super::*;
 
+    fn planned(step: StepKind, model: &str, state: State) -> PlannedStep {
+        PlannedStep { step, model: Some(model.to_owned()), deployment: None, state, expected: None }
+    }
+
     #[test]
     fn steps_are_named_once_and_told_apart_where_they_differ() {
-        let planned = |step, model: &str, state| PlannedStep {
-            step,
-            model: Some(model.to_owned()),
-            deployment: None,
-            state,
-            expected: None,
-        };
         let steps = vec![
             planned(StepKind::BuildModel, "a", State::UpToDate),
             planned(StepKind::BuildModel, "b", State::UpToDate),

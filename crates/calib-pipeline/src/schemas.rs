@@ -59,24 +59,28 @@ impl JsonDocuments {
 
 /// What the steps of the pipeline print, by command.
 pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
-    let verdict = || JsonDocuments::of::<Summary>().or::<Summaries>();
     let documents = [
         (StepKind::BuildModel.command(), JsonDocuments::of::<ModelManifest>().or::<BuildPlan>()),
         ("check", JsonDocuments::of::<CheckedResults>()),
         ("cluster plan", JsonDocuments::of::<ClusterSummary>()),
         ("cluster status", JsonDocuments::of::<Status>()),
         (StepKind::Control.command(), JsonDocuments::of::<ControlSummary<'_>>()),
-        (StepKind::Evaluate.command(), verdict()),
+        (StepKind::Evaluate.command(), verdicts()),
         ("init", JsonDocuments::of::<Chosen>()),
         (StepKind::Pretrain.command(), JsonDocuments::of::<PretrainManifest>()),
-        ("quickstart", verdict()),
+        ("quickstart", verdicts()),
         (StepKind::Represent.command(), JsonDocuments::of::<RepresentationManifest>()),
         (StepKind::Rollout.command(), JsonDocuments::of::<RolloutManifest>()),
-        (StepKind::Prepare.command(), verdict().or::<Plan>()),
+        (StepKind::Prepare.command(), verdicts().or::<Plan>()),
         (StepKind::Simulate.command(), JsonDocuments::of::<Simulated>().or::<SimulatedTask>()),
         ("status", JsonDocuments::of::<StandingOf>()),
         (StepKind::Sweep.command(), JsonDocuments::of::<SweepManifest>().or::<SweepPlan>()),
         ("validity", JsonDocuments::of::<validity::Summary<'_>>()),
     ];
     documents.into_iter().map(|(command, documents)| (command, documents.schema(command))).collect()
+}
+
+/// What is judged: one study, or several deployments or models of it.
+fn verdicts() -> JsonDocuments {
+    JsonDocuments::of::<Summary>().or::<Summaries>()
 }

@@ -183,17 +183,14 @@ fn a_log_that_changed_between_two_steps_is_read_again() {
     let file = folder.path().join("study.toml");
     let text = STUDY.split_once("[data]").map(|(_, rest)| format!("[data]{rest}")).expect("data");
     std::fs::write(&file, text).expect("writable");
-    let wave = |rows: i64| {
+    let job = Job::resolve(Request::new(&file)).expect("a study");
+    let built = |rows: i64| {
         let times: Vec<Timestamp> =
             (0..rows).map(|row| Timestamp::from_micros(60_000_000 * row)).collect();
         let values = (0..rows).map(|row| (row as f32 / 9.0).sin()).collect();
         std::fs::create_dir_all(folder.path().join("plant")).expect("made");
         let path = folder.path().join("plant/log.parquet");
         write_log(&path, &times, &[("PIT300", values)]).expect("written");
-    };
-    let job = Job::resolve(Request::new(&file)).expect("a study");
-    let built = |rows: i64| {
-        wave(rows);
         let printer = Printer::new(Arc::new(Kept::default()));
         calib_pipeline::build_model(&job, &BuildOptions::default(), &printer).expect("built");
         Calibration::of_job(&job).expect("there").frames().rows()

@@ -15,9 +15,11 @@ use calib_plant::{ChangeOptions, Plant, PlantOptions, ROLES};
 
 const YEAR_DAYS: f64 = 365.0;
 
+/// Quantiles by which samples are compared.
+const QUANTILES: usize = 1000;
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seeds: u64 = std::env::args().nth(1).map_or(Ok(6), |text| text.parse())?;
-    let of = |strength| ChangeOptions { strength, ..ChangeOptions::default() };
     let none = ChangeOptions {
         strength: 1.0,
         membranes_per_year: 0.0,
@@ -26,12 +28,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         settings_per_year: 0.0,
         pumps_per_year: 0.0,
     };
-    let typical = of(1.0);
+    let typical = of_strength(1.0);
     let rows = [
-        ("none", of(0.0)),
-        ("strength 0.5", of(0.5)),
+        ("none", of_strength(0.0)),
+        ("strength 0.5", of_strength(0.5)),
         ("strength 1", typical),
-        ("strength 2", of(2.0)),
+        ("strength 2", of_strength(2.0)),
         ("membranes", ChangeOptions { membranes_per_year: typical.membranes_per_year, ..none }),
         ("feed", ChangeOptions { feeds_per_year: typical.feeds_per_year, ..none }),
         ("sensors", ChangeOptions { sensors_per_year: typical.sensors_per_year, ..none }),
@@ -49,6 +51,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("| {name} | {} |", sums.map(|mean| format!("{mean:.3}")).join(" | "));
     }
     Ok(())
+}
+
+fn of_strength(strength: f64) -> ChangeOptions {
+    ChangeOptions { strength, ..ChangeOptions::default() }
 }
 
 /// Distances of the three roles, and the mean over all sensors.
@@ -81,16 +87,18 @@ fn shifts(seed: u64, change: ChangeOptions) -> Result<[f64; 4], Box<dyn std::err
 
 /// 1-Wasserstein distance by quantiles, in standard deviations of `a`; not a number where `a` is constant or empty.
 fn distance(a: &mut [f32], b: &mut [f32]) -> f64 {
-    const QUANTILES: usize = 1000;
     a.sort_unstable_by(f32::total_cmp);
     b.sort_unstable_by(f32::total_cmp);
     if a.is_empty() || b.is_empty() {
         return f64::NAN;
     }
-    let quantile =
-        |of: &[f32], place: usize| f64::from(of[place * (of.len() - 1) / (QUANTILES - 1)]);
     let apart = (0..QUANTILES).map(|place| (quantile(a, place) - quantile(b, place)).abs());
     let mean = a.iter().copied().map(f64::from).sum::<f64>() / a.len() as f64;
     let square = a.iter().map(|&value| (f64::from(value) - mean).powi(2)).sum::<f64>();
     apart.sum::<f64>() / QUANTILES as f64 / (square / a.len() as f64).sqrt()
+}
+
+/// The quantile at `place` of all [`QUANTILES`].
+fn quantile(sorted: &[f32], place: usize) -> f64 {
+    f64::from(sorted[place * (sorted.len() - 1) / (QUANTILES - 1)])
 }

@@ -189,7 +189,6 @@ impl Hydraulics {
 
     /// Write flows, levels, valves, pumps and volumes.
     pub(crate) fn record(&self, demand: &Demand, pressure: f64, frame: &mut Frame) {
-        let open = |wanted: f64| f64::from(u8::from(wanted > 0.0));
         let feed = self.feed.value;
         let permeate = self.permeate.value;
         frame[Signal::FeedFlow] = feed;
@@ -203,18 +202,18 @@ impl Hydraulics {
         frame[Signal::PermeateTankLevel] = self.permeate_tank;
         frame[Signal::FeedSetpoint] = demand.feed;
         frame[Signal::PermeateSetpoint] = demand.permeate;
-        frame[Signal::FeedValve] = open(demand.feed);
-        frame[Signal::PermeateValve] = open(demand.permeate);
-        frame[Signal::BackPulseValve] = open(demand.back_pulse);
-        frame[Signal::DrainValve] = open(demand.drain);
-        frame[Signal::RecycleValve] = open(demand.recycle);
-        frame[Signal::AirValve] = open(demand.air);
-        frame[Signal::Blower] = 60.0 * open(demand.air);
+        frame[Signal::FeedValve] = opening(demand.feed);
+        frame[Signal::PermeateValve] = opening(demand.permeate);
+        frame[Signal::BackPulseValve] = opening(demand.back_pulse);
+        frame[Signal::DrainValve] = opening(demand.drain);
+        frame[Signal::RecycleValve] = opening(demand.recycle);
+        frame[Signal::AirValve] = opening(demand.air);
+        frame[Signal::Blower] = 60.0 * opening(demand.air);
         frame[Signal::SupplyValve] = self.supplying;
         frame[Signal::DistributionPump] = self.distributing;
         frame[Signal::Mixer] = if demand.feed > 0.0 { 70.0 } else { 35.0 };
         let draws = permeate / 0.5 * (1.0 + pressure / 200.0) * self.permeate_pump.speed;
-        let feeds = (feed / 2.3 + 0.1 * open(demand.feed)) * self.feed_pump.speed;
+        let feeds = (feed / 2.3 + 0.1 * opening(demand.feed)) * self.feed_pump.speed;
         frame[Signal::PermeatePump] = 100.0 * draws.min(1.0);
         frame[Signal::FeedPump] = 100.0 * feeds.clamp(0.0, 1.0);
         frame[Signal::PumpPressure] = 2.0 + 22.0 * feed * feed;
@@ -224,6 +223,11 @@ impl Hydraulics {
         frame[Signal::PermeateTotal] = self.volumes[1];
         frame[Signal::WasteTotal] = self.volumes[2];
     }
+}
+
+/// 1 of a valve or a pump where something is to flow, else 0.
+fn opening(wanted: f64) -> f64 {
+    f64::from(u8::from(wanted > 0.0))
 }
 
 #[cfg(test)]

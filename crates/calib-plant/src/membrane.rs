@@ -141,30 +141,33 @@ mod tests {
         assert!(membrane.pores < 0.6 * clogged && membrane.cake < 0.5);
     }
 
+    /// The cake of new membranes after a second.
+    fn cake_grown(organics: f64, fouling: f64) -> f64 {
+        let mut membrane = Membrane::new(1.0);
+        membrane.fit(Membranes { resistance: 1.0, fouling });
+        membrane.step(Mode::Production, 0.28, 0.1, organics);
+        membrane.cake
+    }
+
     #[test]
     fn new_membranes_are_clean_and_foul_in_their_own_way() {
         let mut membrane = Membrane::new(1.0);
         run(&mut membrane, Mode::Production, 0.28, 3600);
         membrane.fit(Membranes { resistance: 1.25, fouling: 2.0 });
         assert!((membrane.resistance() - 1.25 * CLEAN).abs() < 1e-12);
-        let grown = |organics: f64, fouling: f64| {
-            let mut membrane = Membrane::new(1.0);
-            membrane.fit(Membranes { resistance: 1.0, fouling });
-            membrane.step(Mode::Production, 0.28, 0.1, organics);
-            membrane.cake
-        };
-        assert!((grown(1.0, 2.0) / grown(1.0, 1.0) - 2.0).abs() < 1e-12);
-        assert!((grown(2.0, 1.0) / grown(1.0, 1.0) - 2.0).abs() < 1e-12);
+        assert!((cake_grown(1.0, 2.0) / cake_grown(1.0, 1.0) - 2.0).abs() < 1e-12);
+        assert!((cake_grown(2.0, 1.0) / cake_grown(1.0, 1.0) - 2.0).abs() < 1e-12);
+    }
+
+    fn resistance_after(step_secs: f64, steps: u32) -> f64 {
+        let mut membrane = Membrane::new(step_secs);
+        run(&mut membrane, Mode::Production, 0.28, steps);
+        membrane.resistance()
     }
 
     #[test]
     fn fouling_does_not_depend_on_the_step() {
-        let grown = |step_secs: f64, steps| {
-            let mut membrane = Membrane::new(step_secs);
-            run(&mut membrane, Mode::Production, 0.28, steps);
-            membrane.resistance()
-        };
-        assert!((grown(1.0, 3600) / grown(5.0, 720) - 1.0).abs() < 1e-3);
+        assert!((resistance_after(1.0, 3600) / resistance_after(5.0, 720) - 1.0).abs() < 1e-3);
     }
 
     #[test]

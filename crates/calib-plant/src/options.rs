@@ -183,13 +183,14 @@ mod tests {
         assert_eq!(PlantOptions::default().validate(), Ok(()));
     }
 
+    fn message(change: fn(&mut PlantOptions)) -> String {
+        let mut options = PlantOptions::default();
+        change(&mut options);
+        options.validate().expect_err("out of range").to_string()
+    }
+
     #[test]
     fn an_option_out_of_range_is_named() {
-        let message = |change: fn(&mut PlantOptions)| {
-            let mut options = PlantOptions::default();
-            change(&mut options);
-            options.validate().expect_err("out of range").to_string()
-        };
         assert_eq!(
             message(|o| o.channels = 2),
             "`channels` is 2, expected a number from 3 to 10000"

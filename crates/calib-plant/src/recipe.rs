@@ -46,9 +46,12 @@ pub fn operators_rule(pressure_kpa: f64, turbidity_ntu: f64) -> usize {
 mod tests {
     use super::*;
 
+    fn chosen(pressure: f64, turbidity: f64) -> &'static str {
+        RECIPES[operators_rule(pressure, turbidity)].name
+    }
+
     #[test]
     fn the_rule_is_cautious() {
-        let chosen = |pressure, turbidity| RECIPES[operators_rule(pressure, turbidity)].name;
         assert_eq!(
             [chosen(20.0, 0.1), chosen(20.0, 0.9), chosen(50.0, 0.1)],
             ["normal", "careful", "relief"]

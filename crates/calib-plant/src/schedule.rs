@@ -143,6 +143,10 @@ mod tests {
         }
     }
 
+    fn is_near(share: f64, count: f64, all: f64) -> bool {
+        (share - count / all).abs() < 0.01
+    }
+
     #[test]
     fn successors_have_their_frequencies() {
         let segments = segments(2, 1000.0);
@@ -151,11 +155,10 @@ mod tests {
             in_mode(from).filter(|segment| segment.1 == to).count() as f64
                 / in_mode(from).count() as f64
         };
-        let near = |got: f64, count: f64, all: f64| (got - count / all).abs() < 0.01;
-        assert!(near(share(Mode::Production, Mode::BackPulse), 731.0, 1119.0));
-        assert!(near(share(Mode::Production, Mode::Standby), 359.0, 1119.0));
-        assert!(near(share(Mode::BackPulse, Mode::DrainAndRefill), 740.0, 754.0));
-        assert!(near(share(Mode::DrainAndRefill, Mode::Production), 715.0, 739.0));
+        assert!(is_near(share(Mode::Production, Mode::BackPulse), 731.0, 1119.0));
+        assert!(is_near(share(Mode::Production, Mode::Standby), 359.0, 1119.0));
+        assert!(is_near(share(Mode::BackPulse, Mode::DrainAndRefill), 740.0, 754.0));
+        assert!(is_near(share(Mode::DrainAndRefill, Mode::Production), 715.0, 739.0));
     }
 
     #[test]

@@ -208,22 +208,23 @@ mod tests {
         }
     }
 
+    fn push_pressure(signals: &mut Signals, value: f64) {
+        let mut frame = Frame::zero();
+        frame[Signal::Pressure] = value;
+        signals.push(&frame);
+    }
+
     #[test]
     fn history_reaches_into_the_day_before() {
         let mut signals = Signals::new(2);
-        let push = |signals: &mut Signals, value: f64| {
-            let mut frame = Frame::zero();
-            frame[Signal::Pressure] = value;
-            signals.push(&frame);
-        };
         signals.begin_day();
         for value in [1.0, 2.0, 3.0] {
-            push(&mut signals, value);
+            push_pressure(&mut signals, value);
         }
         assert_eq!(signals.lagged(Signal::Pressure, 2), [1.0, 1.0, 1.0]);
         signals.begin_day();
         for value in [4.0, 5.0] {
-            push(&mut signals, value);
+            push_pressure(&mut signals, value);
         }
         assert_eq!(signals.day(Signal::Pressure), [4.0, 5.0]);
         assert_eq!(signals.lagged(Signal::Pressure, 1), [3.0, 4.0]);

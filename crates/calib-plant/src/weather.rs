@@ -65,10 +65,9 @@ impl Weather {
         let clock = self.start_secs + t;
         let hour = clock.rem_euclid(SECONDS_PER_DAY) / 3600.0;
         let feed = self.feeds.at(t);
-        // Warmest on about 26 July and at 16:00.
-        let season = |clock: f64| (TAU * (clock / SECONDS_PER_YEAR - 0.565)).cos();
         let year = season(clock);
         let feed_year = season(clock - SECONDS_PER_DAY * feed.season_delay_days);
+        // Warmest at 16:00.
         let day = (TAU * (hour - 16.0) / 24.0).cos();
         let river = 6.8
             + feed.temperature_offset
@@ -93,6 +92,11 @@ impl Weather {
             hour,
         }
     }
+}
+
+/// From −1 in the coldest season to 1 in the warmest, on about 26 July.
+fn season(clock: f64) -> f64 {
+    (TAU * (clock / SECONDS_PER_YEAR - 0.565)).cos()
 }
 
 /// Smooth floor at 0.1 °C: water does not cool below freezing.
@@ -168,15 +172,15 @@ mod tests {
         sum / f64::from(count)
     }
 
+    /// Of every hour of two days.
+    fn turbidities(storms_per_day: f64) -> Vec<f64> {
+        let conditions = hourly(&PlantOptions { storms_per_day, ..PlantOptions::default() }, 2);
+        conditions.iter().map(|conditions| conditions.turbidity).collect()
+    }
+
     #[test]
     fn no_storms_whatever_the_sign_of_zero() {
-        let weather = |storms_per_day: f64| {
-            hourly(&PlantOptions { storms_per_day, ..PlantOptions::default() }, 2)
-        };
-        let turbidities = |all: Vec<Conditions>| {
-            all.iter().map(|conditions| conditions.turbidity).collect::<Vec<_>>()
-        };
-        assert_eq!(turbidities(weather(-0.0)), turbidities(weather(0.0)));
+        assert_eq!(turbidities(-0.0), turbidities(0.0));
     }
 
     #[test]
@@ -192,16 +196,18 @@ mod tests {
         assert!(conditions.iter().all(|c| c.river > 0.0));
     }
 
+    /// Its temperature in every minute of twenty days.
+    fn river(feeds: &Timeline<Feed>) -> Vec<f64> {
+        let mut weather = Weather::new(&PlantOptions::default(), feeds, 60.0);
+        (0..20 * 1440).map(|minute| weather.step(f64::from(minute) * 60.0).river).collect()
+    }
+
     #[test]
     fn another_feed_comes_in_without_a_jump() {
         let warm = Feed { blending_days: 2.0, temperature_offset: 3.0, season: 0.5, ..Feed::FIRST };
         let late = Feed { blending_days: 1.0, season_delay_days: 40.0, ..Feed::FIRST };
         let feeds = [(10.0, warm), (11.0, late)]
             .map(|(day, value)| Dated { at: day * SECONDS_PER_DAY, value });
-        let river = |feeds: &Timeline<Feed>| -> Vec<f64> {
-            let mut weather = Weather::new(&PlantOptions::default(), feeds, 60.0);
-            (0..20 * 1440).map(|minute| weather.step(f64::from(minute) * 60.0).river).collect()
-        };
         let with = river(&Timeline::new(feeds.to_vec()));
         let without = river(&Timeline::default());
         let shift: Vec<f64> =

@@ -132,24 +132,29 @@ fn a_sensor_changes_its_channels_and_no_others() {
             assert!(!rows.is_empty(), "{name} was changed");
         }
         // Copies are called after their sensor; sums, differences, ratios and analysers may see any.
-        let computed = ["DI", "SI", "CALC", "ERR", "CPI", "LAB"].iter().any(|of| name.contains(of));
+        let computed =
+            ["DI", "SI", "CALC", "ERR", "CPI", "LAB"].iter().any(|part| name.contains(part));
         if !computed && !tags.contains(&own) {
             assert!(rows.is_empty(), "{name} was not changed");
         }
     }
 }
 
-#[test]
-fn a_moved_sensor_shows_gain_and_offset() {
-    let often = ChangeOptions { sensors_per_year: 12.0, ..STILL };
-    let quiet = |change| PlantOptions {
+/// Two months of sensors without faults or errors.
+fn quiet(period_secs: f64, change: ChangeOptions) -> PlantOptions {
+    PlantOptions {
         noise: 0.0,
         drift: 0.0,
         stuck_per_day: 0.0,
         missing_fraction: 0.0,
-        ..options(60.0, 60.0, change)
-    };
-    let changing = quiet(often);
+        ..options(60.0, period_secs, change)
+    }
+}
+
+#[test]
+fn a_moved_sensor_shows_gain_and_offset() {
+    let often = ChangeOptions { sensors_per_year: 12.0, ..STILL };
+    let changing = quiet(60.0, often);
     let of_temperature: Vec<Change> = plant(&changing)
         .changes()
         .into_iter()
@@ -158,7 +163,7 @@ fn a_moved_sensor_shows_gain_and_offset() {
     let last = of_temperature.last().expect("TIT101 is changed in two months");
     let ChangeKind::Sensor { sensor, .. } = &last.kind else { panic!("a sensor") };
     let from = row_of(last, &changing) + 60;
-    let truth = column(&log(&quiet(ChangeOptions::default())), 1);
+    let truth = column(&log(&quiet(60.0, ChangeOptions::default())), 1);
     let shown = column(&log(&changing), 1);
     let errors: Vec<f64> = (from..truth.len())
         .map(|row| sensor.gain * f64::from(truth[row]) + sensor.offset - f64::from(shown[row]))
@@ -172,17 +177,8 @@ fn a_moved_sensor_shows_gain_and_offset() {
 #[test]
 fn a_feed_comes_without_a_jump() {
     let often = ChangeOptions { strength: 2.0, feeds_per_year: 30.0, ..STILL };
-    let quiet = |change| PlantOptions {
-        noise: 0.0,
-        drift: 0.0,
-        stuck_per_day: 0.0,
-        missing_fraction: 0.0,
-        storms_per_day: 0.0,
-        channels: 24,
-        ..options(60.0, 300.0, change)
-    };
-    let changing = quiet(often);
-    let same = quiet(ChangeOptions::default());
+    let changing = PlantOptions { storms_per_day: 0.0, channels: 24, ..quiet(300.0, often) };
+    let same = PlantOptions { change: ChangeOptions::default(), ..changing.clone() };
     assert!(plant(&changing).changes().len() > 2);
     let with = log(&changing);
     let without = log(&same);
@@ -210,11 +206,11 @@ fn membranes_and_pumps_are_exchanged_while_the_plant_stands_still() {
         let same = PlantOptions { change: ChangeOptions::default(), ..changing.clone() };
         let first = row_of(&plant(&changing).changes()[0], &changing);
         let mode = position(&changing, MODE_CHANNEL);
-        let of = position(&changing, name);
+        let channel = position(&changing, name);
         let with = log(&changing);
         let without = log(&same);
         let modes = column(&with, mode);
-        let rows = differing(&with, &without, of);
+        let rows = differing(&with, &without, channel);
         let seen = *rows.first().expect("it is seen");
         let stands = [Mode::Stopped, Mode::Standby, Mode::ChemicalClean]
             .map(|mode| f32::from(mode.number()));
@@ -238,7 +234,7 @@ fn settings_change_the_schedule_and_the_flow() {
     let log = log(&changing);
     let target = column(&log, position(&changing, "FIC301_P.SPProg"));
     let highest =
-        target[rows.clone()].iter().copied().filter(|of| !of.is_nan()).fold(0.0, f32::max);
+        target[rows.clone()].iter().copied().filter(|value| !value.is_nan()).fold(0.0, f32::max);
     assert!((f64::from(highest) / (0.3 * settings.production) - 1.0).abs() < 1e-3, "{highest}");
     let modes = column(&log, position(&changing, MODE_CHANNEL));
     // Most times of production up to a back-pulse are 1,200 s.
@@ -283,6 +279,10 @@ fn a_changing_day_is_the_same_whether_or_not_the_days_before_it_were_made() {
     }
 }
 
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
 /// Mean squared error, in variances of what was learnt from, of a model of the first `known` rows in the rows after
 /// them: a channel's mean in each mode.
 fn error_after(log: &[DayLog], known: usize, channel: usize, mode: usize) -> f64 {
@@ -294,20 +294,19 @@ fn error_after(log: &[DayLog], known: usize, channel: usize, mode: usize) -> f64
             .filter(|(_, value)| !value.is_nan())
             .collect::<Vec<_>>()
     };
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let learnt = rows(0..known);
     let after = rows(known..values.len());
     let all: Vec<f64> = learnt.iter().map(|(_, value)| *value).collect();
     let whole = mean(&all);
     let variance = mean(&all.iter().map(|value| (value - whole).powi(2)).collect::<Vec<_>>());
-    let in_mode = |mode: u32| {
-        let own: Vec<f64> = learnt.iter().filter(|of| of.0 == mode).map(|of| of.1).collect();
-        if own.is_empty() { whole } else { mean(&own) }
-    };
     let means: std::collections::BTreeMap<u32, f64> = Mode::ALL
         .iter()
-        .map(|of| f32::from(of.number()).to_bits())
-        .map(|of| (of, in_mode(of)))
+        .map(|mode| {
+            let mode = f32::from(mode.number()).to_bits();
+            let own: Vec<f64> =
+                learnt.iter().filter(|row| row.0 == mode).map(|row| row.1).collect();
+            (mode, if own.is_empty() { whole } else { mean(&own) })
+        })
         .collect();
     mean(
         &after
@@ -371,7 +370,7 @@ proptest! {
         for (at, channel) in schema.iter().enumerate() {
             let values = column(&log, at);
             prop_assert!(values.iter().all(|value| !value.is_infinite()));
-            let present: Vec<f32> = values.iter().copied().filter(|of| !of.is_nan()).collect();
+            let present: Vec<f32> = values.iter().copied().filter(|value| !value.is_nan()).collect();
             if channel.fate == Fate::Alive {
                 prop_assert!(present.len() as f64 > 0.9 * values.len() as f64, "{}", channel.name);
                 prop_assert!(present.iter().any(|value| *value != present[0]), "{}", channel.name);

@@ -40,15 +40,17 @@ fn found(values: &[f32]) -> Fate {
     }
 }
 
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|value| value.to_bits()).collect()
+}
+
+fn all_bits(day: &DayLog) -> Vec<Vec<u32>> {
+    day.columns.iter().map(|column| bits(column)).collect()
+}
+
 /// Equal to the bit, missing values included.
 fn same(a: &DayLog, b: &DayLog) -> bool {
-    let bits = |day: &DayLog| -> Vec<Vec<u32>> {
-        day.columns
-            .iter()
-            .map(|column| column.iter().map(|value| value.to_bits()).collect())
-            .collect()
-    };
-    (a.day, a.start, &a.timestamps) == (b.day, b.start, &b.timestamps) && bits(a) == bits(b)
+    (a.day, a.start, &a.timestamps) == (b.day, b.start, &b.timestamps) && all_bits(a) == all_bits(b)
 }
 
 #[test]
@@ -78,13 +80,14 @@ fn preprocessing_finds_the_truth() {
     }
 }
 
+fn count_alive(channels: usize) -> usize {
+    let plant = Plant::new(options(channels, 1.0, 60.0)).expect("valid options");
+    plant.schema().iter().filter(|channel| channel.fate == Fate::Alive).count()
+}
+
 #[test]
 fn alive_channels_are_as_many_as_in_the_paper() {
-    let alive = |channels| {
-        let plant = Plant::new(options(channels, 1.0, 60.0)).unwrap();
-        plant.schema().iter().filter(|channel| channel.fate == Fate::Alive).count()
-    };
-    assert_eq!((alive(24), alive(64), alive(480)), (21, 46, 142));
+    assert_eq!((count_alive(24), count_alive(64), count_alive(480)), (21, 46, 142));
 }
 
 #[test]
@@ -138,7 +141,6 @@ fn a_channel_does_not_depend_on_its_neighbours() {
     let large = Plant::new(large).unwrap();
     for (at, channel) in small.schema().iter().enumerate() {
         let there = position(&large, &channel.name);
-        let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
         assert_eq!(
             bits(&small_log[0].columns[at]),
             bits(&large_log[0].columns[there]),
@@ -165,20 +167,22 @@ fn time_advances_by_the_period_but_for_gaps() {
     }
 }
 
+/// Gaps and repeated times in sixty days.
+fn count_gaps_and_repeats(gaps_per_day: f64, duplicates_per_day: f64) -> (usize, usize) {
+    let options = PlantOptions { gaps_per_day, duplicates_per_day, ..options(3, 60.0, 60.0) };
+    let log = log(&options);
+    let times: Vec<i64> =
+        log.iter().flat_map(|day| day.timestamps.iter().map(|time| time.as_micros())).collect();
+    let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
+    assert!(steps().all(|step| step >= 0));
+    let repeated = steps().filter(|&step| step == 0).count();
+    (steps().filter(|&step| step > 60_000_000).count(), repeated)
+}
+
 #[test]
 fn gaps_and_duplicates_come_when_asked_for() {
-    let rate = |gaps_per_day, duplicates_per_day| {
-        let options = PlantOptions { gaps_per_day, duplicates_per_day, ..options(3, 60.0, 60.0) };
-        let log = log(&options);
-        let times: Vec<i64> =
-            log.iter().flat_map(|day| day.timestamps.iter().map(|time| time.as_micros())).collect();
-        let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
-        assert!(steps().all(|step| step >= 0));
-        let repeated = steps().filter(|&step| step == 0).count();
-        (steps().filter(|&step| step > 60_000_000).count(), repeated)
-    };
-    assert_eq!(rate(0.0, 0.0), (0, 0));
-    let (gaps, repeated) = rate(3.0, 5.0);
+    assert_eq!(count_gaps_and_repeats(0.0, 0.0), (0, 0));
+    let (gaps, repeated) = count_gaps_and_repeats(3.0, 5.0);
     assert!((130..=230).contains(&gaps), "{gaps} gaps in 60 days");
     assert!((240..=360).contains(&repeated), "{repeated} repeats in 60 days");
 }
@@ -223,14 +227,21 @@ fn the_log_shows_the_schedule_of_the_pilot() {
     }
 }
 
+/// A mode as a log has it.
+fn number(mode: Mode) -> f32 {
+    f32::from(mode.number())
+}
+
+fn mean_pressure(rows: &[f32]) -> f64 {
+    f64::from(rows.iter().sum::<f32>()) / rows.len() as f64
+}
+
 #[test]
 fn pressure_builds_up_and_drops_after_a_back_pulse() {
     let log =
         log(&PlantOptions { gaps_per_day: 0.0, missing_fraction: 0.0, ..options(4, 10.0, 5.0) });
     let pressure = series(&log, 0);
     let modes = series(&log, 3);
-    let number = |mode: Mode| f32::from(mode.number());
-    let mean = |rows: &[f32]| f64::from(rows.iter().sum::<f32>()) / rows.len() as f64;
     let mut before = Vec::new();
     let mut after = Vec::new();
     let mut pulse = Vec::new();
@@ -248,9 +259,9 @@ fn pressure_builds_up_and_drops_after_a_back_pulse() {
         else {
             continue;
         };
-        before.push(mean(&pressure[start - 12..start]));
-        pulse.push(mean(&pressure[start + 6..start + 18]));
-        after.push(mean(&pressure[next + 12..next + 36]));
+        before.push(mean_pressure(&pressure[start - 12..start]));
+        pulse.push(mean_pressure(&pressure[start + 6..start + 18]));
+        after.push(mean_pressure(&pressure[next + 12..next + 36]));
     }
     assert!(before.len() > 30, "{} cycles in 10 days", before.len());
     let drops =
@@ -317,12 +328,19 @@ fn two_days_of_the_default_plant_have_something_to_predict() {
     }
 }
 
+fn temperature(options: &PlantOptions) -> Vec<f32> {
+    series(&log(options), 1)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
 #[test]
 fn noise_and_drift_can_be_switched_off() {
     let plain = PlantOptions { noise: 0.0, drift: 0.0, stuck_per_day: 0.0, ..options(3, 2.0, 1.0) };
     let noisy = PlantOptions { noise: 2.0, ..plain.clone() };
     let drifting = PlantOptions { drift: 10.0, ..plain.clone() };
-    let temperature = |options: &PlantOptions| series(&log(options), 1);
     let plain = temperature(&plain);
     let noisy = temperature(&noisy);
     let drifting = temperature(&drifting);
@@ -330,7 +348,6 @@ fn noise_and_drift_can_be_switched_off() {
         let pairs = plain.iter().zip(other).filter(|(a, b)| !a.is_nan() && !b.is_nan());
         pairs.map(|(a, b)| f64::from(b - a)).collect()
     };
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let noise = difference(&noisy);
     let deviation = mean(&noise.iter().map(|x| x * x).collect::<Vec<_>>()).sqrt();
     // Twice 0.0004 of the range of 30 °C.
@@ -339,19 +356,21 @@ fn noise_and_drift_can_be_switched_off() {
     assert!(mean(&drift).abs() > 0.05 && drift.iter().all(|x| x.abs() < 1.3), "{}", mean(&drift));
 }
 
+/// Rows in which the pressure stands still at most.
+fn longest_run(stuck_per_day: f64) -> usize {
+    let options = PlantOptions {
+        stuck_per_day,
+        missing_fraction: 0.0,
+        gaps_per_day: 0.0,
+        ..options(3, 1.0, 1.0)
+    };
+    let pressure = series(&log(&options), 0);
+    let runs = pressure.chunk_by(|a, b| a == b).map(<[f32]>::len);
+    runs.max().unwrap_or(0)
+}
+
 #[test]
 fn stuck_periods_freeze_a_value() {
-    let longest_run = |stuck_per_day| {
-        let options = PlantOptions {
-            stuck_per_day,
-            missing_fraction: 0.0,
-            gaps_per_day: 0.0,
-            ..options(3, 1.0, 1.0)
-        };
-        let pressure = series(&log(&options), 0);
-        let runs = pressure.chunk_by(|a, b| a == b).map(<[f32]>::len);
-        runs.max().unwrap_or(0)
-    };
     assert!(longest_run(0.0) < 30);
     assert!(longest_run(8.0) > 300);
 }

@@ -46,13 +46,15 @@ pub fn choose_agent(trials: &[Trial]) -> Option<Trial> {
 mod tests {
     use super::*;
 
+    /// The agent that is chosen by these ratios.
+    fn chosen(ratios: [f64; 2]) -> Option<ProposedAgent> {
+        let trials =
+            [0, 1].map(|place| Trial { agent: ProposedAgent::ALL[place], ratio: ratios[place] });
+        choose_agent(&trials).map(|trial| trial.agent)
+    }
+
     #[test]
     fn a_network_has_to_earn_its_place() {
-        let chosen = |ratios: [f64; 2]| {
-            let trials = [0, 1]
-                .map(|place| Trial { agent: ProposedAgent::ALL[place], ratio: ratios[place] });
-            choose_agent(&trials).map(|trial| trial.agent)
-        };
         assert_eq!(chosen([1.0, 0.99]), Some(ProposedAgent::Linear));
         assert_eq!(chosen([1.0, 0.9]), Some(ProposedAgent::Network));
         assert_eq!(chosen([f64::INFINITY, 1.2]), Some(ProposedAgent::Network));

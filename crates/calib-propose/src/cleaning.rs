@@ -150,12 +150,9 @@ impl Clock {
     /// `None` where rows have values of most channels. Else the median of how often channels were recorded, rounded to what people
     /// call a period, and ten times the slowest of them as the age at which a value is forgotten.
     pub fn of(sketch: &Sketch) -> Option<Self> {
-        let share = |channel: &ChannelSketch| {
-            channel.present.iter().sum::<f64>() / channel.present.len().max(1) as f64
-        };
         let alive: Vec<&ChannelSketch> =
-            sketch.channels.iter().filter(|channel| share(channel) > 0.0).collect();
-        let sparse = alive.iter().filter(|channel| share(channel) < SPARSE).count();
+            sketch.channels.iter().filter(|channel| known(channel) > 0.0).collect();
+        let sparse = alive.iter().filter(|channel| known(channel) < SPARSE).count();
         if alive.len() < 2 || 2 * sparse <= alive.len() {
             return None;
         }
@@ -174,6 +171,11 @@ impl Clock {
     }
 }
 
+/// The share of the rows that have a value of a channel.
+fn known(channel: &ChannelSketch) -> f64 {
+    channel.present.iter().sum::<f64>() / channel.present.len().max(1) as f64
+}
+
 /// The nearest of the spans that people count in.
 fn round(secs: f64) -> f64 {
     const NICE: [f64; 22] = [
@@ -189,7 +191,7 @@ mod tests {
     use calib_core::Timestamp;
 
     use super::*;
-    use crate::testing::{sketch, wave};
+    use crate::testing::{Channel, sketch, wave};
 
     #[test]
     fn single_missing_rows_are_no_gaps() {
@@ -230,15 +232,13 @@ mod tests {
         assert_eq!(many_left_out(&log), None);
     }
 
+    /// A channel with a value in one row of so many.
+    fn every(rows: usize, offset: usize) -> Channel {
+        Box::new(move |row| if row % rows == offset { (row as f64 / 50.0).sin() } else { f64::NAN })
+    }
+
     #[test]
     fn channels_that_are_stored_on_change_get_a_clock() {
-        let every = |rows: usize, offset: usize| -> crate::testing::Channel {
-            Box::new(
-                move |row| {
-                    if row % rows == offset { (row as f64 / 50.0).sin() } else { f64::NAN }
-                },
-            )
-        };
         let mut log = sketch(3_200, &[("A", every(3, 0)), ("B", every(7, 2)), ("C", every(4, 1))]);
         log.shape = Shape::Long;
         for (channel, secs) in log.channels.iter_mut().zip([180.0, 420.0, 240.0]) {

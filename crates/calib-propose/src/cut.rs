@@ -99,8 +99,8 @@ impl Cut {
 
     /// A range as a study has it.
     pub(crate) fn toml(range: &[Timestamp; 2]) -> String {
-        let text = |time: &Timestamp| format_time(*time).replace(' ', "T");
-        format!("{{ start = {}, end = {} }}", text(&range[0]), text(&range[1]))
+        let [start, end] = range.map(|time| format_time(time).replace(' ', "T"));
+        format!("{{ start = {start}, end = {end} }}")
     }
 }
 
@@ -117,8 +117,9 @@ fn place(
         return (row, ", from a gap on");
     }
     for (unit, said) in [(86_400, ", from midnight on"), (3_600, ", from a full hour on")] {
-        let starts = |row: &usize| unit_of(times[*row], unit) != unit_of(times[row - 1], unit);
-        if let Some(row) = near.clone().skip(1).filter(starts).min_by_key(|row| row.abs_diff(aim)) {
+        let starts = (near.clone().skip(1))
+            .filter(|&row| unit_of(times[row], unit) != unit_of(times[row - 1], unit));
+        if let Some(row) = starts.min_by_key(|row| row.abs_diff(aim)) {
             return (row, said);
         }
     }

@@ -1,4 +1,4 @@
-use std::{collections::HashSet, fmt::Write as _};
+use std::{collections::HashSet, fmt::Write as _, ops::Range};
 
 use calib_data::{AnglePart, Sentinel, Sketch, entry_of};
 
@@ -226,17 +226,8 @@ impl Draft<'_> {
         let Self { sketch, cut, .. } = self;
         let start = sketch.timestamps.partition_point(|time| *time < cut.train[0]);
         let train = start..start + cut.rows[0];
-        let missing = |channel: usize| {
-            let bins = sketch.bins.iter().zip(&sketch.channels[channel].present);
-            bins.map(|(bin, present)| {
-                let inside = bin.start.max(train.start)..bin.end.min(train.end);
-                inside.len() as f64 * (1.0 - present)
-            })
-            .sum::<f64>()
-                / train.len().max(1) as f64
-        };
         let predicted = self.sensors.proposed.iter().take(self.size.sensors);
-        let all = predicted.map(|&channel| (missing(channel), channel));
+        let all = predicted.map(|&channel| (self.missing(channel, &train), channel));
         let (share, channel) = all.max_by(|one, other| one.0.total_cmp(&other.0))?;
         (share > NEARLY_TOO_MUCH).then(|| {
             // Spikes become missing as well, and parts of the log are known in shares.
@@ -244,6 +235,16 @@ impl Draft<'_> {
             let name = &sketch.channels[channel].name;
             (limit, format!("{name} misses {:.0} % of the training range", 100.0 * share))
         })
+    }
+
+    /// The share of the rows `train` that have no value of a channel.
+    fn missing(&self, channel: usize, train: &Range<usize>) -> f64 {
+        let bins = self.sketch.bins.iter().zip(&self.sketch.channels[channel].present);
+        let missing = bins.map(|(bin, present)| {
+            let inside = bin.start.max(train.start)..bin.end.min(train.end);
+            inside.len() as f64 * (1.0 - present)
+        });
+        missing.sum::<f64>() / train.len().max(1) as f64
     }
 
     /// How far values are carried; those of a sensor that is predicted only over a small part of the horizon, because the agent would predict
@@ -318,9 +319,9 @@ impl Draft<'_> {
     fn sweep(&self, text: &mut Lines) {
         let size = self.size;
         text.section("sweep");
-        let name = |&channel: &usize| quoted(&self.sketch.channels[channel].name);
+        let proposed = self.sensors.proposed.iter().take(size.sensors);
         let proposed: Vec<String> =
-            self.sensors.proposed.iter().take(size.sensors).map(name).collect();
+            proposed.map(|&channel| quoted(&self.sketch.channels[channel].name)).collect();
         let why = if self.asked.sensors {
             "Named with --sensor".to_owned()
         } else {

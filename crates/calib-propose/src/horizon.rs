@@ -62,9 +62,12 @@ mod tests {
     use super::*;
     use crate::testing::{sketch, wave};
 
+    fn gamma(secs: f64, spacing_secs: f64) -> f64 {
+        Horizon::new(secs, spacing_secs).gamma
+    }
+
     #[test]
     fn gamma_is_a_horizon_in_seconds() {
-        let gamma = |secs, spacing| Horizon::new(secs, spacing).gamma;
         assert_eq!(
             [gamma(100.0, 1.0), gamma(100.0, 10.0), gamma(6_000.0, 60.0)],
             [0.99, 0.9, 0.99]

@@ -82,12 +82,13 @@ fn plain(value: &str) -> String {
 mod tests {
     use super::*;
 
+    fn proposed(given: &[&str]) -> ProposedModel {
+        let given: Vec<String> = given.iter().map(|&text| text.to_owned()).collect();
+        ProposedModel::for_given(&given)
+    }
+
     #[test]
     fn a_model_is_proposed_where_something_is_asked_for_that_only_one_can_do() {
-        let proposed = |given: &[&str]| {
-            let given: Vec<String> = given.iter().map(|&text| text.to_owned()).collect();
-            ProposedModel::for_given(&given)
-        };
         for nothing in [
             &[][..],
             &["data.time_zone=Europe/Paris", "agent.gamma=0.5", "sweep.steps=900"],

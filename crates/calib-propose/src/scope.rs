@@ -162,17 +162,8 @@ const WORTH_A_WORD: f64 = 0.05;
 impl Lacking {
     /// Of the rows `range` of a sketch; `None` where hardly any lacks a value.
     pub fn of(sketch: &Sketch, scope: &Scope, range: &Range<usize>) -> Option<Self> {
-        let missing = |channel: usize| -> f64 {
-            let present = sketch.bins.iter().zip(&sketch.channels[channel].present);
-            present
-                .filter(|(_, present)| 1.0 - **present >= HERE_AND_THERE)
-                .map(|(bin, present)| {
-                    let inside = bin.end.min(range.end).saturating_sub(bin.start.max(range.start));
-                    (1.0 - present) * inside as f64
-                })
-                .sum()
-        };
-        let most = scope.channels.iter().map(|&channel| (missing(channel), channel));
+        let channels = scope.channels.iter();
+        let most = channels.map(|&channel| (missing_rows(sketch, channel, range), channel));
         let (rows, channel) = most.max_by(|left, right| left.0.total_cmp(&right.0))?;
         (rows >= WORTH_A_WORD * range.len() as f64).then(|| Self {
             rows: rows.round() as usize,
@@ -181,12 +172,26 @@ impl Lacking {
     }
 }
 
+/// Rows of `range` that lack a value of a channel, without those that are filled.
+fn missing_rows(sketch: &Sketch, channel: usize, range: &Range<usize>) -> f64 {
+    let present = sketch.bins.iter().zip(&sketch.channels[channel].present);
+    present
+        .filter(|(_, present)| 1.0 - **present >= HERE_AND_THERE)
+        .map(|(bin, present)| {
+            let inside = bin.end.min(range.end).saturating_sub(bin.start.max(range.start));
+            (1.0 - present) * inside as f64
+        })
+        .sum()
+}
+
 /// Why no channel of any part can be used.
 fn nothing(sketch: &Sketch) -> ProposeError {
     let rows = sketch.timestamps.len();
-    let of_no_use =
-        |channel: &ChannelSketch| unusable(channel).map(|why| format!("{} {why}", channel.name));
-    let said = match (sketch.channels.first(), sketch.channels.iter().find_map(of_no_use)) {
+    let of_no_use = sketch
+        .channels
+        .iter()
+        .find_map(|channel| unusable(channel).map(|why| format!("{} {why}", channel.name)));
+    let said = match (sketch.channels.first(), of_no_use) {
         (None, _) => "there is none".to_owned(),
         (Some(_), _) if rows < LEAST => return ProposeError::TooShort { rows, least: LEAST },
         (Some(_), Some(said)) => said,
@@ -227,11 +232,11 @@ fn share(channel: &ChannelSketch, part: &Range<usize>) -> f64 {
 /// What a part of the log is worth, and the channels that make it so.
 fn worth(sketch: &Sketch, usable: &[usize], part: Range<usize>) -> Option<(f64, Vec<usize>)> {
     let rows: usize = sketch.bins[part.clone()].iter().map(Range::len).sum();
-    let moves = |channel: &&usize| {
-        let sketched = &sketch.channels[**channel];
+    let moving = usable.iter().copied().filter(|&channel| {
+        let sketched = &sketch.channels[channel];
         part.clone().any(|bin| sketched.moves[bin]) && share(sketched, &part) >= PRESENT
-    };
-    let mut channels: Vec<usize> = usable.iter().filter(moves).copied().collect();
+    });
+    let mut channels: Vec<usize> = moving.collect();
     if channels.is_empty() {
         return None;
     }
@@ -264,11 +269,13 @@ mod tests {
         assert_eq!((scope.rows, scope.channels, scope.is_part), (0..6_400, vec![0, 1], false));
     }
 
+    /// Why a log of one channel cannot be used.
+    fn refused(rows: usize, name: &str, values: Channel) -> ProposeError {
+        Scope::of(&sketch(rows, &[(name, values)])).expect_err("nothing can be used")
+    }
+
     #[test]
     fn why_nothing_can_be_used_is_told_of_the_right_channel() {
-        let refused = |rows: usize, name: &str, values: Channel| {
-            Scope::of(&sketch(rows, &[(name, values)])).expect_err("nothing can be used")
-        };
         let short = refused(2, "A", wave(40.0));
         assert_eq!(short, ProposeError::TooShort { rows: 2, least: LEAST });
         let empty = refused(640, "holes", Box::new(|_| f64::NAN));
@@ -305,10 +312,6 @@ mod tests {
 
     #[test]
     fn an_angle_is_left_out_and_its_sine_and_cosine_are_not() {
-        let part = |part: AnglePart| {
-            let wind = AngleOf { channel: "wind".to_owned(), turn: 360.0, part, recorded: None };
-            (part.channel_of("wind"), wind)
-        };
         let mut log = sketch(
             640,
             &[
@@ -319,12 +322,12 @@ mod tests {
             ],
         );
         log.channels[0].wraps = Some(360.0);
-        for (channel, side) in
+        for (channel, part) in
             log.channels[1..].iter_mut().zip([AnglePart::Sine, AnglePart::Cosine])
         {
-            let (name, angle) = part(side);
-            assert_eq!(channel.name, name);
-            channel.angle = Some(angle);
+            assert_eq!(channel.name, part.channel_of("wind"));
+            let wind = AngleOf { channel: "wind".to_owned(), turn: 360.0, part, recorded: None };
+            channel.angle = Some(wind);
         }
         let scope = Scope::of(&log).expect("three channels");
         assert_eq!((scope.channels.clone(), scope.left_out[0].why), (vec![1, 2, 3], Why::Angle));
@@ -359,20 +362,24 @@ mod tests {
         assert!(never.contains("seldom and first"), "{never}");
     }
 
+    /// A wave that is recorded in these rows only.
+    fn between(start: usize, end: usize, length: f64) -> Channel {
+        Box::new(
+            move |row| {
+                if (start..end).contains(&row) { (row as f64 / length).sin() } else { f64::NAN }
+            },
+        )
+    }
+
     #[test]
     fn where_wells_come_and_go_the_dense_part_is_taken() {
-        let from = |start: usize, end: usize, length: f64| -> Channel {
-            Box::new(move |row| {
-                if (start..end).contains(&row) { (row as f64 / length).sin() } else { f64::NAN }
-            })
-        };
         let log = sketch(
             6_400,
             &[
-                ("1a", from(3_200, 6_400, 9.0)),
-                ("1b", from(3_200, 6_400, 8.0)),
-                ("2a", from(2_000, 6_400, 7.0)),
-                ("3a", from(0, 640, 7.0)),
+                ("1a", between(3_200, 6_400, 9.0)),
+                ("1b", between(3_200, 6_400, 8.0)),
+                ("2a", between(2_000, 6_400, 7.0)),
+                ("3a", between(0, 640, 7.0)),
             ],
         );
         let scope = Scope::of(&log).expect("a part");

@@ -1,3 +1,5 @@
+use std::cmp::Ordering;
+
 use calib_data::{ChannelSketch, Sketch};
 
 use crate::{ProposeError, Scope};
@@ -64,16 +66,13 @@ impl Sensors {
                     .then(|| (channel, liveliness(sketched) * familiar(sketch, scope, sketched)))
             })
             .collect();
-        let in_order = |left: &(usize, f64), right: &(usize, f64)| {
-            right.1.total_cmp(&left.1).then(left.0.cmp(&right.0))
-        };
-        worth.sort_by(in_order);
+        worth.sort_by(by_worth);
         worth.truncate(COMPARED);
         let others = &scope.channels[..scope.channels.len().min(COMPARED)];
         for (channel, worth) in &mut worth {
             *worth *= UNEXPLAINED + (1.0 - UNEXPLAINED) * explained(sketch, *channel, others);
         }
-        worth.sort_by(in_order);
+        worth.sort_by(by_worth);
         let mut proposed: Vec<usize> = Vec::new();
         while proposed.len() < PROPOSED.min(worth.len()) {
             let next = worth
@@ -110,6 +109,11 @@ impl Sensors {
     }
 }
 
+/// What is worth most comes first; of equals, the first channel.
+fn by_worth(left: &(usize, f64), right: &(usize, f64)) -> Ordering {
+    right.1.total_cmp(&left.1).then(left.0.cmp(&right.0))
+}
+
 /// The share of steps in which a sensor moves, a fifth of it where that is noise.
 fn liveliness(channel: &ChannelSketch) -> f64 {
     let near = channel.autocorrelation.first().map_or(0.0, |(_, value)| *value);
@@ -143,9 +147,6 @@ pub(crate) fn explained(sketch: &Sketch, channel: usize, others: &[usize]) -> f6
         .filter(|&&other| other != channel)
         .map(|&other| centred(&sketch.channels[other].thinned))
         .collect();
-    let dot = |one: &[f64], other: &[f64]| -> f64 {
-        one.iter().zip(other).map(|(one, other)| one * other).sum()
-    };
     let squares: Vec<f64> = others.iter().map(|other| dot(other, other)).collect();
     let whole = dot(&left, &left);
     if whole <= 0.0 {
@@ -153,14 +154,20 @@ pub(crate) fn explained(sketch: &Sketch, channel: usize, others: &[usize]) -> f6
     }
     for _ in 0..EXPLAINING {
         let slopes = others.iter().zip(&squares).filter(|(_, square)| **square > 0.0);
-        let slopes = slopes.map(|(other, square)| (other, dot(&left, other) / square, square));
-        let taken = |slope: f64, square: f64| slope * slope * square;
-        let best =
-            slopes.max_by(|one, other| taken(one.1, *one.2).total_cmp(&taken(other.1, *other.2)));
+        let slopes = slopes.map(|(other, square)| {
+            let slope = dot(&left, other) / square;
+            let taken = slope * slope * square;
+            (other, slope, taken)
+        });
+        let best = slopes.max_by(|one, other| one.2.total_cmp(&other.2));
         let Some((other, slope, _)) = best else { break };
         left.iter_mut().zip(other).for_each(|(left, other)| *left -= slope * other);
     }
     (1.0 - dot(&left, &left) / whole).clamp(0.0, 1.0)
+}
+
+fn dot(one: &[f64], other: &[f64]) -> f64 {
+    one.iter().zip(other).map(|(one, other)| one * other).sum()
 }
 
 /// Values without their mean, and 0 where they are missing.

@@ -239,6 +239,11 @@ mod tests {
     const NETWORK: ProposedAgent = ProposedAgent::Network;
     const ENSEMBLE: ProposedModel = ProposedModel::Ensemble;
 
+    /// Steps of all runs on the log.
+    fn replayed(size: &Size) -> usize {
+        size.log_replay_runs * size.steps * size.sensors
+    }
+
     #[test]
     fn the_time_of_a_model_goes_to_more_runs() {
         let mut before = 0.0;
@@ -248,7 +253,6 @@ mod tests {
             assert_eq!(without.member_runs, 0);
             let secs = without.secs(COSTS);
             assert!(secs <= PLANNED * within && secs >= before, "{within}: {secs} {without:?}");
-            let replayed = |size: &Size| size.log_replay_runs * size.steps * size.sensors;
             assert!(replayed(&without) > replayed(&with), "{within}: {without:?}, {with:?}");
             before = secs;
         }
@@ -275,19 +279,21 @@ mod tests {
         assert!(cheap.secs(costs) > size.secs(costs), "{size:?}, {cheap:?}");
     }
 
+    /// Steps of a run at most, where 100 states are held out, or 1000, 5000 or 15 000.
+    fn most_steps(horizon: f64) -> [usize; 4] {
+        [100, 1_000, 5_000, 15_000].map(|states| Size::most_steps(states, horizon))
+    }
+
     #[test]
     fn several_windows_fit() {
-        let steps = |horizon: f64| {
-            [100, 1_000, 5_000, 15_000].map(|states| Size::most_steps(states, horizon))
-        };
         assert_eq!(
-            steps(5.0),
+            most_steps(5.0),
             [98, 444, 1_111, 3_333],
             "four wherever a window has fifty horizons"
         );
-        assert_eq!(steps(4.0), [98, 222, 1_111, 3_333]);
+        assert_eq!(most_steps(4.0), [98, 222, 1_111, 3_333]);
         assert_eq!(
-            steps(30.0),
+            most_steps(30.0),
             [98, 444, 2_222, 3_333],
             "two, because four would have 37 horizons"
         );

@@ -56,11 +56,11 @@ pub fn spacing_by_log(
 
 /// The lower quartile over channels of the autocorrelation at a distance.
 fn quartile(sketch: &Sketch, scope: &Scope, lag: usize) -> f64 {
-    let autocorrelation_of = |&channel: &usize| {
+    let known = scope.channels.iter().filter_map(|&channel| {
         let all = &sketch.channels[channel].autocorrelation;
         all.iter().find(|(at, _)| *at >= lag).map(|(_, value)| *value)
-    };
-    let mut all: Vec<f64> = scope.channels.iter().filter_map(autocorrelation_of).collect();
+    });
+    let mut all: Vec<f64> = known.collect();
     all.sort_by(f64::total_cmp);
     all.get(all.len() / 4).copied().unwrap_or(0.0)
 }

@@ -42,7 +42,6 @@ fn channel(name: &str, value_at: &Channel, rows: usize, bins: &[Range<usize>]) -
     let there: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
     let changes: Vec<f64> = there.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let changed: Vec<f64> = changes.iter().copied().filter(|change| *change != 0.0).collect();
-    let share = |count: usize, all: usize| count as f64 / all.max(1) as f64;
     let mean = there.iter().sum::<f64>() / there.len().max(1) as f64;
     let variance =
         there.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / there.len().max(1) as f64;
@@ -99,4 +98,8 @@ fn channel(name: &str, value_at: &Channel, rows: usize, bins: &[Range<usize>]) -
         missing_run: 0,
         own_period_secs: Some(60.0),
     }
+}
+
+fn share(count: usize, all: usize) -> f64 {
+    count as f64 / all.max(1) as f64
 }

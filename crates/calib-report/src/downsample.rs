@@ -62,11 +62,6 @@ pub fn min_max_in_time(
     let length = (times[last] - times[first]) / buckets as f64;
     let bucket = |at: usize| (((times[at] - times[first]) / length) as usize).min(buckets - 1);
     let mut kept: Vec<Option<usize>> = vec![Some(first)];
-    let keep = |kept: &mut Vec<Option<usize>>, at: usize| {
-        if kept.last() != Some(&Some(at)) {
-            kept.push(Some(at));
-        }
-    };
     let mut before = first;
     for own in present.chunk_by(|&a, &b| bucket(a) == bucket(b)) {
         // A break inside a stretch is shorter than it.
@@ -83,6 +78,13 @@ pub fn min_max_in_time(
     }
     keep(&mut kept, last);
     kept
+}
+
+/// Adds a place, unless it was added last.
+fn keep(kept: &mut Vec<Option<usize>>, at: usize) {
+    if kept.last() != Some(&Some(at)) {
+        kept.push(Some(at));
+    }
 }
 
 /// Indices of the first smallest and the first largest finite value in `start..end`.
@@ -153,10 +155,10 @@ mod tests {
                     .collect();
                 for wanted in [f64::min, f64::max] {
                     let extreme = own.iter().map(|&at| values[at]).reduce(wanted);
-                    let kept = |value: f64| {
+                    let is_kept = extreme.is_none_or(|value| {
                         own.iter().any(|at| values[*at] == value && places.contains(at))
-                    };
-                    prop_assert!(extreme.is_none_or(kept));
+                    });
+                    prop_assert!(is_kept);
                 }
             }
             let limit = length.max(20.0);

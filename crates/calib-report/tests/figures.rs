@@ -91,15 +91,17 @@ fn small_svg() {
 "##);
 }
 
+/// Where the best and the worst rank stand on their axis.
+fn rank_ends(direction: Direction) -> (f64, f64) {
+    let mut figure = sensitivity("PIT300");
+    figure.score.direction = direction;
+    let chart = figure.figure().unwrap().chart().clone();
+    let scale = &chart.right.as_ref().unwrap().scale;
+    (scale.fraction(1.0), scale.fraction(4.0))
+}
+
 #[test]
 fn better_is_on_the_same_side_of_both_axes() {
-    let rank_ends = |direction| {
-        let mut figure = sensitivity("PIT300");
-        figure.score.direction = direction;
-        let chart = figure.figure().unwrap().chart().clone();
-        let scale = &chart.right.as_ref().unwrap().scale;
-        (scale.fraction(1.0), scale.fraction(4.0))
-    };
     let (best, worst) = rank_ends(Direction::LowerIsBetter);
     assert!(best < worst);
     let (best, worst) = rank_ends(Direction::HigherIsBetter);
@@ -282,9 +284,12 @@ fn long_trajectories_are_thinned() {
     assert_eq!(chart.x.label, "time since start (h)");
 }
 
+fn message(result: Result<Figure, ReportError>) -> String {
+    result.unwrap_err().to_string()
+}
+
 #[test]
 fn what_cannot_be_drawn_is_an_error_that_says_what_is_wrong() {
-    let message = |result: Result<Figure, ReportError>| result.unwrap_err().to_string();
     let mut figure = sensitivity("PIT300");
     figure.errors[0].summaries.pop();
     insta::assert_snapshot!(message(figure.figure()), @r#"

@@ -124,7 +124,7 @@ fn a_page_without_a_model_never_speaks_of_one() {
     for sensitivity in &mut report.sensitivities {
         sensitivity.worst_ranks.clear();
     }
-    report.learning.retain(|of| of.environment.is_shared());
+    report.learning.retain(|curves| curves.environment.is_shared());
     report.rollouts.clear();
     report.rollout_grids.clear();
     report.jumps.clear();
@@ -185,11 +185,14 @@ fn the_page_opens_with_the_verdict() {
     ");
 }
 
+fn place(html: &str, needle: &str) -> usize {
+    html.find(needle).unwrap_or_else(|| panic!("{needle}"))
+}
+
 #[test]
 fn what_to_deploy_comes_before_the_cards_and_many_cards_wait_behind_the_table() {
     let mut report = report();
     report.decision.as_mut().unwrap().title = "What to deploy".to_owned();
-    let place = |html: &str, needle: &str| html.find(needle).unwrap_or_else(|| panic!("{needle}"));
     let html = report.html().unwrap();
     assert!(place(&html, "id=\"decision\"") < place(&html, "class=\"cards\""));
     assert!(place(&html, "class=\"cards\"") < place(&html, "id=\"verdicts\""));

@@ -47,17 +47,28 @@ pub(crate) fn read(
     unfinished: &Unfinished,
     training: &mut dyn Stepper,
 ) -> Result<Option<Progress>, RepresentError> {
-    let expected = training.encoder()?.parameter_count();
-    let found = || {
-        let content = unfinished.read()?;
-        let progress: Progress = serde_json::from_str(content.metadata.get(PROGRESS)?).ok()?;
-        let values = |name: &str| {
-            let found = content.get(name).filter(|tensor| tensor.values.len() == expected);
-            found.map(|tensor| tensor.values.clone())
-        };
-        Some((progress, values("parameters")?, values("mean")?, values("square")?))
+    let parameter_count = training.encoder()?.parameter_count();
+    let Some((progress, parameters, moments)) = put_aside(unfinished, parameter_count) else {
+        return Ok(None);
     };
-    let Some((progress, parameters, mean, square)) = found() else { return Ok(None) };
-    training.restore(&parameters, Moments { mean, square, powers: progress.powers }, progress.done);
+    training.restore(&parameters, moments, progress.done);
     Ok(Some(progress))
+}
+
+/// What [`write`] put aside, parameters second; `None` if it is of an encoder of another size.
+fn put_aside(
+    unfinished: &Unfinished,
+    parameter_count: usize,
+) -> Option<(Progress, Vec<f32>, Moments)> {
+    let content = unfinished.read()?;
+    let progress: Progress = serde_json::from_str(content.metadata.get(PROGRESS)?).ok()?;
+    let values = |name: &str| {
+        let found = content.get(name).filter(|tensor| tensor.values.len() == parameter_count);
+        found.map(|tensor| tensor.values.clone())
+    };
+    let parameters = values("parameters")?;
+    let mean = values("mean")?;
+    let square = values("square")?;
+    let powers = progress.powers;
+    Some((progress, parameters, Moments { mean, square, powers }))
 }

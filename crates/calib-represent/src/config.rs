@@ -110,34 +110,18 @@ impl LaplacianConfig {
     /// # Errors
     /// The first field that is outside.
     pub fn check(&self) -> Result<(), RepresentConfigError> {
-        let real = |field, got: f64, most: f64, expected| {
-            let ok = got > 0.0 && got.is_finite() && got <= most;
-            if ok {
-                Ok(())
-            } else {
-                Err(RepresentConfigError { field, expected, got: format!("{got:?}") })
-            }
-        };
-        let whole = |field, got: usize, least, most, expected| {
-            let ok = (least..=most).contains(&got);
-            if ok {
-                Ok(())
-            } else {
-                Err(RepresentConfigError { field, expected, got: got.to_string() })
-            }
-        };
         let positive = "a number above 0";
-        real("attraction", self.loss.attraction, f64::MAX, positive)?;
-        real("beta", self.loss.beta, f64::MAX, positive)?;
-        real("zeta", self.loss.zeta, f64::MAX, positive)?;
-        real("kappa", self.kappa, 1.0, "above 0, at most 1")?;
-        real("learning_rate", self.learning_rate, 1e38, positive)?;
-        whole("trajectory", self.trajectory, 2, 1_000_000, "from 2 to 1000000")?;
-        whole("dimension", self.dimension, 1, 1024, "from 1 to 1024")?;
-        whole("hidden_layers", self.hidden_layers, 1, 16, "from 1 to 16")?;
-        whole("hidden_units", self.hidden_units, 1, 16_384, "from 1 to 16384")?;
-        whole("batch_size", self.batch_size, 2, 65_536, "from 2 to 65536")?;
-        whole("steps", self.steps, 1, 100_000_000, "from 1 to 100000000")
+        check_real("attraction", self.loss.attraction, f64::MAX, positive)?;
+        check_real("beta", self.loss.beta, f64::MAX, positive)?;
+        check_real("zeta", self.loss.zeta, f64::MAX, positive)?;
+        check_real("kappa", self.kappa, 1.0, "above 0, at most 1")?;
+        check_real("learning_rate", self.learning_rate, 1e38, positive)?;
+        check_whole("trajectory", self.trajectory, 2, 1_000_000, "from 2 to 1000000")?;
+        check_whole("dimension", self.dimension, 1, 1024, "from 1 to 1024")?;
+        check_whole("hidden_layers", self.hidden_layers, 1, 16, "from 1 to 16")?;
+        check_whole("hidden_units", self.hidden_units, 1, 16_384, "from 1 to 16384")?;
+        check_whole("batch_size", self.batch_size, 2, 65_536, "from 2 to 65536")?;
+        check_whole("steps", self.steps, 1, 100_000_000, "from 1 to 100000000")
     }
 
     /// Layer sizes of the encoder for states of `columns` values, input first.
@@ -147,6 +131,29 @@ impl LaplacianConfig {
         sizes[self.hidden_layers + 1] = self.dimension;
         sizes
     }
+}
+
+/// An error unless `got` is above 0 and at most `most`.
+fn check_real(
+    field: &'static str,
+    got: f64,
+    most: f64,
+    expected: &'static str,
+) -> Result<(), RepresentConfigError> {
+    let ok = got > 0.0 && got.is_finite() && got <= most;
+    if ok { Ok(()) } else { Err(RepresentConfigError { field, expected, got: format!("{got:?}") }) }
+}
+
+/// An error unless `got` is from `least` to `most`.
+fn check_whole(
+    field: &'static str,
+    got: usize,
+    least: usize,
+    most: usize,
+    expected: &'static str,
+) -> Result<(), RepresentConfigError> {
+    let ok = (least..=most).contains(&got);
+    if ok { Ok(()) } else { Err(RepresentConfigError { field, expected, got: got.to_string() }) }
 }
 
 #[cfg(test)]
@@ -173,15 +180,21 @@ mod tests {
         assert_eq!(serde_json::from_str::<LaplacianConfig>(&text).expect("JSON"), config);
     }
 
+    fn refused_field(config: LaplacianConfig) -> &'static str {
+        config.check().expect_err("outside").field
+    }
+
     #[test]
     fn fields_outside_their_range_are_named() {
-        let field = |config: LaplacianConfig| config.check().expect_err("outside").field;
         let base = LaplacianConfig::default();
         base.check().expect("defaults are valid");
-        assert_eq!(field(LaplacianConfig { kappa: 1.5, ..base }), "kappa");
-        assert_eq!(field(LaplacianConfig { learning_rate: f64::NAN, ..base }), "learning_rate");
-        assert_eq!(field(LaplacianConfig { batch_size: 1, ..base }), "batch_size");
+        assert_eq!(refused_field(LaplacianConfig { kappa: 1.5, ..base }), "kappa");
+        assert_eq!(
+            refused_field(LaplacianConfig { learning_rate: f64::NAN, ..base }),
+            "learning_rate"
+        );
+        assert_eq!(refused_field(LaplacianConfig { batch_size: 1, ..base }), "batch_size");
         let loss = LossConfig { zeta: 0.0, ..base.loss };
-        assert_eq!(field(LaplacianConfig { loss, ..base }), "zeta");
+        assert_eq!(refused_field(LaplacianConfig { loss, ..base }), "zeta");
     }
 }

@@ -15,8 +15,11 @@ pub(crate) fn count_distinct(states: &States, rows: &[usize], tolerance: f64) ->
     let directions = directions(states.columns());
     // A little wider, for the rounding of the projections.
     let width = if tolerance > 0.0 { tolerance * (1.0 + 1e-6) } else { f64::MIN_POSITIVE };
-    let cell = |row: usize| {
-        directions.each_ref().map(|direction| {
+    let limit = tolerance * tolerance;
+    let mut counted: HashMap<[i64; DIRECTIONS], Vec<usize>> = HashMap::new();
+    let mut distinct = 0;
+    for &row in rows {
+        let own = directions.each_ref().map(|direction| {
             let along: f64 = states
                 .row(row)
                 .iter()
@@ -24,13 +27,7 @@ pub(crate) fn count_distinct(states: &States, rows: &[usize], tolerance: f64) ->
                 .map(|(value, weight)| f64::from(*value) * weight)
                 .sum();
             (along / width).floor() as i64
-        })
-    };
-    let limit = tolerance * tolerance;
-    let mut counted: HashMap<[i64; DIRECTIONS], Vec<usize>> = HashMap::new();
-    let mut distinct = 0;
-    for &row in rows {
-        let own = cell(row);
+        });
         let mut candidates = around(own).filter_map(|cell| counted.get(&cell)).flatten();
         if !candidates.any(|&other| is_near(states.row(row), states.row(other), limit)) {
             distinct += 1;
@@ -87,11 +84,11 @@ mod tests {
         for tolerance in [0.0, 0.1, 0.5, 2.0] {
             let mut kept: Vec<usize> = Vec::new();
             for &row in &rows {
-                let near = |&other: &usize| {
+                let is_near_one = kept.iter().any(|&other| {
                     let distance = distance(states.row(row), states.row(other));
                     distance < tolerance || distance == 0.0
-                };
-                if !kept.iter().any(near) {
+                });
+                if !is_near_one {
                     kept.push(row);
                 }
             }

@@ -130,10 +130,13 @@ mod tests {
     use super::*;
     use crate::LossForm;
 
+    fn dot(a: &[f64], b: &[f64]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| a * b).sum()
+    }
+
     /// The definition, pair by pair, in double precision.
     fn by_definition(config: &LossConfig, outputs: &[f64], batch: usize, dimension: usize) -> f64 {
         let row = |index: usize| &outputs[index * dimension..(index + 1) * dimension];
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let attraction: f64 = (0..batch)
             .map(|b| {
                 let pairs = row(b).iter().zip(row(batch + b));

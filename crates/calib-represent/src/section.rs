@@ -183,16 +183,22 @@ mod tests {
         config.check().expect("valid");
     }
 
+    fn refused(text: &str) -> String {
+        read(text).expect_err("refused")
+    }
+
+    fn outside(text: &str) -> RepresentConfigError {
+        read(text).expect("typed").check().expect_err("outside")
+    }
+
     #[test]
     fn mistakes_are_told() {
-        let refused = |text: &str| read(text).expect_err("refused");
         assert!(refused(r#"{"beta": []}"#).contains("at least one value"));
         assert!(refused(r#"{"beta": "5"}"#).contains("a number or a list of numbers"));
         assert!(refused(r#"{"dimension": [8, 0.5]}"#).contains("0.5"));
         assert!(refused(r#"{"form": "C"}"#).contains("unknown variant `C`"));
-        let checked = |text: &str| read(text).expect("typed").check().expect_err("outside");
-        assert_eq!(checked(r#"{"zeta": [0.1, -1]}"#).field, "zeta");
-        assert_eq!(checked(r#"{"zeta": [0.1, 0.1]}"#).expected, "each value once");
-        assert_eq!(checked(r#"{"kind": "import"}"#).field, "path");
+        assert_eq!(outside(r#"{"zeta": [0.1, -1]}"#).field, "zeta");
+        assert_eq!(outside(r#"{"zeta": [0.1, 0.1]}"#).expected, "each value once");
+        assert_eq!(outside(r#"{"kind": "import"}"#).field, "path");
     }
 }

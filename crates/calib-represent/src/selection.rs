@@ -22,20 +22,27 @@ pub fn select(candidates: &[Option<Scores>]) -> Option<usize> {
 mod tests {
     use super::*;
 
+    fn scores(dynamics_awareness: f64, uniqueness: f64) -> Scores {
+        Scores {
+            dynamics_awareness,
+            uniqueness,
+            live_dimensions: 1,
+            successive_distance: 1.0,
+            random_distance: 2.0,
+        }
+    }
+
     #[test]
     fn uniqueness_qualifies_and_awareness_decides() {
-        let scores = |dynamics_awareness, uniqueness| {
-            Some(Scores {
-                dynamics_awareness,
-                uniqueness,
-                live_dimensions: 1,
-                successive_distance: 1.0,
-                random_distance: 2.0,
-            })
-        };
-        let all = [scores(0.9, 0.95), None, scores(0.5, 0.96), scores(0.6, 0.99), scores(0.6, 1.0)];
+        let all = [
+            Some(scores(0.9, 0.95)),
+            None,
+            Some(scores(0.5, 0.96)),
+            Some(scores(0.6, 0.99)),
+            Some(scores(0.6, 1.0)),
+        ];
         assert_eq!(select(&all), Some(3));
         assert_eq!(select(&all[..2]), None);
-        assert_eq!(select(&[scores(0.0, 1.0)]), Some(0));
+        assert_eq!(select(&[Some(scores(0.0, 1.0))]), Some(0));
     }
 }

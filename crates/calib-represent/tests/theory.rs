@@ -252,8 +252,11 @@ fn check(chain: &Chain, loss: LossConfig) {
     // The span of the modes that are clearly alive, where a gap in the spectrum separates them.
     let alive: Vec<Vec<f64>> =
         vectors.iter().take(sure).map(|(_, vector)| vector.clone()).collect();
-    let own: Vec<Vec<f64>> =
-        eigenvectors(&got, chain.n).into_iter().take(learned.live).map(|(_, of)| of).collect();
+    let own: Vec<Vec<f64>> = eigenvectors(&got, chain.n)
+        .into_iter()
+        .take(learned.live)
+        .map(|(_, vector)| vector)
+        .collect();
     let sine = greatest_sine(&own, &alive);
     assert!(sine < 0.2, "a principal angle has the sine {sine}");
 }
@@ -285,6 +288,19 @@ fn a_grid_is_learned() {
     check(&grid(4), LossConfig { zeta: 0.08, ..LossConfig::default() });
 }
 
+/// Where a node of two corridors, each of `length` places, lies in space.
+fn place(node: usize, length: usize, rng: &mut Rng) -> [f32; 2] {
+    let x = node % length;
+    let side = node / length;
+    // The wall is thinner than a step is long.
+    [x as f32 * 0.2, side as f32 * 0.1 + 0.02 * rng.unit() as f32]
+}
+
+/// Square of the Euclidean distance of two rows.
+fn square_distance(points: &States, a: usize, b: usize) -> f32 {
+    points.row(a).iter().zip(points.row(b)).map(|(a, b)| (a - b).powi(2)).sum()
+}
+
 #[test]
 fn neighbours_respect_a_bottleneck_that_euclidean_ones_cross() {
     // Two corridors of 8 places side by side, joined at one end only: a walk must go around, but places across
@@ -293,14 +309,8 @@ fn neighbours_respect_a_bottleneck_that_euclidean_ones_cross() {
     let along = (1..length).flat_map(|x| [(x - 1, x), (length + x - 1, length + x)]);
     let chain = Chain::on(2 * length, along.chain([(0, length)]), 0.3);
     let (nodes, segments) = chain.walks(1_000, 60, Seed::new(2));
-    let place = |node: usize, rng: &mut Rng| {
-        let x = node % length;
-        let side = node / length;
-        // The wall is thinner than a step is long.
-        [x as f32 * 0.2, side as f32 * 0.1 + 0.02 * rng.unit() as f32]
-    };
     let mut rng = Seed::new(3).rng();
-    let values: Vec<f32> = nodes.iter().flat_map(|&node| place(node, &mut rng)).collect();
+    let values: Vec<f32> = nodes.iter().flat_map(|&node| place(node, length, &mut rng)).collect();
     let states = States::new(values, nodes.len(), 2).expect("finite");
     let split = Split::in_time(&segments).expect("long enough");
     let loss = LossConfig { zeta: 0.1, ..LossConfig::default() };
@@ -309,14 +319,13 @@ fn neighbours_respect_a_bottleneck_that_euclidean_ones_cross() {
     let trained = train(&config, task, None, &Silent).expect("trains");
     let psi = encode(&trained.encoder, &states).expect("finite");
 
-    let distance = |of: &States, a: usize, b: usize| {
-        of.row(a).iter().zip(of.row(b)).map(|(a, b)| (a - b).powi(2)).sum::<f32>()
-    };
     // For a state far from the door: is the nearest state of another place across the wall?
-    let crosses = |of: &States, row: usize| {
+    let crosses = |points: &States, row: usize| {
         let other = (0..3_000)
             .filter(|&other| nodes[other] != nodes[row])
-            .min_by(|&a, &b| distance(of, row, a).total_cmp(&distance(of, row, b)))
+            .min_by(|&a, &b| {
+                square_distance(points, row, a).total_cmp(&square_distance(points, row, b))
+            })
             .expect("other places");
         nodes[other] / length != nodes[row] / length
     };

@@ -140,6 +140,12 @@ mod tests {
         ));
     }
 
+    /// Of runs with their clusters.
+    fn summary(runs: &[(u8, f64)]) -> ClusterSummary {
+        let (clusters, values): (Vec<u8>, Vec<f64>) = runs.iter().copied().unzip();
+        summarise_clusters(&clusters, &values).unwrap()
+    }
+
     proptest! {
         /// Where clusters are single runs they change nothing.
         #[test]
@@ -157,13 +163,17 @@ mod tests {
             })
         ) {
             let runs = table.concat();
-            let number = |(cluster, runs): (usize, &Vec<f64>)| vec![cluster; runs.len()];
-            let clusters: Vec<usize> = table.iter().enumerate().flat_map(number).collect();
+            let clusters: Vec<usize> = table
+                .iter()
+                .enumerate()
+                .flat_map(|(cluster, runs)| vec![cluster; runs.len()])
+                .collect();
             let summary = summarise_clusters(&clusters, &runs).unwrap();
             let (n, g) = (runs.len() as f64, table.len() as f64);
             let mean = runs.iter().sum::<f64>() / n;
-            let square = |cluster: &Vec<f64>| cluster.iter().map(|run| run - mean).sum::<f64>().powi(2);
-            let robust = (g / (g - 1.0) * table.iter().map(square).sum::<f64>()).sqrt() / n;
+            let squares =
+                table.iter().map(|runs| runs.iter().map(|run| run - mean).sum::<f64>().powi(2));
+            let robust = (g / (g - 1.0) * squares.sum::<f64>()).sqrt() / n;
             prop_assert!((summary.mean - mean).abs() < 1e-9);
             prop_assert!((summary.std.unwrap() / g.sqrt() - robust).abs() < 1e-9);
         }
@@ -173,10 +183,6 @@ mod tests {
         fn the_order_of_runs_does_not_matter(
             mut runs in prop::collection::vec((0u8..4, -9.0f64..9.0), 1..20)
         ) {
-            let summary = |runs: &[(u8, f64)]| {
-                let (clusters, values): (Vec<u8>, Vec<f64>) = runs.iter().copied().unzip();
-                summarise_clusters(&clusters, &values).unwrap()
-            };
             let before = summary(&runs);
             runs.reverse();
             let after = summary(&runs);

@@ -145,9 +145,13 @@ mod tests {
         assert_eq!(choose_around_default(&[streams], 0, 3.0).unwrap().chosen, 2);
     }
 
+    /// Around the first candidate.
+    fn choice(streams: &[[f64; 3]]) -> DefaultChoice {
+        choose_around_default(&[streams], 0, 3.0).unwrap()
+    }
+
     #[test]
     fn divergence_around_a_default() {
-        let choice = |streams: &[[f64; 3]]| choose_around_default(&[streams], 0, 3.0).unwrap();
         assert_eq!(choice(&[[INF, 0.5, INF], [0.1, 0.5, 0.1]]).chosen, 1);
         let all = choice(&[[INF, INF, 0.1], [0.1, 0.5, INF]]);
         assert_eq!((all.chosen, all.advantages), (0, vec![None; 3]));

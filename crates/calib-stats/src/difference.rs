@@ -52,10 +52,7 @@ pub fn paired_difference<K: Ord>(
     if differences.iter().any(|difference| difference.is_nan()) {
         return Err(StatsError::OpposedInfinities { what: "differences of pairs" });
     }
-    let own: Vec<f64> = cluster_means(clusters, &differences)?
-        .iter()
-        .map(|mean_of_cluster| mean_of_cluster.1)
-        .collect();
+    let own = means_of_clusters(clusters, &differences)?;
     let count = |is: fn(&f64) -> bool| own.iter().copied().filter(is).count();
     let mean = mean(&own)?;
     let interval = sample_std(&own)?.and_then(|std| t_interval(mean, std, own.len()));
@@ -76,11 +73,8 @@ pub fn unpaired_difference<K: Ord>(
     (clusters_of_x, x): (&[K], &[f64]),
     (clusters_of_y, y): (&[K], &[f64]),
 ) -> Result<Difference, StatsError> {
-    let means = |clusters, runs| -> Result<Vec<f64>, StatsError> {
-        Ok(cluster_means(clusters, runs)?.iter().map(|mean_of_cluster| mean_of_cluster.1).collect())
-    };
-    let x = means(clusters_of_x, x)?;
-    let y = means(clusters_of_y, y)?;
+    let x = means_of_clusters(clusters_of_x, x)?;
+    let y = means_of_clusters(clusters_of_y, y)?;
     let difference = mean(&x)? - mean(&y)?;
     if difference.is_nan() {
         return Err(StatsError::OpposedInfinities { what: "means of two samples" });
@@ -98,12 +92,21 @@ pub fn unpaired_difference<K: Ord>(
     Ok(Difference { mean: difference, interval, clusters: [x.len(), y.len()], smaller: None })
 }
 
+/// The mean of each cluster, in the order of clusters.
+fn means_of_clusters<K: Ord>(clusters: &[K], runs: &[f64]) -> Result<Vec<f64>, StatsError> {
+    Ok(cluster_means(clusters, runs)?.into_iter().map(|(_, mean)| mean).collect())
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
     use crate::summarise_clusters;
+
+    fn width(difference: Difference) -> f64 {
+        difference.interval.unwrap().high - difference.interval.unwrap().low
+    }
 
     #[test]
     fn what_starts_have_in_common_cancels() {
@@ -119,9 +122,6 @@ mod tests {
         assert_eq!((difference.clusters, difference.smaller), ([3, 3], Some([3, 0])));
         assert!(!difference.is_told());
         let unpaired = unpaired_difference((&clusters, &x), (&clusters, &y)).unwrap();
-        let width = |difference: Difference| {
-            difference.interval.unwrap().high - difference.interval.unwrap().low
-        };
         assert!(width(unpaired) > 20.0 * width(difference));
     }
 

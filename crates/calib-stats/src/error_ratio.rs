@@ -58,7 +58,6 @@ pub fn error_ratio(x: &[f64], y: &[f64]) -> Result<Option<ErrorRatio>, StatsErro
     }
     let steps = x.len();
     let blocks = BLOCKS.min(x.len() / 2).max(1);
-    let total = |errors: &[f64]| errors.iter().sum::<f64>();
     let all_x = total(x);
     let all_y = total(y);
     let ratio = (all_x / all_y).sqrt();
@@ -82,6 +81,10 @@ pub fn error_ratio(x: &[f64], y: &[f64]) -> Result<Option<ErrorRatio>, StatsErro
     let count = |is: fn((&f64, &f64)) -> bool| x.iter().zip(y).filter(|&pair| is(pair)).count();
     let smaller = [count(|(x, y)| x < y), count(|(x, y)| x > y)];
     Ok(Some(ErrorRatio { ratio, interval: interval.flatten(), blocks, steps, smaller }))
+}
+
+fn total(errors: &[f64]) -> f64 {
+    errors.iter().sum()
 }
 
 #[cfg(test)]

@@ -67,11 +67,15 @@ mod tests {
         .unwrap()
     }
 
+    /// By the first input.
+    fn choose(drawn: &[Drawn<'_>]) -> Result<Option<usize>, StatsError> {
+        Ok(choose_by_mean_log(&[drawn[0].runs()])?.chosen)
+    }
+
     #[test]
     fn members_and_their_runs_vary() {
         // Two members prefer different candidates.
         let members = nested(&[&[&[1.0, 2.0], &[1.0, 2.1]], &[&[2.0, 1.0], &[2.2, 1.0]]]);
-        let choose = |drawn: &[Drawn<'_>]| Ok(choose_by_mean_log(&[drawn[0].runs()])?.chosen);
         let told = hierarchical(&[&members], 2000, draws(1), choose).unwrap();
         assert_eq!(told.counts.iter().sum::<usize>() + told.none, 2000);
         // A quarter of the resamples has each member alone, half has both, where runs decide.
@@ -84,11 +88,17 @@ mod tests {
     #[test]
     fn none_is_counted() {
         let diverged = nested(&[&[&[f64::INFINITY; 2]]]);
-        let told = hierarchical(&[&diverged], 9, draws(3), |drawn: &[Drawn<'_>]| {
-            Ok(choose_by_mean_log(&[drawn[0].runs()])?.chosen)
-        })
-        .unwrap();
+        let told = hierarchical(&[&diverged], 9, draws(3), choose).unwrap();
         assert_eq!((told.counts.as_slice(), told.none), (&[0, 0][..], 9));
+    }
+
+    fn mean(values: &[f64]) -> f64 {
+        values.iter().sum::<f64>() / values.len() as f64
+    }
+
+    /// The sum of the squares of the distances from `centre`.
+    fn squares(values: &[f64], centre: f64) -> f64 {
+        values.iter().map(|x| (x - centre).powi(2)).sum()
     }
 
     #[test]
@@ -105,14 +115,11 @@ mod tests {
             Ok(None)
         })
         .unwrap();
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        let square =
-            |values: &[f64], centre: f64| values.iter().map(|x| (x - centre).powi(2)).sum::<f64>();
         let of_units = rows.map(|row| mean(&row));
         let inside: f64 =
-            rows.iter().zip(of_units).map(|(row, mean_of_row)| square(row, mean_of_row)).sum();
-        let expected = square(&of_units, mean(&of_units)) / 9.0 + inside / 81.0;
-        let got = square(&means, mean(&means)) / resamples as f64;
+            rows.iter().zip(of_units).map(|(row, mean_of_row)| squares(row, mean_of_row)).sum();
+        let expected = squares(&of_units, mean(&of_units)) / 9.0 + inside / 81.0;
+        let got = squares(&means, mean(&means)) / resamples as f64;
         assert!((got / expected - 1.0).abs() < 0.03, "{got}, not {expected}");
     }
 

@@ -26,8 +26,7 @@ pub fn importance(groups: &[usize], values: &[f64]) -> Result<Option<f64>, Stats
     if let Some(index) = values.iter().position(|value| value.is_infinite()) {
         return Err(StatsError::Infinite { what: "values", index });
     }
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    let centre = mean(values);
+    let centre = mean_of(values);
     let total: f64 = values.iter().map(|value| (value - centre).powi(2)).sum();
     if total == 0.0 {
         return Ok(None);
@@ -41,12 +40,16 @@ pub fn importance(groups: &[usize], values: &[f64]) -> Result<Option<f64>, Stats
             .map(|group: usize| {
                 let own = groups.iter().zip(values).filter(|(other, _)| **other == group);
                 let own: Vec<f64> = own.map(|(_, value)| *value).collect();
-                own.len() as f64 * (mean(&own) - centre).powi(2)
+                own.len() as f64 * (mean_of(&own) - centre).powi(2)
             })
             .sum::<f64>()
             / total)
             .clamp(0.0, 1.0),
     ))
+}
+
+fn mean_of(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 #[cfg(test)]

@@ -168,9 +168,13 @@ mod tests {
         assert_eq!((one.quotient(0, 1).unwrap().interval, one.another_window()), (None, None));
     }
 
+    /// The bound of the regret of the first candidate.
+    fn upper(errors: &[[f64; 2]]) -> Option<f64> {
+        Losses::new(errors).unwrap().regret(0).unwrap().upper
+    }
+
     #[test]
     fn a_regret_is_bounded_where_windows_differ() {
-        let upper = |errors: &[[f64; 2]]| Losses::new(errors).unwrap().regret(0).unwrap().upper;
         let best = [0.1, 0.2];
         assert_eq!(upper(&[best; 8]), None, "best in every window is no certainty");
         assert_eq!(upper(&[[0.2, 0.1], best, best]), None, "three windows");

@@ -185,7 +185,7 @@ pub(crate) mod tests {
                 let runs: Vec<&[f64]> = runs.collect();
                 prop_assert_eq!(runs.len(), table[unit].len());
                 for run in &runs {
-                    prop_assert!(table[unit].iter().any(|of| of == run));
+                    prop_assert!(table[unit].iter().any(|known| known == run));
                 }
                 let sum: f64 = runs.iter().map(|run| run[1]).sum();
                 prop_assert!((mean[1] - sum / runs.len() as f64).abs() < 1e-12);

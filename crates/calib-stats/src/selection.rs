@@ -1,7 +1,5 @@
 //! Choices by ranks over members.
 
-use std::cmp::Ordering;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -58,8 +56,8 @@ pub fn select_by<Row: AsRef<[f64]>>(
     let smallest = selection.mean_ranks.iter().copied().fold(f64::INFINITY, f64::min);
     let values = 0..selection.mean_ranks.len();
     // Means of equal ranks in another order may differ in the last bit.
-    let is_tied = |&value: &usize| selection.mean_ranks[value] < smallest + 1e-9;
-    selection.tie_set = values.filter(is_tied).collect();
+    selection.tie_set =
+        values.filter(|&value| selection.mean_ranks[value] < smallest + 1e-9).collect();
     let leads = leads(scores, direction);
     selection.chosen = selection
         .tie_set
@@ -128,13 +126,13 @@ pub fn select<Row: AsRef<[f64]>>(
 
     let smallest = worst_ranks.iter().copied().min().unwrap_or(values);
     let tie_set: Vec<usize> = (0..values).filter(|&v| worst_ranks[v] == smallest).collect();
-    let prefer = |a: usize, b: usize| -> Ordering {
+    let best = tie_set.iter().copied().min_by(|&a, &b| {
         mean_ranks[a]
             .total_cmp(&mean_ranks[b])
             .then_with(|| direction.compare(mean_errors[a], mean_errors[b]))
             .then_with(|| a.cmp(&b))
-    };
-    let chosen = tie_set.iter().copied().min_by(|&a, &b| prefer(a, b)).unwrap_or(0);
+    });
+    let chosen = best.unwrap_or(0);
     Ok(Selection { chosen, tie_set, worst_ranks, mean_ranks, mean_errors, ranks })
 }
 

@@ -69,7 +69,7 @@ fn choices_by_log_errors_agree_with_numpy() {
         let got = got.unwrap();
         assert_eq!(got.chosen, case.chosen);
         for (candidate, expected) in case.advantages.iter().enumerate() {
-            let found = got.advantages[candidate].filter(|of| of.mean.is_finite());
+            let found = got.advantages[candidate].filter(|advantage| advantage.mean.is_finite());
             assert_eq!(found.is_some(), expected.is_some(), "candidate {candidate}");
             if let Some((found, [mean, error])) = found.zip(*expected) {
                 assert_close(found.mean, mean);

@@ -13,8 +13,11 @@ const STUDIES: usize = 2000;
 
 /// The share of simulated studies whose interval holds `truth`. Its standard error is 0.5 % near 95 %.
 fn coverage(truth: f64, mut interval: impl FnMut() -> Interval) -> f64 {
-    let holds = |of: Interval| of.low <= truth && truth <= of.high;
-    (0..STUDIES).filter(|_| holds(interval())).count() as f64 / STUDIES as f64
+    let held = (0..STUDIES).filter(|_| {
+        let Interval { low, high } = interval();
+        low <= truth && truth <= high
+    });
+    held.count() as f64 / STUDIES as f64
 }
 
 /// Distances from 6 start states, 5 members each: starts differ by 1, members of a start by 0.5.
@@ -63,11 +66,11 @@ fn paired_intervals_hold_the_difference() {
 /// Squared errors that depend on those before: AR(1) with a memory of ten steps.
 fn errors(random: &mut Random, steps: usize, scale: f64) -> Vec<f64> {
     let mut error = random.normal();
-    let mut next = || {
+    let squares = (0..steps).map(|_| {
         error = 0.9 * error + (1.0 - 0.81_f64).sqrt() * random.normal();
         (scale * error).powi(2)
-    };
-    (0..steps).map(|_| next()).collect()
+    });
+    squares.collect()
 }
 
 #[test]
@@ -81,22 +84,23 @@ fn quotients_of_errors_that_depend_on_each_other_hold_the_truth() {
     assert!((coverage - 0.95).abs() < 0.025, "{coverage}");
 }
 
+/// The errors of two candidates in a window, the first of which is better by a tenth. Windows differ for both alike and for one
+/// alone; two runs differ within them.
+fn window(random: &mut Random) -> [f64; 2] {
+    let level = random.normal();
+    let own = 0.05 * random.normal();
+    [0.9 * own.exp(), 1.0].map(|error| {
+        let mut run = || error * (level + 0.01 * random.normal()).exp();
+        run().midpoint(run())
+    })
+}
+
 #[test]
 fn intervals_over_windows_hold_the_quotient_however_few_there_are() {
     let mut random = Random::new(4);
     for windows in [2, 3, 8] {
         let coverage = coverage(0.9, || {
-            let mut window = || {
-                // Windows differ for all candidates alike and for each alone; two runs differ within them.
-                let level = random.normal();
-                let own = 0.05 * random.normal();
-                let mut mean = |error: f64| {
-                    let mut run = || error * (level + 0.01 * random.normal()).exp();
-                    run().midpoint(run())
-                };
-                [mean(0.9 * own.exp()), mean(1.0)]
-            };
-            let errors: Vec<[f64; 2]> = (0..windows).map(|_| window()).collect();
+            let errors: Vec<[f64; 2]> = (0..windows).map(|_| window(&mut random)).collect();
             let losses = Losses::new(&errors).unwrap();
             losses.quotient(0, 1).expect("finite").interval.expect("several windows")
         });
@@ -119,32 +123,42 @@ fn exponential(random: &mut Random) -> f64 {
 
 /// What a choice may cost in a window: nearly symmetric at the top, with a long tail or mostly nought at the bottom.
 const LOSSES: [Loss; 8] = [
-    Loss { name: "half normal", mean: 0.797_884_6, draw: |of| of.normal().abs(), least: 0.99 },
+    Loss {
+        name: "half normal",
+        mean: 0.797_884_6,
+        draw: |random| random.normal().abs(),
+        least: 0.99,
+    },
     Loss {
         name: "square, off by one",
         mean: 2.0,
-        draw: |of| (1.0 + of.normal()).powi(2),
+        draw: |random| (1.0 + random.normal()).powi(2),
         least: 0.95,
     },
-    Loss { name: "square", mean: 1.0, draw: |of| of.normal().powi(2), least: 0.94 },
+    Loss { name: "square", mean: 1.0, draw: |random| random.normal().powi(2), least: 0.94 },
     Loss { name: "exponential", mean: 1.0, draw: exponential, least: 0.98 },
-    Loss { name: "log-normal, 1", mean: 1.648_721_3, draw: |of| of.normal().exp(), least: 0.98 },
+    Loss {
+        name: "log-normal, 1",
+        mean: 1.648_721_3,
+        draw: |random| random.normal().exp(),
+        least: 0.98,
+    },
     Loss {
         name: "log-normal, 1.5",
         mean: 3.080_216_8,
-        draw: |of| (1.5 * of.normal()).exp(),
+        draw: |random| (1.5 * random.normal()).exp(),
         least: 0.85,
     },
     Loss {
         name: "half are nought",
         mean: 0.5,
-        draw: |of| if of.unit() < 0.5 { 0.0 } else { exponential(of) },
+        draw: |random| if random.unit() < 0.5 { 0.0 } else { exponential(random) },
         least: 0.94,
     },
     Loss {
         name: "three quarters are nought",
         mean: 0.25,
-        draw: |of| if of.unit() < 0.75 { 0.0 } else { exponential(of) },
+        draw: |random| if random.unit() < 0.75 { 0.0 } else { exponential(random) },
         least: 0.94,
     },
 ];
@@ -166,7 +180,8 @@ fn bounds_of_regret_hold_the_mean_where_student_s_t_does_not() {
                 held += u32::from(mean <= upper);
                 held_by_t += u32::from(mean <= t.high);
             }
-            let [held, held_by_t] = [held, held_by_t].map(|of| f64::from(of) / f64::from(given));
+            let [held, held_by_t] =
+                [held, held_by_t].map(|times| f64::from(times) / f64::from(given));
             println!("{name}, {windows} windows: {given} given, {held:.3}, by t {held_by_t:.3}");
             assert!(held >= least, "{name}, {windows} windows: {held}");
             worst_of_t = worst_of_t.min(held_by_t);
@@ -180,21 +195,23 @@ fn bounds_of_regret_hold_the_mean_where_student_s_t_does_not() {
 fn members(random: &mut Random, noise: f64, runs: usize) -> Vec<f64> {
     let blocks: Vec<f64> = (0..5).map(|_| random.normal()).collect();
     let sum: f64 = blocks.iter().sum();
-    let mut noise = || noise * random.normal() / (runs as f64).sqrt();
-    blocks.iter().map(|block| (sum - block) / 4.0 + noise()).collect()
+    let estimates = blocks
+        .iter()
+        .map(|block| (sum - block) / 4.0 + noise * random.normal() / (runs as f64).sqrt());
+    estimates.collect()
 }
 
 #[test]
 fn intervals_over_members_hold_what_other_logs_say() {
     let mut random = Random::new(6);
-    let mean = |members: &[f64]| members.iter().sum::<f64>() / 5.0;
     // A run varies as much as members do, or nine times as much.
     for noise in [0.25, 2.25] {
         let mut all = Vec::new();
         for runs in [1, 3, 20] {
             let own = coverage(0.0, || {
                 let members = members(&mut random, noise, runs);
-                jackknife(mean(&members), &members).expect("five members")
+                let mean = members.iter().sum::<f64>() / 5.0;
+                jackknife(mean, &members).expect("five members")
             });
             let as_if_independent = coverage(0.0, || {
                 summarise(&members(&mut random, noise, runs)).unwrap().interval.expect("five")
@@ -212,8 +229,11 @@ fn intervals_over_members_hold_what_other_logs_say() {
 /// The mean error over each of `count` windows of 100 rows, evenly spread over `rows` rows of errors that do not depend on each other.
 fn windows(random: &mut Random, rows: usize, count: usize) -> Vec<f64> {
     let errors: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
-    let start = |window: usize| window * (rows - 100) / (count - 1);
-    (0..count).map(|window| errors[start(window)..][..100].iter().sum::<f64>() / 100.0).collect()
+    let means = (0..count).map(|window| {
+        let start = window * (rows - 100) / (count - 1);
+        errors[start..][..100].iter().sum::<f64>() / 100.0
+    });
+    means.collect()
 }
 
 #[test]
@@ -239,9 +259,8 @@ fn recorded_returns_hold_the_mean_where_episodes_are_cut() {
     let mut random = Random::new(8);
     // An episode is 100 steps of −1 ± 1 each; two of seven are cut somewhere.
     let own = coverage(-100.0, || {
-        let mut episode = |share: f64| -100.0 * share + 10.0 * share.sqrt() * random.normal();
-        let shares = [1.0, 1.0, 1.0, 1.0, 1.0, 0.3, 0.6];
-        let rewards: Vec<f64> = shares.iter().map(|&share| episode(share)).collect();
+        let shares: [f64; 7] = [1.0, 1.0, 1.0, 1.0, 1.0, 0.3, 0.6];
+        let rewards = shares.map(|share| -100.0 * share + 10.0 * share.sqrt() * random.normal());
         ratio_of_sums(&rewards, &shares).unwrap().interval.expect("seven")
     });
     println!("{own:.3}");
@@ -253,17 +272,18 @@ fn recorded_returns_hold_the_mean_where_episodes_are_cut() {
 fn chosen_from_a_log(random: &mut Random) -> (usize, f64, f64) {
     // The best is in the middle; blocks differ in which is best, by a place and a half.
     let optima: Vec<f64> = (0..5).map(|_| 3.0 + 1.5 * random.normal()).collect();
-    let log_error = |optimum: f64, value: usize| 0.03 * (value as f64 - optimum).powi(2);
     let mut run = |blocks: &[f64]| -> Vec<f64> {
         (0..7)
             .map(|value| {
-                let errors = blocks.iter().map(|&optimum| log_error(optimum, value));
+                let errors =
+                    blocks.iter().map(|&optimum| 0.03 * (f64::from(value) - optimum).powi(2));
                 (errors.sum::<f64>() / blocks.len() as f64 + 0.05 * random.normal()).exp()
             })
             .collect()
     };
     let members = (0..5).map(|left_out| {
-        let rest: Vec<f64> = (0..5).filter(|of| *of != left_out).map(|of| optima[of]).collect();
+        let rest: Vec<f64> =
+            (0..5).filter(|block| *block != left_out).map(|block| optima[block]).collect();
         (0..3).map(|_| run(&rest)).collect()
     });
     let members = Nested::new(members.collect()).expect("members");

@@ -1,6 +1,6 @@
 //! Named test windows: `[deployments.NAME]` says when an agent would have been deployed.
 
-use calib_data::TimeRange;
+use calib_data::{Moment, TimeRange};
 
 use crate::{
     Study,
@@ -13,9 +13,9 @@ impl Study {
     pub fn deployment_names(&self) -> Vec<String> {
         let mut all: Vec<(&String, &TimeRange)> = self.deployments.iter().collect();
         all.sort_by_key(|(name, range)| {
-            let instant =
-                |at: &Option<calib_data::Moment>| at.as_ref().map(calib_data::Moment::instant);
-            (instant(&range.start), instant(&range.end), *name)
+            let start = range.start.as_ref().map(Moment::instant);
+            let end = range.end.as_ref().map(Moment::instant);
+            (start, end, *name)
         });
         all.into_iter().map(|(name, _)| name.clone()).collect()
     }
@@ -79,12 +79,13 @@ impl Study {
 
 /// Whether an instant can lie in both ranges.
 fn overlap(one: &TimeRange, other: &TimeRange) -> bool {
-    let before = |end: &Option<calib_data::Moment>, start: &Option<calib_data::Moment>| {
-        end.as_ref()
-            .zip(start.as_ref())
-            .is_some_and(|(end, start)| end.instant() <= start.instant())
-    };
-    !before(&one.end, &other.start) && !before(&other.end, &one.start)
+    !is_before(one, other) && !is_before(other, one)
+}
+
+/// Whether `one` ends before `other` starts, or just then.
+fn is_before(one: &TimeRange, other: &TimeRange) -> bool {
+    let end = one.end.as_ref();
+    end.zip(other.start.as_ref()).is_some_and(|(end, start)| end.instant() <= start.instant())
 }
 
 #[cfg(test)]

@@ -135,16 +135,18 @@ impl Problem {
             Some(section) => self.message.strip_prefix(&format!("[{section}]: ")),
             None => Some(self.message.as_str()),
         }?;
-        let is_key = |word: &&str| {
-            !word.is_empty()
-                && word.chars().all(|letter| {
-                    letter.is_ascii_alphanumeric() || ['_', '-', '.'].contains(&letter)
-                })
-        };
-        let quoted = text.split('`').nth(1).filter(is_key);
+        let quoted = text.split('`').nth(1).filter(|word| is_key(word));
         let first = text.trim_start_matches('[').split([' ', ':', ']', ',']).next();
-        quoted.or(first).filter(is_key).map(str::to_owned)
+        quoted.or(first).filter(|word| is_key(word)).map(str::to_owned)
     }
+}
+
+/// Whether a word can be a key, with or without the sections that it is in.
+fn is_key(word: &str) -> bool {
+    !word.is_empty()
+        && word
+            .chars()
+            .all(|letter| letter.is_ascii_alphanumeric() || ['_', '-', '.'].contains(&letter))
 }
 
 impl fmt::Display for Problem {
@@ -185,9 +187,12 @@ pub(crate) use {refuse, require};
 mod tests {
     use super::*;
 
+    fn keys(problem: &Problem) -> String {
+        problem.keys().join(" ")
+    }
+
     #[test]
     fn a_problem_knows_its_key() {
-        let keys = |problem: &Problem| problem.keys().join(" ");
         assert_eq!(keys(&Problem::new("sweep.steps must be from 2")), "sweep.steps sweep");
         let agent = Problem::new("agent hyperparameter `gamma`: expected").within("agent");
         assert_eq!(keys(&agent), "agent.gamma agent");

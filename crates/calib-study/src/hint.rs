@@ -49,11 +49,11 @@ impl Job {
 
 /// Words as one types them in a shell.
 pub fn shell_words<I: IntoIterator<Item: AsRef<str>>>(words: I) -> String {
-    let quoted = |word: I::Item| {
+    let quoted = words.into_iter().map(|word| {
         // Only a word with a null character cannot be typed, and none can be given either.
         shlex::try_quote(word.as_ref()).map_or_else(|_| word.as_ref().to_owned(), Cow::into_owned)
-    };
-    words.into_iter().map(quoted).collect::<Vec<_>>().join(" ")
+    });
+    quoted.collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -95,15 +95,16 @@ mod tests {
         assert_eq!(job.reproduction(StepKind::Prepare), format!("calib run {given}"));
     }
 
+    fn names_deployment(start: &str) -> bool {
+        let job = job(|request| {
+            request.set = vec![format!("rollout.start={start}")];
+            request.deployment = Some("april".to_owned());
+        });
+        job.command(StepKind::Rollout).contains("--deployment")
+    }
+
     #[test]
     fn rollouts_name_the_deployment_that_they_follow_from() {
-        let names_deployment = |start: &str| {
-            let job = job(|request| {
-                request.set = vec![format!("rollout.start={start}")];
-                request.deployment = Some("april".to_owned());
-            });
-            job.command(StepKind::Rollout).contains("--deployment")
-        };
         assert!(names_deployment("recent") && !names_deployment("random"));
     }
 }

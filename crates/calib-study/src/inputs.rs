@@ -9,7 +9,7 @@ use calib_represent::RepresentationKind;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::{StepKind, Study};
+use crate::{StepKind, Study, overrides};
 
 /// The keys of a study that a result follows from, each with its value. What changes no byte of it is not among them: the
 /// folder that the log lies in (the log is known by its fingerprint), the search structure, what another kind of model uses.
@@ -29,11 +29,14 @@ pub struct Difference {
 
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let told = |value: &Option<Value>| {
-            value.as_ref().map_or_else(|| "nothing".to_owned(), ToString::to_string)
-        };
-        write!(f, "{} = {}, now {}", self.key, told(&self.made), told(&self.now))
+        let Self { key, made, now } = self;
+        write!(f, "{key} = {}, now {}", told(made.as_ref()), told(now.as_ref()))
     }
+}
+
+/// The value as JSON, or that there is none.
+fn told(value: Option<&Value>) -> String {
+    value.map_or_else(|| "nothing".to_owned(), ToString::to_string)
 }
 
 impl Study {
@@ -103,10 +106,7 @@ impl Inputs {
     }
 
     fn remove(&mut self, keys: &[&str]) {
-        let inside = |key: &str, parent: &str| {
-            key.strip_prefix(parent).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-        };
-        self.0.retain(|key, _| !keys.iter().any(|parent| inside(key, parent)));
+        self.0.retain(|key, _| !keys.iter().any(|parent| overrides::is_inside(key, parent)));
     }
 
     /// A log as it is cleaned. Where it lies does not matter: its content is known by its fingerprint.

@@ -63,8 +63,9 @@ impl Job {
         model: Option<&str>,
         deployment: Option<&str>,
     ) -> Result<Self, StudyError> {
-        let owned = |name: Option<&str>| name.map(str::to_owned);
-        Self::choose_of(Arc::clone(&self.written), owned(model), owned(deployment))
+        let model = model.map(str::to_owned);
+        let deployment = deployment.map(str::to_owned);
+        Self::choose_of(Arc::clone(&self.written), model, deployment)
     }
 
     /// What to write instead of keys that have a new name, a sentence each with its place.
@@ -203,8 +204,10 @@ fn layout(
 ) -> Layout {
     let WrittenStudy { request, results, .. } = written;
     let folder = request.study.parent().unwrap_or(Path::new(""));
-    let stem = || file_stem(request).unwrap_or_else(|| "study".to_owned());
-    let own = study.output.clone().unwrap_or_else(|| format!("{}{RESULTS}", stem()).into());
+    let own = study.output.clone().unwrap_or_else(|| {
+        let stem = file_stem(request).unwrap_or_else(|| "study".to_owned());
+        format!("{stem}{RESULTS}").into()
+    });
     let root = match (&request.output, &request.profile, results) {
         (Some(output), ..) => output.clone(),
         (None, Some(name), Results::InOwnFolder) => folder.join(own).join(name),

@@ -123,13 +123,14 @@ mod tests {
         check(&toml::from_str(&text.replace("= 3", "= 0")).expect("TOML")).expect("off");
     }
 
+    fn study_of(models: usize, deployments: usize) -> Table {
+        let models = (0..models).map(|number| format!("[models.m{number}]\n"));
+        let deployments = (0..deployments).map(|number| format!("[deployments.d{number}]\n"));
+        toml::from_str(&models.chain(deployments).collect::<String>()).expect("TOML")
+    }
+
     #[test]
     fn too_many_are_refused_before_any_is_looked_at() {
-        let study_of = |models: usize, deployments: usize| {
-            let models = (0..models).map(|number| format!("[models.m{number}]\n"));
-            let deployments = (0..deployments).map(|number| format!("[deployments.d{number}]\n"));
-            toml::from_str::<Table>(&models.chain(deployments).collect::<String>()).expect("TOML")
-        };
         for (models, deployments) in [(0, 0), (MOST_PARTS, 1), (10, 100)] {
             check(&study_of(models, deployments)).expect("not too many");
         }

@@ -54,14 +54,16 @@ pub(crate) fn check_names<'a>(
     key: &str,
     names: impl IntoIterator<Item = &'a String>,
 ) -> Result<(), Problem> {
-    let fine = |name: &&String| {
-        !name.is_empty()
-            && name
-                .chars()
-                .all(|letter| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_')
-    };
-    match names.into_iter().find(|name| !fine(name)) {
+    match names.into_iter().find(|name| !is_directory_name(name)) {
         Some(name) => refuse!("[{key}.\"{name}\"]: names have ASCII letters, digits, - and _ only"),
         None => Ok(()),
     }
+}
+
+/// Whether it can be the name of a directory on every system.
+fn is_directory_name(name: &str) -> bool {
+    !name.is_empty()
+        && name
+            .chars()
+            .all(|letter| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_')
 }

@@ -16,23 +16,31 @@ use crate::{
 /// # Errors
 /// A key that does not exist, or a value that is not valid.
 pub fn of_data(path: &Path, overrides: &[String]) -> Result<Study, StudyError> {
-    let given =
-        || overrides.iter().map(|text| format!("--set {text}")).collect::<Vec<_>>().join(" ");
-    let study = || {
-        let mut table = Table::new();
-        overrides.iter().try_for_each(|text| apply(&mut table, text))?;
-        without_model::check(&table, std::slice::from_ref(&table))?;
-        let mut study = typed(table).map_err(|problem| problem.after(&given()))?;
-        study.data.path = path.to_owned().into();
-        study.check()?;
-        Ok(study)
-    };
-    study().map_err(|problem: Problem| StudyError::Value(problem.to_string()))
+    checked(path, overrides).map_err(|problem| StudyError::Value(problem.to_string()))
+}
+
+/// The same, or what is wrong with the overrides.
+fn checked(path: &Path, overrides: &[String]) -> Result<Study, Problem> {
+    let mut table = Table::new();
+    overrides.iter().try_for_each(|text| apply(&mut table, text))?;
+    without_model::check(&table, std::slice::from_ref(&table))?;
+    let mut study = typed(table).map_err(|problem| {
+        let given: Vec<String> = overrides.iter().map(|text| format!("--set {text}")).collect();
+        problem.after(&given.join(" "))
+    })?;
+    study.data.path = path.to_owned().into();
+    study.check()?;
+    Ok(study)
 }
 
 /// The key of `section.key=value`.
 pub(crate) fn key(text: &str) -> &str {
     text.split('=').next().unwrap_or_default().trim()
+}
+
+/// Whether `key` is `parent`, or a key in that section.
+pub(crate) fn is_inside(key: &str, parent: &str) -> bool {
+    key.strip_prefix(parent).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
 /// Apply one `section.key=value`; the value is TOML, or else plain text.

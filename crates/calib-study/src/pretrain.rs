@@ -80,19 +80,18 @@ impl PretrainConfig {
 
     /// Check every value on its own.
     pub(crate) fn check(&self) -> Result<(), Problem> {
-        let inside = |value: f64| value > 0.0 && value < 1.0;
         require!(
             (1e-45..=1e38).contains(&self.learning_rate),
             "pretrain.learning_rate must be a positive number from 1e-45 to 1e38, got {:?}",
             self.learning_rate
         );
         require!(
-            inside(self.validation_fraction),
+            is_proper(self.validation_fraction),
             "pretrain.validation_fraction must be above 0 and below 1, got {:?}",
             self.validation_fraction
         );
         require!(
-            inside(self.fraction),
+            is_proper(self.fraction),
             "pretrain.fraction must be above 0 and below 1, got {:?}",
             self.fraction
         );
@@ -104,4 +103,9 @@ impl PretrainConfig {
         );
         Ok(())
     }
+}
+
+/// Whether it is a fraction that leaves something on both sides.
+fn is_proper(fraction: f64) -> bool {
+    fraction > 0.0 && fraction < 1.0
 }

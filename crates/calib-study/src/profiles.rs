@@ -135,15 +135,21 @@ mod tests {
         assert_eq!(error, "--profile large: the study's profiles are other, tiny");
     }
 
+    /// A study with a profile that is based on another, followed by `tail`.
+    fn based(tail: &str) -> Table {
+        let text = format!(
+            "seed = 1\n[profiles.tiny]\noutput = \"there\"\nseed = 2\nsweep = {{ steps = 3 }}\n\
+             [profiles.tiny-change]\nbase = \"tiny\"\nsweep.online_runs = 5\n{tail}"
+        );
+        toml::from_str(&text).expect("TOML")
+    }
+
+    fn refused(tail: &str, name: &str) -> String {
+        choose(&mut based(tail), Some(name)).expect_err("refused").to_string()
+    }
+
     #[test]
     fn a_profile_may_be_based_on_another() {
-        let based = |tail: &str| -> Table {
-            let text = format!(
-                "seed = 1\n[profiles.tiny]\noutput = \"there\"\nseed = 2\nsweep = {{ steps = 3 }}\n\
-                 [profiles.tiny-change]\nbase = \"tiny\"\nsweep.online_runs = 5\n{tail}"
-            );
-            toml::from_str(&text).expect("TOML")
-        };
         let mut study = based("");
         let chosen = choose(&mut study, Some("tiny-change")).expect("exists");
         assert_eq!(chosen.results, Results::InOwnFolder, "the folder of its base is not its own");
@@ -151,9 +157,6 @@ mod tests {
         assert_eq!((online_runs, chosen.laid_over["seed"].as_integer()), (Some(5), Some(2)));
         let expected = "output = \"there\"\nseed = 2\n[sweep]\nsteps = 3\nonline_runs = 5\n";
         assert_eq!(study, toml::from_str::<Table>(expected).expect("TOML"));
-        let refused = |tail: &str, name: &str| {
-            choose(&mut based(tail), Some(name)).expect_err("refused").to_string()
-        };
         assert_eq!(
             refused("[profiles.more]\nbase = \"tny\"\n", "more"),
             "[profiles.more] base = tny: the study's profiles are more, tiny, tiny-change"

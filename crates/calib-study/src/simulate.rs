@@ -132,16 +132,18 @@ impl Study {
         let Some(simulate) = &self.simulate else { return Ok(()) };
         simulate.plant().map_err(|error| Problem::from(error).within("simulate"))?;
         let paths = self.data.path.0.as_slice();
-        let is_folder = |path: &String| {
-            let lower = path.to_lowercase();
-            let is_file = [".parquet", ".parq", ".pq"].iter().any(|end| lower.ends_with(end));
-            !path.is_empty() && !path.contains(['*', '?', '[', ']', '{', '}']) && !is_file
-        };
         require!(
-            matches!(paths, [path] if is_folder(path)),
+            matches!(paths, [path] if is_plain_folder(path)),
             "[simulate] writes to data.path, which must be one plain folder then, such as \"plant\", got {paths:?}; \
              change data.path, or remove [simulate]"
         );
         Ok(())
     }
+}
+
+/// Whether the path can be that of one folder, and is neither a pattern nor a file of a log.
+fn is_plain_folder(path: &str) -> bool {
+    let lower = path.to_lowercase();
+    let is_file = [".parquet", ".parq", ".pq"].iter().any(|end| lower.ends_with(end));
+    !path.is_empty() && !path.contains(['*', '?', '[', ']', '{', '}']) && !is_file
 }

@@ -36,8 +36,8 @@ impl Place {
         let number = self.line.to_string();
         let margin = " ".repeat(number.len());
         // Tabs stay tabs, so that carets stand below what they mean.
-        let blank = |letter: char| if letter == '\t' { '\t' } else { ' ' };
-        let before: String = self.excerpt.chars().take(self.column - 1).map(blank).collect();
+        let before = self.excerpt.chars().take(self.column - 1);
+        let before: String = before.map(|letter| if letter == '\t' { '\t' } else { ' ' }).collect();
         let carets = "^".repeat(self.width.max(1));
         format!("{margin} |\n{number} | {}\n{margin} | {before}{carets}", self.excerpt)
     }
@@ -84,11 +84,8 @@ impl StudyText {
 
     /// Where keys stand that have a new name, each with what to write.
     pub(crate) fn renamed(&self) -> Vec<(Place, &'static str)> {
-        let is = |key: &str, old: &str| {
-            key.strip_suffix(old).is_some_and(|above| above.is_empty() || above.ends_with('.'))
-        };
         let renamed = self.keys.iter().flat_map(|(key, span)| {
-            let new = RENAMED.iter().filter(|(old, _)| is(key, old));
+            let new = RENAMED.iter().filter(|(old, _)| ends_in(key, old));
             new.map(|(_, new)| (self.place(span.clone()), *new))
         });
         renamed.collect()
@@ -99,6 +96,11 @@ impl StudyText {
         let (_, span) = self.keys.iter().find(|(known, _)| known == key)?;
         Some(self.place(span.clone()))
     }
+}
+
+/// Whether `key` is `last`, in whatever section.
+fn ends_in(key: &str, last: &str) -> bool {
+    key.strip_suffix(last).is_some_and(|above| above.is_empty() || above.ends_with('.'))
 }
 
 /// Keys that had another name, and are read by it all the same.

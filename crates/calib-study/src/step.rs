@@ -206,14 +206,16 @@ mod tests {
         assert!(StepKind::ALL.is_sorted());
     }
 
+    /// The commands of the steps that a study needs, and its job.
+    fn needed(text: &str) -> (String, Job) {
+        let request = crate::Request::new("s.toml");
+        let job = Job::of_text(request, text.to_owned()).expect("valid");
+        let steps = StepKind::ALL.into_iter().filter(|step| job.study().needs(*step));
+        (steps.map(StepKind::command).collect::<Vec<_>>().join(" "), job)
+    }
+
     #[test]
     fn a_study_without_a_model_has_no_steps_of_one() {
-        let needed = |text: &str| {
-            let request = crate::Request::new("s.toml");
-            let job = Job::of_text(request, text.to_owned()).expect("valid");
-            let steps = StepKind::ALL.into_iter().filter(|step| job.study().needs(*step));
-            (steps.map(StepKind::command).collect::<Vec<_>>().join(" "), job)
-        };
         let all = "run build-model rollout sweep evaluate";
         assert_eq!(needed("").0, all);
         let pretrained = "[pretrain]\nepochs = 3\n";

@@ -112,10 +112,12 @@ mod tests {
         resolved(text, None, set).expect_err("refused").to_string()
     }
 
+    fn rule(text: &str, set: &[&str]) -> Rule {
+        resolved(text, None, set).expect("valid").evaluate.rule
+    }
+
     #[test]
     fn the_replayed_log_decides_unless_a_rule_is_named() {
-        let rule =
-            |text: &str, set: &[&str]| resolved(text, None, set).expect("valid").evaluate.rule;
         assert_eq!(rule("", &[]), Rule::Pooled);
         assert_eq!(rule(NONE, &[]), Rule::LogReplay);
         assert_eq!(rule("[evaluate]\ntop_k = 1\n", &["model.kind=none"]), Rule::LogReplay);

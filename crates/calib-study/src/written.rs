@@ -68,14 +68,13 @@ impl WrittenStudy {
             overrides::apply(&mut self.table, text)?;
             overrides::apply(&mut all, text)?;
         }
+        let given: Vec<&str> = self.request.set.iter().map(|text| overrides::key(text)).collect();
         // Whoever names other data means these, and not a plant to write there.
-        let names_data = |text: &String| matches!(overrides::key(text), "data" | "data.path");
-        if self.request.set.iter().any(names_data) {
+        if given.contains(&"data") || given.contains(&"data.path") {
             self.table.remove("simulate");
         }
-        let given = |key: &str| self.request.set.iter().any(|text| overrides::key(text) == key);
         let has_train = self.table.get("data").is_some_and(|data| data.get("train").is_some());
-        if given("data.train_fraction") && has_train {
+        if given.contains(&"data.train_fraction") && has_train {
             refuse!(
                 "--set data.train_fraction has no effect, because data.train says which rows are for training; \
                  give data.train and data.held_out instead"
@@ -135,11 +134,8 @@ impl WrittenStudy {
 
     /// Whether what the key says was given beside the file.
     fn is_overridden(&self, key: &str) -> bool {
-        let inside = |one: &str, other: &str| {
-            one.strip_prefix(other).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-        };
-        let given = self.request.set.iter().map(|text| overrides::key(text));
-        given.into_iter().any(|given| inside(key, given) || inside(given, key))
+        let mut given = self.request.set.iter().map(|text| overrides::key(text));
+        given.any(|given| overrides::is_inside(key, given) || overrides::is_inside(given, key))
     }
 
     /// Where a key stands: in the model that was chosen, in the profile, or in the rest of the file.
@@ -158,13 +154,12 @@ impl WrittenStudy {
     /// The file, with what was given beside it.
     fn with_what_was_given(&self, model: Option<&str>, deployment: Option<&str>) -> String {
         let Request { study, set, profile, .. } = &self.request;
-        let named = |option: &str, name: &str| format!("{option} {name}");
         let given: Vec<String> = profile
             .iter()
-            .map(|name| named("--profile", name))
-            .chain(set.iter().map(|text| named("--set", text)))
-            .chain(model.map(|name| named("--model", name)))
-            .chain(deployment.map(|name| named("--deployment", name)))
+            .map(|name| format!("--profile {name}"))
+            .chain(set.iter().map(|text| format!("--set {text}")))
+            .chain(model.map(|name| format!("--model {name}")))
+            .chain(deployment.map(|name| format!("--deployment {name}")))
             .collect();
         match given.as_slice() {
             [] => study.display().to_string(),

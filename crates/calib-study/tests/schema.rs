@@ -44,7 +44,7 @@ fn every_study_of_the_repository_names_the_schema() {
             let path = entry.path();
             if path.is_dir() {
                 folders.push(path);
-            } else if path.extension().is_some_and(|of| of == "toml") {
+            } else if path.extension().is_some_and(|ending| ending == "toml") {
                 let text = fs::read_to_string(&path).expect("readable");
                 let table: Table = toml::from_str(&text).expect("TOML");
                 let first = text.lines().next().unwrap_or_default();
@@ -74,8 +74,8 @@ fn tables(text: &str) -> Vec<(String, Vec<Row>)> {
     let mut heading = String::new();
     let mut inside = false;
     for line in text.lines() {
-        if let Some(of) = line.strip_prefix("### ") {
-            of.trim_matches(['[', ']']).clone_into(&mut heading);
+        if let Some(title) = line.strip_prefix("### ") {
+            title.trim_matches(['[', ']']).clone_into(&mut heading);
         } else if line.starts_with("## ") {
             heading = String::new();
         }
@@ -101,10 +101,9 @@ fn keys<'a>(schema: &'a Value, section: &str) -> Option<&'a Map<String, Value>> 
     if section == "Top level" {
         return schema["properties"].as_object();
     }
-    let reference = |value: &'a Value| -> Option<&'a str> {
-        value["$ref"].as_str().or_else(|| value["allOf"][0]["$ref"].as_str())
-    };
-    let name = reference(&schema["properties"][section])?.rsplit('/').next()?;
+    let property = &schema["properties"][section];
+    let reference = property["$ref"].as_str().or_else(|| property["allOf"][0]["$ref"].as_str());
+    let name = reference?.rsplit('/').next()?;
     schema["definitions"][name]["properties"].as_object()
 }
 
@@ -149,13 +148,13 @@ fn the_guide_names_every_key_with_its_default() {
         schema["properties"].as_object().expect("keys").keys().cloned().collect();
     for (section, rows) in &tables {
         let Some(known) = keys(&schema, section) else { continue };
-        sections.retain(|of| of != section);
+        sections.retain(|other| other != section);
         for Row { key, default } in rows {
-            let Some(of) = known.get(key) else {
+            let Some(property) = known.get(key) else {
                 wrong.push(format!("[{section}] {key} is no key"));
                 continue;
             };
-            let own = of.get("default").unwrap_or(&Value::Null);
+            let own = property.get("default").unwrap_or(&Value::Null);
             // What follows from other keys has no default of its own, and the guide says from which.
             let is_told = default.contains("` ") || default.contains("`;");
             let right = match literal(default) {

@@ -157,17 +157,20 @@ fn check_values(values: &[Value]) -> Result<(), AxisError> {
     if values.is_empty() {
         return Err(AxisError::Empty);
     }
-    // 1 and 1.0 are one value.
-    let same = |a: &Value, b: &Value| match (a.as_f64(), b.as_f64()) {
-        (Some(a), Some(b)) => a == b,
-        _ => a == b,
-    };
     for (position, value) in values.iter().enumerate() {
-        if values[..position].iter().any(|earlier| same(earlier, value)) {
+        if values[..position].iter().any(|earlier| are_same(earlier, value)) {
             return Err(AxisError::Repeated { value: crate::written(value) });
         }
     }
     Ok(())
+}
+
+/// Whether two values are one: 1 and 1.0 are.
+fn are_same(a: &Value, b: &Value) -> bool {
+    match (a.as_f64(), b.as_f64()) {
+        (Some(a), Some(b)) => a == b,
+        _ => a == b,
+    }
 }
 
 #[cfg(test)]
@@ -183,8 +186,8 @@ mod tests {
     #[test]
     fn draws_are_values_of_the_field() {
         let gammas = axis("[0.8, 0.9, 0.95]");
-        let drawn = |unit| gammas.draw(None, unit).expect("valid");
-        assert_eq!([0.0, 0.34, 0.999].map(drawn), [json!(0.8), json!(0.9), json!(0.95)]);
+        let drawn = [0.0, 0.34, 0.999].map(|unit| gammas.draw(None, unit).expect("valid"));
+        assert_eq!(drawn, [json!(0.8), json!(0.9), json!(0.95)]);
         let batches = axis(r#"{"from": 4, "to": 64, "scale": "log"}"#);
         assert_eq!(batches.draw(Some(&json!(256)), 0.5), Ok(json!(16)), "the field is whole");
         assert_eq!(batches.draw(Some(&json!(2.5)), 0.5), Ok(json!(16.0)));
@@ -194,13 +197,16 @@ mod tests {
         assert_eq!(tables.draw(Some(&json!({})), 0.0), Ok(json!({"hidden_units": 16})));
     }
 
+    fn error(text: &str, like: &Value) -> AxisError {
+        axis(text).draw(Some(like), 0.0).expect_err(text)
+    }
+
     #[test]
     fn what_cannot_be_drawn_from_is_refused() {
-        let error = |text: &str, like: Value| axis(text).draw(Some(&like), 0.0).expect_err(text);
-        assert_eq!(error("[]", json!(1)), AxisError::Empty);
-        assert_eq!(error("[1, 1.0]", json!(1)), AxisError::Repeated { value: "1".to_owned() });
-        let words = error(r#"{"from": 1, "to": 2}"#, json!("adam")).to_string();
+        assert_eq!(error("[]", &json!(1)), AxisError::Empty);
+        assert_eq!(error("[1, 1.0]", &json!(1)), AxisError::Repeated { value: "1".to_owned() });
+        let words = error(r#"{"from": 1, "to": 2}"#, &json!("adam")).to_string();
         assert!(words.contains("no numbers; give a list"), "{words}");
-        assert!(matches!(error(r#"{"from": 2, "to": 1}"#, json!(1)), AxisError::Range { .. }));
+        assert!(matches!(error(r#"{"from": 2, "to": 1}"#, &json!(1)), AxisError::Range { .. }));
     }
 }

@@ -171,11 +171,10 @@ impl<'a> Baselines<'a> {
             if made[place].is_some() || agent.baseline.is_none() {
                 continue;
             }
-            let is_alike =
-                |other: &AgentConfig| other.gamma == agent.gamma && other.traces == agent.traces;
             let wants = |other: usize| -> Option<WantedPredictor> {
                 let (config, column) = agents[other];
-                is_alike(config).then_some((config.baseline?, column))
+                let is_alike = config.gamma == agent.gamma && config.traces == agent.traces;
+                is_alike.then_some((config.baseline?, column))
             };
             let mut wanted: Vec<WantedPredictor> =
                 (place..agents.len()).filter_map(wants).collect();
@@ -281,27 +280,37 @@ pub fn simple_scores(
     gamma: f64,
     span: Span,
 ) -> Result<Vec<SimpleScore>, SweepError> {
-    let of_window = |window: &RecordedWindow| {
-        let stream = &*window.stream;
-        let steps = span.steps.min(stream.len().saturating_sub(1));
-        let fitted = baselines.simple(sensors, gamma, &window.fitting_rows);
-        let mut scores = Vec::with_capacity(fitted.len());
-        for FittedSimple { sensor, column, predictor, fitted } in fitted {
-            let predictions = fitted.predictions(stream);
-            let curve = CurveRule { windows: 0 };
-            let run = score_predictions(stream, column, gamma, &predictions[..steps], 0, curve)
-                .map_err(SweepError::Together)?;
-            scores.push(SimpleScore {
-                sensor,
-                predictor,
-                environment: window.environment,
-                start_row: window.start_row,
-                scores: run.scores,
-            });
-        }
-        Ok(scores)
-    };
-    let scores: Result<Vec<Vec<SimpleScore>>, SweepError> =
-        windows.par_iter().map(of_window).collect();
+    let scores: Result<Vec<Vec<SimpleScore>>, SweepError> = windows
+        .par_iter()
+        .map(|window| window_scores(baselines, window, sensors, gamma, span))
+        .collect();
     Ok(scores?.into_iter().flatten().collect())
+}
+
+/// See [`simple_scores`], for one window.
+fn window_scores(
+    baselines: &Baselines<'_>,
+    window: &RecordedWindow,
+    sensors: &[(String, usize)],
+    gamma: f64,
+    span: Span,
+) -> Result<Vec<SimpleScore>, SweepError> {
+    let stream = &*window.stream;
+    let steps = span.steps.min(stream.len().saturating_sub(1));
+    let fitted = baselines.simple(sensors, gamma, &window.fitting_rows);
+    let mut scores = Vec::with_capacity(fitted.len());
+    for FittedSimple { sensor, column, predictor, fitted } in fitted {
+        let predictions = fitted.predictions(stream);
+        let curve = CurveRule { windows: 0 };
+        let run = score_predictions(stream, column, gamma, &predictions[..steps], 0, curve)
+            .map_err(SweepError::Together)?;
+        scores.push(SimpleScore {
+            sensor,
+            predictor,
+            environment: window.environment,
+            start_row: window.start_row,
+            scores: run.scores,
+        });
+    }
+    Ok(scores)
 }

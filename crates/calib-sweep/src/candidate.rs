@@ -101,16 +101,21 @@ pub fn candidates(
 
 /// Where the default stands among the others: in its place where one field has increasing numbers, else last.
 fn place_of(values: &[(String, Value)], others: &[Candidate]) -> usize {
-    let number = |values: &[(String, Value)]| match values {
-        [(_, value)] => value.as_f64(),
-        _ => None,
-    };
-    let of_others: Option<Vec<f64>> = others.iter().map(|other| number(&other.values)).collect();
-    match (number(values), of_others) {
+    let of_others: Option<Vec<f64>> =
+        others.iter().map(|other| only_number(&other.values)).collect();
+    match (only_number(values), of_others) {
         (Some(own), Some(numbers)) if numbers.is_sorted() => {
             numbers.partition_point(|&other| other < own)
         }
         _ => others.len(),
+    }
+}
+
+/// The value of the only field, if it is a number.
+fn only_number(values: &[(String, Value)]) -> Option<f64> {
+    match values {
+        [(_, value)] => value.as_f64(),
+        _ => None,
     }
 }
 
@@ -197,10 +202,10 @@ mod tests {
         }
         // Where one of the swept optimisers uses it, it is swept.
         let both = vec![Value::from("adam"), Value::from("sgd")];
-        let points = |values: Vec<Value>| values.into();
+        let numbers = vec![Value::from(0.1), Value::from(0.2)];
         let grid = BTreeMap::from([
-            ("optimiser".to_owned(), points(both)),
-            ("beta1".to_owned(), points(vec![0.1.into(), 0.2.into()])),
+            ("optimiser".to_owned(), both.into()),
+            ("beta1".to_owned(), numbers.into()),
         ]);
         let sweep = SweepConfig { grid, ..SweepConfig::default() };
         assert!(candidates(&sweep, &sgd).is_ok());

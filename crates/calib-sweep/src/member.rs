@@ -86,7 +86,6 @@ impl Environment for MemberEnvironment<'_> {
 
     fn stream(&self, run: usize) -> Result<RunStream, SweepError> {
         let lanes = self.model.lanes();
-        let failed = |error: &Arc<ModelError>| SweepError::Model(Arc::clone(error));
         if lanes == 1 {
             // Made again for who asks again, rather than kept for all runs.
             let alone = self.roll_out(run);
@@ -96,6 +95,10 @@ impl Environment for MemberEnvironment<'_> {
         let together = self.together[lockstep].get_or_init(|| self.roll_out(lockstep));
         Ok(self.stream_of(&together.as_ref().map_err(failed)?[run % lanes]))
     }
+}
+
+fn failed(error: &Arc<ModelError>) -> SweepError {
+    SweepError::Model(Arc::clone(error))
 }
 
 #[cfg(test)]
@@ -122,8 +125,12 @@ mod tests {
         let timestamps = (0..300).map(Timestamp::from_micros).collect();
         let frames = Frames::new(timestamps, segments.clone(), states.clone()).expect("valid");
         let rows: Vec<RowIndex> = (0..20).map(|run| RowIndex::new(run * 7)).collect();
-        let start = |row| StartRow { row, wanted: RequestedStart::Recorded(row), replaced: None };
-        let starts = rows.iter().map(|&row| ModelStart::Row(start(row))).collect();
+        let starts = rows.iter().map(|&row| StartRow {
+            row,
+            wanted: RequestedStart::Recorded(row),
+            replaced: None,
+        });
+        let starts = starts.map(ModelStart::Row).collect();
         let expected = predict(&network, &states, &segments, &rows, 30, &Silent).expect("it runs");
         let model = NetworkModel::new(Box::new(network), &frames).expect("fits");
         let options = RolloutOptions {

@@ -1,4 +1,4 @@
-use std::{ops::Range, sync::Arc};
+use std::sync::Arc;
 
 use calib_agent::{
     AgentConfig, AgentError, Checkpoint, CurveRule, FittedPredictor, Learner, Run, RunOutcome,
@@ -94,13 +94,8 @@ impl Pass<'_, '_> {
 
     /// What each of them starts from at each state of the stream.
     fn baselines(&self, stream: &dyn Stream) -> Vec<Option<Arc<[f32]>>> {
-        let of_start = |job: &UnitJob<'_>| -> Option<Vec<Option<Arc<[f32]>>>> {
-            let fitted = job.start?.baseline.as_ref()?;
-            let traces = &job.agents.first()?.agent.traces;
-            let values: Arc<[f32]> = fitted.predictions(&*with_traces(stream, traces)).into();
-            Some(vec![Some(values); job.agents.len()])
-        };
-        let pretrained: Option<Vec<_>> = self.jobs.iter().map(|job| of_start(job)).collect();
+        let pretrained: Option<Vec<_>> =
+            self.jobs.iter().map(|job| pretrained_baseline(job, stream)).collect();
         if let Some(pretrained) = pretrained {
             return pretrained.concat();
         }
@@ -155,10 +150,10 @@ impl Pass<'_, '_> {
         mut run: impl FnMut(usize) -> SettingRun,
     ) -> Result<Vec<UnitRuns>, SweepError> {
         // A piece of n states has n - 1 steps.
-        let steps_of = |piece: &Range<usize>| {
+        let steps = stream.pieces().iter().map(|piece| {
             piece.end.saturating_sub(1).min(self.options.span.steps).saturating_sub(piece.start)
-        };
-        let steps = stream.pieces().iter().map(steps_of).sum();
+        });
+        let steps = steps.sum();
         let made: Vec<UnitRuns> = self
             .jobs
             .iter()
@@ -178,4 +173,12 @@ impl Pass<'_, '_> {
         sink.put(&made)?;
         Ok(made)
     }
+}
+
+/// What each agent of the job starts from, if they were pre-trained on top of a baseline.
+fn pretrained_baseline(job: &UnitJob<'_>, stream: &dyn Stream) -> Option<Vec<Option<Arc<[f32]>>>> {
+    let fitted = job.start?.baseline.as_ref()?;
+    let traces = &job.agents.first()?.agent.traces;
+    let values: Arc<[f32]> = fitted.predictions(&*with_traces(stream, traces)).into();
+    Some(vec![Some(values); job.agents.len()])
 }

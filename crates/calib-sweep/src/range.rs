@@ -57,27 +57,19 @@ impl Range {
         let whole = whole || self.whole;
         let span = Span { from, to, scale: self.scale()?, whole };
         span.check()?;
-        // Compared before it is cast: quotients of numbers far apart are infinite.
-        let most = |count: f64| {
-            if (2.0..=MANY_VALUES as f64).contains(&count) {
-                Ok(count as usize)
-            } else {
-                Err(format!("it must have 2 to {MANY_VALUES} values, this one has {count}"))
-            }
-        };
         let values: Vec<f64> = match (self.per_decade, self.count, self.step) {
             (None, None, None) => return Ok(Points::Continuous(span)),
             (Some(0), ..) => return Err("per_decade must be at least 1".to_owned()),
             (Some(per_decade), None, None) => {
                 let per_decade = per_decade as f64;
                 let steps = ((to / from).log10() * per_decade + SLACK).floor();
-                let steps = most(steps + 1.0)? - 1;
+                let steps = checked_count(steps + 1.0)? - 1;
                 (0..=steps)
                     .map(|i: usize| span.rounded(from * 10_f64.powf(i as f64 / per_decade)))
                     .collect()
             }
             (None, Some(count), None) => {
-                let last = (most(count as f64)? - 1) as f64;
+                let last = (checked_count(count as f64)? - 1) as f64;
                 (0..count).map(|i| span.rounded(span.at(i as f64 / last))).collect()
             }
             (None, None, Some(step)) => {
@@ -85,7 +77,7 @@ impl Range {
                     let kind = if whole { "a whole number above 0" } else { "above 0" };
                     return Err(format!("step must be {kind}, got {step}"));
                 }
-                let steps = most(((to - from) / step + SLACK).floor() + 1.0)? - 1;
+                let steps = checked_count(((to - from) / step + SLACK).floor() + 1.0)? - 1;
                 (0..=steps)
                     .map(|i: usize| decimals(from + i as f64 * step, step).clamp(from, to))
                     .collect()
@@ -104,6 +96,16 @@ impl Range {
             (None, Some(_), _) => Ok(Scale::Log),
             (scale, ..) => Ok(scale.unwrap_or(Scale::Linear)),
         }
+    }
+}
+
+/// How many values a range has, if they are neither too few nor too many.
+fn checked_count(count: f64) -> Result<usize, String> {
+    // Compared before it is cast: quotients of numbers far apart are infinite.
+    if (2.0..=MANY_VALUES as f64).contains(&count) {
+        Ok(count as usize)
+    } else {
+        Err(format!("it must have 2 to {MANY_VALUES} values, this one has {count}"))
     }
 }
 
@@ -229,9 +231,12 @@ mod tests {
         );
     }
 
+    fn mistake(text: &str, whole: bool) -> String {
+        range(text).points(whole).expect_err("invalid")
+    }
+
     #[test]
     fn mistakes_say_what_to_do() {
-        let mistake = |text: &str, whole| range(text).points(whole).expect_err("invalid");
         assert!(
             mistake(r#"{"from": 2, "to": 1, "count": 3}"#, false).contains("from must be below to")
         );

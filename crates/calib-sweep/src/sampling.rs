@@ -117,11 +117,12 @@ mod tests {
     use crate::Axis;
 
     fn axes(fields: &[(&str, &str)]) -> Vec<(String, Points)> {
-        let points = |text| {
+        let points = fields.iter().map(|&(field, text)| {
             let axis: Axis = serde_json::from_str(text).expect("an axis");
-            move |field| axis.points(field, &AgentConfig::default()).expect("valid")
-        };
-        fields.iter().map(|&(field, text)| (field.to_owned(), points(text)(field))).collect()
+            let points = axis.points(field, &AgentConfig::default()).expect("valid");
+            (field.to_owned(), points)
+        });
+        points.collect()
     }
 
     fn three() -> Vec<(String, Points)> {
@@ -169,11 +170,12 @@ mod tests {
         assert!(widest(Sampling::Random) > 0.3, "{}", widest(Sampling::Random));
     }
 
+    fn refusal(axes: &[(String, Points)], sampling: Sampling, samples: usize) -> String {
+        combinations(axes, sampling, samples, Seed::new(1)).expect_err("refused").to_string()
+    }
+
     #[test]
     fn what_cannot_be_drawn_is_refused() {
-        let refusal = |axes: &[(String, Points)], sampling, samples| {
-            combinations(axes, sampling, samples, Seed::new(1)).expect_err("refused").to_string()
-        };
         assert!(refusal(&three(), Sampling::Grid, 5).contains("give per_decade, count or step"));
         assert!(
             refusal(&three(), Sampling::Sobol, 0).contains("sweep.samples must be from 1 to 10000")

@@ -110,8 +110,8 @@ mod tests {
             let sobol = Sobol::new(DIMENSIONS, Seed::new(seed));
             let points: Vec<Vec<f64>> = (0..1 << m).map(|index| sobol.point(index)).collect();
             for dimension in 0..DIMENSIONS {
-                let interval = |point: &Vec<f64>| (point[dimension] * f64::from(1 << m)) as u32;
-                let mut hit: Vec<u32> = points.iter().map(interval).collect();
+                let intervals = points.iter().map(|point| point[dimension] * f64::from(1 << m));
+                let mut hit: Vec<u32> = intervals.map(|interval| interval as u32).collect();
                 hit.sort_unstable();
                 prop_assert_eq!(hit, (0..1 << m).collect::<Vec<u32>>());
             }

@@ -33,20 +33,18 @@ mod tests {
 
     use super::*;
 
+    /// Of so many states in one piece.
+    fn scored_steps(span: Span, states: usize, gamma: f64) -> usize {
+        Part::WholeRun.scored_steps(std::slice::from_ref(&(0..states)), gamma, span.steps)
+    }
+
     #[test]
     fn every_step_can_be_scored() {
         for gammas in [[0.0, 0.0], [0.5, 0.0], [0.9, 0.99]] {
             let span = Span::new(100, gammas);
-            let unbroken = 0..span.states();
-            let scored = |gamma| {
-                Part::WholeRun.scored_steps(std::slice::from_ref(&unbroken), gamma, span.steps)
-            };
-            assert_eq!(gammas.map(scored), [100, 100]);
-            let shorter = 0..span.states() - 1;
-            let scored = |gamma| {
-                Part::WholeRun.scored_steps(std::slice::from_ref(&shorter), gamma, span.steps)
-            };
-            assert!(gammas.map(scored).contains(&99));
+            let states = span.states();
+            assert_eq!(gammas.map(|gamma| scored_steps(span, states, gamma)), [100, 100]);
+            assert!(gammas.map(|gamma| scored_steps(span, states - 1, gamma)).contains(&99));
         }
     }
 }

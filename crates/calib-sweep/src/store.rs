@@ -90,9 +90,9 @@ impl UnitStore {
     /// States of unfinished runs that are there, and when they were last written.
     pub(crate) fn states_kept(&self) -> StatesKept {
         let kept = listed(&self.directory.join(UNFINISHED)).unwrap_or_default().into_iter();
-        let written =
-            |entry: DirEntry| Some((entry.path(), entry.metadata().ok()?.modified().ok()?));
-        kept.filter(|entry| is_state(&entry.path())).filter_map(written).collect()
+        kept.filter(|entry| is_state(&entry.path()))
+            .filter_map(|entry| Some((entry.path(), entry.metadata().ok()?.modified().ok()?)))
+            .collect()
     }
 
     /// Remove the states of unfinished runs that were there `before` and have not been written since: they are of other
@@ -162,14 +162,20 @@ fn is_unit(name: &str) -> bool {
 
 /// Whether a file is called as the state of an unfinished run, or as what a kill leaves of one.
 fn is_state(path: &Path) -> bool {
-    let is_ours = |name: &str| {
-        let run = name.strip_suffix(".safetensors")?.rsplit_once("-run-")?.1;
-        let (number, key) = run.split_once('-')?;
-        let is_key = key.bytes().all(|digit| digit.is_ascii_hexdigit());
-        Some(number.len() >= 4 && number.bytes().all(|digit| digit.is_ascii_digit()) && is_key)
-    };
     let name = path.file_name().and_then(|name| name.to_str());
-    name.and_then(is_ours) == Some(true) || is_temporary(path)
+    let number_and_key = name.and_then(number_and_key_of_state);
+    let is_ours = number_and_key.is_some_and(|(number, key)| {
+        number.len() >= 4
+            && number.bytes().all(|digit| digit.is_ascii_digit())
+            && key.bytes().all(|digit| digit.is_ascii_hexdigit())
+    });
+    is_ours || is_temporary(path)
+}
+
+/// The parts of a name such as `online-run-0003-0123456789ab.safetensors` that stand for the run and its inputs.
+fn number_and_key_of_state(name: &str) -> Option<(&str, &str)> {
+    let (_, run) = name.strip_suffix(".safetensors")?.rsplit_once("-run-")?;
+    run.split_once('-')
 }
 
 /// Forget the states of unfinished runs in `folder`; what else lies there stays.

@@ -47,12 +47,12 @@ impl Windows {
     pub fn log(segments: &Segments, demand: ScoringDemand, count: usize) -> Self {
         let rows = segments.rows();
         let states = demand.span.states();
-        let start = |window: usize| match rows.checked_sub(states) {
+        let starts = (0..count).map(|window| match rows.checked_sub(states) {
             Some(last) => last - spread(window, count, last),
             // The first of them ends with the log.
             None => (rows - states % rows.max(1) + window * rows / count) % rows.max(1),
-        };
-        Self::scorable((0..count).map(start).collect(), states, segments, demand)
+        });
+        Self::scorable(starts.collect(), states, segments, demand)
     }
 
     /// Those of `starts` whose streams have a tenth of the steps to score that an unbroken one has; where none has, those that have
@@ -66,12 +66,13 @@ impl Windows {
         let all = starts.len();
         let ScoringDemand { span, gamma, part } = demand;
         let steps = span.steps.min(states.saturating_sub(1));
-        let scored = |start: usize| {
-            let pieces = segments.looped_pieces(start, states);
-            part.scored_steps(&pieces, gamma, steps)
-        };
-        let scored: Vec<(usize, usize)> =
-            starts.into_iter().map(|start| (start, scored(start))).collect();
+        let scored: Vec<(usize, usize)> = starts
+            .into_iter()
+            .map(|start| {
+                let pieces = segments.looped_pieces(start, states);
+                (start, part.scored_steps(&pieces, gamma, steps))
+            })
+            .collect();
         let with = |least: usize| -> Vec<usize> {
             scored.iter().filter(|window| window.1 >= least.max(1)).map(|window| window.0).collect()
         };

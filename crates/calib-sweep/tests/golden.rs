@@ -138,16 +138,17 @@ fn result(environment: EnvironmentId, run: usize, start_row: usize, errors: &[f6
 fn judged(golden: &GoldenVerdict, rule: Rule) -> SensorVerdict {
     let mut results = Vec::new();
     for (member, runs) in golden.members.iter().enumerate() {
-        let of = runs.iter().enumerate();
-        results
-            .extend(of.map(|(run, errors)| result(EnvironmentId::Member(member), run, 0, errors)));
+        let runs = runs.iter().enumerate();
+        results.extend(
+            runs.map(|(run, errors)| result(EnvironmentId::Member(member), run, 0, errors)),
+        );
     }
     let log = golden.log.iter().enumerate();
     // Windows that do not overlap.
     results.extend(log.map(|(run, errors)| result(EnvironmentId::LogReplay, run, run * 9, errors)));
     for (window, runs) in golden.windows.iter().enumerate() {
-        let of = runs.iter().enumerate();
-        results.extend(of.map(|(run, errors)| {
+        let runs = runs.iter().enumerate();
+        results.extend(runs.map(|(run, errors)| {
             result(EnvironmentId::Online, run * golden.windows.len() + window, window, errors)
         }));
     }
@@ -173,8 +174,8 @@ fn choices_regrets_and_bounds_are_numpys() {
     let golden = golden().verdict;
     let verdict = judged(&golden, Rule::WorstRank);
     assert_eq!(verdict.rules.len(), golden.chosen.len());
-    for of in &verdict.rules {
-        assert_eq!(of.chosen, golden.chosen[of.rule.name()], "{:?}", of.rule);
+    for choice in &verdict.rules {
+        assert_eq!(choice.chosen, golden.chosen[choice.rule.name()], "{:?}", choice.rule);
     }
     let truth = verdict.truth.expect("held out");
     for (value, (got, expected)) in
@@ -182,10 +183,10 @@ fn choices_regrets_and_bounds_are_numpys() {
     {
         near(&format!("regret of {value}"), got, *expected, 1e-12);
     }
-    let baseline = |baseline| {
-        truth.baselines.iter().find(|of| of.baseline == baseline).expect("there").clone()
+    let baseline = |wanted| {
+        truth.baselines.iter().find(|known| known.baseline == wanted).expect("there").clone()
     };
-    let cost = |of| baseline(of).regret.expect("known").value;
+    let cost = |wanted| baseline(wanted).regret.expect("known").value;
     near("another window", cost(ChoiceBaseline::AnotherWindow), golden.another_window, 1e-12);
     near("hindsight", cost(ChoiceBaseline::Hindsight), golden.hindsight, 1e-12);
     near("random", cost(ChoiceBaseline::Random), golden.random, 1e-12);
@@ -200,8 +201,8 @@ fn choices_regrets_and_bounds_are_numpys() {
     near("quotient, high", quotient.high, golden.against_default_interval[1], 1e-9);
     // Both are estimates, of 20,000 and 40,000 resamples.
     for (value, &expected) in golden.shares.iter().enumerate() {
-        let share = verdict.stability.iter().find(|of| of.candidate == value);
-        near("share", share.map_or(0.0, |of| of.share), expected, 0.015);
+        let share = verdict.stability.iter().find(|share| share.candidate == value);
+        near("share", share.map_or(0.0, |share| share.share), expected, 0.015);
     }
 }
 

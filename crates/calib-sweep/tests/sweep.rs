@@ -25,12 +25,15 @@ use calib_sweep::{
     UnitResult, UnitStore, Windows, candidates, raced, verdict,
 };
 
-/// Two columns that rise and fall with a period of 24 rows, in two segments.
+/// It rises and falls with a period of 24 rows.
+fn wave(row: usize, phase: f32) -> f32 {
+    ((row as f32 / 24.0 + phase) * std::f32::consts::TAU).sin()
+}
+
+/// Two waves, in two segments.
 fn frames(rows: usize) -> Frames {
-    let value =
-        |row: usize, phase: f32| ((row as f32 / 24.0 + phase) * std::f32::consts::TAU).sin();
     let values =
-        (0..rows).flat_map(|row| [0.5 + 0.4 * value(row, 0.0), 0.5 + 0.4 * value(row, 0.25)]);
+        (0..rows).flat_map(|row| [0.5 + 0.4 * wave(row, 0.0), 0.5 + 0.4 * wave(row, 0.25)]);
     let timestamps = (0..rows as i64).map(|row| Timestamp::from_micros(row * 1_000_000)).collect();
     let segments = Segments::from_lengths([rows / 3, rows - rows / 3]).expect("valid");
     Frames::new(timestamps, segments, States::new(values.collect(), rows, 2).expect("valid"))
@@ -239,7 +242,7 @@ fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
     assert!(truth.choice.spearman.expect("four values") > 0.9);
     assert!(truth.scores.skill[2].expect("learnt") > 0.0);
     let cost = |baseline| {
-        let own = truth.baselines.iter().find(|of| of.baseline == baseline).expect("there");
+        let own = truth.baselines.iter().find(|known| known.baseline == baseline).expect("there");
         (own.chosen, own.regret.map(|regret| regret.value))
     };
     assert_eq!(cost(ChoiceBaseline::Hindsight), (Some(2), Some(0.0)));
@@ -274,21 +277,22 @@ fn judged(study: &Study, results: &[UnitResult]) -> SensorVerdict {
     verdict("A", &study.candidates, results, &judging).expect("judged")
 }
 
+fn start_row(environment: &ReplayEnvironment<'_>, run: usize) -> usize {
+    environment.stream(run).expect("a stream").start_row.get()
+}
+
 #[test]
 fn runs_are_dealt_to_windows() {
     let train = frames(900);
     let inputs = Fingerprint::of(b"data");
-    let start = |environment: &ReplayEnvironment<'_>, run| {
-        environment.stream(run).expect("a stream").start_row.get()
-    };
     let demand = demand(Span::new(300, [0.8]));
     let windows = Windows::log(train.segments(), demand, 3);
     let replay = ReplayEnvironment::log_replay(&train, windows, inputs.clone());
-    assert_eq!([0, 1, 2].map(|run| start(&replay, run)), [579, 290, 0], "the latest first");
+    assert_eq!([0, 1, 2].map(|run| start_row(&replay, run)), [579, 290, 0], "the latest first");
     assert_ne!(replay.inputs(0), replay.inputs(1), "another window is another input");
     let windows = Windows::held_out(train.segments(), demand, 8);
     let online = ReplayEnvironment::online(&train, windows, 5, inputs.clone());
-    assert_eq!([0, 1, 2, 3, 4].map(|run| start(&online, run)), [0, 579, 0, 579, 0]);
+    assert_eq!([0, 1, 2, 3, 4].map(|run| start_row(&online, run)), [0, 579, 0, 579, 0]);
     assert_eq!(online.inputs(0), online.inputs(2));
     // All there is, where no window fits.
     let demand = self::demand(Span::new(5000, [0.8]));
@@ -387,7 +391,17 @@ fn race(study: &Study, store: &UnitStore) -> Vec<UnitResult> {
 }
 
 fn rows(results: &[UnitResult]) -> usize {
-    results.iter().map(|of| of.rows.len()).sum()
+    results.iter().map(|result| result.rows.len()).sum()
+}
+
+/// Whether a unit counts when a setting is chosen.
+fn chooses(result: &UnitResult) -> bool {
+    result.unit.environment != EnvironmentId::Online
+}
+
+fn rows_that_choose(results: &[UnitResult]) -> usize {
+    let choosing = results.iter().filter(|result| chooses(result));
+    choosing.map(|result| result.rows.len()).sum()
 }
 
 #[test]
@@ -395,25 +409,22 @@ fn a_halving_keeps_the_better_half_again_and_again() {
     let study = Study::new();
     let directory = tempfile::tempdir().expect("a directory");
     let (whole, made) = whole_and_raced(&study, directory.path());
-    let choosing = |of: &&UnitResult| of.unit.environment != EnvironmentId::Online;
-    let in_members =
-        |of: &[UnitResult]| rows(&of.iter().filter(choosing).cloned().collect::<Vec<_>>());
-    assert!(
-        in_members(&made) * 2 < in_members(&whole),
-        "{} {}",
-        in_members(&made),
-        in_members(&whole)
-    );
+    let in_race = rows_that_choose(&made);
+    let in_sweep = rows_that_choose(&whole);
+    assert!(in_race * 2 < in_sweep, "{in_race} {in_sweep}");
     let verdict = judged(&study, &made);
     assert_eq!(verdict.chosen, judged(&study, &whole).chosen);
-    assert!(verdict.dropped.iter().any(|of| of.candidate == 3), "{:?}", verdict.dropped);
+    assert!(verdict.dropped.iter().any(|dropped| dropped.candidate == 3), "{:?}", verdict.dropped);
     let selection = verdict.selection.as_ref().expect("three members");
     assert!(selection.mean_errors[verdict.chosen].is_finite());
-    let own = made.iter().filter(|of| of.unit.sensor == verdict.sensor && choosing(of));
+    let own = made.iter().filter(|result| result.unit.sensor == verdict.sensor && chooses(result));
     let left_out: BTreeSet<usize> = own
-        .flat_map(|of| (0..4).filter(|value| of.rows.iter().all(|row| row.candidate != *value)))
+        .flat_map(|result| {
+            (0..4).filter(|value| result.rows.iter().all(|row| row.candidate != *value))
+        })
         .collect();
-    let dropped: BTreeSet<usize> = verdict.dropped.iter().map(|of| of.candidate).collect();
+    let dropped: BTreeSet<usize> =
+        verdict.dropped.iter().map(|dropped| dropped.candidate).collect();
     assert_eq!(dropped, left_out, "who made not all runs that were made");
     assert!(verdict.stability.is_empty(), "nothing is drawn anew");
 }
@@ -439,8 +450,9 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
     assert!(diverged.is_some_and(|dropped| dropped.runs < dropped.of_runs));
     assert!(judged_race.warnings.iter().any(|text| text.contains("the race dropped")));
     assert!(of_whole.dropped.is_empty());
-    let scores = |of: &SensorVerdict| of.truth.as_ref().map(|truth| truth.scores.clone());
-    assert_eq!(scores(&judged_race), scores(&of_whole), "held-out data has judged all settings");
+    let scores = judged_race.truth.as_ref().map(|truth| &truth.scores);
+    let scores_of_whole = of_whole.truth.as_ref().map(|truth| &truth.scores);
+    assert_eq!(scores, scores_of_whole, "held-out data has judged all settings");
 
     // A unit of the first round lost: it is run again, and nothing else.
     let one = UnitStore::new(directory.path().join("one"));
@@ -492,8 +504,10 @@ impl Walk for Tenfold {
 fn a_rollout_that_is_not_finite_is_a_flagged_result() {
     let study = Study::new();
     // 0.9 at its peak, 0.1 at its trough.
-    let start = |row| StartRow { row, wanted: RequestedStart::Recorded(row), replaced: None };
-    let starts = [6, 18].map(|row| ModelStart::Row(start(RowIndex::new(row)))).to_vec();
+    let starts = [6, 18].map(RowIndex::new).map(|row| {
+        let wanted = RequestedStart::Recorded(row);
+        ModelStart::Row(StartRow { row, wanted, replaced: None })
+    });
     let model = NetworkModel::new(Box::new(Tenfold), &study.train).expect("fits");
     let options = RolloutOptions {
         span: span(),
@@ -501,7 +515,8 @@ fn a_rollout_that_is_not_finite_is_a_flagged_result() {
         seed: Seed::new(1),
         inputs: Fingerprint::of(b"model"),
     };
-    let environment = MemberEnvironment::new(&model, 0, study.train.states(), starts, options);
+    let environment =
+        MemberEnvironment::new(&model, 0, study.train.states(), starts.to_vec(), options);
     let options =
         PlanOptions { part: Part::WholeRun, span: span(), curve_points: 10, seed: Seed::new(1) };
     let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];

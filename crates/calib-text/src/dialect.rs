@@ -109,7 +109,6 @@ impl Dialect {
     /// # Errors
     /// If it is no table, in words.
     pub fn of(head: &[u8], separator: Option<char>) -> Result<Self, String> {
-        let marks = |separator: u8| Marks { separator, quote: b'"' };
         let start = preamble(head);
         let separators: Vec<u8> = match separator {
             Some(separator) => vec![separator as u8],
@@ -210,6 +209,11 @@ impl Dialect {
     }
 }
 
+/// What separates cells, with the usual quotes around them.
+fn marks(separator: u8) -> Marks {
+    Marks { separator, quote: b'"' }
+}
+
 /// Where the table begins: after comments, empty lines and Excel's `sep=;`.
 fn preamble(head: &[u8]) -> usize {
     let mut start = 0;
@@ -288,15 +292,18 @@ fn agreement(rows: &[Row], width: usize) -> (usize, usize) {
 
 /// Whether these are values: a time, and numbers or nothing beside it.
 fn is_data(cells: &[String]) -> bool {
-    let cells = || cells.iter().map(|cell| cell.trim()).filter(|cell| !cell.is_empty());
-    // Columns may be called INF or NaN.
-    let is_number = |cell: &str| {
-        [Decimal::Point, Decimal::Comma]
-            .iter()
-            .any(|&decimal| parse_number(cell, decimal).is_some_and(f64::is_finite))
-    };
-    let is_time = |cell: &str| cell.len() >= 6 && !Candidates::of(&[cell], None).left.is_empty();
-    cells().any(|cell| is_time(cell) || is_number(cell))
+    let mut cells = cells.iter().map(|cell| cell.trim()).filter(|cell| !cell.is_empty());
+    cells.any(|cell| {
+        let is_time = cell.len() >= 6 && !Candidates::of(&[cell], None).left.is_empty();
+        is_time || is_finite_number(cell)
+    })
+}
+
+/// Whether a cell is a number with either decimal sign. Columns may be called INF or NaN.
+fn is_finite_number(cell: &str) -> bool {
+    [Decimal::Point, Decimal::Comma]
+        .iter()
+        .any(|&decimal| parse_number(cell, decimal).is_some_and(f64::is_finite))
 }
 
 /// Whether a row without values says something about columns: units, descriptions. An empty row does not.
@@ -323,19 +330,24 @@ fn named(cells: &[String]) -> Result<Vec<TextColumn>, String> {
 /// Whether `title` names all columns of the first row of values but the first one, which has the names of rows: R writes tables
 /// so. A column of times without a name is not that.
 fn are_names_of_r(title: &[String], first: &[String]) -> bool {
-    let is_time = |cell: &str| {
-        let found = || Candidates::of(&[cell], None).left;
-        cell.len() >= 6 && found().iter().any(|notation| !matches!(notation, Notation::Number(_)))
-    };
     title.len() + 1 == width_of(first)
         && title.iter().all(|name| !name.trim().is_empty())
-        && !first.first().is_some_and(|cell| is_time(cell.trim()))
+        && !first.first().is_some_and(|cell| is_written_time(cell.trim()))
+}
+
+/// Whether a cell is a time that is no plain number.
+fn is_written_time(cell: &str) -> bool {
+    cell.len() >= 6
+        && Candidates::of(&[cell], None)
+            .left
+            .iter()
+            .any(|notation| !matches!(notation, Notation::Number(_)))
 }
 
 /// The columns of a table of R, whose header does not name the first one.
 fn with_row_names(names: &[String]) -> Result<Vec<TextColumn>, String> {
-    let is_taken = |name: &str| names.iter().any(|other| other.trim() == name);
-    let own = if is_taken("row") { "row name" } else { "row" };
+    let is_taken = names.iter().any(|name| name.trim() == "row");
+    let own = if is_taken { "row name" } else { "row" };
     let all: Vec<String> = [own.to_owned()].into_iter().chain(names.iter().cloned()).collect();
     named(&all)
 }
@@ -378,17 +390,23 @@ fn unnamed(
 
 /// Units and descriptions from the rows below the header. Of two rows, units are shorter.
 fn describe(columns: &mut [TextColumn], above: &[Vec<String>]) {
-    let length = |row: &&Vec<String>| row.iter().map(String::len).sum::<usize>();
-    let Some(units) = above.iter().min_by_key(length) else { return };
-    let labels = above.iter().filter(|row| *row != units).max_by_key(length);
-    let cell = |row: &Vec<String>, column: usize| {
-        let text = unbracketed(row.get(column)?);
-        (!text.is_empty() && text != "-").then(|| text.to_owned())
-    };
+    let Some(units) = above.iter().min_by_key(|row| length(row)) else { return };
+    let labels = above.iter().filter(|row| *row != units).max_by_key(|row| length(row));
     for (position, column) in columns.iter_mut().enumerate() {
-        column.unit = cell(units, position);
-        column.label = labels.and_then(|labels| cell(labels, position));
+        column.unit = description(units, position);
+        column.label = labels.and_then(|labels| description(labels, position));
     }
+}
+
+/// Bytes of all cells of a row.
+fn length(row: &[String]) -> usize {
+    row.iter().map(String::len).sum()
+}
+
+/// What a row says about a column, if it does.
+fn description(row: &[String], column: usize) -> Option<String> {
+    let text = unbracketed(row.get(column)?);
+    (!text.is_empty() && text != "-").then(|| text.to_owned())
 }
 
 /// A unit or a description without brackets around it, and without the stroke that stands between a quantity and its unit:
@@ -404,6 +422,10 @@ mod tests {
 
     fn dialect(text: &str) -> Dialect {
         Dialect::of(text.as_bytes(), None).expect("a table")
+    }
+
+    fn refused(text: &str) -> String {
+        Dialect::of(text.as_bytes(), None).expect_err("refused")
     }
 
     fn names(dialect: &Dialect) -> Vec<&str> {
@@ -441,7 +463,6 @@ mod tests {
         assert!(!mended.has_row_names);
         assert_eq!(mended.columns[2].unit, None, "the old header is no row of units");
         assert_eq!(mended.cells(2), ["23.7", "23.71"]);
-        let refused = |text: &str| Dialect::of(text.as_bytes(), None).expect_err("refused");
         let times = refused("a,b\n2024-01-01 00:00,1,2\n2024-01-01 00:01,3,4\n");
         assert!(times.contains("its header has 2 names, and most rows have 3 cells"), "{times}");
         let commas = refused("Date,T,RH\n10/03/2004,13,6,48,9\n10/03/2004,13,3,47,7\n");
@@ -475,7 +496,6 @@ mod tests {
             (vec!["timestamp", "value"], (0, 0), 2)
         );
         assert_eq!(names(&dialect("time,INF,EFF\n2024-01-01,1,2\n")), ["time", "INF", "EFF"]);
-        let refused = |text: &str| Dialect::of(text.as_bytes(), None).expect_err("refused");
         assert!(refused("2024-01-01,1,2\n2024-01-02,1,2\n").contains("it has no header line"));
         assert!(refused("time,a,a\n2024-01-01,1,2\n").contains("two columns are called \"a\""));
     }

@@ -108,6 +108,11 @@ fn number(text: &str) -> Option<f64> {
     number.is_finite().then_some(number)
 }
 
+/// What cells are if all are numbers.
+fn numbers(cells: &[&str]) -> Option<Vec<f64>> {
+    cells.iter().map(|cell| number(cell)).collect()
+}
+
 /// Which notations a column of times may have, as far as its cells have shown.
 #[derive(Clone, Debug)]
 pub struct Candidates {
@@ -161,10 +166,9 @@ impl Candidates {
         let Some(&first) = cells.first() else {
             return Self { left: vec![Notation::Iso], example: String::new(), unreadable: None };
         };
-        let numbers = || cells.iter().map(|cell| number(cell)).collect::<Option<Vec<f64>>>();
         let told = if let Some(pattern) = compact_pattern(cells).filter(|_| unit.is_none()) {
             Ok(vec![Notation::Pattern(pattern.to_owned())])
-        } else if let Some(numbers) = numbers() {
+        } else if let Some(numbers) = numbers(cells) {
             let units = unit.map_or_else(|| units(&numbers), |unit| Ok(vec![unit]));
             units.map(|units| units.into_iter().map(Notation::Number).collect())
         } else if Notation::Iso.read(first).is_some() {
@@ -229,27 +233,30 @@ fn patterns(example: &str) -> Vec<String> {
 /// minute, the second or the millisecond on, that name a time from 1970 to 2099, or of the year 9999. As numbers since 1970 they would be of 1970, of the years
 /// 2032 to 2036, of 1976 or of the year 2611.
 pub fn compact_pattern(cells: &[&str]) -> Option<&'static str> {
-    let whole = |cell: &str| cell.find(['.', ',']).unwrap_or(cell.len());
-    let mut lengths: Vec<usize> = cells.iter().map(|cell| whole(cell)).collect();
+    let mut lengths: Vec<usize> = cells.iter().map(|cell| whole_length(cell)).collect();
     lengths.sort_unstable();
     let length = *lengths.get(lengths.len() / 2)?;
     let pattern = match length {
         8 => "%Y%m%d",
         10 => "%Y%m%d%H",
         12 => "%Y%m%d%H%M",
-        14 if cells.iter().any(|cell| whole(cell) < cell.len()) => "%Y%m%d%H%M%S%.f",
+        14 if cells.iter().any(|cell| whole_length(cell) < cell.len()) => "%Y%m%d%H%M%S%.f",
         14 => "%Y%m%d%H%M%S",
         17 => "%Y%m%d%H%M%S%f",
         _ => return None,
     };
-    let is_date = |cell: &&str| {
-        whole(cell) == length
+    let dates = cells.iter().copied().filter(|cell| {
+        whole_length(cell) == length
             && cell.bytes().take(length).all(|byte| byte.is_ascii_digit())
             && (("1970".."2100").contains(&&cell[..4]) || &cell[..4] == "9999")
             && read_pattern(pattern, cell).is_some()
-    };
-    let dates = cells.iter().filter(|cell| is_date(cell)).count();
-    (4 * dates >= 3 * cells.len()).then_some(pattern)
+    });
+    (4 * dates.count() >= 3 * cells.len()).then_some(pattern)
+}
+
+/// Bytes before the decimal sign, if there is one.
+fn whole_length(cell: &str) -> usize {
+    cell.find(['.', ',']).unwrap_or(cell.len())
 }
 
 /// The date, and the time with what stands before it.

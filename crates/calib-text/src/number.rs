@@ -176,10 +176,9 @@ pub(crate) fn sign_of(text: &str) -> Sign {
     let text = mantissa(text);
     let commas = count(text, b',');
     let points = count(text, b'.');
-    let number = |text: &str| text.parse::<f64>().is_ok_and(f64::is_finite);
     match (commas, points) {
-        (0, 1) if number(text) => Sign::Point,
-        (1, 0) if number(&text.replace(',', ".")) => {
+        (0, 1) if is_finite(text) => Sign::Point,
+        (1, 0) if is_finite(&text.replace(',', ".")) => {
             if grouped(text, ',') {
                 Sign::Either
             } else {
@@ -195,6 +194,10 @@ pub(crate) fn sign_of(text: &str) -> Sign {
         },
         _ => Sign::Nothing,
     }
+}
+
+fn is_finite(text: &str) -> bool {
+    text.parse::<f64>().is_ok_and(f64::is_finite)
 }
 
 fn comma_if(is: bool) -> Sign {
@@ -262,12 +265,15 @@ fn mantissa(text: &str) -> &str {
 fn grouped(text: &str, sign: char) -> bool {
     let text = text.strip_prefix(['+', '-']).unwrap_or(text);
     let mut groups = text.split(sign);
-    let digits = |group: &str| group.bytes().all(|byte| byte.is_ascii_digit());
     let first = groups.next().is_some_and(|group| {
-        (1..=3).contains(&group.len()) && digits(group) && !(group.starts_with('0'))
+        (1..=3).contains(&group.len()) && are_digits(group) && !(group.starts_with('0'))
     });
     let mut later = groups.peekable();
-    first && later.peek().is_some() && later.all(|group| group.len() == 3 && digits(group))
+    first && later.peek().is_some() && later.all(|group| group.len() == 3 && are_digits(group))
+}
+
+fn are_digits(group: &str) -> bool {
+    group.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 fn count(text: &str, byte: u8) -> usize {
@@ -294,38 +300,53 @@ mod tests {
 
     use super::*;
 
+    fn with_point(text: &str) -> Option<f64> {
+        parse_number(text, Decimal::Point)
+    }
+
+    fn with_comma(text: &str) -> Option<f64> {
+        parse_number(text, Decimal::Comma)
+    }
+
+    fn with_either(text: &str) -> Option<f64> {
+        parse_number(text, Decimal::Unknown)
+    }
+
     #[test]
     fn numbers_of_both_kinds_are_read() {
-        let point = |text| parse_number(text, Decimal::Point);
-        assert_eq!(point("-1.5e-3"), Some(-1.5e-3));
-        assert_eq!(point("1,234.5"), Some(1234.5));
-        assert_eq!(point("1,23.5"), None);
-        assert_eq!(point("TRUE"), Some(1.0));
-        let comma = |text| parse_number(text, Decimal::Comma);
-        assert_eq!(comma("-1,5E-3"), Some(-1.5e-3));
-        assert_eq!(comma("1.234,5"), Some(1234.5));
-        assert_eq!(comma("1.234"), Some(1234.0));
-        assert_eq!((comma("1.5"), comma("1,2,3"), comma("17")), (None, None, Some(17.0)));
-        let unknown = |text| parse_number(text, Decimal::Unknown);
+        assert_eq!(with_point("-1.5e-3"), Some(-1.5e-3));
+        assert_eq!(with_point("1,234.5"), Some(1234.5));
+        assert_eq!(with_point("1,23.5"), None);
+        assert_eq!(with_point("TRUE"), Some(1.0));
+        assert_eq!(with_comma("-1,5E-3"), Some(-1.5e-3));
+        assert_eq!(with_comma("1.234,5"), Some(1234.5));
+        assert_eq!(with_comma("1.234"), Some(1234.0));
         assert_eq!(
-            (unknown("1,5"), unknown("1.5"), unknown("15")),
+            (with_comma("1.5"), with_comma("1,2,3"), with_comma("17")),
+            (None, None, Some(17.0))
+        );
+        assert_eq!(
+            (with_either("1,5"), with_either("1.5"), with_either("15")),
             (Some(1.5), Some(1.5), Some(15.0))
         );
-        assert_eq!(unknown("1,234"), None, "a fraction or a thousand");
-        assert_eq!(unknown("1,234,567"), Some(1_234_567.0), "two fractions there are not");
-        assert_eq!((unknown("1.234.567"), unknown("1.2.3")), (Some(1_234_567.0), None));
+        assert_eq!(with_either("1,234"), None, "a fraction or a thousand");
+        assert_eq!(with_either("1,234,567"), Some(1_234_567.0), "two fractions there are not");
+        assert_eq!((with_either("1.234.567"), with_either("1.2.3")), (Some(1_234_567.0), None));
+    }
+
+    fn plain_with_point(text: &str) -> Option<f64> {
+        plain_decimal(text.as_bytes(), Decimal::Point)
     }
 
     #[test]
     fn most_numbers_are_plain_decimals() {
-        let point = |text: &str| plain_decimal(text.as_bytes(), Decimal::Point);
-        assert_eq!(point("1532.125"), Some(1532.125));
-        assert_eq!(point("-0").map(f64::to_bits), Some((-0.0_f64).to_bits()));
-        assert_eq!(point("0.1"), Some(0.1));
-        assert_eq!(point("999999999999999"), Some(999_999_999_999_999.0));
+        assert_eq!(plain_with_point("1532.125"), Some(1532.125));
+        assert_eq!(plain_with_point("-0").map(f64::to_bits), Some((-0.0_f64).to_bits()));
+        assert_eq!(plain_with_point("0.1"), Some(0.1));
+        assert_eq!(plain_with_point("999999999999999"), Some(999_999_999_999_999.0));
         assert_eq!(plain_decimal(b"7,25", Decimal::Comma), Some(7.25));
         for other in ["", "-", ".5", "5.", "1,5", "1.2.3", "1e3", " 1", "+1", "1234567890123456"] {
-            assert_eq!(point(other), None, "{other}");
+            assert_eq!(plain_with_point(other), None, "{other}");
         }
         assert_eq!(plain_decimal(b"1.234", Decimal::Comma), None);
         assert_eq!(plain_decimal(b"1,234", Decimal::Unknown), None);
@@ -350,17 +371,19 @@ mod tests {
         assert_eq!(signs, expected);
     }
 
+    /// The decimal sign of files that have a cell each.
+    fn told(cells: &[&str]) -> Result<Decimal, String> {
+        let mut signs = Signs::default();
+        for (file, cell) in cells.iter().enumerate() {
+            let mut later = Signs::default();
+            later.note(cell, Path::new(["a.csv", "b.csv"][file % 2]));
+            signs.adopt(later);
+        }
+        signs.decimal().map_err(|error| error.to_string())
+    }
+
     #[test]
     fn a_decimal_sign_that_nothing_tells_is_asked_for() {
-        let told = |cells: &[&str]| {
-            let mut signs = Signs::default();
-            for (file, cell) in cells.iter().enumerate() {
-                let mut later = Signs::default();
-                later.note(cell, Path::new(["a.csv", "b.csv"][file % 2]));
-                signs.adopt(later);
-            }
-            signs.decimal().map_err(|error| error.to_string())
-        };
         assert_eq!(told(&["1", "2", "off"]), Ok(Decimal::Unknown));
         let either = told(&["1,234", "2,500"]).expect_err("asked");
         assert!(either.contains("a.csv") && either.contains("1,234 is a fraction if"), "{either}");

@@ -51,9 +51,12 @@ pub fn format_time(time: Timestamp) -> String {
 mod tests {
     use super::*;
 
+    fn micros(text: &str) -> Option<i64> {
+        parse_time(text).map(Timestamp::as_micros)
+    }
+
     #[test]
     fn times_are_read_and_written() {
-        let micros = |text| parse_time(text).map(Timestamp::as_micros);
         assert_eq!(micros("1970-01-02"), Some(86_400_000_000));
         assert_eq!(micros("1970-01-01T00:00:01.5"), Some(1_500_000));
         assert_eq!(micros("1970-01-01 00:00:01"), Some(1_000_000));

@@ -201,8 +201,12 @@ const THINNED: usize = 1 << 16;
 mod tests {
     use super::*;
 
+    fn known_units(numbers: &[f64]) -> Vec<TimestampUnit> {
+        units(numbers).expect("known")
+    }
+
     fn unit(numbers: &[f64]) -> Option<TimestampUnit> {
-        match units(numbers).expect("known")[..] {
+        match known_units(numbers)[..] {
             [unit] => Some(unit),
             _ => None,
         }
@@ -222,19 +226,22 @@ mod tests {
 
     #[test]
     fn numbers_that_fit_two_notations_have_both() {
-        let units = |numbers: &[f64]| units(numbers).expect("known");
         assert_eq!(
-            units(&[45_292.5, 45_292.6]),
+            known_units(&[45_292.5, 45_292.6]),
             [TimestampUnit::Seconds, TimestampUnit::Excel],
             "days of a spreadsheet"
         );
         let hours: Vec<f64> = (0..40).map(|hour| f64::from(hour) * 3600.0).collect();
-        assert_eq!(units(&hours), [TimestampUnit::Seconds], "seconds that pass through them");
-        let before = units(&[-1_036_800_000.0, -1_036_740_000.0]);
+        assert_eq!(known_units(&hours), [TimestampUnit::Seconds], "seconds that pass through them");
+        let before = known_units(&[-1_036_800_000.0, -1_036_740_000.0]);
         assert_eq!(before, SINCE_1970, "milliseconds of December 1969, or seconds of 1937");
-        assert_eq!(units(&[-3.15e11])[0], TimestampUnit::Milliseconds, "no seconds since 1900");
-        assert!(units(&[-60_000.0, -30_000.0, 0.0, 30_000.0, 60_000.0]).len() > 1);
-        let told = unit_readings("45292.5", &units(&[45_292.5]));
+        assert_eq!(
+            known_units(&[-3.15e11])[0],
+            TimestampUnit::Milliseconds,
+            "no seconds since 1900"
+        );
+        assert!(known_units(&[-60_000.0, -30_000.0, 0.0, 30_000.0, 60_000.0]).len() > 1);
+        let told = unit_readings("45292.5", &known_units(&[45_292.5]));
         assert!(told.contains("1970-01-01 12:34:52.5 with data.timestamp_unit = \"s\""), "{told}");
         assert!(
             told.contains("2024-01-01 12:00:00 with data.timestamp_unit = \"excel\""),

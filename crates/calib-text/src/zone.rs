@@ -188,9 +188,10 @@ impl<Row> Walls<Row> {
     /// Whether each row is of the hour before clocks were set back, if rows tell.
     fn first_pass(&self, mut folds: Vec<Fold>, next: Option<i64>) -> Option<Vec<bool>> {
         // Clocks go back once, whichever way most rows go.
-        let inside = || folds.windows(2).map(|pair| pair[1].first.cmp(&pair[0].first) as i64);
         let forward = Some(self.forward).filter(|forward| *forward != 0);
-        let forward = forward.unwrap_or_else(|| inside().sum());
+        let forward = forward.unwrap_or_else(|| {
+            folds.windows(2).map(|pair| pair[1].first.cmp(&pair[0].first) as i64).sum()
+        });
         let is_backward =
             forward < 0 || forward == 0 && next.is_some_and(|next| next < folds[0].first);
         let mut before = self.last;
@@ -247,13 +248,16 @@ impl Passes<'_> {
         if falls.iter().filter(|row| 2 * back(row) >= hour).count() > 1 {
             return None;
         }
-        let repeats = || {
-            let passed: HashSet<i64> =
-                self.folds[..deepest].iter().map(|fold| fold.first).collect();
-            falls.len() == 1
-                && self.folds[deepest..].iter().any(|fold| passed.contains(&fold.first))
-        };
-        (2 * back(&deepest) >= hour || self.is_gapless(deepest) || repeats()).then_some(deepest)
+        let is_told = 2 * back(&deepest) >= hour
+            || self.is_gapless(deepest)
+            || falls.len() == 1 && self.repeats(deepest);
+        is_told.then_some(deepest)
+    }
+
+    /// Whether a row from `split` on has the time of one before it.
+    fn repeats(&self, split: usize) -> bool {
+        let passed: HashSet<i64> = self.folds[..split].iter().map(|fold| fold.first).collect();
+        self.folds[split..].iter().any(|fold| passed.contains(&fold.first))
     }
 
     /// Whether rows follow each other without a gap if `split` of them are of the first hour.
@@ -345,25 +349,39 @@ mod tests {
         minutes.iter().map(|&minute| Some(minute)).collect()
     }
 
+    /// As [`minutes`], on a day when clocks in Paris go back.
+    fn paris(shown: &[&str]) -> Vec<Option<i64>> {
+        minutes("Europe/Paris", "2024-10-27", shown)
+    }
+
+    /// As [`after`], on the same day.
+    fn paris_every(period: i64, shown: &[&str]) -> Vec<Option<i64>> {
+        after("Europe/Paris", "2024-10-27", period, shown)
+    }
+
     #[test]
     fn the_hour_that_comes_twice_is_told_by_the_rows_around_it() {
         // 2024-10-27: clocks in Paris go from 3:00 back to 2:00, at 1:00 UTC.
-        let paris = |shown: &[&str]| minutes("Europe/Paris", "2024-10-27", shown);
         let oldest_first = ["01:30", "02:00", "02:30", "02:00", "02:30", "03:00"];
         assert_eq!(paris(&oldest_first), some(&[-30, 0, 30, 60, 90, 120]));
         let newest_first = ["03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
         assert_eq!(paris(&newest_first), some(&[120, 90, 60, 30, 0, -30]));
         // Rows that do not stand at whole hours: the same time twice is an hour.
-        let every =
-            |period: i64, shown: &[&str]| after("Europe/Paris", "2024-10-27", period, shown);
         let half_past = ["00:30", "01:30", "02:30", "02:30", "03:30"];
-        assert_eq!(every(60, &half_past), some(&[-90, -30, 30, 90, 150]));
-        assert_eq!(every(30, &half_past)[2..], [None, None, Some(150)], "or a row and its copy");
+        assert_eq!(paris_every(60, &half_past), some(&[-90, -30, 30, 90, 150]));
+        assert_eq!(
+            paris_every(30, &half_past)[2..],
+            [None, None, Some(150)],
+            "or a row and its copy"
+        );
         let half_past = ["00:30", "01:30", "01:30", "02:30"];
         let moscow = after("Europe/Moscow", "2014-10-26", 60, &half_past);
         assert_eq!(moscow, some(&[-210, -150, -90, -30]));
         // Two hours after the last row, and two before the next.
-        assert_eq!(every(120, &["00:30", "02:30", "03:30", "05:30"]), some(&[-90, 30, 150, 270]));
+        assert_eq!(
+            paris_every(120, &["00:30", "02:30", "03:30", "05:30"]),
+            some(&[-90, 30, 150, 270])
+        );
         // Every row of the first hour, and two of the second.
         let some_are_missing =
             ["01:45", "02:00", "02:15", "02:30", "02:45", "02:15", "02:30", "03:30"];
@@ -372,7 +390,6 @@ mod tests {
 
     #[test]
     fn a_file_may_begin_and_end_in_such_an_hour() {
-        let paris = |shown: &[&str]| minutes("Europe/Paris", "2024-10-27", shown);
         let ends = after("Europe/Paris", "2024-10-27", 15, &["01:45", "02:00", "02:15"]);
         assert_eq!(ends, [Some(-15), None, None]);
         assert_eq!(paris(&["02:30", "02:45", "03:00"]), [None, None, Some(120)]);
@@ -383,7 +400,6 @@ mod tests {
 
     #[test]
     fn rows_that_could_be_of_either_hour_have_no_time() {
-        let paris = |shown: &[&str]| minutes("Europe/Paris", "2024-10-27", shown);
         let once = paris(&["01:30", "01:45", "02:00", "02:15", "02:30", "02:45", "03:00"]);
         assert_eq!(once, [Some(-30), Some(-15), None, None, None, None, Some(120)]);
         // 2018-02-18: clocks in São Paulo go from midnight back to 23:00.

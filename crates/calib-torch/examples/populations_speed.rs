@@ -50,13 +50,15 @@ fn main() {
     let populations = Populations::new(device(choice).expect("it is there"));
     let train = |updates: usize| {
         let start = Instant::now();
-        let run = |stream| Run {
-            stream,
-            steps: batch - 1 + updates,
-            curve: CurveRule::default(),
-            seed: Seed::new(2),
-        };
-        let runs: Vec<Run<'_>> = streams.iter().map(|stream| run(stream as _)).collect();
+        let runs: Vec<Run<'_>> = streams
+            .iter()
+            .map(|stream| Run {
+                stream,
+                steps: batch - 1 + updates,
+                curve: CurveRule::default(),
+                seed: Seed::new(2),
+            })
+            .collect();
         if place == "native" {
             for run in &runs {
                 train_learners(*run, &all, &NoKeeper, &Silent).expect("trains");

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use calib_core::{Monitor, Seed};
 use calib_dynamics::{
     DynamicsConfig, DynamicsError, EpochLoss, FeedForward, Trainer, TrainingRecord, Transitioning,
@@ -79,8 +81,7 @@ impl FeedForwardTrainer {
         sizes[config.hidden_layers + 1] = data.columns();
         let start = Mlp::new(&sizes, seed_of_parameters(seed));
         let sources = data.transitions().sources().to_vec();
-        let rows = |part: std::ops::Range<usize>| part.map(|i| i as u32).collect::<Vec<u32>>();
-        let parts = (rows(data.training()), rows(data.validation()));
+        let parts = (numbers(data.training()), numbers(data.validation()));
         let network = OneStep { layers: Layers::of(&start), sources };
         let epochs =
             Epochs::new(network, config, seed, data.states(), parts, start.parameters(), device);
@@ -118,6 +119,11 @@ impl FeedForwardTrainer {
     pub fn parameters(&self) -> Result<Vec<f32>, TorchError> {
         self.epochs.parameters()
     }
+}
+
+/// The numbers of a range of transitions.
+fn numbers(transitions: Range<usize>) -> Vec<u32> {
+    transitions.map(|number| number as u32).collect()
 }
 
 impl Trainer for FeedForwardTrainer {

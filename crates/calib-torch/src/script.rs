@@ -41,16 +41,18 @@ impl Script {
     }
 
     fn run(&self, states: &[f32], next: &mut [f32]) -> Result<(), DynamicsError> {
-        let failed = |reason: String| DynamicsError::Backend(reason);
-        let module = self.module.lock().map_err(|error| failed(error.to_string()))?;
+        let module =
+            self.module.lock().map_err(|error| DynamicsError::Backend(error.to_string()))?;
         no_grad(|| {
             let shape = [LANES as i64, self.columns as i64];
             let input = Tensor::from_slice(states).view(shape).to_device(self.device);
-            let output = module.forward_ts(&[input]).map_err(|error| failed(first_line(&error)))?;
+            let output = module
+                .forward_ts(&[input])
+                .map_err(|error| DynamicsError::Backend(first_line(&error)))?;
             if output.size() != shape {
                 let got = output.size();
                 let columns = self.columns;
-                return Err(failed(format!(
+                return Err(DynamicsError::Backend(format!(
                     "forward gives {got:?} for states [{LANES}, {columns}], expected as many"
                 )));
             }

@@ -45,9 +45,13 @@ fn network() -> AgentConfig {
     }
 }
 
+fn sgd(learning_rate: f64) -> AgentConfig {
+    AgentConfig { optimiser: OptimiserKind::Sgd, learning_rate, ..network() }
+}
+
 /// Agents of every kind that an accelerator trains.
 fn agents() -> Vec<AgentConfig> {
-    let sgd = AgentConfig { optimiser: OptimiserKind::Sgd, learning_rate: 0.03, ..network() };
+    let sgd = sgd(0.03);
     vec![
         network(),
         AgentConfig { learning_rate: 1e-4, beta1: 0.5, beta2: 0.99, epsilon: 1e-3, ..network() },
@@ -88,6 +92,10 @@ fn assert_close(what: &str, native: &RunOutcome, torch: &RunOutcome) {
     }
 }
 
+fn rmse(outcome: &RunOutcome) -> f64 {
+    outcome.scores.of(Part::WholeRun).expect("scored").rmse
+}
+
 #[test]
 fn runs_side_by_side_are_what_they_are_alone() {
     // Streams of different lengths and pieces: one ends before the others.
@@ -113,7 +121,6 @@ fn runs_side_by_side_are_what_they_are_alone() {
             assert_close(&format!("run {number}, {learner:?}"), &native, torch);
         }
     }
-    let rmse = |of: &RunOutcome| of.scores.of(Part::WholeRun).expect("scored").rmse;
     assert_ne!(rmse(&together[0][0]), rmse(&together[1][0]), "runs differ");
     assert_ne!(rmse(&together[0][0]), rmse(&together[0][1]), "agents differ");
 }
@@ -152,8 +159,6 @@ fn a_checkpoint_is_where_learning_starts() {
 #[test]
 fn what_diverges_does_so_at_about_the_same_step_and_alone() {
     let stream = waves(5, &[200]);
-    let sgd =
-        |learning_rate| AgentConfig { optimiser: OptimiserKind::Sgd, learning_rate, ..network() };
     let agents = [sgd(1e8), sgd(0.01), sgd(30.0)];
     let learners: Vec<_> = agents
         .iter()
@@ -163,12 +168,12 @@ fn what_diverges_does_so_at_about_the_same_step_and_alone() {
     let torch = train_together(&[run], &learners, &populations(), &Silent).expect("trains");
     let native = alone(run, &learners);
     for (native, torch) in native.iter().zip(&torch[0]) {
-        let steps = [native, torch].map(|of| of.diverged.unwrap_or(190) as f64);
+        let steps = [native, torch].map(|outcome| outcome.diverged.unwrap_or(190) as f64);
         assert!((steps[0] - steps[1]).abs() <= 3.0, "{steps:?}");
     }
     assert!(native[0].diverged.is_some() && native[2].diverged.is_some());
     assert_close("the one that learns", &native[1], &torch[0][1]);
-    assert_eq!(torch[0][0].scores.of(Part::WholeRun).expect("scored").rmse, f64::INFINITY);
+    assert_eq!(rmse(&torch[0][0]), f64::INFINITY);
 }
 
 #[test]
@@ -183,6 +188,10 @@ fn who_does_not_learn_does_not_diverge() {
     assert_eq!((torch[0][0].diverged, alone(run, &learners)[0].diverged), (None, None));
 }
 
+fn trained_together(runs: &[Run<'_>], learners: &[Learner<'_>]) -> Vec<Vec<RunOutcome>> {
+    train_together(runs, learners, &populations(), &Silent).expect("trains")
+}
+
 #[test]
 fn a_network_does_not_depend_on_its_company() {
     let streams = [waves(1, &[200]), waves(2, &[200]), waves(3, &[200])];
@@ -192,14 +201,11 @@ fn a_network_does_not_depend_on_its_company() {
         .iter()
         .map(|config| Learner { config, cumulant: 1, start: None, baseline: None })
         .collect();
-    let train = |runs: &[Run<'_>], learners: &[Learner<'_>]| {
-        train_together(runs, learners, &populations(), &Silent).expect("trains")
-    };
-    let all = train(&runs, &learners);
+    let all = trained_together(&runs, &learners);
     for (number, run) in runs.iter().enumerate() {
-        assert!(train(&[*run], &learners)[0] == all[number], "other runs beside it");
+        assert!(trained_together(&[*run], &learners)[0] == all[number], "other runs beside it");
         for (place, learner) in learners.iter().enumerate() {
-            let own = &train(&[*run], &[*learner])[0][0];
+            let own = &trained_together(&[*run], &[*learner])[0][0];
             assert!(own == &all[number][place], "learner {place}: other learners beside it");
         }
     }

@@ -6,11 +6,13 @@ use calib_dynamics::{Ended, predict};
 use calib_torch::{Device, Script};
 use tch::{CModule, Kind, Tensor};
 
-/// Writes a module that maps states `[n, columns]` by `of`.
-fn export(path: &std::path::Path, columns: i64, of: &mut dyn FnMut(&Tensor) -> Tensor) {
+/// Writes a module that maps states `[n, columns]` by `forward`.
+fn export(path: &std::path::Path, columns: i64, forward: &mut dyn FnMut(&Tensor) -> Tensor) {
     let example = Tensor::zeros([16, columns], (Kind::Float, Device::Cpu));
-    let mut closure = |inputs: &[Tensor]| vec![of(&inputs[0])];
-    let module = CModule::create_by_tracing("Model", "forward", &[example], &mut closure);
+    let module =
+        CModule::create_by_tracing("Model", "forward", &[example], &mut |inputs: &[Tensor]| {
+            vec![forward(&inputs[0])]
+        });
     module.expect("traced").save(path).expect("written");
 }
 

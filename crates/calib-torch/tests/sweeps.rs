@@ -13,7 +13,7 @@ use calib_core::{Monitor, RowIndex, RowStream, Seed, Segments, Silent, States};
 use calib_files::Fingerprint;
 use calib_sweep::{
     Candidate, Environment, EnvironmentId, Plan, PlanOptions, RunStream, Span, SweepConfig,
-    SweepError, UnitResult, UnitStore, candidates,
+    SweepError, Unit, UnitResult, UnitStore, candidates,
 };
 use calib_torch::{DeviceChoice, Populations, device};
 
@@ -99,7 +99,8 @@ fn small() -> Small {
 fn with_plan<T>(accelerator: Option<&dyn Accelerator>, then: impl FnOnce(Plan<'_>) -> T) -> T {
     let candidates = values();
     let environments = environments();
-    let environments = environments.iter().map(|of| of as &dyn Environment).collect();
+    let environments =
+        environments.iter().map(|environment| environment as &dyn Environment).collect();
     let seed = Seed::new(4);
     let options = PlanOptions { part: Part::WholeRun, span: span(), curve_points: 5, seed };
     let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
@@ -179,18 +180,20 @@ fn an_interrupted_sweep_is_to_the_byte_what_it_would_have_been() {
     }
     assert!(stopped > 1, "in the middle, {stopped} times");
     // Whatever is missing, what is made anew is what was there.
-    let gone = |of: usize| {
+    for third in 0..3 {
         for (number, file) in files(&directory.path().join("whole")).iter().enumerate() {
-            if number % 3 == of {
+            if number % 3 == third {
                 fs::remove_file(file).expect("ours");
             }
         }
-    };
-    for of in 0..3 {
-        gone(of);
         let again = with_plan(Some(&small), |plan| plan.run(&whole, &Silent).expect("runs"));
         assert_eq!(again, expected, "with a third of the units gone");
     }
+}
+
+/// Every unit, and how many settings it has a row of.
+fn rows_of_units(results: &[UnitResult]) -> Vec<(Unit, usize)> {
+    results.iter().map(|result| (result.unit.clone(), result.rows.len())).collect()
 }
 
 #[test]
@@ -202,9 +205,6 @@ fn a_race_is_run_side_by_side() {
     };
     let native = run(None, "native");
     let torch = run(Some(&small()), "torch");
-    let made = |results: &[UnitResult]| -> Vec<_> {
-        results.iter().map(|result| (result.unit.clone(), result.rows.len())).collect()
-    };
-    assert_eq!(made(&native), made(&torch), "the same values are dropped");
+    assert_eq!(rows_of_units(&native), rows_of_units(&torch), "the same values are dropped");
     assert!(native.iter().any(|result| result.rows.len() < 3), "some are");
 }

@@ -58,19 +58,21 @@ impl Judged<'_> {
     fn defaults(&self) -> Vec<Chosen> {
         let best_where =
             |counts: &dyn Fn(&Pair) -> bool| best_default(self.pairs, self.regrets, counts);
-        let other = |pair: &Pair, other: &Pair| other.plant != pair.plant;
-        let alike = |pair: &Pair, other: &Pair| other.optimiser == pair.optimiser;
         let mut all = vec![
             self.chosen(Method::BestDefault, |_| best_where(&|_| true)),
-            self.chosen(Method::OtherPlants, |pair| best_where(&|with| other(pair, with))),
+            self.chosen(Method::OtherPlants, |pair| {
+                best_where(&|other| are_of_two_plants(pair, other))
+            }),
         ];
-        if self.pairs.windows(2).any(|pair| !alike(&pair[0], &pair[1])) {
+        if self.pairs.windows(2).any(|pair| !have_one_optimiser(&pair[0], &pair[1])) {
             let own = self.chosen(Method::BestDefaultOfOptimiser, |pair| {
-                best_where(&|with| alike(pair, with))
+                best_where(&|other| have_one_optimiser(pair, other))
             });
             all.insert(1, own);
             all.push(self.chosen(Method::OtherPlantsWithOptimiser, |pair| {
-                best_where(&|with| other(pair, with) && alike(pair, with))
+                best_where(&|other| {
+                    are_of_two_plants(pair, other) && have_one_optimiser(pair, other)
+                })
             }));
         }
         all
@@ -133,6 +135,14 @@ impl Judged<'_> {
     fn without_values(&self, method: Method, regrets: Vec<Option<f64>>) -> Chosen {
         Chosen { method, values: vec![None; self.pairs.len()], regrets }
     }
+}
+
+fn are_of_two_plants(pair: &Pair, other: &Pair) -> bool {
+    other.plant != pair.plant
+}
+
+fn have_one_optimiser(pair: &Pair, other: &Pair) -> bool {
+    other.optimiser == pair.optimiser
 }
 
 /// The choice of the model with the least of something, if at least two models have it; the first of equals.

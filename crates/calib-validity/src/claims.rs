@@ -128,34 +128,39 @@ fn outcome(interval: Option<Interval>, limit: f64) -> Outcome {
 mod tests {
     use super::*;
 
+    fn outcome_of_interval(low: f64, high: f64, claim: Claim) -> Outcome {
+        outcome(Some(Interval { low, high }), claim.limit())
+    }
+
     #[test]
     fn a_claim_holds_where_all_of_its_interval_does() {
-        let judged = |low, high, claim: Claim| outcome(Some(Interval { low, high }), claim.limit());
-        assert_eq!(judged(0.9, 1.009, Claim::NoWorse), Outcome::Holds);
-        assert_eq!(judged(0.9, 1.0, Claim::Better), Outcome::Open);
-        assert_eq!(judged(1.001, 1.2, Claim::Better), Outcome::Fails);
+        assert_eq!(outcome_of_interval(0.9, 1.009, Claim::NoWorse), Outcome::Holds);
+        assert_eq!(outcome_of_interval(0.9, 1.0, Claim::Better), Outcome::Open);
+        assert_eq!(outcome_of_interval(1.001, 1.2, Claim::Better), Outcome::Fails);
         assert_eq!(outcome(None, 1.0), Outcome::Open);
+    }
+
+    /// Of a mean regret with this upper bound, where the interval of the typical one begins at `low`.
+    fn outcome_of_bounds(upper: Option<f64>, low: f64) -> Outcome {
+        outcome_of_mean(&MethodSummary {
+            method: Method::LogReplay,
+            pairs: 9,
+            diverged: 0,
+            capped: 0,
+            mean: 0.04,
+            upper,
+            typical: 0.03,
+            typical_interval: Some(Interval { low, high: 0.2 }),
+            median: 0.02,
+            good: 0.5,
+        })
     }
 
     #[test]
     fn a_mean_regret_is_small_by_its_bound_and_large_by_the_typical_one() {
-        let judged = |upper, low| {
-            outcome_of_mean(&MethodSummary {
-                method: Method::LogReplay,
-                pairs: 9,
-                diverged: 0,
-                capped: 0,
-                mean: 0.04,
-                upper,
-                typical: 0.03,
-                typical_interval: Some(Interval { low, high: 0.2 }),
-                median: 0.02,
-                good: 0.5,
-            })
-        };
-        assert_eq!(judged(Some(0.049), 0.01), Outcome::Holds);
-        assert_eq!(judged(Some(0.051), 0.01), Outcome::Open);
-        assert_eq!(judged(None, 0.01), Outcome::Open);
-        assert_eq!(judged(Some(0.3), 0.051), Outcome::Fails);
+        assert_eq!(outcome_of_bounds(Some(0.049), 0.01), Outcome::Holds);
+        assert_eq!(outcome_of_bounds(Some(0.051), 0.01), Outcome::Open);
+        assert_eq!(outcome_of_bounds(None, 0.01), Outcome::Open);
+        assert_eq!(outcome_of_bounds(Some(0.3), 0.051), Outcome::Fails);
     }
 }

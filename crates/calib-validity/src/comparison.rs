@@ -85,7 +85,6 @@ impl Comparison {
             known.iter().filter_map(|&pair| both(pair)).filter(|(a, b)| holds(*a, *b)).count()
         };
         let counted = |pair| method.counted(pair).zip(against.counted(pair));
-        let difference = |pair: usize| counted(pair).map_or(f64::NAN, |(a, b)| a - b);
         let ratio = |pair: usize| counted(pair).map_or(f64::NAN, |(a, b)| quotient(a, b));
         let each = |value: &dyn Fn(usize) -> f64| {
             mean(&known.iter().map(|&pair| value(pair)).collect::<Vec<f64>>())
@@ -101,7 +100,7 @@ impl Comparison {
             wins: count(|a, b| a < b),
             ties: count(|a, b| a == b),
             losses: count(|a, b| a > b),
-            difference: each(&difference)?,
+            difference: each(&|pair| counted(pair).map_or(f64::NAN, |(a, b)| a - b))?,
             error_ratio: each(&ratio)?.exp(),
             error_ratio_interval,
             finding: Finding::of(error_ratio_interval),
@@ -124,9 +123,12 @@ pub(crate) fn quotient_interval(interval: Option<Interval>) -> Option<Interval> 
 mod tests {
     use super::*;
 
+    fn finding(low: f64, high: f64) -> Finding {
+        Finding::of(Some(Interval { low, high }))
+    }
+
     #[test]
     fn findings_follow_from_the_ends_of_the_interval() {
-        let finding = |low, high| Finding::of(Some(Interval { low, high }));
         assert_eq!(finding(0.8, 0.999), Finding::Better);
         assert_eq!(finding(1.001, 1.005), Finding::Worse);
         assert_eq!(finding(0.98, 1.009), Finding::NoWorse);

@@ -132,15 +132,9 @@ fn groups_of(
     numbers.sort_by(f64::total_cmp);
     let middle = if numbers.is_empty() { 0.0 } else { median(&numbers)? };
     numbers.dedup();
-    let name = |value: &TaskValue| match value {
-        TaskValue::Name(name) => name.clone(),
-        TaskValue::Number(number) if numbers.len() <= FEW_VALUES => number.to_string(),
-        TaskValue::Number(number) if *number <= middle => format!("up to {middle}"),
-        TaskValue::Number(_) => format!("above {middle}"),
-    };
     let mut groups: Vec<(TaskValue, PairGroup)> = Vec::new();
     for (pair, value) in values {
-        let name = name(&value);
+        let name = group_name(&value, &numbers, middle);
         if let Some((_, group)) = groups.iter_mut().find(|(_, group)| group.name == name) {
             group.pairs.push(pair);
         } else {
@@ -154,6 +148,16 @@ fn groups_of(
     });
     let groups: Vec<PairGroup> = groups.into_iter().map(|(_, group)| group).collect();
     Ok(if groups.len() > 1 { groups } else { Vec::new() })
+}
+
+/// What a value's group is called, where `numbers` are all different ones and `middle` is their median.
+fn group_name(value: &TaskValue, numbers: &[f64], middle: f64) -> String {
+    match value {
+        TaskValue::Name(name) => name.clone(),
+        TaskValue::Number(number) if numbers.len() <= FEW_VALUES => number.to_string(),
+        TaskValue::Number(number) if *number <= middle => format!("up to {middle}"),
+        TaskValue::Number(_) => format!("above {middle}"),
+    }
 }
 
 impl TaskValue {
@@ -183,11 +187,12 @@ mod tests {
         groups.into_iter().map(|group| (group.name, group.pairs)).collect()
     }
 
+    fn numbers(numbers: &[f64]) -> Vec<TaskValue> {
+        numbers.iter().map(|&number| TaskValue::Number(number)).collect()
+    }
+
     #[test]
     fn few_values_are_groups_and_many_are_halves() {
-        let numbers = |numbers: &[f64]| -> Vec<TaskValue> {
-            numbers.iter().map(|&number| TaskValue::Number(number)).collect()
-        };
         let few = groups_by(&numbers(&[0.9, 0.8, 0.9]));
         assert_eq!(few, [("0.8".to_owned(), vec![1]), ("0.9".to_owned(), vec![0, 2])]);
         let many = groups_by(&numbers(&[5.0, 1.0, 2.0, 4.0, 3.0, 1.0]));

@@ -103,14 +103,15 @@ impl RankAgreement {
         if known.is_empty() {
             return Ok(None);
         }
-        let value = |pair: usize| by_pair[pair].unwrap_or(f64::NAN);
+        let interval = plants.interval(
+            |pair| by_pair[pair].is_some(),
+            |pairs| mean_of(pairs, |pair| by_pair[pair].unwrap_or(f64::NAN)),
+        );
         Ok(Some(Self {
             model: model.to_owned(),
             pairs: known.len(),
             mean: mean(&known)?,
-            interval: correlations(
-                plants.interval(|pair| by_pair[pair].is_some(), |pairs| mean_of(pairs, value)),
-            ),
+            interval: correlations(interval),
             smallest: known.iter().copied().fold(f64::INFINITY, f64::min),
             stability: (!stable.is_empty()).then(|| mean(&stable)).transpose()?,
             saved_by_halving: (!saved.is_empty()).then(|| mean(&saved)).transpose()?,

@@ -94,11 +94,19 @@ fn pair(plant: usize, sensor: usize, regrets: [f64; 3]) -> Pair {
 }
 
 fn replay(validity: &Validity) -> &MethodSummary {
-    validity.methods.iter().find(|of| of.method == Method::LogReplay).expect("it is there")
+    validity
+        .methods
+        .iter()
+        .find(|summary| summary.method == Method::LogReplay)
+        .expect("it is there")
 }
 
 fn against_replay(validity: &Validity) -> &Comparison {
-    validity.comparisons.iter().find(|of| of.against == Method::LogReplay).expect("it is there")
+    validity
+        .comparisons
+        .iter()
+        .find(|comparison| comparison.against == Method::LogReplay)
+        .expect("it is there")
 }
 
 #[test]
@@ -116,9 +124,9 @@ fn bounds_and_intervals_over_plants_hold_what_other_plants_say() {
         for _ in 0..STUDIES {
             let validity = plants.judged(count, &mut rng);
             let own = replay(&validity);
-            let of = against_replay(&validity);
+            let comparison = against_replay(&validity);
             let of_typical = own.typical_interval.expect("plants differ");
-            let of_quotient = of.error_ratio_interval.expect("plants differ");
+            let of_quotient = comparison.error_ratio_interval.expect("plants differ");
             let holds = [
                 mean <= own.upper.expect("plants differ"),
                 (of_typical.low..=of_typical.high).contains(&typical),
@@ -148,7 +156,7 @@ fn no_worse_is_said_of_what_is_worse_by_the_margin_in_one_case_of_forty() {
                     .judged(count, &mut rng)
                     .tests
                     .iter()
-                    .any(|of| of.claim == Claim::NoWorse && of.outcome == Outcome::Holds)
+                    .any(|test| test.claim == Claim::NoWorse && test.outcome == Outcome::Holds)
             })
             .count() as f64
             / (2 * STUDIES) as f64;

@@ -86,28 +86,28 @@ fn golden() -> Golden {
     serde_json::from_str(include_str!("golden.json")).expect("made by the script")
 }
 
-fn pair(of: GoldenPair) -> Pair {
+fn pair(golden: GoldenPair) -> Pair {
     Pair {
-        plant: of.plant,
-        sensor: of.sensor,
-        optimiser: of.optimiser,
+        plant: golden.plant,
+        sensor: golden.sensor,
+        optimiser: golden.optimiser,
         task: Vec::new(),
-        online: vec![1.0; of.regrets.len()],
+        online: vec![1.0; golden.regrets.len()],
         skill: None,
-        regrets: Some(of.regrets),
-        default: Some(of.default),
-        log_replay: Some(of.log_replay),
-        latest_window: Some(of.latest_window),
-        another_window: of.another_window,
-        models: of
+        regrets: Some(golden.regrets),
+        default: Some(golden.default),
+        log_replay: Some(golden.log_replay),
+        latest_window: Some(golden.latest_window),
+        another_window: golden.another_window,
+        models: golden
             .models
             .into_iter()
-            .map(|(model, of)| ModelPair {
-                model,
-                chosen: of.chosen,
+            .map(|(name, model)| ModelPair {
+                model: name,
+                chosen: model.chosen,
                 stability: None,
                 saved_by_halving: None,
-                rules: of
+                rules: model
                     .rules
                     .into_iter()
                     .map(|(rule, chosen)| RuleChoice { rule, chosen })
@@ -137,7 +137,7 @@ fn near(ours: Option<f64>, theirs: Option<f64>, what: &str) {
 
 /// Ends of intervals: quantiles of t agree to eight digits.
 fn near_ends(ours: Option<Interval>, theirs: Option<[f64; 2]>, what: &str) {
-    let ours = ours.map(|of| [of.low, of.high]);
+    let ours = ours.map(|interval| [interval.low, interval.high]);
     let alike = match (ours, theirs) {
         (Some(ours), Some(theirs)) => {
             ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() <= 1e-7 * b.abs().max(1.0))
@@ -154,17 +154,17 @@ fn regrets_of_methods_are_those_of_numpy() {
     assert_eq!(validity.best_default, golden.best_default);
     let all: Vec<_> = validity.methods.iter().chain(&validity.rules).collect();
     assert_eq!(all.len(), golden.summaries.len());
-    for of in all {
-        let name = of.method.name();
+    for summary in all {
+        let name = summary.method.name();
         let theirs = &golden.summaries[&name];
-        let counts = |of: &Summary| (of.pairs, of.diverged, of.capped);
-        assert_eq!((of.pairs, of.diverged, of.capped), counts(theirs), "{name}");
-        near(Some(of.mean), Some(theirs.mean), &name);
-        near(Some(of.typical), Some(theirs.typical), &name);
-        near(Some(of.median), Some(theirs.median), &name);
-        near(Some(of.good), Some(theirs.good), &name);
-        near(of.upper, theirs.upper, &name);
-        near_ends(of.typical_interval, theirs.typical_interval, &name);
+        let counts = (theirs.pairs, theirs.diverged, theirs.capped);
+        assert_eq!((summary.pairs, summary.diverged, summary.capped), counts, "{name}");
+        near(Some(summary.mean), Some(theirs.mean), &name);
+        near(Some(summary.typical), Some(theirs.typical), &name);
+        near(Some(summary.median), Some(theirs.median), &name);
+        near(Some(summary.good), Some(theirs.good), &name);
+        near(summary.upper, theirs.upper, &name);
+        near_ends(summary.typical_interval, theirs.typical_interval, &name);
     }
 }
 
@@ -173,21 +173,25 @@ fn quotients_and_power_are_those_of_numpy_and_scipy() {
     let golden = golden();
     let validity = judged(golden.pairs);
     let mut compared = 0;
-    for (of, power) in validity.comparisons.iter().zip(&validity.power) {
-        let names = (of.method.name(), of.against.name());
+    for (comparison, power) in validity.comparisons.iter().zip(&validity.power) {
+        let names = (comparison.method.name(), comparison.against.name());
         let theirs = golden.comparisons.iter();
         let mut theirs = theirs.filter(|it| (&it.method, &it.against) == (&names.0, &names.1));
         // The other models are compared by calib alone.
         let Some(theirs) = theirs.next() else {
-            assert!(of.against.is_model(), "{names:?}");
+            assert!(comparison.against.is_model(), "{names:?}");
             continue;
         };
         compared += 1;
         let what = format!("{names:?}");
         let counts = (theirs.pairs, theirs.wins, theirs.ties, theirs.losses);
-        assert_eq!((of.pairs, of.wins, of.ties, of.losses), counts, "{what}");
-        near(Some(of.difference), Some(theirs.difference), &what);
-        near(Some(of.error_ratio), Some(theirs.error_ratio), &what);
+        assert_eq!(
+            (comparison.pairs, comparison.wins, comparison.ties, comparison.losses),
+            counts,
+            "{what}"
+        );
+        near(Some(comparison.difference), Some(theirs.difference), &what);
+        near(Some(comparison.error_ratio), Some(theirs.error_ratio), &what);
         assert_eq!(power.plants, theirs.plants, "{what}");
         for (ours, theirs) in power.needed.into_iter().zip(theirs.needed) {
             // Quantiles of t agree to five digits where a hundred thousand plants are needed.
@@ -196,7 +200,7 @@ fn quotients_and_power_are_those_of_numpy_and_scipy() {
         }
         near(power.std, theirs.std, &what);
         near(power.visible, theirs.visible, &what);
-        near_ends(of.error_ratio_interval, theirs.error_ratio_interval, &what);
+        near_ends(comparison.error_ratio_interval, theirs.error_ratio_interval, &what);
     }
     assert_eq!(compared, golden.comparisons.len());
 }

@@ -161,39 +161,40 @@ mod tests {
         }
     }
 
+    /// Why `config` is refused after a change.
+    fn refusal(change: fn(&mut AgentConfig), mut config: AgentConfig) -> String {
+        change(&mut config);
+        config.check().expect_err("refused").to_string()
+    }
+
     #[test]
     fn what_a_program_would_not_see_is_refused() {
-        let refused = |change: fn(&mut AgentConfig), from: AgentConfig| {
-            let mut config = from;
-            change(&mut config);
-            config.check().expect_err("refused").to_string()
-        };
         assert_eq!(
-            refused(|config| config.learning_rate = 0.5, external()),
+            refusal(|config| config.learning_rate = 0.5, external()),
             "agent hyperparameter `learning_rate`: expected nothing with kind = \"external\": what a program is to \
              know stands in [agent.parameters], got 0.5"
         );
-        assert!(refused(|config| config.command.clear(), external()).contains("`command`"));
+        assert!(refusal(|config| config.command.clear(), external()).contains("`command`"));
         assert!(
-            refused(|config| config.kind = AgentKind::Td, external())
+            refusal(|config| config.kind = AgentKind::Td, external())
                 .contains("kind = \"external\"")
         );
         let own = AgentConfig::default();
         assert!(
-            refused(|config| drop(config.parameters.insert("a".to_owned(), 1.into())), own)
+            refusal(|config| drop(config.parameters.insert("a".to_owned(), 1.into())), own)
                 .contains("got a")
         );
         assert!(
-            refused(
+            refusal(
                 |config| drop(config.parameters.insert("gamma".to_owned(), 1.into())),
                 external()
             )
             .contains("agent.gamma")
         );
         assert!(
-            refused(|config| config.states_per_message = 0, external()).contains("1 to 1048576")
+            refusal(|config| config.states_per_message = 0, external()).contains("1 to 1048576")
         );
-        assert!(refused(|config| config.timeout_secs = f64::NAN, external()).contains("above 0"));
+        assert!(refusal(|config| config.timeout_secs = f64::NAN, external()).contains("above 0"));
         let unset = AgentConfig::default().fields();
         let all: Vec<&String> = unset.keys().filter(|field| *field != "gamma").collect();
         let mut told = OWN_FIELDS;

@@ -19,36 +19,38 @@ fn defaults_are_valid_and_every_field_but_traces_is_a_scalar() {
     assert!(error.expect_err("unknown").to_string().contains("learning_rat"));
 }
 
+/// Why the default is refused after a change.
+fn refusal(change: fn(&mut AgentConfig)) -> AgentConfigError {
+    let mut config = AgentConfig::default();
+    change(&mut config);
+    config.check().expect_err("outside the range")
+}
+
 #[test]
 fn fields_outside_their_range_are_named() {
-    let bad = |change: fn(&mut AgentConfig)| {
-        let mut config = AgentConfig::default();
-        change(&mut config);
-        config.check().expect_err("outside the range")
-    };
     assert_eq!(
-        bad(|config| config.learning_rate = f64::NAN).to_string(),
+        refusal(|config| config.learning_rate = f64::NAN).to_string(),
         "agent hyperparameter `learning_rate`: expected 0 or a number from 1e-45 to 1e38 \
          (parameters are in single precision), got NaN"
     );
-    assert!(bad(|config| config.learning_rate = 1e300).to_string().ends_with("got 1e300"));
-    assert_eq!(bad(|config| config.gamma = 1.0).field, "gamma");
-    assert_eq!(bad(|config| config.traces = vec![0.9, 1.0]).field, "traces");
+    assert!(refusal(|config| config.learning_rate = 1e300).to_string().ends_with("got 1e300"));
+    assert_eq!(refusal(|config| config.gamma = 1.0).field, "gamma");
+    assert_eq!(refusal(|config| config.traces = vec![0.9, 1.0]).field, "traces");
     assert_eq!(
-        bad(|config| config.traces = vec![0.9, 0.9]).to_string(),
+        refusal(|config| config.traces = vec![0.9, 0.9]).to_string(),
         "agent hyperparameter `traces`: expected at most 16 different numbers in [0, 1), such as \
          [0.9, 0.99], got [0.9, 0.9]"
     );
-    assert_eq!(bad(|config| config.hidden_layers = 0).field, "hidden_layers");
-    assert_eq!(bad(|config| config.hidden_units = 0).field, "hidden_units");
-    assert_eq!(bad(|config| config.beta1 = 1.0).field, "beta1");
-    assert_eq!(bad(|config| config.beta2 = -0.1).field, "beta2");
-    assert_eq!(bad(|config| config.epsilon = 0.0).field, "epsilon");
-    assert_eq!(bad(|config| config.weight_decay = -1.0).field, "weight_decay");
-    assert_eq!(bad(|config| config.batch_size = 0).field, "batch_size");
-    assert_eq!(bad(|config| config.updates_per_step = 0).field, "updates_per_step");
+    assert_eq!(refusal(|config| config.hidden_layers = 0).field, "hidden_layers");
+    assert_eq!(refusal(|config| config.hidden_units = 0).field, "hidden_units");
+    assert_eq!(refusal(|config| config.beta1 = 1.0).field, "beta1");
+    assert_eq!(refusal(|config| config.beta2 = -0.1).field, "beta2");
+    assert_eq!(refusal(|config| config.epsilon = 0.0).field, "epsilon");
+    assert_eq!(refusal(|config| config.weight_decay = -1.0).field, "weight_decay");
+    assert_eq!(refusal(|config| config.batch_size = 0).field, "batch_size");
+    assert_eq!(refusal(|config| config.updates_per_step = 0).field, "updates_per_step");
     assert_eq!(
-        bad(|config| config.replay_capacity = 100).to_string(),
+        refusal(|config| config.replay_capacity = 100).to_string(),
         "agent hyperparameter `replay_capacity`: expected batch_size (256) to 4294967296, got 100"
     );
     let linear = AgentConfig {
@@ -65,15 +67,17 @@ fn fields_outside_their_range_are_named() {
     );
 }
 
+/// The precision in the text of a configuration, if it stands there.
+fn written_precision(precision: Precision) -> Option<Value> {
+    let config = AgentConfig { precision, ..AgentConfig::default() };
+    assert_eq!(config.fields()["precision"], serde_json::json!(precision));
+    let written = serde_json::to_value(&config).expect("serialises");
+    assert_eq!(serde_json::from_value::<AgentConfig>(written.clone()).expect("reads"), config);
+    written.get("precision").cloned()
+}
+
 #[test]
 fn precision_is_written_where_it_is_not_the_default() {
-    let field = |precision| {
-        let config = AgentConfig { precision, ..AgentConfig::default() };
-        assert_eq!(config.fields()["precision"], serde_json::json!(precision));
-        let written = serde_json::to_value(&config).expect("serialises");
-        assert_eq!(serde_json::from_value::<AgentConfig>(written.clone()).expect("reads"), config);
-        written.get("precision").cloned()
-    };
-    assert_eq!(field(Precision::F32), None, "known as before");
-    assert_eq!(field(Precision::Bf16), Some("bf16".into()));
+    assert_eq!(written_precision(Precision::F32), None, "known as before");
+    assert_eq!(written_precision(Precision::Bf16), Some("bf16".into()));
 }

@@ -78,10 +78,11 @@ impl<'a> Cohort<'a> {
                 to.copy_from_slice(seat.stream().state(t));
             }
         });
-        let first = |seat: &BatchSlot<'_>| {
-            Mlp::new(&sizes, parameter_seed(seat.seed)).parameters().to_vec()
-        };
-        let parameters = self.seats.iter().map(first).collect();
+        let parameters = self
+            .seats
+            .iter()
+            .map(|seat| Mlp::new(&sizes, parameter_seed(seat.seed)).parameters().to_vec())
+            .collect();
         let learners = self.learners;
         let batch = self.batch;
         accelerator.networks(&Networks { sizes, learners, parameters, states, batch })

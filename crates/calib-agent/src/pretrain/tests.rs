@@ -64,11 +64,17 @@ fn agents_learn_from_epoch_to_epoch() {
         let first = agent.curve[0];
         let last = agent.curve[29];
         assert_eq!((agent.epoch, agent.curve.len(), last.epoch), (30, 30, 30));
-        let error = |epoch: &Epoch| epoch.validation_nrmse.expect("known");
-        assert!(error(&last) < 0.2 && error(&last) < 0.5 * error(&first), "{agent:?}");
+        let [first_error, last_error] =
+            [first, last].map(|epoch| epoch.validation_nrmse.expect("known"));
+        assert!(last_error < 0.2 && last_error < 0.5 * first_error, "{agent:?}");
         assert!(last.training_loss < first.training_loss, "{first:?} {last:?}");
         assert!(last.validation_loss < first.validation_loss, "{first:?} {last:?}");
     }
+}
+
+/// The value of features by the weights of a linear value function.
+fn weighted_sum(w: &[f64], x: [f64; 3]) -> f64 {
+    x.iter().zip(w).map(|(x, w)| x * w).sum()
 }
 
 /// One epoch of linear gradient descent, as plainly as possible and in f64.
@@ -83,12 +89,12 @@ fn an_epoch_is_one_pass_over_the_first_transitions() {
     let train: Vec<usize> = (0..19).chain(20..44).collect();
     let order = shuffled(&train, Seed::new(5).child("epoch").number(0));
     let x = |t: usize| [f64::from(stream.state(t)[0]), f64::from(stream.state(t)[1]), 1.0];
-    let value = |w: &[f64], x: [f64; 3]| x.iter().zip(w).map(|(x, w)| x * w).sum::<f64>();
     let mut loss = 0.0;
     for batch in order.chunks(16) {
         let before = w.clone();
         for &t in batch {
-            let error = x(t + 1)[1] + 0.9 * value(&before, x(t + 1)) - value(&before, x(t));
+            let error =
+                x(t + 1)[1] + 0.9 * weighted_sum(&before, x(t + 1)) - weighted_sum(&before, x(t));
             loss += error * error;
             for (w, x) in w.iter_mut().zip(x(t)) {
                 *w += 0.05 / batch.len() as f64 * error * x;
@@ -102,7 +108,7 @@ fn an_epoch_is_one_pass_over_the_first_transitions() {
     let held_back: Vec<usize> = (44..59).collect();
     let errors = held_back
         .iter()
-        .map(|&t| x(t + 1)[1] + 0.9 * value(&w, x(t + 1)) - value(&w, x(t)))
+        .map(|&t| x(t + 1)[1] + 0.9 * weighted_sum(&w, x(t + 1)) - weighted_sum(&w, x(t)))
         .map(|error| error * error);
     let expected = errors.sum::<f64>() / 15.0;
     assert!((agent.curve[0].validation_loss - expected).abs() < 1e-6);
@@ -117,11 +123,10 @@ fn sensors_together_are_what_they_are_alone_on_any_number_of_threads() {
     let stream = waves(300);
     let traced = AgentConfig { traces: vec![0.5, 0.9], ..mlp(1e-3) };
     for config in [mlp(1e-3), rounded(), linear(0.1), traced] {
-        let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let trained = |threads, sensors: &[usize]| {
-            pool(threads)
-                .expect("a pool")
-                .install(|| run(&stream, settings(4, 2), &config, sensors, None).expect("trains"))
+            let pool =
+                rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            pool.install(|| run(&stream, settings(4, 2), &config, sensors, None).expect("trains"))
         };
         let together = trained(1, &[0, 1]);
         assert_eq!(trained(2, &[0, 1]), together);
@@ -179,10 +184,7 @@ fn a_resumed_training_is_the_uninterrupted_one() {
 
 #[test]
 fn what_cannot_be_trained_says_why() {
-    let refusal = |steps, config: &AgentConfig| {
-        run(&waves(steps), settings(50, 0), config, &[0], None).expect_err("refused")
-    };
-    let few = refusal(18, &mlp(1e-3));
+    let few = run(&waves(18), settings(50, 0), &mlp(1e-3), &[0], None).expect_err("refused");
     assert!(matches!(few, AgentError::TooFewTransitions { got: 16, expected: 16 }), "{few}");
 }
 

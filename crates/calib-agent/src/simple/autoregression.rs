@@ -50,14 +50,13 @@ pub(super) fn fit(
         weights.resize(size, 0.0);
         Some(weights)
     };
-    let errors_of = |order: usize| -> Option<(f64, Vec<f64>)> {
-        let errors = folds.cross_errors(&second, &targets, |parts| padded(parts, order))?;
-        Some((errors.iter().sum(), errors))
-    };
     let orders = ORDERS.into_iter().filter(|order| order * ROWS_EACH <= folds.rows.len());
-    let errors = orders.filter_map(|order| Some((order, errors_of(order)?)));
-    let (best, (_, cross_errors)) =
-        errors.reduce(|best, other| if other.1.0 < best.1.0 { other } else { best })?;
+    let errors = orders.filter_map(|order| {
+        let errors = folds.cross_errors(&second, &targets, |parts| padded(parts, order))?;
+        Some((order, errors.iter().sum::<f64>(), errors))
+    });
+    let (best, _, cross_errors) =
+        errors.reduce(|best, other| if other.1 < best.1 { other } else { best })?;
     let weights = solve(&folds.all(), best)?;
     let lags = weights[1..].to_vec();
     let bias = weights[0] - center * lags.iter().sum::<f64>();

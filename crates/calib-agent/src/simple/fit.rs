@@ -43,6 +43,13 @@ pub(super) struct Judged {
     pub(super) cross_errors: Vec<f64>,
 }
 
+impl Judged {
+    /// The mean of its errors over folds; 0 without any.
+    fn mean_cross_error(&self) -> f64 {
+        self.cross_errors.iter().sum::<f64>() / self.cross_errors.len().max(1) as f64
+    }
+}
+
 /// What is chosen between by cross-validation.
 enum Equations<'m> {
     /// Least squares: the second moments of the features are the matrix.
@@ -120,10 +127,8 @@ impl<'a> Fitter<'a> {
             .into_iter()
             .filter_map(|predictor| Some((predictor, self.judged(predictor, column, returns)?)))
             .collect();
-        let mean = |judged: &Judged| {
-            judged.cross_errors.iter().sum::<f64>() / judged.cross_errors.len().max(1) as f64
-        };
-        let least = judged.iter().map(|(_, judged)| mean(judged)).fold(f64::INFINITY, f64::min);
+        let least = judged.iter().map(|(_, judged)| judged.mean_cross_error());
+        let least = least.fold(f64::INFINITY, f64::min);
         // A fold in which the sensor rests must not decide either.
         let rest = RESTING * least + f64::MIN_POSITIVE;
         let typical = |judged: &Judged| {
@@ -265,17 +270,15 @@ impl<'a> Fitter<'a> {
             }
             matrix.solve(&right.products)
         };
-        let errors_of = |penalty: f64| -> Option<(f64, Vec<f64>)> {
+        let errors = PENALTIES.into_iter().filter_map(|penalty| {
             let errors = self
                 .folds
                 .cross_errors(second, &targets, |parts: &[usize]| solve(parts, penalty))?;
-            Some((errors.iter().sum(), errors))
-        };
-        let errors =
-            PENALTIES.into_iter().filter_map(|penalty| Some((penalty, errors_of(penalty)?)));
+            Some((penalty, errors.iter().sum::<f64>(), errors))
+        });
         // The largest penalty of those that are alike.
-        let (best, (_, cross_errors)) =
-            errors.reduce(|best, other| if other.1.0 < best.1.0 { other } else { best })?;
+        let (best, _, cross_errors) =
+            errors.reduce(|best, other| if other.1 < best.1 { other } else { best })?;
         let predictor = self.features.affine(&solve(&self.folds.all(), best)?);
         let squared_error = Folds::error_ahead(second, &targets, |parts| solve(parts, best));
         Some(Judged { predictor, squared_error, cross_errors })
@@ -322,12 +325,14 @@ impl Features {
                 *square += (f64::from(value) - mean).powi(2) / count;
             }
         }
-        // Below this a column is constant but for rounding.
-        let moves = |(square, mean): (&f64, &f64)| square.sqrt() > 1e-7 * mean.abs().max(1e-7);
         let scales = squares
             .iter()
             .zip(&means)
-            .map(|(square, mean)| if moves((square, mean)) { 1.0 / square.sqrt() } else { 0.0 })
+            .map(|(square, mean): (&f64, &f64)| {
+                // Below this a column is constant but for rounding.
+                let moves = square.sqrt() > 1e-7 * mean.abs().max(1e-7);
+                if moves { 1.0 / square.sqrt() } else { 0.0 }
+            })
             .collect();
         Self { means, scales }
     }

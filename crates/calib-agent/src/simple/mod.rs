@@ -130,9 +130,10 @@ impl FittedPredictor {
                             .sum::<f64>()
                     }
                     Self::Autoregression { column, lags, bias } => {
-                        let earlier = |lag: usize| t.saturating_sub(lag).max(piece.start);
-                        let values = (0..lags.len())
-                            .map(|lag| f64::from(stream.state(earlier(lag))[*column]));
+                        let values = (0..lags.len()).map(|lag| {
+                            let earlier = t.saturating_sub(lag).max(piece.start);
+                            f64::from(stream.state(earlier)[*column])
+                        });
                         bias + lags.iter().zip(values).map(|(w, x)| w * x).sum::<f64>()
                     }
                     Self::Mixture(_) => unreachable!("predicts by itself"),

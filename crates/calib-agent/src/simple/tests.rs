@@ -99,16 +99,18 @@ fn a_line_is_what_least_squares_gives() {
     assert!((predicted[0] - 10.0 / 3.0).abs() < 1e-3 && (predicted[1] - 8.0 / 3.0).abs() < 1e-3);
 }
 
+/// Which predictor of column 0 is taken for the best.
+fn best_of(values: Vec<f32>, columns: usize) -> Option<SimplePredictor> {
+    let rows = values.len() / columns;
+    let states = States::new(values, rows, columns).expect("valid");
+    let train = RowStream::replay(states, &Segments::from_lengths([rows]).expect("valid"));
+    let fitter = Fitter::new(&train, GAMMA, &[]);
+    let best = fitter.fit(SimplePredictor::Best, 0);
+    SimplePredictor::ALL.into_iter().find(|&other| fitter.fit(other, 0) == best)
+}
+
 #[test]
 fn the_best_is_what_predicts_what_comes_later() {
-    let best_of = |values: Vec<f32>, columns: usize| {
-        let rows = values.len() / columns;
-        let states = States::new(values, rows, columns).expect("valid");
-        let train = RowStream::replay(states, &Segments::from_lengths([rows]).expect("valid"));
-        let fitter = Fitter::new(&train, GAMMA, &[]);
-        let best = fitter.fit(SimplePredictor::Best, 0);
-        SimplePredictor::ALL.into_iter().find(|&other| fitter.fit(other, 0) == best)
-    };
     let mut rng = Seed::new(12).rng();
     let mut noise = || rng.normal() as f32;
     let white = (0..4000).map(|_| noise()).collect();

@@ -65,6 +65,11 @@ fn a_linear_baseline_is_where_a_linear_agent_begins() {
     );
 }
 
+/// The error of the last quarter.
+fn settled_error(outcome: &RunOutcome) -> f64 {
+    outcome.scores.of(Part::FinalQuarter).expect("steps").rmse
+}
+
 #[test]
 fn networks_learn_what_their_baseline_lacks() {
     let stream = waves(3000);
@@ -73,9 +78,8 @@ fn networks_learn_what_their_baseline_lacks() {
     let baseline = mean.predictions(&stream);
     let outcome = trained(&stream, &config, Some(&baseline), None);
     let frozen = AgentConfig { learning_rate: 0.0, ..config.clone() };
-    let settled = |outcome: &RunOutcome| outcome.scores.of(Part::FinalQuarter).expect("steps").rmse;
-    let mean = settled(&trained(&stream, &frozen, Some(&baseline), None));
-    assert!(settled(&outcome) < 0.5 * mean, "{} {mean}", settled(&outcome));
+    let mean = settled_error(&trained(&stream, &frozen, Some(&baseline), None));
+    assert!(settled_error(&outcome) < 0.5 * mean, "{} {mean}", settled_error(&outcome));
 }
 
 #[test]

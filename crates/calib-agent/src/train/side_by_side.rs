@@ -69,14 +69,22 @@ fn checkpoint(config: &AgentConfig, moments: bool) -> Checkpoint {
     Checkpoint { parameters, moments }
 }
 
+/// A learner without a baseline.
+fn learner<'a>(
+    config: &'a AgentConfig,
+    cumulant: usize,
+    start: Option<&'a Checkpoint>,
+) -> Learner<'a> {
+    Learner { config, cumulant, start, baseline: None }
+}
+
 #[test]
 fn sensors_side_by_side_are_what_they_are_alone() {
     let stream = waves(300);
     let agents = agents();
-    let learner = |config, cumulant| Learner { config, cumulant, start: None, baseline: None };
     let together: Vec<_> = [1, 0]
         .iter()
-        .flat_map(|&cumulant| agents.iter().map(move |c| learner(c, cumulant)))
+        .flat_map(|&cumulant| agents.iter().map(move |config| learner(config, cumulant, None)))
         .collect();
     let all = outcomes(&stream, &together);
     for (learner, outcome) in together.iter().zip(&all) {
@@ -97,8 +105,7 @@ fn a_checkpoint_is_where_learning_starts() {
         let fast = with(1e-2);
         let bare = checkpoint(&kind, false);
         let whole = checkpoint(&kind, true);
-        let learner = |config, start| Learner { config, cumulant: 0, start, baseline: None };
-        let outcome = |config, start| outcomes(&stream, &[learner(config, start)]).remove(0);
+        let outcome = |config, start| outcomes(&stream, &[learner(config, 0, start)]).remove(0);
 
         let kept = outcome(&frozen, Some(&bare));
         let moved = outcome(&slow, Some(&bare));
@@ -165,8 +172,7 @@ fn a_resumed_run_is_the_uninterrupted_one() {
         })
         .collect();
     let whole = outcomes(&stream, &learners);
-    let memory = |work| Memory { work, states: RefCell::default() };
-    let all = memory(20_000_000);
+    let all = Memory { work: 20_000_000, states: RefCell::default() };
     let kept = train_learners(run(&stream), &learners, &all, &Silent).expect("trains");
     assert_eq!(kept, whole, "keeping changes nothing");
     let states = all.states.take();

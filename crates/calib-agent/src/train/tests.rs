@@ -99,6 +99,11 @@ fn a_network_predicts_a_wave() {
     assert!(single != rounded && (single / rounded - 1.0).abs() < 0.05, "{single} {rounded}");
 }
 
+/// The value of features by the weights of a linear value function.
+fn weighted_sum(w: &[f64], x: [f64; 3]) -> f64 {
+    x.iter().zip(w).map(|(x, w)| x * w).sum()
+}
+
 /// The whole algorithm once more, as plainly as possible and in f64: online, linear, piece by piece.
 #[test]
 fn the_online_agent_is_the_textbooks() {
@@ -116,20 +121,19 @@ fn the_online_agent_is_the_textbooks() {
         let state = stream.state(t);
         [f64::from(state[0]), f64::from(state[1]), 1.0]
     };
-    let value = |w: &[f64], x: [f64; 3]| x.iter().zip(w).map(|(x, w)| x * w).sum::<f64>();
     let returns = discounted_returns(&stream, 0, config.gamma);
     let horizon = truncation_horizon(config.gamma);
-    let g = |t: usize| returns[t];
     let mut sum = 0.0;
     let mut count = 0;
     let mut updates = 0;
     for piece in [0..50, 50..51, 51..81, 81..120] {
         for t in piece.start..piece.end - 1 {
             if t >= 89 && t < piece.end - horizon {
-                sum += (value(&w, x(t)) - g(t)).powi(2);
+                sum += (weighted_sum(&w, x(t)) - returns[t]).powi(2);
                 count += 1;
             }
-            let td_error = x(t + 1)[0] + config.gamma * value(&w, x(t + 1)) - value(&w, x(t));
+            let td_error =
+                x(t + 1)[0] + config.gamma * weighted_sum(&w, x(t + 1)) - weighted_sum(&w, x(t));
             for (w, x) in w.iter_mut().zip(x(t)) {
                 *w += config.learning_rate * td_error * x;
             }
@@ -266,25 +270,27 @@ impl Stream for Broken {
     }
 }
 
+/// Why a training is refused.
+fn refusal(stream: &RowStream, cumulant: usize, agent: AgentConfig) -> String {
+    let curve = CurveRule::default();
+    train(stream, cumulant, &[agent], curve, Seed::new(1), &Silent)
+        .expect_err("refused")
+        .to_string()
+}
+
 #[test]
 fn bad_requests_are_refused() {
     let stream = waves(30);
-    let attempt = |stream: &RowStream, cumulant, agent: AgentConfig| {
-        let curve = CurveRule::default();
-        train(stream, cumulant, &[agent], curve, Seed::new(1), &Silent)
-            .expect_err("refused")
-            .to_string()
-    };
     assert_eq!(
-        attempt(&stream, 2, linear()),
+        refusal(&stream, 2, linear()),
         "cumulant column 2 does not exist: expected a column below 2, the width of a state"
     );
     assert!(
-        attempt(&stream, 0, linear()).starts_with(
+        refusal(&stream, 0, linear()).starts_with(
             "no step can be scored: with gamma = 0.9, scoring a prediction needs the 44"
         )
     );
-    assert!(attempt(&stream, 0, AgentConfig { gamma: 1.0, ..linear() }).contains("`gamma`"));
+    assert!(refusal(&stream, 0, AgentConfig { gamma: 1.0, ..linear() }).contains("`gamma`"));
     let curve = CurveRule::default();
     let broken = train(&Broken, 0, &[linear()], curve, Seed::new(1), &Silent);
     assert_eq!(
@@ -292,7 +298,7 @@ fn bad_requests_are_refused() {
         "cumulant column 0 is NaN at step 2: expected finite states"
     );
     let empty = unbroken(vec![0.0], 1, []);
-    assert!(attempt(&empty, 0, linear()).starts_with("no step can be scored"));
+    assert!(refusal(&empty, 0, linear()).starts_with("no step can be scored"));
 }
 
 #[derive(Default)]

@@ -136,12 +136,9 @@ impl Span {
 
     /// The range of the study, which has the ends of this one unless it says otherwise.
     fn given(self, range: &TimeRange) -> Self {
-        let instant = |at: Option<&calib_data::Moment>, otherwise: i64| {
-            at.map_or(otherwise, |at| at.instant().as_micros())
-        };
         Self {
-            start: instant(range.start.as_ref(), self.start),
-            end: instant(range.end.as_ref(), self.end),
+            start: micros_or(range.start.as_ref(), self.start),
+            end: micros_or(range.end.as_ref(), self.end),
         }
     }
 
@@ -160,10 +157,16 @@ impl Span {
     }
 }
 
+/// The time of a moment in microseconds, or `otherwise` without one.
+fn micros_or(at: Option<&calib_data::Moment>, otherwise: i64) -> i64 {
+    at.map_or(otherwise, |at| at.instant().as_micros())
+}
+
 impl fmt::Display for Span {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let at = |micros| format_time(Timestamp::from_micros(micros));
-        write!(f, "{} .. {}", at(self.start), at(self.end))
+        let [start, end] =
+            [self.start, self.end].map(|micros| format_time(Timestamp::from_micros(micros)));
+        write!(f, "{start} .. {end}")
     }
 }
 
@@ -224,8 +227,12 @@ mod tests {
     }
 
     fn range(start: &str, end: &str) -> TimeRange {
-        let moment = |text: &str| (!text.is_empty()).then(|| Moment::new(text).expect("a time"));
         TimeRange { start: moment(start), end: moment(end) }
+    }
+
+    /// The time that `text` gives, if it is not empty.
+    fn moment(text: &str) -> Option<Moment> {
+        (!text.is_empty()).then(|| Moment::new(text).expect("a time"))
     }
 
     fn divided(
@@ -238,13 +245,20 @@ mod tests {
         Ok((pretrain.context("agents are pre-trained")?, model))
     }
 
+    fn divided_for_model(period: Option<TimeRange>) -> Result<Division, StepError> {
+        divide(&Partition::Model(period), &times())
+    }
+
     #[test]
     fn a_model_may_have_a_part_of_the_training_range() {
-        let divided = |period| divide(&Partition::Model(period), &times());
-        assert_eq!(divided(None).expect("all"), Division { pretrain: None, model: 0..100 });
-        let day = divided(Some(range("1970-01-02", "1970-01-03"))).expect("a day");
+        assert_eq!(
+            divided_for_model(None).expect("all"),
+            Division { pretrain: None, model: 0..100 }
+        );
+        let day = divided_for_model(Some(range("1970-01-02", "1970-01-03"))).expect("a day");
         assert_eq!(day, Division { pretrain: None, model: 24..48 });
-        let late = divided(Some(range("1970-02-01", ""))).expect_err("too late").to_string();
+        let late =
+            divided_for_model(Some(range("1970-02-01", ""))).expect_err("too late").to_string();
         assert!(late.starts_with("model.period") && late.contains("has 0 states"), "{late}");
     }
 
@@ -265,10 +279,14 @@ mod tests {
         assert_eq!(first, (48..72, 0..24), "the model may come first");
     }
 
+    /// Why these periods are refused.
+    fn refusal(pretrain: Option<TimeRange>, model: Option<TimeRange>) -> String {
+        divided(0.5, pretrain, model).expect_err("refused").to_string()
+    }
+
     #[test]
     fn overlaps_and_empty_parts_are_refused() {
-        let refused = |period, model| divided(0.5, period, model).expect_err("refused").to_string();
-        let overlap = refused(
+        let overlap = refusal(
             Some(range("1970-01-01", "1970-01-03")),
             Some(range("1970-01-02", "1970-01-04")),
         );
@@ -277,7 +295,7 @@ mod tests {
                 && overlap.contains("(1970-01-02 00:00:00 .. 1970-01-04 00:00:00) overlap"),
             "{overlap}"
         );
-        let nothing = refused(Some(range("1970-01-01", "")), None);
+        let nothing = refusal(Some(range("1970-01-01", "")), None);
         assert!(nothing.starts_with("model.period") && nothing.contains("0 states"));
     }
 }

@@ -32,13 +32,12 @@ pub fn harmless(text: &str, lines: Lines) -> Cow<'_, str> {
 
 /// The same JSON, in which control characters that JSON itself lets through are escaped as JSON does it.
 pub fn harmless_json(json: &str) -> Cow<'_, str> {
-    let obeyed = |character: char| obeys(character) && character != '\n';
-    if !json.contains(obeyed) {
+    if !json.contains(is_obeyed_in_json) {
         return Cow::Borrowed(json);
     }
     let mut safe = String::with_capacity(json.len() + 8);
     for character in json.chars() {
-        if obeyed(character) {
+        if is_obeyed_in_json(character) {
             // Writing to a string cannot fail; all of them have four digits at most.
             let _ = write!(safe, "\\u{:04x}", u32::from(character));
         } else {
@@ -46,6 +45,11 @@ pub fn harmless_json(json: &str) -> Cow<'_, str> {
         }
     }
     Cow::Owned(safe)
+}
+
+/// Whether a terminal obeys a character of JSON, whose line breaks are calib's own.
+fn is_obeyed_in_json(character: char) -> bool {
+    obeys(character) && character != '\n'
 }
 
 /// Control characters (C0, DEL and C1), separators of lines, and marks that turn the direction of what follows.

@@ -110,31 +110,26 @@ impl AgentConfig {
     /// # Errors
     /// The first field that cannot, with what it may be.
     pub fn check(&self) -> Result<(), ControlError> {
-        let share = |value: f64| (0.0..=1.0).contains(&value);
-        let positive = |value: f64| value > 0.0 && value.is_finite();
-        let whole = |field, value: usize, range: RangeInclusive<usize>, expected| {
-            (field, value as f64, range.contains(&value), expected)
-        };
         let checks = [
-            ("step_size", self.step_size, positive(self.step_size), "a positive number"),
+            ("step_size", self.step_size, is_positive(self.step_size), "a positive number"),
             ("beta1", self.beta1, (0.0..1.0).contains(&self.beta1), "from 0 to below 1"),
-            ("temperature", self.temperature, positive(self.temperature), "a positive number"),
-            ("epsilon", self.epsilon, share(self.epsilon), "from 0 to 1"),
+            ("temperature", self.temperature, is_positive(self.temperature), "a positive number"),
+            ("epsilon", self.epsilon, is_share(self.epsilon), "from 0 to 1"),
             (
                 "initial_weight",
                 self.initial_weight,
                 self.initial_weight.is_finite(),
                 "a finite number",
             ),
-            ("lambda", self.lambda, share(self.lambda), "from 0 to 1"),
-            ("gamma", self.gamma, share(self.gamma), "from 0 to 1"),
+            ("lambda", self.lambda, is_share(self.lambda), "from 0 to 1"),
+            ("gamma", self.gamma, is_share(self.gamma), "from 0 to 1"),
             ("tilings", self.tilings as f64, (1..=64).contains(&self.tilings), "from 1 to 64"),
             ("tiles", self.tiles as f64, (1..=64).contains(&self.tiles), "from 1 to 64"),
-            whole("hidden_width", self.hidden_width, 1..=4096, "from 1 to 4096"),
-            whole("hidden_layers", self.hidden_layers, 0..=8, "from 0 to 8"),
-            whole("batch", self.batch, 1..=4096, "from 1 to 4096"),
-            whole("replay", self.replay, self.batch..=10_000_000, "from batch to 10,000,000"),
-            whole("target_steps", self.target_steps, 1..=usize::MAX, "at least 1"),
+            whole("hidden_width", self.hidden_width, &(1..=4096), "from 1 to 4096"),
+            whole("hidden_layers", self.hidden_layers, &(0..=8), "from 0 to 8"),
+            whole("batch", self.batch, &(1..=4096), "from 1 to 4096"),
+            whole("replay", self.replay, &(self.batch..=10_000_000), "from batch to 10,000,000"),
+            whole("target_steps", self.target_steps, &(1..=usize::MAX), "at least 1"),
         ];
         match checks.into_iter().find(|check| !check.2) {
             Some((field, got, _, expected)) => Err(ControlError::Field { field, got, expected }),
@@ -164,20 +159,46 @@ impl AgentConfig {
     }
 }
 
+fn is_share(value: f64) -> bool {
+    (0.0..=1.0).contains(&value)
+}
+
+fn is_positive(value: f64) -> bool {
+    value > 0.0 && value.is_finite()
+}
+
+/// The check of a field that counts: its name, what it is, whether that is in `range`, and what is expected.
+fn whole(
+    field: &'static str,
+    value: usize,
+    range: &RangeInclusive<usize>,
+    expected: &'static str,
+) -> (&'static str, f64, bool, &'static str) {
+    (field, value as f64, range.contains(&value), expected)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Memory of an agent for states of four columns and three actions.
+    fn bytes_of(config: AgentConfig) -> u64 {
+        config.bytes(4, 3).expect("few")
+    }
 
     #[test]
     fn memory_follows_from_what_is_tiled() {
         let tiles = AgentConfig::default();
         // 16 tilings of nine tiles a column and 81 a pair; a weight, two moments and the place of a trace.
-        let bytes = |config: AgentConfig| config.bytes(4, 3).expect("few");
-        assert_eq!(bytes(tiles), 3 * 16 * (4 * 9 + 6 * 81) * 16);
-        assert_eq!(bytes(AgentConfig { pairs: false, ..tiles }), 3 * 16 * 4 * 9 * 16);
+        assert_eq!(bytes_of(tiles), 3 * 16 * (4 * 9 + 6 * 81) * 16);
+        assert_eq!(bytes_of(AgentConfig { pairs: false, ..tiles }), 3 * 16 * 4 * 9 * 16);
         let network = AgentConfig { algorithm: Algorithm::DeepQLearning, ..tiles };
         let replayed = network.replay as u64 * (2 * 4 * 4 + 24);
-        assert!((replayed..replayed + 200_000).contains(&bytes(network)), "{}", bytes(network));
+        assert!(
+            (replayed..replayed + 200_000).contains(&bytes_of(network)),
+            "{}",
+            bytes_of(network)
+        );
     }
 
     #[test]

@@ -150,12 +150,14 @@ impl Network {
         self.replay.draw(config.batch, &mut self.rng, drawn);
         let actions = self.online.outputs();
         let next = self.target.forward(&drawn.nexts, &mut self.batch);
-        let best = |values: &[f32]| values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
         drawn.targets.clear();
         drawn.targets.extend(drawn.taken.iter().zip(next.chunks(actions)).map(
             |((_, outcome), values)| match outcome.ending {
                 Ending::Terminal => outcome.reward,
-                Ending::Continues => outcome.reward + config.gamma * f64::from(best(values)),
+                Ending::Continues => {
+                    let best = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                    outcome.reward + config.gamma * f64::from(best)
+                }
             },
         ));
         let outputs = self.online.forward(&drawn.states, &mut self.batch);

@@ -107,6 +107,11 @@ mod tests {
         }
     }
 
+    /// How many features both have.
+    fn shared(a: &[u32], b: &[u32]) -> usize {
+        a.iter().filter(|one| b.contains(one)).count()
+    }
+
     #[test]
     fn near_states_share_features_and_far_ones_do_not() {
         let mut coder = Tiles::new(16, 8, 2, Pairs::Too);
@@ -115,7 +120,6 @@ mod tests {
             coder.of(&state, &mut features);
             features
         };
-        let shared = |a: &[u32], b: &[u32]| a.iter().filter(|one| b.contains(one)).count();
         let here = features_of([0.5, 0.5]);
         assert!(shared(&here, &features_of([0.52, 0.5])) > 30, "of 48");
         assert_eq!(shared(&here, &features_of([0.9, 0.1])), 0);

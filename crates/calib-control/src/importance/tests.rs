@@ -64,13 +64,13 @@ fn the_value_of_another_policy_is_the_truth_of_a_chain() {
     let mut rng = Seed::new(1).rng();
     let walks: Vec<_> = (0..20_000).map(|_| walk(behaviour, &mut rng)).collect();
     let rewards = vec![-1.0_f32; 10_000];
-    let ratio = |action: usize| {
-        if action == 1 { other / behaviour } else { (1.0 - other) / (1.0 - behaviour) }
-    };
     let logged: Vec<Episode<'_>> = walks
         .iter()
         .map(|steps| {
-            let ratios: Vec<f64> = steps.iter().map(|&(_, action)| ratio(action)).collect();
+            let ratios = steps.iter().map(|&(_, action)| {
+                if action == 1 { other / behaviour } else { (1.0 - other) / (1.0 - behaviour) }
+            });
+            let ratios: Vec<f64> = ratios.collect();
             episode(&ratios, &rewards[..steps.len()], Ending::Terminal)
         })
         .collect();

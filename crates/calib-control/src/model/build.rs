@@ -2,7 +2,7 @@ use calib_core::{Monitor, States};
 use calib_files::ScratchPlace;
 use calib_knn::{Blocks, IndexKind, NeighborLists, Queries, Sources, Weights};
 
-use super::{ActionModel, ActionModelConfig, FillingTable, Rules, Starts, radius};
+use super::{ActionModel, ActionModelConfig, ActionTable, FillingTable, Rules, Starts, radius};
 use crate::{ControlError, Decisions, settings::next_states};
 
 /// Neighbours of a state: no more than there are transitions.
@@ -70,9 +70,6 @@ impl ActionModel {
                 radius::radius(&sources, std::iter::once(all), config.coverage, monitor)?
             }
         };
-        let finished = |tables: Vec<FillingTable>| {
-            tables.into_iter().map(FillingTable::finished).collect::<Vec<_>>()
-        };
         Ok(Self {
             log,
             blocks,
@@ -91,6 +88,10 @@ impl ActionModel {
     pub fn blocks(&self) -> &Blocks {
         &self.blocks
     }
+}
+
+fn finished(tables: Vec<FillingTable>) -> Vec<ActionTable> {
+    tables.into_iter().map(FillingTable::finished).collect()
 }
 
 /// The tables of a model while they are made, one a member.

@@ -120,8 +120,10 @@ pub fn open_action_model(
     } else {
         (states.clone(), observed.clone())
     };
-    let fits = |states: &States, like: &States| states.rows() == like.rows();
-    if !fits(&metric, &states) || !fits(&metric_of_starts, &observed) || observed.rows() == 0 {
+    if metric.rows() != states.rows()
+        || metric_of_starts.rows() != observed.rows()
+        || observed.rows() == 0
+    {
         return Err(folder.damaged("starts.npy"));
     }
     let blocks = Blocks::new(&transitions, record.config.members)?;
@@ -202,9 +204,9 @@ impl Folder<'_> {
         let far = format!("{kind}distances-{member}.npy");
         let distances: MappedNpy<f32> = self.map(&far, rows * levels)?;
         let k = neighbors.columns();
-        let known = |neighbor: &u32| (*neighbor as usize) < transitions;
+        let mut each = neighbors.as_slice().iter();
         if k == 0
-            || !neighbors.as_slice().iter().all(|neighbor| *neighbor == u32::MAX || known(neighbor))
+            || !each.all(|&neighbor| neighbor == u32::MAX || (neighbor as usize) < transitions)
         {
             return Err(self.damaged(&name));
         }

@@ -117,31 +117,32 @@ proptest! {
     }
 }
 
+/// By the weight of what was set alone: the mean distance between what was wanted and what was set in what is drawn.
+fn mean_miss(weight: f64) -> f64 {
+    let (log, torque) = continuous(400, 3);
+    let config = ActionModelConfig { action_weight: weight, ..ActionModelConfig::default() };
+    let model = model(log, config);
+    let mut walk = model.walk(0);
+    let mut rng = Seed::new(3).rng();
+    let mut state = [0.0; 2];
+    let mut sum = 0.0;
+    walk.start(&mut rng, &mut state);
+    for step in 0..600 {
+        let outcome = walk.step(step % 3, &mut rng, &mut state);
+        // The reward is the number of the row that a transition leads to.
+        let set = torque[outcome.reward as usize - 1];
+        sum += (set - (step % 3) as f64 + 1.0).abs() / 600.0;
+        if outcome.ending == Ending::Terminal {
+            walk.start(&mut rng, &mut state);
+        }
+    }
+    assert_eq!(walk.coverage().missing, 0);
+    sum
+}
+
 #[test]
 fn what_was_set_counts_by_its_weight() {
-    // By its weight alone, the mean distance between what was wanted and what was set in what is drawn.
-    let apart = |weight: f64| {
-        let (log, torque) = continuous(400, 3);
-        let config = ActionModelConfig { action_weight: weight, ..ActionModelConfig::default() };
-        let model = model(log, config);
-        let mut walk = model.walk(0);
-        let mut rng = Seed::new(3).rng();
-        let mut state = [0.0; 2];
-        let mut sum = 0.0;
-        walk.start(&mut rng, &mut state);
-        for step in 0..600 {
-            let outcome = walk.step(step % 3, &mut rng, &mut state);
-            // The reward is the number of the row that a transition leads to.
-            let set = torque[outcome.reward as usize - 1];
-            sum += (set - (step % 3) as f64 + 1.0).abs() / 600.0;
-            if outcome.ending == Ending::Terminal {
-                walk.start(&mut rng, &mut state);
-            }
-        }
-        assert_eq!(walk.coverage().missing, 0);
-        sum
-    };
-    let [light, even, heavy] = [0.01, 1.0, 100.0].map(apart);
+    let [light, even, heavy] = [0.01, 1.0, 100.0].map(mean_miss);
     assert!(light > 0.6 && even < 0.3 && heavy < 0.01, "{light} {even} {heavy}");
 }
 
@@ -171,29 +172,31 @@ fn a_walk_recombines_recorded_transitions_and_counts_what_it_lacks() {
     assert_eq!(walk.coverage().missing, 1);
 }
 
+/// Of 400 steps of a walk, those that are far, and those that get the worst return.
+fn far_and_worst_steps(config: ActionModelConfig) -> (u64, u64) {
+    let model = model(log(300, 5, 3), config);
+    let mut walk = model.walk(0);
+    let mut rng = Seed::new(3).rng();
+    let mut state = [0.0; 2];
+    let mut worst = 0;
+    walk.start(&mut rng, &mut state);
+    for _ in 0..400 {
+        let outcome = walk.step(rng.below(3), &mut rng, &mut state);
+        worst += u64::from(outcome.reward == -99.0);
+        if outcome.ending == Ending::Terminal {
+            walk.start(&mut rng, &mut state);
+        }
+    }
+    (walk.coverage().far, worst)
+}
+
 #[test]
 fn what_is_far_ends_an_episode_if_that_is_asked_for() {
     let wanted = ActionModelConfig { coverage: 0.5, ..ActionModelConfig::default() };
     let strict = ActionModelConfig { pessimism: Pessimism::MinimumReturn, ..wanted };
-    let far = |config: ActionModelConfig| {
-        let model = model(log(300, 5, 3), config);
-        let mut walk = model.walk(0);
-        let mut rng = Seed::new(3).rng();
-        let mut state = [0.0; 2];
-        let mut worst = 0;
-        walk.start(&mut rng, &mut state);
-        for _ in 0..400 {
-            let outcome = walk.step(rng.below(3), &mut rng, &mut state);
-            worst += u64::from(outcome.reward == -99.0);
-            if outcome.ending == Ending::Terminal {
-                walk.start(&mut rng, &mut state);
-            }
-        }
-        (walk.coverage().far, worst)
-    };
-    let (counted, ended) = far(wanted);
+    let (counted, ended) = far_and_worst_steps(wanted);
     assert!(counted > 20 && ended == 0, "{counted} {ended}");
-    let (counted, ended) = far(strict);
+    let (counted, ended) = far_and_worst_steps(strict);
     assert!(counted > 20 && ended == counted, "{counted} {ended}");
 }
 
@@ -216,27 +219,33 @@ fn half_of_the_recorded_states_lie_within_the_median_radius() {
     assert!((0.5..0.65).contains(&share), "{share}: values are on a grid, so many are alike");
 }
 
+/// Whether there is a model with so many states in which episodes begin, or why not.
+fn try_to_build(config: &ActionModelConfig, starts: usize) -> Result<(), ControlError> {
+    let log = log(60, 1, 3);
+    let metric = log.states().clone();
+    let starts = Starts { observed: metric.slice(0..starts), metric: metric.slice(0..starts) };
+    ActionModel::build(log, &metric, starts, config, 0.0, &Silent).map(|_| ())
+}
+
 #[test]
 fn impossible_models_are_refused() {
-    let build = |config: &ActionModelConfig, starts: usize| {
-        let log = log(60, 1, 3);
-        let metric = log.states().clone();
-        let starts = Starts { observed: metric.slice(0..starts), metric: metric.slice(0..starts) };
-        ActionModel::build(log, &metric, starts, config, 0.0, &Silent).map(|_| ())
-    };
-    assert!(build(&ActionModelConfig::default(), 1).is_ok());
-    assert!(matches!(build(&ActionModelConfig::default(), 0), Err(ControlError::NoStarts)));
+    assert!(try_to_build(&ActionModelConfig::default(), 1).is_ok());
+    assert!(matches!(try_to_build(&ActionModelConfig::default(), 0), Err(ControlError::NoStarts)));
     let none = ActionModelConfig { neighbors: 0, ..Default::default() };
-    assert!(build(&none, 1).expect_err("none").to_string().contains("neighbors"));
+    assert!(try_to_build(&none, 1).expect_err("none").to_string().contains("neighbors"));
+}
+
+fn with_neighbors(neighbors: usize) -> ActionModelConfig {
+    ActionModelConfig { neighbors, ..Default::default() }
 }
 
 #[test]
 fn more_neighbours_than_there_are_take_no_more_memory() {
     let log = log(60, 1, 3);
-    let config = |neighbors| ActionModelConfig { neighbors, ..Default::default() };
-    let all = ActionModel::bytes(&log, 1, &config(log.len()));
-    assert_eq!(ActionModel::bytes(&log, 1, &config(usize::MAX)), all);
+    let all = ActionModel::bytes(&log, 1, &with_neighbors(log.len()));
+    assert_eq!(ActionModel::bytes(&log, 1, &with_neighbors(usize::MAX)), all);
     let metric = log.states().clone();
     let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
-    ActionModel::build(log, &metric, starts, &config(usize::MAX), 0.0, &Silent).expect("built");
+    ActionModel::build(log, &metric, starts, &with_neighbors(usize::MAX), 0.0, &Silent)
+        .expect("built");
 }

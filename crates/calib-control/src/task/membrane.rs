@@ -1,5 +1,5 @@
 use calib_core::{Rng, Seed};
-use calib_plant::{OperatedPlant, RECIPES, TRIP_KPA, operators_rule};
+use calib_plant::{OperatedPlant, RECIPES, Recipe, TRIP_KPA, operators_rule};
 
 use super::{Rule, Task};
 use crate::{Ending, Outcome};
@@ -39,6 +39,11 @@ impl Membrane {
     }
 }
 
+/// A setting of each recipe.
+fn of_recipes(setting: fn(&Recipe) -> f64) -> Vec<f64> {
+    RECIPES.iter().map(setting).collect()
+}
+
 impl Task for Membrane {
     fn columns() -> &'static [(&'static str, f64, f64)] {
         &[
@@ -54,12 +59,11 @@ impl Task for Membrane {
     }
 
     fn settings() -> Vec<(&'static str, Vec<f64>)> {
-        let values = |value: fn(&calib_plant::Recipe) -> f64| RECIPES.iter().map(value).collect();
         vec![
-            ("PULSE_INTERVAL_S", values(|recipe| recipe.interval_secs)),
-            ("PULSE_LENGTH_S", values(|recipe| recipe.pulse_secs)),
-            ("DOSE_MG_L", values(|recipe| recipe.dose_mg_per_litre)),
-            ("FLOW_SETPOINT_L_S", values(|recipe| recipe.flow_litres_per_second)),
+            ("PULSE_INTERVAL_S", of_recipes(|recipe| recipe.interval_secs)),
+            ("PULSE_LENGTH_S", of_recipes(|recipe| recipe.pulse_secs)),
+            ("DOSE_MG_L", of_recipes(|recipe| recipe.dose_mg_per_litre)),
+            ("FLOW_SETPOINT_L_S", of_recipes(|recipe| recipe.flow_litres_per_second)),
         ]
     }
 

@@ -116,18 +116,11 @@ impl TaskKind {
 
     /// An agent that learns the task well: for Acrobot, Cart-pole and Puddle world the best of the published grid by its true return.
     pub fn good_agent(self) -> AgentConfig {
-        let agent = |step_size, beta1, initial_weight| AgentConfig {
-            step_size,
-            beta1,
-            temperature: 1.0,
-            initial_weight,
-            ..AgentConfig::default()
-        };
         match self {
-            Self::Acrobot => agent(0.03, 0.9, 0.0),
-            Self::CartPole => agent(0.3, 0.0, 8.0),
-            Self::Membrane => AgentConfig { gamma: 0.99, tilings: 8, ..agent(0.3, 0.0, 0.0) },
-            Self::Pendulum | Self::PuddleWorld => agent(0.3, 0.9, 0.0),
+            Self::Acrobot => agent_with(0.03, 0.9, 0.0),
+            Self::CartPole => agent_with(0.3, 0.0, 8.0),
+            Self::Membrane => AgentConfig { gamma: 0.99, tilings: 8, ..agent_with(0.3, 0.0, 0.0) },
+            Self::Pendulum | Self::PuddleWorld => agent_with(0.3, 0.9, 0.0),
         }
     }
 
@@ -156,4 +149,9 @@ impl TaskKind {
             Self::PuddleWorld => -45.0,
         }
     }
+}
+
+/// The default agent with these hyperparameters, at a temperature of 1.
+fn agent_with(step_size: f64, beta1: f64, initial_weight: f64) -> AgentConfig {
+    AgentConfig { step_size, beta1, temperature: 1.0, initial_weight, ..AgentConfig::default() }
 }

@@ -78,19 +78,20 @@ fn intervals_over_members_are_the_jackknifes() {
     assert_eq!((over.clusters, over.smaller), ([3, 3], Some([0, 3])));
 }
 
+fn runs_of_kind(kind: ActionModelKind, returns: &[[f64; 3]]) -> Vec<Run> {
+    runs(returns).into_iter().map(|run| Run { kind, ..run }).collect()
+}
+
 #[test]
 fn kinds_are_pooled_by_rank_and_members_of_one_block_stay_together() {
     // Neighbours cannot tell candidates 1 and 2 apart, networks prefer 2 by far, increments by a hair.
-    let of_kind = |kind: ActionModelKind, returns: &[[f64; 3]]| -> Vec<Run> {
-        runs(returns).into_iter().map(|run| Run { kind, ..run }).collect()
-    };
     let neighbors = [[-15.0, -9.0, -9.0], [-15.0, -9.0, -9.0], [-15.0, -9.0, -9.0]];
     let increments = [[-9.5, -9.1, -9.0], [-9.5, -9.1, -9.0], [-9.5, -9.0, -9.1]];
     let networks = [[-60.0, -50.0, -8.0]; 3];
     let all = [
-        of_kind(ActionModelKind::Network, &networks),
-        of_kind(ActionModelKind::Neighbors, &neighbors),
-        of_kind(ActionModelKind::Increments, &increments),
+        runs_of_kind(ActionModelKind::Network, &networks),
+        runs_of_kind(ActionModelKind::Neighbors, &neighbors),
+        runs_of_kind(ActionModelKind::Increments, &increments),
     ];
     let log = plain();
     let question = Question { rule: RankRule::MeanRank, ..question(&log) };
@@ -218,15 +219,20 @@ fn a_promise_above_the_best_recorded_episode_is_doubted() {
     assert_eq!(judged_of(&cut, &returns, support).doubts, []);
 }
 
+/// Good runs, each of which comes to so many terminals.
+fn runs_with_terminals(terminals: usize) -> Vec<Run> {
+    runs(&GOOD).into_iter().map(|run| Run { terminals, ..run }).collect()
+}
+
 #[test]
 fn terminals_that_are_rarer_by_an_order_than_in_the_log_are_doubted() {
-    let with = |terminals: usize| -> Vec<Run> {
-        let runs = runs(&GOOD).into_iter();
-        runs.map(|run| Run { terminals, ..run }).collect()
-    };
-    let rare = judged_of(&plain(), &with(0), Support::default()).doubts;
+    let rare = judged_of(&plain(), &runs_with_terminals(0), Support::default()).doubts;
     assert!(matches!(rare[..], [Doubt::RareTerminals { in_model: 0.0, in_log }] if in_log > 0.09));
-    assert_eq!(judged_of(&plain(), &with(1), Support::default()).doubts, [], "a tenth");
+    assert_eq!(
+        judged_of(&plain(), &runs_with_terminals(1), Support::default()).doubts,
+        [],
+        "a tenth"
+    );
     let support = Support { fewest_terminals: 0, ..Support::default() };
     let endless = log(&[(500, Ending::Continues); 2]);
     let returns = runs(&GOOD.map(|values| values.map(|value| value * 50.0)));
@@ -243,25 +249,27 @@ fn regret_is_what_the_best_has_more() {
     assert_eq!(regret(&truth, 4).percentile, 0.0);
 }
 
+/// Doubts of good runs whose episodes jumps moved so far.
+fn doubts_with_jumps(displacements: &[f32]) -> Vec<Doubt> {
+    let mut drift = Drift::default();
+    for &displacement in displacements {
+        drift.count(&[0.1, displacement]);
+    }
+    let each = runs(&GOOD).into_iter().map(|run| Run { drift: drift.clone(), ..run });
+    judged_of(&plain(), &each.collect::<Vec<_>>(), Support::default()).doubts
+}
+
 #[test]
 fn a_walk_that_jumps_move_on_and_on_is_doubted() {
-    let with = |displacements: &[f32]| {
-        let mut drift = Drift::default();
-        for &displacement in displacements {
-            drift.count(&[0.1, displacement]);
-        }
-        let each = runs(&GOOD).into_iter().map(|run| Run { drift: drift.clone(), ..run });
-        judged_of(&plain(), &each.collect::<Vec<_>>(), Support::default()).doubts
-    };
     // An actuator that was held at +1 and moved back in every step.
-    let doubts = with(&[-4.0, -4.4, -3.9, -4.1]);
+    let doubts = doubts_with_jumps(&[-4.0, -4.4, -3.9, -4.1]);
     assert!(
         matches!(&doubts[..], [Doubt::Displaced { column: 1, mean, .. }] if (mean + 4.1).abs() < 1e-3),
         "{doubts:?}"
     );
     // Noise is moved as far, to either side.
-    assert_eq!(with(&[-4.0, 4.4, 3.9, -4.1]), []);
-    assert_eq!(with(&[-0.4, -0.41, -0.39, -0.4]), [], "less than was recorded");
+    assert_eq!(doubts_with_jumps(&[-4.0, 4.4, 3.9, -4.1]), []);
+    assert_eq!(doubts_with_jumps(&[-0.4, -0.41, -0.39, -0.4]), [], "less than was recorded");
 }
 
 /// An actuator that is moved by increments, and that nobody ever moved beyond some level: in the model it stays below it, and every step is covered.
@@ -335,6 +343,10 @@ fn judged_beside(constants: &[ConstantReturns]) -> ReturnVerdict {
     judge(&runs(&GOOD), &question, Seed::new(1)).expect("judged")
 }
 
+fn is_worse_than_constant(doubt: &Doubt) -> bool {
+    matches!(doubt, Doubt::WorseThanConstant { action: 1, .. })
+}
+
 #[test]
 fn a_constant_action_that_is_better_beyond_chance_is_a_doubt() {
     // The choice gets -9, -11 and -8.
@@ -343,12 +355,11 @@ fn a_constant_action_that_is_better_beyond_chance_is_a_doubt() {
     assert_eq!((best.action, best.uncovered), (1, 0.1));
     assert!((best.mean_return + 13.0 / 3.0).abs() < 1e-12);
     assert!((best.over.expect("finite").mean + 5.0).abs() < 1e-12);
-    let is_worse = |doubt: &Doubt| matches!(doubt, Doubt::WorseThanConstant { action: 1, .. });
-    assert!(verdict.doubts.iter().any(is_worse), "{:?}", verdict.doubts);
+    assert!(verdict.doubts.iter().any(is_worse_than_constant), "{:?}", verdict.doubts);
     // One that may be better by chance, or whose steps nobody recorded, is none.
     for none in [constants([-4.0, -30.0, -3.1], 10), constants([-4.0, -5.9, -3.1], 90)] {
         let verdict = judged_beside(&none);
-        assert!(!verdict.doubts.iter().any(is_worse), "{:?}", verdict.doubts);
+        assert!(!verdict.doubts.iter().any(is_worse_than_constant), "{:?}", verdict.doubts);
     }
     assert_eq!(judged(&GOOD, Support::default()).constant, None, "not tried");
 }

@@ -261,23 +261,21 @@ impl DataConfig {
     /// # Errors
     /// If a value is outside its range, or two values contradict each other.
     pub fn check(&self) -> Result<(), DataError> {
-        let bad = |key: &str, got: String, expected: &'static str| {
-            Err(DataError::config(format!("data.{key}"), got, expected))
-        };
         if let Some(secs) = self.period_secs
             && Period::from_secs(secs).is_none()
         {
-            return bad("period_secs", secs.to_string(), "a positive number");
+            return refuse("period_secs", secs.to_string(), "a positive number");
         }
         self.check_text()?;
-        let is_turn = |turn: f64| turn > 0.0 && turn.is_finite();
-        if let Some((name, turn)) = self.angles.iter().find(|(_, turn)| !is_turn(**turn)) {
+        if let Some((name, turn)) =
+            self.angles.iter().find(|(_, turn)| !(**turn > 0.0 && turn.is_finite()))
+        {
             let expected = "a positive number: a full turn in the unit of the channel, such as 360 for degrees";
-            return bad(&format!("angles.{name}"), turn.to_string(), expected);
+            return refuse(&format!("angles.{name}"), turn.to_string(), expected);
         }
         if self.resample.is_some() && self.period_secs.is_none() {
             let got = "resample without period_secs".to_owned();
-            return bad(
+            return refuse(
                 "resample",
                 got,
                 "data.period_secs as well: the time from one row to the next",
@@ -286,25 +284,29 @@ impl DataConfig {
         if let Some(secs) = self.max_age_secs
             && (Period::from_secs(secs).is_none() || self.resample.is_none())
         {
-            return bad("max_age_secs", secs.to_string(), "a positive number, and data.resample");
+            return refuse(
+                "max_age_secs",
+                secs.to_string(),
+                "a positive number, and data.resample",
+            );
         }
         if !(self.gap_tolerance > 1.0 && self.gap_tolerance.is_finite()) {
             let got = self.gap_tolerance.to_string();
-            return bad("gap_tolerance", got, "a number above 1");
+            return refuse("gap_tolerance", got, "a number above 1");
         }
         if !(self.train_fraction > 0.0 && self.train_fraction <= 1.0) {
             let got = self.train_fraction.to_string();
-            return bad("train_fraction", got, "a number above 0 and at most 1");
+            return refuse("train_fraction", got, "a number above 0 and at most 1");
         }
         if self.held_out.is_some() && self.train.is_none() {
             let got = "held_out without train".to_owned();
-            return bad("held_out", got, "both ranges, or neither");
+            return refuse("held_out", got, "both ranges, or neither");
         }
         for (key, range) in [("train", &self.train), ("held_out", &self.held_out)] {
             if let Some(TimeRange { start: Some(start), end: Some(end) }) = range
                 && start.instant() >= end.instant()
             {
-                return bad(key, format!("{start} .. {end}"), "a start before the end");
+                return refuse(key, format!("{start} .. {end}"), "a start before the end");
             }
         }
         Ok(())
@@ -312,15 +314,12 @@ impl DataConfig {
 
     /// Check what concerns text files.
     fn check_text(&self) -> Result<(), DataError> {
-        let bad = |key: &str, got: String, expected: &'static str| {
-            Err(DataError::config(format!("data.{key}"), got, expected))
-        };
         if let Some(separator) = self.separator
             && (!separator.is_ascii()
                 || separator.is_ascii_alphanumeric()
                 || "\"\r\n".contains(separator))
         {
-            return bad(
+            return refuse(
                 "separator",
                 format!("{separator:?}"),
                 "one sign such as \",\", \";\" or \"\\t\"",
@@ -329,12 +328,16 @@ impl DataConfig {
         if let Some(decimal) = self.decimal
             && (!".,".contains(decimal) || self.separator == Some(decimal))
         {
-            return bad("decimal", format!("{decimal:?}"), "\".\" or \",\", and not the separator");
+            return refuse(
+                "decimal",
+                format!("{decimal:?}"),
+                "\".\" or \",\", and not the separator",
+            );
         }
         if let Some(zone) = &self.time_zone
             && Zone::new(zone).is_none()
         {
-            return bad(
+            return refuse(
                 "time_zone",
                 format!("{zone:?}"),
                 "the name of a time zone such as \"Europe/Paris\" or \"UTC\"",
@@ -367,6 +370,11 @@ impl DataConfig {
     }
 }
 
+/// An error that says which value a key of `[data]` has, and which it may have.
+fn refuse(key: &str, got: String, expected: &'static str) -> Result<(), DataError> {
+    Err(DataError::config(format!("data.{key}"), got, expected))
+}
+
 /// Periods for which a recorded value stands for what follows it, unless the study says.
 const PERIODS_OF_AGE: i64 = 10;
 
@@ -374,9 +382,12 @@ const PERIODS_OF_AGE: i64 = 10;
 mod tests {
     use super::*;
 
+    fn read(text: &str) -> Result<DataConfig, toml::de::Error> {
+        toml::from_str(text)
+    }
+
     #[test]
     fn a_value_of_where_may_be_written_as_a_number() {
-        let read = |text: &str| toml::from_str::<DataConfig>(text);
         let data = read(r#"where = { PLANT_ID = 4135001, room = "A" }"#).expect("read");
         assert_eq!(data.only["PLANT_ID"], "4135001");
         assert_eq!(data.only["room"], "A");

@@ -120,28 +120,30 @@ impl PreprocessConfig {
     /// # Errors
     /// If a value is outside its range, or two values contradict each other.
     pub fn check(&self) -> Result<(), DataError> {
-        let bad = |key: &str, got: String, expected: &'static str| {
-            Err(DataError::config(format!("preprocess.{key}"), got, expected))
-        };
         if !(0.0..=1.0).contains(&self.max_missing) {
             let got = self.max_missing.to_string();
-            return bad("max_missing", got, "a fraction from 0 to 1");
+            return refuse("max_missing", got, "a fraction from 0 to 1");
         }
         let [low, high] = self.quantiles;
         if !(0.0 <= low && low < high && high <= 1.0) {
             let got = format!("[{low}, {high}]");
-            return bad("quantiles", got, "two increasing fractions from 0 to 1");
+            return refuse("quantiles", got, "two increasing fractions from 0 to 1");
         }
         if self.clip && self.normalise == Normalisation::Standard {
             let expected = "false with normalise = \"standard\", which has no ends to clip to";
-            return bad("clip", "true".to_owned(), expected);
+            return refuse("clip", "true".to_owned(), expected);
         }
         if let Some(decay) = self.traces.iter().find(|decay| !(0.0..1.0).contains(*decay)) {
-            return bad("traces", decay.to_string(), "decay rates from 0 to below 1");
+            return refuse("traces", decay.to_string(), "decay rates from 0 to below 1");
         }
         if self.subsample == 0 {
-            return bad("subsample", "0".to_owned(), "a whole number of at least 1");
+            return refuse("subsample", "0".to_owned(), "a whole number of at least 1");
         }
         Ok(())
     }
+}
+
+/// An error that says which value a key of `[preprocess]` has, and which it may have.
+fn refuse(key: &str, got: String, expected: &'static str) -> Result<(), DataError> {
+    Err(DataError::config(format!("preprocess.{key}"), got, expected))
 }

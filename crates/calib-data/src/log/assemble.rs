@@ -181,15 +181,12 @@ impl Planned {
         {
             split::refuse_lopsided(data.train_fraction, &rows.timestamps, &train, held_out)?;
         }
-        // By the training range where that is enough: what is held out must not change what a model follows from.
-        let detected = || {
-            gaps::detect_period(&rows.timestamps[train.clone()])
-                .or_else(|| gaps::detect_period(&rows.timestamps))
-        };
         let period = data
             .period_secs
             .and_then(Period::from_secs)
-            .or_else(detected)
+            // By the training range where that is enough: what is held out must not change what a model follows from.
+            .or_else(|| gaps::detect_period(&rows.timestamps[train.clone()]))
+            .or_else(|| gaps::detect_period(&rows.timestamps))
             .ok_or_else(|| DataError::NoPeriod { at: format_time(rows.timestamps[0]) })?;
         Ok(Log {
             steps: gaps::find_steps(&rows.timestamps, &rows.breaks, period, data.gap_tolerance),

@@ -57,10 +57,6 @@ pub enum ContradictionCause {
 impl ContradictionCause {
     /// What to do about contradictions with this cause.
     pub(crate) fn remedy(cause: Option<&Self>) -> String {
-        let named = |values: &[String]| {
-            let more = if values.len() > NAMED { ", …" } else { "" };
-            format!("{}{more}", values.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", "))
-        };
         match cause {
             Some(Self::Column { column, values }) => format!(
                 "They are of {} different {column:?} ({}): choose one with data.where, on the command line as --set 'data.where={{ {column:?} = {:?} }}'",
@@ -88,6 +84,12 @@ impl ContradictionCause {
     }
 }
 
+/// The first of some values.
+fn named(values: &[String]) -> String {
+    let more = if values.len() > NAMED { ", …" } else { "" };
+    format!("{}{more}", values.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", "))
+}
+
 /// For each row of the log, the file whose row it is.
 fn owners(rows: &Rows) -> Vec<u32> {
     let mut owners = vec![0; rows.timestamps.len()];
@@ -110,21 +112,22 @@ impl Log {
         }
         let owners = owners(rows);
         let mut apart: HashMap<(u32, u32), bool> = HashMap::new();
-        let is_in = |channel: &Channel, file: u32| channel.positions.contains_key(&(file as usize));
-        let is_merged = |kept: u32, other: u32| {
-            kept != other
-                && !self
-                    .channels
-                    .iter()
-                    .any(|channel| is_in(channel, kept) && is_in(channel, other))
-        };
         let mut merged = 0;
         for duplicate in &rows.duplicates {
             let files = (owners[duplicate.row as usize], duplicate.file);
-            let is_apart = apart.entry(files).or_insert_with(|| is_merged(files.0, files.1));
+            let is_apart = apart
+                .entry(files)
+                .or_insert_with(|| files.0 != files.1 && !self.share_a_channel(files.0, files.1));
             merged += u64::from(*is_apart);
         }
         merged
+    }
+
+    fn share_a_channel(&self, one: u32, other: u32) -> bool {
+        self.channels.iter().any(|channel| {
+            channel.positions.contains_key(&(one as usize))
+                && channel.positions.contains_key(&(other as usize))
+        })
     }
 
     /// Why rows of wide files contradict each other, if a column or their files tell.
@@ -182,13 +185,12 @@ impl Log {
             return Ok(None);
         }
         let duplicates = &self.recorded().duplicates;
-        let differs = |(duplicate, code): (&super::rows::Duplicate, &f64)| {
+        let different = duplicates.iter().zip(&others).filter(|(duplicate, code)| {
             let kept = codes[duplicate.row as usize];
             !kept.is_nan() && !code.is_nan() && kept.to_bits() != code.to_bits()
-        };
-        let different = duplicates.iter().zip(&others).filter(|pair| differs(*pair)).count();
+        });
         values.sort();
-        Ok((different as f64 >= EXPLAINED * duplicates.len() as f64).then_some(values))
+        Ok((different.count() as f64 >= EXPLAINED * duplicates.len() as f64).then_some(values))
     }
 }
 

@@ -135,11 +135,7 @@ pub(crate) fn notations(
             if found.left.is_empty() {
                 // Damaged lines of one file are told by how the others write times.
                 let cells = file.dialect.cells(time);
-                let reads = |notation: &&Notation| {
-                    2 * cells.iter().filter(|cell| notation.read(cell).is_some()).count()
-                        > cells.len()
-                };
-                match told.iter().find(reads) {
+                match told.iter().find(|notation| reads_most(notation, &cells)) {
                     Some(notation) => return Ok(notation.clone()),
                     None => found = checked(found, file, time)?,
                 }
@@ -156,16 +152,21 @@ pub(crate) fn notations(
         .collect()
 }
 
+/// Whether a notation reads more than half of the cells.
+fn reads_most(notation: &Notation, cells: &[&str]) -> bool {
+    2 * cells.iter().filter(|cell| notation.read(cell).is_some()).count() > cells.len()
+}
+
 fn checked(found: Candidates, file: &TextFile, time: usize) -> Result<Candidates, DataError> {
-    let line = |text: &str| {
-        file.dialect.line_of(time, text).map_or_else(String::new, |line| format!("line {line}: "))
-    };
     let reason = match &found.unreadable {
-        Some(Unreadable::Cell(text)) if found.left.is_empty() => format!(
-            "{}{} is in no notation that is known and that the others have; say how it is written with data.timestamp_format, such as \"%d.%m.%Y %H:%M:%S\"",
-            line(text),
-            shown(text)
-        ),
+        Some(Unreadable::Cell(text)) if found.left.is_empty() => {
+            let line = file.dialect.line_of(time, text);
+            format!(
+                "{}{} is in no notation that is known and that the others have; say how it is written with data.timestamp_format, such as \"%d.%m.%Y %H:%M:%S\"",
+                line.map_or_else(String::new, |line| format!("line {line}: ")),
+                shown(text)
+            )
+        }
         Some(Unreadable::Numbers(reason)) if found.left.is_empty() => reason.clone(),
         _ => return Ok(found),
     };

@@ -38,13 +38,14 @@ impl Passes {
 
     /// Rows of the log that come from another pass over the same instants than the row before them.
     pub(super) fn breaks(&self) -> Vec<u32> {
-        let breaks = |pair: &[(usize, u32)]| {
-            let [(before, earlier), (file, later)] = *pair else { return false };
-            let passes = (file, earlier.min(later), earlier.max(later));
-            before == file && self.repeated.contains(&passes)
-        };
-        let rows = self.kept.windows(2).enumerate().filter(|(_, pair)| breaks(pair));
+        let rows = self.kept.windows(2).enumerate().filter(|(_, pair)| self.is_break(pair));
         rows.map(|(row, _)| row as u32 + 1).collect()
+    }
+
+    fn is_break(&self, pair: &[(usize, u32)]) -> bool {
+        let [(before, earlier), (file, later)] = *pair else { return false };
+        let passes = (file, earlier.min(later), earlier.max(later));
+        before == file && self.repeated.contains(&passes)
     }
 }
 

@@ -108,13 +108,16 @@ pub(crate) fn place(
 mod tests {
     use super::*;
 
+    fn cells(values: &[f64]) -> Vec<u64> {
+        let cells = values.iter().map(|&value| {
+            let cell = if value.is_nan() { Cell::Missing } else { Cell::Number(value) };
+            cell.encode()
+        });
+        cells.collect()
+    }
+
     #[test]
     fn each_instant_comes_once_and_contradictions_are_told() {
-        let cells = |values: &[f64]| -> Vec<u64> {
-            let cell =
-                |&value: &f64| if value.is_nan() { Cell::Missing } else { Cell::Number(value) };
-            values.iter().map(|value| cell(value).encode()).collect()
-        };
         let nan = f64::NAN;
         let times = [1, 1, 2, 2, 3, 3, 3];
         let values = cells(&[nan, 5.0, 6.0, 6.0, 7.0, nan, 8.0]);

@@ -30,13 +30,16 @@ pub(super) fn prefixes(paths: &[&Path]) -> Vec<String> {
     let stems: Vec<String> = paths.iter().map(|path| tag_of_path(path)).collect();
     let tell =
         stems.iter().all(|stem| !stem.is_empty()) && stems.iter().any(|stem| *stem != stems[0]);
-    let folder = |path: &Path| {
-        let folder = path.parent().and_then(Path::file_name).unwrap_or_default();
-        let folder = folder.to_string_lossy();
-        folder.split_once('=').map_or(folder.as_ref(), |(_, value)| value).to_owned()
-    };
-    let names = paths.iter().zip(stems).map(|(path, stem)| if tell { stem } else { folder(path) });
+    let names =
+        paths.iter().zip(stems).map(|(path, stem)| if tell { stem } else { folder_of(path) });
     names.map(|name| format!("{name} ")).collect()
+}
+
+/// The name of the folder that a file lies in; of `key=value` the value.
+fn folder_of(path: &Path) -> String {
+    let folder = path.parent().and_then(Path::file_name).unwrap_or_default();
+    let folder = folder.to_string_lossy();
+    folder.split_once('=').map_or(folder.as_ref(), |(_, value)| value).to_owned()
 }
 
 /// A name without a date at its end, from `2024-03` to `2024-03-01T06-00-00`: eight digits or more, or a year and
@@ -56,15 +59,12 @@ fn without_date(stem: &str) -> &str {
     // Numbers of the tag itself may stand before the date: PIT_300_2024-03-01.
     for skipped in 0..fields.len() {
         let date = &fields[skipped..];
-        let year = |field: &str| field.len() == 4 && ("1970".."2100").contains(&field);
-        let month = |field: &str| field.len() == 2 && ("01"..="12").contains(&field);
-        let day = |field: &str| ("01"..="31").contains(&field);
         let is_date = match date {
             // 20240001 is a serial number.
             [first, ..] if (8..=14).contains(&first.len()) => {
-                year(&first[..4]) && month(&first[4..6]) && day(&first[6..8])
+                is_year(&first[..4]) && is_month(&first[4..6]) && is_day(&first[6..8])
             }
-            [first, second, ..] => year(first) && month(second),
+            [first, second, ..] => is_year(first) && is_month(second),
             _ => false,
         };
         if is_date {
@@ -76,13 +76,28 @@ fn without_date(stem: &str) -> &str {
     stem
 }
 
+fn is_year(field: &str) -> bool {
+    field.len() == 4 && ("1970".."2100").contains(&field)
+}
+
+fn is_month(field: &str) -> bool {
+    field.len() == 2 && ("01"..="12").contains(&field)
+}
+
+fn is_day(field: &str) -> bool {
+    ("01"..="31").contains(&field)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn tag(path: &str) -> String {
+        tag_of_path(Path::new(path))
+    }
+
     #[test]
     fn tags_are_told_from_dates_in_names_of_files() {
-        let tag = |path: &str| tag_of_path(Path::new(path));
         assert_eq!(tag("logs/PIT300.csv.gz"), "PIT300");
         assert_eq!(tag("logs/PIT_300_2024-03-01.csv"), "PIT_300");
         assert_eq!(tag("PIT300_20240301T060000.parquet"), "PIT300");

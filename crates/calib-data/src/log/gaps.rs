@@ -69,12 +69,15 @@ pub(crate) fn find_steps(
 
 /// Keep a gap if it is one of the longest; of equals the earlier one.
 fn note_gap(longest: &mut Vec<(Timestamp, Timestamp)>, gap: (Timestamp, Timestamp)) {
-    let length = |gap: &(Timestamp, Timestamp)| gap.1.micros_since(gap.0);
-    let place = longest.partition_point(|known| length(known) >= length(&gap));
+    let place = longest.partition_point(|&known| length(known) >= length(gap));
     if place < EXAMPLES {
         longest.insert(place, gap);
         longest.truncate(EXAMPLES);
     }
+}
+
+fn length((from, to): (Timestamp, Timestamp)) -> i64 {
+    to.micros_since(from)
 }
 
 /// The parts of the stretches that lie inside `part`.
@@ -94,9 +97,12 @@ mod tests {
         seconds.iter().map(|secs| Timestamp::from_micros((secs * 1e6) as i64)).collect()
     }
 
+    fn period(times: &[f64]) -> Option<f64> {
+        detect_period(&seconds(times)).map(Period::as_secs)
+    }
+
     #[test]
     fn the_period_is_the_median_step() {
-        let period = |times: &[f64]| detect_period(&seconds(times)).map(Period::as_secs);
         assert_eq!(period(&[0.0, 1.0, 2.0, 3.0, 60.0]), Some(1.0));
         assert_eq!(period(&[0.0, 0.9, 2.0, 3.0, 4.0]), Some(1.0));
         assert_eq!(period(&[0.0, 60.0]), Some(60.0));

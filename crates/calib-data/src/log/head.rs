@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     DataConfig, DataError,
-    text::{Notation, TextFile, is_annotated},
+    text::{Candidates, Decimal, Notation, TextFile, is_annotated, parse_number},
 };
 
 /// A file that was opened, and nothing else.
@@ -101,17 +101,6 @@ const DAMAGED: usize = 20;
 
 /// What the cells of a text column are; without any they may become numbers.
 fn kind_of(cells: &[&str]) -> FieldKind {
-    use crate::text::{Decimal, parse_number};
-    let is_number = |cell: &str| {
-        [Decimal::Point, Decimal::Comma]
-            .iter()
-            .any(|&decimal| parse_number(cell, decimal).is_some())
-    };
-    let is_time = |cell: &str| {
-        let found = || crate::text::Candidates::of(&[cell], None).left;
-        !is_number(cell)
-            && found().first().is_some_and(|notation| !matches!(notation, Notation::Number(_)))
-    };
     // Lines may be damaged, but not many of them.
     let mut others = cells.iter().filter(|cell| !is_time(cell));
     if !cells.is_empty() && others.nth(cells.len() / DAMAGED).is_none() {
@@ -121,6 +110,19 @@ fn kind_of(cells: &[&str]) -> FieldKind {
     } else {
         FieldKind::Text
     }
+}
+
+fn is_number(cell: &str) -> bool {
+    [Decimal::Point, Decimal::Comma].iter().any(|&decimal| parse_number(cell, decimal).is_some())
+}
+
+/// Whether a cell is a time that is no number.
+fn is_time(cell: &str) -> bool {
+    !is_number(cell)
+        && Candidates::of(&[cell], None)
+            .left
+            .first()
+            .is_some_and(|notation| !matches!(notation, Notation::Number(_)))
 }
 
 /// Whether a file is Parquet: by its name, or else by its first bytes.

@@ -143,8 +143,11 @@ impl Log {
         let log = Self::open(&whole, monitor)?;
         Names::new(&data.include).check(log.channels.iter().flat_map(Channel::names))?;
         let chosen = Chosen::of(data);
-        let is_wanted = |channel: &Channel| channel.readable && chosen.has(&channel.names());
-        let wanted = (0..log.channels.len()).filter(|&at| is_wanted(&log.channels[at])).collect();
+        let channels = log.channels.iter().enumerate();
+        let wanted = channels
+            .filter(|(_, channel)| channel.readable && chosen.has(&channel.names()))
+            .map(|(position, _)| position)
+            .collect();
         Ok((log, wanted))
     }
 
@@ -263,23 +266,17 @@ fn row_ranges(
     let rows = |key, configured: Option<String>, range: &Range<i64>| {
         let rows = split::rows_in(timestamps, range);
         if rows.is_empty() {
-            let at = |micros| format_time(Timestamp::from_micros(micros));
-            return Err(DataError::OutsideData {
-                key,
-                range: configured.unwrap_or_default(),
-                start: at(first),
-                end: at(last),
-            });
+            let range = configured.unwrap_or_default();
+            let [start, end] =
+                [first, last].map(|micros| format_time(Timestamp::from_micros(micros)));
+            return Err(DataError::OutsideData { key, range, start, end });
         }
         Ok(rows)
     };
-    let text = |range: &Option<crate::TimeRange>| range.as_ref().map(ToString::to_string);
-    let train = rows("train", text(&data.train), &split.train)?;
-    let held_out = split
-        .held_out
-        .as_ref()
-        .map(|range| rows("held_out", text(&data.held_out), range))
-        .transpose()?;
+    let train = rows("train", data.train.as_ref().map(ToString::to_string), &split.train)?;
+    let configured = data.held_out.as_ref().map(ToString::to_string);
+    let held_out =
+        split.held_out.as_ref().map(|range| rows("held_out", configured, range)).transpose()?;
     Ok((train, held_out))
 }
 

@@ -248,7 +248,9 @@ fn tables(
     }
     let bad_rows = store.bad_rows.clone();
     bad_rows.refuse(files.iter().map(|file| file.rows as u64).sum(), data)?;
-    let (mut instants, mut left_out, mut next) = (Vec::with_capacity(files.len()), 0, 0);
+    let mut instants = Vec::with_capacity(files.len());
+    let mut left_out = 0;
+    let mut next = 0;
     let period = data.period_secs.and_then(Period::from_secs).map_or(1, Period::as_micros);
     let mut without_times = false;
     let mut spread = BTreeSet::new();
@@ -327,10 +329,16 @@ fn summary(head: &Head, rows: usize) -> FileSummary {
     FileSummary { path: head.path().to_owned(), bytes, rows }
 }
 
+/// Folders that are dates or tags.
+const NO_PLANTS: [&str; 10] =
+    ["year", "month", "day", "date", "dt", "hour", "tag", "sensor", "point", "channel"];
+
+fn is_plant(key: &str) -> bool {
+    !NO_PLANTS.contains(&key.to_lowercase().as_str())
+}
+
 /// Of samples the times of a file are not known apart: folders that are no dates and no tags are plants.
 fn refuse_several_plants(sources: &[PartitionedFile]) -> Result<(), DataError> {
-    let known = ["year", "month", "day", "date", "dt", "hour", "tag", "sensor", "point", "channel"];
-    let is_plant = |key: &str| !known.contains(&key.to_lowercase().as_str());
     sources.windows(2).try_for_each(|pair| refuse_pair(&pair[0], &pair[1], &is_plant))
 }
 

@@ -249,10 +249,10 @@ mod tests {
         let last = values(&grid(Resample::Last, 10, 20, from_ref(&(0..60))), &samples);
         assert_eq!(last, [(10, 1.0), (20, 2.0), (30, 2.0), (50, 4.0)]);
         let linear = values(&grid(Resample::Linear, 10, 38, from_ref(&(0..60))), &samples);
-        let close = |(time, value): (i64, f64)| (time, (value * 1e6).round() / 1e6);
+        let linear = linear.into_iter().map(|(time, value)| (time, (value * 1e6).round() / 1e6));
         let expected =
             [(10, 1.777_778), (20, 2.421_053), (30, 2.947_368), (40, 3.473_684), (50, 4.0)];
-        assert_eq!(linear.into_iter().map(close).collect::<Vec<_>>(), expected);
+        assert_eq!(linear.collect::<Vec<_>>(), expected);
         let mean = values(&grid(Resample::Mean, 10, 20, from_ref(&(0..60))), &samples);
         // From 3 to 10 it was 1; from 10 to 12 still, then 2 until 32; at 50 there is nothing but the value itself.
         assert_eq!(mean, [(10, 1.0), (20, 1.8), (30, 2.0), (50, 4.0)]);
@@ -273,12 +273,13 @@ mod tests {
         assert_eq!(late, [(10, 1.0), (30, 2.0)], "20 is before the first sample of its range");
     }
 
+    fn bridged(times: &[i64], max_age: i64) -> Bridged {
+        grid(Resample::Last, 10, max_age, from_ref(&(0..4_000))).bridged(times)
+    }
+
     #[test]
     fn stops_that_values_stand_over_are_counted() {
         let often: Vec<i64> = (0..100).chain(1_300..1_400).chain(3_000..3_100).collect();
-        let bridged = |times: &[i64], max_age| {
-            grid(Resample::Last, 10, max_age, from_ref(&(0..4_000))).bridged(times)
-        };
         assert_eq!(bridged(&often, 1_250), Bridged { count: 1, longest: 1_201, usual: 1 });
         assert_eq!(bridged(&often, 1_800).count, 2);
         assert_eq!(bridged(&often, 100), Bridged::default(), "missing there");
@@ -319,11 +320,11 @@ mod tests {
             // The mean over a period is the mean over its microseconds.
             let mean = values(&grid(Resample::Mean, period, max_age, from_ref(&range)), &samples);
             for (row, value) in mean {
-                let at = |micro: i64| {
+                let stood = (row - period..row).filter_map(|micro| {
                     let last = times.iter().rev().find(|time| **time <= micro && range.contains(time))?;
                     (micro - last < max_age).then_some(*last as f64)
-                };
-                let stood: Vec<f64> = (row - period..row).filter_map(at).collect();
+                });
+                let stood: Vec<f64> = stood.collect();
                 if stood.is_empty() {
                     prop_assert!(value.is_nan() || times.contains(&row));
                 } else {

@@ -292,6 +292,10 @@ mod tests {
         assert_eq!(rows.irregularities.outside, 4);
     }
 
+    fn repeat(file_row: u32, row: u32) -> Duplicate {
+        Duplicate { file: 0, file_row, row }
+    }
+
     #[test]
     fn a_step_back_is_sorted_and_repeats_are_dropped() {
         // Clocks go back after 3: 2 and 3 are logged twice.
@@ -302,7 +306,6 @@ mod tests {
         let at = Timestamp::from_micros;
         assert_eq!(irregular.first_backward_steps, [(0, at(3), at(2))]);
         assert_eq!(rows.maps[0], RowMap::Scattered(vec![0, 1, 2, LEFT_OUT, LEFT_OUT, 3]));
-        let repeat = |file_row, row| Duplicate { file: 0, file_row, row };
         assert_eq!(rows.duplicates, [repeat(3, 1), repeat(4, 2)]);
         assert_eq!(rows.breaks, [3], "4 was recorded after the second 3, not after the first");
     }

@@ -237,13 +237,16 @@ mod tests {
     use super::*;
     use crate::DataConfig;
 
+    fn number(value: f64) -> u64 {
+        Cell::Number(value).encode()
+    }
+
     #[test]
     fn samples_come_back_by_tag_and_time() {
         let store = Store::new(&DataConfig::default()).expect("memory");
         let mut sink = Sink::new(store);
         let [b, a] = ["b", "a"].map(|name| sink.tag(name).expect("memory"));
         assert_eq!(sink.tag("b").expect("memory"), b);
-        let number = |value: f64| Cell::Number(value).encode();
         for (tag, time, value) in [(b, 2, 1.0), (a, 5, 2.0), (b, 1, 3.0)] {
             sink.push(tag, time, number(value)).expect("memory");
         }

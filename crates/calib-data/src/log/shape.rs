@@ -44,9 +44,9 @@ pub(crate) enum Recognised {
 
 /// The position of the time column of each file.
 pub(crate) fn time_column(head: &Head, columns: &[HeadColumn], data: &DataConfig) -> Option<usize> {
-    let named = |name: &str| columns.iter().position(|column| column.name == name);
-    if let Some(position) = named(&data.timestamp) {
-        return Some(position);
+    let named = columns.iter().position(|column| column.name == data.timestamp);
+    if named.is_some() {
+        return named;
     }
     if data.timestamp != DataConfig::default().timestamp {
         return None;
@@ -88,13 +88,12 @@ fn recognise_apart(
     times: &[usize],
     data: &DataConfig,
 ) -> Result<Recognised, DataError> {
-    let refused = |reason: String| Err(DataError::Shape { reason });
     let annotated = heads.iter().filter(|head| matches!(head, Head::Annotated(..))).count();
     if annotated > 0 {
         return if annotated == heads.len() {
             Ok(Recognised::Annotated)
         } else {
-            refused("some files are annotated CSV of InfluxDB and others are not; name those of one kind with data.path".to_owned())
+            refuse("some files are annotated CSV of InfluxDB and others are not; name those of one kind with data.path".to_owned())
         };
     }
     if data.shape == Some(Shape::Wide) {
@@ -107,7 +106,7 @@ fn recognise_apart(
     if let Some(first) = long.iter().position(Option::is_some) {
         let Some(roles) = long.iter().cloned().collect::<Option<Vec<Roles>>>() else {
             let other = long.iter().position(Option::is_none).unwrap_or(0);
-            return refused(format!(
+            return refuse(format!(
                 "{} is a long table, a row for each sample of a tag, and {} is not; name files of one kind with data.path",
                 heads[first].path().display(),
                 heads[other].path().display()
@@ -116,12 +115,16 @@ fn recognise_apart(
         return Ok(Recognised::Samples(Shape::Long, roles));
     }
     if data.shape == Some(Shape::Long) {
-        return refused(format!(
+        return refuse(format!(
             "{} has no column that is known to name tags, or none of values; say which they are with data.tag and data.value",
             heads[0].path().display()
         ));
     }
     file_per_tag(heads, times, data)
+}
+
+fn refuse(reason: String) -> Result<Recognised, DataError> {
+    Err(DataError::Shape { reason })
 }
 
 /// The roles of the columns, if the file is a long table.
@@ -245,10 +248,10 @@ fn quality_column(
     data: &DataConfig,
 ) -> Result<Option<usize>, DataError> {
     let Some(name) = &data.quality else {
-        let is = |at: usize, known: &str| at != time && plain(&columns[at].name) == known;
-        return Ok(QUALITIES
-            .iter()
-            .find_map(|known| (0..columns.len()).find(|&column| is(column, known))));
+        return Ok(QUALITIES.iter().find_map(|known| {
+            (0..columns.len())
+                .find(|&column| column != time && plain(&columns[column].name) == *known)
+        }));
     };
     let position = columns.iter().position(|column| column.name == *name);
     position.map(Some).ok_or_else(|| DataError::Shape {
@@ -299,8 +302,7 @@ fn file_per_tag(
     };
     let columns: BTreeSet<&str> = files.iter().map(|file| file.name.as_str()).collect();
     let stems: Vec<String> = heads.iter().map(|head| tag_of_path(head.path())).collect();
-    let generic = |name: &str| VALUES.contains(&plain(name).as_str());
-    let by_file = files.iter().all(|file| generic(&file.name));
+    let by_file = files.iter().all(|file| VALUES.contains(&plain(&file.name).as_str()));
     let one_sensor = !by_file && columns.len() == 1;
     let cut_by_date = by_file && stems.iter().all(String::is_empty);
     if !is_asked && (files.len() < 2 || one_sensor || cut_by_date) {
@@ -326,17 +328,19 @@ struct Single {
 fn single_value(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Single>, DataError> {
     let columns = head.columns();
     let quality = quality_column(head, &columns, time, data)?;
-    let is_aside = |column: usize| {
-        let name = plain(&columns[column].name);
-        [&QUALITIES[..], &REMARKS, &ORIGINS].concat().contains(&name.as_str()) && columns.len() > 2
-    };
     let values: Vec<usize> = match &data.value {
         Some(name) => (0..columns.len()).filter(|&column| columns[column].name == *name).collect(),
         None => (0..columns.len())
             .filter(|&column| !matches!(columns[column].kind, FieldKind::Time | FieldKind::Other))
-            .filter(|&column| column != time && Some(column) != quality && !is_aside(column))
+            .filter(|&column| column != time && Some(column) != quality)
+            .filter(|&column| columns.len() <= 2 || !is_aside(&columns[column].name))
             .collect(),
     };
     let [value] = values[..] else { return Ok(None) };
     Ok(Some(Single { name: columns[value].name.clone(), value, quality }))
+}
+
+/// Whether a column is called as those are that say something about values.
+fn is_aside(name: &str) -> bool {
+    [&QUALITIES[..], &REMARKS, &ORIGINS].concat().contains(&plain(name).as_str())
 }

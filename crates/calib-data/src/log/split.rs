@@ -24,13 +24,10 @@ impl Split {
             let start = range.start.as_ref().map_or(first, |at| data.instant(at).as_micros());
             let end = range.end.as_ref().map_or(last + 1, |at| data.instant(at).as_micros());
             if start > last || end <= first || start >= end {
-                let at = |micros| format_time(Timestamp::from_micros(micros));
-                return Err(DataError::OutsideData {
-                    key,
-                    range: range.to_string(),
-                    start: at(first),
-                    end: at(last),
-                });
+                let range = range.to_string();
+                let [start, end] =
+                    [first, last].map(|micros| format_time(Timestamp::from_micros(micros)));
+                return Err(DataError::OutsideData { key, range, start, end });
             }
             Ok(start..end)
         };
@@ -94,11 +91,10 @@ pub(crate) fn refuse_lopsided(
     train: &Range<usize>,
     held_out: &Range<usize>,
 ) -> Result<(), DataError> {
-    let gap = |pair: &[Timestamp]| pair[1].as_micros().saturating_sub(pair[0].as_micros());
-    let Some(longest) = timestamps.windows(2).max_by_key(|pair| gap(pair)) else { return Ok(()) };
+    let Some(longest) = timestamps.windows(2).max_by_key(|pair| step(pair)) else { return Ok(()) };
     let first = timestamps[0];
     let last = timestamps[timestamps.len() - 1];
-    let most_of_it = gap(longest) > last.as_micros().saturating_sub(first.as_micros()) / 2;
+    let most_of_it = step(longest) > last.as_micros().saturating_sub(first.as_micros()) / 2;
     let rows = (train.len() + held_out.len()) as f64;
     let lacks = |part: &Range<usize>, share: f64| (part.len() as f64) < LEAST_SHARE * share * rows;
     if most_of_it && (lacks(train, fraction) || lacks(held_out, 1.0 - fraction)) {
@@ -111,6 +107,11 @@ pub(crate) fn refuse_lopsided(
     Ok(())
 }
 
+/// Microseconds from one row to the next.
+fn step(pair: &[Timestamp]) -> i64 {
+    pair[1].as_micros().saturating_sub(pair[0].as_micros())
+}
+
 /// A range that has fewer rows than this share of those that its share of the time would have.
 const LEAST_SHARE: f64 = 0.01;
 
@@ -119,8 +120,11 @@ mod tests {
     use super::*;
     use crate::Moment;
 
+    fn moment(text: &str) -> Option<Moment> {
+        (!text.is_empty()).then(|| Moment::new(text).expect("a time"))
+    }
+
     fn range(start: &str, end: &str) -> TimeRange {
-        let moment = |text: &str| (!text.is_empty()).then(|| Moment::new(text).expect("a time"));
         TimeRange { start: moment(start), end: moment(end) }
     }
 
@@ -139,23 +143,25 @@ mod tests {
         assert_eq!((one_row.train, one_row.held_out), (100..101, None));
     }
 
+    /// Whether rows may be divided after so many.
+    fn divided(times: &[Timestamp], train: usize) -> Result<(), String> {
+        let held_out = train..times.len();
+        refuse_lopsided(0.8, times, &(0..train), &held_out).map_err(|error| error.to_string())
+    }
+
     #[test]
     fn a_date_that_stands_for_something_else_is_told() {
         let mut times: Vec<Timestamp> =
             (1..1000).map(|hour| Timestamp::from_micros(DAY * 20_000 + hour * DAY / 24)).collect();
-        let check = |times: &[Timestamp], train: usize| {
-            let (train, held_out) = (0..train, train..times.len());
-            refuse_lopsided(0.8, times, &train, &held_out).map_err(|error| error.to_string())
-        };
-        assert_eq!(check(&times, 998), Ok(()), "no gap");
+        assert_eq!(divided(&times, 998), Ok(()), "no gap");
         times.push(Timestamp::from_micros(DAY * 370_000));
-        let late = check(&times, 999).expect_err("2983");
+        let late = divided(&times, 999).expect_err("2983");
         assert!(late.contains("999 rows") && late.contains("2983"), "{late}");
         times.pop();
         times.insert(0, Timestamp::from_micros(0));
-        let early = check(&times, 1).expect_err("1970");
+        let early = divided(&times, 1).expect_err("1970");
         assert!(early.contains("1970-01-01"), "{early}");
-        assert_eq!(check(&times, 500), Ok(()), "two periods far apart");
+        assert_eq!(divided(&times, 500), Ok(()), "two periods far apart");
     }
 
     #[test]
@@ -170,16 +176,17 @@ mod tests {
         assert_eq!(split.held_out, Some(2 * DAY..4 * DAY + 1));
     }
 
+    fn message(data: &DataConfig) -> String {
+        let error = Split::new(data, DAY, 3 * DAY).expect_err("refused");
+        error.to_string()
+    }
+
     #[test]
     fn overlaps_and_ranges_outside_the_data_are_refused() {
         let mut data = DataConfig {
             train: Some(range("1970-01-02", "1970-01-04")),
             held_out: Some(range("1970-01-03T12:00:00", "1970-01-05")),
             ..DataConfig::default()
-        };
-        let message = |data: &DataConfig| {
-            let error = Split::new(data, DAY, 3 * DAY).expect_err("refused");
-            error.to_string()
         };
         let overlap = message(&data);
         assert!(

@@ -93,19 +93,23 @@ pub(crate) fn join_fields(head: &mut Head) -> Option<usize> {
         .iter()
         .filter_map(|name| file.columns().iter().position(|column| column.name == *name))
         .collect();
-    let holds = |(&column, [low, high]): (&usize, [f64; 2])| {
-        let cells = file.dialect.cells(column);
-        let is = |cell: &&&str| {
-            cell.parse::<f64>()
-                .is_ok_and(|number| number.fract() == 0.0 && (low..=high).contains(&number))
-        };
-        !cells.is_empty() && cells.iter().all(|cell| is(&cell))
-    };
-    if fields.len() < 3 || !fields.iter().zip(RANGES).all(holds) {
+    let mut ranged = fields.iter().zip(RANGES);
+    if fields.len() < 3
+        || !ranged.all(|(&column, range)| are_whole_in(range, &file.dialect.cells(column)))
+    {
         return None;
     }
     file.join_fields(&fields);
     Some(fields[0])
+}
+
+/// Whether there are cells, and all are whole numbers from `low` to `high`.
+fn are_whole_in([low, high]: [f64; 2], cells: &[&str]) -> bool {
+    !cells.is_empty()
+        && cells.iter().all(|cell| {
+            cell.parse::<f64>()
+                .is_ok_and(|number| number.fract() == 0.0 && (low..=high).contains(&number))
+        })
 }
 
 /// Join the dates in one column of a text file and the times of day in another one. `time` is either of them; the column of dates is
@@ -113,27 +117,17 @@ pub(crate) fn join_fields(head: &mut Head) -> Option<usize> {
 pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataError> {
     let Head::Text(file) = head else { return Ok(time) };
     let cells = |column: usize| file.dialect.cells(column);
-    let mostly = |cells: &[&str], is: &dyn Fn(&str) -> bool| {
-        let others = cells.iter().filter(|cell| !is(cell)).count();
-        !cells.is_empty() && others * DAMAGED <= cells.len()
-    };
-    let is_date = |cell: &str| {
-        let found = Candidates::of(&[cell], None).left;
-        !cell.contains(':') && found.iter().any(|notation| !matches!(notation, Notation::Number(_)))
-    };
-    let has_clock = |column: usize| mostly(&cells(column), &is_time_of_day);
-    let has_dates = |column: usize| mostly(&cells(column), &is_date);
+    let has_clock = |column: usize| mostly(&cells(column), is_time_of_day);
     let others = || (0..file.columns().len()).filter(|&column| column != time);
     let (date, clock) = if time < file.columns().len() && has_clock(time) {
-        let Some(date) = others().find(|&column| has_dates(column) && !has_clock(column)) else {
-            return Ok(time);
-        };
+        let date = others().find(|&column| mostly(&cells(column), is_date) && !has_clock(column));
+        let Some(date) = date else { return Ok(time) };
         (date, time)
     } else {
         // A log with a row a day may have durations beside its dates.
         let dates = cells(time);
         let repeats = dates.windows(2).any(|pair| pair[0] == pair[1]);
-        if !repeats || !mostly(&dates, &|cell| !cell.contains(':')) {
+        if !repeats || !mostly(&dates, |cell| !cell.contains(':')) {
             return Ok(time);
         }
         let clocks: Vec<usize> = others().filter(|&column| has_clock(column)).collect();
@@ -163,6 +157,18 @@ pub(crate) fn join_times(head: &mut Head, time: usize) -> Result<usize, DataErro
     Ok(date)
 }
 
+/// Whether there are cells, and all are so but for damaged ones.
+fn mostly(cells: &[&str], is: impl Fn(&str) -> bool) -> bool {
+    let others = cells.iter().filter(|cell| !is(cell)).count();
+    !cells.is_empty() && others * DAMAGED <= cells.len()
+}
+
+/// Whether a cell is a date without a time, and no number.
+fn is_date(cell: &str) -> bool {
+    let found = Candidates::of(&[cell], None).left;
+    !cell.contains(':') && found.iter().any(|notation| !matches!(notation, Notation::Number(_)))
+}
+
 /// One cell in so many may be damaged.
 const DAMAGED: usize = 20;
 
@@ -172,6 +178,14 @@ pub(crate) enum Times {
     /// Numbers of a unit that all of them tell; [`NO_TIME`] where there is none.
     Integers(Vec<i64>),
     Floats(Vec<f64>),
+}
+
+fn in_micros(time: i64, unit: pl::TimeUnit) -> i64 {
+    match unit {
+        pl::TimeUnit::Milliseconds => time.saturating_mul(1_000),
+        pl::TimeUnit::Microseconds => time,
+        pl::TimeUnit::Nanoseconds => time.div_euclid(1_000),
+    }
 }
 
 impl Times {
@@ -194,21 +208,18 @@ impl Times {
         Ok(match column.dtype() {
             pl::DataType::Datetime(unit, zone) => {
                 let physical = column.datetime().map_err(damaged)?.physical();
-                let micros = |time: i64| match unit {
-                    pl::TimeUnit::Milliseconds => time.saturating_mul(1_000),
-                    pl::TimeUnit::Microseconds => time,
-                    pl::TimeUnit::Nanoseconds => time.div_euclid(1_000),
-                };
-                let stamp = |time| match zone {
-                    Some(_) => ParsedTime::Instant(micros(time)),
-                    None => ParsedTime::Wall(micros(time)),
-                };
-                Self::Stamps(physical.iter().map(|time| time.map(stamp)).collect())
+                let micros = physical.iter().map(|time| time.map(|time| in_micros(time, *unit)));
+                Self::Stamps(match zone {
+                    Some(_) => micros.map(|time| time.map(ParsedTime::Instant)).collect(),
+                    None => micros.map(|time| time.map(ParsedTime::Wall)).collect(),
+                })
             }
             pl::DataType::Date => {
                 let days = column.date().map_err(damaged)?.physical();
-                let stamp = |day: i32| ParsedTime::Wall(i64::from(day) * 86_400_000_000);
-                Self::Stamps(days.iter().map(|day| day.map(stamp)).collect())
+                let midnights = days
+                    .iter()
+                    .map(|day| day.map(|day| ParsedTime::Wall(i64::from(day) * 86_400_000_000)));
+                Self::Stamps(midnights.collect())
             }
             pl::DataType::String | pl::DataType::Categorical(..) | pl::DataType::Enum(..) => {
                 let text = column.cast(&pl::DataType::String).map_err(damaged)?;

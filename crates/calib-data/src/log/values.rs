@@ -105,8 +105,11 @@ pub(crate) fn to_cells(column: &RawColumn, words: &mut Words) -> pl::PolarsResul
     }
     let mut values = vec![f64::NAN; column.len()];
     polars_to_numbers(column, &mut values, &mut NotNumbers::default())?;
-    let cell = |value: f64| if value.is_nan() { Cell::Missing } else { Cell::Number(value) };
-    Ok(values.into_iter().map(|value| cell(value).encode()).collect())
+    let cells = values.into_iter().map(|value| {
+        let cell = if value.is_nan() { Cell::Missing } else { Cell::Number(value) };
+        cell.encode()
+    });
+    Ok(cells.collect())
 }
 
 fn polars_to_numbers(
@@ -254,8 +257,11 @@ mod tests {
         (out, not_numbers)
     }
 
+    fn bits(values: &[f64]) -> Vec<u64> {
+        values.iter().map(|value| value.to_bits()).collect()
+    }
+
     fn same(left: &[f64], right: &[f64]) -> bool {
-        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
         bits(left) == bits(right)
     }
 
@@ -284,14 +290,15 @@ mod tests {
         assert_eq!(words, [("Bad".to_owned(), 2), ("Scan Timeout".to_owned(), 1)]);
     }
 
+    fn labels(column: pl::Column) -> Vec<Option<String>> {
+        let mut labels: Vec<Option<String>> = Vec::new();
+        each_label(&RawColumn::Polars(column), |label| labels.push(label.map(str::to_owned)))
+            .expect("a known type");
+        labels
+    }
+
     #[test]
     fn numbers_and_text_have_labels() {
-        let labels = |column: pl::Column| {
-            let mut labels: Vec<Option<String>> = Vec::new();
-            each_label(&RawColumn::Polars(column), |label| labels.push(label.map(str::to_owned)))
-                .expect("a known type");
-            labels
-        };
         let column =
             pl::Float64Chunked::from_slice_options("a".into(), &[Some(13.0), None, Some(0.5)]);
         let numbers = labels(column.into_column());

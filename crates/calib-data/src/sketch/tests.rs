@@ -7,10 +7,21 @@ fn changes(value: impl Fn(usize) -> f64) -> Changes {
     Changes::of(&values, from_ref(&(0..2_000)), Moments::of(&values))
 }
 
+fn turn_of(value: impl Fn(usize) -> f64) -> Option<f64> {
+    changes(value).wraps
+}
+
+fn wander(row: usize) -> f64 {
+    300.0 + 90.0 * (row as f64 / 40.0).sin() + 7.0 * (row as f64 * 1.3).sin()
+}
+
+/// Off or at full speed.
+fn pump(row: usize) -> f64 {
+    if (row / 50).is_multiple_of(2) { 0.0 } else { 345.0 + (row % 5) as f64 }
+}
+
 #[test]
 fn angles_and_totals_that_start_anew_are_told() {
-    let wander =
-        |row: usize| 300.0 + 90.0 * (row as f64 / 40.0).sin() + 7.0 * (row as f64 * 1.3).sin();
     assert!(
         changes(|row| (wander(row) + 3.0 * row as f64 / 10.0).rem_euclid(360.0)).wraps
             == Some(360.0)
@@ -22,14 +33,11 @@ fn angles_and_totals_that_start_anew_are_told() {
         .wraps
             == Some(std::f64::consts::TAU)
     );
-    let turn_of = |value: &dyn Fn(usize) -> f64| changes(value).wraps;
-    assert_eq!(turn_of(&|row| (row % 360) as f64 - 180.0), Some(360.0), "a shaft");
-    assert_eq!(turn_of(&|row| 180.0 + 180.0 * (row as f64 / 40.0).sin()), None, "a valve");
-    assert_eq!(turn_of(&|row| ((row * 7_919 + row * row * 104_729) % 360) as f64), None, "noise");
-    let pump =
-        |row: usize| if (row / 50).is_multiple_of(2) { 0.0 } else { 345.0 + (row % 5) as f64 };
-    assert_eq!(turn_of(&pump), None, "a pump that is off or at full speed");
-    assert_eq!(turn_of(&|row| [0.0, 6.25][row / 50 % 2]), None, "a flow of two levels");
+    assert_eq!(turn_of(|row| (row % 360) as f64 - 180.0), Some(360.0), "a shaft");
+    assert_eq!(turn_of(|row| 180.0 + 180.0 * (row as f64 / 40.0).sin()), None, "a valve");
+    assert_eq!(turn_of(|row| ((row * 7_919 + row * row * 104_729) % 360) as f64), None, "noise");
+    assert_eq!(turn_of(pump), None, "a pump that is off or at full speed");
+    assert_eq!(turn_of(|row| [0.0, 6.25][row / 50 % 2]), None, "a flow of two levels");
     assert!(changes(|row| (row % 144) as f64 + (row % 7) as f64 / 10.0).restarts);
     assert!(!changes(|row| (row as f64 / 9.0).sin()).restarts);
 }
@@ -56,26 +64,32 @@ fn gaps_and_missing_values_do_not_count() {
     assert!(found.iter().all(|(lag, _)| *lag < 100), "no pair spans both stretches");
 }
 
+/// The run of missing values in stretches of a hundred rows with values in these.
+fn run_between(there: &[Range<usize>]) -> usize {
+    let rows: Vec<usize> = there.iter().flat_map(Range::clone).collect();
+    missing_run(rows.into_iter().map(|row| (row / 100, row)))
+}
+
 #[test]
 fn runs_of_missing_values_are_between_values() {
-    let there = |rows: &[Range<usize>]| {
-        let rows: Vec<usize> = rows.iter().flat_map(Range::clone).collect();
-        missing_run(rows.into_iter().map(|row| (row / 100, row)))
-    };
-    assert_eq!(there(&[3..10, 14..95]), 4);
-    assert_eq!(there(&[20..90, 110..120]), 0, "a gap is no run");
-    assert_eq!(there(&[]), 0);
+    assert_eq!(run_between(&[3..10, 14..95]), 4);
+    assert_eq!(run_between(&[20..90, 110..120]), 0, "a gap is no run");
+    assert_eq!(run_between(&[]), 0);
+}
+
+/// In one stretch.
+fn changes_of(values: &[f64]) -> Changes {
+    Changes::of(values, from_ref(&(0..values.len())), Moments::of(values))
 }
 
 #[test]
 fn totals_only_rise_and_clocks_rise_evenly() {
-    let whole = |rows: &[f64]| Changes::of(rows, from_ref(&(0..rows.len())), Moments::of(rows));
     let clock: Vec<f64> = (0..100).map(f64::from).collect();
-    let clock = whole(&clock);
+    let clock = changes_of(&clock);
     assert_eq!((clock.rises, clock.even), (1.0, 1.0));
     let total: Vec<f64> = (0..100).map(|row| f64::from(row * row)).collect();
-    let total = whole(&total);
+    let total = changes_of(&total);
     assert!(total.rises == 1.0 && total.even < 0.1);
     let wave: Vec<f64> = (0..400).map(|row| (f64::from(row) / 10.0).sin()).collect();
-    assert!((whole(&wave).rises - 0.5).abs() < 0.1);
+    assert!((changes_of(&wave).rises - 0.5).abs() < 0.1);
 }

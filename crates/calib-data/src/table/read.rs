@@ -52,11 +52,11 @@ pub fn declared_bytes(path: &Path, names: Option<&[&str]>) -> Result<u64, TableE
     let metadata = catch_panic(|| Ok(Arc::clone(reader.get_metadata()?)));
     let metadata =
         metadata.map_err(|reason| TableError::NotParquet { path: path.to_owned(), reason })?;
-    let wanted = |column: &str| names.is_none_or(|names| names.contains(&column));
     let values = metadata.row_groups.iter().flat_map(|group| {
         let columns = group.parquet_columns().iter();
         let wanted = columns.filter(|column| {
-            column.descriptor().path_in_schema.first().is_some_and(|name| wanted(name))
+            let name = column.descriptor().path_in_schema.first();
+            name.is_some_and(|name| names.is_none_or(|names| names.contains(&name.as_str())))
         });
         wanted.map(|column| u64::try_from(column.num_values()).unwrap_or(0))
     });

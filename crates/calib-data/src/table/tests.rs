@@ -35,18 +35,19 @@ fn every_type_comes_back() {
     assert_eq!(read_parquet(&path).expect("readable"), table());
 }
 
+fn large() -> Table {
+    let rows = 300_000_u32;
+    (0..6).fold(table_of_rows(rows), |table, column| {
+        table.with(
+            format!("c{column}"),
+            (0..rows).map(|row| f64::from(row * (column + 1) % 977)).collect(),
+        )
+    })
+}
+
 #[test]
 fn the_same_table_gives_the_same_bytes() {
     let (_directory, path) = path();
-    let large = || {
-        let rows = 300_000_u32;
-        (0..6).fold(table_of_rows(rows), |table, column| {
-            table.with(
-                format!("c{column}"),
-                (0..rows).map(|row| f64::from(row * (column + 1) % 977)).collect(),
-            )
-        })
-    };
     large().write_parquet(&path).expect("written");
     let first = std::fs::read(&path).expect("readable");
     for _ in 0..3 {
@@ -82,17 +83,16 @@ fn some_columns_can_be_read_alone() {
 #[test]
 fn columns_are_checked() {
     let table = table();
-    let message = |error: TableError| error.to_string();
     assert_eq!(
-        message(table.column::<f32>("f64").expect_err("another type")),
+        table.column::<f32>("f64").expect_err("another type").to_string(),
         "column f64 holds f64, expected f32"
     );
     assert_eq!(
-        message(table.column::<f64>("f64?").expect_err("a missing value")),
+        table.column::<f64>("f64?").expect_err("a missing value").to_string(),
         "column f64? has no value in row 1"
     );
     assert_eq!(
-        message(table.numbers("text").expect_err("text")),
+        table.numbers("text").expect_err("text").to_string(),
         "column text holds text, expected numbers"
     );
     let numbers = table.numbers("f64?").expect("numbers");

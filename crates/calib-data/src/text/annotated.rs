@@ -245,15 +245,15 @@ pub(crate) fn names(keys: &[Key]) -> Vec<String> {
         known.keys += 1;
         known.differs |= known.first != value;
     }
-    // A part that a key lacks is empty there.
-    let tells = |part: &str| {
-        let PartOfKeys { keys: having, first, differs } = parts[part];
-        differs || having < keys.len() && !first.is_empty()
-    };
     let short: Vec<String> = keys
         .iter()
         .map(|key| {
-            let values = key.iter().filter(|(part, value)| tells(part) && !value.is_empty());
+            let values = key.iter().filter(|(part, value)| {
+                let PartOfKeys { keys: having, first, differs } = parts[part.as_str()];
+                // A part that a key lacks is empty there.
+                let tells = differs || having < keys.len() && !first.is_empty();
+                tells && !value.is_empty()
+            });
             values.map(|(_, value)| value.as_str()).collect::<Vec<_>>().join(".")
         })
         .collect();
@@ -261,14 +261,16 @@ pub(crate) fn names(keys: &[Key]) -> Vec<String> {
     if distinct.len() == keys.len() && short.iter().all(|name| !name.is_empty()) {
         return short;
     }
-    let pairs = |key: &Key| {
-        let pairs = key.iter().map(|(part, value)| format!("{part}={value}"));
-        pairs.collect::<Vec<_>>().join(",")
-    };
     match keys {
         [only] => vec![only.get("_field").cloned().unwrap_or_else(|| pairs(only))],
         _ => keys.iter().map(pairs).collect(),
     }
+}
+
+/// All parts of a key with their values.
+fn pairs(key: &Key) -> String {
+    let pairs = key.iter().map(|(part, value)| format!("{part}={value}"));
+    pairs.collect::<Vec<_>>().join(",")
 }
 
 #[cfg(test)]

@@ -189,6 +189,16 @@ mod tests {
         assert!(blocks(b"", 8, 2).is_empty());
     }
 
+    /// The cells of each record.
+    fn records(text: &str) -> Vec<Vec<Vec<u8>>> {
+        let mut reader = RecordReader::new(text.as_bytes(), MARKS);
+        let mut all = Vec::new();
+        while reader.advance() {
+            all.push(reader.cells().map(<[u8]>::to_vec).collect());
+        }
+        all
+    }
+
     proptest! {
         #[test]
         fn any_text_is_read_once_in_order(text in "[ab,\"\n]{0,60}", size in 1_usize..30, parts in 1_usize..4) {
@@ -201,14 +211,6 @@ mod tests {
                 seen += part.matches('\n').count() as u64;
             }
             // Each part is what the whole text has there, record by record.
-            let records = |text: &str| -> Vec<Vec<Vec<u8>>> {
-                let mut reader = RecordReader::new(text.as_bytes(), MARKS);
-                let mut all = Vec::new();
-                while reader.advance() {
-                    all.push(reader.cells().map(<[u8]>::to_vec).collect());
-                }
-                all
-            };
             let apart: Vec<_> = all.iter().flat_map(|(part, _)| records(part)).collect();
             prop_assert_eq!(apart, records(&text));
         }

@@ -1,9 +1,6 @@
 //! One text file of the log.
 
-use std::{
-    ops::Range,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use calib_core::Monitor;
 use calib_text::Dialect;
@@ -70,9 +67,8 @@ impl TextFile {
     pub(crate) fn join_fields(&mut self, fields: &[usize]) {
         self.time_parts = TimeParts::Fields(fields.to_vec());
         self.beside.extend(&fields[1..]);
-        let cell = |row: &[String], column: &usize| row[*column].clone();
         self.dialect.join(fields[0], &fields[1..], |row| {
-            joined_fields(fields.iter().map(|column| cell(row, column)))
+            joined_fields(fields.iter().map(|&column| row[column].clone()))
         });
     }
 
@@ -122,10 +118,10 @@ impl TextFile {
         let mut blocks = self.blocks()?;
         while let Some(block) = blocks.next(rayon::current_num_threads())? {
             monitor.check()?;
-            let records = |(range, line): &(Range<usize>, u64)| {
-                self.records(&block.bytes[range.clone()], *line)
-            };
-            let parts = block.parts.par_iter().map(|part| read(records(part)));
+            let parts = block
+                .parts
+                .par_iter()
+                .map(|(range, line)| read(self.records(&block.bytes[range.clone()], *line)));
             for part in parts.collect::<Result<Vec<Part>, DataError>>()? {
                 take(part)?;
             }

@@ -98,8 +98,12 @@ fn lower(code: &str) -> String {
 mod tests {
     use super::*;
 
+    fn quality(codes: &[&str]) -> Quality {
+        Quality::of(codes, &DataConfig::default()).expect("known")
+    }
+
     fn good(codes: &[&str], all: &[&str]) -> Vec<bool> {
-        let quality = Quality::of(codes, &DataConfig::default()).expect("known");
+        let quality = quality(codes);
         all.iter().map(|code| quality.is_good(code).expect("known")).collect()
     }
 
@@ -130,7 +134,6 @@ mod tests {
 
     #[test]
     fn zeros_are_what_they_are_in_the_other_files() {
-        let quality = |codes: &[&str]| Quality::of(codes, &DataConfig::default()).expect("known");
         let mut all = [quality(&["0", "0"]), quality(&["192", "0"]), quality(&["Good"])];
         Quality::agree(all.iter_mut());
         assert_eq!(all, [Quality::OpcClassic, Quality::OpcClassic, Quality::Words]);

@@ -125,15 +125,18 @@ fn a_log_without_angles_is_as_it_was() {
     assert_ne!(without.fingerprint, only.fingerprint);
 }
 
+fn owned(names: &[&str]) -> Vec<String> {
+    names.iter().map(|name| (*name).to_owned()).collect()
+}
+
 #[test]
 fn entries_of_include_and_exclude_may_name_the_angle_or_one_of_its_two() {
     let folder = Folder::new();
     write(&folder, "station.csv", &station());
     let chosen = |include: &[&str], exclude: &[&str]| {
-        let list = |of: &[&str]| of.iter().map(|name| (*name).to_owned()).collect();
         let data = DataConfig {
-            include: list(include),
-            exclude: list(exclude),
+            include: owned(include),
+            exclude: owned(exclude),
             ..with(&folder, &[("Windrichtung", 360.0)])
         };
         let found = profile(&data);
@@ -149,13 +152,12 @@ fn entries_of_include_and_exclude_may_name_the_angle_or_one_of_its_two() {
 /// The same samples in every shape that a log can have.
 #[test]
 fn all_shapes_give_the_same_states() {
-    let at = |row: u32| format!("2024-03-{:02} {:02}:00:00", 13 + row / 24, row % 24);
     let mut wide = String::from("time,speed,wind\n");
     let mut long = String::from("time,tag,value\n");
     let mut files = [String::from("time,value\n"), String::from("time,value\n")];
     let mut table = (Vec::new(), Vec::new(), Vec::new());
     for row in 0..ROWS {
-        let time = at(row);
+        let time = format!("2024-03-{:02} {:02}:00:00", 13 + row / 24, row % 24);
         let speed = speed(row);
         let wind = direction(row);
         writeln!(wide, "{time},{speed},{wind}").expect("memory");
@@ -267,27 +269,29 @@ fn values_outside_of_a_turn_and_other_turns_are_fine() {
     }
 }
 
+/// A log, of samples or wide, of five directions and then of some of the same times.
+fn samples(again: &[(i64, f64)], is_long: bool) -> Folder {
+    let folder = Folder::new();
+    let first = [(0, 0.0), (1, -90.0), (2, 10.0), (3, 100.0), (4, 200.0)];
+    let all: Vec<(i64, f64)> = first.iter().chain(again).copied().collect();
+    if is_long {
+        let mut text = String::from("time,tag,value\n");
+        for (second, wind) in all {
+            let time = format_time(calib_core::Timestamp::from_micros(1_000_000 * second));
+            writeln!(text, "{time},wind,{wind}\n{time},x,{second}").expect("memory");
+        }
+        write(&folder, "log.csv", &text);
+    } else {
+        let times = all.iter().map(|sample| sample.0);
+        let wind: Vec<f64> = all.iter().map(|sample| sample.1).collect();
+        let x: Vec<f64> = all.iter().map(|sample| sample.0 as f64).collect();
+        folder.write("log.parquet", &log_at(times, &[("wind", &wind), ("x", &x)]));
+    }
+    folder
+}
+
 #[test]
 fn the_same_direction_is_no_contradiction_and_another_is_told_once() {
-    let samples = |second: &[(i64, f64)], is_long: bool| -> Folder {
-        let folder = Folder::new();
-        let first = [(0, 0.0), (1, -90.0), (2, 10.0), (3, 100.0), (4, 200.0)];
-        let all: Vec<(i64, f64)> = first.iter().chain(second).copied().collect();
-        if is_long {
-            let mut text = String::from("time,tag,value\n");
-            for (second, wind) in all {
-                let time = format_time(calib_core::Timestamp::from_micros(1_000_000 * second));
-                writeln!(text, "{time},wind,{wind}\n{time},x,{second}").expect("memory");
-            }
-            write(&folder, "log.csv", &text);
-        } else {
-            let times = all.iter().map(|sample| sample.0);
-            let wind: Vec<f64> = all.iter().map(|sample| sample.1).collect();
-            let x: Vec<f64> = all.iter().map(|sample| sample.0 as f64).collect();
-            folder.write("log.parquet", &log_at(times, &[("wind", &wind), ("x", &x)]));
-        }
-        folder
-    };
     for is_long in [false, true] {
         let same = samples(&[(0, 360.0), (1, 270.0), (2, 370.0)], is_long);
         let found = profile(&with(&same, &[("wind", 360.0)]));
@@ -320,7 +324,6 @@ fn entries_that_make_no_two_channels_are_refused() {
         .with("compass", words)
         .with("seen", seconds(0..20));
     folder.write("log.parquet", &table);
-    let refused = |turns: &[(&str, f64)]| told(&with(&folder, turns));
     for (turns, expected) in [
         (&[("wnid", 360.0)][..], "data.angles, \"wnid\": it names no channel; did you mean wind?"),
         (&[("w*", 0.0)], "data.angles.w* = 0: expected a positive number: a full turn"),
@@ -339,7 +342,7 @@ fn entries_that_make_no_two_channels_are_refused() {
         ),
         (&[("seen", 360.0)], "data.angles, \"seen\": it is of type datetime, expected numbers"),
     ] {
-        let error = refused(turns);
+        let error = told(&with(&folder, turns));
         assert!(error.contains(expected), "{error}\n{expected}");
     }
     // What the study leaves out need not be numbers.
@@ -348,6 +351,10 @@ fn entries_that_make_no_two_channels_are_refused() {
         ..with(&folder, &[("compass", 360.0), ("see?", 360.0), ("wind", 360.0)])
     };
     assert_eq!(kept(&profile(&left_out)), ["wind_sin", "wind_cos", "yaw", "yaw_cos"]);
+}
+
+fn modes(name: &str) -> PreprocessConfig {
+    PreprocessConfig { one_hot: Some(name.to_owned()), ..Default::default() }
 }
 
 #[test]
@@ -359,8 +366,6 @@ fn whoever_names_the_angle_is_told_of_the_two() {
     let hint = "data.angles makes wind_sin and wind_cos of it: name one of these";
     let error = profile(&data).require_sensor("wind").expect_err("no channel").to_string();
     assert_eq!(error, format!("sensor \"wind\" is not a channel of the log; {hint}"));
-    let modes =
-        |name: &str| PreprocessConfig { one_hot: Some(name.to_owned()), ..Default::default() };
     let error = refused(&data, &modes("wind")).to_string();
     assert!(error.ends_with(hint), "{error}");
     let error = refused(&data, &modes("wind_sin")).to_string();
@@ -376,12 +381,16 @@ fn whoever_names_the_angle_is_told_of_the_two() {
     }
 }
 
+/// Forty of them, from a row on.
+fn directions(first: u32) -> Vec<f64> {
+    (0..40).map(|row| direction(row + first)).collect()
+}
+
 #[test]
 fn angles_of_several_files_are_called_after_both() {
     let folder = Folder::new();
-    let at = |by: u32| (0..40).map(|row| direction(row + by)).collect::<Vec<f64>>();
-    folder.write("north.parquet", &log(0, &[("wind", &at(0))]));
-    folder.write("south.parquet", &log(0, &[("wind", &at(9))]));
+    folder.write("north.parquet", &log(0, &[("wind", &directions(0))]));
+    folder.write("south.parquet", &log(0, &[("wind", &directions(9))]));
     let data = DataConfig { file_as_prefix: true, ..with(&folder, &[("* wind", 360.0)]) };
     let expected = ["north wind_sin", "north wind_cos", "south wind_sin", "south wind_cos"];
     assert_eq!(kept(&profile(&data)), expected);

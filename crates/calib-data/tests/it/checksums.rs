@@ -27,10 +27,11 @@ fn pages(file: &[u8]) -> Range<usize> {
 }
 
 fn bits(table: &Table) -> Vec<Option<u64>> {
-    let of = |name: &str| table.optional::<f64>(name).expect("numbers");
+    let wide = table.optional::<f64>("P").expect("numbers").into_iter();
+    let wide = wide.map(|value| value.map(f64::to_bits));
     let narrow = table.optional::<f32>("Q").expect("numbers").into_iter();
     let narrow = narrow.map(|value| value.map(|value| u64::from(value.to_bits())));
-    of("P").into_iter().map(|value| value.map(f64::to_bits)).chain(narrow).collect()
+    wide.chain(narrow).collect()
 }
 
 #[test]
@@ -85,6 +86,23 @@ fn a_log_with_a_damaged_page_is_refused_with_its_place() {
     assert!(error.contains(told) && error.contains("a.parquet"), "{error}");
 }
 
+/// The ends of the numbers, how many of them are missing, and the ends of the integers.
+fn extremes(table: &Table) -> (f64, f64, usize, Option<i64>, Option<i64>) {
+    let numbers = table.optional::<f64>("P").expect("numbers");
+    let there: Vec<f64> =
+        numbers.iter().flatten().copied().filter(|value| !value.is_nan()).collect();
+    let low = there.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = there.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let integers = table.column::<i64>("Q").expect("integers");
+    (
+        low,
+        high,
+        numbers.len() - there.len(),
+        integers.iter().min().copied(),
+        integers.iter().max().copied(),
+    )
+}
+
 /// No page of it has a checksum: what its footer says of the values is all that there is.
 #[test]
 fn what_the_footer_contradicts_is_refused() {
@@ -103,21 +121,6 @@ fn what_the_footer_contradicts_is_refused() {
         .with("mode", words);
     table.write_parquet(&path).expect("written");
     let whole = fs::read(&path).expect("readable");
-    let extremes = |table: &Table| {
-        let numbers = table.optional::<f64>("P").expect("numbers");
-        let there: Vec<f64> =
-            numbers.iter().flatten().copied().filter(|value| !value.is_nan()).collect();
-        let low = there.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = there.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let integers = table.column::<i64>("Q").expect("integers");
-        (
-            low,
-            high,
-            numbers.len() - there.len(),
-            integers.iter().min().copied(),
-            integers.iter().max().copied(),
-        )
-    };
     let expected = extremes(&read_parquet(&path).expect("whole"));
     let mut told = 0;
     for place in pages(&whole).step_by(3) {
@@ -134,8 +137,9 @@ fn what_the_footer_contradicts_is_refused() {
         }
         let data = DataConfig { train_fraction: 1.0, ..DataConfig::at(path.as_path()) };
         if let Ok(dataset) = load(&data, &PreprocessConfig::default(), &Silent) {
-            let of = dataset.profile.channel("P").expect("there").values.clone().expect("some");
-            assert!(of.min >= expected.0 && of.max <= expected.1, "byte {place}");
+            let channel = dataset.profile.channel("P").expect("there");
+            let values = channel.values.clone().expect("some");
+            assert!(values.min >= expected.0 && values.max <= expected.1, "byte {place}");
         }
     }
     assert!(told > 10, "{told}");

@@ -1,10 +1,11 @@
 //! Duplicates, steps back, gaps and missing values.
 
-use calib_core::{Silent, Timestamp};
+use calib_core::Silent;
 use calib_data::{Contradictions, DataConfig, Missing, PreprocessConfig};
 
 use crate::support::{
-    Folder, NAN, load_with, log, log_at, refused, segment_lengths, train_seconds, train_values,
+    Folder, NAN, load_with, log, log_at, refused, seconds, segment_lengths, train_seconds,
+    train_values,
 };
 
 fn load_keeping_the_first(folder: &Folder) -> calib_data::Dataset {
@@ -32,8 +33,7 @@ fn repeated_rows_keep_the_first() {
     assert_eq!(train_values(&dataset, "a"), [1.0, 2.0, 3.0, 4.0]);
     let duplicates = &dataset.profile.duplicates;
     assert_eq!((duplicates.identical, duplicates.conflicting), (1, 1));
-    let at = |second: i64| Timestamp::from_micros(second * 1_000_000);
-    assert_eq!(duplicates.examples, [at(1), at(2)]);
+    assert_eq!(duplicates.examples, seconds([1, 2]));
     assert_eq!(dataset.profile.backward_steps.count, 0);
 }
 
@@ -114,6 +114,12 @@ fn a_clock_that_is_not_as_meant_is_doubted() {
     assert!(early.starts_with("the log starts at 1970-01-01"), "{early}");
 }
 
+/// Values of `a` that were filled, those that were not, and rows that were dropped.
+fn counts(dataset: &calib_data::Dataset) -> (u64, u64, u64) {
+    let channel = dataset.profile.channel("a").expect("a channel");
+    (channel.imputed, channel.unfilled, dataset.profile.train.dropped_rows)
+}
+
 #[test]
 fn missing_values_are_filled_or_split() {
     let folder = Folder::new();
@@ -130,10 +136,6 @@ fn missing_values_are_filled_or_split() {
             ..PreprocessConfig::default()
         };
         load_with(&folder.data(), &preprocess)
-    };
-    let counts = |dataset: &calib_data::Dataset| {
-        let channel = dataset.profile.channel("a").expect("a channel");
-        (channel.imputed, channel.unfilled, dataset.profile.train.dropped_rows)
     };
     let dropped = with(Missing::DropRow, 10);
     assert_eq!(segment_lengths(&dropped), [5, 7, 10]);

@@ -170,13 +170,14 @@ fn modes_may_be_text_missing_or_new() {
     assert!(error.contains("not a channel of the log; did you mean mode?"), "{error}");
 }
 
+fn modes(modes: [&str; 6]) -> Table {
+    let modes = modes.map(str::to_owned).to_vec();
+    Table::new().with("timestamp", seconds(0..6)).with("mode", modes)
+}
+
 #[test]
 fn modes_may_lie_in_a_file_of_their_own_and_contradict_each_other() {
     let folder = Folder::new();
-    let modes = |modes: [&str; 6]| {
-        let modes = modes.map(str::to_owned).to_vec();
-        Table::new().with("timestamp", seconds(0..6)).with("mode", modes)
-    };
     folder.write("a.parquet", &log(0, &[("a", &rising(6))]));
     folder.write("b.parquet", &modes(["run", "run", "stop", "", "run", "run"]));
     let preprocess =

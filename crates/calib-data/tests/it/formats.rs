@@ -25,13 +25,14 @@ fn read(name: &str, change: impl FnOnce(&mut DataConfig)) -> Dataset {
         .unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
+fn column_names(dataset: &Dataset) -> Vec<String> {
+    dataset.normaliser.columns().iter().map(|column| column.name.clone()).collect()
+}
+
 fn same_as_reference(name: &str, shape: Shape, change: impl FnOnce(&mut DataConfig)) {
     let reference = read("pyarrow.parquet", |_| {});
     let got = read(name, change);
-    let names = |of: &Dataset| -> Vec<String> {
-        of.normaliser.columns().iter().map(|column| column.name.clone()).collect()
-    };
-    assert_eq!(names(&got), names(&reference), "{name}");
+    assert_eq!(column_names(&got), column_names(&reference), "{name}");
     assert_eq!(got.train.states().as_slice(), reference.train.states().as_slice(), "{name}");
     assert_eq!(got.fingerprint, reference.fingerprint, "{name}");
     assert_eq!(got.held_out_fingerprint, reference.held_out_fingerprint, "{name}");
@@ -119,14 +120,15 @@ fn message(folder: &Folder, change: impl FnOnce(&mut DataConfig)) -> String {
     refused(&data, &PreprocessConfig::default()).to_string()
 }
 
+/// A row a day, written with the month first.
+fn days_of_march(days: std::ops::Range<u32>) -> String {
+    let rows: String = days.map(|day| format!("03/{day:02}/2024 10:00,{day}\n")).collect();
+    format!("time,a\n{rows}")
+}
+
 #[test]
 fn a_day_that_may_be_a_month_is_asked_for() {
-    let rows = |days: std::ops::Range<u32>| {
-        let row = |day: u32| format!("0{}/{day:02}/2024 10:00,{day}\n", 3);
-        let rows: String = days.map(row).collect();
-        format!("time,a\n{rows}")
-    };
-    let folder = text("a.csv", &rows(1..9));
+    let folder = text("a.csv", &days_of_march(1..9));
     let error = message(&folder, |_| {});
     assert!(
         error.contains("2024-01-03 10:00:00 with data.timestamp_format = \"%d/%m/%Y %H:%M\""),
@@ -139,30 +141,33 @@ fn a_day_that_may_be_a_month_is_asked_for() {
     let data = DataConfig { timestamp_format: Some("%m/%d/%Y %H:%M".to_owned()), ..folder.data() };
     assert_eq!(load_with(&data, &PreprocessConfig::default()).profile.gaps.count, 0);
     // Another file, or a later row, tells.
-    fs::write(folder.file("b.csv"), rows(9..20)).expect("written");
+    fs::write(folder.file("b.csv"), days_of_march(9..20)).expect("written");
     let dataset = folder.load();
     assert_eq!((dataset.train.rows(), dataset.period.as_secs()), (19, 86_400.0));
 }
 
+fn error_of(content: &str) -> String {
+    message(&text("a.csv", content), |_| {})
+}
+
 #[test]
 fn what_text_leaves_open_is_refused_with_the_line() {
-    let error = |content: &str| message(&text("a.csv", content), |_| {});
-    let short = error("time,a,b\n2024-01-01,1,2\n2024-01-02,1\n");
+    let short = error_of("time,a,b\n2024-01-01,1,2\n2024-01-02,1\n");
     assert!(short.contains("a.csv, line 3: 2 cells, and the header names 3 columns"), "{short}");
-    let late = error("time,a\n2024-01-01,1\n2024-01-02,2\nsoon,3\n");
+    let late = error_of("time,a\n2024-01-01,1\n2024-01-02,2\nsoon,3\n");
     assert!(late.contains("soon"), "{late}");
-    let decimal = error("time;a\n2024-01-01;1,234\n2024-01-02;2,345\n");
+    let decimal = error_of("time;a\n2024-01-01;1,234\n2024-01-02;2,345\n");
     assert!(decimal.contains("data.decimal"), "{decimal}");
-    let header = error("2024-01-01,1,2\n2024-01-02,1,2\n");
+    let header = error_of("2024-01-01,1,2\n2024-01-02,1,2\n");
     assert!(header.contains("such as time,channel_1,channel_2"), "{header}");
     let several = "Date;On;Off;a\n13.03.2024;06:00;07:00;1\n13.03.2024;07:00;08:00;2\n";
-    let apart = error(several);
+    let apart = error_of(several);
     assert!(
         apart.contains("column \"Date\"")
             && apart.contains("several columns have times of day (On, Off)"),
         "{apart}"
     );
-    let no_time = error("a,b\n1.5,x\n2.5,y\n");
+    let no_time = error_of("a,b\n1.5,x\n2.5,y\n");
     assert!(no_time.contains("has no column \"timestamp\""), "{no_time}");
 }
 
@@ -260,28 +265,27 @@ fn numbers_that_fit_two_notations_are_refused_with_both() {
     assert!(error.contains("a.csv") && error.contains("MATLAB"), "{error}");
 }
 
+/// A log of these times of 2014-10-26: clocks in Moscow go from 2:00 back to 1:00, at 22:00 UTC of the day before.
+fn load_of_moscow(times: &[&str]) -> Dataset {
+    let rows: String =
+        times.iter().enumerate().map(|(row, time)| format!("2014-10-26 {time},{row}\n")).collect();
+    let folder = text("a.csv", &format!("time,a\n{rows}"));
+    let data = DataConfig {
+        time_zone: Some("Europe/Moscow".to_owned()),
+        period_secs: Some(1_800.0),
+        ..folder.data()
+    };
+    load_with(&data, &PreprocessConfig::default())
+}
+
 #[test]
 fn rows_of_an_hour_that_comes_twice_are_placed_or_dropped_and_counted() {
-    // 2014-10-26: clocks in Moscow go from 2:00 back to 1:00, at 22:00 UTC of the day before.
-    let log = |times: &[&str]| {
-        let row = |(row, time): (usize, &&str)| format!("2014-10-26 {time},{row}\n");
-        let rows: String = times.iter().enumerate().map(row).collect();
-        text("a.csv", &format!("time,a\n{rows}"))
-    };
-    let load = |folder: &Folder| {
-        let data = DataConfig {
-            time_zone: Some("Europe/Moscow".to_owned()),
-            period_secs: Some(1_800.0),
-            ..folder.data()
-        };
-        load_with(&data, &PreprocessConfig::default())
-    };
     let twice = ["00:00", "00:30", "01:00", "01:30", "01:00", "01:30", "02:00", "02:30"];
-    let whole = load(&log(&twice));
+    let whole = load_of_moscow(&twice);
     assert_eq!(train_values(&whole, "a"), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
     assert_eq!((whole.profile.gaps.count, whole.profile.undecided_times), (0, 0));
     let once = ["00:00", "00:30", "01:00", "01:30", "02:00", "02:30"];
-    let dropped = load(&log(&once));
+    let dropped = load_of_moscow(&once);
     assert_eq!(
         train_values(&dropped, "a"),
         [0.0, 1.0, 4.0, 5.0],
@@ -411,24 +415,25 @@ fn stops_that_the_last_value_bridges_are_told() {
     assert!(with(60.0).value_doubts().is_empty(), "missing is not bridged");
 }
 
+fn twenty(factor: f64) -> Vec<f64> {
+    (0..20_i64).map(|row| factor * (row % 7) as f64).collect()
+}
+
 #[test]
 fn one_file_per_tag_never_loses_tags() {
     let folder = Folder::new();
-    let times = || 0..20_i64;
-    let values =
-        |factor: f64| -> Vec<f64> { times().map(|row| factor * (row % 7) as f64).collect() };
     for (name, factor) in [("a", 1.0), ("b", 2.0), ("c", 3.0)] {
-        folder.write(&format!("{name}.parquet"), &log_at(times(), &[("value", &values(factor))]));
+        folder.write(&format!("{name}.parquet"), &log_at(0..20, &[("value", &twenty(factor))]));
     }
     let dataset = folder.load();
     let names: Vec<&str> =
         dataset.profile.channels.iter().map(|channel| channel.name.as_str()).collect();
     assert_eq!(names, ["a", "b", "c"]);
-    assert_eq!(train_values(&dataset, "c"), values(3.0));
+    assert_eq!(train_values(&dataset, "c"), twenty(3.0));
     // The same as columns of one name each, on clocks of their own.
     let folder = Folder::new();
-    folder.write("x.parquet", &log_at(0..10, &[("a", &values(1.0)[..10])]));
-    folder.write("y.parquet", &log_at(5..15, &[("b", &values(2.0)[..10])]));
+    folder.write("x.parquet", &log_at(0..10, &[("a", &twenty(1.0)[..10])]));
+    folder.write("y.parquet", &log_at(5..15, &[("b", &twenty(2.0)[..10])]));
     let profile = folder.inspect();
     assert_eq!((profile.shape, profile.rows), (Shape::FilePerTag, 15));
     assert_eq!(profile.channel("b").expect("a channel").missing, 5);
@@ -473,14 +478,18 @@ fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
     assert!(message(&long, |_| {}).contains("a is 1 and 2"));
 }
 
+/// A value for each second up to a minute.
+fn rising(from: i64, value: i64) -> Vec<f64> {
+    (from..60).map(|second| (value + second) as f64).collect()
+}
+
 #[test]
 fn of_several_files_the_one_that_starts_last_comes_last() {
     let folder = Folder::new();
     // Their names are not in the order in which they start.
-    let rising = |from: i64, value: i64| -> Vec<f64> {
-        (from..60).map(|second| (value + second) as f64).collect()
-    };
-    let (a, b, c) = (rising(5, 10), rising(3, 20), rising(1, 30));
+    let a = rising(5, 10);
+    let b = rising(3, 20);
+    let c = rising(1, 30);
     folder.write("a.parquet", &log_at(5..60, &[("a", &a), ("b", &a)]));
     folder.write("b.parquet", &log_at(3..60, &[("a", &b), ("b", &b)]));
     folder.write("c.parquet", &log_at(1..60, &[("a", &c), ("c", &c)]));
@@ -512,13 +521,11 @@ fn a_channel_may_be_called_as_qualities_are() {
 fn the_newest_rows_may_come_first() {
     // 2024-10-27: clocks in Paris go from 3:00 back to 2:00.
     let shown = ["04:00", "03:30", "03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
-    let row = |(at, time): (usize, &&str)| format!("2024-10-27 {time},{at}\n");
-    let rows: String = shown.iter().enumerate().map(row).collect();
-    let data = |data: &mut DataConfig| data.time_zone = Some("Europe/Paris".to_owned());
+    let rows: String =
+        shown.iter().enumerate().map(|(at, time)| format!("2024-10-27 {time},{at}\n")).collect();
     let folder = text("a.csv", &format!("time,a\n{rows}"));
-    let mut config = folder.data();
-    data(&mut config);
-    let dataset = load_with(&config, &PreprocessConfig::default());
+    let data = DataConfig { time_zone: Some("Europe/Paris".to_owned()), ..folder.data() };
+    let dataset = load_with(&data, &PreprocessConfig::default());
     assert_eq!(train_values(&dataset, "a"), [7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0]);
     assert_eq!(dataset.profile.gaps.count, 0);
 }

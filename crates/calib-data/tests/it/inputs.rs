@@ -188,23 +188,30 @@ fn numbers_that_are_dates_are_not_taken_for_seconds() {
     assert!(error.contains("1709272800 is not what data.timestamp_format says"), "{error}");
 }
 
+/// Four seconds from 1970 on, of which a unit has so many of a second.
+fn zoned(unit: pl::TimeUnit, factor: i64, zone: Option<&str>) -> pl::Column {
+    let values: Vec<i64> = (0..4).map(|second| second * factor).collect();
+    let zone =
+        zone.map(|zone| pl::TimeZone::opt_try_new(Some(zone)).expect("a zone").expect("a zone"));
+    pl::Int64Chunked::from_slice("timestamp".into(), &values)
+        .into_datetime(unit, zone)
+        .into_column()
+}
+
+/// Four seconds of 2020.
+fn integers(factor: i64) -> pl::Column {
+    let values: Vec<i64> = (0..4).map(|second| (1_600_000_000 + second) * factor).collect();
+    pl::Int64Chunked::from_slice("timestamp".into(), &values).into_column()
+}
+
 #[test]
 fn timestamps_of_every_type_name_the_same_instants() {
-    let zoned = |unit: pl::TimeUnit, factor: i64, zone: Option<&str>| {
-        let values: Vec<i64> = (0..4).map(|second| second * factor).collect();
-        let zone = zone
-            .map(|zone| pl::TimeZone::opt_try_new(Some(zone)).expect("a zone").expect("a zone"));
-        pl::Int64Chunked::from_slice("timestamp".into(), &values)
-            .into_datetime(unit, zone)
-            .into_column()
-    };
-    let integers = |factor: i64| {
-        let values: Vec<i64> = (0..4).map(|second| (1_600_000_000 + second) * factor).collect();
-        pl::Int64Chunked::from_slice("timestamp".into(), &values).into_column()
-    };
-    let text = |values: [&str; 4]| {
-        pl::StringChunked::from_slice("timestamp".into(), &values).into_column()
-    };
+    let text = [
+        "1970-01-01T00:00:00Z",
+        "1970-01-01 00:00:01",
+        "1970-01-01T01:00:02+01:00",
+        "1970-01-01T00:00:03.000",
+    ];
     let start = 1.6e9;
     let cases = [
         (zoned(pl::TimeUnit::Milliseconds, 1_000, None), 0.0),
@@ -216,15 +223,7 @@ fn timestamps_of_every_type_name_the_same_instants() {
         (integers(1_000), start),
         (integers(1_000_000), start),
         (integers(1_000_000_000), start),
-        (
-            text([
-                "1970-01-01T00:00:00Z",
-                "1970-01-01 00:00:01",
-                "1970-01-01T01:00:02+01:00",
-                "1970-01-01T00:00:03.000",
-            ]),
-            0.0,
-        ),
+        (pl::StringChunked::from_slice("timestamp".into(), &text).into_column(), 0.0),
     ];
     for (timestamps, start) in cases {
         let folder = Folder::new();

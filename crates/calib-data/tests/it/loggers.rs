@@ -80,7 +80,7 @@ fn numbers_for_no_value_are_found_and_taken_out() {
     data.resample = Some(calib_data::Resample::Linear);
     data.period_secs = Some(1_800.0);
     let resampled = profile(&data);
-    let low = resampled.channel("CO(GT)").expect("there").values.as_ref().map(|of| of.min);
+    let low = resampled.channel("CO(GT)").expect("there").values.as_ref().map(|values| values.min);
     assert!(low.is_some_and(|low| low >= 0.0), "{low:?}");
 }
 
@@ -351,27 +351,23 @@ fn names_of_rows_are_left_out() {
 }
 
 /// The weather station of a city, whose program wrote each part of the time into a column of its own.
+fn times_in_parts(header: &str, hours: bool) -> String {
+    let mut text = format!("{header}\n");
+    for row in 0..24 {
+        let (day, hour) = day_and_hour(row);
+        let clock = if hours { format!("{hour},") } else { String::new() };
+        let day = if hours { day } else { row + 1 };
+        let wind = ["NW", "cv"][row as usize % 2];
+        let dew = wave(row, 5.0, -21.0, 3.0);
+        writeln!(text, "{},2010,1,{day},{clock}{dew:.1},{wind}", row + 1).expect("memory");
+    }
+    text
+}
+
 #[test]
 fn times_in_parts_are_joined() {
     let folder = Folder::new();
-    let rows = |header: &str, hours: bool| {
-        let mut text = format!("{header}\n");
-        for row in 0..24 {
-            let (day, hour) = day_and_hour(row);
-            let clock = if hours { format!("{hour},") } else { String::new() };
-            let day = if hours { day } else { row + 1 };
-            let wind = ["NW", "cv"][row as usize % 2];
-            writeln!(
-                text,
-                "{},2010,1,{day},{clock}{:.1},{wind}",
-                row + 1,
-                wave(row, 5.0, -21.0, 3.0)
-            )
-            .expect("memory");
-        }
-        text
-    };
-    write(&folder, "PRSA.csv", &rows("No,year,month,day,hour,DEWP,cbwd", true));
+    write(&folder, "PRSA.csv", &times_in_parts("No,year,month,day,hour,DEWP,cbwd", true));
     let data = DataConfig { path: folder.file("PRSA.csv").into(), ..folder.data() };
     let found = profile(&data);
     assert_eq!(found.period_secs, 3_600.0);
@@ -380,13 +376,13 @@ fn times_in_parts_are_joined() {
     assert_eq!(kept(&found), ["No", "DEWP"], "no part of the time is a channel");
     let told = found.clock_doubts().join("; ");
     assert!(told.contains("joined from the columns year, month, day, hour"), "{told}");
-    write(&folder, "daily.csv", &rows("No,Year,Month,Day,DEWP,cbwd", false));
+    write(&folder, "daily.csv", &times_in_parts("No,Year,Month,Day,DEWP,cbwd", false));
     let data = DataConfig { path: folder.file("daily.csv").into(), ..folder.data() };
     assert_eq!(profile(&data).period_secs, 86_400.0);
     write(
         &folder,
         "short.csv",
-        &rows("No,year,month,day,hour,DEWP,cbwd", true).replace("2010", "10"),
+        &times_in_parts("No,year,month,day,hour,DEWP,cbwd", true).replace("2010", "10"),
     );
     let data = DataConfig { path: folder.file("short.csv").into(), ..folder.data() };
     let error = refused(&data);

@@ -11,19 +11,21 @@ use calib_data::{
     ChannelProfile, ChannelSketch, DataConfig, Paths, PreprocessConfig, ValueProfile, format_time,
     inspect, load, sketch, table::Table,
 };
+use calib_files::Fingerprint;
 use proptest::prelude::*;
 
 use crate::support::{Folder, NAN, optional};
 
+fn quarters() -> impl Strategy<Value = f64> {
+    (-1_000_i32..1_000).prop_map(|value| f64::from(value) / 4.0)
+}
+
 /// Rows with times in seconds and a value of some channels; the first channel has one in every row.
 fn tables() -> impl Strategy<Value = (Vec<i64>, Vec<Vec<f64>>)> {
-    let value = || prop_oneof![4 => (-1_000_i32..1_000).prop_map(|value| f64::from(value) / 4.0), 1 => Just(NAN)];
-    (1_usize..4, 4_usize..30).prop_flat_map(move |(channels, rows)| {
-        let first = prop::collection::vec(
-            (-1_000_i32..1_000).prop_map(|value| f64::from(value) / 4.0),
-            rows,
-        );
-        let others = prop::collection::vec(prop::collection::vec(value(), rows), channels);
+    (1_usize..4, 4_usize..30).prop_flat_map(|(channels, rows)| {
+        let first = prop::collection::vec(quarters(), rows);
+        let value = prop_oneof![4 => quarters(), 1 => Just(NAN)];
+        let others = prop::collection::vec(prop::collection::vec(value, rows), channels);
         let steps = prop::collection::vec(prop_oneof![6 => Just(60_i64), 1 => 1_i64..300], rows);
         (first, others, steps).prop_map(|(first, others, steps)| {
             let mut time = 1_710_286_200;
@@ -38,14 +40,21 @@ fn tables() -> impl Strategy<Value = (Vec<i64>, Vec<Vec<f64>>)> {
 
 const NAMES: [&str; 4] = ["A 1", "B,2", "C", "D"];
 
-/// The table in every shape and notation that it can have, each in a folder of its own.
-fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<PathBuf> {
-    let at = |seconds: i64| format_time(Timestamp::from_micros(seconds * 1_000_000));
-    let cell = |value: f64, comma: bool| match (value.is_nan(), comma) {
+fn written_time(seconds: i64) -> String {
+    format_time(Timestamp::from_micros(seconds * 1_000_000))
+}
+
+/// A value as text, with a decimal comma or point.
+fn cell(value: f64, comma: bool) -> String {
+    match (value.is_nan(), comma) {
         (true, _) => String::new(),
         (_, false) => value.to_string(),
         (_, true) => format!("{value:?}").replace('.', ","),
-    };
+    }
+}
+
+/// The table in every shape and notation that it can have, each in a folder of its own.
+fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<PathBuf> {
     let mut made = Vec::new();
     let mut make = |name: &str, files: Vec<(String, String)>| {
         let at = folder.file(name);
@@ -63,17 +72,14 @@ fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<Pa
         header.for_each(|name| write!(text, "{separator}\"{name}\"").expect("memory"));
         text.push('\n');
         for (row, &time) in times.iter().enumerate() {
-            text.push_str(&at(time));
-            for of in channels {
-                write!(text, "{separator}{}", cell(of[row], comma)).expect("memory");
+            text.push_str(&written_time(time));
+            for values in channels {
+                write!(text, "{separator}{}", cell(values[row], comma)).expect("memory");
             }
             text.push_str("\r\n");
         }
         make(name, vec![("log.csv".to_owned(), text)]);
     }
-    let sample = |tag: usize, row: usize| {
-        format!("\"{}\",{},{}\n", NAMES[tag], at(times[row]), channels[tag][row])
-    };
     let there = |tag: usize, row: usize| !channels[tag][row].is_nan();
     let rows = || 0..times.len();
     let by_time = rows().flat_map(|row| {
@@ -84,16 +90,17 @@ fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<Pa
     });
     let header = "tag,timestamp,value\n";
     let text = |pairs: Vec<(usize, usize)>| -> String {
-        std::iter::once(header.to_owned())
-            .chain(pairs.into_iter().map(|(tag, row)| sample(tag, row)))
-            .collect()
+        let samples = pairs.into_iter().map(|(tag, row)| {
+            format!("\"{}\",{},{}\n", NAMES[tag], written_time(times[row]), channels[tag][row])
+        });
+        std::iter::once(header.to_owned()).chain(samples).collect()
     };
     make("long", vec![("log.csv".to_owned(), text(by_time.collect()))]);
     make("by-tag", vec![("log.csv".to_owned(), text(by_tag.collect()))]);
     let per_tag = (0..channels.len()).map(|tag| {
         let rows = rows()
             .filter(|&row| there(tag, row))
-            .map(|row| format!("{},{}\n", at(times[row]), channels[tag][row]));
+            .map(|row| format!("{},{}\n", written_time(times[row]), channels[tag][row]));
         (
             format!("{}.csv", NAMES[tag]),
             std::iter::once("timestamp,value\n".to_owned()).chain(rows).collect(),
@@ -101,6 +108,19 @@ fn write_shapes(folder: &Folder, times: &[i64], channels: &[Vec<f64>]) -> Vec<Pa
     });
     make("per-tag", per_tag.collect());
     made
+}
+
+fn data_at(path: &Path) -> DataConfig {
+    DataConfig { train_fraction: 0.7, path: Paths::from(path), ..DataConfig::default() }
+}
+
+/// Of the states of both ranges.
+fn fingerprints(path: &Path) -> Result<(Fingerprint, Option<Fingerprint>), String> {
+    let preprocess =
+        PreprocessConfig { max_missing: 0.6, fill_limit: 3, ..PreprocessConfig::default() };
+    load(&data_at(path), &preprocess, &Silent)
+        .map(|dataset| (dataset.fingerprint, dataset.held_out_fingerprint))
+        .map_err(|error| error.to_string())
 }
 
 proptest! {
@@ -113,14 +133,9 @@ proptest! {
             table.with_optional(*name, optional(values))
         });
         folder.write("wide.parquet", &wide);
-        let load = |path: &Path| {
-            let data = DataConfig { train_fraction: 0.7, path: Paths::from(path), ..DataConfig::default() };
-            let preprocess = PreprocessConfig { max_missing: 0.6, fill_limit: 3, ..PreprocessConfig::default() };
-            load(&data, &preprocess, &Silent).map(|of| (of.fingerprint, of.held_out_fingerprint)).map_err(|error| error.to_string())
-        };
-        let expected = load(&folder.file("wide.parquet"));
+        let expected = fingerprints(&folder.file("wide.parquet"));
         for path in write_shapes(&folder, &times, &channels) {
-            let got = load(&path);
+            let got = fingerprints(&path);
             match (&got, &expected) {
                 (Ok(got), Ok(expected)) => prop_assert_eq!(got, expected, "{}", path.display()),
                 (Err(_), Err(_)) => {}
@@ -158,13 +173,14 @@ fn alike(left: f64, right: f64) -> bool {
 }
 
 /// All of a profile but what sums that were added in another order may change, and the names of types.
-fn told(of: &ChannelProfile) -> String {
-    let values = of.values.clone().map(|values| ValueProfile { mean: 0.0, std: 0.0, ..values });
-    format!("{:?}", ChannelProfile { values, type_name: String::new(), ..of.clone() })
+fn told(channel: &ChannelProfile) -> String {
+    let values =
+        channel.values.clone().map(|values| ValueProfile { mean: 0.0, std: 0.0, ..values });
+    format!("{:?}", ChannelProfile { values, type_name: String::new(), ..channel.clone() })
 }
 
-fn looked(of: &ChannelSketch) -> String {
-    format!("{:?}", ChannelSketch { autocorrelation: Vec::new(), ..of.clone() })
+fn looked(channel: &ChannelSketch) -> String {
+    format!("{:?}", ChannelSketch { autocorrelation: Vec::new(), ..channel.clone() })
 }
 
 proptest! {
@@ -178,26 +194,25 @@ proptest! {
         });
         folder.write("wide.parquet", &wide);
         let long = write_shapes(&folder, &times, &channels).into_iter().find(|path| path.ends_with("long")).expect("made");
-        let data = |path: &Path| DataConfig { train_fraction: 0.7, path: Paths::from(path), ..DataConfig::default() };
         let preprocess = PreprocessConfig { max_missing, ..PreprocessConfig::default() };
-        let inspect = |path: &Path| inspect(&data(path), &preprocess, &Silent).expect("a log");
+        let inspect = |path: &Path| inspect(&data_at(path), &preprocess, &Silent).expect("a log");
         let (wide_log, long_log) = (inspect(&folder.file("wide.parquet")), inspect(&long));
-        for of in &long_log.channels {
-            let expected = wide_log.channel(&of.name).expect("there");
-            prop_assert_eq!(told(of), told(expected));
-            if let (Some(values), Some(expected)) = (&of.values, &expected.values) {
+        for channel in &long_log.channels {
+            let expected = wide_log.channel(&channel.name).expect("there");
+            prop_assert_eq!(told(channel), told(expected));
+            if let (Some(values), Some(expected)) = (&channel.values, &expected.values) {
                 prop_assert!(alike(values.mean, expected.mean) && alike(values.std, expected.std));
             }
         }
         prop_assert_eq!((long_log.train, long_log.held_out), (wide_log.train, wide_log.held_out));
-        let sketch = |path: &Path| sketch(&data(path), &Silent).expect("a log");
-        let (wide_log, long_log) = (sketch(&folder.file("wide.parquet")), sketch(&long));
-        for of in &long_log.channels {
-            let expected = wide_log.channels.iter().find(|other| other.name == of.name).expect("there");
-            prop_assert_eq!(looked(of), looked(expected));
-            prop_assert_eq!(of.autocorrelation.len(), expected.autocorrelation.len());
-            for (of, expected) in of.autocorrelation.iter().zip(&expected.autocorrelation) {
-                prop_assert!(of.0 == expected.0 && alike(of.1, expected.1));
+        let wide_log = sketch(&data_at(&folder.file("wide.parquet")), &Silent).expect("a log");
+        let long_log = sketch(&data_at(&long), &Silent).expect("a log");
+        for channel in &long_log.channels {
+            let expected = wide_log.channels.iter().find(|other| other.name == channel.name).expect("there");
+            prop_assert_eq!(looked(channel), looked(expected));
+            prop_assert_eq!(channel.autocorrelation.len(), expected.autocorrelation.len());
+            for (found, expected) in channel.autocorrelation.iter().zip(&expected.autocorrelation) {
+                prop_assert!(found.0 == expected.0 && alike(found.1, expected.1));
             }
         }
     }

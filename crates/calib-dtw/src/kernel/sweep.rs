@@ -86,6 +86,11 @@ fn columns(count: usize, rows: usize) -> Columns {
     vec![vec![Pack::splat(0.0); rows].into_boxed_slice(); count]
 }
 
+/// Columns of cumulated distances that a pattern needs: the present one, and those that it reaches back to.
+fn cumulated_columns(pattern: &StepPattern) -> usize {
+    pattern.reach().1.max(1) + 1
+}
+
 /// The column of each lane at a time.
 #[inline]
 fn columns_at(time: usize) -> Pack {
@@ -116,8 +121,8 @@ impl<'a> Sweep<'a> {
         let (halo, reach) = reaches.fold((1, 1), |(a, b), (c, d)| (a.max(c), b.max(d)));
         let cells = patterns.iter().flat_map(StepPattern::branches).flat_map(Branch::cells);
         let local = cells.map(|cell| cell.reference + 1).fold(1, usize::max);
-        let cumulated = |pattern: &StepPattern| pattern.reach().1.max(1) + 1;
-        let packs = local + query.channels() + patterns.iter().map(cumulated).sum::<usize>();
+        let packs =
+            local + query.channels() + patterns.iter().map(cumulated_columns).sum::<usize>();
         let most = match purpose {
             Purpose::Distance => DISTANCE_HEIGHT.min(COLUMN_BYTES / (packs * size_of::<Pack>())),
             Purpose::Path => PATH_HEIGHT,
@@ -131,7 +136,7 @@ impl<'a> Sweep<'a> {
             Track {
                 dispatch: pattern_dispatch(set, pattern),
                 halo,
-                cumulated: columns(cumulated(pattern), halo + height),
+                cumulated: columns(cumulated_columns(pattern), halo + height),
                 input: Boundary::closed(halo),
                 output: Boundary::closed(halo),
             }

@@ -8,15 +8,12 @@ use calib_dtw::{
 pub(crate) fn series(seed: u64, len: usize) -> Vec<f64> {
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1B5_4A32_D192_ED03;
     let mut value = 0i64;
-    let mut draw = || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        state
-    };
     (0..len)
         .map(|_| {
-            value += (draw() % 2001) as i64 - 1000;
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            value += (state % 2001) as i64 - 1000;
             value as f64 / 1000.0
         })
         .collect()
@@ -95,19 +92,9 @@ pub(crate) fn distance(dtw: &Dtw, query: Series<'_>, reference: Series<'_>) -> O
 
 /// Patterns that no compiled shape serves.
 pub(crate) fn unusual_patterns() -> Vec<StepPattern> {
-    let make = |name: &str, branches: Vec<Vec<(usize, usize, f64)>>, normalisation| {
-        let branches: Vec<_> = branches
-            .into_iter()
-            .map(|steps| {
-                let steps = steps.into_iter().map(|(x, y, w)| Step::new(x, y, w));
-                Branch::new(steps.collect::<Vec<_>>())
-            })
-            .collect();
-        StepPattern::new(name, branches, normalisation).expect("a pattern")
-    };
     vec![
-        make("rigid", vec![vec![(1, 1, 1.0)]], Normalisation::Query),
-        make(
+        pattern("rigid", vec![vec![(1, 1, 1.0)]], Normalisation::Query),
+        pattern(
             "mori",
             vec![
                 vec![(1, 1, 2.0), (1, 0, 1.0)],
@@ -117,7 +104,7 @@ pub(crate) fn unusual_patterns() -> Vec<StepPattern> {
             ],
             Normalisation::Reference,
         ),
-        make(
+        pattern(
             "reference first",
             vec![
                 vec![(0, 1, 0.5), (1, 1, 0.5)],
@@ -127,6 +114,26 @@ pub(crate) fn unusual_patterns() -> Vec<StepPattern> {
             ],
             Normalisation::Query,
         ),
-        make("reference only", vec![vec![(0, 1, 1.0)], vec![(0, 2, 0.25)]], Normalisation::Query),
+        pattern(
+            "reference only",
+            vec![vec![(0, 1, 1.0)], vec![(0, 2, 0.25)]],
+            Normalisation::Query,
+        ),
     ]
+}
+
+/// A pattern whose branches have steps along the query and the reference, with weights.
+fn pattern(
+    name: &str,
+    branches: Vec<Vec<(usize, usize, f64)>>,
+    normalisation: Normalisation,
+) -> StepPattern {
+    let branches: Vec<_> = branches
+        .into_iter()
+        .map(|steps| {
+            let steps = steps.into_iter().map(|(x, y, w)| Step::new(x, y, w));
+            Branch::new(steps.collect::<Vec<_>>())
+        })
+        .collect();
+    StepPattern::new(name, branches, normalisation).expect("a pattern")
 }

@@ -19,17 +19,10 @@ pub(crate) fn plant(rows: usize, columns: usize) -> States {
     let loadings = normals(FACTORS * columns);
     let shifts = normals(3 * columns);
     let mut factors = normals(FACTORS);
-    let step = |factors: &mut [f64], row: usize, rng: &mut Rng| {
-        for (number, factor) in factors.iter_mut().enumerate().skip(1) {
-            let memory = 1.0 - 0.01 / number as f64;
-            *factor = memory * *factor + (1.0 - memory * memory).sqrt() * rng.normal();
-        }
-        factors[0] = 2.0 * (TAU * row as f64 / 8640.0).sin();
-    };
     let mut rng = Seed::new(4).rng();
     let mut values = Vec::with_capacity(rows * columns);
     for row in 0..rows {
-        step(&mut factors, row, &mut rng);
+        move_on(&mut factors, row, &mut rng);
         let mode = row / 180 % 3;
         for column in 0..columns {
             let mixed: f64 =
@@ -39,4 +32,13 @@ pub(crate) fn plant(rows: usize, columns: usize) -> States {
         }
     }
     States::new(values, rows, columns).expect("valid")
+}
+
+/// Moves the factors to `row`: the first has the period of a day, the others wander slowly.
+fn move_on(factors: &mut [f64], row: usize, rng: &mut Rng) {
+    for (number, factor) in factors.iter_mut().enumerate().skip(1) {
+        let memory = 1.0 - 0.01 / number as f64;
+        *factor = memory * *factor + (1.0 - memory * memory).sqrt() * rng.normal();
+    }
+    factors[0] = 2.0 * (TAU * row as f64 / 8640.0).sin();
 }

@@ -141,6 +141,10 @@ mod tests {
         (planned.choice.kind, found)
     }
 
+    fn window(theiler: u32) -> Exclusion {
+        Exclusion { theiler, ..Exclusion::default() }
+    }
+
     #[test]
     fn a_tree_is_not_chosen_where_the_nearest_states_are_forbidden() {
         // A slow walk: the nearest states are those just before and after.
@@ -152,7 +156,6 @@ mod tests {
             value as f32
         });
         let states = States::new(walk.collect(), rows, 1).expect("finite");
-        let window = |theiler| Exclusion { theiler, ..Exclusion::default() };
         let memory = ScratchPlace::Memory;
         assert_eq!(chosen(&states, window(0), &memory).0, IndexKind::KdTree);
         assert_ne!(chosen(&states, window(600), &memory).0, IndexKind::KdTree);

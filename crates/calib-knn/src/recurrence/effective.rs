@@ -72,7 +72,9 @@ impl<'a> Effective<'a> {
 
     /// The nearest sources of what `node` leads to that are not left out, with the distances that tables hold.
     fn searched_again(&mut self, node: u32) -> Result<Vec<(f32, u32)>, Halt> {
-        let (again, row, k) = (self.again, self.again.next(node), self.graph.k());
+        let again = self.again;
+        let row = again.next(node);
+        let k = self.graph.k();
         let mut apart = Lists::default();
         let nearest = if self.exits.contains_key(&node) {
             let left_out = again.of_member(left_out_of(node, self.gone(), self.exits));

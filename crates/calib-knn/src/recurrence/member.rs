@@ -217,10 +217,11 @@ impl<'a> Member<'a> {
         left_out: &Bits,
         exits: &Exits,
     ) -> Result<(), Halt> {
-        let holds = |row: &[u32]| row.iter().any(|&to| left_out.contains(to));
         let rows = table.0.par_chunks_exact(self.search.k).enumerate();
-        let rows: Vec<u32> =
-            rows.filter(|(_, row)| holds(row)).map(|(number, _)| number as u32).collect();
+        let rows: Vec<u32> = rows
+            .filter(|(_, row)| row.iter().any(|&to| left_out.contains(to)))
+            .map(|(number, _)| number as u32)
+            .collect();
         let (exit, plain): (Vec<u32>, Vec<u32>) =
             rows.into_iter().partition(|node| exits.contains_key(node));
         if !plain.is_empty() {

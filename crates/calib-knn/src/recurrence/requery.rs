@@ -82,11 +82,13 @@ impl Requery<'_> {
     /// after them is a candidate.
     pub(super) fn lost(&self, nodes: impl Iterator<Item = u32>) -> usize {
         let nothing = Bits::default();
-        let is_still = |&node: &u32| {
-            self.goes_on(node, &nothing)
-                && self.state(self.source(node)) == self.state(self.next(node))
-        };
-        nodes.filter(|node| !is_still(node)).count()
+        nodes
+            .filter(|&node| {
+                let is_still = self.goes_on(node, &nothing)
+                    && self.state(self.source(node)) == self.state(self.next(node));
+                !is_still
+            })
+            .count()
     }
 
     /// Number of the member's candidates.

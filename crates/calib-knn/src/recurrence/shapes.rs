@@ -236,10 +236,9 @@ pub(super) fn shape() -> impl Strategy<Value = Shape> {
         // Most rows lead on.
         proptest::collection::vec(proptest::option::weighted(0.1, any::<u32>()), 1..400).prop_map(
             |jumps| {
-                let row = |(node, jump): (usize, Option<u32>)| {
-                    iter::once(node as u32 + 1).chain(jump).collect()
-                };
-                jumps.into_iter().enumerate().map(row).collect()
+                (jumps.into_iter().enumerate())
+                    .map(|(node, jump)| iter::once(node as u32 + 1).chain(jump).collect())
+                    .collect()
             }
         ),
     ];

@@ -207,25 +207,31 @@ fn segments_of(segments: &Segments, part: &Range<usize>) -> Vec<usize> {
 mod tests {
     use super::*;
 
+    fn table_bytes(rows: usize, neighbors: usize, members: usize) -> u64 {
+        bytes_of_tables(rows, &ModelConfig { neighbors, members, ..ModelConfig::default() })
+    }
+
     #[test]
     fn tables_beyond_all_numbers_are_not_small() {
-        let bytes = |rows, neighbors, members| {
-            bytes_of_tables(rows, &ModelConfig { neighbors, members, ..ModelConfig::default() })
-        };
-        assert_eq!(bytes(1000, 3, 5), 120_000);
+        assert_eq!(table_bytes(1000, 3, 5), 120_000);
         // 3.2e19, which is 1.4e19 more than a u64 can say.
-        assert_eq!(bytes(4_000_000, 1_000_000, 1_000_000), u64::MAX);
+        assert_eq!(table_bytes(4_000_000, 1_000_000, 1_000_000), u64::MAX);
+    }
+
+    /// What is spilled of a model that takes 100 bytes, 60 without its states and 20 at least.
+    fn chosen(asked: Spill, available: u64) -> Spilled {
+        Spilled::chosen(asked, |spilled| {
+            let taken = match spilled {
+                Spilled::Nothing => 100,
+                Spilled::States => 60,
+                Spilled::Everything => 20,
+            };
+            taken <= available
+        })
     }
 
     #[test]
     fn plans_spill_states_before_images() {
-        let takes = |spilled| match spilled {
-            Spilled::Nothing => 100,
-            Spilled::States => 60,
-            Spilled::Everything => 20,
-        };
-        let chosen =
-            |asked, available| Spilled::chosen(asked, |spilled| takes(spilled) <= available);
         assert_eq!(chosen(Spill::Auto, 100), Spilled::Nothing);
         assert_eq!(chosen(Spill::Auto, 99), Spilled::States);
         assert_eq!(chosen(Spill::Auto, 59), Spilled::Everything);

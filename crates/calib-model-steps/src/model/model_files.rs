@@ -367,16 +367,14 @@ fn sensor_column(
 mod tests {
     use super::*;
 
+    fn drawn(weights: WeightsKind, temperature: f64, remove_traps: bool) -> ModelConfig {
+        ModelConfig { weights, temperature, remove_traps, ..ModelConfig::default() }
+    }
+
     #[test]
     fn tables_without_traps_are_those_of_the_weights() {
         let data = Fingerprint::of(b"states");
         let key = |model: &ModelConfig| key_of(1, &data, model, None).expect("a fingerprint");
-        let drawn = |weights, temperature, remove_traps| ModelConfig {
-            weights,
-            temperature,
-            remove_traps,
-            ..ModelConfig::default()
-        };
         let linear = drawn(WeightsKind::Linear, 1.0, true);
         assert_eq!(key(&linear), key(&drawn(WeightsKind::Linear, 2.0, true)));
         for other in [

@@ -185,16 +185,6 @@ type Concerns = dyn Fn(&MemberRecurrence, usize) -> bool;
 
 /// What to know of members that walks cannot get far in.
 pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<String> {
-    let those = |which: &Concerns| {
-        let all = members.iter().enumerate();
-        let which = all.filter(|(_, member)| {
-            member
-                .recurrence
-                .as_ref()
-                .is_some_and(|recurrence| which(recurrence, member.transitions))
-        });
-        named(which.map(|(number, _)| number))
-    };
     let warnings: [(&Concerns, String); 7] = [
         (
             &|recurrence, _| recurrence.classes.after.traps > 0,
@@ -248,8 +238,17 @@ pub(crate) fn warnings(members: &[MemberSummary], remove_traps: bool) -> Vec<Str
     ];
     warnings
         .into_iter()
-        .filter_map(|(which, text)| Some(text.replace("MEMBERS", &those(which)?)))
+        .filter_map(|(which, text)| Some(text.replace("MEMBERS", &concerned(members, which)?)))
         .collect()
+}
+
+/// The members that a warning concerns, by name; none of none.
+fn concerned(members: &[MemberSummary], which: &Concerns) -> Option<String> {
+    let all = members.iter().enumerate().filter(|(_, member)| {
+        let recurrence = member.recurrence.as_ref();
+        recurrence.is_some_and(|recurrence| which(recurrence, member.transitions))
+    });
+    named(all.map(|(number, _)| number))
 }
 
 /// "ensemble member 2", "ensemble members 0, 3"; none of none.
@@ -267,26 +266,21 @@ pub fn report_table(model: &ModelManifest) -> Option<Table> {
         .enumerate()
         .filter_map(|(number, member)| {
             let recurrence = member.recurrence.as_ref()?;
-            let number_or = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
             let Recurrence { candidates, before, after, left_out, exits, .. } = &recurrence.classes;
-            let text = |classes: &ClosedClasses| {
-                let sizes: Vec<String> =
-                    classes.largest.iter().take(5).map(|&size| count(size)).collect();
-                let more = if classes.count > 5 { ", …" } else { "" };
-                Cell::Text(format!("{} ({}{more})", classes.count, sizes.join("; ")))
-            };
             Some(vec![
                 Cell::Text(format!("ensemble member {number}")),
-                text(before),
-                text(after),
+                sizes_cell(before),
+                sizes_cell(after),
                 Cell::Number(100.0 * *left_out as f64 / (*candidates).max(1) as f64),
                 Cell::Count(*exits as u64),
-                number_or(recurrence.covered(member.transitions).map(|share| match after.count {
-                    0 | 1 => 100.0 * share,
-                    _ => rounded(100.0 * share, 1),
-                })),
-                number_or(recurrence.walks.mixing_steps.map(|steps| steps as f64)),
-                number_or(recurrence.walks.steps_to_end),
+                number_cell(recurrence.covered(member.transitions).map(
+                    |share| match after.count {
+                        0 | 1 => 100.0 * share,
+                        _ => rounded(100.0 * share, 1),
+                    },
+                )),
+                number_cell(recurrence.walks.mixing_steps.map(|steps| steps as f64)),
+                number_cell(recurrence.walks.steps_to_end),
                 Cell::Count(recurrence.walks.trapped as u64),
             ])
         })
@@ -317,6 +311,17 @@ pub fn report_table(model: &ModelManifest) -> Option<Table> {
     })
 }
 
+/// How many closed classes there are, and the sizes of the largest five.
+fn sizes_cell(classes: &ClosedClasses) -> Cell {
+    let sizes: Vec<String> = classes.largest.iter().take(5).map(|&size| count(size)).collect();
+    let more = if classes.count > 5 { ", …" } else { "" };
+    Cell::Text(format!("{} ({}{more})", classes.count, sizes.join("; ")))
+}
+
+fn number_cell(value: Option<f64>) -> Cell {
+    value.map_or(Cell::Missing, Cell::Number)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -328,28 +333,30 @@ mod tests {
         assert_eq!(named([].into_iter()), None);
     }
 
+    /// What is said of the rows that walks of a member with so many closed classes are spread over.
+    fn spread_line(classes: usize) -> String {
+        let after = ClosedClasses { count: classes, ..ClosedClasses::default() };
+        let member = MemberRecurrence {
+            classes: Recurrence { after, ..Recurrence::default() },
+            left_out_times: Vec::new(),
+            exit_times: Vec::new(),
+            walks: WalkStatistics {
+                distinct_rows: 2000,
+                trapped: 0,
+                effective_rows: Some(2530.0),
+                steps_to_end: Some(12_518.3),
+                mixing_steps: None,
+            },
+        };
+        lines(&member, 10_000)[1].clone()
+    }
+
     #[test]
     fn what_several_closed_classes_say_is_told_to_one_digit() {
-        let told = |classes: usize| {
-            let after = ClosedClasses { count: classes, ..ClosedClasses::default() };
-            let member = MemberRecurrence {
-                classes: Recurrence { after, ..Recurrence::default() },
-                left_out_times: Vec::new(),
-                exit_times: Vec::new(),
-                walks: WalkStatistics {
-                    distinct_rows: 2000,
-                    trapped: 0,
-                    effective_rows: Some(2530.0),
-                    steps_to_end: Some(12_518.3),
-                    mixing_steps: None,
-                },
-            };
-            lines(&member, 10_000)[1].clone()
-        };
-        let one = told(1);
+        let one = spread_line(1);
         assert!(one.starts_with("rollouts are spread over 25 % of the rows"), "{one}");
         assert!(one.ends_with("settle there after about 13,000 steps"), "{one}");
-        let two = told(2);
+        let two = spread_line(2);
         assert!(two.contains("over roughly 30 % of the rows"), "{two}");
     }
 

@@ -149,33 +149,33 @@ pub struct StartSummary {
 /// Summaries of all members, from what was asked for and, where another state stands for it, how far that is. States of
 /// a deployment are in no member: one lacks their nearest where another member has a nearer one.
 pub fn summaries(members: &[Vec<(RequestedStart, Option<f32>)>]) -> Vec<StartSummary> {
-    let nearest = |number: usize| {
-        let of_all = members.iter().filter_map(|starts| starts.get(number)?.1);
-        of_all.fold(f32::INFINITY, f32::min)
-    };
     members
         .iter()
         .map(|starts| {
-            let lacks =
-                |&(number, &(wanted, replaced)): &(usize, &(RequestedStart, Option<f32>))| {
-                    match wanted {
-                        RequestedStart::Recorded(_) => replaced.is_some(),
-                        RequestedStart::Deployment(_) => {
-                            replaced.is_some_and(|distance| distance > nearest(number))
-                        }
+            let lacking =
+                starts.iter().enumerate().filter(|&(number, &(wanted, replaced))| match wanted {
+                    RequestedStart::Recorded(_) => replaced.is_some(),
+                    RequestedStart::Deployment(_) => {
+                        replaced.is_some_and(|distance| distance > nearest(members, number))
                     }
-                };
+                });
             let distances: Vec<f64> =
                 starts.iter().filter_map(|(_, replaced)| replaced.map(f64::from)).collect();
             StartSummary {
                 starts: starts.len(),
-                replaced: starts.iter().enumerate().filter(lacks).count(),
+                replaced: lacking.count(),
                 mean_distance: (!distances.is_empty())
                     .then(|| distances.iter().sum::<f64>() / distances.len() as f64),
                 largest_distance: distances.iter().copied().reduce(f64::max),
             }
         })
         .collect()
+}
+
+/// The smallest distance from start `number` to what stands for it in any member.
+fn nearest(members: &[Vec<(RequestedStart, Option<f32>)>], number: usize) -> f32 {
+    let distances = members.iter().filter_map(|starts| starts.get(number)?.1);
+    distances.fold(f32::INFINITY, f32::min)
 }
 
 impl StartSummary {
@@ -236,9 +236,20 @@ fn row_at(frames: &Frames, instant: Timestamp, text: &str) -> Result<RowIndex, S
 mod tests {
     use super::*;
 
+    fn recorded(replaced: Option<f32>) -> (RequestedStart, Option<f32>) {
+        (RequestedStart::Recorded(RowIndex(1)), replaced)
+    }
+
+    fn deployed(distance: f32) -> (RequestedStart, Option<f32>) {
+        (RequestedStart::Deployment(RowIndex(1)), Some(distance))
+    }
+
+    fn told(summary: &StartSummary) -> (usize, Option<f64>, Option<f64>) {
+        (summary.replaced, summary.mean_distance, summary.largest_distance)
+    }
+
     #[test]
     fn a_member_lacks_what_others_have() {
-        let recorded = |replaced| (RequestedStart::Recorded(RowIndex(1)), replaced);
         let all = summaries(&[vec![recorded(None), recorded(Some(0.5))], vec![recorded(None); 2]]);
         let first = StartSummary {
             starts: 2,
@@ -252,12 +263,8 @@ mod tests {
         );
         assert_eq!(all[1].text(), None);
         // States of the deployment are nobody's: what counts is who has the nearest.
-        let deployed = |distance| (RequestedStart::Deployment(RowIndex(1)), Some(distance));
         let all =
             summaries(&[vec![deployed(0.5), deployed(0.25)], vec![deployed(0.5), deployed(1.0)]]);
-        let told = |summary: &StartSummary| {
-            (summary.replaced, summary.mean_distance, summary.largest_distance)
-        };
         assert_eq!(told(&all[0]), (0, Some(0.375), Some(0.5)));
         assert_eq!(told(&all[1]), (1, Some(0.75), Some(1.0)));
     }

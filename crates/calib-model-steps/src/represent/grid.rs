@@ -137,14 +137,15 @@ fn checkpoint(directory: &Path, key: &str) -> Unfinished {
 
 /// Forget every candidate and every training that was put aside; what else lies beside them stays.
 pub(super) fn remove(directory: &Path) -> Result<(), FileError> {
-    let is_ours = |path: &Path| {
-        let folder = path.parent().and_then(Path::to_str).unwrap_or_default();
-        let is_key =
-            folder.len() == KEY_DIGITS && folder.bytes().all(|byte| byte.is_ascii_hexdigit());
-        let is_named = [ENCODER, RECORD, CHECKPOINT].iter().any(|name| path.ends_with(name));
-        is_key && (is_named || is_temporary(path))
-    };
-    remove_known(&directory.join(CANDIDATES), &mut { is_ours })
+    remove_known(&directory.join(CANDIDATES), &mut is_ours)
+}
+
+/// Whether calib wrote this file of the candidates.
+fn is_ours(path: &Path) -> bool {
+    let folder = path.parent().and_then(Path::to_str).unwrap_or_default();
+    let is_key = folder.len() == KEY_DIGITS && folder.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let is_named = [ENCODER, RECORD, CHECKPOINT].iter().any(|name| path.ends_with(name));
+    is_key && (is_named || is_temporary(path))
 }
 
 /// The directory of a candidate is named after what it follows from, so that a grid that grows keeps what it has.

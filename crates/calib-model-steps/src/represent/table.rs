@@ -36,9 +36,8 @@ pub(super) fn write(
     candidates: &[Candidate],
     chosen: Option<usize>,
 ) -> Result<(), StepError> {
-    let numbers = || (0..candidates.len() as u32).collect::<Vec<u32>>();
     let mut table = Table::new()
-        .with("candidate", numbers())
+        .with("candidate", (0..candidates.len() as u32).collect::<Vec<u32>>())
         .with("chosen", (0..candidates.len()).map(|at| Some(at) == chosen).collect())
         .with_optional(
             "form",

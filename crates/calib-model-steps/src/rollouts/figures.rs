@@ -32,14 +32,13 @@ pub fn names(name: &str) -> [String; 2] {
 /// they have, in which [`file_name`] writes such characters as numbers.
 pub fn placed<'a>(sensors: impl Iterator<Item = &'a str>) -> Vec<String> {
     let sensors: Vec<&str> = sensors.collect();
-    let alike = |sensor: &str, name: &str| {
-        sensors.iter().any(|other| *other != sensor && (readable(other) == name || *other == name))
-    };
     sensors
         .iter()
         .map(|&sensor| {
             let name = readable(sensor);
-            if name.is_empty() || alike(sensor, &name) { sensor.to_owned() } else { name }
+            let mut others = sensors.iter().filter(|other| **other != sensor);
+            let is_taken = others.any(|other| readable(other) == name || *other == name);
+            if name.is_empty() || is_taken { sensor.to_owned() } else { name }
         })
         .collect()
 }
@@ -84,16 +83,12 @@ pub fn rollouts(
     for (sensor, named) in sensors.iter().zip(Columns::of(sensors)) {
         let values = trajectories.column::<f64>(&named.physical)?;
         let recorded = trajectories.optional::<f64>(&named.recorded)?;
-        let known = |group: &RolloutRows| recorded[group.rows.clone()].iter().flatten().count();
-        let sharing = |group: &RolloutRows| {
-            let all = groups.iter().filter(|other| other.wanted == group.wanted);
-            let mut members: Vec<u32> = all.map(|group| group.member).collect();
-            members.dedup();
-            members.len()
-        };
         // Of equally long ones the first, so that the figure does not depend on anything else.
-        let best = |group: &&RolloutRows| (sharing(group), known(group));
-        let Some(shown) = groups.iter().rev().max_by_key(best) else { continue };
+        let best = groups.iter().rev().max_by_key(|group| {
+            let known = recorded[group.rows.clone()].iter().flatten().count();
+            (members_from(&groups, group.wanted), known)
+        });
+        let Some(shown) = best else { continue };
         let truth = recorded[shown.rows.clone()].iter().flatten().copied().collect();
         let mut members: Vec<u32> = Vec::new();
         let mut lines = Vec::new();
@@ -115,6 +110,14 @@ pub fn rollouts(
         });
     }
     Ok(figures)
+}
+
+/// How many members start from row `wanted`, or from what stands for it.
+fn members_from(groups: &[RolloutRows], wanted: u32) -> usize {
+    let all = groups.iter().filter(|group| group.wanted == wanted);
+    let mut members: Vec<u32> = all.map(|group| group.member).collect();
+    members.dedup();
+    members.len()
 }
 
 /// Starts that a grid of small plots shows.
@@ -186,20 +189,18 @@ pub fn grids(models: &[(&str, &FirstRollouts)]) -> Vec<RolloutGrid> {
     let mut left = models.to_vec();
     while let Some(&(_, first)) = left.first() {
         let usable = || first.pairs.iter().filter(|pair| pair.recorded.len() > 1);
-        let shares = |(_, starts): &(&str, &FirstRollouts)| {
-            usable().any(|start| starts.from(start).is_some())
-        };
-        let (together, apart): (Vec<_>, Vec<_>) = left.iter().partition(|model| shares(model));
+        let (together, apart): (Vec<_>, Vec<_>) = (left.iter())
+            .partition(|(_, starts)| usable().any(|start| starts.from(start).is_some()));
         if together.is_empty() {
             // Nothing was recorded after any start of this model.
             left.remove(0);
             continue;
         }
-        let sharing = |start: &FirstRollout| {
-            together.iter().filter(|(_, starts)| starts.from(start).is_some()).count()
-        };
         let mut shown: Vec<(usize, &FirstRollout)> = usable().enumerate().collect();
-        shown.sort_by_key(|(_, start)| Reverse((sharing(start), start.recorded.len())));
+        shown.sort_by_key(|(_, start)| {
+            let sharing = together.iter().filter(|(_, starts)| starts.from(start).is_some());
+            Reverse((sharing.count(), start.recorded.len()))
+        });
         shown.truncate(GRID_STARTS);
         shown.sort_unstable_by_key(|(place, _)| *place);
         let shown: Vec<&FirstRollout> = shown.into_iter().map(|(_, start)| start).collect();
@@ -223,19 +224,19 @@ fn grid(
         period_secs: first.period_secs,
         values: values.to_vec(),
     };
-    let row = |(number, start): (usize, &&FirstRollout)| RolloutRow {
+    let rows = starts.iter().enumerate().map(|(number, start)| RolloutRow {
         label: format!("start {}", number + 1),
         truth: trajectory("recorded", &start.recorded),
         rollouts: models
             .iter()
             .map(|(name, starts)| Some(trajectory(name, starts.from(start)?)))
             .collect(),
-    };
+    });
     RolloutGrid {
         sensor: first.sensor.clone(),
         unit: first.unit.clone(),
         models: models.iter().map(|(name, _)| (*name).to_owned()).collect(),
-        rows: starts.iter().enumerate().map(row).collect(),
+        rows: rows.collect(),
     }
 }
 
@@ -310,9 +311,12 @@ mod tests {
         assert!(super::grids(&[("year", &none), ("week", &none)]).is_empty());
     }
 
+    fn named(sensors: &[&str]) -> Vec<String> {
+        placed(sensors.iter().copied())
+    }
+
     #[test]
     fn figures_of_sensors_have_readable_names_of_their_own() {
-        let named = |sensors: &[&str]| placed(sensors.iter().copied());
         assert_eq!(
             named(&["PIT300 (april)", "PIT300 (july)", "PIT300 (july, week)"]),
             ["PIT300-april", "PIT300-july", "PIT300-july-week"]

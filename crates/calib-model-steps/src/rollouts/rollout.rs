@@ -376,8 +376,9 @@ fn trajectories(
             wanted_times.push(record.time(rollout.start().0));
         }
     }
-    let time = |row: &Option<RowIndex>| row.map(|row| model.frames.timestamps()[row.get()]);
-    let timestamps: Vec<Option<Timestamp>> = visited.iter().map(time).collect();
+    let times = model.frames.timestamps();
+    let timestamps: Vec<Option<Timestamp>> =
+        visited.iter().map(|row| row.map(|row| times[row.get()])).collect();
     let states = model.frames.states();
     let mut table = Table::new()
         .with("member", members)

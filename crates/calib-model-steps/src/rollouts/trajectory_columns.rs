@@ -25,13 +25,15 @@ impl Columns {
     /// another's has `sensor:` before it, as often as it takes.
     pub fn of<S: AsRef<str>>(sensors: &[S]) -> Vec<Self> {
         let plain: Vec<Self> = sensors.iter().map(|name| Self::called(name.as_ref())).collect();
-        let is_plain = |place: usize| {
-            let others = plain.iter().enumerate().filter(|(other, _)| *other != place);
-            let taken: BTreeSet<&str> =
-                OTHERS.into_iter().chain(others.flat_map(|(_, column)| column.names())).collect();
-            !plain[place].names().iter().any(|name| taken.contains(name))
-        };
-        let unusual: Vec<bool> = (0..plain.len()).map(|place| !is_plain(place)).collect();
+        let unusual: Vec<bool> = (0..plain.len())
+            .map(|place| {
+                let others = plain.iter().enumerate().filter(|(other, _)| *other != place);
+                let taken: BTreeSet<&str> = (OTHERS.into_iter())
+                    .chain(others.flat_map(|(_, column)| column.names()))
+                    .collect();
+                plain[place].names().iter().any(|name| taken.contains(name))
+            })
+            .collect();
         let mut taken: BTreeSet<String> = OTHERS.map(str::to_owned).into();
         // Whatever keeps its name has it before others are given theirs.
         for (columns, _) in plain.iter().zip(&unusual).filter(|(_, unusual)| !**unusual) {

@@ -137,19 +137,21 @@ fn rollouts_are_pure_functions_of_their_arguments() {
     assert_eq!(few, many[..2]);
 }
 
+/// How three rollouts of a model jump.
+fn jumps_of(config: &ModelConfig) -> JumpStatistics {
+    let model = model(config);
+    let member = model.member(0);
+    let starts = start_states(&member, StartSource::Random, 3, Seed::new(1)).expect("starts");
+    let all = rollouts(&member, &starts, 3000, Weights::Linear, Seed::new(1), &Silent)
+        .expect("rolled out");
+    JumpStatistics::of(all.iter().map(Rollout::rows))
+}
+
 #[test]
 fn self_matches_replay_and_exclusion_jumps() {
-    let rate = |config: &ModelConfig| {
-        let model = model(config);
-        let member = model.member(0);
-        let starts = start_states(&member, StartSource::Random, 3, Seed::new(1)).expect("starts");
-        let all = rollouts(&member, &starts, 3000, Weights::Linear, Seed::new(1), &Silent)
-            .expect("rolled out");
-        JumpStatistics::of(all.iter().map(Rollout::rows))
-    };
-    let single = rate(&ModelConfig { neighbors: 1, ..ModelConfig::default() });
+    let single = jumps_of(&ModelConfig { neighbors: 1, ..ModelConfig::default() });
     assert!(single.jump_rate < 0.1 && single.longest_run > 50);
-    let excluded = rate(&ModelConfig { exclude_self: true, ..ModelConfig::default() });
+    let excluded = jumps_of(&ModelConfig { exclude_self: true, ..ModelConfig::default() });
     assert_eq!((excluded.jump_rate, excluded.mean_run_length), (1.0, 9003.0 / 9003.0));
 }
 

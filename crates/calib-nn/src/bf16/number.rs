@@ -96,9 +96,9 @@ mod tests {
             let other = if other.is_infinite() { 2_f64.powi(128) } else { f64::from(other.abs()) };
             (f64::from(value.abs()) - other).abs()
         };
-        let even = |other: f32| other.to_bits() & 0x1_0000 == 0;
         let order = distance(below).total_cmp(&distance(above));
-        if order.is_lt() || (order.is_eq() && even(below)) { below } else { above }
+        let is_even = below.to_bits() & 0x1_0000 == 0;
+        if order.is_lt() || (order.is_eq() && is_even) { below } else { above }
     }
 
     struct All<'a>(&'a [f32; 16]);
@@ -138,8 +138,9 @@ mod tests {
         fn vectors_are_rounded_as_numbers_are(bits in any::<[u32; 16]>()) {
             let values = bits.map(f32::from_bits);
             let words = Arch::new().dispatch(All(&values));
-            let pair = |value| join(Scalar, rectified(Scalar, value), without_small(Scalar, value));
-            prop_assert_eq!(words, values.map(pair));
+            let expected = values
+                .map(|value| join(Scalar, rectified(Scalar, value), without_small(Scalar, value)));
+            prop_assert_eq!(words, expected);
         }
     }
 

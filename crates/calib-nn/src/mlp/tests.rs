@@ -12,10 +12,11 @@ fn reference_loss(network: &Mlp, parameters: &[f64], input: &[f32], gradient: &[
         for (index, layer) in network.layers().iter().enumerate() {
             values = (0..layer.outputs)
                 .map(|j| {
-                    let products = values.iter().enumerate();
-                    let weight = |i: usize| parameters[layer.weights.start + i * layer.outputs + j];
-                    let sum = products.map(|(i, x)| x * weight(i)).sum::<f64>()
-                        + parameters[layer.bias.start + j];
+                    let products = values
+                        .iter()
+                        .enumerate()
+                        .map(|(i, x)| x * parameters[layer.weights.start + i * layer.outputs + j]);
+                    let sum = products.sum::<f64>() + parameters[layer.bias.start + j];
                     if index + 1 < network.layers().len() { sum.max(0.0) } else { sum }
                 })
                 .collect();

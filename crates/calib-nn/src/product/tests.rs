@@ -26,27 +26,27 @@ fn product(left: Matrix<'_>, right: Matrix<'_>) -> Vec<f32> {
 
 /// The order of sums that is promised, value by value, whatever the processor.
 fn promised(left: Matrix<'_>, right: Matrix<'_>) -> Vec<f32> {
+    let places = (0..left.rows).flat_map(|i| (0..right.columns).map(move |j| (i, j)));
+    places.map(|(i, j)| promised_value(left, right, i, j)).collect()
+}
+
+fn promised_value(left: Matrix<'_>, right: Matrix<'_>, i: usize, j: usize) -> f32 {
     let m = left.rows;
     let k = left.columns;
     let n = right.columns;
     let thin = m == 1 || n == 1;
-    let dots = left.column_stride == 1 && right.row_stride == 1 && (thin || m * n <= 256);
-    let part = if thin { k } else { k.div_ceil(k.div_ceil(512)) };
-    let value = |(i, j): (usize, usize)| {
-        let add = |sum: f32, l: usize| left.at(i, l).mul_add(right.at(l, j), sum);
-        if dots {
-            let mut sums: Vec<f32> =
-                (0..16).map(|lane| (lane..k).step_by(16).fold(0.0, add)).collect();
-            while sums.len() > 1 {
-                let half = sums.split_off(sums.len() / 2);
-                sums.iter_mut().zip(half).for_each(|(sum, other)| *sum += other);
-            }
-            return sums[0];
+    let add = |sum: f32, l: usize| left.at(i, l).mul_add(right.at(l, j), sum);
+    if left.column_stride == 1 && right.row_stride == 1 && (thin || m * n <= 256) {
+        let mut sums: Vec<f32> = (0..16).map(|lane| (lane..k).step_by(16).fold(0.0, add)).collect();
+        while sums.len() > 1 {
+            let half = sums.split_off(sums.len() / 2);
+            sums.iter_mut().zip(half).for_each(|(sum, other)| *sum += other);
         }
-        let parts = (0..k).step_by(part).map(|first| (first..k.min(first + part)).fold(0.0, add));
-        parts.reduce(|sum, part| sum + part).unwrap_or(0.0)
-    };
-    (0..m).flat_map(|i| (0..n).map(move |j| (i, j))).map(value).collect()
+        return sums[0];
+    }
+    let part = if thin { k } else { k.div_ceil(k.div_ceil(512)) };
+    let parts = (0..k).step_by(part).map(|first| (first..k.min(first + part)).fold(0.0, add));
+    parts.reduce(|sum, part| sum + part).unwrap_or(0.0)
 }
 
 fn bits(values: &[f32]) -> Vec<u32> {

@@ -52,12 +52,9 @@ fn trained() -> Result<Vec<u64>, StepError> {
         network,
     ];
     let outcomes = train(&stream, 0, &agents, CurveRule::default(), Seed::new(1), &Silent)?;
-    let error = |part| {
-        move |outcome: &calib_agent::RunOutcome| {
-            outcome.scores.of(part).map_or(0.0, |score| score.rmse)
-        }
-    };
-    Ok(outcomes.iter().map(error(Part::WholeRun)).map(f64::to_bits).collect())
+    let errors = (outcomes.iter())
+        .map(|outcome| outcome.scores.of(Part::WholeRun).map_or(0.0, |score| score.rmse));
+    Ok(errors.map(f64::to_bits).collect())
 }
 
 #[cfg(test)]

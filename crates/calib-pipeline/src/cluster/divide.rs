@@ -72,9 +72,12 @@ mod tests {
 
     use super::*;
 
+    fn division(exactly: Option<usize>) -> Division {
+        Division { secs: 1800.0, most: 1000, exactly }
+    }
+
     #[test]
     fn sensors_are_cut_only_where_a_pass_is_too_long() {
-        let division = |exactly| Division { secs: 1800.0, most: 1000, exactly };
         assert_eq!(division(None).groups(100, 200, 100.0 * 600.0), 1);
         assert_eq!(division(None).groups(100, 200, 100.0 * 5400.0), 3);
         assert_eq!(division(None).groups(100, 2, 100.0 * 90_000.0), 2);

@@ -124,11 +124,16 @@ pub(crate) fn mapped_bytes(
         .iter()
         .filter(|environment| matches!(environment, EnvironmentSpec::Member { .. }))
         .count();
-    let size = |name: &String| directory.join(name).metadata().map_or(0, |found| found.len());
     let (tables, others): (Vec<&String>, Vec<&String>) =
         files.keys().partition(|name| name.starts_with("members/"));
-    let sum = |names: Vec<&String>| names.into_iter().map(size).sum::<u64>();
-    sum(others) + sum(tables) / members.max(1) as u64
+    bytes(directory, &others) + bytes(directory, &tables) / members.max(1) as u64
+}
+
+/// Bytes of these files of the directory, of those that are there.
+fn bytes(directory: &Path, names: &[&String]) -> u64 {
+    let sizes =
+        (names.iter()).map(|name| directory.join(name).metadata().map_or(0, |found| found.len()));
+    sizes.sum()
 }
 
 /// What the key of a file of agents is; their content has its own fingerprint.
@@ -299,14 +304,13 @@ impl CheckedFiles<'_> {
         members: &[usize],
     ) -> Result<OpenedModel, StepError> {
         let settings = &part.study.model;
-        let is_read = |name: &str| match settings.kind.family() {
+        let mut read = self.files.keys().filter(|name| match settings.kind.family() {
             ModelFamily::Neighbors => {
                 members.iter().any(|member| name.starts_with(&format!("members/{member}/")))
             }
             ModelFamily::Network => !name.starts_with("held_out"),
             ModelFamily::None => false,
-        };
-        let mut read = self.files.keys().filter(|name| is_read(name));
+        });
         read.try_for_each(|name| self.require(name))?;
         // A rollout reads tables and rows alone; distances were measured when the tables were made.
         kinds::open(self.directory, &part.study, states, states.states().clone(), Some(members))

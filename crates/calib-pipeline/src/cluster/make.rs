@@ -167,11 +167,10 @@ fn is_planned(directory: &Path) -> String {
 
 /// Remove the inputs of a plan that was not finished; what else lies beside them stays.
 fn remove_inputs(directory: &Path, record: &FolderRecord) -> Result<(), FileError> {
-    let is_ours = |path: &Path| {
+    remove_known(&directory.join(INPUTS), &mut |path: &Path| {
         let name = Path::new(INPUTS).join(path);
         is_temporary(path) || name.to_str().is_some_and(|name| record.names().contains(name))
-    };
-    remove_known(&directory.join(INPUTS), &mut { is_ours })
+    })
 }
 
 struct Planning<'a> {
@@ -344,7 +343,10 @@ fn memory(parts: &[PlannedPart], passes: &[PlannedPass]) -> u64 {
         .unwrap_or(0);
     // Files are mapped: all of those that a part has, as they may be read from anywhere.
     let read: BTreeSet<usize> = passes.iter().map(|pass| pass.part).collect();
-    let mapped = |part: &usize| parts.get(*part)?.sweep.as_ref().map(|sweep| sweep.mapped);
+    let mapped = (read.iter())
+        .filter_map(|part| Some(parts.get(*part)?.sweep.as_ref()?.mapped))
+        .max()
+        .unwrap_or(0);
     let results: u64 = passes
         .iter()
         .filter_map(|pass| {
@@ -353,5 +355,5 @@ fn memory(parts: &[PlannedPart], passes: &[PlannedPass]) -> u64 {
             Some(units as u64 * (200 + 80 * part.study.sweep.curve_points as u64))
         })
         .sum();
-    BASE_BYTES + training + 2 * results + read.iter().filter_map(mapped).max().unwrap_or(0)
+    BASE_BYTES + training + 2 * results + mapped
 }

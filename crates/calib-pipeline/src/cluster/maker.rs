@@ -44,16 +44,10 @@ impl Maker {
 
     /// How another one differs, if it does.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
-        let named = |maker: &Self| match &maker.commit {
-            Some(commit) => format!("{} (commit {commit}, results {})", maker.tool, maker.results),
-            None => format!("{} (results {})", maker.tool, maker.results),
-        };
-        if named(self) != named(other) {
-            return Some(format!(
-                "{}, and this is {}; use the same program",
-                named(self),
-                named(other)
-            ));
+        let own = self.program();
+        let others = other.program();
+        if own != others {
+            return Some(format!("{own}, and this is {others}; use the same program"));
         }
         (self.arithmetic != other.arithmetic).then(|| {
             format!(
@@ -62,6 +56,14 @@ impl Maker {
                 self.arithmetic, other.arithmetic
             )
         })
+    }
+
+    /// The program, with its commit if it has one.
+    fn program(&self) -> String {
+        match &self.commit {
+            Some(commit) => format!("{} (commit {commit}, results {})", self.tool, self.results),
+            None => format!("{} (results {})", self.tool, self.results),
+        }
     }
 }
 

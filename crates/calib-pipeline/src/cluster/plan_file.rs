@@ -51,15 +51,14 @@ pub(crate) struct PlannedStudy {
 impl PlannedStudy {
     pub(crate) fn of(job: &Job) -> Result<Self, StepError> {
         let request = job.request();
-        let absolute = |path: &PathBuf| std::path::absolute(path);
         Ok(Self {
-            study: absolute(&request.study)?,
+            study: std::path::absolute(&request.study)?,
             text: job.text().to_owned(),
             set: request.set.clone(),
             profile: request.profile.clone(),
             model: request.model.clone(),
             deployment: request.deployment.clone(),
-            output: request.output.as_ref().map(absolute).transpose()?,
+            output: request.output.as_ref().map(std::path::absolute).transpose()?,
         })
     }
 

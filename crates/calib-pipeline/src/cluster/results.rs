@@ -132,15 +132,19 @@ mod tests {
     use super::*;
 
     fn results() -> ShardResults {
-        let unit = |run| Unit { sensor: "P 1".to_owned(), environment: EnvironmentId::Online, run };
-        let result = |run| UnitRuns {
-            key: format!("key {run}"),
-            unit: unit(run),
-            seed: 1,
-            start_row: 2,
-            not_finite: None,
-            runs: BTreeMap::new(),
-        };
+        let units = [2, 0, 1].map(|run| {
+            let unit = Unit { sensor: "P 1".to_owned(), environment: EnvironmentId::Online, run };
+            let key = format!("key {run}");
+            let result = UnitRuns {
+                key: key.clone(),
+                unit: unit.clone(),
+                seed: 1,
+                start_row: 2,
+                not_finite: None,
+                runs: BTreeMap::new(),
+            };
+            ((unit, key), result)
+        });
         let maker = Maker {
             tool: "calib".to_owned(),
             commit: None,
@@ -149,7 +153,7 @@ mod tests {
         };
         ShardResults {
             header: Header { format: FORMAT, plan: "plan".to_owned(), shard: 3, maker },
-            units: [2, 0, 1].map(|run| ((unit(run), format!("key {run}")), result(run))).into(),
+            units: units.into(),
             extent: Extent::Partial,
         }
     }

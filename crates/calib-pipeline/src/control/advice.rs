@@ -242,10 +242,6 @@ impl Advice<'_> {
         let BestConstant { action, mean_return, uncovered, over } = constant;
         let over = over.as_ref().filter(|over| over.mean.is_finite());
         let over = over.map_or_else(String::new, |over| {
-            let amount = |value: f64| {
-                let side = if value < 0.0 { "less" } else { "more" };
-                format!("{} {side}", significant(value.abs()))
-            };
             let interval = over.interval.map_or_else(String::new, |interval| {
                 let chance = if interval.low < 0.0 && interval.high > 0.0 {
                     ", which could be chance"
@@ -353,6 +349,12 @@ fn interval(interval: Interval) -> String {
     format!(" (95 %: {} to {})", significant(interval.low), significant(interval.high))
 }
 
+/// "2.5 more" or "2.5 less".
+fn amount(difference: f64) -> String {
+    let side = if difference < 0.0 { "less" } else { "more" };
+    format!("{} {side}", significant(difference.abs()))
+}
+
 #[cfg(test)]
 mod tests {
     use calib_control::{ActionModelKind, KindReturns};
@@ -422,19 +424,19 @@ mod tests {
         );
     }
 
+    /// What one member of a kind says of four settings.
+    fn of_kind(kind: ActionModelKind, returns: [f64; 4]) -> KindReturns {
+        KindReturns { kind, chosen: 0, members: vec![returns.to_vec()] }
+    }
+
     #[test]
     fn no_setting_is_named_where_kinds_of_models_disagree() {
         let mut verdict = verdict(&json!([{ "reason": "few_terminals", "terminals": 1 }]));
         verdict.selection.mean_ranks = vec![2.0, 1.0, 3.0, 4.0];
         verdict.coverage = vec![verdict.coverage[0]; 4];
-        let kind = |kind, returns: [f64; 4]| KindReturns {
-            kind,
-            chosen: 0,
-            members: vec![returns.to_vec()],
-        };
         verdict.kinds = vec![
-            kind(ActionModelKind::Neighbors, [1.0, 2.0, 3.0, 4.0]),
-            kind(ActionModelKind::Network, [4.0, 3.0, 2.0, 1.0]),
+            of_kind(ActionModelKind::Neighbors, [1.0, 2.0, 3.0, 4.0]),
+            of_kind(ActionModelKind::Network, [4.0, 3.0, 2.0, 1.0]),
         ];
         let settings = ["a=1", "a=2", "a=3", "a=4"].map(str::to_owned);
         let advice = Advice {

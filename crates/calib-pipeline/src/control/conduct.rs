@@ -101,12 +101,15 @@ fn taken(values: &[f64], chosen: &[usize], actions: usize, map: &ColumnMap) -> C
     }
     let steps: Vec<usize> =
         (0..parts).map(|part| counts.iter().map(|own| own[part]).sum()).collect();
-    let share = |(&count, &steps): (&usize, &usize)| count as f64 / steps.max(1) as f64;
+    let taken = counts.iter().map(|own| {
+        let parts = own.iter().zip(&steps);
+        parts.map(|(&count, &steps)| count as f64 / steps.max(1) as f64).collect()
+    });
     ColumnConduct {
         column: map.column.clone(),
         values: Vec::new(),
         upper: map.upper.clone(),
-        taken: counts.iter().map(|own| own.iter().zip(&steps).map(share).collect()).collect(),
+        taken: taken.collect(),
         steps,
     }
 }

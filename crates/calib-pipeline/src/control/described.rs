@@ -70,21 +70,19 @@ pub(super) fn described(
     names: &Names,
 ) -> Result<ActionLogSummary, StepError> {
     let log = model.log();
-    let own = |spreads: Vec<Spread>| -> Vec<Spread> {
-        let numbered = spreads.into_iter().enumerate();
-        numbered.map(|(place, spread)| spread.map(|value| names.physical(place, value))).collect()
-    };
     let counted = log.counts().into_iter().zip(model.covered()).zip(log.spreads()?);
     Ok(ActionLogSummary {
         actions: names
             .actions
             .iter()
             .zip(counted)
-            .map(|(name, ((transitions, covered), spreads)): (&String, _)| ActionTold {
-                name: name.clone(),
-                transitions,
-                covered,
-                states: own(spreads),
+            .map(|(name, ((transitions, covered), spreads)): (&String, _)| {
+                let states = spreads
+                    .into_iter()
+                    .enumerate()
+                    .map(|(place, spread)| spread.map(|value| names.physical(place, value)))
+                    .collect();
+                ActionTold { name: name.clone(), transitions, covered, states }
             })
             .collect(),
         settings: names.settings.clone(),

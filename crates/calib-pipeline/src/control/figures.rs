@@ -101,29 +101,28 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
         }
     }
     let estimate = |own: &str, pooled: Pooled| -> Option<Estimate> {
-        let of_member = |returns: &Vec<f64>| {
+        let returns = evaluation.verdict.members.iter().map(|returns| {
             let with = (0..returns.len()).filter(|&candidate| value(candidate) == own);
             pooled(&with.map(|candidate| returns[candidate]).collect::<Vec<f64>>())
-        };
-        let returns: Vec<f64> = evaluation.verdict.members.iter().map(of_member).collect();
+        });
+        let returns: Vec<f64> = returns.collect();
         let mean = calib_stats::mean(&returns).ok()?;
         Some(Estimate { value: mean, interval: jackknife(mean, &returns) })
     };
     let ways = [("mean of the settings", mean as Pooled), ("best of the settings", highest)];
-    let point = |(place, own): (usize, &&str), pooled: Pooled| {
-        let estimate = estimate(own, pooled);
-        let interval = estimate
-            .and_then(|estimate| estimate.interval)
-            .map(|interval| (interval.low, interval.high));
-        let y = estimate.map_or(f64::NAN, |estimate| estimate.value);
-        Point { x: place as f64, y, interval }
-    };
     let drawn: Vec<Series> = ways
         .iter()
         .enumerate()
         .map(|(number, &(label, pooled))| {
-            let own = values.iter().enumerate().map(|placed| point(placed, pooled));
-            series(number, label, own.collect())
+            let points = values.iter().enumerate().map(|(place, own)| {
+                let estimate = estimate(own, pooled);
+                let interval = estimate
+                    .and_then(|estimate| estimate.interval)
+                    .map(|interval| (interval.low, interval.high));
+                let y = estimate.map_or(f64::NAN, |estimate| estimate.value);
+                Point { x: place as f64, y, interval }
+            });
+            series(number, label, points.collect())
         })
         .collect();
     let ends = drawn.iter().flat_map(|series| &series.points).flat_map(|point| {

@@ -104,11 +104,10 @@ pub(super) fn read(
         fingerprint = with_numbers(&fingerprint, b"settings 1", acted.iter().flatten());
     }
     if let Some(name) = &config.probability {
-        let at = |row: usize| format_time(frames.timestamps()[row]);
         decisions = decisions.with_probabilities(&column(name)).map_err(|error| match error {
             ControlError::NoProbability { row, got } => StepError::message(format!(
                 "control.probability = \"{name}\": at {} the probability of the action that was taken is {got}, expected above 0, up to 1",
-                at(row)
+                format_time(frames.timestamps()[row])
             )),
             error => error.into(),
         })?;

@@ -66,8 +66,9 @@ pub(crate) fn run(
     let units = RunFiles::open(&job.layout().control_units(), &key)?;
     let JudgedSettings { log, evaluation, runs } =
         judged(job, config, log, &agents, &units, printer)?;
-    let page = || page::write(&directory, job, &evaluation);
-    files::write(&directory, (study, key), (&log, &evaluation), &runs, page)?;
+    files::write(&directory, (study, key), (&log, &evaluation), &runs, || {
+        page::write(&directory, job, &evaluation)
+    })?;
     units.remove()?;
     let took = duration(clock.elapsed());
     printer.say(&format!("written to {} in {took}", directory.display()));

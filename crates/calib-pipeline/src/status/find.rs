@@ -48,12 +48,10 @@ pub(super) fn find(request: &StatusRequest) -> Result<Subject, StepError> {
     let wanted = fs::canonicalize(path)?;
     let parent = wanted.parent().unwrap_or(&wanted);
     for study in study_files(parent).unwrap_or_default() {
-        let found = job(request, &study).ok();
-        let is_its = |job: &Job| {
-            fs::canonicalize(job.layout().of_study()).is_ok_and(|results| results == wanted)
-        };
-        if let Some(job) = found.filter(is_its) {
-            return Ok(Subject::Study(Box::new(job)));
+        let Ok(found) = job(request, &study) else { continue };
+        let results = fs::canonicalize(found.layout().of_study());
+        if results.is_ok_and(|results| results == wanted) {
+            return Ok(Subject::Study(Box::new(found)));
         }
     }
     match study_files(path).unwrap_or_default().as_slice() {

@@ -52,7 +52,6 @@ pub(super) fn rankings(
     stored: &[StoredRun<'_>],
     (model, deployment): (Option<&str>, Option<&str>),
 ) -> Result<Vec<Ranking>, StepError> {
-    let owned = |name: Option<&str>| name.map(str::to_owned);
     planned
         .sensors()
         .into_iter()
@@ -61,15 +60,13 @@ pub(super) fn rankings(
                 stored.iter().filter(|run| run.sensor() == sensor).collect();
             let mut logs: Vec<LogErrors> = vec![LogErrors::new(); planned.labels.len()];
             let by_rule = own.iter().any(|run| planned.counts(run.environment()));
-            let counts = |run: &StoredRun<'_>| {
-                if by_rule {
+            for run in &own {
+                let counts = if by_rule {
                     planned.counts(run.environment())
                 } else {
                     matches!(run.environment(), EnvironmentId::Member(_))
-                }
-            };
-            for run in own.iter().filter(|run| counts(run)) {
-                if let Some(logs) = logs.get_mut(run.candidate) {
+                };
+                if counts && let Some(logs) = logs.get_mut(run.candidate) {
                     logs.insert(run.unit, run.rmse.ln());
                 }
             }
@@ -82,8 +79,8 @@ pub(super) fn rankings(
                 interval: standing.interval,
             });
             Ok(Ranking {
-                model: owned(model),
-                deployment: owned(deployment),
+                model: model.map(str::to_owned),
+                deployment: deployment.map(str::to_owned),
                 sensor: sensor.to_owned(),
                 runs: [own.len(), planned.runs_of(sensor)],
                 by_rule,

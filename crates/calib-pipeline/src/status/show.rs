@@ -141,11 +141,11 @@ fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepErro
         let rows: Vec<Vec<String>> = placed
             .filter(|(place, setting)| *place < SHOWN || setting.is_default)
             .map(|(_, setting)| {
-                let number = |number: f64| format!("{number:.3}");
-                let ratio = setting.ratio.map_or_else(|| "diverged".to_owned(), number);
+                let ratio = setting
+                    .ratio
+                    .map_or_else(|| "diverged".to_owned(), |ratio| format!("{ratio:.3}"));
                 let interval = setting.interval.filter(|[low, high]| low < high);
-                let interval =
-                    interval.map(|[low, high]| format!("{} to {}", number(low), number(high)));
+                let interval = interval.map(|[low, high]| format!("{low:.3} to {high:.3}"));
                 let default = if setting.is_default { " (the default)" } else { "" };
                 vec![
                     format!("{}{default}", setting.setting),

@@ -14,35 +14,35 @@ pub(super) fn tables(validity: &Validity) -> Vec<Table> {
 }
 
 fn tests(tests: &[Test]) -> Table {
-    let row = |test: &Test| {
-        let (value, interval) = match test.claim {
-            Claim::SmallRegret => (Cell::Percent(test.value), at_most(test.upper)),
-            Claim::Better | Claim::NoWorse => {
-                (quotient(Some(test.value)), quotients(test.interval))
-            }
-        };
-        let outcome = match test.outcome {
-            // The same choices everywhere are no worse, and no better.
-            Outcome::Holds if test.claim == Claim::NoWorse && test.value == 1.0 => "yes, the same",
-            Outcome::Holds => "yes",
-            Outcome::Fails => "no",
-            Outcome::Open => "not told",
-        };
-        vec![
-            Cell::Text(test.method.to_string()),
-            Cell::Text(claimed(test)),
-            value,
-            interval,
-            Cell::Text(outcome.to_owned()),
-        ]
-    };
     table(
         "What was to be shown",
         "Claims that were named before anything was run. Yes: the whole 95 % interval over plants lies where the claim has it, or the \
          95 % upper bound of the mean; no: none of the interval does, or of that of the typical regret. No worse: at most 1 % more error.",
         &["choice of", "claim", "found", "95 %", "shown"],
-        tests.iter().map(row).collect(),
+        tests.iter().map(cells).collect(),
     )
+}
+
+/// The row of a test.
+fn cells(test: &Test) -> Vec<Cell> {
+    let (value, interval) = match test.claim {
+        Claim::SmallRegret => (Cell::Percent(test.value), at_most(test.upper)),
+        Claim::Better | Claim::NoWorse => (quotient(Some(test.value)), quotients(test.interval)),
+    };
+    let outcome = match test.outcome {
+        // The same choices everywhere are no worse, and no better.
+        Outcome::Holds if test.claim == Claim::NoWorse && test.value == 1.0 => "yes, the same",
+        Outcome::Holds => "yes",
+        Outcome::Fails => "no",
+        Outcome::Open => "not told",
+    };
+    vec![
+        Cell::Text(test.method.to_string()),
+        Cell::Text(claimed(test)),
+        value,
+        interval,
+        Cell::Text(outcome.to_owned()),
+    ]
 }
 
 fn claimed(test: &Test) -> String {

@@ -49,37 +49,38 @@ pub(super) fn all(judged: &JudgedStudies) -> Vec<(&'static str, OverviewFigure)>
     all
 }
 
+fn in_percent(share: f64) -> f64 {
+    100.0 * share
+}
+
+/// The ends of the interval of a method's typical regret, in percent.
+fn ends(method: &MethodSummary) -> Option<(f64, f64)> {
+    let interval = method.typical_interval?;
+    Some((in_percent(interval.low), in_percent(interval.high)))
+}
+
 /// Typical regret of each method, with its interval; `by` says by what score.
 fn regrets(validity: &Validity, by: &str) -> OverviewFigure {
     let methods = &validity.methods;
-    let percent = |share: f64| 100.0 * share;
-    let ends = |method: &MethodSummary| {
-        method.typical_interval.map(|interval| (percent(interval.low), percent(interval.high)))
-    };
-    let points = |models: bool| -> Vec<Point> {
-        let numbered = methods.iter().enumerate();
-        let own =
-            numbered.filter(|(_, method)| matches!(method.method, Method::Model(_)) == models);
-        own.map(|(place, method): (usize, &MethodSummary)| Point {
-            x: place as f64,
-            y: percent(method.typical),
-            interval: ends(method),
-        })
-        .collect()
-    };
     let values: Vec<f64> = methods
         .iter()
         .flat_map(|method| {
-            let (low, high) =
-                ends(method).unwrap_or((percent(method.typical), percent(method.typical)));
-            [percent(method.typical), low, high]
+            let typical = in_percent(method.typical);
+            let (low, high) = ends(method).unwrap_or((typical, typical));
+            [typical, low, high]
         })
         .collect();
     let series = [("models", true), ("without a model", false)];
-    let series = series
-        .into_iter()
-        .enumerate()
-        .map(|(number, (label, models))| of_points(label, number, broken(points(models))));
+    let series = series.into_iter().enumerate().map(|(number, (label, models))| {
+        let own = (methods.iter().enumerate())
+            .filter(|(_, method)| matches!(method.method, Method::Model(_)) == models);
+        let points = own.map(|(place, method)| Point {
+            x: place as f64,
+            y: in_percent(method.typical),
+            interval: ends(method),
+        });
+        of_points(label, number, broken(points.collect()))
+    });
     let title = format!("Typical regret of each way to choose{by}");
     OverviewFigure {
         caption: "Geometric mean over plant–sensor pairs of the error of the choice on held-out data over that of the best setting, minus one, with 95 % intervals over plants. Lower is better. Other plants: the best default of all other plants. Same optimiser: of those with the same optimiser. The best fixed setting and another window are only known afterwards."
@@ -213,10 +214,11 @@ fn scatter(
     value: fn(&ModelPair) -> Option<f64>,
 ) -> Option<OverviewFigure> {
     let mut rows = Vec::new();
-    let mut of_model = |name: &String| -> Vec<Point> {
+    let mut points: Vec<Vec<Point>> = Vec::with_capacity(validity.models.len());
+    for name in &validity.models {
         let own =
             validity.each.iter().filter(|regret| regret.method == Method::Model(name.clone()));
-        let points = own.filter_map(|regret| {
+        let of_model = own.filter_map(|regret| {
             let pair = &validity.judged[regret.pair];
             let model = pair.models.iter().find(|model| model.model == *name)?;
             let x = value(model).filter(|x| *x > 0.0)?;
@@ -224,11 +226,10 @@ fn scatter(
             rows.push([&names[..], &[Cell::Number(x), Cell::Percent(regret.regret)]].concat());
             Some(Point { x, y: 100.0 * regret.regret.clamp(FLOOR, CEILING), interval: None })
         });
-        let mut points: Vec<Point> = points.collect();
-        points.sort_by(|a, b| a.x.total_cmp(&b.x));
-        points
-    };
-    let points: Vec<Vec<Point>> = validity.models.iter().map(&mut of_model).collect();
+        let mut of_model: Vec<Point> = of_model.collect();
+        of_model.sort_by(|a, b| a.x.total_cmp(&b.x));
+        points.push(of_model);
+    }
     let x: Vec<f64> = points.iter().flatten().map(|point| point.x).collect();
     if x.is_empty() {
         return None;
@@ -264,8 +265,10 @@ fn scatter(
 
 /// Points that no line connects: each is followed by a missing one.
 fn broken(points: Vec<Point>) -> Vec<Point> {
-    let missing = |point: Point| Point { y: f64::NAN, interval: None, ..point };
-    points.into_iter().flat_map(|point| [point, missing(point)]).collect()
+    points
+        .into_iter()
+        .flat_map(|point| [point, Point { y: f64::NAN, interval: None, ..point }])
+        .collect()
 }
 
 fn of_points(label: &str, number: usize, points: Vec<Point>) -> Series {

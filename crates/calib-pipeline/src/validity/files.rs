@@ -29,6 +29,21 @@ impl Row<'_> {
         let Method::Model(name) = &self.regret.method else { return None };
         self.pair.models.iter().find(|model| model.model == *name)
     }
+
+    /// What the method chose, where it is one of the settings.
+    fn setting(&self) -> Option<String> {
+        Some(self.values[self.regret.value?].clone())
+    }
+
+    /// The error of that on held-out data.
+    fn online_error(&self) -> Option<f64> {
+        Some(self.pair.online[self.regret.value?])
+    }
+
+    /// The smallest error of all settings on held-out data.
+    fn best_online_error(&self) -> f64 {
+        self.pair.online.iter().copied().fold(f64::INFINITY, f64::min)
+    }
 }
 
 /// One row for each score, plant, sensor and method.
@@ -47,9 +62,6 @@ fn pairs(judged: &JudgedStudies) -> Table {
     let of_model = |value: fn(&ModelPair) -> Option<f64>| -> Vec<Option<f64>> {
         rows.iter().map(|row| row.model().and_then(value)).collect()
     };
-    let best = |row: &Row<'_>| row.pair.online.iter().copied().fold(f64::INFINITY, f64::min);
-    let error = |row: &Row<'_>| Some(row.pair.online[row.regret.value?]);
-    let label = |row: &Row<'_>| Some(row.values[row.regret.value?].clone());
     Table::new()
         .with("scored", text(|row| row.part.to_owned()))
         .with("plant", text(|row| row.pair.plant.clone()))
@@ -61,10 +73,10 @@ fn pairs(judged: &JudgedStudies) -> Table {
         .with("steps", rows.iter().map(|row| row.task.steps as u32).collect::<Vec<_>>())
         .with("batch_size", rows.iter().map(|row| row.task.batch_size as u32).collect::<Vec<_>>())
         .with_optional("candidate", rows.iter().map(|row| Some(row.regret.value? as u32)).collect())
-        .with_optional("value", rows.iter().map(label).collect())
+        .with_optional("value", rows.iter().map(Row::setting).collect())
         .with("regret", rows.iter().map(|row| row.regret.regret).collect::<Vec<_>>())
-        .with_optional("online_error", rows.iter().map(error).collect())
-        .with("best_online_error", rows.iter().map(best).collect::<Vec<_>>())
+        .with_optional("online_error", rows.iter().map(Row::online_error).collect())
+        .with("best_online_error", rows.iter().map(Row::best_online_error).collect::<Vec<_>>())
         .with_optional("best_skill", rows.iter().map(|row| row.pair.skill).collect())
         .with_optional("stability", of_model(|model| model.stability))
         .with_optional("spearman", of_model(|model| model.spearman))

@@ -205,11 +205,10 @@ fn output(args: &ValidityOptions, listing: &Listing) -> PathBuf {
     if let Some(protocol) = &listing.protocol {
         return protocol.directory.clone();
     }
-    let beside = |path: &Path| match path {
+    args.output.clone().unwrap_or_else(|| match &args.studies[0] {
         folder if folder.is_dir() => folder.join("validity-results"),
         file => file.parent().unwrap_or(Path::new("")).join("validity-results"),
-    };
-    args.output.clone().unwrap_or_else(|| beside(&args.studies[0]))
+    })
 }
 
 /// What all studies gave.
@@ -229,8 +228,8 @@ fn all(
 ) -> Result<GatheredStudies, StepError> {
     let clock = Stopwatch::start();
     let mut all = GatheredStudies::default();
-    let is_own = |place: &usize| args.share.is_none_or(|share| share.has(*place));
-    let own = listing.studies.iter().enumerate().filter(|(place, _)| is_own(place));
+    let own = (listing.studies.iter().enumerate())
+        .filter(|(place, _)| args.share.is_none_or(|share| share.has(*place)));
     let own: Vec<&ListedStudy> = own.map(|(_, study)| study).collect();
     let count = own.len();
     let mut ran = 0;

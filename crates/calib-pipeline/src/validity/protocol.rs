@@ -27,11 +27,12 @@ impl ProtocolFile {
                 }
             }
         }
-        let names = || found.iter().map(|(path, _)| path.display().to_string()).collect::<Vec<_>>();
         if found.len() > 1 || (found.len() == 1 && args.studies.len() > 1) {
+            let names: Vec<String> =
+                found.iter().map(|(path, _)| path.display().to_string()).collect();
             bail!(
                 "{} is a protocol, which draws its own studies: name nothing beside it (a protocol is a file with [validity])",
-                names().join(" and ")
+                names.join(" and ")
             );
         }
         let Some((file, mut protocol)) = found.pop() else {
@@ -39,8 +40,10 @@ impl ProtocolFile {
             return Ok(None);
         };
         protocol.seed = args.draw.unwrap_or(protocol.seed);
-        let beside = || file.parent().unwrap_or(Path::new("")).join("validity-results");
-        let results = args.output.clone().unwrap_or_else(beside);
+        let results = args
+            .output
+            .clone()
+            .unwrap_or_else(|| file.parent().unwrap_or(Path::new("")).join("validity-results"));
         let directory = results.join(format!("draw-{}", protocol.seed));
         Ok(Some(Self { file, protocol, directory }))
     }

@@ -47,12 +47,11 @@ pub(super) struct ListedStudy {
 /// The studies that `args` name; a folder stands for all `*.toml` in it, in alphabetical order, and a protocol for what it draws.
 pub(super) fn list(args: &ValidityOptions) -> Result<Listing, StepError> {
     if let Some(protocol) = ProtocolFile::find(args)? {
-        let drawn = protocol.draw(&args.set)?;
-        let listed = |drawn: DrawnStudy| {
+        let mut studies = Vec::new();
+        for drawn in protocol.draw(&args.set)? {
             let job = drawn.job(&protocol.studies())?;
-            Ok(ListedStudy::new(drawn.plant.clone(), job, Some(drawn)))
-        };
-        let studies = drawn.into_iter().map(listed).collect::<Result<_, StepError>>()?;
+            studies.push(ListedStudy::new(drawn.plant.clone(), job, Some(drawn)));
+        }
         return Ok(Listing { studies, protocol: Some(protocol) });
     }
     let mut studies: Vec<ListedStudy> = Vec::new();

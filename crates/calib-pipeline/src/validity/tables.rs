@@ -95,7 +95,6 @@ fn groups(groups: &[GroupSummary]) -> Table {
 }
 
 fn agreement(agreement: &[RankAgreement]) -> Table {
-    let number = |value: f64| Cell::Text(format!("{value:.2}"));
     let rows = agreement.iter().map(|agreement| {
         let interval = agreement
             .interval
@@ -103,9 +102,9 @@ fn agreement(agreement: &[RankAgreement]) -> Table {
         vec![
             Cell::Text(agreement.model.clone()),
             count(agreement.pairs),
-            number(agreement.mean),
+            to_hundredths(agreement.mean),
             interval.map_or(Cell::Missing, Cell::Text),
-            number(agreement.smallest),
+            to_hundredths(agreement.smallest),
             agreement.stability.map_or(Cell::Missing, Cell::Percent),
             agreement.saved_by_halving.map_or(Cell::Missing, Cell::Percent),
         ]
@@ -116,6 +115,10 @@ fn agreement(agreement: &[RankAgreement]) -> Table {
         &["model", "pairs", "correlation", "95 %", "smallest", "same choice", "a race saves"],
         rows.collect(),
     )
+}
+
+fn to_hundredths(value: f64) -> Cell {
+    Cell::Text(format!("{value:.2}"))
 }
 
 fn accuracy(all: &[Accuracy]) -> Table {

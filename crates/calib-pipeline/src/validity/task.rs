@@ -37,11 +37,10 @@ impl Task {
 
     /// All features but the optimiser, which a pair has by itself.
     pub(super) fn features(&self) -> Vec<(String, TaskValue)> {
-        let number = |name: &str, value: f64| (name.to_owned(), TaskValue::Number(value));
         vec![
-            number("gamma", self.gamma),
-            number("steps", self.steps as f64),
-            number("batch size", self.batch_size as f64),
+            number_feature("gamma", self.gamma),
+            number_feature("steps", self.steps as f64),
+            number_feature("batch size", self.batch_size as f64),
             ("agent".to_owned(), TaskValue::Name(self.agent.clone())),
         ]
     }
@@ -51,4 +50,8 @@ impl Task {
         let Self { optimiser, gamma, steps, batch_size, agent } = self;
         format!("{optimiser}, {agent}, gamma {gamma}, {steps} steps, batches of {batch_size}")
     }
+}
+
+fn number_feature(name: &str, value: f64) -> (String, TaskValue) {
+    (name.to_owned(), TaskValue::Number(value))
 }

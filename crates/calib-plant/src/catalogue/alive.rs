@@ -65,11 +65,10 @@ pub(super) fn channels(count: usize) -> Vec<Channel> {
         channels.extend(pair.iter().map(direct));
     }
     channels.extend(computed);
-    let with_nature =
-        |nature: fn(Nature) -> bool| SIGNALS.iter().filter(move |info| nature(info.nature));
-    channels.extend(with_nature(|nature| nature == Nature::Binary).map(limit_switch));
+    let binary = SIGNALS.iter().filter(|info| info.nature == Nature::Binary);
+    channels.extend(binary.map(limit_switch));
     let analog: Vec<&SignalInfo> =
-        with_nature(|nature| matches!(nature, Nature::Analog(_))).collect();
+        SIGNALS.iter().filter(|info| matches!(info.nature, Nature::Analog(_))).collect();
     for round in 0.. {
         if channels.len() >= count {
             break;

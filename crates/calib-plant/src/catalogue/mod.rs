@@ -69,15 +69,16 @@ mod tests {
         }
     }
 
+    fn living(count: usize) -> HashSet<String> {
+        channels(count)
+            .into_iter()
+            .filter(|c| c.info.fate == Fate::Alive)
+            .map(|c| c.info.name)
+            .collect()
+    }
+
     #[test]
     fn a_larger_plant_contains_the_living_channels_of_a_smaller_one() {
-        let names = |count| -> HashSet<String> {
-            channels(count)
-                .into_iter()
-                .filter(|c| c.info.fate == Fate::Alive)
-                .map(|c| c.info.name)
-                .collect()
-        };
-        assert!(names(24).is_subset(&names(64)) && names(64).is_subset(&names(480)));
+        assert!(living(24).is_subset(&living(64)) && living(64).is_subset(&living(480)));
     }
 }

@@ -1,4 +1,4 @@
-use calib_core::{Rng, Seed};
+use calib_core::{Rng, Seed, Timestamp};
 
 use super::{
     Change, ChangeKind, ChangeOptions, Dated, Feed, Membranes, Pump, PumpDuty, Sensor, Settings,
@@ -35,12 +35,12 @@ impl Changes {
         let pumps = span.events("pump", rates.pumps_per_year, |draw| draw.pump(strength));
         let (permeate, feed) =
             pumps.into_iter().partition(|event| event.value.duty == PumpDuty::Permeate);
-        let sensors = Span { seed: seed.child("sensor"), days: options.days };
-        let of_sensor = |info: &'static SignalInfo| {
-            let events = sensors
+        let of_sensors = Span { seed: seed.child("sensor"), days: options.days };
+        let sensors = SIGNALS.iter().filter(|info| info.is_sensor()).filter_map(|info| {
+            let events = of_sensors
                 .events(info.tag, rates.sensors_per_year, |draw| draw.sensor(info, strength));
             (!events.is_empty()).then(|| (info, Timeline::new(events)))
-        };
+        });
         Self {
             membranes: Timeline::new(
                 span.events("membranes", rates.membranes_per_year, |draw| draw.membranes(strength)),
@@ -53,7 +53,7 @@ impl Changes {
             ),
             permeate_pumps: Timeline::new(permeate),
             feed_pumps: Timeline::new(feed),
-            sensors: SIGNALS.iter().filter(|info| info.is_sensor()).filter_map(of_sensor).collect(),
+            sensors: sensors.collect(),
         }
     }
 
@@ -90,8 +90,11 @@ impl Changes {
         }
         told.sort_by(|a, b| a.0.total_cmp(&b.0));
         let start = options.start.as_micros();
-        let at = |secs: f64| calib_core::Timestamp::from_micros(start + secs as i64 * 1_000_000);
-        told.into_iter().map(|(secs, kind)| Change { at: at(secs), kind }).collect()
+        let changes = told.into_iter().map(|(secs, kind)| {
+            let at = Timestamp::from_micros(start + secs as i64 * 1_000_000);
+            Change { at, kind }
+        });
+        changes.collect()
     }
 }
 
@@ -231,12 +234,14 @@ mod tests {
         assert!(all.is_sorted_by(|a, b| a.at <= b.at));
     }
 
+    fn changes_of_strength(strength: f64) -> Vec<Change> {
+        changes(3650.0, ChangeOptions { strength, ..ChangeOptions::default() })
+    }
+
     #[test]
     fn a_stronger_plant_has_the_same_dates_and_larger_changes() {
-        let of_strength =
-            |strength| changes(3650.0, ChangeOptions { strength, ..ChangeOptions::default() });
-        let weak = of_strength(0.5);
-        let strong = of_strength(2.0);
+        let weak = changes_of_strength(0.5);
+        let strong = changes_of_strength(2.0);
         assert!(!weak.is_empty() && dates(&weak) == dates(&strong));
         for (weak, strong) in weak.iter().zip(&strong) {
             if let (ChangeKind::Membranes(weak), ChangeKind::Membranes(strong)) =

@@ -124,9 +124,6 @@ impl Sensor {
 
     fn verdicts(&self) -> Vec<Verdict> {
         let direction = Direction::LowerIsBetter;
-        let means = |curve: &ErrorCurve| -> Vec<f64> {
-            curve.summaries.iter().flatten().map(|summary| summary.mean).collect()
-        };
         let online = means(&self.online());
         let losses = Losses::new(&[&online]).expect("online errors are numbers");
         let argmin =
@@ -201,6 +198,11 @@ impl Sensor {
     }
 }
 
+/// The mean error of each rate of a curve.
+fn means(curve: &ErrorCurve) -> Vec<f64> {
+    curve.summaries.iter().flatten().map(|summary| summary.mean).collect()
+}
+
 /// A sensitivity figure for each sensor.
 pub(crate) fn sensitivities() -> Vec<Sensitivity> {
     sensors().iter().map(Sensor::sensitivity).collect()
@@ -223,13 +225,8 @@ fn trajectory(label: &str, steps: usize, level: f64, size: f64, seed: usize) -> 
     Trajectory { label: label.to_owned(), period_secs: 1.0, values }
 }
 
-/// A rollout figure for each sensor.
 /// The rollouts as small plots, with a row of the first third.
 pub(crate) fn grids() -> Vec<RolloutGrid> {
-    let first_third = |of: &Trajectory| Trajectory {
-        values: of.values[..of.values.len() / 3].to_vec(),
-        ..of.clone()
-    };
     rollouts()
         .into_iter()
         .filter_map(|figure| {
@@ -238,7 +235,11 @@ pub(crate) fn grids() -> Vec<RolloutGrid> {
                 RolloutRow {
                     label: "start 1".to_owned(),
                     truth: first_third(&truth),
-                    rollouts: figure.rollouts.iter().map(|of| Some(first_third(of))).collect(),
+                    rollouts: figure
+                        .rollouts
+                        .iter()
+                        .map(|rollout| Some(first_third(rollout)))
+                        .collect(),
                 },
                 RolloutRow {
                     label: "start 2".to_owned(),
@@ -246,36 +247,49 @@ pub(crate) fn grids() -> Vec<RolloutGrid> {
                     rollouts: figure.rollouts.iter().cloned().map(Some).collect(),
                 },
             ];
-            let models = figure.rollouts.iter().map(|of| of.label.clone()).collect();
+            let models = figure.rollouts.iter().map(|rollout| rollout.label.clone()).collect();
             Some(RolloutGrid { sensor: figure.sensor, unit: figure.unit, models, rows })
         })
         .collect()
 }
 
+/// The beginning of a trajectory.
+fn first_third(trajectory: &Trajectory) -> Trajectory {
+    let values = trajectory.values[..trajectory.values.len() / 3].to_vec();
+    Trajectory { values, ..trajectory.clone() }
+}
+
 /// The sensors in training, and a week later.
 pub(crate) fn recorded() -> Vec<RecordedFigure> {
-    let period = |name: &str, used_for, first: f64, values: Vec<f64>| RecordedPeriod {
-        name: name.to_owned(),
-        used_for,
-        times: ["first value", "last value"].map(str::to_owned),
-        points: values.iter().enumerate().map(|(at, &y)| (first + 300.0 * at as f64, y)).collect(),
-    };
     [("PIT300", "kPa", -18.0, 6.0), ("TIT101", "°C", 14.2, 0.4)]
         .into_iter()
         .map(|(sensor, unit, level, size): (&str, &str, f64, f64)| {
-            let of = |steps, level, shape| trajectory("", steps, level, size, shape).values;
+            let training = trajectory("training", 1_200, level, size, 0);
+            let held_out = trajectory("held out", 600, level + size, size, 1);
             RecordedFigure {
                 sensor: sensor.to_owned(),
                 unit: Some(unit.to_owned()),
                 periods: vec![
-                    period("training", PeriodUse::Learning, 1.667_26e9, of(1_200, level, 0)),
-                    period("held out", PeriodUse::Deployment, 1.668_2e9, of(600, level + size, 1)),
+                    recorded_period(&training, PeriodUse::Learning, 1.667_26e9),
+                    recorded_period(&held_out, PeriodUse::Deployment, 1.668_2e9),
                 ],
             }
         })
         .collect()
 }
 
+/// A value every five minutes, from `first` on.
+fn recorded_period(trajectory: &Trajectory, used_for: PeriodUse, first: f64) -> RecordedPeriod {
+    let points = trajectory.values.iter().enumerate();
+    RecordedPeriod {
+        name: trajectory.label.clone(),
+        used_for,
+        times: ["first value", "last value"].map(str::to_owned),
+        points: points.map(|(at, &y)| (first + 300.0 * at as f64, y)).collect(),
+    }
+}
+
+/// A rollout figure for each sensor.
 pub(crate) fn rollouts() -> Vec<RolloutFigure> {
     [("PIT300", "kPa", -18.0, 6.0), ("TIT101", "°C", 14.2, 0.4)]
         .into_iter()
@@ -294,38 +308,42 @@ pub(crate) fn rollouts() -> Vec<RolloutFigure> {
 
 /// Learning curves of nine rates Online and in two members; the largest diverges.
 pub(crate) fn learning() -> Vec<LearningCurves> {
-    let member = |number| LearningEnvironment::Member { number, model: None };
-    [LearningEnvironment::Online, member(0), member(1)]
+    [LearningEnvironment::Online, learning_member(0), learning_member(1)]
         .map(|environment| LearningCurves {
             sensor: "PIT300".to_owned(),
             field: "learning_rate".to_owned(),
             environment,
             steps: 30_000,
             curves: RATES
-                .map(|rate: f64| {
-                    let error = |step: usize, run: usize| {
-                        let time = step as f64 * rate.sqrt() / 30.0;
-                        let noise =
-                            (step as f64 * 0.013 + run as f64 * 2.1).sin() * (0.02 + rate.sqrt());
-                        if rate > 5e-3 && step > 9_000 + 1_000 * run {
-                            return f64::INFINITY;
-                        }
-                        (0.15 + 0.6 / (1.0 + time) + rate.sqrt()) * (1.0 + noise)
-                    };
-                    LearningCurve {
-                        value: Setting::from(rate),
-                        points: (1..=50)
-                            .filter_map(|window: usize| {
-                                let step = 600 * window;
-                                let runs: Vec<f64> = (0..5).map(|run| error(step, run)).collect();
-                                summarise(&runs).ok().map(|summary| (step, summary))
-                            })
-                            .collect(),
-                    }
+                .map(|rate: f64| LearningCurve {
+                    value: Setting::from(rate),
+                    points: (1..=50)
+                        .filter_map(|window: usize| {
+                            let step = 600 * window;
+                            let runs: Vec<f64> =
+                                (0..5).map(|run| learning_error(rate, step, run)).collect();
+                            summarise(&runs).ok().map(|summary| (step, summary))
+                        })
+                        .collect(),
                 })
                 .to_vec(),
         })
         .to_vec()
+}
+
+/// An ensemble member of a model that needs no name.
+fn learning_member(number: usize) -> LearningEnvironment {
+    LearningEnvironment::Member { number, model: None }
+}
+
+/// The error of a run up to a step: it falls faster with a larger rate, and the largest rate diverges.
+fn learning_error(rate: f64, step: usize, run: usize) -> f64 {
+    if rate > 5e-3 && step > 9_000 + 1_000 * run {
+        return f64::INFINITY;
+    }
+    let time = step as f64 * rate.sqrt() / 30.0;
+    let noise = (step as f64 * 0.013 + run as f64 * 2.1).sin() * (0.02 + rate.sqrt());
+    (0.15 + 0.6 / (1.0 + time) + rate.sqrt()) * (1.0 + noise)
 }
 
 /// The whole report.
@@ -390,35 +408,28 @@ fn jumps() -> Vec<JumpStatistics> {
 }
 
 fn dtw() -> Table {
-    let row = |pattern: &str, distances: [f64; 3]| {
-        let mut cells = vec![Cell::Text(pattern.to_owned())];
-        cells.extend(distances.map(Cell::Number));
-        cells
-    };
     Table {
         title: "DTW distance to the true trajectory, PIT300".to_owned(),
         caption: "Normalised distance, by step pattern; lower is better and the best of each row is bold.".to_owned(),
         columns: ["Step pattern", "kNN, Euclidean", "kNN, Laplacian", "NN"].map(ToOwned::to_owned).to_vec(),
         rows: vec![
-            row("symmetric2", [0.0213, 0.0187, 0.0941]),
-            row("asymmetric", [0.0302, 0.0311, 0.128]),
-            row("symmetricP1", [0.0267, 0.0251, f64::INFINITY]),
-            row("Rabiner–Juang VI c", [0.0284, 0.0284, 0.117]),
+            dtw_row("symmetric2", [0.0213, 0.0187, 0.0941]),
+            dtw_row("asymmetric", [0.0302, 0.0311, 0.128]),
+            dtw_row("symmetricP1", [0.0267, 0.0251, f64::INFINITY]),
+            dtw_row("Rabiner–Juang VI c", [0.0284, 0.0284, 0.117]),
         ],
         best: Some(Best::OfRow(Direction::LowerIsBetter)),
     }
 }
 
+/// A step pattern, and the distance of each model by it.
+fn dtw_row(pattern: &str, distances: [f64; 3]) -> Vec<Cell> {
+    let mut cells = vec![Cell::Text(pattern.to_owned())];
+    cells.extend(distances.map(Cell::Number));
+    cells
+}
+
 fn data() -> DataProfile {
-    let channel = |name: &str, unit: &str, min, max, missing, status| Channel {
-        name: name.to_owned(),
-        unit: (!unit.is_empty()).then(|| unit.to_owned()),
-        min,
-        max,
-        missing,
-        status,
-    };
-    let dropped = |reason: &str| ChannelStatus::Dropped(reason.to_owned());
     DataProfile {
         rows: 604_800,
         segments: 14,
@@ -434,4 +445,27 @@ fn data() -> DataProfile {
             channel("AIT900", "", None, None, 1.0, dropped("missing in 100 % of rows, limit 50 %")),
         ],
     }
+}
+
+/// A channel of the log, with its smallest and its largest value.
+fn channel(
+    name: &str,
+    unit: &str,
+    min: Option<f64>,
+    max: Option<f64>,
+    missing: f64,
+    status: ChannelStatus,
+) -> Channel {
+    Channel {
+        name: name.to_owned(),
+        unit: (!unit.is_empty()).then(|| unit.to_owned()),
+        min,
+        max,
+        missing,
+        status,
+    }
+}
+
+fn dropped(reason: &str) -> ChannelStatus {
+    ChannelStatus::Dropped(reason.to_owned())
 }

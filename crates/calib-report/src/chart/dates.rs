@@ -121,11 +121,12 @@ fn tick(at: DateTime, every: Every) -> Option<Tick> {
 mod tests {
     use super::*;
 
+    fn secs(text: &str) -> f64 {
+        let at: DateTime = text.parse().expect("a time");
+        TimeZone::UTC.to_timestamp(at).expect("in range").as_second() as f64
+    }
+
     fn labels(from: &str, to: &str) -> Vec<String> {
-        let secs = |text: &str| {
-            let at: DateTime = text.parse().expect("a time");
-            TimeZone::UTC.to_timestamp(at).expect("in range").as_second() as f64
-        };
         dates(secs(from), secs(to), 9).into_iter().filter_map(|tick| tick.label).collect()
     }
 

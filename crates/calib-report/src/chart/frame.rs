@@ -87,21 +87,24 @@ fn horizontal_ticks(axis: &Axis, plot: Rect, picture: f64) -> Vec<Tick> {
     if matches!(axis.scale.kind, ScaleKind::Names(_)) {
         return ticks(&axis.scale, X_TICKS);
     }
-    let fit = |ticks: &Vec<Tick>| {
-        let labels = ticks.iter().filter_map(|tick| Some((tick.value, tick.label.as_deref()?)));
-        let mut ends: Vec<(f64, f64)> = labels
-            .map(|(value, label)| {
-                let half = text_width(label, TICK_SIZE) / 2.0;
-                let x = plot.x + axis.scale.fraction(value) * plot.width;
-                let x = x.min(picture - 1.0 - half);
-                (x - half, x + half)
-            })
-            .collect();
-        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
-        ends.windows(2).all(|pair| pair[0].1 + 6.0 <= pair[1].0)
-    };
-    let all = (2..=X_TICKS).rev().map(|wanted| ticks(&axis.scale, wanted));
-    all.into_iter().find(fit).unwrap_or_else(|| ticks(&axis.scale, 2))
+    let mut all = (2..=X_TICKS).rev().map(|wanted| ticks(&axis.scale, wanted));
+    all.find(|ticks| labels_fit(ticks, axis, plot, picture))
+        .unwrap_or_else(|| ticks(&axis.scale, 2))
+}
+
+/// Whether the labels below a horizontal axis leave room between each other.
+fn labels_fit(ticks: &[Tick], axis: &Axis, plot: Rect, picture: f64) -> bool {
+    let labels = ticks.iter().filter_map(|tick| Some((tick.value, tick.label.as_deref()?)));
+    let mut ends: Vec<(f64, f64)> = labels
+        .map(|(value, label)| {
+            let half = text_width(label, TICK_SIZE) / 2.0;
+            let x = plot.x + axis.scale.fraction(value) * plot.width;
+            let x = x.min(picture - 1.0 - half);
+            (x - half, x + half)
+        })
+        .collect();
+    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ends.windows(2).all(|pair| pair[0].1 + 6.0 <= pair[1].0)
 }
 
 /// Rows that the names along a horizontal axis of `width` stand in: two in turn where they have no room beside each other, and nothing else

@@ -130,12 +130,13 @@ mod tests {
         assert!(top > 50.0 && (left - 100.0).abs() < 1e-3, "{left} {top}");
     }
 
+    fn width(content: &str, weight: Weight) -> f32 {
+        let [left, _, right, _] = bounds(content, |text| text.weight = weight).expect("some");
+        right - left
+    }
+
     #[test]
     fn bold_is_wider_and_letters_of_no_font_are_boxes() {
-        let width = |content: &str, weight| {
-            let [left, _, right, _] = bounds(content, |text| text.weight = weight).expect("some");
-            right - left
-        };
         assert!(width("pressure", Weight::Bold) > width("pressure", Weight::Regular));
         assert!(width("γ°μ", Weight::Regular) > 20.0);
         assert!(width("\u{10fffd}", Weight::Regular) > 5.0);

@@ -118,10 +118,10 @@ fn draw_rows(
         let above = if most == 0 { 0.0 } else { HEADING + HEADING_ROW * (most - 1) as f64 };
         let top = scene.height + above;
         // Plots of a row begin at the same height, however many lines of text are above each.
-        let rules = |(cell, &sides): (&GridCell, &Sides)| {
+        let rules = row.iter().zip(&sides).map(|(cell, &sides)| {
             cell.chart.as_ref().map_or(0.0, |chart| rule_height(chart, sides, picture))
-        };
-        let room = row.iter().zip(&sides).map(rules).fold(0.0, f64::max);
+        });
+        let room = rules.fold(0.0, f64::max);
         let mut bottom = top;
         for ((cell, &sides), heading) in row.iter().zip(&sides).zip(headings) {
             if !heading.is_empty() {

@@ -65,12 +65,10 @@ pub(super) struct Sides {
 impl Sides {
     /// Room for the widest axis labels of `charts` in a picture of this `width`.
     fn of(charts: &[Chart], width: f64) -> Self {
-        let widest = |widths: &mut dyn Iterator<Item = f64>| widths.fold(0.0, f64::max);
-        let left =
-            MARGIN + widest(&mut charts.iter().map(|chart| vertical_axis_width(&chart.left)));
-        let right = widest(
-            &mut charts.iter().filter_map(|chart| chart.right.as_ref()).map(vertical_axis_width),
-        );
+        let lefts = charts.iter().map(|chart| vertical_axis_width(&chart.left));
+        let rights = charts.iter().filter_map(|chart| chart.right.as_ref());
+        let left = MARGIN + lefts.fold(0.0, f64::max);
+        let right = rights.map(vertical_axis_width).fold(0.0, f64::max);
         Self { left, width: width - left - MARGIN - right.max(8.0) }
     }
 }
@@ -151,12 +149,13 @@ fn rule_rows(chart: &Chart, Sides { left, width }: Sides, picture: f64) -> Vec<R
         let from = if picture < WIDE { 2.0 } else { left };
         let middle = picture / 2.0;
         let x = line.clamp((from + half).min(middle), (picture - MARGIN - half).max(middle));
-        let free = |row: usize| {
+        let mut rows = 0..chart.rules.len();
+        let free = rows.find(|&row| {
             !placed.iter().any(|&(from, to, taken)| {
                 taken == row && x - half < to + 8.0 && from - 8.0 < x + half
             })
-        };
-        let row = (0..chart.rules.len()).find(|&row| free(row)).unwrap_or(0);
+        });
+        let row = free.unwrap_or(0);
         placed.push((x - half, x + half, row));
         labels.push(RuleLabel { x, row });
     }

@@ -32,10 +32,10 @@ impl Detail<'_> {
             fields.insert("from".to_owned(), json!(low));
             fields.insert("to".to_owned(), json!(high));
             let scale = if low < high { LARGEST / (high - low) } else { 0.0 };
-            let step = |value: f64| {
+            let steps = self.values.iter().map(|&value| {
                 if value.is_nan() { MISSING } else { ((value - low) * scale).round() as u16 }
-            };
-            self.values.iter().flat_map(|&value| step(value).to_le_bytes()).collect()
+            });
+            steps.flat_map(u16::to_le_bytes).collect()
         };
         fields.insert("packed".to_owned(), json!(STANDARD.encode(bytes)));
         fields
@@ -63,8 +63,10 @@ mod tests {
             .map(|pair| u16::from_le_bytes(pair.try_into().unwrap()))
             .collect();
         assert_eq!((numbers.len(), numbers[7_777], numbers[7_778]), (30_000, 65_534, MISSING));
-        let back = |i: usize| from + f64::from(numbers[i]) * (to - from) / LARGEST;
-        assert!((0..7_777).all(|i| (back(i) - values[i]).abs() < 1e-4));
+        assert!((0..7_777).all(|i: usize| {
+            let back = from + f64::from(numbers[i]) * (to - from) / LARGEST;
+            (back - values[i]).abs() < 1e-4
+        }));
     }
 
     #[test]

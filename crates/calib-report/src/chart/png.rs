@@ -164,12 +164,18 @@ mod tests {
         Mark::Line { points, colour: Colour::Ink, width: 2.0, dash }
     }
 
+    /// A line from the top to the bottom of the scene.
+    fn across() -> Mark {
+        line(vec![(10.0, 0.0), (10.0, 20.0)], Dash::Solid)
+    }
+
+    /// Rows that are inked in the middle.
+    fn dark(pixels: &[[u8; 3]]) -> Vec<usize> {
+        (0..40).filter(|row| pixels[40 * row + 20] == [0x1b, 0x27, 0x33]).collect()
+    }
+
     #[test]
     fn curves_end_with_their_plot_and_other_lines_do_not() {
-        let across = || line(vec![(10.0, 0.0), (10.0, 20.0)], Dash::Solid);
-        let dark = |pixels: &[[u8; 3]]| -> Vec<usize> {
-            (0..40).filter(|row| pixels[40 * row + 20] == [0x1b, 0x27, 0x33]).collect()
-        };
         let free = painted(GroupKind::Rules, across());
         assert_eq!(dark(&free), (0..40).collect::<Vec<_>>());
         assert_eq!(free[17], [255; 3], "beside the line");

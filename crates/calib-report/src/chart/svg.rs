@@ -165,12 +165,11 @@ pub(crate) fn sample_svg(key: &Key) -> String {
 
 /// Path data in tenths of a pixel, relative after the first point: short, and the same on every platform.
 fn path(points: &[(f64, f64)]) -> String {
-    let grid = |value: f64| (value * 10.0).round() as i64;
     let mut out = String::with_capacity(8 * points.len());
     let mut previous: Option<(i64, i64)> = None;
     for &(x, y) in points {
-        let x = grid(x);
-        let y = grid(y);
+        let x = whole_tenths(x);
+        let y = whole_tenths(y);
         match previous {
             None => {
                 let _ = write!(out, "M{} {}", short(x), short(y));
@@ -197,8 +196,12 @@ fn short(tenths: i64) -> String {
     }
 }
 
+fn whole_tenths(value: f64) -> i64 {
+    (value * 10.0).round() as i64
+}
+
 fn tenths(value: f64) -> String {
-    short((value * 10.0).round() as i64)
+    short(whole_tenths(value))
 }
 
 /// `text` with the five characters that mean something in markup replaced.

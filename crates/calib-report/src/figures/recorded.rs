@@ -164,13 +164,12 @@ impl RecordedPeriod {
     /// All points, and a break where a gap is cut out.
     fn broken_points(&self) -> Vec<Point> {
         let ends: Vec<f64> = self.stretches().iter().skip(1).map(|stretch| stretch.0).collect();
-        let point = |x: f64, y: f64| Point { x, y, interval: None };
         let mut points = Vec::with_capacity(self.points.len() + ends.len());
         for &(x, y) in &self.points {
             if y.is_finite() && ends.contains(&x) {
-                points.push(point(x, f64::NAN));
+                points.push(Point { x, y: f64::NAN, interval: None });
             }
-            points.push(point(x, y));
+            points.push(Point { x, y, interval: None });
         }
         points
     }
@@ -246,10 +245,14 @@ mod tests {
         }
     }
 
+    const DAY: f64 = 86_400.0;
+
+    fn days(from: u32, to: u32) -> impl Iterator<Item = f64> {
+        (from..to).map(|day| f64::from(day) * DAY)
+    }
+
     #[test]
     fn long_gaps_are_cut_out() {
-        const DAY: f64 = 86_400.0;
-        let days = |from: u32, to: u32| (from..to).map(|day| f64::from(day) * DAY);
         let gapped = period(days(0, 10).chain(days(310, 320)));
         assert_eq!(gapped.stretches(), [(0.0, 9.0 * DAY), (310.0 * DAY, 319.0 * DAY)]);
         let cuts = gapped.cuts();

@@ -48,33 +48,27 @@ impl RolloutGrid {
         let length = checked_length(truths().chain(rollouts()), &title)?;
         let (unit_secs, unit_name) = time_unit(length);
         let scale = scale_around(truths(), rollouts());
-        let plot = |trajectory: &Trajectory, column: usize, row: usize| {
-            let (colour, width) =
-                if column == 0 { (Colour::Ink, 1.0) } else { (Colour::Curve(column), 1.0) };
-            let is_last = row + 1 == self.rows.len();
-            let x = if is_last { format!("time since start ({unit_name})") } else { String::new() };
-            let left = if column == 0 { self.rows[row].label.clone() } else { String::new() };
-            Chart {
-                title: String::new(),
-                description: String::new(),
-                x: Axis { label: x, scale: Scale::linear(0.0, length / unit_secs) },
-                left: Axis { label: left, scale: scale.clone() },
-                right: None,
-                series: vec![trajectory.series(unit_secs, POINTS, colour, width)],
-                rules: Vec::new(),
-            }
-        };
         let rows = self
             .rows
             .iter()
             .enumerate()
             .map(|(number, row)| {
+                let is_last = number + 1 == self.rows.len();
+                let time =
+                    if is_last { format!("time since start ({unit_name})") } else { String::new() };
+                let x = Axis { label: time, scale: Scale::linear(0.0, length / unit_secs) };
                 let all = std::iter::once(Some(&row.truth))
                     .chain(row.rollouts.iter().map(Option::as_ref));
                 all.enumerate()
-                    .map(|(column, trajectory)| GridCell {
-                        heading: (number == 0).then(|| self.heading(column)),
-                        chart: trajectory.map(|trajectory| plot(trajectory, column, number)),
+                    .map(|(column, trajectory)| {
+                        let name = if column == 0 { row.label.clone() } else { String::new() };
+                        let left = Axis { label: name, scale: scale.clone() };
+                        GridCell {
+                            heading: (number == 0).then(|| self.heading(column)),
+                            chart: trajectory.map(|trajectory| {
+                                cell_chart(trajectory, column, x.clone(), left, unit_secs)
+                            }),
+                        }
                     })
                     .collect()
             })
@@ -104,5 +98,25 @@ impl RolloutGrid {
             }
             _ => self.models.get(column - 1).cloned().unwrap_or_default(),
         }
+    }
+}
+
+/// One curve alone; what was recorded stands in the first column, in ink.
+fn cell_chart(
+    trajectory: &Trajectory,
+    column: usize,
+    x: Axis,
+    left: Axis,
+    unit_secs: f64,
+) -> Chart {
+    let colour = if column == 0 { Colour::Ink } else { Colour::Curve(column) };
+    Chart {
+        title: String::new(),
+        description: String::new(),
+        x,
+        left,
+        right: None,
+        series: vec![trajectory.series(unit_secs, POINTS, colour, 1.0)],
+        rules: Vec::new(),
     }
 }

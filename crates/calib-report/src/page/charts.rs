@@ -5,12 +5,13 @@ use std::fmt::Write;
 use maud::{Markup, html};
 
 use super::figure::{Drawn, Numbers, still};
+use super::tables::number_cell;
 use super::{Section, SectionEntry, several, text::prose};
 use crate::chart::Detail;
 use crate::number::count;
 use crate::{
-    Cell, Chart, ErrorCurve, ErrorSource, Report, ReportError, RolloutFigure, Samples, Sensitivity,
-    Table, Trajectory,
+    Cell, Chart, ErrorSource, Report, ReportError, RolloutFigure, Samples, Sensitivity, Table,
+    Trajectory,
 };
 
 /// Rows of a rollout's data table; copying gives every point drawn.
@@ -216,9 +217,8 @@ impl Sensitivity {
 impl Sensitivity {
     /// What means are over: "windows".
     fn samples(&self) -> &'static str {
-        let runs = |curve: &&ErrorCurve| curve.over == Samples::Runs;
         let counted = self.errors.iter().filter(|curve| curve.source != ErrorSource::Evidence);
-        match counted.clone().filter(runs).count() {
+        match counted.clone().filter(|curve| curve.over == Samples::Runs).count() {
             0 => "windows",
             all if all == counted.count() => "runs",
             _ => "windows, or runs where there is one window",
@@ -272,10 +272,9 @@ fn sensitivity_table(sensitivity: &Sensitivity) -> Table {
                     match &curve.summaries[place] {
                         None => row.extend([const { Cell::Missing }; 5]),
                         Some(summary) => {
-                            let end = |end: Option<f64>| end.map_or(Cell::Missing, Cell::Number);
                             row.push(Cell::Number(summary.mean));
-                            row.push(end(summary.interval.map(|interval| interval.low)));
-                            row.push(end(summary.interval.map(|interval| interval.high)));
+                            row.push(number_cell(summary.interval.map(|interval| interval.low)));
+                            row.push(number_cell(summary.interval.map(|interval| interval.high)));
                             row.push(Cell::Count(summary.runs as u64));
                             row.push(Cell::Count(summary.diverged as u64));
                         }
@@ -297,28 +296,32 @@ fn sensitivity_table(sensitivity: &Sensitivity) -> Table {
 /// Values of all trajectories at evenly spaced times of the longest one.
 fn rollout_table(rollout: &RolloutFigure) -> Table {
     let all: Vec<&Trajectory> = rollout.truth.iter().chain(&rollout.rollouts).collect();
-    let end = |t: &Trajectory| t.period_secs * t.values.len().saturating_sub(1) as f64;
-    let length = all.iter().map(|t| end(t)).fold(0.0, f64::max);
+    let ends = all.iter().map(|t| t.period_secs * t.values.len().saturating_sub(1) as f64);
+    let length = ends.fold(0.0, f64::max);
     let longest = all.iter().map(|t| t.values.len()).max().unwrap_or(0);
     let rows = longest.min(ROLLOUT_ROWS);
-    let row = |place: usize| {
-        let secs = length * place as f64 / rows.saturating_sub(1).max(1) as f64;
-        std::iter::once(Cell::Number(secs))
-            .chain(all.iter().map(|t| {
-                let index = (secs / t.period_secs).round() as usize;
-                t.values
-                    .get(index)
-                    .filter(|value| !value.is_nan())
-                    .map_or(Cell::Missing, |&value| Cell::Number(value))
-            }))
-            .collect()
-    };
+    let last = rows.saturating_sub(1).max(1);
     let columns = std::iter::once("Seconds since start".to_owned())
         .chain(all.iter().map(|t| t.label.clone()));
     Table {
         title: format!("Data of {}, sampled", rollout.sensor),
         columns: columns.collect(),
-        rows: (0..rows).map(row).collect(),
+        rows: (0..rows)
+            .map(|place: usize| sampled_row(&all, length * place as f64 / last as f64))
+            .collect(),
         ..Table::default()
     }
+}
+
+/// A time after the start, and the value of each trajectory at it.
+fn sampled_row(all: &[&Trajectory], secs: f64) -> Vec<Cell> {
+    std::iter::once(Cell::Number(secs))
+        .chain(all.iter().map(|t| {
+            let index = (secs / t.period_secs).round() as usize;
+            t.values
+                .get(index)
+                .filter(|value| !value.is_nan())
+                .map_or(Cell::Missing, |&value| Cell::Number(value))
+        }))
+        .collect()
 }

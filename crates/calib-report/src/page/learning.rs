@@ -70,8 +70,8 @@ fn usual(captions: &[String]) -> &str {
 
 impl LearningCurves {
     fn caption(&self) -> String {
-        let summaries = || self.curves.iter().flat_map(|curve| &curve.points);
-        let runs = summaries().map(|(_, summary)| summary.runs).max().unwrap_or(0);
+        let points = self.curves.iter().flat_map(|curve| &curve.points);
+        let runs = points.map(|(_, summary)| summary.runs).max().unwrap_or(0);
         let windows = self.curves.iter().map(|curve| curve.points.len()).max().unwrap_or(0);
         let mut caption = format!(
             "RMSE of the predictions, in normalised units, over each of {windows} equally long windows of the run; \
@@ -97,22 +97,24 @@ impl LearningCurves {
         steps.sort_unstable();
         steps.dedup();
         let every = steps.len().div_ceil(ROWS).max(1);
-        let row = |&step: &usize| {
-            std::iter::once(Cell::Count(step as u64))
-                .chain(self.curves.iter().map(|curve| {
-                    let point = curve.points.iter().find(|&&(at, _)| at == step);
-                    point.map_or(Cell::Missing, |(_, summary)| Cell::Number(summary.mean))
-                }))
-                .collect()
-        };
         let columns = std::iter::once("Step".to_owned()).chain(
             self.curves.iter().map(|curve| format!("{} = {}: RMSE", self.field, curve.value)),
         );
         Table {
             title: format!("Learning curves of {}, {}", self.sensor, self.environment),
             columns: columns.collect(),
-            rows: steps.iter().step_by(every).map(row).collect(),
+            rows: steps.iter().step_by(every).map(|&step| self.row(step)).collect(),
             ..Table::default()
         }
+    }
+
+    /// A step, and the error of each curve at it.
+    fn row(&self, step: usize) -> Vec<Cell> {
+        std::iter::once(Cell::Count(step as u64))
+            .chain(self.curves.iter().map(|curve| {
+                let point = curve.points.iter().find(|&&(at, _)| at == step);
+                point.map_or(Cell::Missing, |(_, summary)| Cell::Number(summary.mean))
+            }))
+            .collect()
     }
 }

@@ -45,17 +45,16 @@ pub(crate) fn overview(overview: &Overview) -> String {
         },
     }];
     if !figures.is_empty() {
-        let id = |number: usize| format!("figure-{number}");
         let parts = figures.iter().enumerate();
         let parts = parts.map(|(number, figure)| SectionEntry {
-            id: id(number),
+            id: figure_id(number),
             title: figure.chart.title.clone(),
         });
         let body = html! {
             @for (number, figure) in figures.iter().enumerate() {
                 (Drawn {
                     chart: &figure.chart,
-                    id: &id(number),
+                    id: &figure_id(number),
                     caption: own_caption(figures, number),
                     table: &figure.table,
                     numbers: Numbers::All,
@@ -67,15 +66,25 @@ pub(crate) fn overview(overview: &Overview) -> String {
         sections.push(Section { id: "figures", title: "Figures", parts: parts.collect(), body });
     }
     if !tables.is_empty() {
-        let id = |number: usize| format!("table-{number}");
         let parts = tables.iter().enumerate();
-        let parts = parts
-            .map(|(number, table)| SectionEntry { id: id(number), title: table.title.clone() });
-        let body =
-            html! { @for (number, own) in tables.iter().enumerate() { (table(own, &id(number))) } };
+        let parts = parts.map(|(number, table)| SectionEntry {
+            id: table_id(number),
+            title: table.title.clone(),
+        });
+        let body = html! {
+            @for (number, own) in tables.iter().enumerate() { (table(own, &table_id(number))) }
+        };
         sections.push(Section { id: "tables", title: "Tables", parts: parts.collect(), body });
     }
     let body = html! { pre { code { (command) } } };
     sections.push(Section { id: "reproduce", title: "Reproduce", parts: Vec::new(), body });
     document(title, subtitle.as_deref(), "Skip to what was found", &sections)
+}
+
+fn figure_id(number: usize) -> String {
+    format!("figure-{number}")
+}
+
+fn table_id(number: usize) -> String {
+    format!("table-{number}")
 }

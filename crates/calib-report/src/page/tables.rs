@@ -135,6 +135,11 @@ fn fact(name: &str, value: &str) -> Markup {
     html! { div { dt { (name) } dd { (value) } } }
 }
 
+/// The number, if there is one.
+pub(super) fn number_cell(value: Option<f64>) -> Cell {
+    value.map_or(Cell::Missing, Cell::Number)
+}
+
 fn channels(channels: &[Channel]) -> Table {
     let columns = ["Channel", "Unit", "Smallest", "Largest", "Missing", "Use"];
     Table {
@@ -142,22 +147,23 @@ fn channels(channels: &[Channel]) -> Table {
         caption: "Ranges are in physical units, over all rows from the start of the training range to the end of the held-out period. Missing is a \
                   share of the training rows.".to_owned(),
         columns: columns.map(ToOwned::to_owned).to_vec(),
-        rows: channels.iter().map(|channel| {
-        let bound = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
-        vec![
-            Cell::Text(channel.name.clone()),
-            channel.unit.clone().map_or(Cell::Missing, Cell::Text),
-            bound(channel.min),
-            bound(channel.max),
-            Cell::Percent(channel.missing),
-            Cell::Text(match &channel.status {
-                ChannelStatus::Kept => "kept".to_owned(),
-                ChannelStatus::Dropped(reason) => format!("dropped: {reason}"),
-            }),
-        ]
-    }).collect(),
+        rows: channels.iter().map(channel_row).collect(),
         best: None,
     }
+}
+
+fn channel_row(channel: &Channel) -> Vec<Cell> {
+    vec![
+        Cell::Text(channel.name.clone()),
+        channel.unit.clone().map_or(Cell::Missing, Cell::Text),
+        number_cell(channel.min),
+        number_cell(channel.max),
+        Cell::Percent(channel.missing),
+        Cell::Text(match &channel.status {
+            ChannelStatus::Kept => "kept".to_owned(),
+            ChannelStatus::Dropped(reason) => format!("dropped: {reason}"),
+        }),
+    ]
 }
 
 /// Command, study file, versions, seeds and fingerprint.

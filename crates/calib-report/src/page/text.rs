@@ -22,16 +22,10 @@ const LONG_NAME: usize = 16;
 
 fn unbroken(text: &str) -> Markup {
     let text = text.replace(" %", "\u{a0}%");
-    let is_breakable = |word: &str| {
-        word.split_once("e-").is_some_and(|(mantissa, exponent)| {
-            mantissa.ends_with(|c: char| c.is_ascii_digit())
-                && exponent.starts_with(|c: char| c.is_ascii_digit())
-        })
-    };
     html! {
         @for (place, word) in text.split(' ').enumerate() {
             @if place > 0 { " " }
-            @if is_breakable(word) {
+            @if is_small_number(word) {
                 span.nowrap { (word) }
             } @else if word.len() >= LONG_NAME {
                 @for (place, part) in word.split_inclusive(['_', '/', '-']).enumerate() {
@@ -45,13 +39,24 @@ fn unbroken(text: &str) -> Markup {
     }
 }
 
+/// Whether a word is a number such as 1e-4, at whose hyphen a line must not end.
+fn is_small_number(word: &str) -> bool {
+    word.split_once("e-").is_some_and(|(mantissa, exponent)| {
+        mantissa.ends_with(|c: char| c.is_ascii_digit())
+            && exponent.starts_with(|c: char| c.is_ascii_digit())
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::prose;
 
+    fn shown(text: &str) -> String {
+        prose(text).into_string()
+    }
+
     #[test]
     fn backticks_become_code() {
-        let shown = |text| prose(text).into_string();
         assert_eq!(
             shown("use `sweep.steps`, 5 % of 1e-4"),
             "use <code>sweep.steps</code>, 5\u{a0}% of <span class=\"nowrap\">1e-4</span>"

@@ -161,7 +161,6 @@ const fn name(baseline: ChoiceBaseline) -> &'static str {
 
 /// One way to choose, with its cost as a number, or as the word for an `unknown` one, and as a bar that is full at 50 %.
 fn cost(name: &str, value: Option<&Setting>, regret: Option<Bounded>, unknown: &str) -> Markup {
-    let place = |regret: f64| (regret / 0.5).clamp(0.0, 1.0) * 100.0;
     html! {
         div {
             dt { (name) @if let Some(value) = value { " " code { (value) } } }
@@ -174,17 +173,22 @@ fn cost(name: &str, value: Option<&Setting>, regret: Option<Bounded>, unknown: &
             }
             @if let Some(regret) = regret {
                 span.bar aria-hidden="true" {
-                    span style={ "width:" (format!("{:.0}", place(regret.value))) "%" } {}
+                    span style={ "width:" (format!("{:.0}", bar_percent(regret.value))) "%" } {}
                     @if let Some(upper) = regret.upper {
                         i style={
-                            "left:" (format!("{:.1}", place(regret.value))) "%;width:"
-                            (format!("{:.1}", place(upper) - place(regret.value))) "%"
+                            "left:" (format!("{:.1}", bar_percent(regret.value))) "%;width:"
+                            (format!("{:.1}", bar_percent(upper) - bar_percent(regret.value))) "%"
                         } {}
                     }
                 }
             }
         }
     }
+}
+
+/// How much of a bar a regret fills, in percent; half as much error again fills it.
+fn bar_percent(regret: f64) -> f64 {
+    (regret / 0.5).clamp(0.0, 1.0) * 100.0
 }
 
 /// How a choice is written: alone where the column names the hyperparameter.
@@ -242,25 +246,27 @@ fn parts(report: &Report) -> Option<Table> {
     }
     let heads = names.iter().flat_map(|name| [format!("By {name}"), format!("Error, {name}")]);
     let columns = ["Sensor", "Model", "Error in the first tenth"].map(ToOwned::to_owned);
-    let row = |verdict: &Verdict| -> Vec<Cell> {
-        let share = verdict.start_up_share.map_or(Cell::Missing, Cell::Percent);
-        let head = [Cell::Text(verdict.sensor.clone()), model(verdict), share];
-        let of_parts = verdict.parts.iter().flat_map(|part| {
-            let error = part.error.map_or(Cell::Missing, Cell::Number);
-            [Cell::Text(part.chosen.to_string()), error]
-        });
-        head.into_iter().chain(of_parts).collect()
-    };
     let own = report.verdicts.iter().filter(|verdict| verdict.parts.len() == names.len());
     let table = Table {
         title: "By part of the run".to_owned(),
         caption: "What calib would choose if errors counted over another part of each run, and the error of this choice over that part of the held-out runs. Error in the first tenth: the share of its squared error that the choice makes while it starts up. An even share is a tenth."
             .to_owned(),
         columns: columns.into_iter().chain(heads).collect(),
-        rows: own.map(row).collect(),
+        rows: own.map(row_of_parts).collect(),
         best: None,
     };
     Some(if report.has_models() { table } else { table.without_empty_columns() })
+}
+
+/// The choice by each part of the run, and its error there.
+fn row_of_parts(verdict: &Verdict) -> Vec<Cell> {
+    let start_up = percent_cell(verdict.start_up_share);
+    let head = [Cell::Text(verdict.sensor.clone()), model(verdict), start_up];
+    let of_parts = verdict.parts.iter().flat_map(|part| {
+        let error = part.error.map_or(Cell::Missing, Cell::Number);
+        [Cell::Text(part.chosen.to_string()), error]
+    });
+    head.into_iter().chain(of_parts).collect()
 }
 
 /// What the choices and other ways to choose cost.
@@ -273,7 +279,6 @@ fn alternatives(report: &Report) -> Table {
         ("Best fixed setting, in hindsight", ChoiceBaseline::Hindsight),
         ("Another window", ChoiceBaseline::AnotherWindow),
     ];
-    let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
     Table {
         title: "Other ways to choose, and agreement".to_owned(),
         caption: format!(
@@ -291,8 +296,9 @@ fn alternatives(report: &Report) -> Table {
             .iter()
             .map(|verdict| {
                 let names = [Cell::Text(verdict.sensor.clone()), model(verdict)];
-                let others = ways.iter().map(|&(_, baseline)| share(verdict.regret_of(baseline)));
-                let costs = [share(verdict.regret())].into_iter().chain(others);
+                let others =
+                    ways.iter().map(|&(_, baseline)| percent_cell(verdict.regret_of(baseline)));
+                let costs = [percent_cell(verdict.regret())].into_iter().chain(others);
                 names.into_iter().chain(costs).chain(agreement(verdict)).collect()
             })
             .collect(),
@@ -338,7 +344,6 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
         .filter(|value| verdict.reason == Reason::WorstRank && **value != verdict.chosen)
         .map(ToString::to_string)
         .collect();
-    let share = |regret: Option<f64>| regret.map_or(Cell::Missing, Cell::Percent);
     let upper = online.and_then(|online| online.regret?.upper);
     let same = verdict.stability.iter().find(|(value, _)| *value == verdict.chosen);
     vec![
@@ -361,9 +366,14 @@ fn row(verdict: &Verdict, choice: Choice) -> Vec<Cell> {
             Cell::Text(format!("{} ({})", number(online.best_error), online.best))
         }),
         correlation(online.and_then(|online| online.chosen_skill)),
-        share(verdict.regret()),
+        percent_cell(verdict.regret()),
         upper.map_or(Cell::Missing, |upper| Cell::Text(format!("up to {}", percent(upper)))),
-        share(same.map(|&(_, share)| share)),
-        share(verdict.stability_nearby),
+        percent_cell(same.map(|&(_, share)| share)),
+        percent_cell(verdict.stability_nearby),
     ]
+}
+
+/// The share, if there is one.
+fn percent_cell(share: Option<f64>) -> Cell {
+    share.map_or(Cell::Missing, Cell::Percent)
 }

@@ -27,14 +27,10 @@ fn placed(text: String, noted: &[&Verdict], all: &[Verdict]) -> String {
     let mut about: Vec<String> = Vec::new();
     for verdict in noted {
         let sensor = &verdict.sensor;
-        let whole = |verdicts: usize| {
-            verdicts == all.iter().filter(|other| other.sensor == *sensor).count()
-        };
-        let name = if whole(noted.iter().filter(|other| other.sensor == *sensor).count()) {
-            sensor.clone()
-        } else {
-            format!("{sensor}, {}", verdict.model)
-        };
+        let own = all.iter().filter(|other| other.sensor == *sensor).count();
+        let own_noted = noted.iter().filter(|other| other.sensor == *sensor).count();
+        let name =
+            if own_noted == own { sensor.clone() } else { format!("{sensor}, {}", verdict.model) };
         if !about.contains(&name) {
             about.push(name);
         }

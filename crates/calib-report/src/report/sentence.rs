@@ -449,9 +449,12 @@ fn online_sentence(verdict: &Verdict, online: &HeldOutResult, score: &Score) -> 
 
 /// "4 windows, 16 runs".
 fn windows(online: &HeldOutResult) -> String {
-    let plural =
-        |count: usize, name: &str| format!("{count} {name}{}", if count == 1 { "" } else { "s" });
-    format!("{}, {}", plural(online.windows, "window"), plural(online.runs, "run"))
+    format!("{}, {}", counted(online.windows, "window"), counted(online.runs, "run"))
+}
+
+/// So many of them, in words: "1 run", "4 runs".
+fn counted(count: usize, name: &str) -> String {
+    format!("{count} {name}{}", if count == 1 { "" } else { "s" })
 }
 
 fn skill_sentence(online: &HeldOutResult) -> Option<String> {

@@ -261,11 +261,12 @@ mod tests {
 
     #[test]
     fn what_no_model_learns_is_not_recommended() {
-        let not_learnt = |verdict: &mut Verdict, online: &mut HeldOutResult| {
+        fn not_learnt(verdict: &mut Verdict, online: &mut HeldOutResult) {
             verdict.grade = Grade::NotLearnt;
             online.chosen_skill = Some(-0.1);
             online.best_error = 0.9;
-        };
+        }
+
         let own = [of_model("a", not_learnt), of_model("b", not_learnt)];
         assert_eq!(
             choices_of_models(&own),
@@ -277,11 +278,12 @@ mod tests {
 
     #[test]
     fn a_sensor_that_left_its_training_range_does_not_hardly_vary() {
-        let elsewhere = |verdict: &mut Verdict, online: &mut HeldOutResult| {
+        fn elsewhere(verdict: &mut Verdict, online: &mut HeldOutResult) {
             verdict.grade = Grade::NotLearnt;
             verdict.outside_training = Some(0.93);
             online.best_error = 0.2;
-        };
+        }
+
         let verdict = of_model("a", elsewhere);
         assert!(verdict.headline().contains("never trained on such values"), "{verdict:?}");
         assert!(
@@ -293,19 +295,21 @@ mod tests {
 
     #[test]
     fn what_hardly_varies_is_told_from_what_is_not_learnt() {
-        let quiet = |verdict: &mut Verdict, online: &mut HeldOutResult| {
+        fn quiet(verdict: &mut Verdict, online: &mut HeldOutResult) {
             verdict.grade = Grade::NotLearnt;
             online.best_error = 0.2;
-        };
+        }
+
         let told = choices_of_models(&[of_model("a", quiet), of_model("b", quiet)]);
         assert!(told[0].starts_with("PIT300 hardly varies in the held-out windows"), "{told:?}");
     }
 
     #[test]
     fn models_whose_agents_need_not_learn_on_agree_that_none_is_needed() {
-        let frozen = |verdict: &mut Verdict, _: &mut HeldOutResult| {
+        fn frozen(verdict: &mut Verdict, _: &mut HeldOutResult) {
             verdict.frozen = Some(SimplePredictor::Ridge);
-        };
+        }
+
         assert_eq!(
             choices_of_models(&[of_model("a", frozen), of_model("b", frozen)]),
             [
@@ -316,16 +320,23 @@ mod tests {
 
     #[test]
     fn choices_stand_beside_how_far_they_can_be_relied_on() {
-        let good = |_: &mut Verdict, _: &mut HeldOutResult| {};
+        fn good(_: &mut Verdict, _: &mut HeldOutResult) {}
+
+        fn unskilled(verdict: &mut Verdict, online: &mut HeldOutResult) {
+            verdict.grade = Grade::Poor;
+            online.chosen_skill = Some(-0.1);
+        }
+
+        fn alike(verdict: &mut Verdict, online: &mut HeldOutResult) {
+            verdict.grade = Grade::Unchecked;
+            online.values = Separation::Alike;
+        }
+
         let own = [of_model("a", good), of_model("b", good)];
         assert_eq!(
             choices_of_models(&own),
             ["PIT300: all models choose learning_rate = 1e-4 (2.5 % regret, good)."]
         );
-        let unskilled = |verdict: &mut Verdict, online: &mut HeldOutResult| {
-            verdict.grade = Grade::Poor;
-            online.chosen_skill = Some(-0.1);
-        };
         let own = [of_model("a", unskilled), of_model("b", unskilled)];
         assert_eq!(
             choices_of_models(&own),
@@ -336,10 +347,6 @@ mod tests {
         let own = [of_model("a", good), of_model("b", unskilled)];
         let told = choices_of_models(&own);
         assert!(told[0].contains("(2.5 % regret, good) and b chooses"), "{told:?}");
-        let alike = |verdict: &mut Verdict, online: &mut HeldOutResult| {
-            verdict.grade = Grade::Unchecked;
-            online.values = Separation::Alike;
-        };
         let own = [of_model("a", alike), of_model("b", alike)];
         assert_eq!(
             choices_of_models(&own),

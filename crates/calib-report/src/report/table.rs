@@ -128,20 +128,23 @@ mod tests {
         assert_eq!(table.rows[1], [Cell::Count(2), Cell::Count(3)]);
     }
 
+    fn row(cells: [f64; 3]) -> Vec<Cell> {
+        cells.map(Cell::Number).to_vec()
+    }
+
+    /// The bold cells of two rows of three.
+    fn best(table: &Table) -> Vec<(usize, usize)> {
+        let cells = (0..2).flat_map(|r| (0..3).map(move |c| (r, c)));
+        cells.filter(|&(r, c)| table.is_best(r, c)).collect()
+    }
+
     #[test]
     fn the_best_of_a_row_or_column_is_found_and_ties_share() {
-        let row = |cells: [f64; 3]| cells.map(Cell::Number).to_vec();
         let mut table = Table {
             columns: vec![String::new(); 3],
             rows: vec![row([1.0, 2.0, 1.0]), row([f64::NAN, 0.5, 3.0])],
             best: Some(Best::OfRow(Direction::LowerIsBetter)),
             ..Table::default()
-        };
-        let best = |table: &Table| {
-            (0..2)
-                .flat_map(|r| (0..3).map(move |c| (r, c)))
-                .filter(|&(r, c)| table.is_best(r, c))
-                .collect::<Vec<_>>()
         };
         assert_eq!(best(&table), [(0, 0), (0, 2), (1, 1)]);
         table.best = Some(Best::OfColumn(Direction::HigherIsBetter));

@@ -46,8 +46,11 @@ mod tests {
     fn by_definition(values: &[f64]) -> Vec<f64> {
         let n = values.len();
         let term = |k: usize, f: fn(f64) -> f64| -> f64 {
-            let angle = |t: usize| TAU * ((k * t) % n) as f64 / n as f64;
-            values.iter().enumerate().map(|(t, value)| value * f(angle(t))).sum()
+            let terms = values.iter().enumerate().map(|(t, value)| {
+                let angle = TAU * ((k * t) % n) as f64 / n as f64;
+                value * f(angle)
+            });
+            terms.sum()
         };
         (0..=n / 2).map(|k| term(k, f64::cos).powi(2) + term(k, f64::sin).powi(2)).collect()
     }

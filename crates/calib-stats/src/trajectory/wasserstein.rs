@@ -55,12 +55,18 @@ mod tests {
 
     /// ∫ |F(t) − G(t)| dt, the other form of the same distance.
     fn by_distribution_functions(x: &[f64], y: &[f64]) -> f64 {
-        let share = |values: &[f64], t: f64| {
-            values.iter().filter(|&&value| value <= t).count() as f64 / values.len() as f64
-        };
         let all = sorted(&[x, y].concat());
         let pieces = all.windows(2);
         pieces.map(|t| (share(x, t[0]) - share(y, t[0])).abs() * (t[1] - t[0])).sum()
+    }
+
+    /// The share of values up to t, F(t).
+    fn share(values: &[f64], t: f64) -> f64 {
+        values.iter().filter(|&&value| value <= t).count() as f64 / values.len() as f64
+    }
+
+    fn distance(x: &[f64], y: &[f64]) -> f64 {
+        wasserstein(x, y).unwrap()
     }
 
     fn sample() -> impl Strategy<Value = Vec<f64>> {
@@ -76,10 +82,9 @@ mod tests {
 
         #[test]
         fn it_is_a_metric(x in sample(), y in sample(), z in sample()) {
-            let d = |x: &[f64], y: &[f64]| wasserstein(x, y).unwrap();
-            prop_assert_eq!(d(&x, &x), 0.0);
-            prop_assert!((d(&x, &y) - d(&y, &x)).abs() < 1e-12);
-            prop_assert!(d(&x, &z) <= d(&x, &y) + d(&y, &z) + 1e-12);
+            prop_assert_eq!(distance(&x, &x), 0.0);
+            prop_assert!((distance(&x, &y) - distance(&y, &x)).abs() < 1e-12);
+            prop_assert!(distance(&x, &z) <= distance(&x, &y) + distance(&y, &z) + 1e-12);
         }
 
         #[test]

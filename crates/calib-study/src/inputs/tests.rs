@@ -39,9 +39,12 @@ fn what_changes_no_byte_is_no_input() {
     }
 }
 
+fn keys(result: StepKind, text: &str) -> String {
+    changed(result, text).join(" ")
+}
+
 #[test]
 fn a_result_follows_from_its_own_keys_alone() {
-    let keys = |result, text| changed(result, text).join(" ");
     let gamma = "[agent]\ngamma = 0.5\n";
     assert_eq!(keys(StepKind::BuildModel, gamma), "");
     assert_eq!(keys(StepKind::Rollout, gamma), "");
@@ -65,12 +68,14 @@ fn a_result_follows_from_its_own_keys_alone() {
     );
 }
 
+/// The keys in which the models of two studies differ.
+fn differ(one: &str, other: &str) -> String {
+    let all = study(other).differences(StepKind::BuildModel, &study(one));
+    all.into_iter().map(|difference| difference.key).collect::<Vec<_>>().join(" ")
+}
+
 #[test]
 fn a_network_follows_from_what_its_kind_uses() {
-    let differ = |one: &str, other: &str| {
-        let all = study(other).differences(StepKind::BuildModel, &study(one));
-        all.into_iter().map(|difference| difference.key).collect::<Vec<_>>().join(" ")
-    };
     let nn = "[model]\nkind = \"nn\"\n";
     assert_eq!(differ(nn, &format!("{nn}neighbors = 9\n[dynamics]\nsequence_length = 9\n")), "");
     assert_eq!(
@@ -82,29 +87,31 @@ fn a_network_follows_from_what_its_kind_uses() {
     assert_eq!(differ(gru, &sequences), "dynamics.sequence_length");
 }
 
+/// What the sweep of a study follows from.
+fn swept(text: &str, set: &[&str]) -> Inputs {
+    let set = set.iter().map(|&text| text.to_owned()).collect();
+    let request = Request { set, ..Request::new("s.toml") };
+    let job = Job::of_text(request, text.to_owned()).expect("valid");
+    job.study().inputs(StepKind::Sweep)
+}
+
 #[test]
 fn without_a_model_nothing_follows_from_the_keys_of_one() {
-    let request = |set: &[&str]| {
-        let set = set.iter().map(|&text| text.to_owned()).collect();
-        Request { set, ..Request::new("s.toml") }
-    };
-    let swept = |text: &str, set: &[&str]| {
-        let job = Job::of_text(request(set), text.to_owned()).expect("valid");
-        job.study().inputs(StepKind::Sweep)
-    };
     let of_a_model = "[model]\nmembers = 3\n[rollout]\nstart = \"recent\"\n\
         [sweep]\nmember_runs = 4\n[representation]\nkind = \"laplacian\"\n";
     assert_eq!(swept(of_a_model, &["model.kind=none"]), swept("[model]\nkind = \"none\"\n", &[]));
     assert_ne!(swept(of_a_model, &[]), swept("", &[]));
 }
 
+/// How the sweep of a study differs from that of the default one, in words.
+fn told_differences(text: &str) -> Vec<String> {
+    let all = study(text).differences(StepKind::Sweep, &study(""));
+    all.iter().map(ToString::to_string).collect()
+}
+
 #[test]
 fn a_difference_says_both_values() {
-    let told = |text: &str| {
-        let all = study(text).differences(StepKind::Sweep, &study(""));
-        all.iter().map(ToString::to_string).collect::<Vec<_>>()
-    };
-    assert_eq!(told("[agent]\ngamma = 0.5\n"), ["agent.gamma = 0.99, now 0.5"]);
-    let period = told("[model]\nperiod = { end = 2022-01-01 }\n");
+    assert_eq!(told_differences("[agent]\ngamma = 0.5\n"), ["agent.gamma = 0.99, now 0.5"]);
+    let period = told_differences("[model]\nperiod = { end = 2022-01-01 }\n");
     assert_eq!(period, ["model.period.end = nothing, now \"2022-01-01\""]);
 }

@@ -26,14 +26,18 @@ fn overrides_win_and_may_be_any_toml_or_text() {
     assert_eq!(job.layout().root(), Path::new("study-results"));
 }
 
+fn title(file: &str, text: &str) -> String {
+    let request = Request::new(file);
+    Job::of_text(request, text.to_owned()).expect("valid").title()
+}
+
+/// A study of the logs at `path`.
+fn logs(path: &str) -> String {
+    format!("[data]\npath = \"{path}\"\n[sweep]\nsensors = [\"A\", \"B\"]\n")
+}
+
 #[test]
 fn a_report_is_called_by_what_tells_it_from_others() {
-    let title = |file: &str, text: &str| {
-        let request = Request::new(file);
-        Job::of_text(request, text.to_owned()).expect("valid").title()
-    };
-    let logs =
-        |path: &str| format!("[data]\npath = \"{path}\"\n[sweep]\nsensors = [\"A\", \"B\"]\n");
     assert_eq!(title("membranes.toml", &logs("log.parquet")), "membranes");
     assert_eq!(title("study.toml", &logs("plant-7.parquet")), "plant-7");
     assert_eq!(title("study.toml", &logs("../plant 7/logs/*.csv")), "plant 7");
@@ -124,26 +128,32 @@ fn what_is_gone_is_refused_with_what_to_write() {
     }
 }
 
+/// Line, column and excerpt of a mistake.
+fn place(text: &str, set: &[&str]) -> Option<(usize, usize, String)> {
+    let error = job(text, set).expect_err("invalid");
+    error.place().map(|place| (place.line, place.column, place.excerpt()))
+}
+
 #[test]
 fn values_that_types_cannot_refuse_have_a_place_too() {
-    let at = |text: &str, set: &[&str]| {
-        let error = job(text, set).expect_err("invalid");
-        error.place().map(|place| (place.line, place.column, place.excerpt()))
-    };
     let text = "seed = 1\n[agent]\n  gamma = 2.0\n";
     let excerpt = "  |\n3 |   gamma = 2.0\n  |   ^^^^^".to_owned();
-    assert_eq!(at(text, &[]), Some((3, 3, excerpt)));
-    assert_eq!(at(text, &["agent.gamma=3.0"]), None, "what is wrong is not what stands there");
-    assert_eq!(at("[sweep]\nsteps = 1\n", &["seed=3"]).map(|place| place.0), Some(2));
+    assert_eq!(place(text, &[]), Some((3, 3, excerpt)));
+    assert_eq!(place(text, &["agent.gamma=3.0"]), None, "what is wrong is not what stands there");
+    assert_eq!(place("[sweep]\nsteps = 1\n", &["seed=3"]).map(|place| place.0), Some(2));
     let profile = "[agent]\ngamma = 0.5\n[profiles.p]\nagent.gama = 2.0\n";
-    assert_eq!(at(profile, &[]).map(|place| (place.0, place.1)), Some((4, 7)));
-    let types = at("[agent]\ngamma = \"x\"\n", &[]).expect("a place");
+    assert_eq!(place(profile, &[]).map(|place| (place.0, place.1)), Some((4, 7)));
+    let types = place("[agent]\ngamma = \"x\"\n", &[]).expect("a place");
     assert_eq!((types.0, types.1), (2, 9));
+}
+
+/// What is said of a value of the agent.
+fn told(value: &str) -> String {
+    refused(&format!("[agent]\n{value}\n"), &[])
 }
 
 #[test]
 fn what_is_expected_is_said_in_words() {
-    let told = |value: &str| refused(&format!("[agent]\n{value}\n"), &[]);
     assert_eq!(told("gamma = \"x\""), "study.toml:2:9: expected a number, got the text \"x\"");
     assert_eq!(
         told("batch_size = -1"),

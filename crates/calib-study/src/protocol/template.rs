@@ -106,12 +106,6 @@ const PATHS: [(&str, &str); 2] = [("data", "path"), ("pretrain", "checkpoint")];
 
 /// Let every relative path of a study in `from` mean the same in a study in `to`.
 fn move_paths(table: &mut Table, from: &Path, to: &Path) -> Result<(), Problem> {
-    let moved = |text: &str| -> Result<Option<String>, Problem> {
-        if text.is_empty() || text.starts_with("${") || Path::new(text).is_absolute() {
-            return Ok(None);
-        }
-        Ok(Some(relative(&from.join(text), to)?.display().to_string()))
-    };
     for (section, key) in PATHS {
         let Some(value) = table.get_mut(section).and_then(|section| section.get_mut(key)) else {
             continue;
@@ -121,12 +115,21 @@ fn move_paths(table: &mut Table, from: &Path, to: &Path) -> Result<(), Problem> 
             one => vec![one],
         };
         for text in texts {
-            if let Some(moved) = text.as_str().map(moved).transpose()?.flatten() {
+            let moved = text.as_str().map(|path| moved(path, from, to)).transpose()?;
+            if let Some(moved) = moved.flatten() {
                 *text = Value::String(moved);
             }
         }
     }
     Ok(())
+}
+
+/// What a path in `from` is in `to`; `None` if it means the same everywhere.
+fn moved(path: &str, from: &Path, to: &Path) -> Result<Option<String>, Problem> {
+    if path.is_empty() || path.starts_with("${") || Path::new(path).is_absolute() {
+        return Ok(None);
+    }
+    Ok(Some(relative(&from.join(path), to)?.display().to_string()))
 }
 
 /// `path` as one would write it in `folder`.
@@ -157,11 +160,12 @@ fn without_parents(path: &Path) -> Result<PathBuf, Problem> {
 mod tests {
     use super::*;
 
+    fn rebased(path: &str, folder: &str) -> String {
+        relative(Path::new(path), Path::new(folder)).expect("paths").display().to_string()
+    }
+
     #[test]
     fn paths_are_written_from_another_folder() {
-        let rebased = |path: &str, folder: &str| {
-            relative(Path::new(path), Path::new(folder)).expect("paths").display().to_string()
-        };
         assert_eq!(rebased("a/logs", "a/results/studies"), "../../logs");
         assert_eq!(rebased("a/../logs/x", "b/../c"), "../logs/x");
         assert_eq!(rebased("a/b", "a"), "b");

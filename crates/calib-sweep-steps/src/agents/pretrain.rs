@@ -89,10 +89,10 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
     } else {
         shares::finished(&directory, &wanted, &done)
     };
-    let is_missing = |wanted: &AgentToTrain| {
-        !done.contains_key(&wanted.sensor) && !of_shares.has(&wanted.sensor)
-    };
-    let missing: Vec<&AgentToTrain> = wanted.iter().filter(|wanted| is_missing(wanted)).collect();
+    let missing: Vec<&AgentToTrain> = wanted
+        .iter()
+        .filter(|wanted| !done.contains_key(&wanted.sensor) && !of_shares.has(&wanted.sensor))
+        .collect();
     announce(study, &parts, &wanted, missing.len(), context)?;
     if job.policy().is_dry() {
         context.say(&format!("dry run: nothing written to {}", directory.display()));

@@ -167,14 +167,17 @@ pub(super) fn remove(directory: &Path, wanted: &[AgentToTrain]) -> Result<(), Fi
         own.insert(record_name(sensor));
     }
     own.extend(of_others(&shares));
-    let is_ours = |path: &Path| {
+    remove_known(&shares, &mut |path: &Path| {
         let name = path.to_str().unwrap_or_default();
-        let is_state = name.strip_suffix(UNFINISHED).is_some_and(|key| {
-            key.len() == KEY_DIGITS && key.bytes().all(|digit| digit.is_ascii_hexdigit())
-        });
-        is_state || is_temporary(path) || own.contains(name)
-    };
-    remove_known(&shares, &mut { is_ours })
+        is_unfinished(name) || is_temporary(path) || own.contains(name)
+    })
+}
+
+/// Whether a file is called as a training that was put aside.
+fn is_unfinished(name: &str) -> bool {
+    name.strip_suffix(UNFINISHED).is_some_and(|key| {
+        key.len() == KEY_DIGITS && key.bytes().all(|digit| digit.is_ascii_hexdigit())
+    })
 }
 
 /// Files of sensors that the study pre-trained for before, by what is recorded of them.

@@ -249,8 +249,9 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
         );
     }
     let fields = fields(columns, numbers, count);
-    let candidate = |index: usize| {
-        let row = firsts[index].with_context(|| {
+    let mut all: Vec<Candidate> = Vec::with_capacity(count);
+    for (index, first) in firsts.into_iter().enumerate() {
+        let row = first.with_context(|| {
             format!("candidate {index} of {count} has no row; number them from 0 on")
         })?;
         let values = match labels {
@@ -264,9 +265,8 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
         if (0.0..1.0).contains(&gamma[row]) {
             agent.gamma = gamma[row];
         }
-        Ok(Candidate { index, is_default: defaults[row], values, agent })
-    };
-    let all = (0..count).map(candidate).collect::<Result<Vec<Candidate>, StepError>>()?;
+        all.push(Candidate { index, is_default: defaults[row], values, agent });
+    }
     let mut names: BTreeMap<String, usize> = BTreeMap::new();
     for candidate in &all {
         if let Some(other) = names.insert(candidate.label(), candidate.index) {
@@ -293,16 +293,19 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
 
 /// The values that a label tells: `learning_rate = 0.1, optimiser = adam`; one that tells none is a value itself.
 fn labelled(label: &str) -> Vec<(String, Value)> {
-    let number = |text: &str| text.parse::<f64>().ok().and_then(serde_json::Number::from_f64);
-    let value = |text: &str| number(text).map_or_else(|| Value::from(text), Value::Number);
     let pairs: Option<Vec<_>> = label
         .split(", ")
         .map(|part| {
             let (name, told) = part.split_once(" = ")?;
-            Some((name.to_owned(), value(told)))
+            Some((name.to_owned(), number_or_text(told)))
         })
         .collect();
-    pairs.unwrap_or_else(|| vec![("value".to_owned(), value(label))])
+    pairs.unwrap_or_else(|| vec![("value".to_owned(), number_or_text(label))])
+}
+
+fn number_or_text(text: &str) -> Value {
+    let number = text.parse::<f64>().ok().and_then(serde_json::Number::from_f64);
+    number.map_or_else(|| Value::from(text), Value::Number)
 }
 
 /// Columns that no run of calib has by itself, in which each candidate has one number and not all the same: what was swept.
@@ -370,10 +373,16 @@ mod tests {
         assert_eq!(errors(1), [Some(0.5), Some(f64::INFINITY)]);
     }
 
+    fn fine() -> Table {
+        table(MEMBERS, [0, 1, 0, 1], [1.0, 2.0, 1.5, 0.5])
+    }
+
+    fn texts(texts: [&str; 4]) -> Vec<String> {
+        texts.map(str::to_owned).to_vec()
+    }
+
     #[test]
     fn contradictions_are_refused() {
-        let fine = || table(MEMBERS, [0, 1, 0, 1], [1.0, 2.0, 1.5, 0.5]);
-        let texts = |texts: [&str; 4]| texts.map(str::to_owned).to_vec();
         assert!(
             of_table(&fine().with("label", texts(["a", "b", "a", "b"])), Part::WholeRun).is_ok()
         );
@@ -394,19 +403,22 @@ mod tests {
         }
     }
 
-    #[test]
-    fn labels_tell_values() {
-        let candidate_of = |label: &str| Candidate {
+    fn labelled_candidate(label: &str) -> Candidate {
+        Candidate {
             index: 0,
             is_default: false,
             values: labelled(label),
             agent: AgentConfig::default(),
-        };
-        for label in ["learning_rate = 0.1, optimiser = adam", "value = forest", "a = 1e-3"] {
-            assert_eq!(candidate_of(label).label(), label);
         }
-        assert_eq!(candidate_of("forest, deep").label(), "value = forest, deep");
-        assert_eq!(candidate_of("a = 0.001").values[0].1.as_f64(), Some(0.001));
+    }
+
+    #[test]
+    fn labels_tell_values() {
+        for label in ["learning_rate = 0.1, optimiser = adam", "value = forest", "a = 1e-3"] {
+            assert_eq!(labelled_candidate(label).label(), label);
+        }
+        assert_eq!(labelled_candidate("forest, deep").label(), "value = forest, deep");
+        assert_eq!(labelled_candidate("a = 0.001").values[0].1.as_f64(), Some(0.001));
     }
 
     #[test]

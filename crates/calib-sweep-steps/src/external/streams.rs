@@ -191,24 +191,14 @@ impl SweepStreams {
     ) -> Result<RunOutcome, StepError> {
         let run = &self.runs[stream];
         let steps = self.steps_of(stream);
-        let score = || -> Result<RunOutcome, StepError> {
-            ensure!(
-                predictions.len() == steps,
-                "{} predictions for the {steps} steps of {}, run {}",
-                predictions.len(),
-                run.environment,
-                run.run
-            );
-            Ok(score_predictions(
-                &*run.stream,
-                column,
-                self.gamma(),
-                predictions,
-                updates,
-                self.curve,
-            )?)
-        };
-        score()
+        ensure!(
+            predictions.len() == steps,
+            "{} predictions for the {steps} steps of {}, run {}",
+            predictions.len(),
+            run.environment,
+            run.run
+        );
+        Ok(score_predictions(&*run.stream, column, self.gamma(), predictions, updates, self.curve)?)
     }
 
     /// Steps of the run over a stream.

@@ -76,27 +76,30 @@ fn what_is_not_finite_ends_a_run() {
     assert!(got[0].values[1].is_nan() && got[0].values[2..].iter().all(|value| *value == 0.0));
 }
 
+fn failure(script: &str, timeout: f64) -> String {
+    asked(&program(script, timeout), 1).expect_err("it fails")
+}
+
 #[test]
 fn programs_that_fail_are_named() {
-    let told = |script: &str, timeout| asked(&program(script, timeout), 1).expect_err("it fails");
-    let dead = told("read a; echo oh no >&2; exit 3", 20.0);
+    let dead = failure("read a; echo oh no >&2; exit 3", 20.0);
     assert!(dead.contains("sh -c") && dead.contains("exit status: 3"), "{dead}");
     assert!(dead.ends_with("at last it said: oh no"), "{dead}");
-    let hangs = told("read a; sleep 20", 0.2);
+    let hangs = failure("read a; sleep 20", 0.2);
     assert!(hangs.contains("has not answered the beginning of a run"), "{hangs}");
     assert!(hangs.contains("for 0.2 s") && hangs.contains("agent.timeout_secs"), "{hangs}");
-    let babbles = told("echo hello; cat > /dev/null", 20.0);
+    let babbles = failure("echo hello; cat > /dev/null", 20.0);
     assert!(babbles.contains(r#"with "hello": expected one line"#), "{babbles}");
     assert!(babbles.contains("standard error"), "{babbles}");
-    let endless = told("yes no | tr -d '\\n'", 20.0);
+    let endless = failure("yes no | tr -d '\\n'", 20.0);
     assert!(endless.contains("nonono") && endless.len() < 1000, "{endless}");
-    let other = told(r#"echo '{"ready": 2}'; cat > /dev/null"#, 20.0);
+    let other = failure(r#"echo '{"ready": 2}'; cat > /dev/null"#, 20.0);
     assert!(other.contains(r#"expected one line such as {"ready": 1}"#), "{other}");
-    let refuses = told(r#"read a; echo '{"error": "no rate"}'"#, 20.0);
+    let refuses = failure(r#"read a; echo '{"error": "no rate"}'"#, 20.0);
     assert!(refuses.ends_with(": no rate"), "{refuses}");
-    let few = told(r#"read a; echo '{"ready": 1}'; echo '{"predictions": [1]}'; cat"#, 20.0);
+    let few = failure(r#"read a; echo '{"ready": 1}'; echo '{"predictions": [1]}'; cat"#, 20.0);
     assert!(few.contains("answered 4 states with 1 predictions"), "{few}");
-    let closed = told("exec >&-; cat > /dev/null", 20.0);
+    let closed = failure("exec >&-; cat > /dev/null", 20.0);
     assert!(closed.contains("has closed its standard output"), "{closed}");
 }
 

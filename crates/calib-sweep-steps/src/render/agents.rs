@@ -48,10 +48,6 @@ impl Told for PretrainedAgents {
 
 /// The epoch that an agent's checkpoint was taken after, beside the first.
 fn row(agent: &PretrainedAgent) -> Vec<String> {
-    let nrmse = |epoch: Option<&Epoch>| {
-        let nrmse = epoch.and_then(|epoch| epoch.validation_nrmse);
-        nrmse.map_or_else(|| "unknown".to_owned(), significant)
-    };
     let kept = agent.curve.get(agent.epoch.saturating_sub(1));
     let loss = |value: fn(&Epoch) -> f64| {
         kept.map_or_else(|| "unknown".to_owned(), |epoch| significant(value(epoch)))
@@ -64,4 +60,9 @@ fn row(agent: &PretrainedAgent) -> Vec<String> {
         nrmse(kept),
         nrmse(agent.curve.first()),
     ]
+}
+
+fn nrmse(epoch: Option<&Epoch>) -> String {
+    let nrmse = epoch.and_then(|epoch| epoch.validation_nrmse);
+    nrmse.map_or_else(|| "unknown".to_owned(), significant)
 }

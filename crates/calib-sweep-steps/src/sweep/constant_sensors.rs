@@ -1,5 +1,7 @@
 //! Sensors that do not move in held-out data: there is nothing to predict, so no error there says which value is better.
 
+use std::ops::Range;
+
 use calib_core::States;
 use calib_sweep::Windows;
 
@@ -23,16 +25,20 @@ pub(crate) fn all(
     sensors
         .iter()
         .map(|(sensor, column): &(String, usize)| {
-            let rows = |&&start: &&usize| {
-                let own = start..(start + windows.states).min(held_out.rows());
-                own.into_iter()
-                    .all(|row| held_out.row(row)[*column] == held_out.row(start)[*column])
-            };
-            let windows = windows.starts.iter().filter(rows).count();
-            ConstantSensor { sensor: sensor.clone(), windows, all_windows }
+            let still = windows.starts.iter().filter(|&&start| {
+                let rows = start..(start + windows.states).min(held_out.rows());
+                is_constant(held_out, rows, *column)
+            });
+            ConstantSensor { sensor: sensor.clone(), windows: still.count(), all_windows }
         })
         .filter(|still| still.windows > 0)
         .collect()
+}
+
+/// Whether a sensor has one value in all of the rows.
+fn is_constant(held_out: &States, mut rows: Range<usize>, column: usize) -> bool {
+    let start = rows.start;
+    rows.all(|row| held_out.row(row)[column] == held_out.row(start)[column])
 }
 
 impl ConstantSensor {

@@ -45,12 +45,12 @@ pub(crate) fn failed_rollouts(
         }
     }
     let notes: Vec<String> = environments.into_iter().map(|(environment, runs)| {
-        let told = |(run, NotFinite { step, column }): (&usize, &NotFinite)| {
+        let told = runs.iter().map(|(run, NotFinite { step, column })| {
             format!("run {run} at step {step} in {}", normaliser.columns()[*column].name)
-        };
+        });
         format!(
             "the model's rollout left the finite numbers in {environment}: {}; every setting has an infinite error there",
-            runs.iter().map(told).collect::<Vec<_>>().join(", ")
+            told.collect::<Vec<_>>().join(", ")
         )
     }).collect();
     for note in &notes {
@@ -74,9 +74,8 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn what_a_race_saved_is_counted_in_runs() {
-        let result = |run, values: usize| UnitResult {
+    fn result(run: usize, values: usize) -> UnitResult {
+        UnitResult {
             key: String::new(),
             unit: Unit { sensor: "A".to_owned(), environment: EnvironmentId::Member(0), run },
             seed: 0,
@@ -92,7 +91,11 @@ mod tests {
                     curve: Vec::new(),
                 })
                 .collect(),
-        };
+        }
+    }
+
+    #[test]
+    fn what_a_race_saved_is_counted_in_runs() {
         assert_eq!(saved(&[result(0, 4), result(1, 4)], 8), None);
         let told = saved(&[result(0, 4), result(1, 2)], 8).expect("two runs were not made");
         assert!(told.contains("saved 25 % of the runs"), "{told}");

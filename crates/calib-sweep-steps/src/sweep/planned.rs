@@ -115,8 +115,12 @@ impl PlannedSweep {
             let Some(runs) = look_up(&planned.unit, &planned.key) else { continue };
             for row in runs.of(planned, &self.settings) {
                 if let Some(rmse) = row.rmse(self.part) {
-                    let (unit, place, candidate) = (number, &planned.unit, row.candidate);
-                    all.push(StoredRun { unit, place, candidate, rmse });
+                    all.push(StoredRun {
+                        unit: number,
+                        place: &planned.unit,
+                        candidate: row.candidate,
+                        rmse,
+                    });
                 }
             }
         }
@@ -125,15 +129,16 @@ impl PlannedSweep {
 
     /// Whether the rule looks at runs in this environment.
     pub fn counts(&self, environment: EnvironmentId) -> bool {
-        let replays = || {
-            self.units.iter().any(|planned| planned.unit.environment == EnvironmentId::LogReplay)
-        };
         match environment {
             EnvironmentId::Online => false,
             EnvironmentId::LogReplay => {
                 matches!(self.rule, Rule::Pooled | Rule::LogReplay | Rule::OneStandardError)
             }
-            EnvironmentId::Member(_) => self.rule != Rule::LogReplay || !replays(),
+            EnvironmentId::Member(_) => self.rule != Rule::LogReplay || !self.replays_the_log(),
         }
+    }
+
+    fn replays_the_log(&self) -> bool {
+        self.units.iter().any(|planned| planned.unit.environment == EnvironmentId::LogReplay)
     }
 }

@@ -145,12 +145,14 @@ impl Rows<'_> {
             }
             learned => (learned, PeriodUse::Learning),
         };
-        let point = |&row: &usize| (seconds(self.times[row]), self.values[row].unwrap_or(f64::NAN));
         Some(RecordedPeriod {
             name: name.to_owned(),
             used_for,
             times: [first, last].map(|row| format_time(self.times[row])),
-            points: own.iter().map(point).collect(),
+            points: own
+                .iter()
+                .map(|&row| (seconds(self.times[row]), self.values[row].unwrap_or(f64::NAN)))
+                .collect(),
         })
     }
 }

@@ -187,13 +187,15 @@ pub(crate) fn curves_table(candidates: &[Candidate], results: &[UnitResult]) -> 
             points.extend(row.curve.iter().map(|point| (result, row.candidate, *point)));
         }
     }
-    let label = |candidate: usize| candidates[candidate].label();
     Table::new()
         .with("environment", points.iter().map(|(r, ..)| r.unit.environment.to_string()).collect())
         .with("sensor", points.iter().map(|(r, ..)| r.unit.sensor.clone()).collect())
         .with("run", points.iter().map(|(r, ..)| r.unit.run as u32).collect())
         .with("candidate", points.iter().map(|(_, candidate, _)| *candidate as u32).collect())
-        .with("label", points.iter().map(|(_, candidate, _)| label(*candidate)).collect())
+        .with(
+            "label",
+            points.iter().map(|(_, candidate, _)| candidates[*candidate].label()).collect(),
+        )
         .with("step", points.iter().map(|(.., point)| point.step as u32).collect())
         .with("rmse", points.iter().map(|(.., point)| point.rmse).collect())
 }

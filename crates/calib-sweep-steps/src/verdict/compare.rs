@@ -135,9 +135,8 @@ impl JudgedModel {
         let manifest = &judged.manifest;
         let report = report::assemble(&judged)?;
         let rollouts = rollout::finished(job, manifest.model.as_deref())?;
-        let owned = |name: Option<&str>| name.map(str::to_owned);
-        let model = owned(job.model());
-        let deployment = owned(job.deployment());
+        let model = job.model().map(str::to_owned);
+        let deployment = job.deployment().map(str::to_owned);
         let mut starts = match &rollouts {
             Some(rollouts) => report::rollout_figures(paths, rollouts)?.1,
             None => Vec::new(),
@@ -243,10 +242,6 @@ pub(crate) fn run(
 
 /// Refuse sweeps of which one was made on a device and another one was not: they round otherwise.
 fn same_arithmetic(names: &[String], parts: &[JudgedModel]) -> Result<(), StepError> {
-    let trained_by = |part: &JudgedModel| {
-        let class = part.judged.manifest.arithmetic.clone();
-        class.unwrap_or_else(|| "calib itself".to_owned())
-    };
     let first = trained_by(&parts[0]);
     for (name, part) in names.iter().zip(parts) {
         ensure!(
@@ -257,6 +252,12 @@ fn same_arithmetic(names: &[String], parts: &[JudgedModel]) -> Result<(), StepEr
         );
     }
     Ok(())
+}
+
+/// The class of the device that a sweep was made on, for messages.
+fn trained_by(part: &JudgedModel) -> String {
+    let class = part.judged.manifest.arithmetic.clone();
+    class.unwrap_or_else(|| "calib itself".to_owned())
 }
 
 /// Write the figures, the page and the summary, unless they are there and show the same.
@@ -388,11 +389,13 @@ fn whole(
     if let Some(data) = &mut whole.data {
         data.facts.retain(|(name, _)| !report_data::is_of_deployment(name));
         for group in &deployments {
-            let windows = report_data::deployment_facts(&group[0].judged);
-            let told = |(name, value)| (format!("{}: {name}", group[0].deployment_name()), value);
-            let plain = group[0].deployment.is_none();
-            data.facts
-                .extend(windows.into_iter().map(|fact| if plain { fact } else { told(fact) }));
+            for (name, value) in report_data::deployment_facts(&group[0].judged) {
+                let name = match &group[0].deployment {
+                    Some(deployment) => format!("{deployment}: {name}"),
+                    None => name,
+                };
+                data.facts.push((name, value));
+            }
         }
     }
     let studies: Vec<&Study> = parts.iter().map(|part| part.judged.study()).collect();
@@ -441,10 +444,14 @@ fn sensitivity(sensor: &str, group: &[&JudgedModel]) -> Option<Sensitivity> {
     whole.sensor = group[0].in_deployment(sensor);
     whole.worst_ranks = all.iter().flat_map(|figure| figure.worst_ranks.clone()).collect();
     // Online and the log are the same for all; what models chose by is not.
-    let is_evidence = |curve: &&ErrorCurve| curve.source == ErrorSource::Evidence;
-    whole.errors.retain(|curve| !is_evidence(&curve));
-    whole.errors.extend(all.iter().flat_map(|figure| &figure.errors).filter(is_evidence).cloned());
+    whole.errors.retain(|curve| !is_evidence(curve));
+    let evidence = all.iter().flat_map(|figure| &figure.errors).filter(|curve| is_evidence(curve));
+    whole.errors.extend(evidence.cloned());
     // No model's choice is marked before others'.
     whole.chosen = whole.chosen.filter(|_| all.iter().all(|figure| figure.chosen == whole.chosen));
     Some(whole)
+}
+
+fn is_evidence(curve: &ErrorCurve) -> bool {
+    curve.source == ErrorSource::Evidence
 }

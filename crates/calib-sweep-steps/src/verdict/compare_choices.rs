@@ -16,7 +16,6 @@ pub(crate) fn choices(parts: &[JudgedModel]) -> String {
             let own = part.report.verdicts.iter().find(|verdict| verdict.sensor == first.sensor);
             let Some(verdict) = own else { continue };
             let online = verdict.online.as_ref();
-            let or_none = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
             let distances = part.comparison().map_or(&[][..], |comparison| &comparison.sensors);
             let own = distances.iter().find(|compared| compared.sensor == first.sensor);
             let warping = own.and_then(|compared| {
@@ -28,11 +27,11 @@ pub(crate) fn choices(parts: &[JudgedModel]) -> String {
             let chosen = [
                 verdict.chosen.to_string(),
                 verdict.grade.word().to_owned(),
-                or_none(online.and_then(|online| Some(percent(online.regret?.value)))),
-                or_none(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
+                or_dash(online.and_then(|online| Some(percent(online.regret?.value)))),
+                or_dash(online.and_then(|online| Some(format!("{:.2}", online.spearman?)))),
             ];
             let of_rollouts = [warping.map(significant), collapse(part, &first.sensor)];
-            let of_rollouts = of_rollouts.map(or_none).into_iter().filter(|_| has_models);
+            let of_rollouts = of_rollouts.map(or_dash).into_iter().filter(|_| has_models);
             let row = [first.sensor.clone()].into_iter().chain(deployment).chain(model);
             rows.push(row.chain(chosen).chain(of_rollouts).collect());
         }
@@ -54,4 +53,8 @@ fn collapse(part: &JudgedModel, sensor: &str) -> Option<String> {
     let own = collapse.sensors.iter().find(|known| known.sensor == sensor)?;
     let at = own.median_step.map_or_else(String::new, |step| format!(" at {step:.0}"));
     Some(format!("{} of {}{at}", own.collapsed, collapse.rollouts))
+}
+
+fn or_dash(text: Option<String>) -> String {
+    text.unwrap_or_else(|| "–".to_owned())
 }

@@ -100,11 +100,11 @@ impl Pooled {
 /// The rollouts of each model in all deployments; those that deployments share count once.
 pub(crate) fn pooled(deployments: &[Vec<&JudgedModel>]) -> Result<Vec<Pooled>, StepError> {
     let mut models: Vec<Vec<&JudgedModel>> = Vec::new();
-    let compared = |part: &&&JudgedModel| part.comparison().is_some();
-    for part in deployments.iter().flatten().filter(compared) {
-        let directory = |part: &JudgedModel| part.judged.paths().rollout();
+    for part in deployments.iter().flatten().filter(|part| part.comparison().is_some()) {
+        let directory = part.judged.paths().rollout();
         match models.iter_mut().find(|parts| parts[0].model_name() == part.model_name()) {
-            Some(parts) if parts.iter().any(|other| directory(other) == directory(part)) => {}
+            Some(parts)
+                if parts.iter().any(|other| other.judged.paths().rollout() == directory) => {}
             Some(parts) => parts.push(part),
             None => models.push(vec![part]),
         }

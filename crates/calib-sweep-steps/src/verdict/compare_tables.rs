@@ -97,11 +97,10 @@ fn places(parts: &[JudgedModel], holds: impl Fn(&&JudgedModel) -> bool) -> Strin
     for name in
         [|part: &JudgedModel| part.deployment.clone(), |part: &JudgedModel| part.model.clone()]
     {
-        let differ = |(one, other): (&JudgedModel, &JudgedModel)| {
-            name(one) == name(other) && holds(&one) != holds(&other)
-        };
         let mut pairs = parts.iter().flat_map(|one| parts.iter().map(move |other| (one, other)));
-        if !pairs.any(differ) {
+        let differ =
+            pairs.any(|(one, other)| name(one) == name(other) && holds(&one) != holds(&other));
+        if !differ {
             let mut names: Vec<String> = Vec::new();
             for name in parts.iter().filter(&holds).filter_map(name) {
                 if !names.contains(&name) {
@@ -129,11 +128,9 @@ pub(crate) fn data_of_models(group: &[&JudgedModel]) -> (Option<DataProfile>, St
     let most =
         group.iter().filter_map(|part| part.report.data.as_ref()).max_by_key(|data| data.rows);
     let mut data = most.cloned();
-    let same = |part: &&&JudgedModel| {
-        part.report.reproduction.fingerprint == group[0].report.reproduction.fingerprint
-    };
-    if group.iter().all(|part| same(&part)) {
-        return (data, group[0].report.reproduction.fingerprint.clone());
+    let first = &group[0].report.reproduction.fingerprint;
+    if group.iter().all(|part| part.report.reproduction.fingerprint == *first) {
+        return (data, first.clone());
     }
     let mut fingerprints = Vec::new();
     for part in group {

@@ -26,7 +26,7 @@ impl Descriptions {
             None => BTreeMap::new(),
         };
         let nothing = Description::default();
-        let described = |channel: &calib_data::ChannelProfile| {
+        let described = profile.channels.iter().map(|channel| {
             let given = study.sensors.get(&channel.name).cloned().unwrap_or_default();
             // A list of tags knows the angle, and not the two channels that are made of it.
             let tag = tags.get(&channel.name).cloned().or_else(|| {
@@ -35,15 +35,8 @@ impl Descriptions {
             });
             let given = given.or(tag.as_ref().unwrap_or(&nothing));
             (channel.name.clone(), given.or(&channel.description))
-        };
-        Ok(Self(
-            profile
-                .channels
-                .iter()
-                .map(described)
-                .filter(|(_, description)| !description.is_empty())
-                .collect(),
-        ))
+        });
+        Ok(Self(described.filter(|(_, description)| !description.is_empty()).collect()))
     }
 
     /// What the header of a log says of its channels.
@@ -80,6 +73,6 @@ impl Descriptions {
 
 /// Names in `[sensors]` that the log does not have.
 pub fn unknown<'a>(sensors: &'a BTreeMap<String, Description>, profile: &Profile) -> Vec<&'a str> {
-    let is_known = |name: &str| profile.channels.iter().any(|channel| channel.name == name);
-    sensors.keys().map(String::as_str).filter(|name| !is_known(name)).collect()
+    let names = sensors.keys().map(String::as_str);
+    names.filter(|name| profile.channels.iter().all(|channel| channel.name != *name)).collect()
 }

@@ -31,7 +31,6 @@ fn together(
     deployments: &[&RecordedFigure],
 ) -> Option<RecordedFigure> {
     let (_, first) = models.first()?;
-    let is_learned = |period: &RecordedPeriod| period.used_for == PeriodUse::Learning;
     let mut periods: Vec<(Vec<&str>, RecordedPeriod)> = Vec::new();
     for (model, figure) in models {
         for period in figure.periods.iter().filter(|period| is_learned(period)) {
@@ -41,21 +40,26 @@ fn together(
             }
         }
     }
-    let start = |period: &RecordedPeriod| period.points.first().map_or(f64::NAN, |point| point.0);
     periods.sort_by(|(_, a), (_, b)| start(a).total_cmp(&start(b)));
-    let named = |(names, period): (Vec<&str>, RecordedPeriod)| {
-        let name = if names.len() == models.len() {
-            period.name.clone()
-        } else {
-            format!("{} of {}", period.name, names.join(", "))
-        };
-        RecordedPeriod { name, ..period }
-    };
+    let learned = periods.into_iter().map(|(names, mut period)| {
+        if names.len() != models.len() {
+            period.name = format!("{} of {}", period.name, names.join(", "));
+        }
+        period
+    });
     let held_out = deployments
         .iter()
         .flat_map(|figure| figure.periods.iter().filter(|period| !is_learned(period)));
-    let periods = periods.into_iter().map(named).chain(held_out.cloned()).collect();
+    let periods = learned.chain(held_out.cloned()).collect();
     Some(RecordedFigure { periods, ..(*first).clone() })
+}
+
+fn is_learned(period: &RecordedPeriod) -> bool {
+    period.used_for == PeriodUse::Learning
+}
+
+fn start(period: &RecordedPeriod) -> f64 {
+    period.points.first().map_or(f64::NAN, |point| point.0)
 }
 
 #[cfg(test)]

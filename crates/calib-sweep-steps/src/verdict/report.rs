@@ -221,14 +221,13 @@ pub(crate) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Ta
     if all.clone().all(|starts| starts.mean_distance.is_none()) {
         return None;
     }
-    let cell = |distance: Option<f64>| distance.map_or(Cell::Missing, Cell::Number);
     let rows = all.enumerate().map(|(member, starts)| {
         vec![
             Cell::Text(format!("ensemble member {member}")),
             Cell::Count(starts.starts as u64),
             Cell::Count(starts.replaced as u64),
-            cell(starts.mean_distance),
-            cell(starts.largest_distance),
+            number_cell(starts.mean_distance),
+            number_cell(starts.largest_distance),
         ]
     });
     let columns = ["", "start states", "in the block left out", "mean distance", "largest"];
@@ -241,6 +240,11 @@ pub(crate) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Ta
         rows: rows.collect(),
         best: None,
     })
+}
+
+/// The number, if there is one.
+fn number_cell(value: Option<f64>) -> Cell {
+    value.map_or(Cell::Missing, Cell::Number)
 }
 
 /// The representations that could be used, if the study has any.

@@ -1,6 +1,9 @@
 //! A report is written when what it shows has changed, and not otherwise: drawing takes longer than judging.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    time::SystemTime,
+};
 
 use calib_base::{
     Context as _, StepError,
@@ -31,13 +34,16 @@ impl Facts for ReportFacts {
 
 /// Whether a study was judged after the sweeps in `folders` were finished.
 pub fn is_judged_since(job: &Job, folders: &[PathBuf]) -> bool {
-    let finished =
-        |folder: &Path| folder.join(MANIFEST).metadata().and_then(|file| file.modified()).ok();
     let directory = job.layout().evaluate();
     let judged = artefact::read::<ReportManifest>(&directory).and_then(|_| finished(&directory));
     judged.is_some_and(|judged| {
         folders.iter().all(|folder| finished(folder).is_some_and(|finished| finished <= judged))
     })
+}
+
+/// When the step of a folder was finished.
+fn finished(folder: &Path) -> Option<SystemTime> {
+    folder.join(MANIFEST).metadata().and_then(|file| file.modified()).ok()
 }
 
 /// Let `write` write the figures and the `summary` of a report, whose names in the directory it returns, and the page beside

@@ -60,7 +60,6 @@ fn share_beside_gaps(judged: &Judged) -> Option<f64> {
 pub(crate) fn data_profile(learned: &Learned, judged: &Judged) -> DataProfile {
     let profile = &learned.profile;
     let train = &profile.train;
-    let fact = |name: &str, number: u64| (name.to_owned(), calib_report::count(number));
     let mut facts = vec![
         fact("rows of the log", profile.rows),
         fact("files", profile.files as u64),
@@ -84,6 +83,10 @@ pub(crate) fn data_profile(learned: &Learned, judged: &Judged) -> DataProfile {
         facts,
         channels: profile.channels.iter().map(channel).collect(),
     }
+}
+
+fn fact(name: &str, number: u64) -> (String, String) {
+    (name.to_owned(), calib_report::count(number))
 }
 
 const HELD_OUT: [&str; 2] = ["held-out states", "held-out range"];

@@ -45,9 +45,9 @@ pub(crate) fn verdict_row(
     let candidates = &sweep.candidates;
     let setting_at = |index: usize| setting(&candidates[index]);
     let selection = verdict.selection.as_ref();
-    let streams = |scores: &EnvironmentScores| scores.streams;
-    let of_members: usize = verdict.members.iter().map(streams).sum();
-    let of_all = of_members + verdict.log_replay.as_ref().map_or(0, streams);
+    let of_members: usize = verdict.members.iter().map(|scores| scores.streams).sum();
+    let of_log = verdict.log_replay.as_ref().map_or(0, |scores| scores.streams);
+    let of_all = of_members + of_log;
     let sources = match (&verdict.log_replay, selection) {
         (Some(_), None) => Sources::Log,
         (Some(_), Some(_)) => Sources::MembersAndLog,
@@ -230,26 +230,16 @@ fn agreement(
 /// The sensitivity curves of a sensor.
 pub(crate) fn sensitivity(verdict: &SensorVerdict, sweep: &SweepFacts, model: &str) -> Sensitivity {
     let candidates = &sweep.candidates[..];
-    let curve = |scores: &EnvironmentScores, label: &str, source| ErrorCurve {
-        label: label.to_owned(),
-        source,
-        over: if scores.streams == 1 { Samples::Runs } else { Samples::Windows },
-        summaries: scores
-            .candidates
-            .iter()
-            .map(|scores| (scores.runs > 0).then_some(*scores))
-            .collect(),
-    };
     let mut errors = Vec::new();
     if let Some(truth) = &verdict.truth {
-        errors.push(curve(&truth.scores, "held-out period", ErrorSource::Online));
+        errors.push(error_curve(&truth.scores, "held-out period", ErrorSource::Online));
         errors.extend(simple_line(verdict, sweep));
     }
     let evidence = evidence(verdict, model);
     // Where log replay decides alone, what decides is drawn, and its mean over windows would be all but the same curve.
     let replay = verdict.log_replay.as_ref();
     if let Some(replay) = replay.filter(|_| evidence.is_none() || verdict.selection.is_some()) {
-        errors.push(curve(replay, "log replay", ErrorSource::LogReplay));
+        errors.push(error_curve(replay, "log replay", ErrorSource::LogReplay));
     }
     errors.extend(evidence);
     Sensitivity {
@@ -269,6 +259,20 @@ pub(crate) fn sensitivity(verdict: &SensorVerdict, sweep: &SweepFacts, model: &s
         chosen: Some(verdict.chosen),
         default: candidates.iter().position(|candidate| candidate.is_default),
         dimensions: dimensions(candidates),
+    }
+}
+
+/// Errors in one environment: over its windows, or over the runs where there is one window.
+fn error_curve(scores: &EnvironmentScores, label: &str, source: ErrorSource) -> ErrorCurve {
+    ErrorCurve {
+        label: label.to_owned(),
+        source,
+        over: if scores.streams == 1 { Samples::Runs } else { Samples::Windows },
+        summaries: scores
+            .candidates
+            .iter()
+            .map(|scores| (scores.runs > 0).then_some(*scores))
+            .collect(),
     }
 }
 
@@ -320,7 +324,7 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
     let is_log_alone = verdict.rule == Rule::LogReplay && verdict.log_replay.is_some();
     let members = verdict.members.iter().filter(|_| !is_log_alone);
     let streams = members.chain(log).map(|scores| scores.streams).sum();
-    let point = |(value, &mean_log): (usize, &f64)| {
+    let summaries = verdict.scores.iter().enumerate().map(|(value, &mean_log)| {
         let mean = mean_log.exp();
         let diverged = usize::from(mean.is_infinite());
         // What a race dropped was not measured on all streams, and cannot be compared.
@@ -332,7 +336,7 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
             runs: streams,
             diverged,
         })
-    };
+    });
     let whose = match (verdict.rule, &verdict.log_replay) {
         (Rule::LogReplay, Some(_)) => "log replay".to_owned(),
         _ if verdict.selection.is_none() => "log replay".to_owned(),
@@ -343,7 +347,7 @@ fn evidence(verdict: &SensorVerdict, model: &str) -> Option<ErrorCurve> {
         label: format!("{whose} (decides)"),
         source: ErrorSource::Evidence,
         over: Samples::Streams,
-        summaries: verdict.scores.iter().enumerate().map(point).collect(),
+        summaries: summaries.collect(),
     })
 }
 

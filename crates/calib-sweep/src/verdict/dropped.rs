@@ -50,31 +50,37 @@ pub(super) fn dropped(
         members.into_iter().collect()
     };
     let of_runs = runs.iter().copied().max().unwrap_or(0);
-    // A member that it made no run in has no error of it, which is as large as can be there.
-    let made_some = |place: usize, candidate: usize| {
-        results.iter().any(|result| {
-            result.unit.environment == members[place]
-                && result.rows.iter().any(|row| row.candidate == candidate)
-        })
-    };
-    let mean = |candidate: usize| {
-        let own: Vec<f64> = (0..members.len())
-            .filter(|&place| made_some(place, candidate))
-            .map(|place| mean_errors[place][candidate])
-            .collect();
-        if own.is_empty() { f64::INFINITY } else { own.iter().sum::<f64>() / own.len() as f64 }
-    };
     let mut dropped: Vec<Dropped> = (0..grid)
         .filter(|&candidate| runs[candidate] < of_runs)
         .map(|candidate| Dropped {
             candidate,
             runs: runs[candidate],
             of_runs,
-            mean_error: mean(candidate),
+            mean_error: mean_error(candidate, results, &members, mean_errors),
         })
         .collect();
     dropped.sort_by(|a, b| b.runs.cmp(&a.runs).then(a.mean_error.total_cmp(&b.mean_error)));
     dropped
+}
+
+/// See [`Dropped::mean_error`].
+fn mean_error(
+    candidate: usize,
+    results: &[&UnitResult],
+    members: &[EnvironmentId],
+    mean_errors: &[Vec<f64>],
+) -> f64 {
+    // A member that it made no run in has no error of it, which is as large as can be there.
+    let own: Vec<f64> = (0..members.len())
+        .filter(|&place| {
+            results.iter().any(|result| {
+                result.unit.environment == members[place]
+                    && result.rows.iter().any(|row| row.candidate == candidate)
+            })
+        })
+        .map(|place| mean_errors[place][candidate])
+        .collect();
+    if own.is_empty() { f64::INFINITY } else { own.iter().sum::<f64>() / own.len() as f64 }
 }
 
 /// The worst-rank rule among those that made all runs; the dropped ones rank behind them in every member,

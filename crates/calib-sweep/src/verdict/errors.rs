@@ -43,6 +43,12 @@ impl Stream {
         (0..candidates).map(|candidate| self.mean(candidate)).collect()
     }
 
+    /// `[run][candidate]`; +∞ where a run was not made.
+    fn errors_of_runs(&self) -> Vec<Vec<f64>> {
+        let runs = self.runs.iter();
+        runs.map(|run| run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()).collect()
+    }
+
     fn mean(&self, candidate: usize) -> f64 {
         let made = self.runs.iter().filter_map(|run| run[candidate]);
         let (sum, count) = made.fold((0.0, 0_usize), |(sum, count), x| (sum + x, count + 1));
@@ -115,19 +121,12 @@ impl Errors {
     /// All runs for resampling, `[unit][run][candidate]`: streams and their runs Online and of the log, and one unit with all rollouts for a
     /// member. What a dropped value did not make is +∞: it cannot be chosen.
     pub(super) fn units(&self) -> Vec<Vec<Vec<f64>>> {
-        let runs = |stream: &Stream| {
-            stream
-                .runs
-                .iter()
-                .map(|run| -> Vec<f64> {
-                    run.iter().map(|error| error.unwrap_or(f64::INFINITY)).collect()
-                })
-                .collect::<Vec<_>>()
-        };
         match self.environment {
-            EnvironmentId::Member(_) => vec![self.streams.iter().flat_map(runs).collect()],
+            EnvironmentId::Member(_) => {
+                vec![self.streams.iter().flat_map(Stream::errors_of_runs).collect()]
+            }
             EnvironmentId::Online | EnvironmentId::LogReplay => {
-                self.streams.iter().map(runs).collect()
+                self.streams.iter().map(Stream::errors_of_runs).collect()
             }
         }
     }

@@ -44,10 +44,10 @@ pub fn verdict(
     let selection = evidence.members.map(|_| chooser.selection(evidence)).transpose()?;
     let windows = runs.online.as_ref().map_or_else(Vec::new, |errors| errors.whole().means());
     let losses = Losses::new(&windows)?;
-    let rule = |rule| -> Result<RuleChoice, SweepError> {
+    let rules = runs.rules().map(|rule| -> Result<RuleChoice, SweepError> {
         let chosen = chooser.choose(rule, evidence)?;
         Ok(RuleChoice { rule, chosen, regret: losses.regret(chosen) })
-    };
+    });
     let ranking = chooser.scores(judging.rule, evidence)?;
     let standing = ChoiceStanding::of(judging.rule, chosen, &ranking, selection.as_ref());
     let truth = TruthInputs { all: &all, candidates, judging, losses: &losses, dropped: &dropped };
@@ -88,7 +88,7 @@ pub fn verdict(
         scores: ranking,
         stability_nearby: share_nearby(&stability, candidates, chosen),
         stability,
-        rules: runs.rules().map(rule).collect::<Result<_, _>>()?,
+        rules: rules.collect::<Result<_, _>>()?,
         learning_off,
         parts,
         start_up_share,
@@ -235,12 +235,12 @@ fn redrawn(
 fn shares(choices: &ChoiceOfResamples) -> Vec<Share> {
     let counts = &choices.counts;
     let all: usize = counts.iter().sum();
-    let share = |(candidate, &count): (usize, &usize)| Share {
-        candidate,
-        share: count as f64 / all as f64,
-    };
-    let mut shares: Vec<Share> =
-        counts.iter().enumerate().filter(|(_, count)| **count > 0).map(share).collect();
+    let mut shares: Vec<Share> = counts
+        .iter()
+        .enumerate()
+        .filter(|(_, count)| **count > 0)
+        .map(|(candidate, &count)| Share { candidate, share: count as f64 / all as f64 })
+        .collect();
     shares.sort_by(|a, b| b.share.total_cmp(&a.share).then(a.candidate.cmp(&b.candidate)));
     shares
 }
@@ -309,18 +309,13 @@ impl TruthInputs<'_> {
         let best = means.as_deref().map(least);
         let random = means
             .map(|means| means.iter().map(|loss| loss.exp_m1()).sum::<f64>() / means.len() as f64);
-        // Pairs of windows are no sample, and nor are the values of a grid: neither has a bound.
-        let of_regret = |baseline, regret: Option<f64>| {
-            let regret = regret.map(|value| Bounded { value, upper: None });
-            BaselineRegret { baseline, chosen: None, regret }
-        };
         Ok(vec![
             of_value(ChoiceBaseline::Default, self.default()),
             of_value(ChoiceBaseline::LogReplay, replayed.transpose()?),
             of_value(ChoiceBaseline::LatestWindow, latest),
-            of_regret(ChoiceBaseline::Random, random),
+            unbounded(ChoiceBaseline::Random, random),
             of_value(ChoiceBaseline::Hindsight, best),
-            of_regret(ChoiceBaseline::AnotherWindow, losses.another_window()),
+            unbounded(ChoiceBaseline::AnotherWindow, losses.another_window()),
         ])
     }
 
@@ -332,6 +327,12 @@ impl TruthInputs<'_> {
         }
         least(&errors)
     }
+}
+
+/// The regret of what chooses no value. Pairs of windows are no sample, and nor are the values of a grid: neither has a bound.
+fn unbounded(baseline: ChoiceBaseline, regret: Option<f64>) -> BaselineRegret {
+    let regret = regret.map(|value| Bounded { value, upper: None });
+    BaselineRegret { baseline, chosen: None, regret }
 }
 
 /// Each window, and what is best in it.

@@ -8,8 +8,10 @@ pub(super) fn share_nearby(
     chosen: usize,
 ) -> Option<f64> {
     let nearby = neighbours(candidates, chosen);
-    let counts = |share: &&Share| share.candidate == chosen || nearby.contains(&share.candidate);
-    let share = stability.iter().filter(counts).map(|share| share.share).sum();
+    let counted = stability
+        .iter()
+        .filter(|share| share.candidate == chosen || nearby.contains(&share.candidate));
+    let share = counted.map(|share| share.share).sum();
     (!stability.is_empty() && !nearby.is_empty()).then_some(share)
 }
 
@@ -18,14 +20,13 @@ fn neighbours(candidates: &[Candidate], chosen: usize) -> Vec<usize> {
     let own = &candidates[chosen].values;
     let mut nearby = Vec::new();
     for field in 0..own.len() {
-        let is_alike = |candidate: &&Candidate| {
+        let line = candidates.iter().filter(|candidate| {
             let mut pairs = candidate.values.iter().zip(own).enumerate();
             pairs.all(|(place, (other, own))| place == field || other == own)
-        };
-        let number = |candidate: &Candidate| candidate.values[field].1.as_f64();
-        let line = candidates.iter().filter(is_alike);
-        let mut line: Vec<(f64, usize)> =
-            line.filter_map(|candidate| Some((number(candidate)?, candidate.index))).collect();
+        });
+        let mut line: Vec<(f64, usize)> = line
+            .filter_map(|candidate| Some((candidate.values[field].1.as_f64()?, candidate.index)))
+            .collect();
         line.sort_by(|a, b| a.0.total_cmp(&b.0));
         if let Some(place) = line.iter().position(|candidate| candidate.1 == chosen) {
             let beside = [place.checked_sub(1), Some(place + 1)].into_iter().flatten();
@@ -75,10 +76,13 @@ mod tests {
         assert!(neighbours(&drawn, 0).is_empty(), "drawn at random");
     }
 
+    fn share(candidate: usize, share: f64) -> Share {
+        Share { candidate, share }
+    }
+
     #[test]
     fn neighbours_count_as_the_same() {
         let line = candidates(&[&[json!(1e-4)], &[json!(1e-3)], &[json!(1e-2)], &[json!(0.1)]]);
-        let share = |candidate, share| Share { candidate, share };
         let stability = [share(1, 0.5), share(2, 0.25), share(3, 0.25)];
         assert_eq!(share_nearby(&stability, &line, 1), Some(0.75));
         assert_eq!(share_nearby(&stability, &line, 2), Some(1.0));

@@ -180,14 +180,14 @@ impl<'a> Evidence<'_, 'a> {
 /// Of values that all diverged somewhere, the one that did so in the fewest streams; of these the one with the smallest mean
 /// logarithm in the others.
 fn least_divergent(streams: &[&[f64]]) -> usize {
-    let key = |value: usize| {
+    let values = streams.first().map_or(0, |errors| errors.len());
+    let keys = (0..values).map(|value| {
         let logs = streams.iter().map(|errors| errors[value].ln());
         let finite: Vec<f64> = logs.filter(|log| *log < f64::INFINITY).collect();
         let diverged = streams.len() - finite.len();
         [diverged as f64, finite.iter().sum::<f64>() / finite.len().max(1) as f64]
-    };
-    let values = streams.first().map_or(0, |errors| errors.len());
-    first_smallest(&(0..values).map(key).collect::<Vec<_>>())
+    });
+    first_smallest(&keys.collect::<Vec<_>>())
 }
 
 /// How a choice stands in the evidence that it was made from.
@@ -231,8 +231,7 @@ fn selection_order(selection: &Selection) -> Vec<f64> {
         (rank, selection.mean_ranks[value], selection.mean_errors[value])
     };
     let count = selection.worst_ranks.len();
-    let before = |a: usize, b: usize| key(a).partial_cmp(&key(b)) == Some(std::cmp::Ordering::Less);
     (0..count)
-        .map(|value| (0..count).filter(|&other| before(other, value)).count() as f64)
+        .map(|value| (0..count).filter(|&other| key(other) < key(value)).count() as f64)
         .collect()
 }

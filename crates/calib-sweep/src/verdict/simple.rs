@@ -136,12 +136,18 @@ pub(super) fn beats_the_mean(compared: &[SimpleComparison]) -> bool {
 /// The simple predictor to use instead of the agent, if there is one: the [`preferred`] one, if the agent is not known to match
 /// it, or another that is better than the agent by more than chance. Where the training mean does as well as that, the mean.
 pub(super) fn decisive(compared: &[SimpleComparison]) -> Option<&SimpleComparison> {
-    let ratio = |comparison: &SimpleComparison| comparison.ratio.map_or(1.0, |ratio| ratio.value);
     let unmatched = preferred(compared).filter(|own| own.is_better() || !own.is_matched());
     let instead = unmatched.or_else(|| {
         let better = compared.iter().filter(|own| own.is_better());
-        better.reduce(|best, other| if ratio(other) > ratio(best) { other } else { best })
+        better.reduce(
+            |best, other| if ratio_or_one(other) > ratio_or_one(best) { other } else { best },
+        )
     })?;
     let mean = compared.iter().find(|own| own.predictor == SimplePredictor::Mean);
     mean.filter(|mean| mean.online_rmse <= instead.online_rmse).or(Some(instead))
+}
+
+/// By how much the agent has more error; as much where that is not known.
+fn ratio_or_one(comparison: &SimpleComparison) -> f64 {
+    comparison.ratio.map_or(1.0, |ratio| ratio.value)
 }

@@ -50,17 +50,26 @@ fn run(environment: EnvironmentId, run: usize, start_row: u32, errors: [f64; 3])
     }
 }
 
+fn member(number: usize, number_of_run: usize, errors: [f64; 3]) -> UnitResult {
+    run(EnvironmentId::Member(number), number_of_run, 5, errors)
+}
+
 /// Two members with two rollouts each, in which values 0 and 1 are better than the default in turn.
 fn members() -> Vec<UnitResult> {
-    let member = |number, number_of_run, errors| {
-        run(EnvironmentId::Member(number), number_of_run, 5, errors)
-    };
     vec![
         member(0, 0, [0.1, 0.2, 0.4]),
         member(0, 1, [0.3, 0.2, 0.4]),
         member(1, 0, [0.2, 0.2, 0.4]),
         member(1, 1, [0.2, 0.1, 0.4]),
     ]
+}
+
+fn log_run(number: usize, start_row: u32, errors: [f64; 3]) -> UnitResult {
+    run(EnvironmentId::LogReplay, number, start_row, errors)
+}
+
+fn online_run(number: usize, start_row: u32, errors: [f64; 3]) -> UnitResult {
+    run(EnvironmentId::Online, number, start_row, errors)
 }
 
 fn judging(rule: Rule) -> Judging<'static> {
@@ -88,31 +97,35 @@ fn near(a: f64, b: f64) {
     assert!((a - b).abs() < 1e-12, "{a} instead of {b}");
 }
 
+fn chosen_in_members(rule: Rule) -> usize {
+    judge(rule, &members()).chosen
+}
+
 #[test]
 fn rules_choose_by_their_definitions() {
     // Mean errors: member 0 has 0.2, 0.2, 0.4; member 1 has 0.2, 0.15, 0.4.
-    let chosen = |rule| judge(rule, &members()).chosen;
-    assert_eq!(chosen(Rule::WorstRank), 1, "rank 1 in both; value 0 is second in member 1");
-    assert_eq!(chosen(Rule::MeanRank), 1);
-    assert_eq!(chosen(Rule::MeanError), 1);
+    let by_worst_rank = chosen_in_members(Rule::WorstRank);
+    assert_eq!(by_worst_rank, 1, "rank 1 in both; value 0 is second in member 1");
+    assert_eq!(chosen_in_members(Rule::MeanRank), 1);
+    assert_eq!(chosen_in_members(Rule::MeanError), 1);
     // ln 0.1 + ln 0.3 + 2 ln 0.2 against 3 ln 0.2 + ln 0.1: 0.0012 against 0.0008.
-    assert_eq!(chosen(Rule::MeanLogError), 1);
+    assert_eq!(chosen_in_members(Rule::MeanLogError), 1);
     // The log prefers value 0 by far.
-    let log = |number| run(EnvironmentId::LogReplay, number, 9, [0.05, 0.4, 0.5]);
-    let all = with((0..2).map(log));
+    let all = with((0..2).map(|number| log_run(number, 9, [0.05, 0.4, 0.5])));
     assert_eq!(judge(Rule::MeanLogError, &all).chosen, 1, "the log does not count");
     assert_eq!(judge(Rule::Pooled, &all).chosen, 0);
     assert_eq!(judge(Rule::LogReplay, &all).chosen, 0);
-    assert_eq!(chosen(Rule::LogReplay), 1, "nothing was replayed");
+    assert_eq!(chosen_in_members(Rule::LogReplay), 1, "nothing was replayed");
 }
 
 /// Without a model the replayed log is all there is, and nothing is said of ranks in members.
 #[test]
 fn the_log_decides_alone_where_there_is_no_model() {
-    let log = |number, errors| {
-        run(EnvironmentId::LogReplay, number, 9 * u32::try_from(number).expect("small"), errors)
-    };
-    let all = [log(0, [0.2, 0.1, 0.4]), log(1, [0.3, 0.1, 0.4]), log(2, [0.2, 0.3, 0.5])];
+    let all = [
+        log_run(0, 0, [0.2, 0.1, 0.4]),
+        log_run(1, 9, [0.3, 0.1, 0.4]),
+        log_run(2, 18, [0.2, 0.3, 0.5]),
+    ];
     let with_online = || all.iter().cloned().chain(online()).collect::<Vec<_>>();
     let judged = judge(Rule::LogReplay, &with_online());
     assert_eq!((judged.chosen, judged.selection.as_ref(), judged.members.len()), (1, None, 0));
@@ -134,7 +147,7 @@ fn the_log_decides_alone_where_there_is_no_model() {
     assert!(!text.contains("selection"), "{text}");
     let read: SensorVerdict = serde_json::from_str(&text).expect("the same");
     assert_eq!(read.rules, judged.rules);
-    let alike = [log(0, [0.2; 3]), log(1, [0.2; 3])];
+    let alike = [log_run(0, 0, [0.2; 3]), log_run(1, 9, [0.2; 3])];
     let alike = judge(Rule::LogReplay, &alike);
     assert!(!alike.tells_apart());
     assert!(
@@ -226,8 +239,6 @@ fn what_diverges_is_not_chosen() {
 
 /// Two windows with two runs each; value 1 is best in the first, value 0 in the second.
 fn online() -> Vec<UnitResult> {
-    let online_run =
-        |number, online_run, errors| run(EnvironmentId::Online, number, online_run, errors);
     vec![
         online_run(0, 100, [0.3, 0.1, 0.4]),
         online_run(1, 900, [0.2, 0.4, 0.4]),
@@ -280,8 +291,9 @@ fn one_window_has_no_floor_and_is_not_green() {
 
 #[test]
 fn a_best_value_without_skill_is_not_learnt() {
-    let bad = |number, window| run(EnvironmentId::Online, number, window, [1.2, 1.1, 1.3]);
-    let verdict = judge(Rule::WorstRank, &with([bad(0, 100), bad(1, 900)]));
+    let bad = [1.2, 1.1, 1.3];
+    let windows = [online_run(0, 100, bad), online_run(1, 900, bad)];
+    let verdict = judge(Rule::WorstRank, &with(windows));
     assert_eq!(verdict.grade, Grade::NotLearnt);
     near(verdict.truth.expect("held out").scores.skill[1].expect("finite"), -0.1);
 }
@@ -326,11 +338,10 @@ fn one_window_in_which_all_diverge_is_no_good_word() {
 #[test]
 fn a_divergence_of_another_windows_choice_excuses_nothing() {
     // Value 0 is best in the first window and diverges in the second.
-    let window = |number, row, errors| run(EnvironmentId::Online, number, row, errors);
     let windows = [
-        window(0, 100, [0.1, 0.3, 0.9]),
-        window(1, 500, [INF, 0.3, 0.2]),
-        window(2, 900, [0.15, 0.3, 0.2]),
+        online_run(0, 100, [0.1, 0.3, 0.9]),
+        online_run(1, 500, [INF, 0.3, 0.2]),
+        online_run(2, 900, [0.15, 0.3, 0.2]),
     ];
     let verdict = judge(Rule::WorstRank, &with(windows));
     let truth = verdict.truth.expect("held out");
@@ -345,11 +356,12 @@ fn a_divergence_of_another_windows_choice_excuses_nothing() {
 #[test]
 fn values_that_all_diverge_in_the_evidence_are_not_recommended() {
     // Every value diverges in one window of the log; value 2 in two.
-    let log = |number: usize, errors| {
-        run(EnvironmentId::LogReplay, number, 5000 * u32::try_from(number).expect("small"), errors)
-    };
-    let lost = [[INF, 0.2, INF], [0.1, INF, INF], [0.1, 0.3, 0.2], [0.1, 0.3, 0.2]];
-    let results = with(lost.into_iter().enumerate().map(|(number, errors)| log(number, errors)));
+    let results = with([
+        log_run(0, 0, [INF, 0.2, INF]),
+        log_run(1, 5_000, [0.1, INF, INF]),
+        log_run(2, 10_000, [0.1, 0.3, 0.2]),
+        log_run(3, 15_000, [0.1, 0.3, 0.2]),
+    ]);
     let results: Vec<UnitResult> = results.into_iter().chain(online()).collect();
     let verdict = judge(Rule::Pooled, &results);
     assert_eq!(verdict.chosen, 0, "of those that diverged once the best elsewhere");
@@ -358,17 +370,17 @@ fn values_that_all_diverge_in_the_evidence_are_not_recommended() {
     assert_eq!(judge(Rule::WorstRank, &results).grade, Grade::Fair, "members did not diverge");
 }
 
+/// The scores on the log where the first value has these errors in windows that begin at these rows.
+fn log_scores(windows: &[(u32, f64)]) -> EnvironmentScores {
+    let windows = windows.iter().enumerate();
+    let runs = windows.map(|(number, &(row, error))| log_run(number, row, [error, 0.3, 0.4]));
+    judge(Rule::Pooled, &with(runs)).log_replay.expect("replayed")
+}
+
 #[test]
 fn windows_of_the_log_that_overlap_count_as_often_as_they_fit() {
-    let log =
-        |number: usize, row, error| run(EnvironmentId::LogReplay, number, row, [error, 0.3, 0.4]);
-    let scores = |windows: &[(u32, f64)]| {
-        let windows = windows.iter().enumerate();
-        let windows = windows.map(|(number, &(row, error))| log(number, row, error));
-        judge(Rule::Pooled, &with(windows)).log_replay.expect("replayed")
-    };
     // A thousand steps each: two of the same rows, one that shares three hundred with them, and one apart.
-    let some = scores(&[(0, 0.1), (0, 0.3), (700, 0.4), (5000, 0.7)]);
+    let some = log_scores(&[(0, 0.1), (0, 0.3), (700, 0.4), (5000, 0.7)]);
     assert_eq!((some.streams, some.independent, some.runs), (3, 2, 4));
     near(some.candidates[0].mean, (0.2 + 0.4 + 0.7) / 3.0);
     // s² = 0.19 / 3, and two of three: (2/3) s², t(1) = 12.706204736.
@@ -376,9 +388,9 @@ fn windows_of_the_log_that_overlap_count_as_often_as_they_fit() {
     let interval = some.candidates[0].interval.expect("two");
     assert!((interval.high - 1.3 / 3.0 - half).abs() < 1e-6, "{interval:?}");
     // A chain, each of which shares rows with the next: into 2,800 rows fit two.
-    let chain = scores(&[(0, 0.1), (600, 0.3), (1200, 0.4), (1800, 0.7)]);
+    let chain = log_scores(&[(0, 0.1), (600, 0.3), (1200, 0.4), (1800, 0.7)]);
     assert_eq!((chain.streams, chain.independent), (4, 2));
-    let apart = scores(&[(0, 0.1), (1000, 0.3), (2000, 0.4), (3000, 0.7)]);
+    let apart = log_scores(&[(0, 0.1), (1000, 0.3), (2000, 0.4), (3000, 0.7)]);
     assert_eq!((apart.streams, apart.independent), (4, 4));
 }
 
@@ -395,6 +407,18 @@ fn stability_counts_what_other_draws_choose() {
     assert_eq!(judge(Rule::WorstRank, &members()), verdict, "the same seed, the same draws");
 }
 
+/// The error of a simple predictor in the held-out window that begins at this row.
+fn online_score(predictor: SimplePredictor, start_row: u32, rmse: f64) -> SimpleScore {
+    let score = PartScore { scored_steps: 10, rmse, mean_return: 1.0, return_std: 1.0 };
+    SimpleScore {
+        sensor: "A".to_owned(),
+        predictor,
+        environment: EnvironmentId::Online,
+        start_row,
+        scores: Scores { whole_run: Some(score), ..Scores::default() },
+    }
+}
+
 /// Errors of persistence and of the mean in the three held-out windows of [`online`], whose choice has 0.2, 0.2 and 0.4.
 fn judged_beside(persistence: [f64; 3], mean: f64) -> SensorVerdict {
     let errors = [[0.4, 0.2, 0.4], [0.4, 0.2, 0.4], [0.4, 0.2, 0.4]];
@@ -402,28 +426,13 @@ fn judged_beside(persistence: [f64; 3], mean: f64) -> SensorVerdict {
     let results = with(
         windows.iter().zip(errors).map(|(&row, errors)| run(EnvironmentId::Online, 0, row, errors)),
     );
-    let score = |predictor, start_row, rmse| SimpleScore {
-        sensor: "A".to_owned(),
-        predictor,
-        environment: EnvironmentId::Online,
-        start_row,
-        scores: Scores {
-            whole_run: Some(PartScore {
-                scored_steps: 10,
-                rmse,
-                mean_return: 1.0,
-                return_std: 1.0,
-            }),
-            ..Scores::default()
-        },
-    };
     let simple: Vec<SimpleScore> = windows
         .into_iter()
         .zip(persistence)
         .flat_map(|(row, error)| {
             [
-                score(SimplePredictor::Mean, row, mean),
-                score(SimplePredictor::Persistence, row, error),
+                online_score(SimplePredictor::Mean, row, mean),
+                online_score(SimplePredictor::Persistence, row, error),
             ]
         })
         .collect();
@@ -459,6 +468,14 @@ fn simple(predictor: SimplePredictor, log: f64, online: f64, ratio: [f64; 3]) ->
     }
 }
 
+fn preferred_predictor(all: &[SimpleComparison]) -> Option<SimplePredictor> {
+    preferred(all).map(|own| own.predictor)
+}
+
+fn decisive_predictor(all: &[SimpleComparison]) -> Option<SimplePredictor> {
+    decisive(all).map(|own| own.predictor)
+}
+
 #[test]
 fn the_simple_predictor_to_use_is_chosen_on_the_log() {
     let mean = simple(SimplePredictor::Mean, 1.0, 1.0, [0.2, 0.3, 0.4]);
@@ -466,50 +483,49 @@ fn the_simple_predictor_to_use_is_chosen_on_the_log() {
     // Better on held-out data, which nobody knew when one had to be chosen.
     let line = simple(SimplePredictor::Line, 0.40, 0.33, [0.9, 1.1, 1.3]);
     let all = [mean.clone(), line.clone(), ridge.clone()];
-    let preferred = |all: &[SimpleComparison]| preferred(all).map(|own| own.predictor);
-    let instead = |all: &[SimpleComparison]| decisive(all).map(|own| own.predictor);
-    assert_eq!(preferred(&all), Some(SimplePredictor::Ridge));
-    assert_eq!(instead(&all), Some(SimplePredictor::Ridge));
+    assert_eq!(preferred_predictor(&all), Some(SimplePredictor::Ridge));
+    assert_eq!(decisive_predictor(&all), Some(SimplePredictor::Ridge));
     // The simplest of those within a hundredth.
     let near = SimpleComparison { log_error: Some(0.302), ..line.clone() };
-    assert_eq!(preferred(&[mean.clone(), near, ridge.clone()]), Some(SimplePredictor::Line));
+    let all = [mean.clone(), near, ridge.clone()];
+    assert_eq!(preferred_predictor(&all), Some(SimplePredictor::Line));
     // The agent matches it, and what is better in hindsight could be chance.
     let matched = simple(SimplePredictor::Ridge, 0.30, 0.35, [0.95, 0.98, 1.01]);
-    assert_eq!(instead(&[mean.clone(), line, matched.clone()]), None);
+    assert_eq!(decisive_predictor(&[mean.clone(), line, matched.clone()]), None);
     // That is no chance.
     let better = simple(SimplePredictor::Line, 0.40, 0.2, [1.4, 1.6, 1.8]);
-    assert_eq!(instead(&[mean, better, matched.clone()]), Some(SimplePredictor::Line));
+    let all = [mean, better, matched.clone()];
+    assert_eq!(decisive_predictor(&all), Some(SimplePredictor::Line));
     // The mean does as well as what the log prefers.
     let mean = simple(SimplePredictor::Mean, 1.0, 0.34, [0.9, 1.02, 1.2]);
-    assert_eq!(instead(&[mean, ridge]), Some(SimplePredictor::Mean));
+    assert_eq!(decisive_predictor(&[mean, ridge]), Some(SimplePredictor::Mean));
+}
+
+/// Value 0 is the default with these errors, and frozen; value 1 is chosen.
+fn judged_beside_frozen(of_default: [f64; 3]) -> SensorVerdict {
+    let windows = [100, 500, 900];
+    let online =
+        windows.iter().zip(of_default).map(|(&row, error)| online_run(0, row, [error, 0.2, 0.4]));
+    let mut candidates = candidates();
+    for candidate in &mut candidates {
+        candidate.is_default = candidate.index == 0;
+        candidate.agent.baseline = Some(SimplePredictor::Ridge);
+    }
+    candidates[0].agent.learning_rate = 0.0;
+    verdict("A", &candidates, &with(online), &judging(Rule::WorstRank)).expect("judged")
 }
 
 #[test]
 fn a_default_that_learns_nothing_is_kept_unless_the_choice_improves_on_it() {
-    // Value 0 is the default, and frozen; value 1 is chosen.
-    let judged = |of_default: [f64; 3]| {
-        let windows = [100, 500, 900];
-        let online = windows
-            .iter()
-            .zip(of_default)
-            .map(|(&row, error)| run(EnvironmentId::Online, 0, row, [error, 0.2, 0.4]));
-        let mut candidates = candidates();
-        for candidate in &mut candidates {
-            candidate.is_default = candidate.index == 0;
-            candidate.agent.baseline = Some(SimplePredictor::Ridge);
-        }
-        candidates[0].agent.learning_rate = 0.0;
-        verdict("A", &candidates, &with(online), &judging(Rule::WorstRank)).expect("judged")
-    };
-    let alike = judged([0.19, 0.2, 0.22]);
+    let alike = judged_beside_frozen([0.19, 0.2, 0.22]);
     assert_eq!((alike.chosen, alike.grade), (1, Grade::Good));
     assert_eq!(alike.learning_off, Some(0));
     assert_eq!(alike.recommendation(), Recommendation::UseSimplePredictor);
     // Beyond chance, and too little to be worth an agent.
-    let hardly = judged([0.2006, 0.2005, 0.2004]);
+    let hardly = judged_beside_frozen([0.2006, 0.2005, 0.2004]);
     assert!(hardly.truth.as_ref().is_some_and(Truth::improves_on_the_default));
     assert_eq!(hardly.learning_off, Some(0));
-    let improved = judged([0.3, 0.32, 0.31]);
+    let improved = judged_beside_frozen([0.3, 0.32, 0.31]);
     assert_eq!(improved.learning_off, None);
     assert_eq!(improved.recommendation(), Recommendation::Deploy);
 }
@@ -531,11 +547,14 @@ fn what_does_not_beat_the_training_mean_is_not_learnt() {
     assert_eq!(verdict.recommendation(), Recommendation::DoNotDeploy);
 }
 
+/// Whether an agent beats the mean that has so many times its error.
+fn beats_by(ratio: f64) -> bool {
+    beats_the_mean(&[simple(SimplePredictor::Mean, 1.0, 1.0, [0.9, ratio, 1.1])])
+}
+
 #[test]
 fn an_agent_with_as_much_error_as_the_mean_does_not_beat_it() {
-    let beats =
-        |value: f64| beats_the_mean(&[simple(SimplePredictor::Mean, 1.0, 1.0, [0.9, value, 1.1])]);
-    assert!(beats(0.99) && !beats(1.0) && !beats(1.02));
+    assert!(beats_by(0.99) && !beats_by(1.0) && !beats_by(1.02));
     assert!(beats_the_mean(&[]), "the mean is not known");
 }
 
@@ -555,9 +574,11 @@ fn the_start_up_and_other_parts_of_a_run_are_told() {
         .map(|mut result| {
             for row in &mut result.rows {
                 row.steps = 100;
-                let rmse = |window: usize| if window == 0 { 3.0 } else { 1.0 };
-                row.curve =
-                    (0..10).map(|w| CurvePoint { step: 10 * (w + 1), rmse: rmse(w) }).collect();
+                let curve = (0..10).map(|window| {
+                    let rmse = if window == 0 { 3.0 } else { 1.0 };
+                    CurvePoint { step: 10 * (window + 1), rmse }
+                });
+                row.curve = curve.collect();
                 let settled = [0.1, 0.3, 0.2][row.candidate];
                 let score =
                     PartScore { scored_steps: 5, rmse: settled, mean_return: 1.0, return_std: 1.0 };
@@ -573,6 +594,10 @@ fn the_start_up_and_other_parts_of_a_run_are_told() {
     assert_eq!(parts, [(Part::WholeRun, 1), (Part::FinalQuarter, 0)]);
     near(verdict.parts[1].online_error.expect("held out"), 0.1);
     near(verdict.parts[1].online_error_of_verdict.expect("held out"), 0.3);
+}
+
+fn regrets(results: &[UnitResult]) -> Vec<f64> {
+    judge(Rule::WorstRank, results).truth.and_then(|truth| truth.regrets).expect("finite")
 }
 
 proptest! {
@@ -603,9 +628,6 @@ proptest! {
             }
             result
         });
-        let regrets = |results: &[UnitResult]| {
-            judge(Rule::WorstRank, results).truth.and_then(|truth| truth.regrets).expect("finite")
-        };
         let (plain, scaled) = (regrets(&with(online())), regrets(&with(scaled)));
         for (a, b) in plain.iter().zip(scaled) {
             prop_assert!((a - b).abs() < 1e-9);
@@ -613,9 +635,13 @@ proptest! {
     }
 }
 
+/// The mean of the log, with this error on held-out data.
+fn mean(online: f64) -> SimpleComparison {
+    simple(SimplePredictor::Mean, 1.0, online, [1.0, 0.9, 1.1])
+}
+
 #[test]
 fn another_level_than_in_training_is_told() {
-    let mean = |online| simple(SimplePredictor::Mean, 1.0, online, [1.0, 0.9, 1.1]);
     let persistence = simple(SimplePredictor::Persistence, 1.0, 9.0, [1.0, 0.9, 1.1]);
     let told = warnings::level_has_changed(&[persistence.clone(), mean(3.32)]).expect("told");
     assert!(told.starts_with("held-out values lie 3.3 times the spread"), "{told}");

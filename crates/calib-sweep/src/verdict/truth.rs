@@ -110,10 +110,9 @@ impl Truth {
     /// Whether the errors of different values differ. A single one has none to differ from.
     pub fn tells_apart(&self) -> bool {
         // Of every window the best value has no regret: where all have none, all have the same error.
-        let differ = |regrets: &[f64]| {
+        self.regrets.as_deref().is_none_or(|regrets| {
             regrets.len() < 2 || regrets.windows(2).any(|pair| pair[0] != pair[1])
-        };
-        self.regrets.as_deref().is_none_or(differ)
+        })
     }
 }
 

@@ -84,20 +84,22 @@ fn a_day_that_may_be_a_month_has_two_readings() {
     assert_eq!(notation(&["01/02/03"]).len(), 3, "the year may be anywhere");
 }
 
+#[track_caller]
+fn assert_read(pattern: &str, text: &str, expected: &str) {
+    assert_eq!(reading(pattern, text).as_deref(), Some(expected), "{pattern} {text}");
+}
+
 #[test]
 fn patterns_are_read() {
-    let read = |pattern, text, expected: &str| {
-        assert_eq!(reading(pattern, text).as_deref(), Some(expected), "{pattern} {text}");
-    };
-    read("%d-%b-%y %H:%M:%S%.f", "01-MAR-24 06:00:00.5", "2024-03-01 06:00:00.5");
-    read("%d.%m.%Y %H:%M:%S%.f", "13.03.2024 06:00:00,25", "2024-03-13 06:00:00.25");
-    read("%m/%d/%Y %I:%M:%S%.f %p", "3/13/2024 12:00:01 AM", "2024-03-13 00:00:01");
-    read("%d/%m/%Y %H:%M %z", "13/03/2024 06:00 +0200", "2024-03-13 04:00:00");
-    read("%d.%m.%Y", "13.03.2024", "2024-03-13 00:00:00");
-    read("%Y%m%d%H%M%S", "20240313060001", "2024-03-13 06:00:01");
-    read("%Y%m%d%H", "2024031306", "2024-03-13 06:00:00");
-    read("%Y%m%d%H%M%S%f", "20240313060001250", "2024-03-13 06:00:01.25");
-    read("%Y%m%d%H%M%S%.f", "20240313060001,25", "2024-03-13 06:00:01.25");
+    assert_read("%d-%b-%y %H:%M:%S%.f", "01-MAR-24 06:00:00.5", "2024-03-01 06:00:00.5");
+    assert_read("%d.%m.%Y %H:%M:%S%.f", "13.03.2024 06:00:00,25", "2024-03-13 06:00:00.25");
+    assert_read("%m/%d/%Y %I:%M:%S%.f %p", "3/13/2024 12:00:01 AM", "2024-03-13 00:00:01");
+    assert_read("%d/%m/%Y %H:%M %z", "13/03/2024 06:00 +0200", "2024-03-13 04:00:00");
+    assert_read("%d.%m.%Y", "13.03.2024", "2024-03-13 00:00:00");
+    assert_read("%Y%m%d%H%M%S", "20240313060001", "2024-03-13 06:00:01");
+    assert_read("%Y%m%d%H", "2024031306", "2024-03-13 06:00:00");
+    assert_read("%Y%m%d%H%M%S%f", "20240313060001250", "2024-03-13 06:00:01.25");
+    assert_read("%Y%m%d%H%M%S%.f", "20240313060001,25", "2024-03-13 06:00:01.25");
     assert_eq!(reading("%d.%m.%Y", "03/04/2024"), None);
     let number = Notation::Number(TimestampUnit::Nanoseconds).read("1709272800000000123");
     assert_eq!(number, Some(ParsedTime::Instant(1_709_272_800_000_000)));
@@ -124,9 +126,10 @@ fn the_year_9999_is_a_time_that_is_none() {
     }
     assert_eq!(notation(&["2024-03-01", "9999-12-31"]), ["ISO 8601"]);
     assert_eq!(notation(&["13.03.2024", "31.12.9999"]), ["%d.%m.%Y"]);
-    let pattern = |pattern: &str| Notation::Pattern(pattern.to_owned());
-    assert_eq!(pattern("%d.%m.%Y %H:%M").read("31.12.9999 23:59"), Some(NEVER));
-    assert_eq!(pattern("%d.%m.%Y %H:%M %z").read("31.12.9999 23:59 +0000"), Some(NEVER));
+    let wall = Notation::Pattern("%d.%m.%Y %H:%M".to_owned());
+    assert_eq!(wall.read("31.12.9999 23:59"), Some(NEVER));
+    let with_offset = Notation::Pattern("%d.%m.%Y %H:%M %z".to_owned());
+    assert_eq!(with_offset.read("31.12.9999 23:59 +0000"), Some(NEVER));
     assert_eq!(Notation::Iso.read("10000-01-01"), None);
 }
 

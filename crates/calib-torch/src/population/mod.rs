@@ -1,6 +1,6 @@
 //! Populations of value networks, stacked into batched products.
 
-use calib_agent::{Accelerator, AgentError, Learner, Lockstep, LockstepResults, Networks, Steps};
+use calib_agent::{Accelerator, AgentError, Lockstep, LockstepResults, Networks, Steps};
 use tch::{Device, Kind, TchError, Tensor, no_grad};
 
 mod optimiser;
@@ -75,8 +75,9 @@ impl Population {
         let runs = parameters.len() as i64;
         let width = sizes[0] as i64;
         let own = parameters.iter().flat_map(|own| {
-            let start = |learner: &Learner<'a>| learner.start.map(|start| &start.parameters[..]);
-            learners.iter().map(move |learner| start(learner).unwrap_or(own))
+            learners
+                .iter()
+                .map(move |learner| learner.start.map_or(&own[..], |start| &start.parameters[..]))
         });
         let own: Vec<&[f32]> = own.collect();
         let of_run = states.len() as i64 / runs / width;

@@ -20,8 +20,11 @@ pub(crate) fn pair(plant: &str, sensor: &str, regrets: [f64; 3]) -> Pair {
     }
 }
 
+fn rule(rule: &str, chosen: usize) -> RuleChoice {
+    RuleChoice { rule: rule.to_owned(), chosen }
+}
+
 fn model(name: &str, chosen: usize, one_step: f64, spearman: f64) -> ModelPair {
-    let rule = |rule: &str, chosen| RuleChoice { rule: rule.to_owned(), chosen };
     ModelPair {
         model: name.to_owned(),
         chosen,
@@ -36,14 +39,16 @@ fn model(name: &str, chosen: usize, one_step: f64, spearman: f64) -> ModelPair {
     }
 }
 
+fn with_models(pair: Pair) -> Pair {
+    Pair { models: vec![model("a", 1, 1.0, 1.0), model("b", 2, 2.0, 0.5)], ..pair }
+}
+
 /// Two plants; in each pair model "a" chooses value 1 and "b" value 2.
 fn pairs() -> Vec<Pair> {
-    let with =
-        |pair| Pair { models: vec![model("a", 1, 1.0, 1.0), model("b", 2, 2.0, 0.5)], ..pair };
     vec![
-        with(pair("north", "p", [1.0, 0.0, 2.0])),
-        with(pair("north", "q", [0.0, 0.25, 0.5])),
-        with(pair("south", "p", [2.0, 1.0, 0.0])),
+        with_models(pair("north", "p", [1.0, 0.0, 2.0])),
+        with_models(pair("north", "q", [0.0, 0.25, 0.5])),
+        with_models(pair("south", "p", [2.0, 1.0, 0.0])),
     ]
 }
 
@@ -156,12 +161,14 @@ fn plants(count: usize, regrets: impl Fn(usize) -> [f64; 3]) -> Validity {
     )
 }
 
+/// Quotients e and 1 in turn, against log replay, whose regret is 0 everywhere.
+fn regrets_in_turn(plant: usize) -> [f64; 3] {
+    [0.0, if plant.is_multiple_of(2) { 1_f64.exp_m1() } else { 0.0 }, 1.0]
+}
+
 #[test]
 fn eight_plants_have_the_interval_of_students_t_on_logarithms() {
-    // Quotients e and 1 in turn, against log replay, whose regret is 0 everywhere.
-    let regrets =
-        |plant: usize| [0.0, if plant.is_multiple_of(2) { 1_f64.exp_m1() } else { 0.0 }, 1.0];
-    let validity = plants(8, regrets);
+    let validity = plants(8, regrets_in_turn);
     let compared = comparison(&validity.comparisons, "model:a", "log_replay");
     // Mean ½, s = √(2/7), t(7) = 2.364624252.
     let half = 2.364_624_252 * (2.0_f64 / 7.0 / 8.0).sqrt();
@@ -177,7 +184,7 @@ fn eight_plants_have_the_interval_of_students_t_on_logarithms() {
     near(own.upper.expect("eight plants"), bound * 1_f64.exp_m1());
     let replay = summary(&validity, "log_replay");
     assert_eq!((replay.upper, replay.typical_interval), (None, None), "nothing differs");
-    let few = plants(7, regrets);
+    let few = plants(7, regrets_in_turn);
     assert_eq!(summary(&few, "model:a").upper, None);
     assert_eq!(comparison(&few.comparisons, "model:a", "log_replay").error_ratio_interval, None);
 }
@@ -289,6 +296,11 @@ fn diverged_choices_count_as_the_cap() {
     assert_eq!(each.map(|regret| regret.regret), Some(f64::INFINITY), "what it was stays known");
 }
 
+fn refused(all: Vec<Pair>) -> String {
+    let values = ["x", "y", "z"].map(str::to_owned).to_vec();
+    judge(values, all, &[]).expect_err("refused").to_string()
+}
+
 #[test]
 fn what_cannot_be_judged_is_left_out_or_refused() {
     let mut all = pairs();
@@ -297,10 +309,6 @@ fn what_cannot_be_judged_is_left_out_or_refused() {
     let validity = judged(all.clone());
     assert_eq!((&*validity.left_out, validity.not_learnt), (&["q of north".to_owned()][..], 1));
     assert_eq!(validity.judged.len(), 2);
-    let refused = |all: Vec<Pair>| {
-        let values = ["x", "y", "z"].map(str::to_owned).to_vec();
-        judge(values, all, &[]).expect_err("refused").to_string()
-    };
     assert!(refused(Vec::new()).contains("there is no plant and sensor to judge"));
     let mut odd = all.clone();
     odd[0].log_replay = Some(3);

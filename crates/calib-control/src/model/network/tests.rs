@@ -92,13 +92,16 @@ fn the_same_for_any_number_of_threads() {
     assert_ne!(networks(1)[0], networks(1)[1], "members differ");
 }
 
+fn one_start() -> States {
+    States::new(vec![0.1], 1, 1).expect("valid")
+}
+
 #[test]
 fn impossible_networks_are_refused() {
     let none = NetworkConfig { batch: 0, ..NetworkConfig::default() };
-    let starts = || States::new(vec![0.1], 1, 1).expect("valid");
-    let told = NetworkModel::train(&log(), starts(), &none, Seed::new(2), &Silent);
+    let told = NetworkModel::train(&log(), one_start(), &none, Seed::new(2), &Silent);
     assert!(told.expect_err("none").to_string().contains("batch"));
-    let nowhere = starts().slice(0..0);
+    let nowhere = one_start().slice(0..0);
     let config = NetworkConfig::default();
     let told = NetworkModel::train(&log(), nowhere, &config, Seed::new(2), &Silent);
     assert!(matches!(told, Err(ControlError::NoStarts)));

@@ -128,12 +128,7 @@ impl WithSimd for Band<'_> {
             around.include(&block.bounds.lower, &block.bounds.upper);
             blocks.push(block);
         }
-        let furthest = |blocks: &[Block<'_>]| blocks.iter().map(|b| b.reach).fold(-1.0, f32::max);
-        let mut reach = furthest(&blocks);
-        // Even a search that ends early fills its lists.
-        let full = |blocks: &[Block<'_>]| {
-            blocks.iter().flat_map(|block| &block.one).all(|one| one.pending.is_full())
-        };
+        let mut reach = farthest_reach(&blocks);
         let mut left = self.limit.leaves;
         let mut open = BinaryHeap::new();
         let mut popped = 0_usize;
@@ -144,7 +139,8 @@ impl WithSimd for Band<'_> {
             if popped.is_multiple_of(LOOK) && self.monitor.interrupted() {
                 break;
             }
-            let given_up = (left == 0 && full(&blocks))
+            // Even a search that ends early fills its lists.
+            let given_up = (left == 0 && are_full(&blocks))
                 || (self.limit.work < u64::MAX && self.work(&blocks) > self.limit.work);
             if f32::from_bits(bound) > reach || given_up {
                 break;
@@ -157,7 +153,7 @@ impl WithSimd for Band<'_> {
                             self.visit(simd, leaf, block);
                         }
                     }
-                    reach = furthest(&blocks);
+                    reach = farthest_reach(&blocks);
                     let own = blocks.iter().any(|block| block.leaf == leaf);
                     left = left.saturating_sub(usize::from(!own));
                 }
@@ -182,6 +178,16 @@ impl WithSimd for Band<'_> {
         let lists = ones.map(|one| one.pending.finish(pool)).collect();
         Searched { lists, work }
     }
+}
+
+/// The largest reach of the blocks.
+fn farthest_reach(blocks: &[Block<'_>]) -> f32 {
+    blocks.iter().map(|block| block.reach).fold(-1.0, f32::max)
+}
+
+/// Whether every query of the blocks has full lists.
+fn are_full(blocks: &[Block<'_>]) -> bool {
+    blocks.iter().flat_map(|block| &block.one).all(|one| one.pending.is_full())
 }
 
 impl<'a> Band<'a> {
@@ -243,8 +249,9 @@ impl<'a> Band<'a> {
     /// Images beyond this squared distance from the query's need not be looked at.
     fn threshold(&self, one: &One<'_>) -> f32 {
         // A far query that has found far neighbours is done with the tree.
-        let within = |radius: &f64| !apart(*one.norm.start(), self.join.norm, radius.sqrt());
-        one.pending.radius().filter(within).map_or(-1.0, |radius| {
+        let radius = (one.pending.radius())
+            .filter(|radius| !apart(*one.norm.start(), self.join.norm, radius.sqrt()));
+        radius.map_or(-1.0, |radius| {
             let reach = radius.sqrt() + one.slack;
             self.join.image_margin.threshold(reach * reach)
         })

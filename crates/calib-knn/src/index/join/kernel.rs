@@ -216,6 +216,11 @@ mod tests {
         (0..count).map(|i| ((i * i * 7 + i * 13 + salt) % 23) as f32 - 11.0).collect()
     }
 
+    /// Upper bounds, `height` above `lower`.
+    fn raised(lower: &[f32], height: f32) -> Vec<f32> {
+        lower.iter().map(|value| value + height).collect()
+    }
+
     fn gap(lower: f32, value: f32, upper: f32) -> f32 {
         (lower - value).max(value - upper).max(0.0).powi(2)
     }
@@ -237,9 +242,8 @@ mod tests {
     fn boxes<S: Simd>(simd: S) {
         let a = values(WIDTH, 1);
         let b = values(WIDTH, 8);
-        let above = |lower: &[f32]| lower.iter().map(|v| v + 3.0).collect::<Vec<_>>();
-        let au = above(&a);
-        let bu = above(&b);
+        let au = raised(&a, 3.0);
+        let bu = raised(&b, 3.0);
         let expected: f32 =
             (0..WIDTH).map(|i: usize| (a[i] - bu[i]).max(b[i] - au[i]).max(0.0).powi(2)).sum();
         assert_eq!(box_to_box(simd, (&a, &au), (&b, &bu)), expected);
@@ -249,10 +253,10 @@ mod tests {
         let mut distances = [f32::NAN; STRIPS];
         image_to_boxes(simd, &image, &sides, &mut distances);
         for (strip, &distance) in distances.iter().enumerate() {
-            let side = |c: usize| {
+            let gaps = (0..SIDES).map(|c| {
                 gap(sides[2 * c * STRIPS + strip], image[c], sides[(2 * c + 1) * STRIPS + strip])
-            };
-            assert_eq!(distance, (0..SIDES).map(side).sum::<f32>());
+            });
+            assert_eq!(distance, gaps.sum::<f32>());
         }
     }
 
@@ -260,7 +264,7 @@ mod tests {
         const LANES: usize = 64;
         let lower = values(WIDTH, 2);
         let images = values(WIDTH * LANES, 5);
-        let upper: Vec<f32> = lower.iter().map(|v| v + 2.0).collect();
+        let upper = raised(&lower, 2.0);
         let mut distances = [f32::NAN; LANES];
         let mut look = |thresholds: [f32; LANES]| {
             let any = box_to_lanes(simd, (&lower, &upper), &images, &thresholds, &mut distances);

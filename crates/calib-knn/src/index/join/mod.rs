@@ -319,10 +319,17 @@ impl NeighborIndex for Join<'_> {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::{Seed, Segments, Silent, States, Transitions};
+    use calib_core::{Seed, Segments, Silent, States, TransitionIndex, Transitions};
 
     use super::*;
     use crate::{Blocks, Exclusion, index::at_every_level};
+
+    /// The neighbours of each query, of the first member to the third.
+    fn lists(level: &block::Searched) -> Vec<Vec<(TransitionIndex, f64)>> {
+        (level.lists.iter())
+            .map(|lists| (0..3).flat_map(|m| lists.of(m).collect::<Vec<_>>()).collect())
+            .collect()
+    }
 
     #[test]
     fn levels_do_not_change_a_list() {
@@ -361,13 +368,6 @@ mod tests {
             let (queries, limit) = (&queries, join.limit(&queries));
             let band = Band { join: &join, queries, blocks, k: 5, limit, monitor: &Silent };
             let levels = at_every_level(band);
-            let lists = |level: &block::Searched| -> Vec<Vec<_>> {
-                level
-                    .lists
-                    .iter()
-                    .map(|lists| (0..3).flat_map(|m| lists.of(m).collect::<Vec<_>>()).collect())
-                    .collect()
-            };
             for level in &levels[1..] {
                 assert_eq!(lists(level), lists(&levels[0]));
             }

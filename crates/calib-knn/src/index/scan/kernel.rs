@@ -88,6 +88,15 @@ mod tests {
 
     use super::*;
 
+    /// Small integers: exact in f32, in any order.
+    fn value(i: usize, salt: usize) -> f32 {
+        ((i * 37 + salt) % 19) as f32 - 9.0
+    }
+
+    fn product(a: &[f32], b: &[f32]) -> f32 {
+        a.iter().zip(b).map(|(a, b)| a * b).sum()
+    }
+
     struct Check {
         columns: usize,
     }
@@ -100,8 +109,6 @@ mod tests {
             const QUERIES: usize = 4;
             let columns = self.columns;
             let strip = strip::<S>();
-            // Small integers: exact in f32, in any order.
-            let value = |i: usize, salt: usize| ((i * 37 + salt) % 19) as f32 - 9.0;
             let states: Vec<Vec<f32>> = (0..strip - 1)
                 .map(|row| (0..columns).map(|c| value(row * columns + c, 1)).collect())
                 .collect();
@@ -113,10 +120,8 @@ mod tests {
             let mut offsets = vec![0.0; strip];
             let rows = states.iter().map(Vec::as_slice);
             lay_strip(simd, rows, &centre, &mut lanes, &mut offsets);
-            let centred = |row: &[f32]| row.iter().map(|v| v - 2.0).collect::<Vec<_>>();
-            let product = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
             let expected = |q: usize, row: usize| {
-                let x = centred(&states[row]);
+                let x: Vec<f32> = states[row].iter().map(|value| value - 2.0).collect();
                 product(&x, &x) - 2.0 * product(&x, &queries[q])
             };
             let mut panel = vec![0.0; QUERIES * columns];
@@ -125,10 +130,11 @@ mod tests {
                     panel[c * QUERIES + q] = -2.0 * value;
                 }
             }
-            let least = |q: usize| (0..strip - 1).map(|row| expected(q, row)).fold(0.0, f32::min);
             offsets[strip - 1] = f32::INFINITY;
             let mut out = vec![f32::NAN; QUERIES * strip];
-            let below: Vec<f32> = (0..QUERIES).map(|q| least(q) - 1.0).collect();
+            let below: Vec<f32> = (0..QUERIES)
+                .map(|q| (0..strip - 1).map(|row| expected(q, row)).fold(0.0, f32::min) - 1.0)
+                .collect();
             assert!(!meets::<S, QUERIES>(simd, &lanes, &offsets, &panel, &below, &mut out));
             for near in 0..QUERIES {
                 let mut limits = below.clone();

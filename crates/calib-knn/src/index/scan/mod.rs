@@ -235,8 +235,10 @@ impl Block<'_> {
 fn tile_starts(total: usize, tile: usize) -> impl Iterator<Item = usize> {
     let tiles = total.div_ceil(tile);
     let bits = tiles.next_power_of_two().trailing_zeros();
-    let reversed = move |number: usize| number.reverse_bits().unbounded_shr(usize::BITS - bits);
-    (0..1_usize << bits).map(reversed).filter(move |&number| number < tiles).map(move |n| n * tile)
+    (0..1_usize << bits)
+        .map(move |number| number.reverse_bits().unbounded_shr(usize::BITS - bits))
+        .filter(move |&number| number < tiles)
+        .map(move |number| number * tile)
 }
 
 impl NeighborIndex for Scan<'_> {
@@ -268,15 +270,13 @@ mod tests {
     fn wild_values_do_not_move_the_centre() {
         let rows = 4000;
         let columns = 3;
-        let values = |wild: bool| -> Vec<f32> {
-            (0..rows * columns)
-                .map(|i: usize| if wild && (i / columns).is_multiple_of(1000) { 1e30 } else { 5.0 })
-                .collect()
-        };
         let transitions = Transitions::new(Segments::from_lengths([rows]).expect("valid"));
         let blocks = Blocks::new(&transitions, 2).expect("valid");
         for wild in [false, true] {
-            let states = States::new(values(wild), rows, columns).expect("finite");
+            let values = (0..rows * columns)
+                .map(|i: usize| if wild && (i / columns).is_multiple_of(1000) { 1e30 } else { 5.0 })
+                .collect();
+            let states = States::new(values, rows, columns).expect("finite");
             let sources = Sources::new(&states, &transitions, &blocks).expect("valid");
             assert_eq!(centre(&sources), [5.0; 3]);
         }

@@ -170,16 +170,10 @@ fn difference(
     others: &[(&Pair, f64)],
     members: bool,
 ) -> Result<Difference, StepError> {
-    let stretches = |pairs: &[(&Pair, f64)]| {
-        pairs.iter().map(|(pair, _)| stretch(pair)).collect::<BTreeSet<_>>()
-    };
     let all = stretches(own);
     let all_others = stretches(others);
     let shared: Vec<&Stretch> = all.intersection(&all_others).collect();
     if shared.is_empty() || 2 * shared.len() < all.len().min(all_others.len()) {
-        let starts = |pairs: &[(&Pair, f64)]| pairs.iter().map(|(pair, _)| pair.start).collect();
-        let values = |pairs: &[(&Pair, f64)]| pairs.iter().map(|(_, value)| *value).collect();
-        let sample = |pairs| -> (Vec<Timestamp>, Vec<f64>) { (starts(pairs), values(pairs)) };
         let (x_starts, x) = sample(own);
         let (y_starts, y) = sample(others);
         return Ok(unpaired_difference((&x_starts, &x), (&y_starts, &y))?);
@@ -188,14 +182,8 @@ fn difference(
     let mut x = Vec::new();
     let mut y = Vec::new();
     let means = (means(own)?, means(others)?);
-    let of_members = |pairs: &[(&Pair, f64)]| -> BTreeMap<_, f64> {
-        pairs
-            .iter()
-            .map(|(pair, value)| ((stretch(pair), pair.member, pair.rollout), *value))
-            .collect()
-    };
-    let own = of_members(own);
-    let others = of_members(others);
+    let own = by_rollout(own);
+    let others = by_rollout(others);
     for stretch in shared {
         let same = own.range((*stretch, 0, 0)..=(*stretch, u32::MAX, u32::MAX));
         let matched = same.filter_map(|(key, x)| Some((*x, *others.get(key)?)));
@@ -214,6 +202,20 @@ fn difference(
 
 fn stretch(pair: &Pair) -> Stretch {
     (pair.start, pair.steps)
+}
+
+fn stretches(pairs: &[(&Pair, f64)]) -> BTreeSet<Stretch> {
+    pairs.iter().map(|(pair, _)| stretch(pair)).collect()
+}
+
+/// The values, and the start state of each.
+fn sample(pairs: &[(&Pair, f64)]) -> (Vec<Timestamp>, Vec<f64>) {
+    pairs.iter().map(|(pair, value)| (pair.start, *value)).unzip()
+}
+
+/// The value of each rollout, by its stretch, its member and its number.
+fn by_rollout(pairs: &[(&Pair, f64)]) -> BTreeMap<(Stretch, u32, u32), f64> {
+    pairs.iter().map(|(pair, value)| ((stretch(pair), pair.member, pair.rollout), *value)).collect()
 }
 
 /// Means over the rollouts of each stretch.

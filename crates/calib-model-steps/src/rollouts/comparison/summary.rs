@@ -28,8 +28,10 @@ pub(super) fn summary(
 ) -> Result<Comparison, StepError> {
     let steps = || pairs.iter().map(|pair| pair.steps as usize);
     let stretches = stretches(pairs);
-    let own = |name: &str| pairs.iter().filter(|pair| pair.sensor == name).collect::<Vec<_>>();
-    let sensors = sensors(pairs).into_iter().map(|name| of_sensor(name, &own(name)));
+    let sensors = sensors(pairs).into_iter().map(|name| {
+        let own: Vec<&Pair> = pairs.iter().filter(|pair| pair.sensor == name).collect();
+        of_sensor(name, &own)
+    });
     Ok(Comparison {
         rollouts: counts.rollouts,
         start_states: stretches.len(),
@@ -83,17 +85,8 @@ fn overlapping(stretches: &[(u32, u32)]) -> usize {
 }
 
 fn of_sensor(name: &str, pairs: &[&Pair]) -> Result<SensorComparison, StepError> {
-    let dtw = STEP_PATTERNS.iter().enumerate().filter_map(|(place, pattern)| {
-        let summary = || {
-            let Some(distance) = of_distance(pairs, Distance::Raw(place))? else {
-                return Ok(None);
-            };
-            let normalized_distance = of_distance(pairs, Distance::Normalised(place))?;
-            let step_pattern = (*pattern).to_owned();
-            Ok(Some(PatternSummary { step_pattern, distance, normalized_distance }))
-        };
-        summary().transpose()
-    });
+    let dtw = (STEP_PATTERNS.iter().enumerate())
+        .filter_map(|(place, pattern)| of_pattern(pairs, place, pattern).transpose());
     let measures = MEASURES.iter().enumerate().map(|(place, measure)| {
         let value = of_distance(pairs, Distance::Measure(place))?;
         Ok(MeasureSummary { measure: measure.column.to_owned(), value })
@@ -103,6 +96,18 @@ fn of_sensor(name: &str, pairs: &[&Pair]) -> Result<SensorComparison, StepError>
         dtw: dtw.collect::<Result<_, StepError>>()?,
         measures: measures.collect::<Result<_, StepError>>()?,
     })
+}
+
+/// Of the step pattern at `place`; nothing where no pair has its distance.
+fn of_pattern(
+    pairs: &[&Pair],
+    place: usize,
+    pattern: &str,
+) -> Result<Option<PatternSummary>, StepError> {
+    let Some(distance) = of_distance(pairs, Distance::Raw(place))? else { return Ok(None) };
+    let normalized_distance = of_distance(pairs, Distance::Normalised(place))?;
+    let step_pattern = pattern.to_owned();
+    Ok(Some(PatternSummary { step_pattern, distance, normalized_distance }))
 }
 
 /// Over the start states of the pairs for which the distance is defined; nothing where there are none.

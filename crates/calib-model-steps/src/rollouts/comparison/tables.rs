@@ -5,7 +5,7 @@ use calib_report::{Best, Cell, Table};
 use calib_stats::{ClusterSummary, Difference};
 
 use super::{
-    Comparison, MEASURES, SensorComparison,
+    MEASURES, SensorComparison,
     pair::Distance,
     paired::ComparedModel,
     show::{basis, left_out, plus_minus},
@@ -51,8 +51,8 @@ pub fn report_tables(models: &[ComparedModel<'_>]) -> Result<Vec<Table>, StepErr
         rows: rows.cells,
         best: Some(Best::Cells(rows.bold)),
     };
-    let is_equal = |comparison: &Comparison| comparison.fewest_steps == comparison.most_steps;
-    let equal = models.iter().all(|model| is_equal(model.comparison));
+    let equal =
+        (models.iter()).all(|model| model.comparison.fewest_steps == model.comparison.most_steps);
     let raw = if equal { "" } else { " Raw distances grow with the number of steps." };
     let mut tables = vec![
         table(
@@ -119,8 +119,12 @@ fn not_worse(
     };
     let mut all = Vec::new();
     for (model, _) in known() {
-        let apart = || models[model].minus(&models[best], sensor, distance);
-        if model == best || !apart()?.is_some_and(|difference| difference.is_told()) {
+        let apart = if model == best {
+            None
+        } else {
+            models[model].minus(&models[best], sensor, distance)?
+        };
+        if !apart.is_some_and(|difference| difference.is_told()) {
             all.push(model);
         }
     }

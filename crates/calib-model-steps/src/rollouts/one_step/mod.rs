@@ -180,8 +180,9 @@ pub(crate) fn ensure(
 fn spaced(transitions: &Transitions) -> Vec<RowIndex> {
     let all = transitions.len();
     let taken = transitions.len().min(MOST_TRANSITIONS);
-    let place = |number: usize| TransitionIndex::new(number * all / taken);
-    (0..taken).map(|number| transitions.source(place(number))).collect()
+    (0..taken)
+        .map(|number| transitions.source(TransitionIndex::new(number * all / taken)))
+        .collect()
 }
 
 fn errors(
@@ -199,19 +200,17 @@ fn errors(
     let mut steps = SquaredErrors::new(times, sensors.iter().map(|(name, _)| name));
     let of_sensors: Vec<usize> = sensors.iter().map(|(_, column)| *column).collect();
     let members = model.model.members();
-    let mut add = |predicted: &[f64], (step, row): (usize, &RowIndex)| {
-        let [from, to] = [0, 1].map(|after| states.row(row.get() + after));
-        errors.add(predicted, from, to);
-        steps.add(step, members, predicted, [from, to], &of_sensors);
-    };
     let in_metric = model.in_metric(&rows_of(states, rows)?)?;
     let unseen = Unseen { frames: held_out, rows, in_metric: &in_metric };
     let place = search_place(&*model.model, &job.layout().rollout());
     let search = Search { place: &place, monitor };
     let weights = job.study().model.weights()?;
     for expected in model.model.expected_next(unseen, weights, search)? {
-        for (predicted, row) in expected.chunks_exact(columns).zip(rows.iter().enumerate()) {
-            add(predicted, row);
+        let predictions = expected.chunks_exact(columns).zip(rows);
+        for (step, (predicted, row)) in predictions.enumerate() {
+            let [from, to] = [0, 1].map(|after| states.row(row.get() + after));
+            errors.add(predicted, from, to);
+            steps.add(step, members, predicted, [from, to], &of_sensors);
         }
     }
     Ok((errors, steps))

@@ -44,11 +44,10 @@ pub(crate) fn show(one_step: &OneStep, printer: &Printer) -> Result<(), StepErro
     ))?;
     let rows: Vec<Vec<String>> = named(one_step)
         .map(|(name, error)| {
-            let or_none = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), significant);
             let no_change = significant(error.no_change_rmse);
             let range = error.relative_interval.map(|interval| format!(" ({})", range(interval)));
-            let relative = or_none(error.relative) + &range.unwrap_or_default();
-            vec![label(name), or_none(error.rmse), no_change, relative]
+            let relative = number_text(error.relative) + &range.unwrap_or_default();
+            vec![label(name), number_text(error.rmse), no_change, relative]
         })
         .collect();
     printer.lines(&table(&["sensor", "model", "no change", "model / no change (95 %)"], &rows))
@@ -65,6 +64,11 @@ fn named(one_step: &OneStep) -> impl Iterator<Item = (Option<&str>, &PredictionE
 
 fn label(sensor: Option<&str>) -> String {
     sensor.unwrap_or("all columns").to_owned()
+}
+
+/// The number, or a dash.
+fn number_text(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".to_owned(), significant)
 }
 
 fn range(interval: Interval) -> String {
@@ -160,13 +164,16 @@ impl OneStepModel {
 }
 
 fn cells(error: Option<&PredictionError>) -> [Cell; 3] {
-    let number = |value: Option<f64>| value.map_or(Cell::Missing, Cell::Number);
     let interval = error.and_then(|error| error.relative_interval);
     [
-        number(error.and_then(|error| error.rmse)),
-        number(error.and_then(|error| error.relative)),
+        number_cell(error.and_then(|error| error.rmse)),
+        number_cell(error.and_then(|error| error.relative)),
         interval.map_or(Cell::Missing, |interval| Cell::Text(range(interval))),
     ]
+}
+
+fn number_cell(value: Option<f64>) -> Cell {
+    value.map_or(Cell::Missing, Cell::Number)
 }
 
 /// The model with the smallest error, and all that cannot be told apart from it.
@@ -180,8 +187,12 @@ fn not_worse(models: &[&OneStepModel], sensor: Option<&str>) -> Result<Vec<usize
     };
     let mut all = Vec::new();
     for (place, _) in known() {
-        let ratio = || models[place].steps.beside(&models[best].steps, sensor);
-        if place == best || !ratio()?.is_some_and(|ratio| ratio.is_told()) {
+        let ratio = if place == best {
+            None
+        } else {
+            models[place].steps.beside(&models[best].steps, sensor)?
+        };
+        if !ratio.is_some_and(|ratio| ratio.is_told()) {
             all.push(place);
         }
     }

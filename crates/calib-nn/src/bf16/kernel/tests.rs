@@ -1,4 +1,4 @@
-use calib_core::Seed;
+use calib_core::{Rng, Seed};
 use proptest::prelude::*;
 
 use super::super::{
@@ -25,22 +25,24 @@ enum Range {
 /// Values of single precision that are no subnormal bfloat16 numbers.
 fn values(count: usize, range: Range, seed: u64) -> Vec<f32> {
     let mut rng = Seed::new(seed).rng();
-    let mut value = || {
-        let sign = rng.below(2) as u32;
-        let mantissa = rng.below(1 << 23) as u32;
-        let exponent = match range {
-            Range::Usual => 127 - 8 + rng.below(12),
-            Range::Wide => 127 - 55 + rng.below(140),
-            Range::Any => rng.below(256),
-        };
-        f32::from_bits(sign << 31 | (exponent as u32) << 23 | mantissa)
-    };
-    let mut values: Vec<f32> = (0..count).map(|_| value()).collect();
+    let mut values: Vec<f32> = (0..count).map(|_| number(&mut rng, range)).collect();
     // Cancellation: sums that come to nearly nothing.
     for place in (3..count).step_by(4) {
         values[place] = -values[place - 3];
     }
     values
+}
+
+/// A number whose sign, exponent and mantissa are drawn.
+fn number(rng: &mut Rng, range: Range) -> f32 {
+    let sign = rng.below(2) as u32;
+    let mantissa = rng.below(1 << 23) as u32;
+    let exponent = match range {
+        Range::Usual => 127 - 8 + rng.below(12),
+        Range::Wide => 127 - 55 + rng.below(140),
+        Range::Any => rng.below(256),
+    };
+    f32::from_bits(sign << 31 | (exponent as u32) << 23 | mantissa)
 }
 
 /// The definition, one value: operands in the order of the inner index.
@@ -133,15 +135,19 @@ fn sums_begin_with_a_bias() {
     assert_eq!(sums.0[0], [0.125 + 3.0 - 0.5; PANEL]);
 }
 
+/// What a product takes for `value`: a bfloat16 number that is not too small.
+fn as_operand(value: f32) -> f32 {
+    seconds(Scalar, join(Scalar, 0.0, without_small(Scalar, value)))
+}
+
 /// The sum of two numbers may be a tie only after it was rounded to double precision; that of these never is.
 #[test]
 fn going_by_double_precision_rounds_once() {
     let operands = values(40_000, Range::Wide, 5);
     let sums = values(40_000, Range::Wide, 6);
-    let rounded = |value: f32| seconds(Scalar, join(Scalar, 0.0, without_small(Scalar, value)));
     for (two, &sum) in operands.windows(2).zip(&sums) {
-        let a = rounded(two[0]);
-        let b = rounded(two[1]);
+        let a = as_operand(two[0]);
+        let b = as_operand(two[1]);
         for sum in [bias(sum), -a * b, sum * f32::EPSILON, 1.0, a * b * 16_777_216.0] {
             assert!(same(widened(a, b, sum), a.mul_add(b, sum)), "{a} {b} {sum}");
         }
@@ -159,9 +165,8 @@ fn the_instruction_rounds_as_defined() {
         let mut draw = || f32::from_bits((rng.below(1 << 16) << 16 | rng.below(1 << 16)) as u32);
         let (first, second): ([f32; HALF], [f32; HALF]) =
             (std::array::from_fn(|_| draw()), std::array::from_fn(|_| draw()));
-        let kept = |value: f32| without_small(Scalar, value);
-        let first = first.map(kept);
-        let second = second.map(kept);
+        let first = first.map(|value| without_small(Scalar, value));
+        let second = second.map(|value| without_small(Scalar, value));
         let got: [u32; HALF] = pulp::cast(hardware.join(pulp::cast(first), pulp::cast(second)));
         for lane in 0..HALF {
             assert_eq!(got[lane], join(Scalar, first[lane], second[lane]));

@@ -9,6 +9,10 @@ fn numbers(count: usize, seed: u64) -> Vec<f32> {
     (0..count).map(|_| rng.uniform(-1.0, 1.0) as f32).collect()
 }
 
+fn positive(count: usize, seed: u64) -> Vec<f32> {
+    numbers(count, seed).iter().map(|value| value.abs() + 0.01).collect()
+}
+
 /// −1, 0 and 1, most of them 0: products of a few such layers are small integers, which bfloat16 numbers hold.
 fn signs(count: usize, seed: u64) -> Vec<f32> {
     let mut rng = Seed::new(seed).rng();
@@ -57,10 +61,11 @@ fn single(network: &Mlp, input: &[f32], output_gradient: &[f32]) -> (Vec<f32>, V
 
 /// 1 − the cosine of the angle between two vectors.
 fn apart(left: &[f32], right: &[f32]) -> f64 {
-    let dot = |a: &[f32], b: &[f32]| -> f64 {
-        a.iter().zip(b).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum()
-    };
     1.0 - dot(left, right) / (dot(left, left) * dot(right, right)).sqrt()
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum()
 }
 
 proptest! {
@@ -148,26 +153,38 @@ fn bound(network: &Mlp, input: &[f32]) -> (f64, f64) {
     for (number, layer) in network.layers().iter().enumerate() {
         let weights = &network.parameters()[layer.weights.clone()];
         let bias = &network.parameters()[layer.bias.clone()];
-        let sums = (layer.inputs + 2) as f64 * f64::from(f32::EPSILON);
-        let unit = |output: usize| {
-            let bias = f64::from(bias[output]);
-            let mut value = bias;
-            let mut apart = 0.0;
-            let mut size = bias.abs();
-            for (l, &(x, off)) in values.iter().enumerate() {
-                let w = f64::from(weights[l * layer.outputs + output]);
-                let largest = w.abs() * (x.abs() + off) * (1.0 + ROUNDING).powi(2);
-                value += w * x;
-                apart += largest - (w * x).abs();
-                size += largest;
-            }
-            // Magnitudes below 2⁻⁵⁵ count as 0.
-            let apart = apart + sums * size + 1e-15 * layer.inputs as f64;
-            (if number + 1 < network.layers().len() { value.max(0.0) } else { value }, apart)
-        };
-        values = (0..layer.outputs).map(unit).collect();
+        let is_hidden = number + 1 < network.layers().len();
+        values = (0..layer.outputs)
+            .map(|output| {
+                let own = weights[output..].iter().step_by(layer.outputs);
+                let (value, apart) = sum_bound(&values, own, bias[output]);
+                (if is_hidden { value.max(0.0) } else { value }, apart)
+            })
+            .collect();
     }
     values[0]
+}
+
+/// The sum of a bias and weighted values, each of which may be off, and how far from it what is computed may be.
+fn sum_bound<'a>(
+    values: &[(f64, f64)],
+    weights: impl Iterator<Item = &'a f32>,
+    bias: f32,
+) -> (f64, f64) {
+    let sums = (values.len() + 2) as f64 * f64::from(f32::EPSILON);
+    let bias = f64::from(bias);
+    let mut value = bias;
+    let mut apart = 0.0;
+    let mut size = bias.abs();
+    for (&(x, off), &w) in values.iter().zip(weights) {
+        let w = f64::from(w);
+        let largest = w.abs() * (x.abs() + off) * (1.0 + ROUNDING).powi(2);
+        value += w * x;
+        apart += largest - (w * x).abs();
+        size += largest;
+    }
+    // Magnitudes below 2⁻⁵⁵ count as 0.
+    (value, apart + sums * size + 1e-15 * values.len() as f64)
 }
 
 proptest! {
@@ -196,7 +213,6 @@ proptest! {
         seed in any::<u64>(),
     ) {
         let sizes = [vec![inputs], hidden, vec![1]].concat();
-        let positive = |count, seed| numbers(count, seed).iter().map(|value| value.abs() + 0.01).collect::<Vec<_>>();
         let parameters = positive(Mlp::new(&sizes, Seed::new(1)).parameter_count(), seed);
         let network = Mlp::from_parameters(&sizes, &parameters).expect("as many");
         let (input, output_gradient) = (positive(learnt * inputs, seed ^ 5), positive(learnt, seed ^ 6));

@@ -45,9 +45,8 @@ struct Surface {
 impl Sensitivity {
     /// What combinations are compared by: each curve of errors, or ranks where there is none.
     fn surfaces(&self) -> Vec<Surface> {
-        let mean = |label: &str| format!("{label}, mean {}", self.score.name);
         let errors = self.errors.iter().map(|curve| Surface {
-            label: mean(&curve.label),
+            label: format!("{}, mean {}", curve.label, self.score.name),
             values: curve
                 .summaries
                 .iter()
@@ -74,12 +73,15 @@ impl Sensitivity {
     /// ([`calib_stats::importance`]): of logarithms where all are positive, with what diverged as bad as the worst that did not.
     pub(crate) fn importances(&self) -> Importances {
         let surfaces = self.surfaces();
-        let importances = |dimension: &&Dimension| {
-            let (_, groups) = dimension.distinct();
-            let shares = surfaces.iter().map(|surface| surface.explained(&groups)).collect();
-            (dimension.field.clone(), shares)
-        };
-        let shares = self.varied().iter().map(importances).collect();
+        let shares = self
+            .varied()
+            .iter()
+            .map(|dimension| {
+                let (_, groups) = dimension.distinct();
+                let shares = surfaces.iter().map(|surface| surface.explained(&groups)).collect();
+                (dimension.field.clone(), shares)
+            })
+            .collect();
         Importances { labels: surfaces.into_iter().map(|surface| surface.label).collect(), shares }
     }
 
@@ -125,30 +127,26 @@ impl Surface {
     fn heat(&self, rows: &Dimension, columns: &Dimension, chosen: Option<usize>) -> Heat {
         let (row_values, row_of) = rows.distinct();
         let (column_values, column_of) = columns.distinct();
-        let best = |row: usize, column: usize| {
-            let own = (0..self.values.len())
-                .filter(|&place| row_of[place] == row && column_of[place] == column);
-            let known = own.map(|place| self.values[place]).filter(|value| !value.is_nan());
-            known.min_by(|a, b| self.direction.compare(*a, *b))
-        };
+        let cell_of: Vec<(usize, usize)> = row_of.into_iter().zip(column_of).collect();
         let values: Vec<Vec<Option<f64>>> = (0..row_values.len())
-            .map(|row| (0..column_values.len()).map(|column| best(row, column)).collect())
+            .map(|row| {
+                let cells = (0..column_values.len()).map(|column| (row, column));
+                cells.map(|cell| self.best_in(&cell_of, cell)).collect()
+            })
             .collect();
         let places = Places::of(values.iter().flatten().flatten().copied(), self.direction);
-        let is_chosen = |row, column| {
-            chosen
-                .is_some_and(|candidate| row_of[candidate] == row && column_of[candidate] == column)
-        };
-        let cell = |row, column, value: Option<f64>| {
-            value.map(|value| HeatCell {
-                value,
-                place: places.place(value),
-                is_chosen: is_chosen(row, column),
-            })
-        };
+        let chosen_cell = chosen.map(|candidate| cell_of[candidate]);
         let cells = values.iter().enumerate().map(|(row, row_values)| {
             let row_values = row_values.iter().enumerate();
-            row_values.map(|(column, value)| cell(row, column, *value)).collect()
+            row_values
+                .map(|(column, value)| {
+                    value.map(|value| HeatCell {
+                        value,
+                        place: places.place(value),
+                        is_chosen: chosen_cell == Some((row, column)),
+                    })
+                })
+                .collect()
         });
         let (row_order, rows_sorted) = sorted(&row_values);
         let (column_order, columns_sorted) = sorted(&column_values);
@@ -164,6 +162,13 @@ impl Surface {
             columns: columns_sorted,
             cells: ordered.collect(),
         }
+    }
+
+    /// The best value in a cell, where `cell_of` has the cell of each value.
+    fn best_in(&self, cell_of: &[(usize, usize)], cell: (usize, usize)) -> Option<f64> {
+        let own = (0..self.values.len()).filter(|&place| cell_of[place] == cell);
+        let known = own.map(|place| self.values[place]).filter(|value| !value.is_nan());
+        known.min_by(|a, b| self.direction.compare(*a, *b))
     }
 }
 
@@ -219,17 +224,21 @@ mod tests {
     use super::*;
     use crate::{ErrorCurve, ErrorSource, RankCurve, Samples, Score};
 
+    /// The rate and the batch of each setting of [`grid`].
+    fn grid_places() -> impl Iterator<Item = (usize, usize)> {
+        (0..2).flat_map(|rate| (0..3).map(move |batch| (rate, batch)))
+    }
+
     /// Two learning rates × three batch sizes: the error is the rate's factor × the batch's, one diverged.
     fn grid() -> Sensitivity {
         let rates = [0.1, 0.01];
         let batches = [1.0, 16.0, 64.0];
         let errors = [[4.0, 2.0, 4.0], [f64::INFINITY, 1.0, 2.0]];
-        let places = || (0..2).flat_map(|rate| (0..3).map(move |batch| (rate, batch)));
         let curve = ErrorCurve {
             label: "held-out period".to_owned(),
             source: ErrorSource::Online,
             over: Samples::Runs,
-            summaries: places()
+            summaries: grid_places()
                 .map(|(rate, batch)| summarise(&[errors[rate][batch]]).ok())
                 .collect(),
         };
@@ -237,7 +246,7 @@ mod tests {
             sensor: "A".to_owned(),
             field: "learning_rate, batch_size".to_owned(),
             score: Score::nrmse(),
-            values: places()
+            values: grid_places()
                 .map(|(rate, batch)| Setting::Name(format!("{rate} {batch}")))
                 .collect(),
             errors: vec![curve],
@@ -250,11 +259,11 @@ mod tests {
             dimensions: vec![
                 Dimension {
                     field: "learning_rate".to_owned(),
-                    values: places().map(|(rate, _)| rates[rate].into()).collect(),
+                    values: grid_places().map(|(rate, _)| rates[rate].into()).collect(),
                 },
                 Dimension {
                     field: "batch_size".to_owned(),
-                    values: places().map(|(_, batch)| batches[batch].into()).collect(),
+                    values: grid_places().map(|(_, batch)| batches[batch].into()).collect(),
                 },
             ],
         }

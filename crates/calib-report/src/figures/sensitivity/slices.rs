@@ -70,9 +70,8 @@ impl Sensitivity {
         let places = 0..self.values.len();
         match (self.errors.first(), self.worst_ranks.first()) {
             (Some(curve), _) => {
-                let mean =
-                    |place: usize| curve.summaries[place].as_ref().map(|summary| summary.mean);
-                let known = places.filter_map(|place| Some((place, mean(place)?)));
+                let known =
+                    places.filter_map(|place| Some((place, curve.summaries[place].as_ref()?.mean)));
                 let known = known.filter(|(_, mean)| !mean.is_nan());
                 known.min_by(|a, b| direction.compare(a.1, b.1)).map(|(place, _)| place)
             }

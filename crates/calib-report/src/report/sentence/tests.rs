@@ -381,16 +381,19 @@ fn streams_of_a_log_that_was_not_replayed_are_not_told() {
     );
 }
 
+fn simple_row(predictor: SimplePredictor, error: f64) -> SimpleRow {
+    SimpleRow { predictor, error }
+}
+
 /// Persistence has half of the agent's error.
 fn beaten(is_better: bool) -> Verdict {
     let ratio = if is_better { estimate(2.0, 1.8, 2.2) } else { estimate(0.99, 0.9, 1.1) };
-    let row = |predictor, error| SimpleRow { predictor, error };
     Verdict {
         grade: Grade::Simpler,
         simple: vec![
-            row(SimplePredictor::Mean, 1.02),
-            row(SimplePredictor::Persistence, 0.21),
-            row(SimplePredictor::Ridge, 0.3),
+            simple_row(SimplePredictor::Mean, 1.02),
+            simple_row(SimplePredictor::Persistence, 0.21),
+            simple_row(SimplePredictor::Ridge, 0.3),
         ],
         simpler: Some(Simpler {
             predictor: SimplePredictor::Persistence,
@@ -462,7 +465,6 @@ fn few_windows_recommend_for_now_alone() {
 
 #[test]
 fn a_gain_is_told_beside_the_best_simple_predictor_too() {
-    let row = |predictor, error| SimpleRow { predictor, error };
     let matched = Some(Simpler {
         predictor: SimplePredictor::Ridge,
         ratio: Some(estimate(0.5, 0.4, 0.6)),
@@ -472,7 +474,8 @@ fn a_gain_is_told_beside_the_best_simple_predictor_too() {
     });
     let mut verdict = Verdict { matched, ..verdict() };
     verdict.online.as_mut().unwrap().chosen_error = 0.6;
-    verdict.simple = vec![row(SimplePredictor::Ridge, 1.2), row(SimplePredictor::Line, 0.8)];
+    verdict.simple =
+        vec![simple_row(SimplePredictor::Ridge, 1.2), simple_row(SimplePredictor::Line, 0.8)];
     let told = verdict.plain();
     let beside = "The best simple predictor on these windows is a line on the sensor. The agent has 25 % less error than that.";
     assert!(told.contains(beside), "{told}");

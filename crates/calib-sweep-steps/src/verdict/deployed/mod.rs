@@ -72,6 +72,12 @@ impl Choice {
         self.grade == Grade::NotLearnt
     }
 
+    /// Whether its regret says nothing: what stands still has one, of 0.
+    fn says_nothing(&self) -> bool {
+        let stands_still = self.grade == Grade::Unchecked && self.regret.is_some();
+        self.is_not_learnt() || stands_still
+    }
+
     /// "1e-4 (2.3 %, good)": the value, what it costs, and how far it can be relied on.
     fn text(&self) -> String {
         let word = self.grade.word();
@@ -107,11 +113,13 @@ pub(crate) fn all(parts: &[JudgedModel]) -> Result<Vec<Deployed>, StepError> {
 }
 
 fn of_sensor(sensor: &str, parts: &[&JudgedModel]) -> Result<Option<Deployed>, StepError> {
-    let judged = |part: &JudgedModel| {
-        let mut verdicts = part.judged.summary.verdicts.iter();
-        verdicts.find(|verdict| verdict.sensor == sensor).cloned()
-    };
-    let verdicts: Option<Vec<SensorVerdict>> = parts.iter().map(|part| judged(part)).collect();
+    let verdicts: Option<Vec<SensorVerdict>> = parts
+        .iter()
+        .map(|part| {
+            let mut verdicts = part.judged.summary.verdicts.iter();
+            verdicts.find(|verdict| verdict.sensor == sensor).cloned()
+        })
+        .collect();
     let Some(verdicts) = verdicts else { return Ok(None) };
     let candidates = &parts[0].judged.manifest.candidates;
     let label = |index: usize| verdict_rows::setting(&candidates[index]).to_string();
@@ -171,13 +179,8 @@ fn for_all_text(deployed: &Deployed) -> String {
     if deployed.is_not_learnt() {
         return Grade::NotLearnt.word().to_owned();
     }
-    // What stands still has a regret, of 0, that says nothing.
-    let says_nothing = |choice: &Choice| {
-        let stands_still = choice.grade == Grade::Unchecked && choice.regret.is_some();
-        choice.is_not_learnt() || stands_still
-    };
-    let learnt =
-        deployed.choices.iter().zip(&deployed.regrets).filter(|(choice, _)| !says_nothing(choice));
+    let learnt = deployed.choices.iter().zip(&deployed.regrets);
+    let learnt = learnt.filter(|(choice, _)| !choice.says_nothing());
     let regrets: Vec<Option<f64>> = learnt.map(|(_, regret)| *regret).collect();
     let cost = largest(&regrets).map(|regret| format!("at most {}", percent(regret)));
     let without: Vec<&str> = deployed
@@ -286,9 +289,12 @@ mod tests {
         assert!(!table.caption.contains("model"), "{}", table.caption);
     }
 
+    fn not_learnt(deployment: &str) -> Choice {
+        choice(deployment, "1e-4", Some(0.0), Grade::NotLearnt)
+    }
+
     #[test]
     fn what_is_not_learnt_is_not_recommended() {
-        let not_learnt = |name| choice(name, "1e-4", Some(0.0), Grade::NotLearnt);
         let told = deployed(vec![not_learnt("april"), not_learnt("july")], vec![Some(0.0); 2]);
         assert_eq!(row(&told)[2..], ["not learned", "not learned", "not learned"]);
         let fair = choice("april", "1e-4", Some(0.1), Grade::Fair);
