@@ -118,14 +118,19 @@ fn a_sweep_of_a_program_goes_on() {
         "*'\"begin\"'*) began=$((began + 1)); [ $began = 6 ] && [ ! -e go ] && exit 3; ",
     );
     let stopped = pump_of_a_program(&dying);
-    let told = stopped.calib(&args).fails(2);
+    let without = stopped.calib(&args);
+    without.ends(&[0, 1]);
+    let told = without.stderr();
     assert!(told.contains("exit status: 3 before it had answered the beginning"), "{told}");
-    let kept = || {
-        fs::read_dir(stopped.path().join("study-results/control-units")).map_or(0, Iterator::count)
-    };
-    assert!(kept() >= 5, "{} runs are kept", kept());
+    assert!(told.contains("; the choice is among the other settings"), "{told}");
+    let runs = fs::read_dir(stopped.path().join("study-results/control-units"));
+    let kept = runs.map_or(0, Iterator::count);
+    assert!(kept >= 5, "{kept} runs are kept");
+    // The setting that failed is tried again, and it alone.
     stopped.write("go", "");
-    stopped.calib(&args).ends(&[0, 1]);
+    let again = stopped.calib(&args);
+    again.ends(&[0, 1]);
+    assert!(!again.stderr().contains("the choice is among"), "{}", again.stderr());
     let whole = pump_of_a_program(&dying);
     whole.write("go", "");
     whole.calib(&args).ends(&[0, 1]);
@@ -199,4 +204,28 @@ fn an_agent_of_a_program_may_diverge() {
             .expect("JSON");
     assert_eq!(json["verdict"]["chosen"], 0);
     assert_eq!(json["verdict"]["selection"]["mean_errors"][1], "-inf");
+}
+
+/// A setting that fails is last, and the others are judged all the same, with the same bytes on any number of threads.
+#[test]
+fn a_program_may_fail_with_one_setting() {
+    let place = pump_of_a_program(&ALWAYS.replace(
+        "*'\"begin\"'*) ",
+        "*'\"action\":1'*) echo '{\"error\": \"no such valve\"}' ;; *'\"begin\"'*) ",
+    ));
+    let told = place.calib(&["control", "study.toml", "--threads", "1", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&told.ends(&[0, 1])).expect("JSON");
+    assert_eq!(json["verdict"]["chosen"], 0);
+    assert_eq!(json["failures"][0]["candidate"], 1);
+    assert!(
+        told.stderr().contains("with action = 1: no such valve; the choice is among the other"),
+        "{}",
+        told.stderr()
+    );
+    let alone = place.content("study-results/control");
+    let report = fs::read_to_string(place.path().join("study-results/control/report.html"));
+    assert!(report.expect("written").contains("no such valve"), "the report tells it");
+    place.calib(&["control", "study.toml", "--threads", "2"]).ends(&[0, 1]);
+    assert!(place.content("study-results/control") == alone, "the same bytes");
+    place.calib(&["check", "study-results"]).succeeds();
 }

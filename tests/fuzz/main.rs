@@ -259,10 +259,11 @@ proptest! {
         cells in vec("\\PC{0,12}|[-+0-9TtZz:. /,apmAPM]{0,24}|[0-9]{1,18}|\\PC{0,3}[0-9]{1,2}:[0-9]{2}", 1..6),
         name in "\\PC{0,8}",
     ) {
-        let rows: String = cells
+        let rows: Vec<String> = cells
             .iter()
             .map(|cell| format!("\"{}\",1\n", cell.replace('"', "\"\"")))
             .collect();
+        let rows = rows.concat();
         let text = format!("time,\"{}\"\n{rows}", name.replace('"', "\"\""));
         let (_place, path) = Place::with("a.csv", text.as_bytes());
         read_text(&path);

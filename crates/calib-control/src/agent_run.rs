@@ -29,6 +29,11 @@ pub struct AgentRun {
 }
 
 impl AgentRun {
+    /// Of an agent that could not take a step.
+    pub fn diverged() -> Self {
+        Self { returns: Vec::new(), terminals: 0, rest: 0.0, rest_share: 0.0, diverged: true }
+    }
+
     /// Mean return an episode, Σ of all rewards / (episodes + the part of the last one), which counts one episode at least;
     /// −∞ if the agent diverged.
     pub fn mean_return(&self) -> f64 {
@@ -95,13 +100,7 @@ pub(crate) struct Episodes {
 
 impl Episodes {
     pub(crate) fn new(environment: &dyn Environment, span: RunLength, seed: Seed) -> Self {
-        let life = AgentRun {
-            returns: Vec::new(),
-            terminals: 0,
-            rest: 0.0,
-            rest_share: 0.0,
-            diverged: false,
-        };
+        let life = AgentRun { diverged: false, ..AgentRun::diverged() };
         Self {
             life,
             span,

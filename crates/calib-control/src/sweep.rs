@@ -56,6 +56,20 @@ impl Run {
         let Self { kind, member, run, candidate, .. } = *self;
         RunId { kind, member, run, candidate }
     }
+
+    /// The run of an agent that could not go on: as of one that diverged before its first step.
+    #[must_use]
+    pub fn failed(self) -> Self {
+        Self {
+            mean_return: f64::NEG_INFINITY,
+            episodes: 0,
+            terminals: 0,
+            coverage: Coverage::default(),
+            curve: Vec::new(),
+            drift: Drift::default(),
+            ..self
+        }
+    }
 }
 
 /// Whoever keeps runs, so that a sweep that was stopped goes on from them.
@@ -92,7 +106,7 @@ pub trait ActingAgents: Sync {
     /// Let agent `candidate`, which knows nothing of earlier runs, act and learn in `environment`.
     ///
     /// # Errors
-    /// If the monitor interrupts, or the agent cannot go on.
+    /// If the monitor interrupts, or no agent can go on.
     fn live(
         &self,
         candidate: usize,
@@ -101,6 +115,11 @@ pub trait ActingAgents: Sync {
         seed: Seed,
         monitor: &dyn Monitor,
     ) -> Result<AgentRun, ControlError>;
+
+    /// Whether agent `candidate` could not go on in some run. What came of it then is not kept.
+    fn has_failed(&self, _candidate: usize) -> bool {
+        false
+    }
 }
 
 impl ActingAgents for &[AgentConfig] {
@@ -195,7 +214,9 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
                 curve: tenths(&life.returns),
                 drift: walk.drift(),
             };
-            keeper.keep(&lived)?;
+            if !agents.has_failed(candidate) {
+                keeper.keep(&lived)?;
+            }
             monitor.advance(1);
             Ok(lived)
         })

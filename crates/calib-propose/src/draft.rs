@@ -319,9 +319,9 @@ impl Draft<'_> {
     fn sweep(&self, text: &mut Lines) {
         let size = self.size;
         text.section("sweep");
-        let proposed = self.sensors.proposed.iter().take(size.sensors);
+        let name = |&channel: &usize| quoted(&self.sketch.channels[channel].name);
         let proposed: Vec<String> =
-            proposed.map(|&channel| quoted(&self.sketch.channels[channel].name)).collect();
+            self.sensors.proposed.iter().take(size.sensors).map(name).collect();
         let why = if self.asked.sensors {
             "Named with --sensor".to_owned()
         } else {

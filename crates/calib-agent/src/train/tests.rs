@@ -127,9 +127,9 @@ fn the_online_agent_is_the_textbooks() {
     let mut count = 0;
     let mut updates = 0;
     for piece in [0..50, 50..51, 51..81, 81..120] {
-        for t in piece.start..piece.end - 1 {
+        for (t, target) in returns.iter().enumerate().take(piece.end - 1).skip(piece.start) {
             if t >= 89 && t < piece.end - horizon {
-                sum += (weighted_sum(&w, x(t)) - returns[t]).powi(2);
+                sum += (weighted_sum(&w, x(t)) - target).powi(2);
                 count += 1;
             }
             let td_error =

@@ -122,8 +122,8 @@ fn message(folder: &Folder, change: impl FnOnce(&mut DataConfig)) -> String {
 
 /// A row a day, written with the month first.
 fn days_of_march(days: std::ops::Range<u32>) -> String {
-    let rows: String = days.map(|day| format!("03/{day:02}/2024 10:00,{day}\n")).collect();
-    format!("time,a\n{rows}")
+    let rows: Vec<String> = days.map(|day| format!("03/{day:02}/2024 10:00,{day}\n")).collect();
+    format!("time,a\n{}", rows.concat())
 }
 
 #[test]
@@ -267,9 +267,9 @@ fn numbers_that_fit_two_notations_are_refused_with_both() {
 
 /// A log of these times of 2014-10-26: clocks in Moscow go from 2:00 back to 1:00, at 22:00 UTC of the day before.
 fn load_of_moscow(times: &[&str]) -> Dataset {
-    let rows: String =
+    let rows: Vec<String> =
         times.iter().enumerate().map(|(row, time)| format!("2014-10-26 {time},{row}\n")).collect();
-    let folder = text("a.csv", &format!("time,a\n{rows}"));
+    let folder = text("a.csv", &format!("time,a\n{}", rows.concat()));
     let data = DataConfig {
         time_zone: Some("Europe/Moscow".to_owned()),
         period_secs: Some(1_800.0),
@@ -521,9 +521,9 @@ fn a_channel_may_be_called_as_qualities_are() {
 fn the_newest_rows_may_come_first() {
     // 2024-10-27: clocks in Paris go from 3:00 back to 2:00.
     let shown = ["04:00", "03:30", "03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
-    let rows: String =
+    let rows: Vec<String> =
         shown.iter().enumerate().map(|(at, time)| format!("2024-10-27 {time},{at}\n")).collect();
-    let folder = text("a.csv", &format!("time,a\n{rows}"));
+    let folder = text("a.csv", &format!("time,a\n{}", rows.concat()));
     let data = DataConfig { time_zone: Some("Europe/Paris".to_owned()), ..folder.data() };
     let dataset = load_with(&data, &PreprocessConfig::default());
     assert_eq!(train_values(&dataset, "a"), [7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0]);

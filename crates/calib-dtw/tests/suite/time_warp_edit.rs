@@ -38,7 +38,7 @@ fn values() -> impl Strategy<Value = Vec<f64>> {
 }
 
 fn distance(x: &[f64], y: &[f64]) -> f64 {
-    TimeWarpEdit::default().distance(x, y).unwrap()
+    TimeWarpEdit::default().distance(x, y).expect("neither is empty")
 }
 
 proptest! {

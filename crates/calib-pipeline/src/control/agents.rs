@@ -47,6 +47,26 @@ impl ActingAgent {
     }
 }
 
+/// A setting whose agent could not go on in some run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub(super) struct SettingFailure {
+    /// Which setting.
+    pub(super) candidate: usize,
+    /// What the program did.
+    pub(super) reason: String,
+}
+
+impl SettingFailure {
+    /// What happened, and what to do.
+    pub(super) fn warning(&self) -> String {
+        format!(
+            "{}; the choice is among the other settings: mend the program and run the same command again, or take the value out of \
+             [sweep.grid]",
+            self.reason
+        )
+    }
+}
+
 /// The agents of a study, in the order in which verdicts count them.
 pub(super) enum ComparedAgents {
     /// calib's own: `[control.agent]` and `[control.grid]`.
@@ -165,11 +185,79 @@ pub(super) struct ProgramAgents<'a> {
     names: &'a Names,
     /// Processes that wait for the next agent.
     idle: Mutex<Vec<Process<'a>>>,
+    /// Why settings failed, by their numbers. They are not tried again.
+    failures: Mutex<BTreeMap<usize, String>>,
 }
 
 impl<'a> ProgramAgents<'a> {
     fn new(command: &'a ProgramCommand, candidates: &'a [Candidate], names: &'a Names) -> Self {
-        Self { command, candidates, names, idle: Mutex::new(Vec::new()) }
+        let idle = Mutex::default();
+        Self { command, candidates, names, idle, failures: Mutex::default() }
+    }
+
+    /// The settings that failed, and why.
+    pub(super) fn failures(&self) -> Vec<SettingFailure> {
+        let failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
+        let told = failures.iter();
+        told.map(|(&candidate, reason)| SettingFailure { candidate, reason: reason.clone() })
+            .collect()
+    }
+
+    /// Go on without a setting that failed, as long as there are others.
+    fn go_on_without(&self, candidate: usize, reason: &str) -> Result<AgentRun, ControlError> {
+        // What is no longer the program that began does not tell of the setting.
+        self.command.check_unchanged().map_err(failed)?;
+        let mut failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
+        failures.entry(candidate).or_insert_with(|| reason.to_owned());
+        if failures.len() < self.candidates.len() {
+            return Ok(AgentRun::diverged());
+        }
+        let first = failures.values().next().map_or(reason, String::as_str);
+        Err(ControlError::Program(first.into()))
+    }
+
+    /// One agent's time, in a process that waits for the next one afterwards.
+    fn lived(
+        &self,
+        candidate: usize,
+        environment: &mut dyn Environment,
+        span: RunLength,
+        seed: Seed,
+        monitor: &dyn Monitor,
+    ) -> Result<AgentRun, ProgramStopped> {
+        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let process = match idle {
+            Some(process) => process,
+            None => Process::start(self.command, 0)?,
+        };
+        let agent = &self.candidates[candidate].agent;
+        let mut actor = ProgramActor {
+            process,
+            setting: self.candidates[candidate].label(),
+            command: self.command,
+            actions: environment.actions(),
+            message: None,
+            stopped: None,
+            monitor,
+        };
+        let begin = BeginActing {
+            columns: environment.columns(),
+            column_names: &self.names.columns,
+            actions: environment.actions(),
+            action_names: &self.names.actions,
+            gamma: agent.gamma,
+            seed: seed.child("agent").get(),
+            steps: span.steps,
+            timeout: span.timeout,
+            parameters: &agent.parameters,
+        };
+        actor.begin(&begin)?;
+        let lived = live(&mut actor, environment, span, seed);
+        if let Some(stopped) = actor.stopped {
+            return Err(stopped);
+        }
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(actor.process);
+        Ok(lived)
     }
 
     /// No agent is left to train: the processes end.
@@ -197,41 +285,25 @@ impl ActingAgents for ProgramAgents<'_> {
         seed: Seed,
         monitor: &dyn Monitor,
     ) -> Result<AgentRun, ControlError> {
-        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let process = match idle {
-            Some(process) => process,
-            None => Process::start(self.command, 0).map_err(failed)?,
-        };
-        let agent = &self.candidates[candidate].agent;
-        let mut actor = ProgramActor {
-            process,
-            setting: self.candidates[candidate].label(),
-            command: self.command,
-            actions: environment.actions(),
-            message: None,
-            stopped: None,
-            monitor,
-        };
-        let begin = BeginActing {
-            columns: environment.columns(),
-            column_names: &self.names.columns,
-            actions: environment.actions(),
-            action_names: &self.names.actions,
-            gamma: agent.gamma,
-            seed: seed.child("agent").get(),
-            steps: span.steps,
-            timeout: span.timeout,
-            parameters: &agent.parameters,
-        };
-        actor.begin(&begin).map_err(failed)?;
-        let lived = live(&mut actor, environment, span, seed);
-        if let Some(stopped) = actor.stopped {
-            return Err(failed(stopped));
+        if self.has_failed(candidate) {
+            return Ok(AgentRun::diverged());
         }
-        // The run is kept under the program's fingerprint.
-        self.command.check_unchanged().map_err(failed)?;
-        self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(actor.process);
-        Ok(lived)
+        match self.lived(candidate, environment, span, seed, monitor) {
+            Ok(lived) => {
+                // The run is kept under the program's fingerprint.
+                self.command.check_unchanged().map_err(failed)?;
+                Ok(lived)
+            }
+            Err(ProgramStopped::Failed(reason)) => {
+                self.go_on_without(candidate, &reason.to_string())
+            }
+            Err(cancelled @ ProgramStopped::Cancelled(_)) => Err(failed(cancelled)),
+        }
+    }
+
+    fn has_failed(&self, candidate: usize) -> bool {
+        let failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
+        failures.contains_key(&candidate)
     }
 }
 

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     advice::{Advice, STUDY},
-    agents::{ActingAgent, ProgramIdentity},
+    agents::{ActingAgent, ProgramIdentity, SettingFailure},
     conduct::AgentConduct,
     described::ActionLogSummary,
     show::name,
@@ -77,6 +77,9 @@ pub struct ControlEvaluation {
     /// What the chosen agent did at the end of its first run; none if it diverged there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) conduct: Option<AgentConduct>,
+    /// Settings of a program that failed: they are last in every ranking.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) failures: Vec<SettingFailure>,
 }
 
 impl ControlEvaluation {
@@ -103,6 +106,13 @@ impl ControlEvaluation {
             columns: &self.log.columns,
             vocabulary: self.candidates.first().map_or(STUDY, ActingAgent::vocabulary),
         })
+    }
+
+    /// Why the log does not support the choice, and what is missing from it.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let mut warnings = self.advise(|advice| advice.reasons());
+        warnings.extend(self.failures.iter().map(SettingFailure::warning));
+        warnings
     }
 
     /// The agent to deploy, if the log supports the choice.
@@ -164,7 +174,10 @@ pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bo
     if manifest.key != key || !artefact::are_whole(directory, &manifest.files) {
         return None;
     }
-    let evaluation = read_sealed_json(&directory.join(VERDICT)).ok()?;
+    let evaluation: ControlEvaluation = read_sealed_json(&directory.join(VERDICT)).ok()?;
+    if !evaluation.failures.is_empty() {
+        return None;
+    }
     Some((evaluation, artefact::are_whole(directory, &manifest.shown)))
 }
 

@@ -43,7 +43,7 @@ pub(super) fn write(
         subtitle: Some(show::line(&evaluation.log)),
         decision: Some(evaluation.advise(|advice| advice.decision())),
         findings: evaluation.advise(|advice| advice.findings()),
-        warnings: evaluation.advise(|advice| advice.reasons()),
+        warnings: evaluation.warnings(),
         figures: figures.into_iter().map(|(_, figure)| figure).collect(),
         tables: [
             vec![candidates(evaluation), actions(evaluation)],

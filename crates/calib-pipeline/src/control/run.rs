@@ -18,7 +18,7 @@ use calib_report::listed;
 use calib_study::Job;
 
 use super::{
-    agents::ComparedAgents,
+    agents::{ComparedAgents, ProgramAgents},
     conduct::{AgentConduct, conduct},
     described::described,
     files::{self, ControlEvaluation},
@@ -69,7 +69,10 @@ pub(crate) fn run(
     files::write(&directory, (study, key), (&log, &evaluation), &runs, || {
         page::write(&directory, job, &evaluation)
     })?;
-    units.remove()?;
+    // Settings that failed are tried again by the next command, beside what there is of the others.
+    if evaluation.failures.is_empty() {
+        units.remove()?;
+    }
     let took = duration(clock.elapsed());
     printer.say(&format!("written to {} in {took}", directory.display()));
     printer.say(&format!("the report is {}", page::path(&directory).display()));
@@ -169,7 +172,14 @@ fn judged(
     let own = agents.own();
     let program = agents.of_program(&names);
     let acting: &dyn ActingAgents = program.as_ref().map_or(&own, |program| program);
-    let SweptSettings { runs, constants } = swept(config, &model, acting, seed, units, printer)?;
+    let SweptSettings { mut runs, constants } =
+        swept(config, &model, acting, seed, units, printer)?;
+    // All runs of a setting that failed: which of them were made before depends on the threads.
+    for run in &mut runs {
+        if acting.has_failed(run.candidate) {
+            *run = run.clone().failed();
+        }
+    }
     let decisions = model.log();
     let support = Support {
         most_uncovered: config.most_uncovered,
@@ -194,6 +204,11 @@ fn judged(
     let kept = steps.div_ceil(4).min(MOST_TOLD_STEPS);
     let last = trajectory(&model, acting, verdict.chosen, span, kept, seed, &progress)?;
     let of_reward: Vec<String> = config.reward.columns().cloned().collect();
+    let failures = program.as_ref().map_or_else(Vec::new, ProgramAgents::failures);
+    if let Some(failure) = failures.iter().find(|failure| failure.candidate == verdict.chosen) {
+        // It did what the runs before asked of it, and not the same once more.
+        return Err(ControlError::Program(failure.reason.clone().into()).into());
+    }
     let conduct: Option<AgentConduct> = (!last.run.diverged)
         .then(|| conduct(&last, &names, &described, &of_reward, &config.actions));
     if let Some(program) = program
@@ -219,6 +234,7 @@ fn judged(
         fitted_q_evaluation: fitted,
         importance_sampling: importance,
         conduct,
+        failures,
         candidates: agents.stored(),
     };
     Ok(JudgedSettings { log: fingerprint, evaluation, runs })

@@ -36,8 +36,8 @@ impl Told for ControlEvaluation {
             printer.lines(&candidates(self))?;
             printer.lines(&actions(&self.log))?;
         }
-        for reason in self.advise(|advice| advice.reasons()) {
-            printer.warn(&reason);
+        for warning in self.warnings() {
+            printer.warn(&warning);
         }
         Ok(())
     }
