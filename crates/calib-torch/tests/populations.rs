@@ -218,7 +218,8 @@ fn more_runs_than_fit_are_fewer_side_by_side() {
         .iter()
         .map(|config| Learner { config, cumulant: 0, start: None, baseline: None })
         .collect();
-    let side_by_side = |states| runs_together(&populations(), &learners, (states, 3));
+    let processor = Populations::new(device(DeviceChoice::Cpu).expect("always there"));
+    let side_by_side = |states| runs_together(&processor, &learners, (states, 3));
     assert_eq!(side_by_side(200), 64);
     assert_eq!(side_by_side(1 << 40), 1, "one is always tried");
     let fit = side_by_side(400_000);
