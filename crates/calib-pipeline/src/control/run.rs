@@ -172,14 +172,7 @@ fn judged(
     let own = agents.own();
     let program = agents.of_program(&names);
     let acting: &dyn ActingAgents = program.as_ref().map_or(&own, |program| program);
-    let SweptSettings { mut runs, constants } =
-        swept(config, &model, acting, seed, units, printer)?;
-    // All runs of a setting that failed: which of them were made before depends on the threads.
-    for run in &mut runs {
-        if acting.has_failed(run.candidate) {
-            *run = run.clone().failed();
-        }
-    }
+    let SweptSettings { runs, constants } = swept(config, &model, acting, seed, units, printer)?;
     let decisions = model.log();
     let support = Support {
         most_uncovered: config.most_uncovered,
@@ -306,6 +299,12 @@ fn swept(
                 }
                 Err(error) => return Err(error.into()),
             },
+        }
+    }
+    // All runs of a setting that failed: which of them were made before depends on the threads.
+    for run in &mut swept.runs {
+        if agents.has_failed(run.candidate) {
+            *run = run.clone().failed();
         }
     }
     Ok(swept)
