@@ -36,7 +36,7 @@ CONTENTS = {
         "Tuning agents that act",
         "Choose the settings of an agent that acts. The guide is\n[tune your own agent](../guides/tune-your-agent.md).",
         "calib_rl",
-        ["tune", "Tuned", "Failure"],
+        ["tune", "Tuned", "Failure", "ControlAgent", "Training", "AgentAction"],
     ),
     "agents": (
         "Your own agents that predict",

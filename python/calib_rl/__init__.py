@@ -2,7 +2,7 @@
 
 - `Study`: what to compute. Its steps `Study.build_model`, `Study.rollout`, `Study.sweep`, `Study.evaluate`, or all in `Study.run`.
 - `build_model`: a calibration model of a frame, an array, or logs. `Model`: it as arrays.
-- `ActionModel`: a model with actions, for agents that act. `tune`: which of their settings to deploy.
+- `ActionModel`: a model with actions, for agents that act. `tune`: which of their settings to deploy. `ControlAgent`: an agent of calib's own.
 - `Verdict`: what to deploy, as text and frames.
 - `knn_join`, `dtw`, `simulate`: without a study.
 - `calib_rl.gym`: a model as an environment of Gymnasium.
@@ -11,6 +11,7 @@
 
 from ._acting import Action, ActionModel, Decisions, Recorded
 from ._calib import __version__
+from ._control_agent import AgentAction, ControlAgent, Training
 from ._errors import CalibError, StudyError
 from ._functions import Warping, build_model, dtw, knn_join, set_threads, simulate
 from ._model import Model
@@ -22,7 +23,9 @@ from ._verdict import Rollouts, Runs, Verdict
 __all__ = [
     "Action",
     "ActionModel",
+    "AgentAction",
     "CalibError",
+    "ControlAgent",
     "Decisions",
     "Failure",
     "Model",
@@ -33,6 +36,7 @@ __all__ = [
     "Runs",
     "Study",
     "StudyError",
+    "Training",
     "Tuned",
     "Verdict",
     "Warping",

@@ -47,8 +47,22 @@ pub(crate) struct PyActionModel {
 }
 
 impl PyActionModel {
-    fn model(&self) -> &ActionModel {
+    pub(crate) fn model(&self) -> &ActionModel {
         &self.kept.opened.model
+    }
+
+    /// Name, offset and scale of every column.
+    pub(crate) fn described_columns(&self) -> Vec<(String, f64, f64)> {
+        let columns = self.kept.opened.names.columns.iter();
+        columns
+            .map(|column| (column.name.clone(), column.bounds.offset, column.bounds.scale))
+            .collect()
+    }
+
+    /// What each action is called, and what it sets.
+    pub(crate) fn described_actions(&self) -> Vec<(String, Vec<f64>)> {
+        let names = &self.kept.opened.names;
+        names.actions.iter().cloned().zip(names.levels.iter().cloned()).collect()
     }
 
     /// The increments of the model, made at their first use.
@@ -166,10 +180,7 @@ impl PyActionModel {
     /// Name, offset and scale of every column: physical = normalised × scale + offset.
     #[getter]
     fn columns(&self) -> Vec<(String, f64, f64)> {
-        let columns = self.kept.opened.names.columns.iter();
-        columns
-            .map(|column| (column.name.clone(), column.bounds.offset, column.bounds.scale))
-            .collect()
+        self.described_columns()
     }
 
     /// Name, least and largest recorded value of every column of the actions.

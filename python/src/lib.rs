@@ -11,6 +11,7 @@
 mod acting;
 mod acting_walkers;
 mod array;
+mod control_agent;
 mod convert;
 mod dtw;
 mod errors;
@@ -44,6 +45,7 @@ fn _calib(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<walkers::Walkers>()?;
     module.add_class::<acting::PyActionModel>()?;
     module.add_class::<acting_walkers::ActionWalkers>()?;
+    module.add_class::<control_agent::ControlAgent>()?;
     module.add_class::<streams::Streams>()?;
     module.add_class::<streams::Score>()?;
     module.add_function(wrap_pyfunction!(convert::to_toml, module)?)?;

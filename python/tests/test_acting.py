@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import warnings
@@ -13,6 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 import calib_rl
 import calib_rl.gym
+from conftest import command_line
 
 polars = pytest.importorskip("polars")
 KINDS = ("neighbors", "increments", "network")
@@ -352,3 +354,79 @@ def test_what_tune_refuses(acting: calib_rl.ActionModel) -> None:
             calib_rl.tune(Sarsa, GRID, acting, total_timesteps=10, kinds=kinds)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="kinds="):
         calib_rl.tune(Sarsa, GRID, acting, total_timesteps=10, environment={"kind": "network"})
+
+
+def test_an_agent_learns_in_a_model_is_kept_and_goes_on(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    for settings in (
+        {"algorithm": "expected_sarsa", "temperature": 0.05, "step_size": 0.3},
+        {"algorithm": "q_learning", "step_size": 0.3},
+        {"algorithm": "deep_q_learning", "step_size": 0.001, "hidden_width": 16},
+    ):
+        agent = calib_rl.ControlAgent(acting, gamma=0.9, seed=3, **settings)
+        first = agent.train(acting, 400)
+        later = [agent.train(acting, 2_000, member=member, seed=member) for member in range(5)]
+        assert first.episodes == 10 and later[-1].mean_return > first.mean_return, settings
+        # Below the wanted level the valve is opened, above it is closed.
+        low, high = ({"level": level, "flow": 5.0} for level in (0.3, 0.9))
+        assert agent.values(low).argmax() > agent.values(high).argmax(), settings
+        path = tmp_path / "agent.safetensors"
+        agent.save(path)
+        again = calib_rl.ControlAgent.load(path)
+        assert (again.values(low) == agent.values(low)).all() and again.settings == agent.settings
+        assert again.columns == ["level", "flow"] and again.actions[2] == calib_rl.AgentAction("valve0=1", (1.0,))
+        other = calib_rl.ControlAgent.load(path)
+        told = [(again.begin([0.5, 5.0]), other.begin([0.5, 5.0]))]
+        told += [(again.step(-0.1, [level, 5.0]), other.step(-0.1, [level, 5.0])) for level in (0.4, 0.5, 0.6)]
+        assert all(one == two for one, two in told), "what is loaded twice does the same"
+        before = agent.values(low)
+        agent.begin(low)
+        agent.step(5.0, high, learn=False)
+        assert (agent.values(low) == before).all()
+
+
+def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, continuous: calib_rl.ActionModel, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="step_size"):
+        calib_rl.ControlAgent(acting, step_size=-1.0)
+    with pytest.raises(ValueError, match="stepsize"):
+        calib_rl.ControlAgent(acting, stepsize=1.0)
+    agent = calib_rl.ControlAgent(acting)
+    with pytest.raises(ValueError, match="call begin"):
+        agent.step(0.0, [0.5, 5.0])
+    with pytest.raises(ValueError, match="level is nan"):
+        agent.begin([np.nan, 5.0])
+    with pytest.raises(ValueError, match="expected 2"):
+        agent.begin([0.5])
+    with pytest.raises(ValueError, match="no 'flow'"):
+        agent.begin({"level": 0.5})
+    agent.begin([0.5, 5.0])
+    with pytest.raises(ValueError, match="reward is inf"):
+        agent.step(np.inf, [0.5, 5.0])
+    assert agent.step(0.0, [0.5, 5.0], terminal=True) is None
+    with pytest.raises(ValueError, match="other columns or actions"):
+        agent.train(continuous, 10)
+    with pytest.raises(IndexError):
+        agent.train(acting, 10, member=5)
+    bad = tmp_path / "bad.safetensors"
+    bad.write_bytes(b"nothing")
+    with pytest.raises(calib_rl.CalibError):
+        calib_rl.ControlAgent.load(bad)
+    agent.save(tmp_path / "agent.safetensors")
+    damaged = (tmp_path / "agent.safetensors").read_bytes().replace(b'"weights"', b'"weightz"')
+    bad.write_bytes(damaged)
+    with pytest.raises(calib_rl.CalibError, match="weights"):
+        calib_rl.ControlAgent.load(bad)
+
+
+def test_the_chosen_agent_comes_out(tmp_path: Path) -> None:
+    model = calib_rl.build_model(tank(), tmp_path, actions=["valve0"], reward="reward", timeout=40)
+    path = model.path.parents[1] / "study.toml"
+    study = calib_rl.Study(path)
+    with pytest.raises(calib_rl.CalibError, match="calib control"):
+        calib_rl.ControlAgent.of(study)
+    sets = ("control.grid={ step_size = [0.01, 0.3] }", "control.steps=400", "control.agent.temperature=0.05")
+    done = command_line("control", path, *(part for text in sets for part in ("--set", text)), "--json")
+    assert done.returncode in (0, 1), done.stderr
+    agent = calib_rl.ControlAgent.of(study)
+    assert agent.settings == json.loads(done.stdout)["choice"]
+    assert agent.settings["temperature"] == 0.05 and agent.columns == model.columns
+    assert agent.begin([0.5, 5.0]) in range(3)

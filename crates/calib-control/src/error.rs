@@ -141,6 +141,12 @@ pub enum ControlError {
         /// The file.
         path: std::path::PathBuf,
     },
+    /// What was stored is no agent, or another one.
+    #[error("this is not the stored agent that was expected: {reason}")]
+    NoAgent {
+        /// What is wrong.
+        reason: String,
+    },
     /// A file cannot be read.
     #[error(transparent)]
     Files(#[from] calib_files::FileError),

@@ -1,8 +1,11 @@
+use calib_files::{Tensor, Tensors};
+
 use super::{
     AgentConfig, Algorithm, Tiles, policy,
+    stored::{progress, progress_of, values_of},
     weights::{Change, Weights},
 };
-use crate::{Ending, Outcome};
+use crate::{ControlError, Ending, Outcome};
 
 /// Values that are linear in tile coding: q(s, a) = Σ of the weights of action a's features of s. Traces of the features of (s, a) become 1, and all
 /// weights change by Adam on −δe.
@@ -33,6 +36,34 @@ impl Linear {
             policy: vec![0.0; actions],
             powers: [1.0; 2],
         }
+    }
+
+    pub(super) fn to_tensors(&self, actions: usize) -> Tensors {
+        let shape = vec![actions, self.tiles.len()];
+        let parts = ["weights", "mean", "square"].into_iter().zip(self.weights.clone().parts());
+        Tensors {
+            tensors: parts
+                .map(|(name, values)| Tensor {
+                    name: name.to_owned(),
+                    shape: shape.clone(),
+                    values,
+                })
+                .collect(),
+            metadata: [progress(&self.powers)].into(),
+        }
+    }
+
+    /// Be what was stored.
+    ///
+    /// # Errors
+    /// If it is of another agent.
+    pub(super) fn take(&mut self, tensors: &Tensors) -> Result<(), ControlError> {
+        let count = self.next_values.len() * self.tiles.len();
+        let [values, means, squares] =
+            ["weights", "mean", "square"].map(|name| values_of(tensors, name, count));
+        self.weights = Weights::of(values?, means?, squares?);
+        self.powers = progress_of(tensors)?;
+        Ok(())
     }
 
     /// End all traces.

@@ -3,6 +3,7 @@
 mod config;
 mod linear;
 mod network;
+mod stored;
 mod tiles;
 mod weights;
 
@@ -89,6 +90,12 @@ impl Agent {
     /// The value of each action in the state that it is in.
     pub fn values(&self) -> &[f64] {
         &self.values
+    }
+
+    /// The value of each action in `state`, where it is then.
+    pub fn values_in(mut self, state: &[f32]) -> Vec<f64> {
+        self.go_on(state);
+        self.values
     }
 
     /// Learn from what `action` led to, and be in `next`.

@@ -1,8 +1,12 @@
 use calib_core::{Rng, Seed};
-use calib_nn::{Adam, AdamRule, Mlp, Workspace};
+use calib_files::{Tensor, Tensors};
+use calib_nn::{Adam, AdamRule, Mlp, Moments, Workspace};
 
-use super::AgentConfig;
-use crate::{Ending, Outcome};
+use super::{
+    AgentConfig,
+    stored::{moments_of, named, network_of, progress, progress_of},
+};
+use crate::{ControlError, Ending, Outcome};
 
 /// Values from a multilayer perceptron, q(s, ·) being its outputs, learnt by Q-learning from replayed transitions (Mnih et al. 2015).
 ///
@@ -107,6 +111,29 @@ impl Network {
             state: vec![0.0; columns],
             drawn: Drawn::default(),
         }
+    }
+
+    pub(super) fn to_tensors(&self) -> Tensors {
+        let Moments { mean, square, powers } = self.adam.moments();
+        let mut tensors = named(&self.online, "online.");
+        tensors.extend(named(&self.target, "target."));
+        tensors.extend([Tensor::flat("mean", mean), Tensor::flat("square", square)]);
+        let metadata = [progress(&[powers.0, powers.1, self.steps as f64])].into();
+        Tensors { tensors, metadata }
+    }
+
+    /// Be what was stored.
+    ///
+    /// # Errors
+    /// If it is of another agent.
+    pub(super) fn take(&mut self, tensors: &Tensors) -> Result<(), ControlError> {
+        let [one, two, steps] = progress_of(tensors)?;
+        let moments = moments_of(tensors, self.online.parameter_count(), (one, two))?;
+        self.online = network_of(tensors, "online.", &self.online)?;
+        self.target = network_of(tensors, "target.", &self.target)?;
+        self.adam = Adam::from_moments(self.adam.rule(), moments);
+        self.steps = steps as usize;
+        Ok(())
     }
 
     /// Memory of one whose replay is full: both networks, two moments and two gradients, and what is replayed.

@@ -59,6 +59,26 @@ impl Weights {
         Self { values: vec![value; count], moments: vec![none; count], traced: Traced::default() }
     }
 
+    /// Of so many values, with the moments of each.
+    pub(crate) fn of(values: &[f32], means: &[f32], squares: &[f32]) -> Self {
+        let moments = means.iter().zip(squares);
+        Self {
+            values: values.to_vec(),
+            moments: moments
+                .map(|(&mean, &square)| Moments { mean, square, place: NOWHERE })
+                .collect(),
+            traced: Traced::default(),
+        }
+    }
+
+    /// Values, means and squares of all of them, once their traces have ended.
+    pub(crate) fn parts(mut self) -> [Vec<f32>; 3] {
+        self.forget();
+        let means = self.moments.iter().map(|moments| moments.mean).collect();
+        let squares = self.moments.iter().map(|moments| moments.square).collect();
+        [self.values, means, squares]
+    }
+
     /// Memory of so many of them.
     pub(crate) fn bytes(count: usize) -> u64 {
         (count * (size_of::<f32>() + size_of::<Moments>())) as u64

@@ -10,7 +10,7 @@ use calib_control::{Distance, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_report::Decision;
-use calib_study::Study;
+use calib_study::{Job, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -83,6 +83,18 @@ pub struct ControlEvaluation {
 }
 
 impl ControlEvaluation {
+    /// What `calib control` found for a study.
+    ///
+    /// # Errors
+    /// If it was not run, or its results were damaged.
+    pub fn of_job(job: &Job) -> Result<Self, StepError> {
+        let directory = job.layout().control();
+        let command = job.command(StepKind::Control);
+        let manifest: ControlManifest = artefact::require(&directory, &command)?;
+        artefact::check_files(&directory, &manifest.files, &command)?;
+        Ok(read_sealed_json(&directory.join(VERDICT))?)
+    }
+
     /// Which setting is the best in the models, by how much, and what stands against deploying it.
     pub fn verdict(&self) -> &ReturnVerdict {
         &self.verdict

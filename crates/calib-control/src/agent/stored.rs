@@ -1,0 +1,168 @@
+//! Agents as named arrays, so that they outlive a process.
+
+use calib_core::Seed;
+use calib_files::{Tensor, Tensors};
+use calib_nn::{LayoutError, Mlp, Moments, Naming};
+
+use super::{Agent, AgentConfig, Learner};
+use crate::ControlError;
+
+/// The free text of a file that has β₁ᵗ and β₂ᵗ, and of networks the steps since the target network was renewed.
+const PROGRESS: &str = "progress";
+
+impl Agent {
+    /// What it has learnt. Tiles: `weights`, `mean` and `square` of Adam, `[actions, features]`. Networks: `online.layers.0.weight` and so on
+    /// as PyTorch lays them out, the same of `target`, and Adam's `mean` and `square`. Traces of an episode, and transitions to replay, stay behind.
+    pub fn to_tensors(&self) -> Tensors {
+        match &self.learner {
+            Learner::Linear(linear) => linear.to_tensors(self.actions),
+            Learner::Network(network) => network.to_tensors(),
+        }
+    }
+
+    /// The agent that [`to_tensors`](Self::to_tensors) was called of, at the beginning of an episode. What it draws next follows from `seed`.
+    ///
+    /// # Errors
+    /// If the tensors are not those of such an agent.
+    pub fn from_tensors(
+        config: AgentConfig,
+        columns: usize,
+        actions: usize,
+        seed: Seed,
+        tensors: &Tensors,
+    ) -> Result<Self, ControlError> {
+        config.check()?;
+        config.bytes(columns, actions)?;
+        let mut agent = Self::seeded(config, columns, actions, seed);
+        match &mut agent.learner {
+            Learner::Linear(linear) => linear.take(tensors)?,
+            Learner::Network(network) => network.take(tensors)?,
+        }
+        Ok(agent)
+    }
+}
+
+/// Adam's progress, as a text that keeps every digit.
+pub(super) fn progress(numbers: &[f64]) -> (String, String) {
+    let numbers: Vec<String> = numbers.iter().map(ToString::to_string).collect();
+    (PROGRESS.to_owned(), numbers.join(" "))
+}
+
+/// The same numbers again.
+pub(super) fn progress_of<const N: usize>(tensors: &Tensors) -> Result<[f64; N], ControlError> {
+    let text = tensors.metadata.get(PROGRESS).map_or("", String::as_str);
+    let numbers: Vec<f64> = text.split(' ').filter_map(|number| number.parse().ok()).collect();
+    numbers.try_into().map_err(|_| ControlError::NoAgent {
+        reason: format!("its text `{PROGRESS}` is {text:?}, expected {N} numbers"),
+    })
+}
+
+/// The values of a tensor with this many.
+pub(super) fn values_of<'t>(
+    tensors: &'t Tensors,
+    name: &str,
+    count: usize,
+) -> Result<&'t [f32], ControlError> {
+    match tensors.get(name) {
+        Some(Tensor { values, .. }) if values.len() == count => Ok(values),
+        Some(Tensor { values, .. }) => Err(ControlError::NoAgent {
+            reason: format!("`{name}` has {} numbers, expected {count}", values.len()),
+        }),
+        None => Err(ControlError::NoAgent { reason: format!("there is no `{name}`") }),
+    }
+}
+
+/// A network with a prefix to its names, of the shape of `like`.
+pub(super) fn network_of(tensors: &Tensors, prefix: &str, like: &Mlp) -> Result<Mlp, ControlError> {
+    let network = Mlp::from_tensors(tensors, prefix, Naming::Layers).map_err(ControlError::from)?;
+    if network.parameter_count() != like.parameter_count() || network.outputs() != like.outputs() {
+        let reason = format!("`{prefix}` is another network than its settings describe");
+        return Err(ControlError::NoAgent { reason });
+    }
+    Ok(network)
+}
+
+/// A network's layers with a prefix to their names.
+pub(super) fn named(network: &Mlp, prefix: &str) -> Vec<Tensor> {
+    let layers = network.to_tensors(Naming::Layers).into_iter();
+    layers.map(|tensor| Tensor { name: format!("{prefix}{}", tensor.name), ..tensor }).collect()
+}
+
+/// Adam's moments of so many parameters.
+pub(super) fn moments_of(
+    tensors: &Tensors,
+    count: usize,
+    powers: (f64, f64),
+) -> Result<Moments, ControlError> {
+    Ok(Moments {
+        mean: values_of(tensors, "mean", count)?.to_vec(),
+        square: values_of(tensors, "square", count)?.to_vec(),
+        powers,
+    })
+}
+
+impl From<LayoutError> for ControlError {
+    fn from(error: LayoutError) -> Self {
+        Self::NoAgent { reason: error.to_string() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Algorithm, Ending, Outcome};
+
+    /// An agent after some steps of a made-up episode, and what it did in them.
+    fn after(agent: &mut Agent, steps: usize, seed: Seed) -> Vec<usize> {
+        let mut rng = seed.rng();
+        agent.look(&[0.5, 0.5]);
+        (0..steps)
+            .map(|step: usize| -> usize {
+                let action = agent.act(&mut rng).expect("finite");
+                let next = [rng.unit() as f32, rng.unit() as f32];
+                let ending = if step % 7 == 6 { Ending::Terminal } else { Ending::Continues };
+                let reward = f64::from(next[0]) - action as f64 / 3.0;
+                agent.learn(action, Outcome { reward, ending }, &next);
+                if ending == Ending::Terminal {
+                    agent.look(&next);
+                }
+                action
+            })
+            .collect()
+    }
+
+    #[test]
+    fn what_is_stored_goes_on() {
+        for algorithm in [Algorithm::ExpectedSarsa, Algorithm::QLearning, Algorithm::DeepQLearning]
+        {
+            let config = AgentConfig {
+                algorithm,
+                tilings: 4,
+                hidden_width: 8,
+                batch: 4,
+                beta1: 0.9,
+                temperature: 0.5,
+                target_steps: 5,
+                ..AgentConfig::default()
+            };
+            let mut agent = Agent::new(config, 2, 3);
+            after(&mut agent, 35, Seed::new(1));
+            let stored = agent.to_tensors();
+            let mut again =
+                Agent::from_tensors(config, 2, 3, Seed::new(0), &stored).expect("its own");
+            assert_eq!(again.to_tensors(), stored);
+            agent.look(&[0.2, 0.9]);
+            again.look(&[0.2, 0.9]);
+            assert_eq!(again.values(), agent.values());
+            // What networks replay stayed behind, so only tiles learn the same from here on.
+            if algorithm != Algorithm::DeepQLearning {
+                let seed = Seed::new(2);
+                assert_eq!(after(&mut again, 30, seed), after(&mut agent, 30, seed));
+                assert_eq!(again.to_tensors(), agent.to_tensors());
+            }
+            let other = AgentConfig { tilings: 5, hidden_width: 9, ..config };
+            assert!(Agent::from_tensors(other, 2, 3, Seed::new(0), &stored).is_err());
+            assert!(Agent::from_tensors(config, 2, 3, Seed::new(0), &Tensors::default()).is_err());
+        }
+    }
+}

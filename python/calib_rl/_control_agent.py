@@ -1,0 +1,278 @@
+"""calib's own agents that act, as objects."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _calib
+from ._acting import ActionModel
+from ._checks import LARGEST_SEED, position, whole
+
+if TYPE_CHECKING:
+    from ._study import Study
+
+
+class Training(NamedTuple):
+    """What `ControlAgent.train` came to.
+
+    Examples:
+        >>> agent = ControlAgent(_example_model(), step_size=0.1, gamma=0.9)
+        >>> training = agent.train(_example_model(), 500, timeout=50)
+        >>> training.episodes
+        10
+    """
+
+    mean_return: float
+    """Mean return an episode in the model, learning included."""
+    episodes: int
+    """Episodes that ended or were cut."""
+
+
+class ControlAgent:
+    """An agent of calib's own that acts and learns: what ``calib control`` compares.
+
+    It sees what `ActionModel.columns` says, in the units of the sensors, and answers with the position of an action of `ActionModel.actions`. Call
+    `begin` where an episode begins, and `step` with what came of each action.
+
+    Examples:
+        >>> model = _example_model()
+        >>> agent = ControlAgent(model, algorithm="expected_sarsa", step_size=0.1, temperature=0.1, gamma=0.9)
+        >>> training = agent.train(model, 2000, timeout=50)
+        >>> action = agent.begin([0.5])
+        >>> agent.actions[action].name in {"valve=0", "valve=0.5", "valve=1"}
+        True
+        >>> action = agent.step(-0.1, [0.55])
+    """
+
+    def __init__(self, model: ActionModel, *, seed: int = 0, **settings: Any) -> None:
+        """An agent that knows nothing yet.
+
+        Args:
+            model: What it will see and do. The model itself is not kept.
+            seed: What it draws follows from it.
+            settings: As in ``[control.agent]`` of a study, such as ``step_size=0.1``.
+
+        Raises:
+            ValueError: There is no such setting, or it cannot be what it is.
+        """
+        self._native = _calib.ControlAgent(model._native, json.dumps(settings), whole(seed, "seed", 0, LARGEST_SEED))
+
+    @staticmethod
+    def of(study: Study, *, seed: int = 0) -> ControlAgent:
+        """An agent with the setting that ``calib control`` chose. It knows nothing yet: `train` it, or let it learn at the plant.
+
+        Look at the verdict first: calib names a setting also where it advises against deploying it.
+
+        Args:
+            study: The study.
+            seed: What it draws follows from it.
+
+        Returns:
+            The agent.
+
+        Raises:
+            CalibError: ``calib control`` was not run, or the agents are those of a program.
+
+        Examples:
+            >>> import calib_rl
+            >>> study = calib_rl.Study(_example_model().path.parents[1] / "study.toml")
+            >>> try:
+            ...     ControlAgent.of(study)
+            ... except calib_rl.CalibError as error:
+            ...     print("calib control" in str(error))
+            True
+        """
+        settings = json.loads(_calib.ControlAgent.chosen(study._job))
+        return ControlAgent(ActionModel.of(study), seed=seed, **settings)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> ControlAgent:
+        """Open an agent that was saved. It goes on with what it had learnt, at the beginning of an episode.
+
+        Args:
+            path: The file.
+
+        Returns:
+            The agent.
+
+        Raises:
+            CalibError: The file is no agent of calib.
+
+        Examples:
+            >>> import os, tempfile
+            >>> path = os.path.join(tempfile.mkdtemp(), "agent.safetensors")
+            >>> ControlAgent(_example_model(), step_size=0.1).save(path)
+            >>> ControlAgent.load(path).settings["step_size"]
+            0.1
+        """
+        own = ControlAgent.__new__(ControlAgent)
+        own._native = _calib.ControlAgent.load(os.fspath(path))
+        return own
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the agent as safetensors: weights, the state of Adam, settings, columns with their scales, and actions.
+
+        Transitions that a network replays are not written: a loaded one collects its own.
+
+        Args:
+            path: The file.
+
+        Raises:
+            CalibError: It cannot be written.
+
+        Examples:
+            >>> import os, tempfile
+            >>> path = os.path.join(tempfile.mkdtemp(), "agent.safetensors")
+            >>> ControlAgent(_example_model()).save(path)
+            >>> os.path.isfile(path)
+            True
+        """
+        self._native.save(os.fspath(path))
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """All settings by name."""
+        return dict(json.loads(self._native.settings))
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns that it sees, in the order of an observation."""
+        return self._native.columns
+
+    @property
+    def actions(self) -> list[AgentAction]:
+        """The actions, in the order of their positions."""
+        return [AgentAction(name, tuple(values)) for name, values in self._native.actions]
+
+    def begin(self, observation: ArrayLike | Mapping[str, float]) -> int:
+        """Begin an episode.
+
+        Args:
+            observation: What the sensors show, ``[d]`` in the order of `columns`, or by the names of the columns.
+
+        Returns:
+            The action to take: its position in `actions`.
+
+        Raises:
+            ValueError: A column is missing or no finite number.
+            CalibError: The agent has diverged.
+
+        Examples:
+            >>> ControlAgent(_example_model()).begin({"level": 0.5}) in range(3)
+            True
+        """
+        return self._native.begin(self._seen(observation))
+
+    def step(
+        self, reward: float, observation: ArrayLike | Mapping[str, float], *, terminal: bool = False, learn: bool = True
+    ) -> int | None:
+        """Learn from what the last action led to, and decide again.
+
+        Args:
+            reward: The reward of the last action.
+            observation: What the sensors show now, as in `begin`.
+            terminal: Whether the episode ends here, so that nothing follows. Where it is only cut, call `begin` again instead.
+            learn: ``False`` to act by what it knows and learn nothing.
+
+        Returns:
+            The next action, or ``None`` after a terminal.
+
+        Raises:
+            ValueError: No episode goes on, or a number is not finite.
+            CalibError: The agent has diverged.
+
+        Examples:
+            >>> agent = ControlAgent(_example_model())
+            >>> action = agent.begin([0.5])
+            >>> agent.step(-0.1, [0.6], terminal=True) is None
+            True
+        """
+        return self._native.step(float(reward), self._seen(observation), bool(terminal), bool(learn))
+
+    def values(self, observation: ArrayLike | Mapping[str, float]) -> NDArray[np.float64]:
+        """What it expects of each action.
+
+        Args:
+            observation: What the sensors show, as in `begin`.
+
+        Returns:
+            The value of each action, ``float64 [actions]``.
+
+        Raises:
+            ValueError: A column is missing or no finite number.
+
+        Examples:
+            >>> ControlAgent(_example_model(), initial_weight=2.0).values([0.5])
+            array([2., 2., 2.])
+        """
+        return np.array(self._native.values(self._seen(observation)))
+
+    def train(
+        self, model: ActionModel, steps: int, *, member: int = 0, timeout: int | None = None, seed: int = 0
+    ) -> Training:
+        """Let it act and learn in a model, so that it does not begin at the plant with nothing.
+
+        Args:
+            model: The model, with the agent's columns and actions.
+            steps: How many steps.
+            member: Which member of the ensemble.
+            timeout: Steps after which an episode is cut. The study's, unless given.
+            seed: What chance does in the model follows from it.
+
+        Returns:
+            What it got there, learning included.
+
+        Raises:
+            ValueError: The model has other columns or actions.
+            IndexError: There is no such member.
+            CalibError: The agent has diverged.
+
+        Examples:
+            >>> model = _example_model()
+            >>> ControlAgent(model).train(model, 100, timeout=50).episodes
+            2
+        """
+        cut = model.timeout if timeout is None else whole(timeout, "timeout", 1)
+        mean_return, episodes = self._native.train(
+            model._native, position(member, "member"), whole(steps, "steps", 1), cut, whole(seed, "seed", 0, LARGEST_SEED)
+        )
+        return Training(mean_return, episodes)
+
+    def _seen(self, observation: ArrayLike | Mapping[str, float]) -> ArrayLike:
+        if not isinstance(observation, Mapping):
+            return observation
+        missing = [name for name in self.columns if name not in observation]
+        if missing:
+            raise ValueError(f"the observation has no {missing[0]!r}, expected every one of `columns`")
+        return [float(observation[name]) for name in self.columns]
+
+    def __repr__(self) -> str:
+        settings = self.settings
+        return f"<calib_rl.ControlAgent: {settings['algorithm']}, {len(self.columns)} columns, {len(self.actions)} actions>"
+
+
+class AgentAction(NamedTuple):
+    """An action of a `ControlAgent`.
+
+    Examples:
+        >>> ControlAgent(_example_model()).actions[0]
+        AgentAction(name='valve=0', values=(0.0,))
+    """
+
+    name: str
+    """What it is called."""
+    values: tuple[float, ...]
+    """What it sets, one a column of the actions."""
+
+
+def _example_model() -> ActionModel:
+    """A model with actions, for examples."""
+    from ._acting import _example_model as example
+
+    return example()

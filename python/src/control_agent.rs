@@ -1,0 +1,260 @@
+//! calib's own agents that act, as objects: they decide, learn, and can be kept in a file.
+
+use std::path::PathBuf;
+
+use calib_control::{Actor, Agent, AgentConfig, Ending, Ensemble as _, Outcome, RunLength, live};
+use calib_core::{Bounds, Monitor, Physical, Rng, Seed};
+use calib_files::{read_tensors, write_tensors};
+use calib_pipeline::{ActingAgent, ControlEvaluation};
+use pyo3::{exceptions::PyValueError, prelude::*};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    acting::PyActionModel,
+    array::copied,
+    errors,
+    model::require_member,
+    study::PyJob,
+    work::{Needs, watched},
+};
+
+/// The free text of a file that says what the agent is.
+const DESCRIBED: &str = "agent";
+
+/// What an agent sees and does, beside what it has learnt.
+#[derive(Clone, Serialize, Deserialize)]
+struct Described {
+    settings: AgentConfig,
+    /// Names of the columns of an observation, and the map from their units.
+    columns: Vec<(String, f64, f64)>,
+    /// Names of the actions, and what each sets.
+    actions: Vec<(String, Vec<f64>)>,
+    seed: u64,
+}
+
+/// An agent that acts.
+#[pyclass(module = "calib_rl._calib")]
+pub(crate) struct ControlAgent {
+    agent: Agent,
+    described: Described,
+    rng: Rng,
+    /// What it did last, if an episode goes on.
+    last: Option<usize>,
+}
+
+impl ControlAgent {
+    fn new_of(described: Described) -> Self {
+        let seed = Seed::new(described.seed);
+        let (columns, actions) = (described.columns.len(), described.actions.len());
+        let agent = Agent::seeded(described.settings, columns, actions, seed.child("agent"));
+        Self { agent, rng: seed.child("actions").rng(), described, last: None }
+    }
+
+    /// An observation in the sensors' units as a normalised state.
+    fn state(&self, observation: &Bound<'_, PyAny>) -> PyResult<Vec<f32>> {
+        let (values, _) = copied::<f64>(observation, "observation", &[1])?;
+        let columns = &self.described.columns;
+        if values.len() != columns.len() {
+            return Err(PyValueError::new_err(format!(
+                "the observation has {} numbers, expected {}, one for each of `columns`",
+                values.len(),
+                columns.len()
+            )));
+        }
+        let mapped = values.iter().zip(columns).map(|(&value, (name, offset, scale))| {
+            if !value.is_finite() {
+                return Err(PyValueError::new_err(format!("{name} is {value} in the observation")));
+            }
+            let bounds = Bounds { offset: *offset, scale: *scale };
+            Ok(bounds.normalise(Physical(value)).0)
+        });
+        mapped.collect()
+    }
+
+    fn act(&mut self, py: Python<'_>) -> PyResult<usize> {
+        let action = self.agent.act(&mut self.rng);
+        let action = action.ok_or_else(|| {
+            let text = "the agent has diverged: its values are no numbers any more; use a smaller step_size";
+            errors::of_text(py, text)
+        })?;
+        self.last = Some(action);
+        Ok(action)
+    }
+}
+
+/// An agent whose run ends where somebody asks to stop: as if it had diverged.
+struct WatchedAgent<'a> {
+    agent: &'a mut Agent,
+    monitor: &'a dyn Monitor,
+}
+
+impl Actor for WatchedAgent<'_> {
+    fn look(&mut self, state: &[f32]) {
+        self.agent.look(state);
+    }
+
+    fn act(&mut self, rng: &mut Rng) -> Option<usize> {
+        if self.monitor.interrupted() { None } else { self.agent.act(rng) }
+    }
+
+    fn learn(&mut self, action: usize, outcome: Outcome, next: &[f32]) {
+        self.agent.learn(action, outcome, next);
+    }
+}
+
+#[pymethods]
+impl ControlAgent {
+    /// An agent for the states and actions of a model, with settings as JSON.
+    #[new]
+    fn new(model: &PyActionModel, settings: &str, seed: u64) -> PyResult<Self> {
+        let settings: AgentConfig =
+            serde_json::from_str(settings).map_err(|error| errors::value(error.to_string()))?;
+        settings.check().map_err(|error| errors::value(error.to_string()))?;
+        let columns = model.described_columns();
+        let actions = model.described_actions();
+        settings
+            .bytes(columns.len(), actions.len())
+            .map_err(|error| errors::value(error.to_string()))?;
+        Ok(Self::new_of(Described { settings, columns, actions, seed }))
+    }
+
+    /// The settings that `calib control` chose for a study, as JSON.
+    #[staticmethod]
+    fn chosen(py: Python<'_>, job: &Bound<'_, PyJob>) -> PyResult<String> {
+        let job = &job.get().job;
+        let found = watched(py, Needs::Threads, None, |_| ControlEvaluation::of_job(job))?;
+        let evaluation = found.map_err(|error| errors::of_step(py, &error))?;
+        match &evaluation.agents()[evaluation.verdict().chosen] {
+            ActingAgent::Own(settings) => {
+                serde_json::to_string(settings).map_err(|error| errors::value(error.to_string()))
+            }
+            ActingAgent::Program { .. } => Err(errors::of_text(
+                py,
+                "the agents of this study are those of a program: calib has none of its own to give",
+            )),
+        }
+    }
+
+    /// An agent that was saved.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let tensors = read_tensors(&path).map_err(|error| errors::of_any(py, &error))?;
+        let text = tensors.metadata.get(DESCRIBED).map_or("", String::as_str);
+        let described: Described = serde_json::from_str(text).map_err(|error| {
+            errors::of_text(py, &format!("{} is no agent of calib: {error}", path.display()))
+        })?;
+        let mut own = Self::new_of(described);
+        let Described { settings, columns, actions, seed } = &own.described;
+        let (columns, actions) = (columns.len(), actions.len());
+        let seed = Seed::new(*seed).child("loaded");
+        own.agent = Agent::from_tensors(*settings, columns, actions, seed.child("agent"), &tensors)
+            .map_err(|error| errors::of_text(py, &format!("{}: {error}", path.display())))?;
+        own.rng = seed.child("actions").rng();
+        Ok(own)
+    }
+
+    /// Write what it has learnt.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let mut tensors = self.agent.to_tensors();
+        let text = serde_json::to_string(&self.described)
+            .map_err(|error| errors::value(error.to_string()))?;
+        tensors.metadata.insert(DESCRIBED.to_owned(), text);
+        write_tensors(&path, &tensors).map_err(|error| errors::of_any(py, &error))
+    }
+
+    /// The settings, as JSON.
+    #[getter]
+    fn settings(&self) -> PyResult<String> {
+        serde_json::to_string(&self.described.settings)
+            .map_err(|error| errors::value(error.to_string()))
+    }
+
+    #[getter]
+    fn columns(&self) -> Vec<String> {
+        self.described.columns.iter().map(|(name, ..)| name.clone()).collect()
+    }
+
+    /// What each action is called, and what it sets.
+    #[getter]
+    fn actions(&self) -> Vec<(String, Vec<f64>)> {
+        self.described.actions.clone()
+    }
+
+    /// An episode begins in this observation; the action to take.
+    fn begin(&mut self, py: Python<'_>, observation: &Bound<'_, PyAny>) -> PyResult<usize> {
+        let state = self.state(observation)?;
+        self.agent.look(&state);
+        self.act(py)
+    }
+
+    /// What the last action led to; the action to take next, or none after a terminal.
+    fn step(
+        &mut self,
+        py: Python<'_>,
+        reward: f64,
+        observation: &Bound<'_, PyAny>,
+        terminal: bool,
+        learn: bool,
+    ) -> PyResult<Option<usize>> {
+        let Some(last) = self.last else {
+            return Err(PyValueError::new_err("no episode goes on; call begin(observation) first"));
+        };
+        if !reward.is_finite() {
+            return Err(PyValueError::new_err(format!(
+                "reward is {reward}, expected a finite number"
+            )));
+        }
+        let state = self.state(observation)?;
+        let ending = if terminal { Ending::Terminal } else { Ending::Continues };
+        if learn {
+            self.agent.learn(last, Outcome { reward, ending }, &state);
+        } else {
+            self.agent.go_on(&state);
+        }
+        if terminal {
+            self.last = None;
+            return Ok(None);
+        }
+        self.act(py).map(Some)
+    }
+
+    /// The value of each action in an observation.
+    fn values(&self, observation: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+        let state = self.state(observation)?;
+        Ok(self.agent.clone().values_in(&state))
+    }
+
+    /// Let it act and learn in a member of a model; the mean return of an episode, and the number of episodes.
+    #[pyo3(signature = (model, member, steps, timeout, seed))]
+    fn train(
+        &mut self,
+        py: Python<'_>,
+        model: &PyActionModel,
+        member: usize,
+        steps: usize,
+        timeout: usize,
+        seed: u64,
+    ) -> PyResult<(f64, usize)> {
+        let opened = model.model();
+        require_member(member, opened.members())?;
+        let same = model.described_columns() == self.described.columns
+            && model.described_actions() == self.described.actions;
+        if !same {
+            return Err(PyValueError::new_err(
+                "the model has other columns or actions than the agent",
+            ));
+        }
+        let agent = &mut self.agent;
+        let span = RunLength { steps, timeout };
+        let run = watched(py, Needs::Threads, None, |watch| {
+            let mut watched = WatchedAgent { agent, monitor: &**watch };
+            live(&mut watched, &mut opened.walk(member), span, Seed::new(seed))
+        })?;
+        self.last = None;
+        if run.diverged {
+            let text = "the agent has diverged: its values are no numbers any more; use a smaller step_size";
+            return Err(errors::of_text(py, text));
+        }
+        Ok((run.mean_return(), run.returns.len()))
+    }
+}
