@@ -1,6 +1,6 @@
 //! calib's own agents that act, as objects: they decide, learn, and can be kept in a file.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use calib_control::{Actor, Agent, AgentConfig, Ending, Ensemble as _, Outcome, RunLength, live};
 use calib_core::{Bounds, Monitor, Physical, Rng, Seed};
@@ -14,6 +14,7 @@ use crate::{
     array::copied,
     errors,
     model::require_member,
+    observer::Watching,
     study::PyJob,
     work::{Needs, watched},
 };
@@ -247,7 +248,8 @@ impl ControlAgent {
         let agent = &mut self.agent;
         let span = RunLength { steps, timeout };
         let run = watched(py, Needs::Threads, None, |watch| {
-            let mut watched = WatchedAgent { agent, monitor: &**watch };
+            let monitor = Watching(Arc::clone(watch));
+            let mut watched = WatchedAgent { agent, monitor: &monitor };
             live(&mut watched, &mut opened.walk(member), span, Seed::new(seed))
         })?;
         self.last = None;

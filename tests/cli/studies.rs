@@ -7,11 +7,10 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     let place = Place::with_plant();
     let dry = place.calib(&["run", "study.toml", "--dry-run"]);
     assert_eq!(dry.code(), 0, "{}", dry.stderr());
-    assert!(
-        dry.stderr().contains("then: build-model, rollout, sweep, evaluate"),
-        "{}",
-        dry.stderr()
-    );
+    let said = dry.stderr();
+    assert!(said.contains("dry run: rollout waits for the steps before it\n"), "{said}");
+    assert!(said.contains("rows x 11 columns in ") && said.contains("expecting about "), "{said}");
+    assert!(!said.contains("data.path"), "{said}");
     assert!(!place.path().join("data").exists());
 
     let whole = place.calib(&["run", "study.toml", "-v"]);

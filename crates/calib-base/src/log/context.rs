@@ -15,8 +15,8 @@ use crate::{log::prepared::Prepared, output::Printer};
 pub struct RunContext {
     printer: Printer,
     opened: Arc<Mutex<Opened>>,
-    /// Rows that each row of the log stands for: 1, unless it [stands in](crate::log::stand_in) for another.
-    rows_each: usize,
+    /// Rows that each row of the log stands for, if it [stands in](crate::log::stand_in) for another.
+    stand_in: Option<usize>,
 }
 
 /// Logs by their folders, all of the study that was opened last: others are let go.
@@ -29,7 +29,7 @@ struct Opened {
 impl RunContext {
     /// A command begins: what an earlier one has opened may have changed meanwhile.
     pub fn new(printer: &Printer) -> Self {
-        Self { printer: printer.clone(), opened: Arc::default(), rows_each: 1 }
+        Self { printer: printer.clone(), opened: Arc::default(), stand_in: None }
     }
 
     /// The same for a step on the way to another result.
@@ -53,12 +53,12 @@ impl RunContext {
     /// The same for logs that stand in for others: each row for `rows_each` of them.
     #[must_use]
     pub(crate) fn with_stand_in(&self, rows_each: usize) -> Self {
-        Self { rows_each, ..Self::new(self) }
+        Self { stand_in: Some(rows_each), ..Self::new(self) }
     }
 
     /// The rows that each row of a log stands for; none if it stands for itself.
     pub fn stands_in(&self) -> Option<usize> {
-        (self.rows_each > 1).then_some(self.rows_each)
+        self.stand_in
     }
 
     /// A log that was opened, of those below `root`.

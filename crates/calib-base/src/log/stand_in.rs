@@ -4,12 +4,12 @@ use std::{iter::repeat_n, path::Path};
 
 use calib_core::{Frames, Period, Segment, Segments, Silent, States, Timestamp};
 use calib_data::{Dataset, table::write_log};
+use calib_files::TemporaryFolder;
 use calib_plant::{Plant, PlantOptions};
 use calib_study::Job;
-use tempfile::TempDir;
 
 use crate::{
-    Context as _, StepError,
+    StepError,
     log::{context::RunContext, plant_of_study},
     memory,
 };
@@ -21,7 +21,7 @@ const LONGEST_PERIOD: f64 = 3_600.0;
 
 /// The log of the same plant at fewer instants, in a folder that goes with it. Each of its rows stands for several.
 pub struct StandInLog {
-    _folder: TempDir,
+    _folder: TemporaryFolder,
     job: Job,
     rows_each: usize,
 }
@@ -33,7 +33,7 @@ impl StandInLog {
     /// # Errors
     /// If the plant cannot be simulated, nothing can be written to the folder for temporary files, or nothing of the log is left for the study.
     pub fn of(options: &PlantOptions, job: &Job) -> Result<Option<Self>, StepError> {
-        let folder = tempfile::tempdir().context("cannot make a folder for temporary files")?;
+        let folder = TemporaryFolder::new()?;
         let subsample = job.study().preprocess.subsample as u64;
         let wanted = Plant::new(options.clone())?.instants() / (ENOUGH_ROWS * subsample);
         let period = options.period.as_secs();
