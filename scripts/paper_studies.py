@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
 """Run the paper's studies at the sizes of docs/paper-studies.md, and print the tables of that page.
 
-    python3 scripts/paper_studies.py --calib BINARY --output FOLDER [--only PART] [--gru] [--tables]
+    python3 scripts/paper_studies.py --calib BINARY --output FOLDER [--only PART] [--tables]
 
 Everything is written below FOLDER: copies of the studies, the simulated plants, results, logs, and the processor time
 of each run in times.json. What was stopped goes on, what is done is not run again, and what was done by another
 binary or from another study is. The bioreactor is run where CALIB_DATA names the folder of mbr-mines/.
---only PART runs those whose name has PART in it; --gru adds that model to the tiny weeks, and wants a binary with libtorch;
---tables runs nothing. Tables show what is there.
+--only PART runs those whose name has PART in it; --tables runs nothing. Tables show what is there.
 """
 
 import argparse
@@ -25,7 +24,6 @@ import paper_tables
 
 STUDIES = Path(__file__).resolve().parents[1] / "configs" / "paper"
 SEEDS = (0, 1, 2)
-FOUR_MODELS = ['compare=["euclidean", "laplacian", "nn", "gru"]']
 BIOREACTOR = [
     "data.path=${CALIB_DATA}/mbr-mines",
     "data.train={ start = 2010-04-10, end = 2010-05-01 }",
@@ -53,12 +51,11 @@ def seeded(study: str, profile: str, seed: int) -> Run:
     return Run(study, profile, str(seed), [f"seed={seed}", f"simulate.seed={seed}"])
 
 
-def runs(compared: list[str]) -> list[Run]:
-    """All runs, the cheap ones first; `compared` says which models the tiny weeks have, if not those of the profile."""
+def runs() -> list[Run]:
+    """All runs, the cheap ones first."""
     years = ("twelve-months", "fine-tuning")
     listed = [seeded("one-week", "tiny", seed) for seed in SEEDS]
     listed.append(Run("one-week", "tiny", "bioreactor", BIOREACTOR))
-    listed = [run._replace(overrides=run.overrides + compared) for run in listed]
     listed += [seeded(study, profile, seed) for profile in ("tiny", "tiny-change") for study in years for seed in SEEDS]
     listed.append(seeded("one-week", "small", 0))
     return listed + [seeded(study, profile, 0) for profile in ("small", "small-change") for study in years]
@@ -127,7 +124,6 @@ def main() -> None:
     parser.add_argument("--calib", type=Path, help="the binary; not needed for --tables")
     parser.add_argument("--output", type=Path, required=True)
     parser.add_argument("--only", default="", metavar="PART")
-    parser.add_argument("--gru", action="store_true")
     parser.add_argument("--tables", action="store_true")
     options = parser.parse_args()
     output = options.output.resolve()
@@ -135,7 +131,7 @@ def main() -> None:
     if not options.tables:
         if options.calib is None or not options.calib.is_file():
             parser.error("--calib: the binary of calib")
-        for run in runs(FOUR_MODELS if options.gru else []):
+        for run in runs():
             if options.only in run.name:
                 bring_up_to_date(options.calib.resolve(), output, run)
     print(paper_tables.page(output / "results", recorded(output)))

@@ -12,7 +12,14 @@ command -v qemu-x86_64 >/dev/null || {
     DEBIAN_FRONTEND=noninteractive apt-get -qq install --yes --no-install-recommends qemu-user >/dev/null
 }
 work=$(mktemp -d -p "${CALIB_WORK:-/dev/shm}")
-trap 'rm -rf "$work"' EXIT
+running=()
+finish() {
+    # Groups of their own, whoever of them still runs.
+    for process in "${running[@]}"; do kill -- "-$process" 2>/dev/null || true; done
+    wait
+    rm -rf "$work"
+}
+trap finish EXIT
 
 cat >"$work/study.toml" <<'STUDY'
 seed = 3
@@ -62,7 +69,7 @@ run() { # STUDY, NAME, and what calib is run by
     [ "$ended" -le 1 ] || { cat "$work/$study/$name.err" >&2; echo "processors: $study on $name ends with $ended" >&2; exit 1; }
 }
 # Each on one thread, so side by side.
-running=()
+set -m
 for study in "${!sets[@]}"; do
     run "$study" native env &
     running+=($!)
@@ -71,8 +78,10 @@ for study in "${!sets[@]}"; do
         running+=($!)
     done
 done
-for process in "${running[@]}"; do wait "$process"; done
 wrong=0
+for process in "${running[@]}"; do wait "$process" || wrong=1; done
+[ "$wrong" = 0 ] || exit 1
+running=()
 for study in "${!sets[@]}"; do
     for processor in "${processors[@]}"; do
         if diff -rq -x timings.json -x sources.json -x .lock "$work/$study/native" "$work/$study/$processor" &&

@@ -61,7 +61,7 @@ class ControlAgent:
         Raises:
             ValueError: There is no such setting, or it cannot be what it is.
         """
-        self._native = _calib.ControlAgent(model._native, json.dumps(settings), whole(seed, "seed", 0, LARGEST_SEED))
+        self._native = _calib.ControlAgent(model._native, json.dumps(settings, default=_plain), whole(seed, "seed", 0, LARGEST_SEED))
 
     @staticmethod
     def of(study: Study, *, seed: int = 0) -> ControlAgent:
@@ -177,7 +177,8 @@ class ControlAgent:
         Args:
             reward: The reward of the last action.
             observation: What the sensors show now, as in `begin`.
-            terminal: Whether the episode ends here, so that nothing follows. Where it is only cut, call `begin` again instead.
+            terminal: Whether the episode ends here, so that nothing follows. Where it is only cut, call `step` as usual, leave the action that it
+                returns, and `begin` the next episode.
             learn: ``False`` to act by what it knows and learn nothing.
 
         Returns:
@@ -269,6 +270,13 @@ class AgentAction(NamedTuple):
     """What it is called."""
     values: tuple[float, ...]
     """What it sets, one a column of the actions."""
+
+
+def _plain(value: Any) -> Any:
+    """A number of NumPy as one of Python."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"a setting is {value!r}, expected a number or a text")
 
 
 def _example_model() -> ActionModel:

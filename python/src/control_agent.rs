@@ -19,12 +19,14 @@ use crate::{
     work::{Needs, watched},
 };
 
-/// The free text of a file that says what the agent is.
+/// The free text of a file that says what the agent is, and the format of both.
 const DESCRIBED: &str = "agent";
+const FORMAT: u32 = 1;
 
 /// What an agent sees and does, beside what it has learnt.
 #[derive(Clone, Serialize, Deserialize)]
 struct Described {
+    format: u32,
     settings: AgentConfig,
     /// Names of the columns of an observation, and the map from their units.
     columns: Vec<(String, f64, f64)>,
@@ -116,7 +118,7 @@ impl ControlAgent {
         settings
             .bytes(columns.len(), actions.len())
             .map_err(|error| errors::value(error.to_string()))?;
-        Ok(Self::new_of(Described { settings, columns, actions, seed }))
+        Ok(Self::new_of(Described { format: FORMAT, settings, columns, actions, seed }))
     }
 
     /// The settings that `calib control` chose for a study, as JSON.
@@ -129,10 +131,10 @@ impl ControlAgent {
             ActingAgent::Own(settings) => {
                 serde_json::to_string(settings).map_err(|error| errors::value(error.to_string()))
             }
-            ActingAgent::Program { .. } => Err(errors::of_text(
-                py,
-                "the agents of this study are those of a program: calib has none of its own to give",
-            )),
+            // Verdicts about agents of a program are refused before.
+            ActingAgent::Program { .. } => {
+                Err(errors::of_text(py, "the agents are those of a program"))
+            }
         }
     }
 
@@ -144,14 +146,22 @@ impl ControlAgent {
         let described: Described = serde_json::from_str(text).map_err(|error| {
             errors::of_text(py, &format!("{} is no agent of calib: {error}", path.display()))
         })?;
-        let mut own = Self::new_of(described);
-        let Described { settings, columns, actions, seed } = &own.described;
-        let (columns, actions) = (columns.len(), actions.len());
-        let seed = Seed::new(*seed).child("loaded");
-        own.agent = Agent::from_tensors(*settings, columns, actions, seed.child("agent"), &tensors)
-            .map_err(|error| errors::of_text(py, &format!("{}: {error}", path.display())))?;
-        own.rng = seed.child("actions").rng();
-        Ok(own)
+        let refuse = |reason: &str| errors::of_text(py, &format!("{}: {reason}", path.display()));
+        let Described { format, settings, ref columns, ref actions, seed } = described;
+        if format != FORMAT {
+            return Err(refuse(&format!(
+                "its format is {format}, and this calib reads {FORMAT}; save the agent again"
+            )));
+        }
+        let is_scale = |scale: f64| scale.is_finite() && scale > 0.0;
+        if actions.is_empty() || !columns.iter().all(|&(_, _, scale)| is_scale(scale)) {
+            return Err(refuse("it has no actions, or a column without a scale"));
+        }
+        let seed = Seed::new(seed).child("loaded");
+        let own = seed.child("agent");
+        let agent = Agent::from_tensors(settings, columns.len(), actions.len(), own, &tensors);
+        let agent = agent.map_err(|error| refuse(&error.to_string()))?;
+        Ok(Self { agent, rng: seed.child("actions").rng(), described, last: None })
     }
 
     /// Write what it has learnt.
@@ -222,7 +232,7 @@ impl ControlAgent {
     /// The value of each action in an observation.
     fn values(&self, observation: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
         let state = self.state(observation)?;
-        Ok(self.agent.clone().values_in(&state))
+        Ok(self.agent.values_in(&state))
     }
 
     /// Let it act and learn in a member of a model; the mean return of an episode, and the number of episodes.
@@ -245,6 +255,8 @@ impl ControlAgent {
                 "the model has other columns or actions than the agent",
             ));
         }
+        // An episode that went on elsewhere does not go on here.
+        self.last = None;
         let agent = &mut self.agent;
         let span = RunLength { steps, timeout };
         let run = watched(py, Needs::Threads, None, |watch| {
@@ -252,7 +264,6 @@ impl ControlAgent {
             let mut watched = WatchedAgent { agent, monitor: &monitor };
             live(&mut watched, &mut opened.walk(member), span, Seed::new(seed))
         })?;
-        self.last = None;
         if run.diverged {
             let text = "the agent has diverged: its values are no numbers any more; use a smaller step_size";
             return Err(errors::of_text(py, text));

@@ -386,7 +386,7 @@ def test_an_agent_learns_in_a_model_is_kept_and_goes_on(acting: calib_rl.ActionM
 
 def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, continuous: calib_rl.ActionModel, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="step_size"):
-        calib_rl.ControlAgent(acting, step_size=-1.0)
+        calib_rl.ControlAgent(acting, step_size=np.float64(-1.0))
     with pytest.raises(ValueError, match="stepsize"):
         calib_rl.ControlAgent(acting, stepsize=1.0)
     agent = calib_rl.ControlAgent(acting)
@@ -420,13 +420,15 @@ def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, conti
 def test_the_chosen_agent_comes_out(tmp_path: Path) -> None:
     model = calib_rl.build_model(tank(), tmp_path, actions=["valve0"], reward="reward", timeout=40)
     path = model.path.parents[1] / "study.toml"
-    study = calib_rl.Study(path)
+    sets = ("control.grid={ step_size = [0.01, 0.3] }", "control.steps=400", "control.agent.temperature=0.05")
+    study = calib_rl.Study(path, set=sets)
     with pytest.raises(calib_rl.CalibError, match="calib control"):
         calib_rl.ControlAgent.of(study)
-    sets = ("control.grid={ step_size = [0.01, 0.3] }", "control.steps=400", "control.agent.temperature=0.05")
     done = command_line("control", path, *(part for text in sets for part in ("--set", text)), "--json")
     assert done.returncode in (0, 1), done.stderr
     agent = calib_rl.ControlAgent.of(study)
     assert agent.settings == json.loads(done.stdout)["choice"]
     assert agent.settings["temperature"] == 0.05 and agent.columns == model.columns
     assert agent.begin([0.5, 5.0]) in range(3)
+    with pytest.raises(calib_rl.CalibError, match="of another study"):
+        calib_rl.ControlAgent.of(calib_rl.Study(path))

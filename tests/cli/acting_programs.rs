@@ -109,32 +109,52 @@ fn lines_with(heard: &str, part: &str) -> usize {
     heard.lines().filter(|line| line.contains(part)).count()
 }
 
+/// How many runs have begun, by what a program wrote down.
+fn begun(place: &Place) -> usize {
+    fs::read_to_string(place.path().join("begun")).map_or(0, |text| text.lines().count())
+}
+
 /// Runs are kept, but none that cannot be trusted.
 #[test]
 fn a_sweep_of_a_program_goes_on() {
     let args = ["control", "study.toml", "--threads", "1"];
-    let dying = ALWAYS.replace(
-        "*'\"begin\"'*)",
-        "*'\"begin\"'*) began=$((began + 1)); [ $began = 6 ] && [ ! -e go ] && exit 3; ",
-    );
-    let stopped = pump_of_a_program(&dying);
+    let counting = ALWAYS.replace("*'\"begin\"'*) ", "*'\"begin\"'*) echo >> begun; ");
+    // It cannot act with one setting until a file is there.
+    let failing =
+        counting.replace("    *) echo", "    *) [ $action = 1 ] && [ ! -e go ] && exit 3; echo");
+    let whole = pump_of_a_program(&failing);
+    whole.write("go", "");
+    whole.calib(&args).ends(&[0, 1]);
+    let all = begun(&whole);
+    let stopped = pump_of_a_program(&failing);
     let without = stopped.calib(&args);
     without.ends(&[0, 1]);
     let told = without.stderr();
-    assert!(told.contains("exit status: 3 before it had answered the beginning"), "{told}");
-    assert!(told.contains("; the choice is among the other settings"), "{told}");
-    let runs = fs::read_dir(stopped.path().join("study-results/control-units"));
-    let kept = runs.map_or(0, Iterator::count);
-    assert!(kept >= 5, "{kept} runs are kept");
-    // The setting that failed is tried again, and it alone.
+    assert!(told.contains("exit status: 3 before it had answered a state of a run"), "{told}");
+    assert!(told.contains("action = 1, which is therefore last in every ranking"), "{told}");
+    let status = stopped.calib(&["status", "study.toml"]).succeeds();
+    assert!(!status.contains("no ranking yet"), "{status}");
+    // The setting that failed is tried again; of the other only the last steps of the chosen agent are made once more.
     stopped.write("go", "");
+    let before = begun(&stopped);
     let again = stopped.calib(&args);
     again.ends(&[0, 1]);
-    assert!(!again.stderr().contains("the choice is among"), "{}", again.stderr());
-    let whole = pump_of_a_program(&dying);
-    whole.write("go", "");
-    whole.calib(&args).ends(&[0, 1]);
+    assert!(!again.stderr().contains("last in every ranking"), "{}", again.stderr());
+    assert_eq!(begun(&stopped) - before, all.div_ceil(2), "half of the runs, and the last steps");
     assert!(stopped.content("study-results/control") == whole.content("study-results/control"));
+    // With --force nothing is taken from before.
+    let before = begun(&stopped);
+    stopped.calib(&[&args[..], &["--force"]].concat()).ends(&[0, 1]);
+    assert_eq!(begun(&stopped) - before, all);
+    // One that dies between two agents is started again.
+    let dying = ALWAYS.replace(
+        "*'\"begin\"'*) ",
+        "*'\"begin\"'*) began=$((began + 1)); [ $began = 6 ] && exit 3; ",
+    );
+    let dying = pump_of_a_program(&dying);
+    let told = dying.calib(&args);
+    told.ends(&[0, 1]);
+    assert!(!told.stderr().contains("exit status"), "{}", told.stderr());
     let changing = pump_of_a_program(&ALWAYS.replace("while", "echo '# more' >> agent.sh; while"));
     let told = changing.calib(&args).fails(2);
     assert!(told.contains("a file of `sh agent.sh` was changed while the sweep ran"), "{told}");
@@ -209,23 +229,21 @@ fn an_agent_of_a_program_may_diverge() {
 /// A setting that fails is last, and the others are judged all the same, with the same bytes on any number of threads.
 #[test]
 fn a_program_may_fail_with_one_setting() {
-    let place = pump_of_a_program(&ALWAYS.replace(
+    let failing = ALWAYS.replace(
         "*'\"begin\"'*) ",
         "*'\"action\":1'*) echo '{\"error\": \"no such valve\"}' ;; *'\"begin\"'*) ",
-    ));
+    );
+    let place = pump_of_a_program(&failing);
     let told = place.calib(&["control", "study.toml", "--threads", "1", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&told.ends(&[0, 1])).expect("JSON");
     assert_eq!(json["verdict"]["chosen"], 0);
     assert_eq!(json["failures"][0]["candidate"], 1);
-    assert!(
-        told.stderr().contains("with action = 1: no such valve; the choice is among the other"),
-        "{}",
-        told.stderr()
-    );
-    let alone = place.content("study-results/control");
+    assert!(told.stderr().contains("a run with action = 1: no such valve"), "{}", told.stderr());
     let report = fs::read_to_string(place.path().join("study-results/control/report.html"));
-    assert!(report.expect("written").contains("no such valve"), "the report tells it");
-    place.calib(&["control", "study.toml", "--threads", "2"]).ends(&[0, 1]);
-    assert!(place.content("study-results/control") == alone, "the same bytes");
+    assert!(report.expect("written").contains("the program failed with action = 1"));
+    let other = pump_of_a_program(&failing);
+    other.calib(&["control", "study.toml", "--threads", "2"]).ends(&[0, 1]);
+    let both = [&place, &other].map(|place| place.content("study-results/control"));
+    assert!(both[0] == both[1], "the same bytes on any number of threads");
     place.calib(&["check", "study-results"]).succeeds();
 }

@@ -168,7 +168,10 @@ pub(crate) fn run_to(
             talk = log.context(&talk);
         }
         StudyLog::None => {
-            talk.say(&format!("then: {}", remaining(&models).join(", ")));
+            talk.say(&format!(
+                "then: {}; what they take can be said once the log is there",
+                remaining(&models).join(", ")
+            ));
             tell(&plan, &job, context)?;
             let outcome = ended.0;
             return Ok(StudyRun { evaluation: None, left_out: Vec::new(), outcome });
@@ -196,7 +199,7 @@ pub(crate) fn run_to(
     }
     let mut evaluation = None;
     if extent == RunUntil::Report {
-        let judged = judge(job, &models, &left_out, &progress, context)?;
+        let judged = judge(job, &models, &left_out, &progress, talk, context)?;
         ended.and(judged.outcome());
         evaluation = judged.made();
         for reason in &left_out {
@@ -269,9 +272,14 @@ fn judge(
     models: &[Model],
     left_out: &[String],
     progress: &RunProgress<'_>,
+    talk: &RunContext,
     context: &RunContext,
 ) -> Result<StepResult<Evaluation>, StepError> {
     progress.stage(StepKind::Evaluate.label());
+    if talk.stands_in().is_some() {
+        talk.say("dry run: evaluate waits for the steps before it");
+        return Ok(StepResult::Planned(NoPlan));
+    }
     let remaining = models.iter().filter(|model| model.left_out.is_none());
     let all = remaining.map(|model| model.job.parts(StepKind::Evaluate.scope()));
     let all: Vec<Job> = all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
@@ -322,7 +330,7 @@ fn simulate(
     plant: PlantOfStudy,
     job: &Job,
     progress: &RunProgress<'_>,
-    talk: &Printer,
+    talk: &RunContext,
 ) -> Result<StudyLog, StepError> {
     let shown = plant.directory.display().to_string();
     if plant.found == PlantLogState::NotSimulated {
@@ -340,8 +348,15 @@ fn simulate(
         if plant.found == PlantLogState::Whole {
             return Ok(StudyLog::Whole);
         }
-        let stand_in = StandInLog::of(&plant.options, job)?;
-        return Ok(stand_in.map_or(StudyLog::None, StudyLog::StandIn));
+        return match StandInLog::of(&plant.options, job, talk) {
+            Ok(Some(log)) => {
+                talk.say("a sample of that log stands in for it in what follows");
+                Ok(StudyLog::StandIn(log))
+            }
+            Err(reason) if reason.was_cancelled() => Err(reason),
+            // Whatever is wrong with the log is told once it is there.
+            Ok(None) | Err(_) => Ok(StudyLog::None),
+        };
     }
     let simulated = plant.make(job.policy().redoes(), talk).context("[simulate]")?;
     talk.result(&simulated.line())?;

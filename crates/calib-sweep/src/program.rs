@@ -58,6 +58,8 @@ pub enum ProgramStopped {
     Cancelled(Cancelled),
     /// It failed.
     Failed(Box<dyn Error + Send + Sync>),
+    /// It failed at what it was asked. It may answer other questions.
+    CannotAnswer(Box<dyn Error + Send + Sync>),
 }
 
 /// What the agents of all jobs come to over a stream, in the order of the jobs and their agents.
@@ -97,6 +99,8 @@ pub(crate) fn outcomes(
 fn of_unit(stopped: ProgramStopped, unit: &Unit) -> SweepError {
     match stopped {
         ProgramStopped::Cancelled(cancelled) => cancelled.into(),
-        ProgramStopped::Failed(source) => SweepError::Program { unit: unit.clone(), source },
+        ProgramStopped::Failed(source) | ProgramStopped::CannotAnswer(source) => {
+            SweepError::Program { unit: unit.clone(), source }
+        }
     }
 }

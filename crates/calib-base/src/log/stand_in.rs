@@ -1,8 +1,8 @@
 //! A log that stands in for one that is not simulated yet, so that a dry run can say what a study will take.
 
-use std::{iter::repeat_n, path::Path};
+use std::iter::repeat_n;
 
-use calib_core::{Frames, Period, Segment, Segments, Silent, States, Timestamp};
+use calib_core::{Frames, Monitor, Period, Segment, Segments, States, Timestamp};
 use calib_data::{Dataset, table::write_log};
 use calib_files::TemporaryFolder;
 use calib_plant::{Plant, PlantOptions};
@@ -27,28 +27,48 @@ pub struct StandInLog {
 }
 
 impl StandInLog {
-    /// For the log of `options` that the study of `job` reads; nothing if its states would take more than a third of the memory that is there, for
-    /// they are made when rows are repeated.
+    /// For the log of `options` that the study of `job` reads; nothing if its states would take more than an eighth of the memory that is there, for
+    /// they are made when rows are repeated, or if the study reads its log by a clock of its own.
     ///
     /// # Errors
-    /// If the plant cannot be simulated, nothing can be written to the folder for temporary files, or nothing of the log is left for the study.
-    pub fn of(options: &PlantOptions, job: &Job) -> Result<Option<Self>, StepError> {
-        let folder = TemporaryFolder::new()?;
-        let subsample = job.study().preprocess.subsample as u64;
-        let wanted = Plant::new(options.clone())?.instants() / (ENOUGH_ROWS * subsample);
-        let period = options.period.as_secs();
+    /// If the plant cannot be simulated, nothing can be written to the folder for temporary files, nothing of the log is left for the study, or
+    /// the observer asks to stop.
+    pub fn of(
+        options: &PlantOptions,
+        job: &Job,
+        context: &RunContext,
+    ) -> Result<Option<Self>, StepError> {
+        let study = job.study();
+        if study.data.period_secs.is_some() || study.data.resample.is_some() {
+            return Ok(None);
+        }
+        // The study's own choice of every so many rows is made here already.
+        let subsample = study.preprocess.subsample as u64;
+        let wanted = (Plant::new(options.clone())?.instants() / subsample).div_ceil(ENOUGH_ROWS);
+        let period = options.period.as_secs() * subsample as f64;
         let rows_each = wanted.clamp(1, (LONGEST_PERIOD / period).max(1.0) as u64);
-        let secs = period * rows_each as f64;
-        let period = Period::from_secs(secs).unwrap_or(options.period);
-        write(Plant::new(PlantOptions { period, ..options.clone() })?, folder.path())?;
+        let options = PlantOptions {
+            period: Period::from_secs(period * rows_each as f64).unwrap_or(options.period),
+            ..options.clone()
+        };
+        let plant = Plant::new(options)?;
+        let values = plant.instants().saturating_mul(4 * plant.schema().len() as u64);
+        let available = memory::available().unwrap_or(u64::MAX);
+        if values > available / 8 {
+            return Ok(None);
+        }
+        let progress = context.progress();
+        let sampled = sampled(plant, &progress)?;
+        let folder = TemporaryFolder::new()?;
+        write_log(&folder.path().join("log.parquet"), &sampled.timestamps, &sampled.channels)?;
         let mut request = job.request().clone();
         let path = toml::Value::String(folder.path().display().to_string());
         request.set.push(format!("data.path={path}"));
+        request.set.push("preprocess.subsample=1".to_owned());
         let job = Job::resolve(request)?;
         let data = plant_of_study::data_to_read(&job)?;
-        let surveyed = calib_data::survey(&data, &job.study().preprocess, &Silent)?;
-        let states = surveyed.state_bytes().saturating_mul(rows_each);
-        let fits = memory::available().is_none_or(|available| states <= available / 3);
+        let surveyed = calib_data::survey(&data, &job.study().preprocess, &progress)?;
+        let fits = surveyed.state_bytes().saturating_mul(rows_each) <= available / 8;
         Ok(fits.then_some(Self { _folder: folder, job, rows_each: rows_each as usize }))
     }
 
@@ -63,18 +83,26 @@ impl StandInLog {
     }
 }
 
-/// Write all days of a plant into one file.
-fn write(mut plant: Plant, folder: &Path) -> Result<(), StepError> {
+/// The log of a plant, all days of it.
+struct SampledLog {
+    timestamps: Vec<Timestamp>,
+    channels: Vec<(String, Vec<f32>)>,
+}
+
+fn sampled(mut plant: Plant, monitor: &dyn Monitor) -> Result<SampledLog, StepError> {
     let names = plant.schema().iter().map(|channel| channel.name.clone());
     let mut channels: Vec<(String, Vec<f32>)> = names.map(|name| (name, Vec::new())).collect();
     let mut timestamps = Vec::new();
+    monitor.begin("simulating a sample", u64::from(plant.days()));
     for day in plant.by_ref() {
+        monitor.check()?;
         timestamps.extend(day.timestamps);
         for ((_, values), column) in channels.iter_mut().zip(day.columns) {
             values.extend(column);
         }
+        monitor.advance(1);
     }
-    Ok(write_log(&folder.join("log.parquet"), &timestamps, &channels)?)
+    Ok(SampledLog { timestamps, channels })
 }
 
 /// A log whose rows each stand for `count` of another: as many rows as that has, with the states of this one.

@@ -77,6 +77,12 @@ impl Linear {
         self.weights.sums(self.tiles.len(), &self.here, values);
     }
 
+    pub(super) fn values_in(&self, state: &[f32], values: &mut [f64]) {
+        let mut features = Vec::with_capacity(self.tiles.active());
+        self.tiles.clone().of(state, &mut features);
+        self.weights.sums(self.tiles.len(), &features, values);
+    }
+
     /// Learn from what `action` led to, and be in `next`; `values` are those of the state before, and then those of `next`.
     pub(super) fn learn(
         &mut self,

@@ -92,10 +92,14 @@ impl Agent {
         &self.values
     }
 
-    /// The value of each action in `state`, where it is then.
-    pub fn values_in(mut self, state: &[f32]) -> Vec<f64> {
-        self.go_on(state);
-        self.values
+    /// The value of each action in `state`, while it stays where it is.
+    pub fn values_in(&self, state: &[f32]) -> Vec<f64> {
+        let mut values = vec![0.0; self.actions];
+        match &self.learner {
+            Learner::Linear(learner) => learner.values_in(state, &mut values),
+            Learner::Network(learner) => learner.values_in(state, &mut values),
+        }
+        values
     }
 
     /// Learn from what `action` led to, and be in `next`.

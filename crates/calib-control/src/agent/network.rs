@@ -152,6 +152,12 @@ impl Network {
         values.iter_mut().zip(outputs).for_each(|(value, &output)| *value = f64::from(output));
     }
 
+    pub(super) fn values_in(&self, state: &[f32], values: &mut [f64]) {
+        let mut workspace = Workspace::new(&self.online, 1);
+        let outputs = self.online.forward(state, &mut workspace);
+        values.iter_mut().zip(outputs).for_each(|(value, &output)| *value = f64::from(output));
+    }
+
     /// Learn from what `action` led to, among others, and be in `next`, whose values are put in `values`.
     pub(super) fn learn(
         &mut self,

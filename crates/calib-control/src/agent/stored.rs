@@ -4,7 +4,7 @@ use calib_core::Seed;
 use calib_files::{Tensor, Tensors};
 use calib_nn::{LayoutError, Mlp, Moments, Naming};
 
-use super::{Agent, AgentConfig, Learner};
+use super::{Agent, AgentConfig, Algorithm, Learner};
 use crate::ControlError;
 
 /// The free text of a file that has β₁ᵗ and β₂ᵗ, and of networks the steps since the target network was renewed.
@@ -33,6 +33,11 @@ impl Agent {
     ) -> Result<Self, ControlError> {
         config.check()?;
         config.bytes(columns, actions)?;
+        // Before anything of the size that the settings describe is made.
+        if !is_of(&config, columns, actions, tensors) {
+            let reason = "its settings describe another size than its numbers have".to_owned();
+            return Err(ControlError::NoAgent { reason });
+        }
         let mut agent = Self::seeded(config, columns, actions, seed);
         match &mut agent.learner {
             Learner::Linear(linear) => linear.take(tensors)?,
@@ -40,6 +45,18 @@ impl Agent {
         }
         Ok(agent)
     }
+}
+
+/// Whether the moments have a number for each weight that the settings describe.
+fn is_of(config: &AgentConfig, columns: usize, actions: usize, tensors: &Tensors) -> bool {
+    let weights = if config.algorithm == Algorithm::DeepQLearning {
+        let hidden = vec![config.hidden_width; config.hidden_layers];
+        let sizes = [vec![columns], hidden, vec![actions]].concat();
+        sizes.windows(2).map(|layer| (layer[0] + 1) * layer[1]).sum()
+    } else {
+        config.tiling(columns).len() * actions
+    };
+    tensors.get("mean").is_some_and(|mean| mean.values.len() == weights)
 }
 
 /// Adam's progress, as a text that keeps every digit.
@@ -51,8 +68,8 @@ pub(super) fn progress(numbers: &[f64]) -> (String, String) {
 /// The same numbers again.
 pub(super) fn progress_of<const N: usize>(tensors: &Tensors) -> Result<[f64; N], ControlError> {
     let text = tensors.metadata.get(PROGRESS).map_or("", String::as_str);
-    let numbers: Vec<f64> = text.split(' ').filter_map(|number| number.parse().ok()).collect();
-    numbers.try_into().map_err(|_| ControlError::NoAgent {
+    let numbers: Option<Vec<f64>> = text.split(' ').map(|number| number.parse().ok()).collect();
+    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| ControlError::NoAgent {
         reason: format!("its text `{PROGRESS}` is {text:?}, expected {N} numbers"),
     })
 }
@@ -75,7 +92,10 @@ pub(super) fn values_of<'t>(
 /// A network with a prefix to its names, of the shape of `like`.
 pub(super) fn network_of(tensors: &Tensors, prefix: &str, like: &Mlp) -> Result<Mlp, ControlError> {
     let network = Mlp::from_tensors(tensors, prefix, Naming::Layers).map_err(ControlError::from)?;
-    if network.parameter_count() != like.parameter_count() || network.outputs() != like.outputs() {
+    let sizes = |network: &Mlp| -> Vec<[usize; 2]> {
+        network.layers().iter().map(|layer| [layer.inputs, layer.outputs]).collect()
+    };
+    if sizes(&network) != sizes(like) {
         let reason = format!("`{prefix}` is another network than its settings describe");
         return Err(ControlError::NoAgent { reason });
     }
@@ -110,7 +130,7 @@ impl From<LayoutError> for ControlError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Algorithm, Ending, Outcome};
+    use crate::{Ending, Outcome};
 
     /// An agent after some steps of a made-up episode, and what it did in them.
     fn after(agent: &mut Agent, steps: usize, seed: Seed) -> Vec<usize> {
@@ -151,9 +171,13 @@ mod tests {
             let mut again =
                 Agent::from_tensors(config, 2, 3, Seed::new(0), &stored).expect("its own");
             assert_eq!(again.to_tensors(), stored);
+            let before = agent.values().to_vec();
+            let values = agent.values_in(&[0.2, 0.9]);
+            assert_eq!(agent.values(), before, "it stays where it is");
             agent.look(&[0.2, 0.9]);
             again.look(&[0.2, 0.9]);
             assert_eq!(again.values(), agent.values());
+            assert_eq!(again.values(), values);
             // What networks replay stayed behind, so only tiles learn the same from here on.
             if algorithm != Algorithm::DeepQLearning {
                 let seed = Seed::new(2);

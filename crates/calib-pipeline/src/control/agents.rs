@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    error::Error,
     sync::{Mutex, PoisonError},
 };
 
@@ -47,22 +48,22 @@ impl ActingAgent {
     }
 }
 
-/// A setting whose agent could not go on in some run.
+/// A setting with which the program failed in some run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(super) struct SettingFailure {
     /// Which setting.
     pub(super) candidate: usize,
-    /// What the program did.
-    pub(super) reason: String,
+    /// What distinguishes it.
+    pub(super) setting: String,
 }
 
 impl SettingFailure {
     /// What happened, and what to do.
     pub(super) fn warning(&self) -> String {
         format!(
-            "{}; the choice is among the other settings: mend the program and run the same command again, or take the value out of \
-             [sweep.grid]",
-            self.reason
+            "the program failed with {}, which is therefore last in every ranking; run the same command again to see why, mend the \
+             program, or take the value out of [sweep.grid]",
+            self.setting
         )
     }
 }
@@ -195,25 +196,47 @@ impl<'a> ProgramAgents<'a> {
         Self { command, candidates, names, idle, failures: Mutex::default() }
     }
 
-    /// The settings that failed, and why.
+    /// The settings that failed. Why is not among it: it may differ from one run to the next.
     pub(super) fn failures(&self) -> Vec<SettingFailure> {
         let failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
-        let told = failures.iter();
-        told.map(|(&candidate, reason)| SettingFailure { candidate, reason: reason.clone() })
-            .collect()
+        let failed = failures.keys().map(|&candidate| SettingFailure {
+            candidate,
+            setting: self.candidates[candidate].label(),
+        });
+        failed.collect()
+    }
+
+    /// Why settings failed, each in the run in which it did first.
+    pub(super) fn reasons(&self) -> Vec<String> {
+        let failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
+        failures.values().cloned().collect()
     }
 
     /// Go on without a setting that failed, as long as there are others.
-    fn go_on_without(&self, candidate: usize, reason: &str) -> Result<AgentRun, ControlError> {
+    fn go_on_without(
+        &self,
+        candidate: usize,
+        reason: Box<dyn Error + Send + Sync>,
+    ) -> Result<AgentRun, ControlError> {
         // What is no longer the program that began does not tell of the setting.
         self.command.check_unchanged().map_err(failed)?;
         let mut failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
-        failures.entry(candidate).or_insert_with(|| reason.to_owned());
+        failures.entry(candidate).or_insert_with(|| reason.to_string());
         if failures.len() < self.candidates.len() {
             return Ok(AgentRun::diverged());
         }
-        let first = failures.values().next().map_or(reason, String::as_str);
-        Err(ControlError::Program(first.into()))
+        Err(ControlError::Program(reason))
+    }
+
+    /// An agent in a process of its own that has begun.
+    fn started<'m>(
+        &self,
+        actor: impl FnOnce(Process<'a>) -> ProgramActor<'m, 'a>,
+        begin: &BeginActing<'_>,
+    ) -> Result<ProgramActor<'m, 'a>, ProgramStopped> {
+        let mut actor = actor(Process::start(self.command, 0)?);
+        actor.begin(begin)?;
+        Ok(actor)
     }
 
     /// One agent's time, in a process that waits for the next one afterwards.
@@ -225,21 +248,7 @@ impl<'a> ProgramAgents<'a> {
         seed: Seed,
         monitor: &dyn Monitor,
     ) -> Result<AgentRun, ProgramStopped> {
-        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let process = match idle {
-            Some(process) => process,
-            None => Process::start(self.command, 0)?,
-        };
         let agent = &self.candidates[candidate].agent;
-        let mut actor = ProgramActor {
-            process,
-            setting: self.candidates[candidate].label(),
-            command: self.command,
-            actions: environment.actions(),
-            message: None,
-            stopped: None,
-            monitor,
-        };
         let begin = BeginActing {
             columns: environment.columns(),
             column_names: &self.names.columns,
@@ -251,7 +260,24 @@ impl<'a> ProgramAgents<'a> {
             timeout: span.timeout,
             parameters: &agent.parameters,
         };
-        actor.begin(&begin)?;
+        let new_actor = |process: Process<'a>| ProgramActor {
+            process,
+            setting: self.candidates[candidate].label(),
+            command: self.command,
+            actions: begin.actions,
+            message: None,
+            stopped: None,
+            monitor,
+        };
+        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut actor = match idle.map(new_actor) {
+            // One that fails as soon as it is asked again may have failed at the agent before.
+            Some(mut actor) => match actor.begin(&begin) {
+                Err(ProgramStopped::CannotAnswer(_)) => self.started(new_actor, &begin)?,
+                began => began.map(|()| actor)?,
+            },
+            None => self.started(new_actor, &begin)?,
+        };
         let lived = live(&mut actor, environment, span, seed);
         if let Some(stopped) = actor.stopped {
             return Err(stopped);
@@ -294,10 +320,8 @@ impl ActingAgents for ProgramAgents<'_> {
                 self.command.check_unchanged().map_err(failed)?;
                 Ok(lived)
             }
-            Err(ProgramStopped::Failed(reason)) => {
-                self.go_on_without(candidate, &reason.to_string())
-            }
-            Err(cancelled @ ProgramStopped::Cancelled(_)) => Err(failed(cancelled)),
+            Err(ProgramStopped::CannotAnswer(reason)) => self.go_on_without(candidate, reason),
+            Err(stopped) => Err(failed(stopped)),
         }
     }
 
@@ -310,7 +334,9 @@ impl ActingAgents for ProgramAgents<'_> {
 fn failed(stopped: ProgramStopped) -> ControlError {
     match stopped {
         ProgramStopped::Cancelled(cancelled) => cancelled.into(),
-        ProgramStopped::Failed(source) => ControlError::Program(source),
+        ProgramStopped::Failed(source) | ProgramStopped::CannotAnswer(source) => {
+            ControlError::Program(source)
+        }
     }
 }
 
@@ -400,7 +426,7 @@ impl ProgramActor<'_, '_> {
         let asked = format!("a state of a run with {}", self.setting);
         let ActionAnswer { action } = self.process.ask(line(message), &asked, self.monitor)?;
         if let Some(action) = action.filter(|&action| action >= self.actions) {
-            return Err(ProgramStopped::Failed(
+            return Err(ProgramStopped::CannotAnswer(
                 format!(
                     "`{}` answered {asked} with action {action}: expected a whole number below {}, which is how many actions \
                      there are",

@@ -5,6 +5,7 @@ use std::path::Path;
 use calib_base::{
     StepError,
     artefact::{self, Below, DirectoryLock, Files, Manifest, TOOL},
+    bail, ensure,
 };
 use calib_control::{Distance, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
@@ -83,15 +84,25 @@ pub struct ControlEvaluation {
 }
 
 impl ControlEvaluation {
-    /// What `calib control` found for a study.
+    /// What `calib control` found for a study whose agents are calib's own.
     ///
     /// # Errors
-    /// If it was not run, or its results were damaged.
+    /// If it was not run, or for another study; if its results were damaged, or the agents are those of a program.
     pub fn of_job(job: &Job) -> Result<Self, StepError> {
         let directory = job.layout().control();
         let command = job.command(StepKind::Control);
+        if job.study().is_of_acting_agents() {
+            bail!(
+                "the agents of this study are those of a program: calib has none of its own to give"
+            );
+        }
         let manifest: ControlManifest = artefact::require(&directory, &command)?;
         artefact::check_files(&directory, &manifest.files, &command)?;
+        ensure!(
+            manifest.key == key(job.study(), &manifest.log, None)?,
+            "{} is of another study than this one is now; run `{command}` first",
+            directory.display()
+        );
         Ok(read_sealed_json(&directory.join(VERDICT))?)
     }
 
@@ -191,6 +202,12 @@ pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bo
         return None;
     }
     Some((evaluation, artefact::are_whole(directory, &manifest.shown)))
+}
+
+/// Whether the verdict that is there lacks settings with which a program failed.
+pub(super) fn is_of_failures(directory: &Path) -> bool {
+    read_sealed_json(&directory.join(VERDICT))
+        .is_ok_and(|found: ControlEvaluation| !found.failures.is_empty())
 }
 
 /// Write verdict and runs, and what `show` writes of them, which is remade where it is not whole.

@@ -56,7 +56,10 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
         mean_return: Some(mean_return).filter(|mean| mean.is_finite()),
     };
     let runs = units::stored(&job.layout().control_units());
-    if runs.is_empty() {
+    // Beside a verdict in which settings failed, runs of the others are left.
+    if runs.is_empty()
+        || (runs.len() < all && super::files::is_of_failures(&job.layout().control()))
+    {
         // The runs of a finished sweep are one table, and their ranks stand in the verdict.
         let verdict = job.layout().control().join(VERDICT);
         let Ok(found) = read_sealed_json::<ControlEvaluation>(&verdict) else { return Ok(None) };

@@ -64,6 +64,9 @@ pub(crate) fn run(
         return Ok(StepResult::Planned(NoPlan));
     }
     let units = RunFiles::open(&job.layout().control_units(), &key)?;
+    if job.policy().redoes() {
+        units.remove()?;
+    }
     let JudgedSettings { log, evaluation, runs } =
         judged(job, config, log, &agents, &units, printer)?;
     files::write(&directory, (study, key), (&log, &evaluation), &runs, || {
@@ -173,35 +176,28 @@ fn judged(
     let program = agents.of_program(&names);
     let acting: &dyn ActingAgents = program.as_ref().map_or(&own, |program| program);
     let SweptSettings { runs, constants } = swept(config, &model, acting, seed, units, printer)?;
+    printer.say_all(&program.as_ref().map_or_else(Vec::new, ProgramAgents::reasons));
     let decisions = model.log();
-    let support = Support {
-        most_uncovered: config.most_uncovered,
-        fewest_terminals: config.terminal.as_ref().map_or(0, |_| config.fewest_terminals),
-    };
     let question = Question {
         log: decisions,
         timeout,
         candidates: agents.count(),
         default: agents.default(config),
         rule: config.rule,
-        support,
+        support: support(config),
         resamples: study.evaluate.resamples,
         constants: &constants,
     };
     let verdict = judge(&runs, &question, seed)?;
     let steps = config.steps;
     let timeout = config.timeout;
+    let failures = program.as_ref().map_or_else(Vec::new, ProgramAgents::failures);
     let described = described(&model, config.model.distance, &names)?;
     let span = RunLength { steps, timeout: config.timeout };
     // An agent that has learned, as far as it will.
     let kept = steps.div_ceil(4).min(MOST_TOLD_STEPS);
     let last = trajectory(&model, acting, verdict.chosen, span, kept, seed, &progress)?;
     let of_reward: Vec<String> = config.reward.columns().cloned().collect();
-    let failures = program.as_ref().map_or_else(Vec::new, ProgramAgents::failures);
-    if let Some(failure) = failures.iter().find(|failure| failure.candidate == verdict.chosen) {
-        // It did what the runs before asked of it, and not the same once more.
-        return Err(ControlError::Program(failure.reason.clone().into()).into());
-    }
     let conduct: Option<AgentConduct> = (!last.run.diverged)
         .then(|| conduct(&last, &names, &described, &of_reward, &config.actions));
     if let Some(program) = program
@@ -231,6 +227,14 @@ fn judged(
         candidates: agents.stored(),
     };
     Ok(JudgedSettings { log: fingerprint, evaluation, runs })
+}
+
+/// How much the log has to support a choice.
+fn support(config: &ControlConfig) -> Support {
+    Support {
+        most_uncovered: config.most_uncovered,
+        fewest_terminals: config.terminal.as_ref().map_or(0, |_| config.fewest_terminals),
+    }
 }
 
 /// What came of the settings, and of actions that need no agent.
@@ -301,7 +305,7 @@ fn swept(
             },
         }
     }
-    // All runs of a setting that failed: which of them were made before depends on the threads.
+    // All runs of a setting that failed are the same: which of them were made before depends on the threads.
     for run in &mut swept.runs {
         if agents.has_failed(run.candidate) {
             *run = run.clone().failed();

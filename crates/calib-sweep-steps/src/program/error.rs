@@ -64,5 +64,15 @@ fn at_last(text: &str) -> String {
 }
 
 pub(super) fn failed(error: ProgramError) -> ProgramStopped {
-    ProgramStopped::Failed(Box::new(error))
+    match error {
+        // What the system kills is no answer: it may be short of memory.
+        ProgramError::Ended { ref how, .. } if how.contains("signal") => {
+            ProgramStopped::Failed(Box::new(error))
+        }
+        ProgramError::Ended { .. }
+        | ProgramError::Babble { .. }
+        | ProgramError::Refused { .. }
+        | ProgramError::Count { .. } => ProgramStopped::CannotAnswer(Box::new(error)),
+        _ => ProgramStopped::Failed(Box::new(error)),
+    }
 }

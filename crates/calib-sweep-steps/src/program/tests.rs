@@ -50,7 +50,7 @@ fn asked(program: &ExternalAgents, agents: usize) -> Result<Vec<ProgramPredictio
     };
     program.predictions(&wanted, &Silent).map_err(|stopped| match stopped {
         ProgramStopped::Cancelled(_) => "interrupted".to_owned(),
-        ProgramStopped::Failed(error) => {
+        ProgramStopped::Failed(error) | ProgramStopped::CannotAnswer(error) => {
             let source = error.source().map_or_else(String::new, |source| format!(": {source}"));
             format!("{error}{source}")
         }

@@ -112,7 +112,10 @@ pub fn before_model(
     let units = passes * sensors.len();
     let sizes = Sizes::of(study, dataset, streams.demand.span, [units, passes]);
     let threads = rayon::current_num_threads();
-    Memory::of(&sizes, &agents_of(&candidates), threads).check()?;
+    // What stands in for a log is in memory itself.
+    if context.stands_in().is_none() {
+        Memory::of(&sizes, &agents_of(&candidates), threads).check()?;
+    }
     let frames = &dataset.train;
     let states = streams.demand.span.states().min(frames.rows()).min(MEASURED_STEPS);
     let replayed = RowStream::looped(frames.states().clone(), frames.segments(), 0, states);
@@ -130,7 +133,8 @@ pub fn before_model(
 fn streams_of(job: &Job, online: usize) -> Vec<String> {
     let study = job.study();
     let deployment = job.deployment().unwrap_or_default();
-    let starts = if study.starts_follow_from_deployment() { deployment } else { "" };
+    let sweep_starts = Study { rollout: study.sweep_starts(), ..study.clone() };
+    let starts = if sweep_starts.starts_follow_from_deployment() { deployment } else { "" };
     let model = job.model_name();
     let kinds = [
         (format!("online {deployment}"), online),
