@@ -392,7 +392,7 @@ def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, conti
     agent = calib_rl.ControlAgent(acting)
     with pytest.raises(ValueError, match="call begin"):
         agent.step(0.0, [0.5, 5.0])
-    with pytest.raises(ValueError, match="level is nan"):
+    with pytest.raises(ValueError, match="level is NaN"):
         agent.begin([np.nan, 5.0])
     with pytest.raises(ValueError, match="expected 2"):
         agent.begin([0.5])

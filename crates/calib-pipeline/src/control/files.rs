@@ -17,9 +17,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     advice::{Advice, STUDY},
-    agents::{ActingAgent, ProgramIdentity, SettingFailure},
+    agents::{ActingAgent, ComparedAgents, ProgramIdentity, SettingFailure},
     conduct::AgentConduct,
     described::ActionLogSummary,
+    run::no_section,
     show::name,
 };
 
@@ -91,10 +92,9 @@ impl ControlEvaluation {
     pub fn of_job(job: &Job) -> Result<Self, StepError> {
         let directory = job.layout().control();
         let command = job.command(StepKind::Control);
-        if job.study().is_of_acting_agents() {
-            bail!(
-                "the agents of this study are those of a program: calib has none of its own to give"
-            );
+        let Some(config) = &job.study().control else { return Err(no_section(job)) };
+        if let ComparedAgents::Program { .. } = ComparedAgents::of_study(job, config)? {
+            bail!("the agents of this study are those of a program, and not calib's own");
         }
         let manifest: ControlManifest = artefact::require(&directory, &command)?;
         artefact::check_files(&directory, &manifest.files, &command)?;
