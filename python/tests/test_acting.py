@@ -413,7 +413,7 @@ def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, conti
     agent.save(tmp_path / "agent.safetensors")
     damaged = (tmp_path / "agent.safetensors").read_bytes().replace(b'"weights"', b'"weightz"')
     bad.write_bytes(damaged)
-    with pytest.raises(calib_rl.CalibError, match="weights"):
+    with pytest.raises(calib_rl.CalibError, match="damaged"):
         calib_rl.ControlAgent.load(bad)
 
 
