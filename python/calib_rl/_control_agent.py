@@ -67,7 +67,8 @@ class ControlAgent:
     def of(study: Study, *, seed: int = 0) -> ControlAgent:
         """An agent with the setting that ``calib control`` chose. It knows nothing yet: `train` it, or let it learn at the plant.
 
-        Look at the verdict first: calib names a setting also where it advises against deploying it.
+        Look at the verdict first: calib names a setting also where it advises against deploying it. Values that ``calib control`` had with ``--set`` are
+        a part of the study: open it with the same, ``Study(path, set={"control.steps": 3000})``.
 
         Args:
             study: The study.
@@ -246,12 +247,13 @@ class ControlAgent:
         return Training(mean_return, episodes)
 
     def _seen(self, observation: ArrayLike | Mapping[str, float]) -> ArrayLike:
-        if not isinstance(observation, Mapping):
+        # A row of a frame has names as well, and its order says nothing.
+        if not isinstance(observation, Mapping) and not hasattr(observation, "keys"):
             return observation
         missing = [name for name in self.columns if name not in observation]
         if missing:
             raise ValueError(f"the observation has no {missing[0]!r}, expected every one of `columns`")
-        return [float(observation[name]) for name in self.columns]
+        return [float(observation[name]) for name in self.columns]  # type: ignore[call-overload]
 
     def __repr__(self) -> str:
         settings = self.settings

@@ -252,7 +252,7 @@ impl ControlAgent {
             && model.described_actions() == self.described.actions;
         if !same {
             return Err(PyValueError::new_err(
-                "the model has other columns or actions than the agent",
+                "the model has other columns, ranges of columns or actions than the agent",
             ));
         }
         // An episode that went on elsewhere does not go on here.

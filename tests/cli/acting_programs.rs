@@ -238,6 +238,9 @@ fn a_program_may_fail_with_one_setting() {
     let json: serde_json::Value = serde_json::from_str(&told.ends(&[0, 1])).expect("JSON");
     assert_eq!(json["verdict"]["chosen"], 0);
     assert_eq!(json["failures"][0]["candidate"], 1);
+    // It was the default, without which nothing is supported.
+    assert!(told.stderr().contains("the program failed with the default"), "{}", told.stderr());
+    assert_eq!((told.code(), &json["is_ahead_of_default"]), (1, &false.into()));
     assert!(told.stderr().contains("a run with action = 1: no such valve"), "{}", told.stderr());
     let report = fs::read_to_string(place.path().join("study-results/control/report.html"));
     assert!(report.expect("written").contains("the program failed with action = 1"));

@@ -103,6 +103,8 @@ pub enum Doubt {
     },
     /// The chosen candidate diverged in a member.
     Diverged,
+    /// The default could not be compared: its program failed.
+    DefaultFailed,
 }
 
 /// What a sweep of agents that act says.

@@ -168,10 +168,7 @@ pub(crate) fn run_to(
             talk = log.context(&talk);
         }
         StudyLog::None => {
-            talk.say(&format!(
-                "then: {}; what they take can be said once the log is there",
-                remaining(&models).join(", ")
-            ));
+            talk.say(&format!("then: {}", remaining(&models).join(", ")));
             tell(&plan, &job, context)?;
             let outcome = ended.0;
             return Ok(StudyRun { evaluation: None, left_out: Vec::new(), outcome });
@@ -349,13 +346,17 @@ fn simulate(
             return Ok(StudyLog::Whole);
         }
         return match StandInLog::of(&plant.options, job, talk) {
-            Ok(Some(log)) => {
+            Ok(log) => {
                 talk.say("a sample of that log stands in for it in what follows");
                 Ok(StudyLog::StandIn(log))
             }
             Err(reason) if reason.was_cancelled() => Err(reason),
-            // Whatever is wrong with the log is told once it is there.
-            Ok(None) | Err(_) => Ok(StudyLog::None),
+            Err(reason) => {
+                talk.say(&format!(
+                    "what the other steps take can be said once the log is there: {reason}"
+                ));
+                Ok(StudyLog::None)
+            }
         };
     }
     let simulated = plant.make(job.policy().redoes(), talk).context("[simulate]")?;

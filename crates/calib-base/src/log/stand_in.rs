@@ -9,9 +9,10 @@ use calib_plant::{Plant, PlantOptions};
 use calib_study::Job;
 
 use crate::{
-    StepError,
+    StepError, bail, ensure,
     log::{context::RunContext, plant_of_study},
     memory,
+    output::bytes,
 };
 
 /// Rows that are enough to see which channels are left, and quick to simulate.
@@ -27,20 +28,15 @@ pub struct StandInLog {
 }
 
 impl StandInLog {
-    /// For the log of `options` that the study of `job` reads; nothing if its states would take more than an eighth of the memory that is there, for
-    /// they are made when rows are repeated, or if the study reads its log by a clock of its own.
+    /// For the log of `options` that the study of `job` reads.
     ///
     /// # Errors
-    /// If the plant cannot be simulated, nothing can be written to the folder for temporary files, nothing of the log is left for the study, or
-    /// the observer asks to stop.
-    pub fn of(
-        options: &PlantOptions,
-        job: &Job,
-        context: &RunContext,
-    ) -> Result<Option<Self>, StepError> {
+    /// If its states would take more than an eighth of the memory that is there, for they are made when rows are repeated; if the study reads its
+    /// log by a clock of its own, or nothing is left of it; if nothing can be written to the folder for temporary files; or the observer asks to stop.
+    pub fn of(options: &PlantOptions, job: &Job, context: &RunContext) -> Result<Self, StepError> {
         let study = job.study();
         if study.data.period_secs.is_some() || study.data.resample.is_some() {
-            return Ok(None);
+            bail!("data.period_secs is another clock than a sample of the log has");
         }
         // The study's own choice of every so many rows is made here already.
         let subsample = study.preprocess.subsample as u64;
@@ -54,9 +50,13 @@ impl StandInLog {
         let plant = Plant::new(options)?;
         let values = plant.instants().saturating_mul(4 * plant.schema().len() as u64);
         let available = memory::available().unwrap_or(u64::MAX);
-        if values > available / 8 {
-            return Ok(None);
-        }
+        let room = available / 8;
+        ensure!(
+            values <= room,
+            "a sample of it takes {}, and {} may be taken",
+            bytes(values),
+            bytes(room)
+        );
         let progress = context.progress();
         let sampled = sampled(plant, &progress)?;
         let folder = TemporaryFolder::new()?;
@@ -68,8 +68,14 @@ impl StandInLog {
         let job = Job::resolve(request)?;
         let data = plant_of_study::data_to_read(&job)?;
         let surveyed = calib_data::survey(&data, &job.study().preprocess, &progress)?;
-        let fits = surveyed.state_bytes().saturating_mul(rows_each) <= available / 8;
-        Ok(fits.then_some(Self { _folder: folder, job, rows_each: rows_each as usize }))
+        let states = surveyed.state_bytes().saturating_mul(rows_each);
+        ensure!(
+            states <= room,
+            "its states take {}, and {} may be taken",
+            bytes(states),
+            bytes(room)
+        );
+        Ok(Self { _folder: folder, job, rows_each: rows_each as usize })
     }
 
     /// The study that reads it.

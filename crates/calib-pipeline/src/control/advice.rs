@@ -324,6 +324,10 @@ impl Advice<'_> {
                 significant(*mean),
                 significant(*error)
             ),
+            Doubt::DefaultFailed => {
+                "the program failed with the default, so that the choice cannot be compared with it; mend the program and run the same command again"
+                    .to_owned()
+            }
             Doubt::Diverged => {
                 "the chosen setting diverged in a model; sweep smaller step sizes".to_owned()
             }

@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    error::Error,
     sync::{Mutex, PoisonError},
 };
 
@@ -213,19 +212,17 @@ impl<'a> ProgramAgents<'a> {
     }
 
     /// Go on without a setting that failed, as long as there are others.
-    fn go_on_without(
-        &self,
-        candidate: usize,
-        reason: Box<dyn Error + Send + Sync>,
-    ) -> Result<AgentRun, ControlError> {
+    fn go_on_without(&self, candidate: usize, reason: &str) -> Result<AgentRun, ControlError> {
         // What is no longer the program that began does not tell of the setting.
         self.command.check_unchanged().map_err(failed)?;
         let mut failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
-        failures.entry(candidate).or_insert_with(|| reason.to_string());
+        failures.entry(candidate).or_insert_with(|| reason.to_owned());
         if failures.len() < self.candidates.len() {
             return Ok(AgentRun::diverged());
         }
-        Err(ControlError::Program(reason))
+        Err(ControlError::Program(
+            format!("the program failed with every setting; in the end {reason}").into(),
+        ))
     }
 
     /// An agent in a process of its own that has begun.
@@ -320,7 +317,9 @@ impl ActingAgents for ProgramAgents<'_> {
                 self.command.check_unchanged().map_err(failed)?;
                 Ok(lived)
             }
-            Err(ProgramStopped::CannotAnswer(reason)) => self.go_on_without(candidate, reason),
+            Err(ProgramStopped::CannotAnswer(reason)) => {
+                self.go_on_without(candidate, &reason.to_string())
+            }
             Err(stopped) => Err(failed(stopped)),
         }
     }

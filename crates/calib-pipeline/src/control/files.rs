@@ -100,7 +100,8 @@ impl ControlEvaluation {
         artefact::check_files(&directory, &manifest.files, &command)?;
         ensure!(
             manifest.key == key(job.study(), &manifest.log, None)?,
-            "{} is of another study than this one is now; run `{command}` first",
+            "{} follows from other values than the study has now, such as those of --set: open the study with the same \
+             (Study(…, set=…)), or run `{command}` first",
             directory.display()
         );
         Ok(read_sealed_json(&directory.join(VERDICT))?)

@@ -7,7 +7,7 @@ use calib_base::{
 };
 use calib_control::{
     ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
-    ControlConfig, ControlError, Distance, Ensemble, Extent, IncrementModel, Increments,
+    ControlConfig, ControlError, Distance, Doubt, Ensemble, Extent, IncrementModel, Increments,
     NetworkModel, Question, Run, RunLength, Support, constant_returns, fitted_q_evaluation,
     importance_sampling, judge, sweep_keeping, trajectory,
 };
@@ -178,17 +178,21 @@ fn judged(
     let SweptSettings { runs, constants } = swept(config, &model, acting, seed, units, printer)?;
     printer.say_all(&program.as_ref().map_or_else(Vec::new, ProgramAgents::reasons));
     let decisions = model.log();
+    let default = agents.default(config);
     let question = Question {
         log: decisions,
         timeout,
         candidates: agents.count(),
-        default: agents.default(config),
+        default: default.filter(|&default| !acting.has_failed(default)),
         rule: config.rule,
         support: support(config),
         resamples: study.evaluate.resamples,
         constants: &constants,
     };
-    let verdict = judge(&runs, &question, seed)?;
+    let mut verdict = judge(&runs, &question, seed)?;
+    if default.is_some() && question.default.is_none() {
+        verdict.doubts.push(Doubt::DefaultFailed);
+    }
     let steps = config.steps;
     let timeout = config.timeout;
     let failures = program.as_ref().map_or_else(Vec::new, ProgramAgents::failures);
