@@ -250,10 +250,11 @@ class ControlAgent:
         # A row of a frame has names as well, and its order says nothing.
         if not isinstance(observation, Mapping) and not hasattr(observation, "keys"):
             return observation
-        missing = [name for name in self.columns if name not in observation]
+        named: Any = observation
+        missing = [name for name in self.columns if name not in named]
         if missing:
             raise ValueError(f"the observation has no {missing[0]!r}, expected every one of `columns`")
-        return [float(observation[name]) for name in self.columns]  # type: ignore[call-overload]
+        return [float(named[name]) for name in self.columns]
 
     def __repr__(self) -> str:
         settings = self.settings

@@ -375,7 +375,7 @@ def test_an_agent_learns_in_a_model_is_kept_and_goes_on(acting: calib_rl.ActionM
         assert (again.values(low) == agent.values(low)).all() and again.settings == agent.settings
         assert again.columns == ["level", "flow"] and again.actions[2] == calib_rl.AgentAction("valve0=1", (1.0,))
         other = calib_rl.ControlAgent.load(path)
-        told = [(again.begin([0.5, 5.0]), other.begin([0.5, 5.0]))]
+        told: list[tuple[int | None, int | None]] = [(again.begin([0.5, 5.0]), other.begin([0.5, 5.0]))]
         told += [(again.step(-0.1, [level, 5.0]), other.step(-0.1, [level, 5.0])) for level in (0.4, 0.5, 0.6)]
         assert all(one == two for one, two in told), "what is loaded twice does the same"
         before = agent.values(low)
@@ -402,7 +402,7 @@ def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, conti
     with pytest.raises(ValueError, match="reward is inf"):
         agent.step(np.inf, [0.5, 5.0])
     assert agent.step(0.0, [0.5, 5.0], terminal=True) is None
-    with pytest.raises(ValueError, match="other columns or actions"):
+    with pytest.raises(ValueError, match="other columns, ranges"):
         agent.train(continuous, 10)
     with pytest.raises(IndexError):
         agent.train(acting, 10, member=5)
@@ -430,5 +430,5 @@ def test_the_chosen_agent_comes_out(tmp_path: Path) -> None:
     assert agent.settings == json.loads(done.stdout)["choice"]
     assert agent.settings["temperature"] == 0.05 and agent.columns == model.columns
     assert agent.begin([0.5, 5.0]) in range(3)
-    with pytest.raises(calib_rl.CalibError, match="of another study"):
+    with pytest.raises(calib_rl.CalibError, match="other values than the study has"):
         calib_rl.ControlAgent.of(calib_rl.Study(path))
