@@ -22,6 +22,8 @@ use crate::{
 /// The free text of a file that says what the agent is, and the format of both.
 const DESCRIBED: &str = "agent";
 const FORMAT: u32 = 1;
+const DIVERGED: &str =
+    "the agent has diverged: its values are no numbers any more; use a smaller step_size";
 
 /// What an agent sees and does, beside what it has learnt.
 #[derive(Clone, Serialize, Deserialize)]
@@ -76,10 +78,7 @@ impl ControlAgent {
 
     fn act(&mut self, py: Python<'_>) -> PyResult<usize> {
         let action = self.agent.act(&mut self.rng);
-        let action = action.ok_or_else(|| {
-            let text = "the agent has diverged: its values are no numbers any more; use a smaller step_size";
-            errors::of_text(py, text)
-        })?;
+        let action = action.ok_or_else(|| errors::of_text(py, DIVERGED))?;
         self.last = Some(action);
         Ok(action)
     }
@@ -265,8 +264,7 @@ impl ControlAgent {
             live(&mut watched, &mut opened.walk(member), span, Seed::new(seed))
         })?;
         if run.diverged {
-            let text = "the agent has diverged: its values are no numbers any more; use a smaller step_size";
-            return Err(errors::of_text(py, text));
+            return Err(errors::of_text(py, DIVERGED));
         }
         Ok((run.mean_return(), run.returns.len()))
     }

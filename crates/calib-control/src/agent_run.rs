@@ -14,7 +14,7 @@ pub struct RunLength {
 }
 
 /// What an agent got.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct AgentRun {
     /// Return of each episode that ended or was cut at its timeout, in order.
     pub returns: Vec<f64>,
@@ -29,11 +29,6 @@ pub struct AgentRun {
 }
 
 impl AgentRun {
-    /// Of an agent that could not take a step.
-    pub fn diverged() -> Self {
-        Self { returns: Vec::new(), terminals: 0, rest: 0.0, rest_share: 0.0, diverged: true }
-    }
-
     /// Mean return an episode, Σ of all rewards / (episodes + the part of the last one), which counts one episode at least;
     /// −∞ if the agent diverged.
     pub fn mean_return(&self) -> f64 {
@@ -100,9 +95,8 @@ pub(crate) struct Episodes {
 
 impl Episodes {
     pub(crate) fn new(environment: &dyn Environment, span: RunLength, seed: Seed) -> Self {
-        let life = AgentRun { diverged: false, ..AgentRun::diverged() };
         Self {
-            life,
+            life: AgentRun::default(),
             span,
             acts: seed.child("actions").rng(),
             world: seed.child("world").rng(),

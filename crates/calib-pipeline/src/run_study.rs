@@ -274,7 +274,7 @@ fn judge(
 ) -> Result<StepResult<Evaluation>, StepError> {
     progress.stage(StepKind::Evaluate.label());
     if talk.stands_in().is_some() {
-        talk.say("dry run: evaluate waits for the steps before it");
+        not_yet(StepKind::Evaluate, None, talk);
         return Ok(StepResult::Planned(NoPlan));
     }
     let remaining = models.iter().filter(|model| model.left_out.is_none());
@@ -283,7 +283,7 @@ fn judge(
     ensure!(!all.is_empty(), "no model is left: {}", left_out.join("; "));
     match evaluation::run(job, &all, left_out, context) {
         Err(reason) if job.policy().is_dry() => {
-            not_yet(StepKind::Evaluate, &reason, context);
+            not_yet(StepKind::Evaluate, Some(&reason), context);
             Ok(StepResult::Planned(NoPlan))
         }
         judged => {
@@ -318,7 +318,7 @@ enum StudyLog {
     Whole,
     /// In a dry run, where the log is not simulated yet.
     StandIn(StandInLog),
-    /// The same, where what stands in would take too much memory.
+    /// The same, where nothing can stand in for it.
     None,
 }
 
@@ -345,24 +345,29 @@ fn simulate(
         if plant.found == PlantLogState::Whole {
             return Ok(StudyLog::Whole);
         }
-        return match StandInLog::of(&plant.options, job, talk) {
-            Ok(log) => {
-                talk.say("a sample of that log stands in for it in what follows");
-                Ok(StudyLog::StandIn(log))
-            }
-            Err(reason) if reason.was_cancelled() => Err(reason),
-            Err(reason) => {
-                talk.say(&format!(
-                    "what the other steps take can be said once the log is there: {reason}"
-                ));
-                Ok(StudyLog::None)
-            }
-        };
+        return stand_in(&plant, job, talk);
     }
     let simulated = plant.make(job.policy().redoes(), talk).context("[simulate]")?;
     talk.result(&simulated.line())?;
     simulated.changes_line().map_or(Ok(()), |line| talk.result(&line))?;
     Ok(StudyLog::Whole)
+}
+
+/// What a dry run reads in place of a log that is not simulated yet.
+fn stand_in(plant: &PlantOfStudy, job: &Job, talk: &RunContext) -> Result<StudyLog, StepError> {
+    match StandInLog::of(&plant.options, job, talk) {
+        Ok(log) => {
+            talk.say("a sample of that log stands in for it in what follows");
+            Ok(StudyLog::StandIn(log))
+        }
+        Err(reason) if reason.was_cancelled() => Err(reason),
+        Err(reason) => {
+            talk.say(&format!(
+                "what the other steps take can be said once the log is there: {reason}"
+            ));
+            Ok(StudyLog::None)
+        }
+    }
 }
 
 /// The steps that a dry run without a log cannot look into.
@@ -407,7 +412,8 @@ impl Model {
                     && matches!(step, StepKind::Rollout | StepKind::Sweep)
                     && !reason.was_cancelled() =>
             {
-                not_yet(step, &reason, talk);
+                // What is missing of a log that stands in for another is no reason.
+                not_yet(step, talk.stands_in().is_none().then_some(&reason), talk);
                 // What another arithmetic takes is not known.
                 if step == StepKind::Sweep && whole.device.is_none() {
                     let parts = self.job.parts(step.scope())?;
@@ -425,10 +431,9 @@ impl Model {
     }
 }
 
-fn not_yet(step: StepKind, reason: &StepError, talk: &RunContext) {
+fn not_yet(step: StepKind, reason: Option<&StepError>, talk: &Printer) {
     let step = step.label();
-    // What is missing of a log that stands in for another is no reason.
-    let reason = if talk.stands_in().is_some() { String::new() } else { format!(" ({reason})") };
+    let reason = reason.map_or_else(String::new, |reason| format!(" ({reason})"));
     talk.say(&format!("dry run: {step} waits for the steps before it{reason}"));
 }
 

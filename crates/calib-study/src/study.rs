@@ -112,7 +112,16 @@ impl Study {
 
     /// Whether start states of `[rollout]` follow from the deployment; without a model there are none.
     pub fn starts_follow_from_deployment(&self) -> bool {
-        match self.rollout.start {
+        self.follows_from_deployment(self.rollout.start)
+    }
+
+    /// The same of the start states that agents are trained from.
+    pub fn sweep_starts_follow_from_deployment(&self) -> bool {
+        self.follows_from_deployment(self.sweep_starts().start)
+    }
+
+    fn follows_from_deployment(&self, start: StartKind) -> bool {
+        match start {
             StartKind::Nearest | StartKind::CalendarMonth | StartKind::Recent => self.has_model(),
             StartKind::Random | StartKind::Rows => false,
         }

@@ -92,13 +92,13 @@ pub fn open(
     if let Some(known) = place.opened(context) {
         return Ok(known);
     }
-    let prepared = match (place.kept(job), context.stands_in()) {
-        (_, Some(rows_each)) => {
-            let Prepared { dataset, .. } = place.prepare(job, data, memory, &context.silent())?;
-            Prepared { dataset: stand_in::repeated(dataset, rows_each)?, states: None }
-        }
-        (Some(kept), None) => kept,
-        (None, None) => place.prepare(job, data, memory, context)?,
+    let prepared = if let Some(rows_each) = context.stands_in() {
+        let Prepared { dataset, .. } = place.prepare(job, data, memory, &context.silent())?;
+        Prepared { dataset: stand_in::repeated(dataset, rows_each)?, states: None }
+    } else if let Some(kept) = place.kept(job) {
+        kept
+    } else {
+        place.prepare(job, data, memory, context)?
     };
     place.remember(context, &prepared);
     Ok(prepared)

@@ -79,8 +79,7 @@ impl Replay {
 
 impl Network {
     pub(super) fn new(config: &AgentConfig, columns: usize, actions: usize, seed: Seed) -> Self {
-        let hidden = vec![config.hidden_width; config.hidden_layers];
-        let sizes = [vec![columns], hidden, vec![actions]].concat();
+        let sizes = sizes(config, columns, actions);
         let mut online = Mlp::new(&sizes, seed.child("network"));
         // Values begin near the initial weight: optimism, as of tiles.
         let bias = online.layers().last().map(|layer| layer.bias.clone()).unwrap_or_default();
@@ -136,11 +135,15 @@ impl Network {
         Ok(())
     }
 
+    /// Weights and biases of each of the two networks.
+    pub(super) fn parameters(config: &AgentConfig, columns: usize, actions: usize) -> usize {
+        let sizes = sizes(config, columns, actions);
+        sizes.windows(2).map(|layer| (layer[0] + 1) * layer[1]).sum()
+    }
+
     /// Memory of one whose replay is full: both networks, two moments and two gradients, and what is replayed.
     pub(super) fn bytes(config: &AgentConfig, columns: usize, actions: usize) -> u64 {
-        let hidden = vec![config.hidden_width; config.hidden_layers];
-        let sizes = [vec![columns], hidden, vec![actions]].concat();
-        let parameters: usize = sizes.windows(2).map(|layer| (layer[0] + 1) * layer[1]).sum();
+        let parameters = Self::parameters(config, columns, actions);
         let transition = 2 * columns * size_of::<f32>() + size_of::<(usize, Outcome)>();
         (6 * parameters * size_of::<f32>() + config.replay * transition) as u64
     }
@@ -204,6 +207,12 @@ impl Network {
         let gradients = self.online.backward(&drawn.states, &drawn.gradients, &mut self.batch);
         self.adam.step(self.online.parameters_mut(), gradients);
     }
+}
+
+/// Units of each layer, columns first and actions last.
+fn sizes(config: &AgentConfig, columns: usize, actions: usize) -> Vec<usize> {
+    let hidden = vec![config.hidden_width; config.hidden_layers];
+    [vec![columns], hidden, vec![actions]].concat()
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use calib_core::Seed;
 use calib_files::{Tensor, Tensors};
 use calib_nn::{LayoutError, Mlp, Moments, Naming};
 
-use super::{Agent, AgentConfig, Algorithm, Learner};
+use super::{Agent, AgentConfig, Algorithm, Learner, Network};
 use crate::ControlError;
 
 /// The free text of a file that has β₁ᵗ and β₂ᵗ, and of networks the steps since the target network was renewed.
@@ -50,9 +50,7 @@ impl Agent {
 /// Whether the moments have a number for each weight that the settings describe.
 fn is_of(config: &AgentConfig, columns: usize, actions: usize, tensors: &Tensors) -> bool {
     let weights = if config.algorithm == Algorithm::DeepQLearning {
-        let hidden = vec![config.hidden_width; config.hidden_layers];
-        let sizes = [vec![columns], hidden, vec![actions]].concat();
-        sizes.windows(2).map(|layer| (layer[0] + 1) * layer[1]).sum()
+        Network::parameters(config, columns, actions)
     } else {
         config.tiling(columns).len() * actions
     };

@@ -218,7 +218,7 @@ impl<'a> ProgramAgents<'a> {
         let mut failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
         failures.entry(candidate).or_insert_with(|| reason.to_owned());
         if failures.len() < self.candidates.len() {
-            return Ok(AgentRun::diverged());
+            return Ok(could_not_act());
         }
         Err(ControlError::Program(
             format!("the program failed with every setting; in the end {reason}").into(),
@@ -309,7 +309,7 @@ impl ActingAgents for ProgramAgents<'_> {
         monitor: &dyn Monitor,
     ) -> Result<AgentRun, ControlError> {
         if self.has_failed(candidate) {
-            return Ok(AgentRun::diverged());
+            return Ok(could_not_act());
         }
         match self.lived(candidate, environment, span, seed, monitor) {
             Ok(lived) => {
@@ -328,6 +328,11 @@ impl ActingAgents for ProgramAgents<'_> {
         let failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
         failures.contains_key(&candidate)
     }
+}
+
+/// The run of an agent that could not take a step.
+fn could_not_act() -> AgentRun {
+    AgentRun { diverged: true, ..AgentRun::default() }
 }
 
 fn failed(stopped: ProgramStopped) -> ControlError {

@@ -132,6 +132,11 @@ impl ControlEvaluation {
         })
     }
 
+    /// Whether a program failed with some settings, so that the next command tries them again.
+    pub(super) fn lacks_settings(&self) -> bool {
+        !self.failures.is_empty()
+    }
+
     /// Why the log does not support the choice, and what is missing from it.
     pub(super) fn warnings(&self) -> Vec<String> {
         let mut warnings = self.advise(|advice| advice.reasons());
@@ -199,16 +204,10 @@ pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bo
         return None;
     }
     let evaluation: ControlEvaluation = read_sealed_json(&directory.join(VERDICT)).ok()?;
-    if !evaluation.failures.is_empty() {
+    if evaluation.lacks_settings() {
         return None;
     }
     Some((evaluation, artefact::are_whole(directory, &manifest.shown)))
-}
-
-/// Whether the verdict that is there lacks settings with which a program failed.
-pub(super) fn is_of_failures(directory: &Path) -> bool {
-    read_sealed_json(&directory.join(VERDICT))
-        .is_ok_and(|found: ControlEvaluation| !found.failures.is_empty())
 }
 
 /// Write verdict and runs, and what `show` writes of them, which is remade where it is not whole.

@@ -56,16 +56,16 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
         mean_return: Some(mean_return).filter(|mean| mean.is_finite()),
     };
     let runs = units::stored(&job.layout().control_units());
-    // Beside a verdict in which settings failed, runs of the others are left.
-    if runs.is_empty()
-        || (runs.len() < all && super::files::is_of_failures(&job.layout().control()))
-    {
-        // The runs of a finished sweep are one table, and their ranks stand in the verdict.
-        let verdict = job.layout().control().join(VERDICT);
-        let Ok(found) = read_sealed_json::<ControlEvaluation>(&verdict) else { return Ok(None) };
-        if found.agents() != agents.stored() {
-            return Ok(None);
-        }
+    // The runs of a finished sweep are one table, and their ranks stand in the verdict. Beside one in which settings failed, runs of the
+    // others are left.
+    let verdict = read_sealed_json::<ControlEvaluation>(&job.layout().control().join(VERDICT)).ok();
+    let verdict = verdict.filter(|found| {
+        (runs.is_empty() || found.lacks_settings()) && found.agents() == agents.stored()
+    });
+    if runs.is_empty() && verdict.is_none() {
+        return Ok(None);
+    }
+    if let Some(found) = verdict {
         let selection = &found.verdict().selection;
         let settings = super::show::best(&found, found.agents().len());
         let settings = settings.into_iter().map(|candidate| {

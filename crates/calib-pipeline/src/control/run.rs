@@ -73,7 +73,7 @@ pub(crate) fn run(
         page::write(&directory, job, &evaluation)
     })?;
     // Settings that failed are tried again by the next command, beside what there is of the others.
-    if evaluation.failures.is_empty() {
+    if !evaluation.lacks_settings() {
         units.remove()?;
     }
     let took = duration(clock.elapsed());

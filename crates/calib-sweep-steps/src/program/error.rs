@@ -13,7 +13,7 @@ pub(super) enum ProgramError {
     Start { command: String, folder: PathBuf, source: io::Error },
     /// It is gone, or has closed its output.
     #[error("`{command}` {how} before it had answered {asked}{}", at_last(said))]
-    Ended { command: String, how: String, asked: String, said: String },
+    Ended { command: String, how: String, is_killed: bool, asked: String, said: String },
     /// It failed when all was done.
     #[error("`{command}` {how} after its last answer{}", at_last(said))]
     EndedBadly { command: String, how: String, said: String },
@@ -66,10 +66,7 @@ fn at_last(text: &str) -> String {
 pub(super) fn failed(error: ProgramError) -> ProgramStopped {
     match error {
         // What the system kills is no answer: it may be short of memory.
-        ProgramError::Ended { ref how, .. } if how.contains("signal") => {
-            ProgramStopped::Failed(Box::new(error))
-        }
-        ProgramError::Ended { .. }
+        ProgramError::Ended { is_killed: false, .. }
         | ProgramError::Babble { .. }
         | ProgramError::Refused { .. }
         | ProgramError::Count { .. } => ProgramStopped::CannotAnswer(Box::new(error)),

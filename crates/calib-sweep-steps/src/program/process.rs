@@ -167,10 +167,12 @@ impl<'p> Process<'p> {
 
     /// Why it is that no line comes any more.
     fn ended(&mut self, asked: &dyn fmt::Display) -> ProgramError {
-        let how = self.status().map_or_else(|| "has closed its standard output".to_owned(), how);
+        let status = self.status();
+        let is_killed = status.is_some_and(|status| status.code().is_none());
+        let how = status.map_or_else(|| "has closed its standard output".to_owned(), how);
         let command = self.program.shown();
         let asked = asked.to_string();
-        ProgramError::Ended { command, how, asked, said: self.said_at_last() }
+        ProgramError::Ended { command, how, is_killed, asked, said: self.said_at_last() }
     }
 
     /// How it ended, if it does so soon.

@@ -133,8 +133,7 @@ pub fn before_model(
 fn streams_of(job: &Job, online: usize) -> Vec<String> {
     let study = job.study();
     let deployment = job.deployment().unwrap_or_default();
-    let sweep_starts = Study { rollout: study.sweep_starts(), ..study.clone() };
-    let starts = if sweep_starts.starts_follow_from_deployment() { deployment } else { "" };
+    let starts = if study.sweep_starts_follow_from_deployment() { deployment } else { "" };
     let model = job.model_name();
     let kinds = [
         (format!("online {deployment}"), online),
