@@ -21,7 +21,7 @@ pub(crate) use {
     logs::{ImportArgs, InitArgs, InspectArgs},
     simulate::{PlantArgs, QuickstartArgs, SimulateArgs, Task},
     status::{Address, StatusArgs},
-    study::{CheckArgs, EvaluateArgs, StudyArgs, ValidityArgs},
+    study::{CheckArgs, ControlArgs, EvaluateArgs, StudyArgs, ValidityArgs},
 };
 
 /// The heading of options about output.
@@ -107,7 +107,7 @@ pub(crate) enum Command {
     }))]
     Evaluate(EvaluateArgs),
     /// For agents that act: read a log with actions, train every setting in models of it, and recommend one
-    Control(StudyArgs),
+    Control(ControlArgs),
     /// Show how a study stands, also while it runs: what is done, how long it takes, and how the settings stand so far
     Status(StatusArgs),
     /// Verify that a results folder is as calib wrote it
@@ -148,7 +148,7 @@ impl Command {
             Self::Run(RunArgs { study: DeviceArgs { study: args, .. }, .. })
             | Self::Rollout(args)
             | Self::Sweep(DeviceArgs { study: args, .. })
-            | Self::Control(args)
+            | Self::Control(ControlArgs { study: args, .. })
             | Self::Evaluate(EvaluateArgs { study: args, .. }) => args.json,
             Self::Represent(args) => args.study.json,
             Self::Pretrain(args) => args.study.json,

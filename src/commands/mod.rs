@@ -23,8 +23,8 @@ pub use schemas::json_schemas;
 
 use crate::{
     cli::{
-        BuildModelArgs, Cli, Command, DeviceArgs, EvaluateArgs, PretrainArgs, RepresentArgs,
-        RunArgs,
+        BuildModelArgs, Cli, Command, ControlArgs, DeviceArgs, EvaluateArgs, PretrainArgs,
+        RepresentArgs, RunArgs,
     },
     output::watch_for_interrupts,
 };
@@ -95,7 +95,10 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
             let (study, output) = EvaluateArgs::judging(study)?;
             calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), printer)?.outcome()
         }
-        Command::Control(args) => calib_pipeline::control(&args.job()?, printer)?.outcome(),
+        Command::Control(ControlArgs { study, share }) => {
+            let job = share::shared(study.job()?, share.as_deref())?;
+            calib_pipeline::control(&job, printer)?.outcome()
+        }
         Command::Status(args) => status::run(args, printer)?,
         Command::Check(args) => check::run(&args, printer)?,
         Command::Cluster { command } => cluster::run(command, printer)?,

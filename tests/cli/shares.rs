@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
-use crate::{harness::Place, represent::LAPLACIAN};
+use crate::{control, harness::Place, represent::LAPLACIAN};
 
 /// Everything but what says how long it took.
 fn results(place: &Place, folder: &str) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -71,6 +71,37 @@ fn with_three_agents() -> Place {
     );
     place.edit_study("[\"PIT300\", \"TIT101\"]", "[\"PIT300\", \"TUIT101\", \"TIT101\"]");
     place
+}
+
+#[test]
+fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
+    let study = "pole/study.toml";
+    let folder = "pole/study-results/control";
+    let alone = control::place();
+    alone.calib(&["control", study]).ends(&[1]);
+    // Two settings in three members of three kinds: 18 runs.
+    for count in [1, 3, 20] {
+        let shared = control::place();
+        let mut processes = Vec::new();
+        for number in (0..count).rev() {
+            let part = format!("{number}/{count}");
+            processes.push(shared.command(&["control", study, "--share", &part]).spawn());
+        }
+        for process in processes {
+            assert!(process.expect("calib runs").wait().expect("a status").success());
+        }
+        let units = shared.path().join("pole/study-results/control-units");
+        let runs = std::fs::read_dir(&units).expect("runs").flatten();
+        let runs = runs.filter(|entry| entry.file_name().to_string_lossy().starts_with("run-"));
+        assert_eq!(runs.count(), 18);
+        shared.calib(&["control", study]).ends(&[1]);
+        assert!(results(&alone, folder) == results(&shared, folder), "{count} shares");
+        let last = shared.calib(&["control", study, "--share", "0/2"]).succeeds();
+        assert!(!last.contains("share 0/2"), "nothing is left to make: {last}");
+    }
+    let started = control::place();
+    let share = started.calib(&["control", study, "--share", "1/20"]).succeeds();
+    assert!(share.contains("share 1/20: 1 run made, of 18 in all"), "{share}");
 }
 
 #[test]

@@ -273,7 +273,7 @@ impl DirectoryLock {
     ///
     /// # Errors
     /// As [`DirectoryLock::new`].
-    pub(crate) fn of_nobody(directory: &Path, below: Below) -> Result<Option<Self>, StepError> {
+    pub fn of_nobody(directory: &Path, below: Below) -> Result<Option<Self>, StepError> {
         let record = match below {
             Below::Ours => own(directory)?,
             Below::Unknown => FolderRecord::open(directory)?,

@@ -82,6 +82,11 @@ pub trait RunKeeper: Sync {
     /// # Errors
     /// If it cannot be kept.
     fn keep(&self, run: &Run) -> Result<(), ControlError>;
+
+    /// Whether the run with this number, in the order of kinds of models, members, runs and candidates, is to be made here.
+    fn has(&self, _number: usize) -> bool {
+        true
+    }
 }
 
 /// Nothing is kept.
@@ -165,7 +170,8 @@ pub fn sweep<M: Ensemble>(
     sweep_keeping(model, &candidates, extent, seed, &NotKept, monitor)
 }
 
-/// As [`sweep`], with a `keeper` of the runs: those that it knows are not made again.
+/// As [`sweep`], with a `keeper` of the runs: those that it knows are not made again, and those that it leaves to others are neither
+/// made nor returned.
 ///
 /// # Errors
 /// If the monitor interrupts, an agent cannot go on, or a run cannot be kept.
@@ -179,14 +185,16 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
 ) -> Result<Vec<Run>, ControlError> {
     let candidates = agents.count();
     let of_member = extent.runs * candidates;
-    let units = model.members() * of_member;
+    let all = model.members() * of_member;
+    let first = model.kind() as usize * all;
+    let units: Vec<usize> = (0..all).filter(|&unit| keeper.has(first + unit)).collect();
     let task = match model.kind() {
         ActionModelKind::Neighbors => "agents in neighbours",
         ActionModelKind::Increments => "agents in increments",
         ActionModelKind::Network => "agents in networks",
     };
-    monitor.begin(task, units as u64);
-    (0..units)
+    monitor.begin(task, units.len() as u64);
+    units
         .into_par_iter()
         .map(|unit: usize| -> Result<Run, ControlError> {
             monitor.check()?;

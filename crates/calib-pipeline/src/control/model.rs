@@ -192,8 +192,16 @@ pub(super) fn open_or_build(
     let decisions = log.decisions.clone();
     let worst = rules.worst_return;
     let model = ActionModel::build(decisions, &metric, starts, &config.model, worst, &progress)?;
-    let written = write(directory, job, config, log, &model, &key);
-    artefact::or_read_only(written, directory, printer)?;
+    let claim = if job.policy().share.is_none() {
+        Some(DirectoryLock::new(directory, Below::Ours))
+    } else {
+        // Another share that writes the same need not be waited for.
+        DirectoryLock::of_nobody(directory, Below::Ours).transpose()
+    };
+    if let Some(claim) = claim {
+        let written = claim.and_then(|claim| write(&claim, job, config, log, &model, &key));
+        artefact::or_read_only(written, directory, printer)?;
+    }
     Ok(model)
 }
 
@@ -230,15 +238,15 @@ fn kept(
 }
 
 fn write(
-    directory: &Path,
+    claim: &DirectoryLock,
     job: &Job,
     config: &ControlConfig,
     log: &ActionLog,
     model: &ActionModel,
     key: &str,
 ) -> Result<(), StepError> {
-    let claim = DirectoryLock::new(directory, Below::Ours)?;
     claim.begin()?;
+    let directory = &job.layout().control_model();
     let (mut names, record) = write_action_model(directory, model, &config.model)?;
     write_npy(&directory.join(TIMES), &log.times, log.times.len(), 1)?;
     let starts: Vec<u32> = log::start_rows(model.log(), config.start);

@@ -2,7 +2,7 @@ use calib_base::{
     StepError,
     clock::Stopwatch,
     memory,
-    outcome::{NoPlan, StepResult},
+    outcome::{NoPlan, Outcome, StepResult},
     output::{Printer, count, counted, duration},
 };
 use calib_control::{
@@ -15,7 +15,7 @@ use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
 use calib_model_steps::represent::decisions;
 use calib_report::listed;
-use calib_study::Job;
+use calib_study::{Job, Share, StepKind};
 
 use super::{
     agents::{ComparedAgents, ProgramAgents},
@@ -52,6 +52,9 @@ pub(crate) fn run(
             }
         }
         printer.say(&format!("{} is up to date", directory.display()));
+        if job.policy().share.is_some() {
+            return Ok(StepResult::Nothing(Outcome::Done));
+        }
         return Ok(StepResult::Made(evaluation));
     }
     announce(config, &log, agents.count(), printer);
@@ -62,6 +65,11 @@ pub(crate) fn run(
     if job.policy().is_dry() {
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
+    }
+    if let Some(share) = job.policy().share {
+        let units = RunFiles::of_share(&job.layout().control_units(), &key, share)?;
+        let outcome = run_share(job, config, &log, &agents, (share, &units), printer)?;
+        return Ok(StepResult::Nothing(outcome));
     }
     let units = RunFiles::open(&job.layout().control_units(), &key)?;
     if job.policy().redoes() {
@@ -80,6 +88,41 @@ pub(crate) fn run(
     printer.say(&format!("written to {} in {took}", directory.display()));
     printer.say(&format!("the report is {}", page::path(&directory).display()));
     Ok(StepResult::Made(evaluation))
+}
+
+/// Make the runs of a share, for the command without one to judge.
+fn run_share(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+    agents: &ComparedAgents,
+    (share, units): (Share, &RunFiles),
+    printer: &Printer,
+) -> Result<Outcome, StepError> {
+    let seed = Seed::new(job.study().seed).child("control");
+    let model = model::open_or_build(job, config, log, printer)?;
+    let own = agents.own();
+    let program = agents.of_program(&log.names);
+    let acting: &dyn ActingAgents = program.as_ref().map_or(&own, |program| program);
+    let runs = swept(config, &model, acting, seed, units, printer)?.runs;
+    let mut failures = Vec::new();
+    if let Some(program) = program {
+        printer.say_all(&program.reasons());
+        failures = program.failures();
+        // As in the command without a share: whoever ends badly may have answered wrongly before. Runs of other shares are kept.
+        if let Err(reason) = program.finish() {
+            units.forget(&runs)?;
+            return Err(reason);
+        }
+    }
+    for failure in &failures {
+        printer.warn(&failure.warning());
+    }
+    let all = config.models.len() * config.model.members * config.runs * agents.count();
+    printer
+        .result(&format!("share {share}: {} made, of {all} in all", counted(runs.len(), "run")))?;
+    printer.next(&[job.command(StepKind::Control)]);
+    Ok(if failures.is_empty() { Outcome::Done } else { Outcome::Negative })
 }
 
 /// A study that knows of no actions.
@@ -252,7 +295,9 @@ impl SweptSettings {
     fn add<M: Ensemble>(&mut self, model: &M, question: &SweepInputs<'_>) -> Result<(), StepError> {
         let SweepInputs { actions, agents, extent, seed, units, monitor } = *question;
         self.runs.extend(sweep_keeping(model, agents, extent, seed, units, monitor)?);
-        self.constants.push(constant_returns(model, actions, extent, seed, monitor)?);
+        if units.are_all() {
+            self.constants.push(constant_returns(model, actions, extent, seed, monitor)?);
+        }
         Ok(())
     }
 }
@@ -267,7 +312,7 @@ struct SweepInputs<'a> {
     monitor: &'a dyn Monitor,
 }
 
-/// Every candidate, and every constant action, in every member of every kind of model.
+/// Every candidate, and every constant action, in every member of every kind of model; of a share, its runs alone.
 fn swept(
     config: &ControlConfig,
     model: &ActionModel,

@@ -8,10 +8,11 @@ use std::{
 
 use calib_base::{
     StepError,
-    artefact::{Below, DirectoryLock},
+    artefact::{self, Below, DirectoryLock},
 };
 use calib_control::{ActionModelKind, ControlError, Run, RunId, RunKeeper};
-use calib_files::{read_sealed_json, remove_known, write_sealed_json};
+use calib_files::{read_sealed_json, remove_file, remove_known, write_sealed_json};
+use calib_study::Share;
 use serde::{Deserialize, Serialize};
 
 /// Runs in files of their own.
@@ -19,8 +20,10 @@ pub(super) struct RunFiles {
     directory: PathBuf,
     /// Of the verdict that they are for.
     key: String,
-    /// Nobody else writes there meanwhile.
-    _lock: DirectoryLock,
+    /// Which runs are made here; all without one.
+    share: Option<Share>,
+    /// Nobody else writes there meanwhile, unless it is for another share: every run has a file of its own.
+    _lock: Option<DirectoryLock>,
 }
 
 /// A run in its file.
@@ -37,7 +40,18 @@ impl RunFiles {
     /// If it cannot be written, or another process does.
     pub(super) fn open(directory: &Path, key: &str) -> Result<Self, StepError> {
         let claim = DirectoryLock::new(directory, Below::Ours)?;
-        Ok(Self { directory: directory.to_owned(), key: key.to_owned(), _lock: claim })
+        let (directory, key) = (directory.to_owned(), key.to_owned());
+        Ok(Self { directory, key, share: None, _lock: Some(claim) })
+    }
+
+    /// Keep the runs of one share, beside other processes that keep those of theirs.
+    ///
+    /// # Errors
+    /// If the folder cannot be written.
+    pub(super) fn of_share(directory: &Path, key: &str, share: Share) -> Result<Self, StepError> {
+        artefact::own(directory)?;
+        let (directory, key) = (directory.to_owned(), key.to_owned());
+        Ok(Self { directory, key, share: Some(share), _lock: None })
     }
 
     fn path(&self, id: RunId) -> PathBuf {
@@ -48,6 +62,22 @@ impl RunFiles {
             ActionModelKind::Network => "run-network",
         };
         self.directory.join(format!("{of_kind}-{member}-{run}-{candidate}.json"))
+    }
+
+    /// Whether all runs are made here.
+    pub(super) fn are_all(&self) -> bool {
+        self.share.is_none()
+    }
+
+    /// Forget these runs, which cannot be trusted.
+    ///
+    /// # Errors
+    /// If a file cannot be removed.
+    pub(super) fn forget(&self, runs: &[Run]) -> Result<(), StepError> {
+        for run in runs {
+            remove_file(&self.path(run.id()))?;
+        }
+        Ok(())
     }
 
     /// Forget them: the verdict is there, or they cannot be trusted.
@@ -91,5 +121,9 @@ impl RunKeeper for RunFiles {
             &self.path(run.id()),
             &RunFile { key: self.key.clone(), run: run.clone() },
         )?)
+    }
+
+    fn has(&self, number: usize) -> bool {
+        self.share.is_none_or(|share| share.has(number))
     }
 }
