@@ -56,6 +56,26 @@ impl Decisions {
         })
     }
 
+    /// Standard deviation of the discounted return from each recorded step on, in units of reward: to the end of its episode, or to
+    /// where an agent's would be cut. It is the unit of what an agent has to tell apart, so temperatures and first values are
+    /// proposed in it. None where all returns are alike.
+    pub fn return_spread(&self, gamma: f64, timeout: usize) -> Option<f64> {
+        let mut returns = Vec::with_capacity(self.len());
+        for steps in self.episodes() {
+            for part in self.rewards()[steps].chunks(timeout.max(1)) {
+                let mut rest = 0.0;
+                for &reward in part.iter().rev() {
+                    rest = f64::from(reward) + gamma * rest;
+                    returns.push(rest);
+                }
+            }
+        }
+        let mean = returns.iter().sum::<f64>() / returns.len() as f64;
+        let squares: f64 = returns.iter().map(|value| (value - mean).powi(2)).sum();
+        let spread = (squares / returns.len() as f64).sqrt();
+        (spread.is_finite() && spread > 0.0).then_some(spread)
+    }
+
     fn pieces(&self, timeout: usize) -> Vec<Piece> {
         let mut pieces = Vec::new();
         for steps in self.episodes() {
@@ -127,6 +147,20 @@ pub(crate) mod tests {
         let recorded = log(&[(25, ON)]).recorded_return(100).expect("numbers");
         assert_near(recorded.mean, -100.0);
         assert_eq!((recorded.best, recorded.worst, recorded.interval), (None, None, None));
+    }
+
+    #[test]
+    fn the_spread_is_that_of_returns_from_each_step_on() {
+        // Returns of -1, -2, -3 without discount: a variance of 2/3.
+        let spread = log(&[(3, END)]).return_spread(1.0, 100).expect("unlike");
+        assert_near(spread, (2.0_f64 / 3.0).sqrt());
+        // Cut after two steps: -2, -1, -1.
+        let spread = log(&[(3, END)]).return_spread(1.0, 2).expect("unlike");
+        assert_near(spread, (2.0_f64 / 9.0).sqrt());
+        // Without a future every step is alike.
+        assert_eq!(log(&[(3, END)]).return_spread(0.0, 100), None);
+        // -1, -1.5.
+        assert_near(log(&[(2, END)]).return_spread(0.5, 100).expect("unlike"), 0.25);
     }
 
     #[test]
