@@ -9,16 +9,27 @@ use crate::{Ending, Outcome};
 ///
 /// Source: Sutton & Barto (2018, section 11.2 of the first edition); numbers, and the fourth-order Runge–Kutta step of 0.2 s, as
 /// Gymnasium's `Acrobot-v1`. State: angles of both links in rad, wrapped to ±π, their speeds in rad/s, cut at ±4π and ±9π.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Acrobot {
     pub(crate) state: [f64; 4],
+    /// Seconds of a step.
+    step: f64,
 }
 
-/// Seconds of a step.
-const STEP: f64 = 0.2;
+impl Default for Acrobot {
+    fn default() -> Self {
+        Self { state: [0.0; 4], step: 0.2 }
+    }
+}
+
 const SPEEDS: [f64; 2] = [4.0 * PI, 9.0 * PI];
 
 impl Acrobot {
+    /// The task with steps of so many times their length.
+    pub fn with_longer_steps(times: f64) -> Self {
+        Self { step: 0.2 * times, ..Self::default() }
+    }
+
     /// Change a second of the state under `torque`.
     fn change([first, second, speed, second_speed]: [f64; 4], torque: f64) -> [f64; 4] {
         // Masses, lengths and moments of inertia are 1, centres of mass half-way.
@@ -99,16 +110,16 @@ impl Task for Acrobot {
 
     fn step(&mut self, action: usize, _rng: &mut Rng) -> Outcome {
         let torque = [-1.0, 0.0, 1.0][action];
-        let from = self.state;
+        let Self { state: from, step } = *self;
         let moved = |by: [f64; 4], secs: f64| -> [f64; 4] {
             std::array::from_fn(|part| from[part] + secs * by[part])
         };
         let k1 = Self::change(from, torque);
-        let k2 = Self::change(moved(k1, STEP / 2.0), torque);
-        let k3 = Self::change(moved(k2, STEP / 2.0), torque);
-        let k4 = Self::change(moved(k3, STEP), torque);
+        let k2 = Self::change(moved(k1, step / 2.0), torque);
+        let k3 = Self::change(moved(k2, step / 2.0), torque);
+        let k4 = Self::change(moved(k3, step), torque);
         let mut next: [f64; 4] = std::array::from_fn(|part| {
-            from[part] + STEP / 6.0 * (k1[part] + 2.0 * k2[part] + 2.0 * k3[part] + k4[part])
+            from[part] + step / 6.0 * (k1[part] + 2.0 * k2[part] + 2.0 * k3[part] + k4[part])
         });
         for angle in &mut next[..2] {
             *angle = wrapped(*angle);

@@ -8,16 +8,29 @@ use crate::{Ending, Outcome};
 /// Source: Barto, Sutton & Anderson (1983); numbers, and the Euler step of 0.02 s, as Gymnasium's `CartPole-v1`. State: place of the cart
 /// in m, its speed in m/s, angle of the pole in rad, its speed in rad/s. With probability `slip` a push is a random one; Gymnasium's
 /// never is.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct CartPole {
     pub(crate) state: [f64; 4],
     slip: f64,
+    /// Seconds of a step.
+    step: f64,
+}
+
+impl Default for CartPole {
+    fn default() -> Self {
+        Self { state: [0.0; 4], slip: 0.0, step: 0.02 }
+    }
 }
 
 impl CartPole {
     /// The task with pushes of which this share goes in a random direction.
     pub fn with_slip(slip: f64) -> Self {
         Self { slip, ..Self::default() }
+    }
+
+    /// The task with steps of so many times their length.
+    pub fn with_longer_steps(times: f64) -> Self {
+        Self { step: 0.02 * times, ..Self::default() }
     }
 }
 
@@ -26,7 +39,6 @@ const MASS_OF_POLE: f64 = 0.1;
 const MASS: f64 = 1.0 + MASS_OF_POLE;
 /// Half the length of the pole.
 const LENGTH: f64 = 0.5;
-const STEP: f64 = 0.02;
 const FARTHEST: f64 = 2.4;
 const STEEPEST: f64 = 12.0 * 2.0 * std::f64::consts::PI / 360.0;
 
@@ -61,6 +73,7 @@ impl Task for CartPole {
         let slips = self.slip > 0.0 && rng.unit() < self.slip;
         let action = if slips { rng.below(2) } else { action };
         let force = [-FORCE, FORCE][action];
+        let step = self.step;
         let [place, speed, angle, turn] = self.state;
         let (sin, cos) = angle.sin_cos();
         let pushed = (force + MASS_OF_POLE * LENGTH * turn * turn * sin) / MASS;
@@ -68,7 +81,7 @@ impl Task for CartPole {
             (9.8 * sin - cos * pushed) / (LENGTH * (4.0 / 3.0 - MASS_OF_POLE * cos * cos / MASS));
         let moved = pushed - MASS_OF_POLE * LENGTH * turned * cos / MASS;
         self.state =
-            [place + STEP * speed, speed + STEP * moved, angle + STEP * turn, turn + STEP * turned];
+            [place + step * speed, speed + step * moved, angle + step * turn, turn + step * turned];
         let fell = self.state[0].abs() > FARTHEST || self.state[2].abs() > STEEPEST;
         Outcome { reward: 1.0, ending: Ending::terminal_if(fell) }
     }

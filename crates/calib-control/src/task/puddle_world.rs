@@ -12,19 +12,25 @@ pub struct PuddleWorld {
     pub(crate) state: [f64; 2],
     /// Standard deviation of the noise of a step, on both axes; 0.01 as Sutton's.
     pub(crate) noise: f64,
+    /// How far a step goes.
+    step: f64,
 }
 
-const STEP: f64 = 0.05;
 const RADIUS: f64 = 0.1;
-const MOVES: [[f64; 2]; 4] = [[0.0, STEP], [0.0, -STEP], [STEP, 0.0], [-STEP, 0.0]];
+const MOVES: [[f64; 2]; 4] = [[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]];
 
 impl Default for PuddleWorld {
     fn default() -> Self {
-        Self { state: [0.2, 0.4], noise: 0.01 }
+        Self { state: [0.2, 0.4], noise: 0.01, step: 0.05 }
     }
 }
 
 impl PuddleWorld {
+    /// The task with steps of so many times their length.
+    pub fn with_longer_steps(times: f64) -> Self {
+        Self { step: 0.05 * times, ..Self::default() }
+    }
+
     fn depth(&self) -> f64 {
         let [x, y] = self.state;
         // Segments from (0.1, 0.75) to (0.45, 0.75), and from (0.45, 0.4) to (0.45, 0.8).
@@ -68,7 +74,7 @@ impl Task for PuddleWorld {
     fn step(&mut self, action: usize, rng: &mut Rng) -> Outcome {
         for (at, by) in self.state.iter_mut().zip(MOVES[action]) {
             let noise = if self.noise > 0.0 { self.noise * rng.normal() } else { 0.0 };
-            *at = (*at + by + noise).clamp(0.0, 1.0);
+            *at = (*at + self.step * by + noise).clamp(0.0, 1.0);
         }
         let reward = -1.0 - 400.0 * self.depth();
         Outcome { reward, ending: Ending::terminal_if(self.there()) }

@@ -2,14 +2,16 @@
 //!
 //! ```sh
 //! cargo run --release -p calib-control --example protocol -- DIR [LOGS|FIRST..END] [TRUTH_RUNS] [nearest|minimum_return] [TASK,TASK] \
-//!     [--model euclidean|laplacian|network|pool]
+//!     [--model euclidean|laplacian|network|pool|drawn]
 //! ```
 //!
 //! `DIR/truth-TASK.json` has the true mean returns of the 54 candidates, `DIR/logs.jsonl` a line for every log and model: what each way to
 //! choose chose, and the return that it promised. With `--model pool`, `DIR/pool.jsonl` has for every log the return of every candidate in
 //! every member of three kinds of models (neighbours, increments, networks), so that rules of choice can be compared; `scripts/pool_protocol.py`
-//! does. What is there is not done again; all models have the same logs. `docs/control` is such a folder;
+//! does. With `--model drawn` every log is of a task of its own ([`drawn`]). What is there is not done again; all models have the same logs. `docs/control` is such a folder;
 //! `scripts/control_protocol.py docs/control` makes the table and the figure of docs/control.md.
+
+mod drawn;
 
 use std::{
     error::Error,
@@ -61,10 +63,13 @@ enum Model {
     Network,
     /// Neighbours, increments and networks, whose estimates are all kept.
     Pool,
+    /// The same, of tasks that are drawn.
+    Drawn,
 }
 
 impl Model {
-    const ALL: [Self; 4] = [Self::Euclidean, Self::Laplacian, Self::Network, Self::Pool];
+    const ALL: [Self; 5] =
+        [Self::Euclidean, Self::Laplacian, Self::Network, Self::Pool, Self::Drawn];
 
     fn name(self) -> &'static str {
         match self {
@@ -72,12 +77,17 @@ impl Model {
             Self::Laplacian => "laplacian",
             Self::Network => "network",
             Self::Pool => "pool",
+            Self::Drawn => "drawn",
         }
     }
 
     /// The file with a line a log.
     fn file(self) -> &'static str {
-        if self == Self::Pool { "pool.jsonl" } else { "logs.jsonl" }
+        match self {
+            Self::Pool => "pool.jsonl",
+            Self::Drawn => "drawn.jsonl",
+            _ => "logs.jsonl",
+        }
     }
 
     /// Whether a line is of this model; those of the first one do not name it.
@@ -95,7 +105,7 @@ fn main() -> Outcome<()> {
             let [name] = &named[..] else { return Err("--model NAME comes last".into()) };
             let own = Model::ALL.into_iter().find(|model| model.name() == name);
             own.ok_or_else(|| {
-                format!("`{name}` is no model: euclidean, laplacian, network or pool")
+                format!("`{name}` is no model: euclidean, laplacian, network, pool or drawn")
             })?
         }
     };
@@ -118,6 +128,9 @@ fn main() -> Outcome<()> {
         wanted.is_none_or(|names| names.split(',').any(|name| name == kind.name()))
     };
     fs::create_dir_all(directory)?;
+    if model == Model::Drawn {
+        return drawn::run(&directory.join(model.file()), logs);
+    }
     let study = Study { directory, truth_runs, pessimism, model };
     let acrobot = study.truth(TaskKind::Acrobot, &Acrobot::default())?;
     let cart_pole = CartPole::with_slip(0.1);
@@ -261,7 +274,7 @@ impl Study<'_> {
         let [metric, begin] = match self.model {
             Model::Euclidean => [log.states().clone(), starts.clone()],
             Model::Laplacian => represented(log, starts, seed.child("representation"))?,
-            Model::Pool => unreachable!("has lines of its own"),
+            Model::Pool | Model::Drawn => unreachable!("have lines of their own"),
             Model::Network => {
                 let config = NetworkConfig::default();
                 let seed_of = seed.child("networks");
@@ -296,25 +309,12 @@ impl Study<'_> {
         candidates: &[AgentConfig],
         seed: Seed,
     ) -> Outcome<Value> {
-        let extent = Extent { runs: 1, span: RunLength { steps: STEPS, timeout: kind.timeout() } };
         let begin = Starts { observed: starts.clone(), metric: starts.clone() };
         let model = self.neighbors(kind, log, log.states(), begin)?;
-        let increments = Increments::new(&model, ActionModelConfig::DEFAULT.coverage, &Silent)?;
-        let networks = NetworkModel::beside(&model, seed, &Silent)?;
-        let seed = seed.child("sweep");
-        let by_increments = IncrementModel::new(&model, &increments);
-        let recorded = log.recorded_return(kind.timeout())?;
-        Ok(json!({
-            "rule": self.pessimism,
-            "model_kind": "pool",
-            "actions": log.counts(),
-            "terminals": log.terminals(),
-            "recorded": [recorded.mean, recorded.best.unwrap_or(f64::INFINITY)],
-            "keeps": increments.keeps(),
-            "neighbors": told(&sweep(&model, candidates, extent, seed, &Silent)?),
-            "increments": told(&sweep(&by_increments, candidates, extent, seed, &Silent)?),
-            "network": told(&sweep(&networks, candidates, extent, seed, &Silent)?),
-        }))
+        let mut line = pooled(&model, candidates, kind.timeout(), seed)?;
+        line["rule"] = json!(self.pessimism);
+        line["model_kind"] = json!("pool");
+        Ok(line)
     }
 
     /// The policy of this quality: learnt by the candidate that is best in the truth.
@@ -335,6 +335,31 @@ impl Study<'_> {
         Behaviour::learnt(agent, world, kind.near_optimal(), span, seed.child("behaviour"))
             .perturbed(quality.random_share())
     }
+}
+
+/// What every candidate gets in every member of neighbours, increments and networks.
+fn pooled(
+    model: &ActionModel,
+    candidates: &[AgentConfig],
+    timeout: usize,
+    seed: Seed,
+) -> Outcome<Value> {
+    let extent = Extent { runs: 1, span: RunLength { steps: STEPS, timeout } };
+    let increments = Increments::new(model, ActionModelConfig::DEFAULT.coverage, &Silent)?;
+    let networks = NetworkModel::beside(model, seed, &Silent)?;
+    let seed = seed.child("sweep");
+    let by_increments = IncrementModel::new(model, &increments);
+    let log = model.log();
+    let recorded = log.recorded_return(timeout)?;
+    Ok(json!({
+        "actions": log.counts(),
+        "terminals": log.terminals(),
+        "recorded": [recorded.mean, recorded.best.unwrap_or(f64::INFINITY)],
+        "keeps": increments.keeps(),
+        "neighbors": told(&sweep(model, candidates, extent, seed, &Silent)?),
+        "increments": told(&sweep(&by_increments, candidates, extent, seed, &Silent)?),
+        "network": told(&sweep(&networks, candidates, extent, seed, &Silent)?),
+    }))
 }
 
 /// ψ of the states of a log and of those in which episodes begin, trained on pairs along its episodes.
