@@ -510,13 +510,16 @@ class _Work:
             raise crashes[0]
 
     def constants(self, steps: int) -> list[dict[str, Any]]:
-        """What always taking one action gets in the members of each kind of model, which every agent has to beat."""
+        """What always taking one action gets in the members of each kind of model, and what random actions get: every agent has to beat both."""
         from .gym import make_vec
 
         actions, members = len(self.model.actions), len(self.members)
-        # One walk for each action in each run of each member. Members are dealt to walks in turn.
-        count = members * actions * self.runs
-        taken = np.arange(count) // members % actions
+        # One walk for each action, and one for random ones, in each run of each member. Members are dealt to walks in turn.
+        policies = actions + 1
+        count = members * policies * self.runs
+        policy = np.arange(count) // members % policies
+        is_random = policy == actions
+        drawn = np.random.default_rng(np.random.SeedSequence([self.seed, 2]))
         environment = {**self.environment, "action_space": "discrete", "live": False}
         timeout = environment.get("timeout") or self.model.timeout
         found = []
@@ -526,6 +529,7 @@ class _Work:
             rewards, episodes, lengths, uncovered = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count, np.int64)
             over = np.zeros(count, np.bool_)
             for _ in range(steps):
+                taken = np.where(is_random, drawn.integers(actions, size=count), policy)
                 _, reward, terminated, truncated, info = walks.step(taken)
                 # The step after the end of an episode begins the next one, and is none of it.
                 rewards += np.where(over, 0.0, reward)
@@ -534,9 +538,10 @@ class _Work:
                 over = terminated | truncated
                 episodes += over
             returns = rewards / np.maximum(episodes + np.where(over, 0, lengths) / timeout, 1.0)
-            by_action = [[float(np.mean(returns[(taken == action) & (np.arange(count) % members == place)])) for action in range(actions)] for place in range(members)]
-            coverage = [{"steps": steps * members * self.runs, "missing": 0, "far": int(uncovered[taken == action].sum())} for action in range(actions)]
-            found.append({"kind": kind, "members": by_action, "coverage": coverage})
+            by_policy = [[float(np.mean(returns[(policy == one) & (np.arange(count) % members == place)])) for one in range(policies)] for place in range(members)]
+            coverage = [{"steps": steps * members * self.runs, "missing": 0, "far": int(uncovered[policy == action].sum())} for action in range(actions)]
+            by_action, at_random = [own[:actions] for own in by_policy], [own[actions] for own in by_policy]
+            found.append({"kind": kind, "members": by_action, "random": at_random, "coverage": coverage})
         return found
 
     def judged(

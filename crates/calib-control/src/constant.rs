@@ -1,4 +1,4 @@
-//! Policies that always take the same action: what every agent has to beat.
+//! Policies that learn nothing, which every agent has to beat: always the same action, and actions at random.
 
 use calib_core::{Monitor, Rng, Seed};
 use rayon::prelude::*;
@@ -10,31 +10,42 @@ use crate::{
     sweep::run_seed,
 };
 
-/// What comes of taking one action for ever, in the members of one kind of model.
+/// What comes of taking one action for ever, and of actions at random, in the members of one kind of model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ConstantReturns {
     /// What the members are.
     pub kind: ActionModelKind,
     /// Mean return an episode of each action over the runs of each member, `[members][actions]`.
     pub members: Vec<Vec<f64>>,
+    /// Mean return an episode of actions at random over the runs of each member.
+    pub random: Vec<f64>,
     /// What the steps with each action rested on, over members and runs.
     pub coverage: Vec<Coverage>,
 }
 
-/// A policy that takes one action in every state, and learns nothing.
-struct Constant(usize);
+/// A policy that learns nothing.
+#[derive(Clone, Copy)]
+enum Fixed {
+    /// One action in every state.
+    Constant(usize),
+    /// Each of so many actions equally often.
+    Random(usize),
+}
 
-impl Actor for Constant {
+impl Actor for Fixed {
     fn look(&mut self, _state: &[f32]) {}
 
-    fn act(&mut self, _rng: &mut Rng) -> Option<usize> {
-        Some(self.0)
+    fn act(&mut self, rng: &mut Rng) -> Option<usize> {
+        Some(match *self {
+            Self::Constant(action) => action,
+            Self::Random(actions) => rng.below(actions),
+        })
     }
 
     fn learn(&mut self, _action: usize, _outcome: Outcome, _next: &[f32]) {}
 }
 
-/// Take each of `actions` actions for ever in every member, in as many and as long runs as agents have in [`sweep`](crate::sweep), which
+/// Take each of `actions` actions for ever in every member, and actions at random, in as many and as long runs as agents have in [`sweep`](crate::sweep), which
 /// meet the same chance.
 ///
 /// # Errors
@@ -46,11 +57,14 @@ pub fn constant_returns<M: Ensemble>(
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<ConstantReturns, ControlError> {
-    let units = model.members() * actions;
-    monitor.begin("constant actions", units as u64);
+    let policies = actions + 1;
+    let units = model.members() * policies;
+    monitor.begin("constant and random actions", units as u64);
     let lived = (0..units).into_par_iter().map(|unit| -> Result<_, ControlError> {
-        let member = unit / actions;
-        let action = unit % actions;
+        let member = unit / policies;
+        let action = unit % policies;
+        let mut policy =
+            if action == actions { Fixed::Random(actions) } else { Fixed::Constant(action) };
         let mut sum = 0.0;
         let mut coverage = Coverage::default();
         for run in 0..extent.runs {
@@ -58,7 +72,7 @@ pub fn constant_returns<M: Ensemble>(
             let seed = run_seed(seed, member, run);
             let mut walk = model.walk(member);
             let mut episodes = Episodes::new(&walk, extent.span, seed);
-            while episodes.step(&mut Constant(action), &mut walk) {}
+            while episodes.step(&mut policy, &mut walk) {}
             sum += episodes.life.mean_return();
             coverage = coverage.and(walk.coverage());
         }
@@ -69,9 +83,12 @@ pub fn constant_returns<M: Ensemble>(
     let mut all = ConstantReturns {
         kind: model.kind(),
         members: Vec::with_capacity(model.members()),
+        random: Vec::with_capacity(model.members()),
         coverage: vec![Coverage::default(); actions],
     };
-    for of_member in lived.chunks(actions) {
+    for of_member in lived.chunks(policies) {
+        let (of_member, random) = of_member.split_at(actions);
+        all.random.extend(random.iter().map(|&(mean_return, _)| mean_return));
         all.members.push(of_member.iter().map(|&(mean_return, _)| mean_return).collect());
         for (coverage, &(_, own)) in all.coverage.iter_mut().zip(of_member) {
             *coverage = coverage.and(own);
@@ -100,6 +117,9 @@ mod tests {
         for member in &found.members {
             // -1 a step: to the left an episode is cut after 20.
             assert!(member[0] == -20.0 && member[1] > -12.0, "{member:?}");
+        }
+        for (random, member) in found.random.iter().zip(&found.members) {
+            assert!(-20.0 <= *random && *random < member[1], "{found:?}");
         }
         assert_eq!(found.coverage[0].steps, 2 * 2 * 200);
         let again = constant_returns(&model, 2, extent, Seed::new(3), &Silent).expect("walked");

@@ -60,7 +60,7 @@ pub use task::{
 pub use trajectory::{Trajectory, trajectory};
 pub use usage::{CoverageMap, Spread};
 pub use verdict::{
-    BestConstant, Doubt, KINDS_AGREE, KindReturns, Question, Regret, ReturnVerdict, Support, judge,
-    regret,
+    BestConstant, Doubt, KINDS_AGREE, KindReturns, Question, RandomActions, Regret, ReturnVerdict,
+    Support, judge, regret,
 };
 pub use walkers::{Moves, Walker, Walkers, Went};

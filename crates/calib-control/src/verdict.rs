@@ -92,6 +92,13 @@ pub enum Doubt {
         /// That of the chosen candidate.
         promised: f64,
     },
+    /// What was learnt is not shown to be worth more than actions at random: the chosen candidate may get no more in the model.
+    NotBetterThanRandomActions {
+        /// Mean return an episode of actions at random in the model.
+        random: f64,
+        /// That of the chosen candidate.
+        promised: f64,
+    },
     /// Jumps between recorded transitions move the chosen candidate's episodes further than twice all that was recorded, to one side.
     Displaced {
         /// The column.
@@ -134,6 +141,9 @@ pub struct ReturnVerdict {
     /// The best policy that always takes the same action, if constant actions were tried.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub constant: Option<BestConstant>,
+    /// Actions at random, if they were tried.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub random_actions: Option<RandomActions>,
     /// How often each candidate is chosen when members and runs are drawn anew.
     pub chosen_of_resamples: Vec<usize>,
     /// What the recorded behaviour got.
@@ -158,6 +168,17 @@ pub struct BestConstant {
     /// Share of its steps that the log does not cover, in the first kind of model.
     pub uncovered: f64,
     /// Mean return of the chosen candidate, learning included, minus that of the action, with the jackknife's interval over members.
+    pub over: Option<Difference>,
+}
+
+/// A policy whose actions are drawn at random, beside the chosen candidate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RandomActions {
+    /// Its mean return an episode.
+    #[serde(with = "calib_stats::diverged")]
+    #[schemars(with = "calib_stats::diverged::Stored")]
+    pub mean_return: f64,
+    /// Mean return of the chosen candidate, learning included, minus that, with the jackknife's interval over members.
     pub over: Option<Difference>,
 }
 
@@ -303,7 +324,11 @@ pub fn judge(
         Some(default) => beyond(&of_candidate(chosen), &of_candidate(default))?,
         None => None,
     };
-    let constant = best_constant(constants, &kinds, &of_candidate(chosen))?;
+    // A kind whose agents could not be tried says nothing.
+    let constants: Vec<&ConstantReturns> =
+        constants.iter().filter(|constant| kinds.contains(&constant.kind)).collect();
+    let constant = best_constant(&constants, &of_candidate(chosen))?;
+    let random_actions = random_actions(&constants, &of_candidate(chosen))?;
     let behaviour = log.recorded_return(timeout)?;
     let own: Vec<&Run> = runs.iter().filter(|run| run.candidate == chosen).collect();
     let drift = drift_of(own.iter().filter(|run| run.kind == kinds[0]));
@@ -314,6 +339,7 @@ pub fn judge(
         drift: &drift,
         is_ahead: is_ahead(&selection, default, over_default, members.len())?,
         constant,
+        random_actions,
         behaviour,
     };
     let doubts = evidence.doubts(log, support);
@@ -324,6 +350,7 @@ pub fn judge(
         kinds: each,
         over_default,
         constant,
+        random_actions,
         over_random: beyond(&of_candidate(chosen), &random)?.unwrap_or(Difference {
             mean: f64::INFINITY,
             interval: None,
@@ -348,16 +375,16 @@ fn drift_of<'a>(runs: impl Iterator<Item = &'a &'a Run>) -> Drift {
 /// The best constant action over the members of these kinds, which lack the same block each, and what `own`, the mean returns of the
 /// chosen candidate `[members]`, are more than it.
 fn best_constant(
-    constants: &[ConstantReturns],
-    kinds: &[ActionModelKind],
+    constants: &[&ConstantReturns],
     own: &[f64],
 ) -> Result<Option<BestConstant>, StatsError> {
-    // A kind whose agents could not be tried says nothing.
-    let constants: Vec<&ConstantReturns> =
-        constants.iter().filter(|constant| kinds.contains(&constant.kind)).collect();
     let Some(first) = constants.first() else { return Ok(None) };
-    let actions = (0..first.coverage.len())
-        .map(|action| (action, returns_of_action(&constants, action, own.len())));
+    let actions = (0..first.coverage.len()).map(|action| {
+        (
+            action,
+            over_all_kinds(constants, own.len(), |of_kind, member| of_kind.members[member][action]),
+        )
+    });
     // Of equal ones the first.
     let best =
         actions.reduce(|best, other| if mean(&other.1) > mean(&best.1) { other } else { best });
@@ -370,11 +397,27 @@ fn best_constant(
     }))
 }
 
-/// What an action gets in each member, the mean over kinds.
-fn returns_of_action(constants: &[&ConstantReturns], action: usize, members: usize) -> Vec<f64> {
+/// Actions at random, likewise.
+fn random_actions(
+    constants: &[&ConstantReturns],
+    own: &[f64],
+) -> Result<Option<RandomActions>, StatsError> {
+    if constants.is_empty() {
+        return Ok(None);
+    }
+    let returns = over_all_kinds(constants, own.len(), |of_kind, member| of_kind.random[member]);
+    Ok(Some(RandomActions { mean_return: mean(&returns), over: beyond(own, &returns)? }))
+}
+
+/// What a policy gets in each member, the mean over kinds.
+fn over_all_kinds(
+    constants: &[&ConstantReturns],
+    members: usize,
+    of_member: impl Fn(&ConstantReturns, usize) -> f64,
+) -> Vec<f64> {
     (0..members)
         .map(|member: usize| {
-            let sum: f64 = constants.iter().map(|constant| constant.members[member][action]).sum();
+            let sum: f64 = constants.iter().map(|of_kind| of_member(of_kind, member)).sum();
             sum / constants.len() as f64
         })
         .collect()

@@ -24,7 +24,8 @@ use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
     Coverage, Decisions, Drift, Environment, Extent, Grid, IncrementModel, Increments,
     NetworkConfig, NetworkModel, Pessimism, PuddleWorld, Quality, Question, Run, RunLength,
-    Simulated, Starts, Support, Task, TaskKind, fitted_q_evaluation, judge, record, sweep, truth,
+    Simulated, Starts, Support, Task, TaskKind, constant_returns, fitted_q_evaluation, judge,
+    record, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
 use calib_represent::{LaplacianConfig, Split, Training, encode};
@@ -351,7 +352,14 @@ fn pooled(
     let by_increments = IncrementModel::new(model, &increments);
     let log = model.log();
     let recorded = log.recorded_return(timeout)?;
+    let actions = log.levels();
+    let random = json!({
+        "neighbors": constant_returns(model, actions, extent, seed, &Silent)?.random,
+        "increments": constant_returns(&by_increments, actions, extent, seed, &Silent)?.random,
+        "network": constant_returns(&networks, actions, extent, seed, &Silent)?.random,
+    });
     Ok(json!({
+        "random_actions": random,
         "actions": log.counts(),
         "terminals": log.terminals(),
         "recorded": [recorded.mean, recorded.best.unwrap_or(f64::INFINITY)],

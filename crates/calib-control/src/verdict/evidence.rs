@@ -2,7 +2,7 @@
 
 use calib_stats::Selection;
 
-use super::{BestConstant, Doubt, Support};
+use super::{BestConstant, Doubt, RandomActions, Support, is_more};
 use crate::{ActionModelKind, Coverage, Decisions, Drift, RecordedReturn, Run};
 
 /// What a choice rests on.
@@ -18,6 +18,7 @@ pub(super) struct Evidence<'a> {
     /// diverged as well.
     pub(super) is_ahead: Option<bool>,
     pub(super) constant: Option<BestConstant>,
+    pub(super) random_actions: Option<RandomActions>,
     pub(super) behaviour: RecordedReturn,
 }
 
@@ -69,6 +70,7 @@ impl Evidence<'_> {
             doubts.push(Doubt::NotBetterThanDefault);
         }
         doubts.extend(self.beside_a_constant(promised, support));
+        doubts.extend(self.beside_random_actions(promised));
         doubts.extend(self.beside_the_log(promised, log));
         doubts.extend(displaced(self.drift));
         doubts
@@ -83,6 +85,13 @@ impl Evidence<'_> {
             constant: mean_return,
             promised,
         })
+    }
+
+    /// Whether actions at random may do as well. Where a model is wrong about what actions lead to, agents that hardly learn can come
+    /// first in it, and nothing else need show that.
+    fn beside_random_actions(&self, promised: f64) -> Option<Doubt> {
+        let RandomActions { mean_return: random, over } = self.random_actions?;
+        (!is_more(over?)).then_some(Doubt::NotBetterThanRandomActions { random, promised })
     }
 
     /// Whether what happens in the model is unlike what was recorded.

@@ -333,6 +333,7 @@ fn constants(returns: [f64; 3], far: u64) -> [ConstantReturns; 1] {
     [ConstantReturns {
         kind: ActionModelKind::Neighbors,
         members: returns.map(|of_second| vec![-20.0, of_second]).to_vec(),
+        random: vec![-20.0; returns.len()],
         coverage: vec![covered, Coverage { far, ..covered }],
     }]
 }
@@ -362,4 +363,22 @@ fn a_constant_action_that_is_better_beyond_chance_is_a_doubt() {
         assert!(!verdict.doubts.iter().any(is_worse_than_constant), "{:?}", verdict.doubts);
     }
     assert_eq!(judged(&GOOD, Support::default()).constant, None, "not tried");
+}
+
+#[test]
+fn a_choice_that_may_be_no_better_than_random_actions_is_doubted() {
+    let is_doubted = |verdict: &ReturnVerdict| {
+        verdict.doubts.iter().any(|doubt| matches!(doubt, Doubt::NotBetterThanRandomActions { .. }))
+    };
+    let worse = constants([-30.0; 3], 10);
+    // The choice gets -9, -11 and -8, and random actions -20.
+    let verdict = judged_beside(&worse);
+    let random = verdict.random_actions.expect("tried");
+    assert!((random.over.expect("finite").mean - 32.0 / 3.0).abs() < 1e-12);
+    assert!(!is_doubted(&verdict), "{:?}", verdict.doubts);
+    let [mut alike, mut better] = [worse.clone(), worse];
+    alike[0].random = vec![-9.0, -13.0, -7.0];
+    better[0].random = vec![-3.0; 3];
+    assert!(is_doubted(&judged_beside(&alike)), "by chance");
+    assert!(is_doubted(&judged_beside(&better)));
 }

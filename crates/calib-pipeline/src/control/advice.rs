@@ -1,7 +1,7 @@
 //! What a verdict about agents that act tells to do, in words: the same for studies and for Python.
 
 use calib_base::output::{counted, percent, significant};
-use calib_control::{BestConstant, Doubt, KINDS_AGREE, ReturnVerdict};
+use calib_control::{BestConstant, Doubt, KINDS_AGREE, RandomActions, ReturnVerdict};
 use calib_report::{Decision, Support, listed};
 use calib_stats::{Difference, Interval, RankRule};
 
@@ -194,6 +194,7 @@ impl Advice<'_> {
             lines.extend(self.kinds());
         }
         lines.extend(verdict.constant.as_ref().map(|constant| self.beside_constant(constant)));
+        lines.extend(verdict.random_actions.as_ref().map(beside_random_actions));
         let recorded = verdict.behaviour;
         lines.push(format!(
             "Recorded episodes: mean return {}{}{}.",
@@ -240,22 +241,7 @@ impl Advice<'_> {
     /// What always taking one action would get, which needs no agent.
     fn beside_constant(&self, constant: &BestConstant) -> String {
         let BestConstant { action, mean_return, uncovered, over } = constant;
-        let over = over.as_ref().filter(|over| over.mean.is_finite());
-        let over = over.map_or_else(String::new, |over| {
-            let interval = over.interval.map_or_else(String::new, |interval| {
-                let chance = if interval.low < 0.0 && interval.high > 0.0 {
-                    ", which could be chance"
-                } else {
-                    ""
-                };
-                format!(
-                    " (95 % over blocks of the log: {} to {}){chance}",
-                    amount(interval.low),
-                    amount(interval.high)
-                )
-            });
-            format!(" The chosen setting gets {} than that{interval}.", amount(over.mean))
-        });
+        let over = more_than_that(over.as_ref());
         format!(
             "Best constant action: always {} gets {} in the model, where {} of its steps are not covered.{over}",
             self.action(*action),
@@ -311,6 +297,12 @@ impl Advice<'_> {
                 significant(*constant),
                 significant(*promised)
             ),
+            Doubt::NotBetterThanRandomActions { random, promised } => format!(
+                "random actions get {} per episode in the models, and the chosen setting gets {}, learning included: that it learns anything of use is not shown; \
+                 record more varied actions, sweep settings that explore less, or let agents learn for longer ({steps})",
+                significant(*random),
+                significant(*promised)
+            ),
             Doubt::RareTerminals { in_model, in_log } => format!(
                 "{} of the chosen setting's steps in the model end an episode in a terminal, and {} of the recorded ones: its agents go where the log hardly shows what ends an episode; record steps there",
                 percent(*in_model),
@@ -333,6 +325,27 @@ impl Advice<'_> {
             }
         }
     }
+}
+
+/// What actions at random would get.
+fn beside_random_actions(random: &RandomActions) -> String {
+    let over = more_than_that(random.over.as_ref());
+    format!("Random actions get {} in the model.{over}", significant(random.mean_return))
+}
+
+/// What the chosen setting gets beside a policy that learns nothing.
+fn more_than_that(over: Option<&Difference>) -> String {
+    let Some(over) = over.filter(|over| over.mean.is_finite()) else { return String::new() };
+    let interval = over.interval.map_or_else(String::new, |interval| {
+        let is_chance = interval.low < 0.0 && interval.high > 0.0;
+        format!(
+            " (95 % over blocks of the log: {} to {}){}",
+            amount(interval.low),
+            amount(interval.high),
+            if is_chance { ", which could be chance" } else { "" }
+        )
+    });
+    format!(" The chosen setting gets {} than that{interval}.", amount(over.mean))
 }
 
 /// What the rank is called that a rule goes by.
