@@ -198,6 +198,23 @@ fn an_action_costs_in_the_step_that_it_was_taken_in() {
     assert_eq!(json["worst_return"], -1.0);
 }
 
+/// The distance from a tag that an operator moves, which stays in the state.
+#[test]
+fn a_set_point_is_a_tag() {
+    let place = pump(|row| {
+        let target = if row < 20 { 2 } else { 5 };
+        format!("2024-03-01 00:{row:02}:00,{},{target},{}\n", target + 1, row % 2)
+    });
+    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    place.write("log.csv", &log.replace("level,pump", "level,LIC101.SP,pump"));
+    let reward = "control.reward=[{ column = \"level\", set_point = \"LIC101.SP\", weight = -2 }]";
+    let args = ["control", "study.toml", "--json", "--set", reward, "--set", "control.timeout=39"];
+    let told = place.calib(&args).ends(&[0, 1]);
+    let json: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    assert_eq!(json["verdict"]["behaviour"]["mean"], -78.0, "2 in each of 39 steps");
+    assert_eq!(json["columns"], serde_json::json!(["level", "LIC101.SP"]));
+}
+
 const TWO_STEP_SIZES: [&str; 7] = [
     "control",
     "study.toml",
@@ -346,6 +363,22 @@ fn mistakes_in_rewards_and_grids_name_the_key() {
         ("reward=3", "control.reward: expected the name of a column, or a list of terms"),
         ("reward={ column = 'angle' }", "control.reward: expected the name of a column"),
         ("reward=[{ column = 'angle', weight = 'x' }]", "control.reward.weight: expected a number"),
+        (
+            "reward=[{ column = 'angle', set_point = true }]",
+            "control.reward.set_point: expected a number or the name of a column",
+        ),
+        (
+            "reward=[{ column = 'angle', set_point = 'place', high = 1.0 }]",
+            "reward[0] has both set_point and high: write two terms",
+        ),
+        (
+            "reward=[{ column = 'angle' }, { column = 'place', set_point = 'plaace' }]",
+            "control.reward[1].set_point: the log has no column plaace; did you mean place?",
+        ),
+        (
+            "reward=[{ column = 'qqq' }]",
+            "control.reward[0].column: the log has no column qqq; give one of its columns",
+        ),
         (
             "grid={ epsilon = [0.1, 0.2] }",
             "control.grid.epsilon decides nothing: expected_sarsa does not use it",

@@ -164,15 +164,15 @@ impl ControlConfig {
         columns
     }
 
-    /// The key of `[control]` that names one of these columns.
-    pub fn key_of(&self, column: &str) -> &'static str {
+    /// The key of `[control]` that names one of these columns, such as `reward[2].set_point`.
+    pub fn key_of(&self, column: &str) -> String {
         let is_it = |name: &String| name == column;
-        match self {
-            _ if self.actions.iter().any(is_it) => "actions",
-            _ if self.reward.columns().any(is_it) => "reward",
-            _ if self.terminal.as_ref().is_some_and(is_it) => "terminal",
-            _ => "probability",
+        if self.actions.iter().any(is_it) {
+            return "actions".to_owned();
         }
+        let other =
+            if self.terminal.as_ref().is_some_and(is_it) { "terminal" } else { "probability" };
+        self.reward.key_of(column).unwrap_or_else(|| other.to_owned())
     }
 }
 
@@ -190,6 +190,7 @@ mod tests {
                 { column = "permeate" },
                 { column = "pressure", weight = -2.0, high = 0.4 },
                 { column = "permeate", set_point = 10.0, weight = -0.1 },
+                { column = "level", set_point = "level_target", weight = -0.1 },
             ]
             [grid]
             step_size = [0.01, 0.1]
@@ -198,8 +199,26 @@ mod tests {
         config.check().expect("valid");
         assert_eq!(
             config.columns(),
-            ["dose", "interval", "permeate", "pressure", "stopped", "odds"]
+            [
+                "dose",
+                "interval",
+                "permeate",
+                "pressure",
+                "level",
+                "level_target",
+                "stopped",
+                "odds"
+            ]
         );
+        for (column, key) in [
+            ("interval", "actions"),
+            ("pressure", "reward[1].column"),
+            ("level_target", "reward[3].set_point"),
+            ("stopped", "terminal"),
+            ("odds", "probability"),
+        ] {
+            assert_eq!(config.key_of(column), key);
+        }
         assert_eq!(config.beside_the_state(), ["dose", "interval", "stopped", "odds"]);
         assert!(toml::from_str::<ControlConfig>("action = 'dose'").is_err(), "no such key");
         let told = ControlConfig::default().check().expect_err("no action").to_string();

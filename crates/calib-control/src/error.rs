@@ -58,6 +58,16 @@ pub enum ControlError {
         "`reward` has no term; name a column, or list terms such as {{ column = \"flow\", weight = 1 }}"
     )]
     EmptyReward,
+    /// A term of the reward that means two things.
+    #[error("reward[{term}] has both {first} and {second}: write two terms, each with one of them")]
+    TwoMeanings {
+        /// Its number, from 0.
+        term: usize,
+        /// A key of the term.
+        first: &'static str,
+        /// A key that cannot stand beside it.
+        second: &'static str,
+    },
     /// More different actions than are allowed.
     #[error(
         "the log has more than {most} different actions; if a column of them is continuous, set control.levels (7, say), else round it, or raise \

@@ -49,7 +49,7 @@ pub use model::{
     open_action_model, write_action_model,
 };
 pub use recorded::RecordedReturn;
-pub use reward::{Reward, Term};
+pub use reward::{Reward, RewardColumns, SetPoint, Term};
 pub use settings::Settings;
 pub use sweep::{
     ActingAgents, Extent, NotKept, Run, RunId, RunKeeper, sweep, sweep_keeping, truth,

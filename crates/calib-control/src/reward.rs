@@ -1,4 +1,4 @@
-use std::fmt;
+use std::{borrow::Cow, fmt};
 
 use schemars::JsonSchema;
 use serde::{
@@ -58,9 +58,9 @@ pub struct Term {
     /// Reward a unit; negative for what costs (default 1).
     #[serde(default = "one")]
     pub weight: f64,
-    /// Then the distance |x − `set_point`| counts, not x.
+    /// Then the distance |x − `set_point`| counts, not x: a number, or the column that holds the set-point of each row.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub set_point: Option<f64>,
+    pub set_point: Option<SetPoint>,
     /// Then only what is below counts: `low` − x.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low: Option<f64>,
@@ -73,68 +73,197 @@ fn one() -> f64 {
     1.0
 }
 
+/// Where a column should be.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SetPoint {
+    /// At this value, in the unit of the term's column.
+    Number(f64),
+    /// At what this column holds in the same row.
+    Column(String),
+}
+
+/// Written by hand because serde's untagged enumerations do not say what is wrong with a value.
+impl<'de> Deserialize<'de> for SetPoint {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NumberOrColumn;
+        impl Visitor<'_> for NumberOrColumn {
+            type Value = SetPoint;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number or the name of a column")
+            }
+
+            fn visit_f64<E: Error>(self, number: f64) -> Result<SetPoint, E> {
+                Ok(SetPoint::Number(number))
+            }
+
+            fn visit_i64<E: Error>(self, number: i64) -> Result<SetPoint, E> {
+                Ok(SetPoint::Number(number as f64))
+            }
+
+            fn visit_u64<E: Error>(self, number: u64) -> Result<SetPoint, E> {
+                Ok(SetPoint::Number(number as f64))
+            }
+
+            fn visit_str<E: Error>(self, column: &str) -> Result<SetPoint, E> {
+                Ok(SetPoint::Column(column.to_owned()))
+            }
+        }
+        deserializer.deserialize_any(NumberOrColumn)
+    }
+}
+
+/// What a log recorded in the columns that a reward is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct RewardColumns<'a> {
+    /// Names of columns.
+    pub names: &'a [String],
+    /// `[names][rows]`, in the unit of each column; NaN where a value is missing.
+    pub values: &'a [Vec<f64>],
+    /// The first so many are columns of actions.
+    pub actions: usize,
+}
+
+impl RewardColumns<'_> {
+    fn place(&self, name: &str) -> usize {
+        let place = self.names.iter().position(|other| other == name);
+        place.unwrap_or_else(|| unreachable!("every column of a reward is read: {name}"))
+    }
+
+    fn rows(&self) -> usize {
+        self.values.first().map_or(0, Vec::len)
+    }
+
+    /// What the reward of `row` sees of a column: its value there. What a step cost is what was done in it, so of an action it is the
+    /// action of the row before, from which the step led to `row`; the first row has none.
+    fn seen(&self, place: usize, row: usize) -> f64 {
+        let row = if place < self.actions { row.checked_sub(1) } else { Some(row) };
+        row.map_or(f64::NAN, |row| self.values[place][row])
+    }
+}
+
 impl Term {
-    /// What the term adds for the value `x` of its column.
-    pub fn of(&self, x: f64) -> f64 {
-        let counted = match (self.set_point, self.low, self.high) {
+    /// The value of a column, as it stands.
+    fn plain(column: &str) -> Self {
+        Self { column: column.to_owned(), weight: 1.0, set_point: None, low: None, high: None }
+    }
+
+    /// The columns that it is made of.
+    fn columns(&self) -> impl Iterator<Item = &String> {
+        std::iter::once(&self.column).chain(self.set_point_column())
+    }
+
+    fn set_point_column(&self) -> Option<&String> {
+        match &self.set_point {
+            Some(SetPoint::Column(column)) => Some(column),
+            Some(SetPoint::Number(_)) | None => None,
+        }
+    }
+
+    /// What the term adds to the reward of each row.
+    fn add(&self, columns: &RewardColumns<'_>, rewards: &mut [f64]) {
+        let place = columns.place(&self.column);
+        let set_point_place = self.set_point_column().map(|column| columns.place(column));
+        for (row, reward) in rewards.iter_mut().enumerate() {
+            let set_point = match (&self.set_point, set_point_place) {
+                (Some(SetPoint::Number(number)), _) => Some(*number),
+                (_, Some(place)) => Some(columns.seen(place, row)),
+                (_, None) => None,
+            };
+            *reward += self.weight * self.counted(columns.seen(place, row), set_point);
+        }
+    }
+
+    /// What counts of the value `x` of its column; NaN where a value is missing, which is no reward of nought.
+    fn counted(&self, x: f64, set_point: Option<f64>) -> f64 {
+        match (set_point, self.low, self.high) {
+            _ if x.is_nan() => f64::NAN,
             (Some(set_point), ..) => (x - set_point).abs(),
             (None, None, None) => x,
             (None, low, high) => {
                 let below = low.map_or(0.0, |low| (low - x).max(0.0));
                 below + high.map_or(0.0, |high| (x - high).max(0.0))
             }
+        }
+    }
+
+    /// Check the term, which is number `place` of its reward.
+    fn check(&self, place: usize) -> Result<(), ControlError> {
+        let set_point = match self.set_point {
+            Some(SetPoint::Number(number)) => Some(number),
+            Some(SetPoint::Column(_)) | None => None,
         };
-        // A missing value is no reward of nought.
-        if x.is_nan() { f64::NAN } else { self.weight * counted }
+        let numbers = [Some(self.weight), set_point, self.low, self.high];
+        if let Some(got) = numbers.into_iter().flatten().find(|number| !number.is_finite()) {
+            let expected = "finite numbers";
+            return Err(ControlError::Field { field: "reward", got, expected });
+        }
+        let keys = [
+            ("set_point", self.set_point.is_some()),
+            ("low", self.low.is_some()),
+            ("high", self.high.is_some()),
+        ];
+        let first = keys.iter().find(|(_, is_given)| *is_given);
+        let second = keys[1..].iter().find(|(_, is_given)| *is_given);
+        match (first, second) {
+            (Some(&(first, _)), Some(&(second, _))) if first == "set_point" => {
+                Err(ControlError::TwoMeanings { term: place, first, second })
+            }
+            _ => Ok(()),
+        }
     }
 }
 
 impl Reward {
-    /// The columns that it is made of.
+    fn terms(&self) -> Cow<'_, [Term]> {
+        match self {
+            Self::Column(column) => Cow::Owned(vec![Term::plain(column)]),
+            Self::Terms(terms) => Cow::Borrowed(terms),
+        }
+    }
+
+    /// The columns that it is made of, one of several terms more than once.
     pub fn columns(&self) -> impl Iterator<Item = &String> {
         let (column, terms) = match self {
             Self::Column(column) => (Some(column), &[][..]),
             Self::Terms(terms) => (None, &terms[..]),
         };
-        column.into_iter().chain(terms.iter().map(|term| &term.column))
+        column.into_iter().chain(terms.iter().flat_map(Term::columns))
     }
 
-    /// The reward of every row from the values of columns by name; NaN where a value is missing.
-    pub fn of(&self, rows: usize, column: impl Fn(&str) -> Vec<f64>) -> Vec<f32> {
-        let mut sums = vec![0.0; rows];
-        let mut add = |term: &Term| {
-            for (sum, value) in sums.iter_mut().zip(column(&term.column)) {
-                *sum += term.of(value);
-            }
+    /// The key below `[control]` that names this column first, such as `reward[2].set_point`: terms are numbered from 0.
+    pub fn key_of(&self, column: &str) -> Option<String> {
+        let terms = match self {
+            Self::Column(own) => return (own == column).then(|| "reward".to_owned()),
+            Self::Terms(terms) => terms,
         };
-        match self {
-            Self::Column(name) => {
-                let column = name.clone();
-                add(&Term { column, weight: 1.0, set_point: None, low: None, high: None });
-            }
-            Self::Terms(terms) => terms.iter().for_each(add),
-        }
-        sums.into_iter().map(|sum| sum as f32).collect()
+        terms.iter().enumerate().find_map(|(place, term)| {
+            let key = match term.set_point_column() {
+                _ if term.column == column => "column",
+                Some(set_point) if set_point == column => "set_point",
+                _ => return None,
+            };
+            Some(format!("reward[{place}].{key}"))
+        })
     }
 
-    /// Check that there is a term, that numbers are finite, and that no term has a set-point and limits.
+    /// The reward of every row, of the step that led there; NaN where a value is missing.
+    pub fn of_rows(&self, columns: &RewardColumns<'_>) -> Vec<f32> {
+        let mut rewards = vec![0.0; columns.rows()];
+        for term in self.terms().iter() {
+            term.add(columns, &mut rewards);
+        }
+        rewards.into_iter().map(|reward| reward as f32).collect()
+    }
+
+    /// Check that there is a term, that numbers are finite, and that no term means two things.
     pub(crate) fn check(&self) -> Result<(), ControlError> {
         let Self::Terms(terms) = self else { return Ok(()) };
         if terms.is_empty() {
             return Err(ControlError::EmptyReward);
         }
-        for term in terms {
-            let numbers = [Some(term.weight), term.set_point, term.low, term.high];
-            if let Some(got) = numbers.into_iter().flatten().find(|number| !number.is_finite()) {
-                let expected = "finite numbers";
-                return Err(ControlError::Field { field: "reward", got, expected });
-            }
-            if let (Some(got), Some(_)) = (term.set_point, term.low.or(term.high)) {
-                let expected = "either a set-point or limits in one term; write two terms";
-                return Err(ControlError::Field { field: "reward.set_point", got, expected });
-            }
-        }
-        Ok(())
+        terms.iter().enumerate().try_for_each(|(place, term)| term.check(place))
     }
 }
 
@@ -142,33 +271,87 @@ impl Reward {
 mod tests {
     use super::*;
 
-    fn term(set_point: Option<f64>, low: Option<f64>, high: Option<f64>) -> Term {
-        Term { column: "x".to_owned(), weight: -2.0, set_point, low, high }
+    fn read(text: &str) -> Reward {
+        #[derive(Deserialize)]
+        struct Section {
+            reward: Reward,
+        }
+        let section: Section = toml::from_str(&format!("reward = {text}")).expect("valid");
+        section.reward
     }
+
+    /// The rewards of rows in which `x` has these values, `sp` is its set-point, and `valve` is an action.
+    fn rewards(text: &str, x: &[f64], set_points: &[f64], valve: &[f64]) -> Vec<f32> {
+        let names = ["valve", "x", "sp"].map(str::to_owned);
+        let values = [valve, x, set_points].map(<[f64]>::to_vec);
+        read(text).of_rows(&RewardColumns { names: &names, values: &values, actions: 1 })
+    }
+
+    const MISSING: f64 = f64::NAN;
 
     #[test]
     fn terms_are_their_formulas() {
-        assert_eq!(term(None, None, None).of(3.0), -6.0);
-        assert_eq!(term(Some(5.0), None, None).of(3.0), -4.0);
-        let limits = term(None, Some(1.0), Some(2.0));
-        assert_eq!([0.5, 1.5, 4.0].map(|x| limits.of(x)), [-1.0, 0.0, -4.0]);
-        assert!(limits.of(f64::NAN).is_nan());
+        let of_x =
+            |text: &str, x: &[f64]| rewards(text, x, &vec![0.0; x.len()], &vec![0.0; x.len()]);
+        assert_eq!(of_x("[{ column = 'x', weight = -2 }]", &[3.0]), [-6.0]);
+        assert_eq!(
+            of_x("[{ column = 'x', weight = -2, set_point = 5 }]", &[3.0, 7.5]),
+            [-4.0, -5.0]
+        );
+        let limits = "[{ column = 'x', weight = -2, low = 1.0, high = 2.0 }]";
+        assert_eq!(of_x(limits, &[0.5, 1.5, 4.0]), [-1.0, 0.0, -4.0]);
+        assert!(of_x(limits, &[MISSING])[0].is_nan());
+        assert_eq!(of_x("'x'", &[7.0, 8.0]), [7.0, 8.0]);
     }
 
     #[test]
     fn terms_add_up_row_by_row() {
-        let reward = Reward::Terms(vec![term(None, None, None), term(None, None, Some(2.0))]);
-        let rewards = reward.of(3, |_| vec![1.0, 4.0, f64::NAN]);
-        assert_eq!(rewards[..2], [-2.0, -12.0]);
-        assert!(rewards[2].is_nan());
-        assert_eq!(Reward::Column("x".to_owned()).of(2, |_| vec![7.0, 8.0]), [7.0, 8.0]);
+        let text = "[{ column = 'x', weight = -2 }, { column = 'x', weight = -2, high = 2 }]";
+        let got = rewards(text, &[1.0, 4.0, MISSING], &[0.0; 3], &[0.0; 3]);
+        assert_eq!(got[..2], [-2.0, -12.0]);
+        assert!(got[2].is_nan());
+    }
+
+    #[test]
+    fn a_set_point_may_be_a_column() {
+        let text = "[{ column = 'x', weight = -1, set_point = 'sp' }]";
+        let got = rewards(text, &[1.0, 4.0, 5.0], &[2.0, 2.0, MISSING], &[0.0; 3]);
+        assert_eq!(got[..2], [-1.0, -2.0]);
+        assert!(got[2].is_nan(), "a set-point that is missing is no reward of nought");
+        assert_eq!(read(text).columns().collect::<Vec<_>>(), ["x", "sp"]);
+    }
+
+    #[test]
+    fn an_action_counts_in_the_step_that_it_was_taken_in() {
+        let valve = [1.0, 2.0, 4.0];
+        let got = rewards("[{ column = 'valve', weight = -1 }]", &[0.0; 3], &[0.0; 3], &valve);
+        assert!(got[0].is_nan(), "no step led there");
+        assert_eq!(got[1..], [-1.0, -2.0]);
+        let text = "[{ column = 'x', weight = -1, set_point = 'valve' }]";
+        let got = rewards(text, &[0.0, 5.0, 5.0], &[0.0; 3], &valve);
+        assert_eq!(got[1..], [-4.0, -3.0], "a set-point that an agent sets");
+    }
+
+    #[test]
+    fn the_key_of_a_column_names_its_term() {
+        let reward = read("[{ column = 'x' }, { column = 'y', set_point = 'sp' }]");
+        assert_eq!(reward.key_of("x").as_deref(), Some("reward[0].column"));
+        assert_eq!(reward.key_of("sp").as_deref(), Some("reward[1].set_point"));
+        assert_eq!(reward.key_of("z"), None);
+        assert_eq!(read("'x'").key_of("x").as_deref(), Some("reward"));
     }
 
     #[test]
     fn what_means_two_things_is_refused() {
-        let both = Reward::Terms(vec![term(Some(1.0), None, Some(2.0))]);
-        assert!(both.check().expect_err("both").to_string().contains("two terms"));
+        let refused = |text: &str| read(text).check().expect_err(text).to_string();
+        let told = refused("[{ column = 'x' }, { column = 'x', set_point = 'sp', high = 2 }]");
+        assert!(told.starts_with("reward[1] has both set_point and high"), "{told}");
+        assert!(told.contains("two terms"), "{told}");
+        assert!(read("[{ column = 'x', low = 1, high = 2 }]").check().is_ok());
         assert!(Reward::Terms(vec![]).check().is_err());
-        assert!(Reward::Terms(vec![term(None, Some(f64::NAN), None)]).check().is_err());
+        refused("[{ column = 'x', low = nan }]");
+        refused("[{ column = 'x', set_point = inf }]");
+        let told = toml::from_str::<Term>("column = 'x'\nset_point = true").expect_err("neither");
+        assert!(told.to_string().contains("a number or the name of a column"), "{told}");
     }
 }

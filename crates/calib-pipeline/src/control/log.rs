@@ -5,8 +5,8 @@ use calib_base::{
     output::{Printer, count},
 };
 use calib_control::{
-    ActionModel, Columns, ControlConfig, ControlError, Decisions, Ending, Levels, Settings,
-    StartRows, Starts, rows_without_reward,
+    ActionModel, Columns, ControlConfig, ControlError, Decisions, Ending, Levels, RewardColumns,
+    Settings, StartRows, Starts, rows_without_reward,
 };
 use calib_core::{Bounds, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, entry_of, format_time};
@@ -81,14 +81,9 @@ pub(super) fn read(
     let acted = &recorded[..config.actions.len()];
     let (levels, settings) = levels_of(acted, config)?;
     let rows = dataset.train.rows();
-    let rewards = config.reward.of(rows, |name| {
-        let mut values = column(name);
-        // What a step cost is what was done in it: the action of the row before the one that it led to.
-        if config.actions.iter().any(|action| action == name) && !values.is_empty() {
-            values.rotate_right(1);
-        }
-        values
-    });
+    let recorded_columns =
+        RewardColumns { names: &names, values: &recorded, actions: config.actions.len() };
+    let rewards = config.reward.of_rows(&recorded_columns);
     let endings: Vec<Ending> = match &config.terminal {
         Some(name) => column(name).into_iter().map(ending).collect(),
         None => vec![Ending::Continues; rows],
