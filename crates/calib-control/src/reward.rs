@@ -67,10 +67,23 @@ pub struct Term {
     /// Then only what is above counts: x − `high`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high: Option<f64>,
+    /// Power of what counts: 1, or 2 for its square (default 1).
+    #[serde(default = "linear", skip_serializing_if = "is_linear")]
+    #[schemars(range(min = 1, max = 2))]
+    pub power: u8,
 }
 
 fn one() -> f64 {
     1.0
+}
+
+fn linear() -> u8 {
+    1
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants a reference")]
+fn is_linear(power: &u8) -> bool {
+    *power == linear()
 }
 
 /// Where a column should be.
@@ -146,7 +159,14 @@ impl RewardColumns<'_> {
 impl Term {
     /// The value of a column, as it stands.
     fn plain(column: &str) -> Self {
-        Self { column: column.to_owned(), weight: 1.0, set_point: None, low: None, high: None }
+        Self {
+            column: column.to_owned(),
+            weight: one(),
+            set_point: None,
+            low: None,
+            high: None,
+            power: linear(),
+        }
     }
 
     /// The columns that it is made of.
@@ -177,7 +197,7 @@ impl Term {
 
     /// What counts of the value `x` of its column; NaN where a value is missing, which is no reward of nought.
     fn counted(&self, x: f64, set_point: Option<f64>) -> f64 {
-        match (set_point, self.low, self.high) {
+        let distance = match (set_point, self.low, self.high) {
             _ if x.is_nan() => f64::NAN,
             (Some(set_point), ..) => (x - set_point).abs(),
             (None, None, None) => x,
@@ -185,7 +205,8 @@ impl Term {
                 let below = low.map_or(0.0, |low| (low - x).max(0.0));
                 below + high.map_or(0.0, |high| (x - high).max(0.0))
             }
-        }
+        };
+        distance.powi(self.power.into())
     }
 
     /// Check the term, which is number `place` of its reward.
@@ -198,6 +219,11 @@ impl Term {
         if let Some(got) = numbers.into_iter().flatten().find(|number| !number.is_finite()) {
             let expected = "finite numbers";
             return Err(ControlError::Field { field: "reward", got, expected });
+        }
+        if !(1..=2).contains(&self.power) {
+            let expected = "1, or 2 for the square";
+            let got = self.power.into();
+            return Err(ControlError::Field { field: "reward.power", got, expected });
         }
         let keys = [
             ("set_point", self.set_point.is_some()),
@@ -319,6 +345,22 @@ mod tests {
         assert_eq!(got[..2], [-1.0, -2.0]);
         assert!(got[2].is_nan(), "a set-point that is missing is no reward of nought");
         assert_eq!(read(text).columns().collect::<Vec<_>>(), ["x", "sp"]);
+    }
+
+    #[test]
+    fn what_counts_may_be_squared() {
+        let of_x = |keys: &str, x: &[f64]| {
+            let text = format!("[{{ column = 'x', weight = -2, power = 2{keys} }}]");
+            rewards(&text, x, &vec![5.0; x.len()], &vec![0.0; x.len()])
+        };
+        assert_eq!(of_x("", &[3.0, -1.0]), [-18.0, -2.0], "of x itself");
+        assert_eq!(of_x(", set_point = 'sp'", &[3.0, 6.0]), [-8.0, -2.0], "of the distance");
+        assert_eq!(of_x(", low = 1, high = 2", &[-2.0, 1.5, 4.0]), [-18.0, 0.0, -8.0]);
+        assert!(of_x("", &[MISSING])[0].is_nan());
+        let told = read("[{ column = 'x', power = 3 }]").check().expect_err("a cube").to_string();
+        assert!(told.contains("`reward.power` is 3, expected 1, or 2"), "{told}");
+        let written = |text: &str| serde_json::to_string(&read(text)).expect("JSON");
+        assert!(!written("[{ column = 'x', power = 1 }]").contains("power"), "as without the key");
     }
 
     #[test]
