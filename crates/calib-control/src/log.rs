@@ -59,7 +59,10 @@ impl Decisions {
         if let Some(&(what, got)) = lengths.iter().find(|length| length.1 != rows) {
             return Err(ControlError::Rows { what, expected: rows, got });
         }
-        let transitions = Transitions::new(Segments::from_lengths(episodes(segments, &columns))?);
+        let episodes =
+            episodes(segments, |row| columns.leads_on(row), |row| columns.rewards[row].is_finite());
+        let lengths = episodes.iter().map(ExactSizeIterator::len);
+        let transitions = Transitions::new(Segments::from_lengths(lengths)?);
         let mut actions = Vec::new();
         let mut rewards = Vec::new();
         let mut endings = Vec::new();
@@ -250,23 +253,25 @@ impl Columns<'_> {
     }
 }
 
-/// Segments cut after terminals and rows without an action, and before rows without a reward, as lengths in rows.
-fn episodes(segments: &Segments, columns: &Columns<'_>) -> Vec<usize> {
-    let mut lengths = Vec::new();
+/// The rows of each episode: segments are cut after rows from which no action leads on, and before rows without a reward.
+pub(crate) fn episodes(
+    segments: &Segments,
+    leads_on: impl Fn(usize) -> bool,
+    has_reward: impl Fn(usize) -> bool,
+) -> Vec<Range<usize>> {
+    let mut episodes = Vec::new();
     for segment in segments.iter() {
-        let mut length = 0;
         let rows = segment.rows();
+        let mut start = rows.start;
         for row in rows.clone() {
-            length += 1;
-            let is_known = row + 1 < rows.end && columns.rewards[row + 1].is_finite();
-            if !columns.leads_on(row) || !is_known {
-                lengths.push(length);
-                length = 0;
+            let next = row + 1;
+            if next == rows.end || !leads_on(row) || !has_reward(next) {
+                episodes.push(start..next);
+                start = next;
             }
         }
-        lengths.extend((length > 0).then_some(length));
     }
-    lengths
+    episodes
 }
 
 #[cfg(test)]

@@ -1,12 +1,13 @@
-use std::{borrow::Cow, fmt};
+use std::{borrow::Cow, fmt, ops::Range};
 
+use calib_core::Segments;
 use schemars::JsonSchema;
 use serde::{
     Deserialize, Deserializer, Serialize,
     de::{Error, SeqAccess, Visitor, value::SeqAccessDeserializer},
 };
 
-use crate::ControlError;
+use crate::{ControlError, log::episodes};
 
 /// The reward of a step, from what was recorded in the row that it led to.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
@@ -49,7 +50,8 @@ impl Default for Reward {
     }
 }
 
-/// A term of a reward: `weight` times the column, or how far the column is from its set-point, or outside its limits.
+/// A term of a reward: `weight` times the column, or how far the column is from its set-point or outside its limits, or how much it
+/// changed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Term {
@@ -67,9 +69,12 @@ pub struct Term {
     /// Then only what is above counts: x − `high`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high: Option<f64>,
+    /// Then the change |x − x of the row before| counts, not x; of an action, its change against the step before. The first step of an
+    /// episode has none (default false).
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub change: bool,
     /// Power of what counts: 1, or 2 for its square (default 1).
     #[serde(default = "linear", skip_serializing_if = "is_linear")]
-    #[schemars(range(min = 1, max = 2))]
     pub power: u8,
 }
 
@@ -148,11 +153,19 @@ impl RewardColumns<'_> {
         self.values.first().map_or(0, Vec::len)
     }
 
+    fn is_action(&self, place: usize) -> bool {
+        place < self.actions
+    }
+
     /// What the reward of `row` sees of a column: its value there. What a step cost is what was done in it, so of an action it is the
     /// action of the row before, from which the step led to `row`; the first row has none.
     fn seen(&self, place: usize, row: usize) -> f64 {
-        let row = if place < self.actions { row.checked_sub(1) } else { Some(row) };
-        row.map_or(f64::NAN, |row| self.values[place][row])
+        self.seen_row(place, row).map_or(f64::NAN, |seen| self.values[place][seen])
+    }
+
+    /// The row of the value that the reward of `row` sees of a column.
+    fn seen_row(&self, place: usize, row: usize) -> Option<usize> {
+        if self.is_action(place) { row.checked_sub(1) } else { Some(row) }
     }
 }
 
@@ -165,6 +178,7 @@ impl Term {
             set_point: None,
             low: None,
             high: None,
+            change: false,
             power: linear(),
         }
     }
@@ -181,25 +195,38 @@ impl Term {
         }
     }
 
-    /// What the term adds to the reward of each row.
-    fn add(&self, columns: &RewardColumns<'_>, rewards: &mut [f64]) {
+    /// Whether it counts changes of an action.
+    fn is_change_of_action(&self, columns: &RewardColumns<'_>) -> bool {
+        self.change && columns.is_action(columns.place(&self.column))
+    }
+
+    /// What the term adds to the rewards of `rows`, outside which it sees nothing before.
+    fn add(&self, columns: &RewardColumns<'_>, rows: Range<usize>, rewards: &mut [f64]) {
         let place = columns.place(&self.column);
         let set_point_place = self.set_point_column().map(|column| columns.place(column));
-        for (row, reward) in rewards.iter_mut().enumerate() {
-            let set_point = match (&self.set_point, set_point_place) {
+        let first = rows.start;
+        // The first row has no row before it.
+        for row in rows.skip(usize::from(self.change)) {
+            let target = match (&self.set_point, set_point_place) {
+                _ if self.change => {
+                    // The first step of an episode has no step before it: its action has changed from itself.
+                    let before = columns.seen_row(place, row).map(|seen| seen.max(first + 1) - 1);
+                    before.map(|before| columns.values[place][before])
+                }
                 (Some(SetPoint::Number(number)), _) => Some(*number),
                 (_, Some(place)) => Some(columns.seen(place, row)),
                 (_, None) => None,
             };
-            *reward += self.weight * self.counted(columns.seen(place, row), set_point);
+            rewards[row] += self.weight * self.counted(columns.seen(place, row), target);
         }
     }
 
-    /// What counts of the value `x` of its column; NaN where a value is missing, which is no reward of nought.
-    fn counted(&self, x: f64, set_point: Option<f64>) -> f64 {
-        let distance = match (set_point, self.low, self.high) {
+    /// What counts of the value `x` of its column: its distance from `target`, where there is one. NaN where a value is missing, which is no
+    /// reward of nought.
+    fn counted(&self, x: f64, target: Option<f64>) -> f64 {
+        let distance = match (target, self.low, self.high) {
             _ if x.is_nan() => f64::NAN,
-            (Some(set_point), ..) => (x - set_point).abs(),
+            (Some(target), ..) => (x - target).abs(),
             (None, None, None) => x,
             (None, low, high) => {
                 let below = low.map_or(0.0, |low| (low - x).max(0.0));
@@ -226,14 +253,14 @@ impl Term {
             return Err(ControlError::Field { field: "reward.power", got, expected });
         }
         let keys = [
+            ("change", self.change),
             ("set_point", self.set_point.is_some()),
             ("low", self.low.is_some()),
             ("high", self.high.is_some()),
         ];
-        let first = keys.iter().find(|(_, is_given)| *is_given);
-        let second = keys[1..].iter().find(|(_, is_given)| *is_given);
-        match (first, second) {
-            (Some(&(first, _)), Some(&(second, _))) if first == "set_point" => {
+        let mut given = keys.iter().filter(|(_, is_given)| *is_given).map(|(key, _)| *key);
+        match (given.next(), given.next()) {
+            (Some(first @ ("change" | "set_point")), Some(second)) => {
                 Err(ControlError::TwoMeanings { term: place, first, second })
             }
             _ => Ok(()),
@@ -274,11 +301,28 @@ impl Reward {
         })
     }
 
-    /// The reward of every row, of the step that led there; NaN where a value is missing.
-    pub fn of_rows(&self, columns: &RewardColumns<'_>) -> Vec<f32> {
-        let mut rewards = vec![0.0; columns.rows()];
-        for term in self.terms().iter() {
-            term.add(columns, &mut rewards);
+    /// The reward of every row, of the step that led there; NaN where a value is missing. `leads_on` says whether an action is taken in a row
+    /// that does not end its episode: with rewards that are missing, this decides where episodes begin, which changes of actions do not
+    /// cross.
+    pub fn of_rows(
+        &self,
+        columns: &RewardColumns<'_>,
+        segments: &Segments,
+        leads_on: impl Fn(usize) -> bool,
+    ) -> Vec<f32> {
+        let terms = self.terms();
+        let (changes, others): (Vec<&Term>, Vec<&Term>) =
+            terms.iter().partition(|term| term.is_change_of_action(columns));
+        let mut rewards = vec![0.0_f64; columns.rows()];
+        for term in others {
+            segments.iter().for_each(|segment| term.add(columns, segment.rows(), &mut rewards));
+        }
+        // Changes of actions are never missing inside an episode, so the others decide which rewards are.
+        let episodes = episodes(segments, leads_on, |row| (rewards[row] as f32).is_finite());
+        for term in changes {
+            for rows in &episodes {
+                term.add(columns, rows.clone(), &mut rewards);
+            }
         }
         rewards.into_iter().map(|reward| reward as f32).collect()
     }
@@ -310,7 +354,9 @@ mod tests {
     fn rewards(text: &str, x: &[f64], set_points: &[f64], valve: &[f64]) -> Vec<f32> {
         let names = ["valve", "x", "sp"].map(str::to_owned);
         let values = [valve, x, set_points].map(<[f64]>::to_vec);
-        read(text).of_rows(&RewardColumns { names: &names, values: &values, actions: 1 })
+        let columns = RewardColumns { names: &names, values: &values, actions: 1 };
+        let segments = Segments::from_lengths([x.len()]).expect("rows");
+        read(text).of_rows(&columns, &segments, |row| !valve[row].is_nan())
     }
 
     const MISSING: f64 = f64::NAN;
@@ -375,6 +421,40 @@ mod tests {
     }
 
     #[test]
+    fn a_change_of_an_action_counts_in_the_step_that_it_made() {
+        let valve = [1.0, 3.0, 3.0, 2.0, 5.0];
+        let of_valve = |text: &str, valve: &[f64]| rewards(text, &[7.0; 5], &[0.0; 5], valve);
+        let text = "[{ column = 'valve', change = true, weight = -2 }]";
+        // The step to row 1 begins the episode. That to row 2 was made by 3 after 1, to row 3 by 3 after 3, to row 4 by 2 after 3. No step
+        // is made by the last action.
+        assert_eq!(of_valve(text, &valve)[1..], [0.0, -4.0, 0.0, -2.0]);
+        let square = "[{ column = 'valve', change = true, power = 2, weight = -2 }]";
+        assert_eq!(of_valve(square, &valve)[1..], [0.0, -8.0, 0.0, -2.0]);
+        // Without an action in row 1, an episode begins in row 2.
+        let got = of_valve(text, &[1.0, MISSING, 3.0, 2.0, 5.0]);
+        assert_eq!([got[1], got[3], got[4]], [0.0, 0.0, -2.0]);
+        // Without a reward in row 2, one begins there as well.
+        let text = "[{ column = 'valve', change = true, weight = -2 }, { column = 'x' }]";
+        let got = rewards(text, &[7.0, 7.0, MISSING, 7.0, 7.0], &[0.0; 5], &valve);
+        assert!(got[2].is_nan());
+        assert_eq!([got[1], got[3], got[4]], [7.0, 7.0, 5.0]);
+    }
+
+    #[test]
+    fn a_change_of_a_sensor_counts_in_the_row_that_has_it() {
+        let text = "[{ column = 'x', change = true, weight = -1 }]";
+        let got = rewards(text, &[1.0, 4.0, 4.0, MISSING, 2.0], &[0.0; 5], &[0.0; 5]);
+        assert_eq!(got[..3], [0.0, -3.0, 0.0]);
+        assert!(got[3].is_nan() && got[4].is_nan(), "what is missing may have changed");
+        let columns = ["valve", "x"].map(str::to_owned);
+        let values = [vec![0.0; 4], vec![1.0, 2.0, 9.0, 7.0]];
+        let columns = RewardColumns { names: &columns, values: &values, actions: 1 };
+        let segments = Segments::from_lengths([2, 2]).expect("rows");
+        let got = read(text).of_rows(&columns, &segments, |_| true);
+        assert_eq!(got, [0.0, -1.0, 0.0, -2.0], "nothing changes across a gap");
+    }
+
+    #[test]
     fn the_key_of_a_column_names_its_term() {
         let reward = read("[{ column = 'x' }, { column = 'y', set_point = 'sp' }]");
         assert_eq!(reward.key_of("x").as_deref(), Some("reward[0].column"));
@@ -389,6 +469,9 @@ mod tests {
         let told = refused("[{ column = 'x' }, { column = 'x', set_point = 'sp', high = 2 }]");
         assert!(told.starts_with("reward[1] has both set_point and high"), "{told}");
         assert!(told.contains("two terms"), "{told}");
+        let told = refused("[{ column = 'x', change = true, set_point = 1 }]");
+        assert!(told.starts_with("reward[0] has both change and set_point"), "{told}");
+        refused("[{ column = 'x', change = true, low = 1 }]");
         assert!(read("[{ column = 'x', low = 1, high = 2 }]").check().is_ok());
         assert!(Reward::Terms(vec![]).check().is_err());
         refused("[{ column = 'x', low = nan }]");

@@ -81,15 +81,17 @@ pub(super) fn read(
     let acted = &recorded[..config.actions.len()];
     let (levels, settings) = levels_of(acted, config)?;
     let rows = dataset.train.rows();
-    let recorded_columns =
-        RewardColumns { names: &names, values: &recorded, actions: config.actions.len() };
-    let rewards = config.reward.of_rows(&recorded_columns);
     let endings: Vec<Ending> = match &config.terminal {
         Some(name) => column(name).into_iter().map(ending).collect(),
         None => vec![Ending::Continues; rows],
     };
-    let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
     let frames = &dataset.train;
+    let of_reward =
+        RewardColumns { names: &names, values: &recorded, actions: config.actions.len() };
+    let rewards = config.reward.of_rows(&of_reward, frames.segments(), |row| {
+        levels.of_rows[row].is_some() && endings[row] != Ending::Terminal
+    });
+    let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
     tell_missing_rewards(frames, &columns, printer);
     let mut decisions =
         Decisions::new(frames.states().clone(), frames.segments(), columns, levels.values.len())?;
