@@ -155,12 +155,12 @@ class ActionModel:
 
     @property
     def period(self) -> float:
-        """Seconds from one row to the next."""
+        """Seconds from one row to the next. With ``control.every``, rows are decisions, and this is the time between two."""
         return self._native.period
 
     @property
     def timeout(self) -> int:
-        """Steps after which the study cuts an episode."""
+        """Steps after which the study cuts an episode: decisions."""
         return self._native.timeout
 
     @property

@@ -38,7 +38,8 @@ class ControlAgent:
     """An agent of calib's own that acts and learns: what ``calib control`` compares.
 
     It sees what `ActionModel.columns` says, in the units of the sensors, and answers with the position of an action of `ActionModel.actions`. Call
-    `begin` where an episode begins, and `step` with what came of each action.
+    `begin` where an episode begins, and `step` with what came of each action. If the study has ``control.every``, call `step` in every so many rows,
+    with the sum of their rewards, and hold the action in between.
 
     Examples:
         >>> model = _example_model()

@@ -165,7 +165,7 @@ impl PyActionModel {
         self.kept.opened.names.seed
     }
 
-    /// Seconds from one row to the next.
+    /// Seconds from one row to the next, which is from one decision to the next.
     #[getter]
     fn period(&self) -> f64 {
         self.kept.opened.names.period.as_secs()

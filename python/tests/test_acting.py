@@ -67,6 +67,19 @@ def test_a_frame_with_actions_becomes_a_model_with_actions(acting: calib_rl.Acti
     assert str(acting.times[1] - acting.times[0]) == "60000000 microseconds" and acting.recorded().mean < 0
 
 
+def test_a_decision_takes_several_rows(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    model = calib_rl.build_model(tank(), tmp_path, actions=["valve0"], reward="reward", timeout=40, control={"every": 4})
+    assert model.period == 4 * acting.period and len(model.decisions.actions) == 1199 // 4
+    rewards = acting.decisions.rewards[: 4 * len(model.decisions.rewards)].reshape(-1, 4).sum(axis=1)
+    np.testing.assert_allclose(model.decisions.rewards, rewards, rtol=1e-5)
+    assert (model.decisions.actions == acting.decisions.actions[::4][:299]).all()
+    env = calib_rl.gym.make(model)
+    _, info = env.reset(seed=3)
+    assert model.times[info["row"]] == np.datetime64(info["time"], "us")
+    begun = np.datetime64(info["time"], "us")
+    assert (begun - acting.times[0]) % np.timedelta64(240, "s") == np.timedelta64(0, "s")
+
+
 def test_a_step_goes_where_a_recorded_transition_went(acting: calib_rl.ActionModel) -> None:
     env = calib_rl.gym.make(acting, member=1, units="physical", observe=["level"])
     done, sources = acting.decisions, acting.sources

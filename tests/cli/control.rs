@@ -198,6 +198,37 @@ fn an_action_costs_in_the_step_that_it_was_taken_in() {
     assert_eq!(json["worst_return"], -1.0);
 }
 
+/// Decisions of three rows that switch the pump off or on in turn. In the third row of each it is on.
+#[test]
+fn an_agent_may_decide_in_every_third_row() {
+    let place = pump(|row| {
+        let pump = if row % 3 == 2 { 1 } else { row / 3 % 2 };
+        format!("2024-03-01 00:{row:02}:00,{},{pump}\n", row % 7)
+    });
+    let every = ["inspect", "study.toml", "--set", "control.every=3"];
+    let ran = place.calib(&every);
+    let told = ran.succeeds();
+    assert!(told.contains("for agents that act: 13 transitions in 1 episode"), "{told}");
+    let told = ran.stderr();
+    for part in [
+        "13 decisions of 3 rows (3 min): steps and timeouts count decisions",
+        "in 54 % of the decisions (7 of 13) another action was set before the next one, first at \
+         2024-03-01 00:02:00: the action of the first row counts",
+    ] {
+        assert!(told.contains(part), "{part} is missing in {told}");
+    }
+    let args = ["control", "study.toml", "--json", "--set", "control.every=3"];
+    let args = [&args[..], &["--set", "control.timeout=13"]].concat();
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&args).ends(&[0, 1])).expect("JSON");
+    assert_eq!(json["transitions"], 13);
+    assert_eq!(json["verdict"]["behaviour"]["mean"], -25.0, "7 times 1, and 6 times 3");
+    let told = place.calib(&["inspect", "study.toml", "--set", "control.every=40"]).fails(2);
+    assert!(told.contains("no recorded episode has more rows than control.every = 40"), "{told}");
+    let told = place.calib(&["inspect", "study.toml", "--set", "control.every=0"]).fails(2);
+    assert!(told.contains("`every` is 0, expected from 1 to 1,000,000"), "{told}");
+}
+
 /// The distance from a tag that an operator moves, which stays in the state.
 #[test]
 fn a_set_point_is_a_tag() {

@@ -20,7 +20,9 @@ pub struct ControlConfig {
     /// The column with the probability, above 0 and up to 1, of the action that was taken: settings are then also evaluated by importance sampling. Default: it was not logged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub probability: Option<String>,
-    /// Steps after which an episode is cut.
+    /// Rows from one decision of an agent to the next. Rewards of the rows between are summed, and the action of the first row counts.
+    pub every: usize,
+    /// Steps after which an episode is cut; a step is a decision.
     pub timeout: usize,
     /// Steps for which the agent learns with each setting, in each ensemble member.
     pub steps: usize,
@@ -54,6 +56,9 @@ pub struct ControlConfig {
     pub grid: Grid,
 }
 
+/// Rows that a decision may take.
+const MOST_ROWS: usize = 1_000_000;
+
 /// Where episodes begin in the model of a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -72,6 +77,7 @@ impl Default for ControlConfig {
             reward: Reward::default(),
             terminal: None,
             probability: None,
+            every: 1,
             timeout: 500,
             steps: 15_000,
             runs: 1,
@@ -105,6 +111,12 @@ impl ControlConfig {
         let levels = self.levels.unwrap_or(2);
         let checks = [
             ("levels", levels as f64, (2..=1024).contains(&levels), "from 2 to 1024"),
+            (
+                "every",
+                self.every as f64,
+                (1..=MOST_ROWS).contains(&self.every),
+                "from 1 to 1,000,000",
+            ),
             ("timeout", self.timeout as f64, self.timeout > 0, "at least 1"),
             ("steps", self.steps as f64, self.steps > 0, "at least 1"),
             ("runs", self.runs as f64, self.runs > 0, "at least 1"),
@@ -232,6 +244,8 @@ mod tests {
         let network = ActionModelKind::Network;
         let twice = ControlConfig { models: vec![network; 2], ..config.clone() }.check();
         assert!(twice.expect_err("twice").to_string().contains("\"network\" twice"));
+        let never = ControlConfig { every: 0, ..config.clone() };
+        assert!(never.check().expect_err("never").to_string().contains("`every` is 0"));
         let none = ControlConfig { steps: 0, ..config };
         assert!(none.check().expect_err("none").to_string().contains("steps"));
     }

@@ -124,6 +124,14 @@ pub enum ControlError {
         "the log has no transition: no row with an action is followed by a row of the same episode that has a reward"
     )]
     NoTransitions,
+    /// No decision of several rows.
+    #[error(
+        "no recorded episode has more rows than control.every = {every}, nor ends in a terminal; lower control.every, or see where rows lack an action or a reward"
+    )]
+    NoDecisions {
+        /// Rows of a decision.
+        every: usize,
+    },
     /// Probabilities of continuous actions.
     #[error(
         "control.levels makes actions continuous, and what was set then has no probability but a density; leave control.probability out"

@@ -10,6 +10,7 @@ mod agent_run;
 mod behaviour;
 mod config;
 mod constant;
+mod decision_rows;
 mod drift;
 mod environment;
 mod error;
@@ -34,6 +35,7 @@ pub use agent_run::{Actor, AgentRun, RunLength, live};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use config::{ControlConfig, StartRows};
 pub use constant::{ConstantReturns, constant_returns};
+pub use decision_rows::{ChangedDecisions, DecisionRows};
 pub use drift::Drift;
 pub use environment::{Ending, Environment, Outcome};
 pub use error::ControlError;
@@ -41,7 +43,7 @@ pub use evaluation::fitted_q_evaluation;
 pub use grid::Grid;
 pub use importance::{Importance, importance_sampling};
 pub use levels::Levels;
-pub use log::{Columns, Decisions, rows_without_reward};
+pub use log::{Columns, Decisions};
 pub use model::{
     ActionModel, ActionModelConfig, ActionModelKind, ActionModelRecord, At, Coverage, Covered,
     Distance, Ensemble, IncrementModel, IncrementWalk, Increments, NetworkConfig, NetworkModel,

@@ -241,9 +241,13 @@ impl Decisions {
 }
 
 /// Rows to which an action leads and which have no reward: episodes end before them.
-pub fn rows_without_reward(segments: &Segments, columns: &Columns<'_>) -> Vec<usize> {
+pub(crate) fn rows_without_reward(
+    segments: &Segments,
+    leads_on: impl Fn(usize) -> bool,
+    has_reward: impl Fn(usize) -> bool,
+) -> Vec<usize> {
     let later = segments.iter().flat_map(|segment| segment.rows().skip(1));
-    later.filter(|&row| columns.leads_on(row - 1) && !columns.rewards[row].is_finite()).collect()
+    later.filter(|&row| leads_on(row - 1) && !has_reward(row)).collect()
 }
 
 impl Columns<'_> {
@@ -317,8 +321,8 @@ mod tests {
         assert_eq!(known.transitions().sources(), [0, 2, 4, 5, 6]);
         assert_eq!(known.rewards(), [1.0, 3.0, 5.0, 6.0, 7.0]);
         let segments = Segments::from_lengths([4, 4]).expect("rows");
-        let columns = Columns { actions: &actions, rewards: &rewards, endings: &endings };
-        assert_eq!(rows_without_reward(&segments, &columns), [2]);
+        let missing = rows_without_reward(&segments, |_| true, |row| rewards[row].is_finite());
+        assert_eq!(missing, [2]);
     }
 
     #[test]

@@ -2,11 +2,11 @@ use calib_base::{
     Context as _, StepError, ensure,
     log::plant_of_study::data_of,
     memory::{self, NoRoom},
-    output::{Printer, count},
+    output::{Printer, count, counted, percent, span},
 };
 use calib_control::{
-    ActionModel, Columns, ControlConfig, ControlError, Decisions, Ending, Levels, RewardColumns,
-    Settings, StartRows, Starts, rows_without_reward,
+    ActionModel, ChangedDecisions, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
+    Ending, Levels, Settings, StartRows, Starts,
 };
 use calib_core::{Bounds, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, entry_of, format_time};
@@ -23,9 +23,9 @@ pub(super) struct ActionLog {
     pub(super) names: Names,
     /// Of everything that the model is made of.
     pub(super) fingerprint: Fingerprint,
-    /// Time of every row, in microseconds.
+    /// Time of every row of the decisions, in microseconds.
     pub(super) times: Vec<i64>,
-    /// Time from one row to the next.
+    /// Time from one decision to the next.
     pub(super) period: Period,
 }
 
@@ -74,61 +74,68 @@ pub(super) fn read(
     let recorded = surveyed.recorded(&names, &progress).map_err(|error| named(config, error))?;
     require_memory(&surveyed)?;
     let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
-    let column = |name: &str| -> Vec<f64> {
-        let place = names.iter().position(|other| other == name);
-        place.map_or_else(Vec::new, |place| recorded[place].clone())
-    };
-    let acted = &recorded[..config.actions.len()];
-    let (levels, settings) = levels_of(acted, config)?;
-    let rows = dataset.train.rows();
-    let endings: Vec<Ending> = match &config.terminal {
-        Some(name) => column(name).into_iter().map(ending).collect(),
-        None => vec![Ending::Continues; rows],
-    };
     let frames = &dataset.train;
-    let of_reward =
-        RewardColumns { names: &names, values: &recorded, actions: config.actions.len() };
-    let rewards = config.reward.of_rows(&of_reward, frames.segments(), |row| {
-        levels.of_rows[row].is_some() && endings[row] != Ending::Terminal
-    });
-    let columns = Columns { actions: &levels.of_rows, rewards: &rewards, endings: &endings };
-    tell_missing_rewards(frames, &columns, printer);
-    let mut decisions =
-        Decisions::new(frames.states().clone(), frames.segments(), columns, levels.values.len())?;
-    let mut fingerprint = fingerprint(&dataset.fingerprint, &levels, &rewards, &endings);
+    let rows = DecisionRows::new(config, &recorded, frames.segments())?;
+    tell_missing_rewards(frames, &rows, printer);
+    let period = decision_period(config, dataset.period);
+    tell_decisions(config, frames, &rows, period, printer);
+    let (levels, settings) = levels_of(&rows.acted, config)?;
+    let columns =
+        Columns { actions: &levels.of_rows, rewards: &rows.rewards, endings: &rows.endings };
+    let states = rows.states(frames.states())?;
+    let mut decisions = Decisions::new(states, &rows.segments, columns, levels.values.len())?;
+    let mut fingerprint = fingerprint(&dataset.fingerprint, &levels, &rows.rewards, &rows.endings);
+    if config.every > 1 {
+        let numbers = rows.rows.iter().map(|&row| row as f64);
+        fingerprint = with_numbers(&fingerprint, b"rows 1", numbers);
+    }
     if let Some(settings) = settings {
         decisions = decisions.with_settings(settings)?;
-        fingerprint = with_numbers(&fingerprint, b"settings 1", acted.iter().flatten());
+        let numbers = rows.acted.iter().flatten().copied();
+        fingerprint = with_numbers(&fingerprint, b"settings 1", numbers);
     }
-    if let Some(name) = &config.probability {
-        decisions = decisions.with_probabilities(&column(name)).map_err(|error| match error {
-            ControlError::NoProbability { row, got } => StepError::message(format!(
-                "control.probability = \"{name}\": at {} the probability of the action that was taken is {got}, expected above 0, up to 1",
-                format_time(frames.timestamps()[row])
-            )),
-            error => error.into(),
-        })?;
-        let own = decisions.probabilities().unwrap_or_default();
-        fingerprint = with_numbers(&fingerprint, b"probabilities 1", own.iter());
+    if let Some(probabilities) = &rows.probabilities {
+        let decided = decisions.with_probabilities(probabilities);
+        decisions = decided.map_err(|error| of_probability(config, frames, &rows, error))?;
+        let own = decisions.probabilities().unwrap_or_default().iter().copied();
+        fingerprint = with_numbers(&fingerprint, b"probabilities 1", own);
     }
     let actions =
         (0..levels.values.len()).map(|level| levels.name(level, &config.actions)).collect();
     let columns = dataset.normaliser.columns();
     let names = Names {
         actions,
-        settings: settings_told(config, acted)?,
+        settings: settings_told(config, &rows.acted)?,
         columns: columns.iter().map(|column| column.name.clone()).collect(),
         bounds: columns.iter().map(|column| column.bounds).collect(),
         levels: levels.values,
-        ranges: acted.iter().map(|values| range(values)).collect(),
+        ranges: rows.acted.iter().map(|values| range(values)).collect(),
     };
-    let times = frames.timestamps().iter().map(|time| time.as_micros()).collect();
-    Ok(ActionLog { decisions, names, fingerprint, times, period: dataset.period })
+    let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
+    Ok(ActionLog { decisions, names, fingerprint, times, period })
 }
 
-/// How a step ends where `control.terminal` has this value.
-fn ending(terminal: f64) -> Ending {
-    if terminal == 0.0 || terminal.is_nan() { Ending::Continues } else { Ending::Terminal }
+/// Time from one decision to the next, where no terminal comes before.
+fn decision_period(config: &ControlConfig, period: Period) -> Period {
+    let micros = period.as_micros().saturating_mul(config.every as i64);
+    Period::from_micros(micros).unwrap_or(period)
+}
+
+/// A mistake about a probability, with its time.
+fn of_probability(
+    config: &ControlConfig,
+    frames: &Frames,
+    rows: &DecisionRows,
+    error: ControlError,
+) -> StepError {
+    match error {
+        ControlError::NoProbability { row, got } => StepError::message(format!(
+            "control.probability = \"{}\": at {} the probability of the action that was taken is {got}, expected above 0, up to 1",
+            config.probability.as_deref().unwrap_or_default(),
+            format_time(frames.timestamps()[rows.rows[row]])
+        )),
+        error => error.into(),
+    }
 }
 
 /// The actions that agents choose among, and for continuous ones what was set.
@@ -144,8 +151,8 @@ fn levels_of(
 }
 
 /// Say where a reward is missing: no model can know it, and episodes end before such rows.
-fn tell_missing_rewards(frames: &Frames, columns: &Columns<'_>, printer: &Printer) {
-    let missing = rows_without_reward(frames.segments(), columns);
+fn tell_missing_rewards(frames: &Frames, rows: &DecisionRows, printer: &Printer) {
+    let missing = &rows.without_reward;
     let Some(&first) = missing.first() else { return };
     let counted = match missing.len() {
         1 => "1 row has".to_owned(),
@@ -155,6 +162,36 @@ fn tell_missing_rewards(frames: &Frames, columns: &Columns<'_>, printer: &Printe
         "{counted} no reward though an action leads there, the first at {}: an episode ends before each. Rewards are never filled in",
         format_time(frames.timestamps()[first])
     ));
+}
+
+/// Say how often agents decide, where that is not in every row, and whether the plant was operated like that.
+fn tell_decisions(
+    config: &ControlConfig,
+    frames: &Frames,
+    rows: &DecisionRows,
+    period: Period,
+    printer: &Printer,
+) {
+    if config.every == 1 {
+        return;
+    }
+    let ChangedDecisions { count: changed, decisions, first } = rows.changed;
+    printer.say(&format!(
+        "{} of {} rows ({}): steps and timeouts count decisions",
+        counted(decisions, "decision"),
+        count(config.every),
+        span(period.as_secs())
+    ));
+    if let Some(first) = first {
+        printer.warn(&format!(
+            "in {} of the decisions ({} of {}) another action was set before the next one, first at {}: the action of the first row counts. Set \
+             control.every to the number of rows for which actions are held, or to 1",
+            percent(changed as f64 / decisions as f64),
+            count(changed),
+            count(decisions),
+            format_time(frames.timestamps()[first])
+        ));
+    }
 }
 
 /// Least and largest of what was set; zeros of nothing.
@@ -211,14 +248,10 @@ fn fingerprint(
 }
 
 /// The fingerprint of what has one, and of these numbers.
-fn with_numbers<'a>(
-    log: &Fingerprint,
-    what: &[u8],
-    numbers: impl Iterator<Item = &'a f64>,
-) -> Fingerprint {
+fn with_numbers(log: &Fingerprint, what: &[u8], numbers: impl Iterator<Item = f64>) -> Fingerprint {
     let mut all = Fingerprinter::default();
     all.add(what).add(log.to_string().as_bytes());
-    for &number in numbers {
+    for number in numbers {
         // Every NaN is the same missing one.
         let number = if number.is_nan() { f64::NAN } else { number };
         all.add(&number.to_le_bytes());

@@ -49,7 +49,7 @@ pub struct ControlNames {
     pub ranges: Vec<[f64; 2]>,
     /// Whether the log has a column of terminals.
     pub has_terminals: bool,
-    /// Time from one row to the next.
+    /// Time from one row to the next, which is from one decision to the next.
     pub period: Period,
     /// Steps after which the study cuts an episode.
     pub timeout: usize,

@@ -1,0 +1,316 @@
+//! From the columns of a log to the rows in which agents decide.
+
+use std::ops::Range;
+
+use calib_core::{Segments, States};
+
+use crate::{
+    ControlConfig, ControlError, Ending, RewardColumns,
+    log::{episodes, rows_without_reward},
+};
+
+/// The rows of a log in which an agent decides, or an episode ends, and what was done and got in them.
+///
+/// With `control.every` = n an agent decides in every n-th row of an episode. The decision is the action of that row, whatever was set in the
+/// n − 1 rows after it: an agent at the plant knows no more when it decides. Its reward is the sum of the rewards of the n rows after it. A
+/// terminal among them ends it there. A decision that anything else cuts short is left out, for its reward would be that of fewer rows.
+#[derive(Clone, Debug)]
+pub struct DecisionRows {
+    /// The rows, numbered as in the log, ascending.
+    pub rows: Vec<usize>,
+    /// Unbroken pieces of these rows.
+    pub segments: Segments,
+    /// What was set, `[columns of actions][rows]`; NaN where nothing was decided.
+    pub acted: Vec<Vec<f64>>,
+    /// The reward of what was done since the row before, `[rows]`; NaN where there is none.
+    pub rewards: Vec<f32>,
+    /// Whether an episode ended, `[rows]`.
+    pub endings: Vec<Ending>,
+    /// Of what was decided, `[rows]`; none where it was not logged.
+    pub probabilities: Option<Vec<f64>>,
+    /// Rows of the log to which an action leads and which have no reward.
+    pub without_reward: Vec<usize>,
+    /// Decisions of more than a row, after which another action was set before the next one.
+    pub changed: ChangedDecisions,
+}
+
+/// Decisions after which another action was set before the next one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ChangedDecisions {
+    /// How many.
+    pub count: usize,
+    /// Of so many decisions.
+    pub decisions: usize,
+    /// The row of the log, in the first one, with the other action.
+    pub first: Option<usize>,
+}
+
+/// What is known of every row of a log.
+struct LogRows {
+    acted: Vec<Vec<f64>>,
+    rewards: Vec<f32>,
+    endings: Vec<Ending>,
+    probabilities: Option<Vec<f64>>,
+}
+
+impl LogRows {
+    /// Whether an action is taken in a row that does not end its episode.
+    fn leads_on(&self, row: usize) -> bool {
+        leads_on(&self.acted, &self.endings, row)
+    }
+
+    fn has_reward(&self, row: usize) -> bool {
+        self.rewards[row].is_finite()
+    }
+}
+
+fn leads_on(acted: &[Vec<f64>], endings: &[Ending], row: usize) -> bool {
+    endings[row] != Ending::Terminal && acted.iter().all(|column| !column[row].is_nan())
+}
+
+impl DecisionRows {
+    /// The decisions of a log whose columns [`ControlConfig::columns`] were recorded as `recorded`, `[columns][rows]`, NaN being missing, in
+    /// rows of `segments`.
+    ///
+    /// # Errors
+    /// If no episode is as long as one decision.
+    ///
+    /// # Panics
+    /// If there is not one list a column, and one value a row.
+    pub fn new(
+        config: &ControlConfig,
+        recorded: &[Vec<f64>],
+        segments: &Segments,
+    ) -> Result<Self, ControlError> {
+        let names = config.columns();
+        let column = |name: &String| {
+            let place = names.iter().position(|other| other == name);
+            place.map(|place| recorded[place].clone())
+        };
+        let endings = match config.terminal.as_ref().and_then(column) {
+            Some(terminal) => terminal.into_iter().map(ending).collect(),
+            None => vec![Ending::Continues; segments.rows()],
+        };
+        let actions = config.actions.len();
+        let acted = recorded[..actions].to_vec();
+        let of_reward = RewardColumns { names: &names, values: recorded, actions };
+        let rewards =
+            config.reward.of_rows(&of_reward, segments, |row| leads_on(&acted, &endings, row));
+        let probabilities = config.probability.as_ref().and_then(column);
+        let log = LogRows { acted, rewards, endings, probabilities };
+        let without_reward =
+            rows_without_reward(segments, |row| log.leads_on(row), |row| log.has_reward(row));
+        if config.every > 1 {
+            return Self::thinned(&log, config, segments, without_reward);
+        }
+        let LogRows { acted, rewards, endings, probabilities } = log;
+        Ok(Self {
+            rows: (0..segments.rows()).collect(),
+            segments: segments.clone(),
+            acted,
+            rewards,
+            endings,
+            probabilities,
+            without_reward,
+            changed: ChangedDecisions::default(),
+        })
+    }
+
+    /// A decision in every `config.every`-th row of each episode.
+    fn thinned(
+        log: &LogRows,
+        config: &ControlConfig,
+        segments: &Segments,
+        without_reward: Vec<usize>,
+    ) -> Result<Self, ControlError> {
+        let every = config.every;
+        let tolerances = tolerances(&log.acted, config.levels);
+        let mut changed = ChangedDecisions::default();
+        let mut rows = Vec::new();
+        let mut rewards = Vec::new();
+        let mut lengths = Vec::new();
+        // Rows in which an episode ends, by their places in `rows`: nothing is decided there.
+        let mut lasts = Vec::new();
+        for episode in episodes(segments, |row| log.leads_on(row), |row| log.has_reward(row)) {
+            let decisions = decisions(&episode, every, &log.endings);
+            let Some(first) = decisions.first() else { continue };
+            rows.push(first.start);
+            rewards.push(f32::NAN);
+            for decision in &decisions {
+                let next = decision.end;
+                rows.push(next);
+                let got = log.rewards[decision.start + 1..=next].iter();
+                rewards.push(got.copied().map(f64::from).sum::<f64>() as f32);
+                changed.count(&log.acted, decision, &tolerances);
+            }
+            lasts.push(rows.len() - 1);
+            lengths.push(decisions.len() + 1);
+        }
+        if lengths.is_empty() {
+            return Err(ControlError::NoDecisions { every });
+        }
+        let mut acted: Vec<Vec<f64>> = log.acted.iter().map(|column| at(column, &rows)).collect();
+        for column in &mut acted {
+            lasts.iter().for_each(|&last| column[last] = f64::NAN);
+        }
+        Ok(Self {
+            segments: Segments::from_lengths(lengths)?,
+            acted,
+            rewards,
+            endings: at(&log.endings, &rows),
+            probabilities: log.probabilities.as_ref().map(|column| at(column, &rows)),
+            without_reward,
+            changed,
+            rows,
+        })
+    }
+
+    /// What was observed in these rows, of the states of all rows.
+    ///
+    /// # Errors
+    /// None: what was a state is one.
+    pub fn states(&self, states: &States) -> Result<States, ControlError> {
+        if self.rows.len() == states.rows() {
+            return Ok(states.clone());
+        }
+        let values = self.rows.iter().flat_map(|&row| states.row(row)).copied().collect();
+        Ok(States::new(values, self.rows.len(), states.columns())?)
+    }
+}
+
+/// How a step ends where the column of terminals has this value.
+fn ending(terminal: f64) -> Ending {
+    Ending::terminal_if(terminal != 0.0 && !terminal.is_nan())
+}
+
+fn at<T: Copy>(column: &[T], rows: &[usize]) -> Vec<T> {
+    rows.iter().map(|&row| column[row]).collect()
+}
+
+/// The decisions of an episode: from the row of each to that of the next, or to the terminal.
+fn decisions(episode: &Range<usize>, every: usize, endings: &[Ending]) -> Vec<Range<usize>> {
+    let last = episode.end - 1;
+    let starts = (episode.start..last).step_by(every);
+    let all = starts.map(|start| start..start.saturating_add(every).min(last));
+    all.filter(|decision| decision.len() == every || endings[decision.end] == Ending::Terminal)
+        .collect()
+}
+
+/// What each column of actions may differ by and still be the same action: half of the way from one level to the next, or nothing.
+fn tolerances(acted: &[Vec<f64>], levels: Option<usize>) -> Vec<f64> {
+    let Some(levels) = levels else { return vec![0.0; acted.len()] };
+    let steps = 2.0 * (levels - 1) as f64;
+    acted
+        .iter()
+        .map(|column| {
+            let low = column.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            (high - low).max(0.0) / steps
+        })
+        .collect()
+}
+
+impl ChangedDecisions {
+    /// Count a decision, from its row to that of the next.
+    fn count(&mut self, acted: &[Vec<f64>], decision: &Range<usize>, tolerances: &[f64]) {
+        self.decisions += 1;
+        let other = (decision.start + 1..decision.end).find(|&row| {
+            let mut columns = acted.iter().zip(tolerances);
+            columns.any(|(column, tolerance)| {
+                (column[row] - column[decision.start]).abs() > *tolerance
+            })
+        });
+        self.count += usize::from(other.is_some());
+        self.first = self.first.or(other);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NONE: f64 = f64::NAN;
+
+    /// A log of seven rows of a valve, its reward being 1, 2, 3, … in rows 1, 2, 3, …
+    fn rows(
+        keys: &str,
+        valve: [f64; 7],
+        terminal: [f64; 7],
+        lengths: &[usize],
+    ) -> Result<DecisionRows, ControlError> {
+        let text = format!("actions = ['valve']\nreward = 'reward'\nterminal = 'end'\n{keys}");
+        let config: ControlConfig = toml::from_str(&text).expect("valid");
+        config.check().expect("valid");
+        assert_eq!(config.columns(), ["valve", "reward", "end"]);
+        let reward: Vec<f64> = (0..7).map(f64::from).collect();
+        let recorded = [valve.to_vec(), reward, terminal.to_vec()];
+        let segments = Segments::from_lengths(lengths.iter().copied()).expect("rows");
+        DecisionRows::new(&config, &recorded, &segments)
+    }
+
+    const ON: [f64; 7] = [0.0; 7];
+
+    #[test]
+    fn every_row_is_a_decision_unless_the_study_says_otherwise() {
+        let valve = [1.0, 2.0, NONE, 4.0, 5.0, 6.0, 7.0];
+        let all = rows("", valve, ON, &[7]).expect("rows");
+        assert_eq!(all.rows, [0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(all.rewards, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(all.segments.len(), 1);
+        assert_eq!(all.changed, ChangedDecisions::default());
+    }
+
+    #[test]
+    fn the_rewards_of_a_decision_are_summed() {
+        let valve = [1.0, 1.0, 1.0, 2.0, 1.0, 2.0, 3.0];
+        let thinned = rows("every = 3", valve, ON, &[7]).expect("two decisions");
+        assert_eq!(thinned.rows, [0, 3, 6]);
+        assert_eq!(thinned.rewards[1..], [6.0, 15.0]);
+        assert_eq!(thinned.acted[0][..2], [1.0, 2.0]);
+        assert!(thinned.acted[0][2].is_nan(), "nothing is decided where an episode ends");
+        // From row 3 on it was 2, 1, 2.
+        let changed = ChangedDecisions { count: 1, decisions: 2, first: Some(4) };
+        assert_eq!(thinned.changed, changed);
+        let states = States::new((0..14).map(|value| value as f32).collect(), 7, 2);
+        let states = thinned.states(&states.expect("finite")).expect("finite");
+        assert_eq!(states.as_slice(), [0.0, 1.0, 6.0, 7.0, 12.0, 13.0]);
+    }
+
+    #[test]
+    fn a_decision_is_cut_by_a_terminal_and_left_out_where_something_else_cuts_it() {
+        let terminal = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+        let thinned = rows("every = 3", [1.0; 7], terminal, &[7]).expect("two decisions");
+        assert_eq!(thinned.rows, [0, 3, 4], "rows 5 and 6 are too few");
+        assert_eq!(thinned.rewards[1..], [6.0, 4.0]);
+        assert_eq!(thinned.endings[1..], [Ending::Continues, Ending::Terminal]);
+        // A gap after row 4 leaves a row over.
+        let thinned = rows("every = 3", [1.0; 7], ON, &[5, 2]).expect("a decision");
+        assert_eq!((&thinned.rows[..], thinned.segments.len()), (&[0, 3][..], 1));
+        // Without an action in row 1 an episode begins in row 2.
+        let valve = [1.0, NONE, 1.0, 1.0, 1.0, 1.0, 1.0];
+        let thinned = rows("every = 2", valve, ON, &[7]).expect("two decisions");
+        assert_eq!(thinned.rows, [2, 4, 6]);
+        let told = rows("every = 7", [1.0; 7], ON, &[7]).expect_err("too few rows").to_string();
+        assert!(told.contains("control.every = 7"), "{told}");
+    }
+
+    #[test]
+    fn a_number_changes_when_it_is_nearer_to_another_level() {
+        let valve = [0.0, 0.4, 10.0, 8.0, 4.0, 0.0, 0.0];
+        let keys = "every = 2\nlevels = 6";
+        let thinned = rows(keys, valve, ON, &[7]).expect("three decisions");
+        // Levels are 2 apart: 0 and 0.4 are one, 10 and 8 are two, 4 and 0 are two.
+        let changed = ChangedDecisions { count: 2, decisions: 3, first: Some(3) };
+        assert_eq!(thinned.changed, changed);
+    }
+
+    #[test]
+    fn a_change_is_charged_in_the_decision_that_made_it() {
+        let text = "actions = ['valve']\nevery = 2\nreward = [{ column = 'valve', change = true, weight = -1 }]";
+        let config: ControlConfig = toml::from_str(text).expect("valid");
+        let recorded = [vec![1.0, 1.0, 4.0, 4.0, 2.0]];
+        let segments = Segments::from_lengths([5]).expect("rows");
+        let thinned = DecisionRows::new(&config, &recorded, &segments).expect("two decisions");
+        assert_eq!(thinned.rewards[1..], [0.0, -3.0]);
+    }
+}
