@@ -198,6 +198,23 @@ fn an_action_costs_in_the_step_that_it_was_taken_in() {
     assert_eq!(json["worst_return"], -1.0);
 }
 
+/// Each row has the action that led there, so that the first one is of no step.
+#[test]
+fn an_action_may_stand_in_a_later_row() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let mean = |lag: &str| {
+        let lag = format!("control.lag={lag}");
+        let args =
+            ["control", "study.toml", "--json", "--set", "control.timeout=39", "--set", &lag];
+        let told = place.calib(&args).ends(&[0, 1]);
+        let json: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+        assert_eq!(json["transitions"], 39);
+        json["verdict"]["behaviour"]["mean"].clone()
+    };
+    assert_eq!(mean("0"), -20.0, "rows 0, 2, …, 38");
+    assert_eq!(mean("1"), -19.0, "rows 2, 4, …, 38");
+}
+
 /// Decisions of three rows that switch the pump off or on in turn. In the third row of each it is on.
 #[test]
 fn an_agent_may_decide_in_every_third_row() {

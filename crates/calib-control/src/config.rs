@@ -22,6 +22,8 @@ pub struct ControlConfig {
     pub probability: Option<String>,
     /// Rows from one decision of an agent to the next. Rewards of the rows between are summed, and the action of the first row counts.
     pub every: usize,
+    /// Rows from the one in which an action was decided to the one in which the log shows it.
+    pub lag: usize,
     /// Steps after which an episode is cut; a step is a decision.
     pub timeout: usize,
     /// Steps for which the agent learns with each setting, in each ensemble member.
@@ -56,7 +58,7 @@ pub struct ControlConfig {
     pub grid: Grid,
 }
 
-/// Rows that a decision may take.
+/// Rows that a decision may take, or its action may be shown later.
 const MOST_ROWS: usize = 1_000_000;
 
 /// Where episodes begin in the model of a log.
@@ -78,6 +80,7 @@ impl Default for ControlConfig {
             terminal: None,
             probability: None,
             every: 1,
+            lag: 0,
             timeout: 500,
             steps: 15_000,
             runs: 1,
@@ -117,6 +120,7 @@ impl ControlConfig {
                 (1..=MOST_ROWS).contains(&self.every),
                 "from 1 to 1,000,000",
             ),
+            ("lag", self.lag as f64, self.lag <= MOST_ROWS, "from 0 to 1,000,000"),
             ("timeout", self.timeout as f64, self.timeout > 0, "at least 1"),
             ("steps", self.steps as f64, self.steps > 0, "at least 1"),
             ("runs", self.runs as f64, self.runs > 0, "at least 1"),

@@ -14,6 +14,8 @@ use crate::{
 /// With `control.every` = n an agent decides in every n-th row of an episode. The decision is the action of that row, whatever was set in the
 /// n − 1 rows after it: an agent at the plant knows no more when it decides. Its reward is the sum of the rewards of the n rows after it. A
 /// terminal among them ends it there. A decision that anything else cuts short is left out, for its reward would be that of fewer rows.
+///
+/// With `control.lag` = l the log shows an action l rows after the one in which it was decided, and it counts in the earlier row.
 #[derive(Clone, Debug)]
 pub struct DecisionRows {
     /// The rows, numbered as in the log, ascending.
@@ -79,24 +81,25 @@ impl DecisionRows {
     /// If there is not one list a column, and one value a row.
     pub fn new(
         config: &ControlConfig,
-        recorded: &[Vec<f64>],
+        mut recorded: Vec<Vec<f64>>,
         segments: &Segments,
     ) -> Result<Self, ControlError> {
         let names = config.columns();
-        let column = |name: &String| {
-            let place = names.iter().position(|other| other == name);
-            place.map(|place| recorded[place].clone())
-        };
-        let endings = match config.terminal.as_ref().and_then(column) {
-            Some(terminal) => terminal.into_iter().map(ending).collect(),
+        let place = |name: &String| names.iter().position(|other| other == name);
+        let endings = match config.terminal.as_ref().and_then(place) {
+            Some(terminal) => recorded[terminal].iter().copied().map(ending).collect(),
             None => vec![Ending::Continues; segments.rows()],
         };
         let actions = config.actions.len();
+        let probability = config.probability.as_ref().and_then(place);
+        for column in (0..actions).chain(probability) {
+            recorded[column] = decided(&recorded[column], segments, &endings, config.lag);
+        }
         let acted = recorded[..actions].to_vec();
-        let of_reward = RewardColumns { names: &names, values: recorded, actions };
+        let of_reward = RewardColumns { names: &names, values: &recorded, actions };
         let rewards =
             config.reward.of_rows(&of_reward, segments, |row| leads_on(&acted, &endings, row));
-        let probabilities = config.probability.as_ref().and_then(column);
+        let probabilities = probability.map(|place| recorded.swap_remove(place));
         let log = LogRows { acted, rewards, endings, probabilities };
         let without_reward =
             rows_without_reward(segments, |row| log.leads_on(row), |row| log.has_reward(row));
@@ -178,6 +181,27 @@ impl DecisionRows {
     }
 }
 
+/// What was decided in each row, if the log shows it `lag` rows later. What was decided before a gap is not shown after it: nobody knows it.
+/// What was decided before a terminal counts as what the row of the terminal shows, for the rows after it are of another episode, and
+/// without an action there would be no step to the terminal.
+fn decided(recorded: &[f64], segments: &Segments, endings: &[Ending], lag: usize) -> Vec<f64> {
+    let mut decided = vec![f64::NAN; recorded.len()];
+    for segment in segments.iter() {
+        let rows = segment.rows();
+        let mut terminal = None;
+        for row in rows.clone().rev() {
+            if endings[row] == Ending::Terminal {
+                terminal = Some(row);
+            }
+            let shown = terminal.map_or(row + lag, |terminal: usize| terminal.min(row + lag));
+            if shown < rows.end {
+                decided[row] = recorded[shown];
+            }
+        }
+    }
+    decided
+}
+
 /// How a step ends where the column of terminals has this value.
 fn ending(terminal: f64) -> Ending {
     Ending::terminal_if(terminal != 0.0 && !terminal.is_nan())
@@ -245,7 +269,7 @@ mod tests {
         let reward: Vec<f64> = (0..7).map(f64::from).collect();
         let recorded = [valve.to_vec(), reward, terminal.to_vec()];
         let segments = Segments::from_lengths(lengths.iter().copied()).expect("rows");
-        DecisionRows::new(&config, &recorded, &segments)
+        DecisionRows::new(&config, recorded.to_vec(), &segments)
     }
 
     const ON: [f64; 7] = [0.0; 7];
@@ -304,13 +328,50 @@ mod tests {
         assert_eq!(thinned.changed, changed);
     }
 
+    /// What was decided, where there is something.
+    fn known(log: &DecisionRows) -> Vec<f64> {
+        log.acted[0].iter().copied().filter(|value| !value.is_nan()).collect()
+    }
+
+    #[test]
+    fn an_action_counts_in_the_row_in_which_it_was_decided() {
+        let valve = [8.0, 9.0, 1.0, 2.0, 3.0, 4.0, 5.0];
+        let lagged = rows("lag = 2", valve, ON, &[7]).expect("rows");
+        assert_eq!(lagged.acted[0][..5], [1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert!(lagged.acted[0][5..].iter().all(|value| value.is_nan()), "not shown any more");
+        // A gap after row 3.
+        let lagged = rows("lag = 2", valve, ON, &[4, 3]).expect("rows");
+        assert_eq!(known(&lagged), [1.0, 2.0, 5.0]);
+        assert!(!lagged.acted[0][4].is_nan());
+        // A terminal in row 4, before which rows 3 and 4 of the valve are the last that show anything.
+        let terminal = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+        let lagged = rows("lag = 2", valve, terminal, &[7]).expect("rows");
+        assert_eq!(known(&lagged), [1.0, 2.0, 3.0, 3.0, 3.0]);
+        // Every row shows what led there.
+        let lagged = rows("lag = 1", valve, terminal, &[7]).expect("rows");
+        assert_eq!(lagged.acted[0][..4], [9.0, 1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn a_lagged_action_has_its_probability_and_its_cost() {
+        let text =
+            "actions = ['valve']\nprobability = 'odds'\nlag = 1\nreward = [{ column = 'valve' }]";
+        let config: ControlConfig = toml::from_str(text).expect("valid");
+        assert_eq!(config.columns(), ["valve", "odds"]);
+        let recorded = vec![vec![9.0, 1.0, 2.0], vec![0.9, 0.1, 0.2]];
+        let segments = Segments::from_lengths([3]).expect("rows");
+        let lagged = DecisionRows::new(&config, recorded, &segments).expect("rows");
+        assert_eq!(lagged.rewards[1..], [1.0, 2.0]);
+        assert_eq!(lagged.probabilities.expect("logged")[..2], [0.1, 0.2]);
+    }
+
     #[test]
     fn a_change_is_charged_in_the_decision_that_made_it() {
         let text = "actions = ['valve']\nevery = 2\nreward = [{ column = 'valve', change = true, weight = -1 }]";
         let config: ControlConfig = toml::from_str(text).expect("valid");
-        let recorded = [vec![1.0, 1.0, 4.0, 4.0, 2.0]];
+        let recorded = vec![vec![1.0, 1.0, 4.0, 4.0, 2.0]];
         let segments = Segments::from_lengths([5]).expect("rows");
-        let thinned = DecisionRows::new(&config, &recorded, &segments).expect("two decisions");
+        let thinned = DecisionRows::new(&config, recorded, &segments).expect("two decisions");
         assert_eq!(thinned.rewards[1..], [0.0, -3.0]);
     }
 }

@@ -75,7 +75,7 @@ pub(super) fn read(
     require_memory(&surveyed)?;
     let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
     let frames = &dataset.train;
-    let rows = DecisionRows::new(config, &recorded, frames.segments())?;
+    let rows = DecisionRows::new(config, recorded, frames.segments())?;
     tell_missing_rewards(frames, &rows, printer);
     let period = decision_period(config, dataset.period);
     tell_decisions(config, frames, &rows, period, printer);
