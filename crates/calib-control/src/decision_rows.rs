@@ -86,7 +86,7 @@ impl DecisionRows {
     ) -> Result<Self, ControlError> {
         let names = config.columns();
         let place = |name: &String| names.iter().position(|other| other == name);
-        let endings = match config.terminal.as_ref().and_then(place) {
+        let endings: Vec<Ending> = match config.terminal.as_ref().and_then(place) {
             Some(terminal) => recorded[terminal].iter().copied().map(ending).collect(),
             None => vec![Ending::Continues; segments.rows()],
         };
