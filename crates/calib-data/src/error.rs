@@ -284,6 +284,14 @@ pub enum DataError {
         /// What was found, and what to do.
         reason: String,
     },
+    /// An entry of `data.max_age_secs` that names no channel, or that another one contradicts.
+    #[error("data.max_age_secs, {entry:?}: {reason}")]
+    MaxAge {
+        /// The name or pattern.
+        entry: String,
+        /// What was found, and what to do.
+        reason: String,
+    },
     /// A pattern names no channel.
     #[error("data.include has {pattern:?}, which names no channel{hint}")]
     NoSuchPattern {
@@ -401,6 +409,10 @@ impl DataError {
 
     pub(crate) fn angle(entry: &str, reason: String) -> Self {
         Self::Angle { entry: entry.to_owned(), reason }
+    }
+
+    pub(crate) fn max_age(entry: &str, reason: String) -> Self {
+        Self::MaxAge { entry: entry.to_owned(), reason }
     }
 
     pub(crate) fn config(key: String, got: String, expected: &'static str) -> Self {

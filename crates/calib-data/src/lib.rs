@@ -73,7 +73,7 @@ pub use arrow::{ArrowError, TakenOver, write_arrow_stream};
 pub use catch_panic::may_be_of_a_reader;
 pub use channel::is_same;
 pub use config::{
-    BadRows, Contradictions, DataConfig, Missing, Moment, Normalisation, Outliers, Paths,
+    BadRows, Contradictions, DataConfig, MaxAge, Missing, Moment, Normalisation, Outliers, Paths,
     PreprocessConfig, Reduce, Resample, Shape, TimeRange,
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};

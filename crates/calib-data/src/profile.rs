@@ -454,7 +454,7 @@ impl Profile {
                 let times = if count == 1 { "once".to_owned() } else { format!("{count} times") };
                 doubts.push((name, format!(
                     "{name} was not recorded {times}, for up to {longest_secs} s where it usually is every {usual_secs} s, and its last value stands in: \
-                     lower data.max_age_secs, which is one for all channels, if it was not what the plant did"
+                     lower its age, data.max_age_secs = {{ default = …, {name:?} = … }}, if it was not what the plant did"
                 )));
             }
             if spikes > 0 {

@@ -6,7 +6,7 @@ use calib_text::{ParsedTime, TimestampUnit, parse_stamp};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Moment, Paths, TimeRange};
+use super::{MaxAge, Moment, Paths, TimeRange};
 use crate::{DataError, text::Zone};
 
 /// `[data]`: where the log is, and which part of it is for what.
@@ -78,9 +78,9 @@ pub struct DataConfig {
     /// Put every channel on one clock with a row every `period_secs`. Default: rows stay as they are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resample: Option<Resample>,
-    /// How long a recorded value stands for what follows it, under `resample`, in seconds. Default: ten periods.
+    /// How long a recorded value stands for what follows it, under `resample`, in seconds: a number, or a table by names or glob patterns of channels, such as `{ default = 60, LAB01 = 86400 }`. Default: ten periods.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_age_secs: Option<f64>,
+    pub max_age_secs: Option<MaxAge>,
     /// Time from one sample to the next, in seconds. Default: the median of what the log has.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub period_secs: Option<f64>,
@@ -281,14 +281,10 @@ impl DataConfig {
                 "data.period_secs as well: the time from one row to the next",
             );
         }
-        if let Some(secs) = self.max_age_secs
-            && (Period::from_secs(secs).is_none() || self.resample.is_none())
-        {
-            return refuse(
-                "max_age_secs",
-                secs.to_string(),
-                "a positive number, and data.resample",
-            );
+        for (key, secs) in self.max_age_secs.iter().flat_map(MaxAge::keys) {
+            if Period::from_secs(secs).is_none() || self.resample.is_none() {
+                return refuse(&key, secs.to_string(), "a positive number, and data.resample");
+            }
         }
         if !(self.gap_tolerance > 1.0 && self.gap_tolerance.is_finite()) {
             let got = self.gap_tolerance.to_string();
@@ -363,9 +359,10 @@ impl DataConfig {
         TimeRange { start: moved(&range.start), end: moved(&range.end) }
     }
 
-    /// How long a recorded value stands for what follows it, in microseconds.
+    /// How long a recorded value of a channel without an entry of its own stands for what follows it, in microseconds.
     pub(crate) fn max_age(&self, period: Period) -> i64 {
-        let given = self.max_age_secs.and_then(Period::from_secs);
+        let given = self.max_age_secs.as_ref().and_then(MaxAge::default_secs);
+        let given = given.and_then(Period::from_secs);
         given.map_or(period.as_micros().saturating_mul(PERIODS_OF_AGE), Period::as_micros)
     }
 }

@@ -11,6 +11,7 @@ use super::{
     file::{FieldKind, LogFile},
     filename_tag::prefixes,
     gaps,
+    max_ages::max_ages,
     open::{Opened, Tables, refuse_pair},
     resample::{Coverage, Grid},
     room::Room,
@@ -175,6 +176,10 @@ impl Planned {
                     (Rows::of(timestamps, Irregularities::default()), Some(rows), Some(grid))
                 }
             };
+        let max_ages = match data.period_secs.and_then(Period::from_secs) {
+            Some(period) if grid.is_some() => max_ages(&channels, data, period)?,
+            _ => Vec::new(),
+        };
         let (train, held_out) = row_ranges(data, &split, &rows.timestamps, span)?;
         if data.train.is_none()
             && let Some(held_out) = &held_out
@@ -199,6 +204,7 @@ impl Planned {
             rows,
             recorded,
             grid,
+            max_ages,
             utc: false,
             bad_rows,
             without_times,

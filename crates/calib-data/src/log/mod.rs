@@ -14,6 +14,7 @@ mod filename_tag;
 mod gaps;
 mod head;
 mod long;
+mod max_ages;
 mod open;
 mod read;
 mod resample;
@@ -68,6 +69,8 @@ pub(crate) struct Log {
     /// The rows as they were recorded, where those of the log are others.
     recorded: Option<Rows>,
     grid: Option<Grid>,
+    /// How long the values of each channel stand in rows of the grid, in microseconds; nothing without a grid.
+    max_ages: Vec<i64>,
     contradictions: Contradictions,
     /// Numbers that stand for a missing value.
     missing_values: Vec<f64>,

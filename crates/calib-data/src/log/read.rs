@@ -6,7 +6,7 @@ use calib_core::{Monitor, Timestamp};
 use rayon::prelude::*;
 
 use super::{
-    Channel, Log, Origin,
+    Log, Origin,
     dedup::{Contradicting, agree},
     file::LogFile,
     resample::{Bridged, Grid},
@@ -146,7 +146,7 @@ impl Log {
                     if let Some(angle) = angle {
                         take_part(angle, &mut channel.values, &channel.not_numbers)?;
                     }
-                    if let Some(grid) = &self.grid {
+                    if let Some(grid) = self.grid_of(number) {
                         let (times, values) = self.recorded_values(&channel.values);
                         channel.bridged = grid.bridged(&times);
                         channel.values = grid.values(&times, &values, &self.rows.timestamps);
@@ -157,12 +157,17 @@ impl Log {
             Origin::Series(series, window) => {
                 monitor.check()?;
                 batch.par_iter_mut().zip(channels).try_for_each(|(values, &channel)| {
-                    self.read_tag(series, &self.channels[channel], window, values)
+                    self.read_tag(series, channel, window, values)
                 })?;
             }
         }
         monitor.advance(channels.len() as u64);
         Ok(batch)
+    }
+
+    /// The clock of a channel, if the log has one.
+    fn grid_of(&self, channel: usize) -> Option<Grid> {
+        self.grid.as_ref().map(|grid| grid.with_max_age(self.max_ages[channel]))
     }
 
     /// The recorded values of a channel, and their times.
@@ -177,11 +182,12 @@ impl Log {
     fn read_tag(
         &self,
         series: &Series,
-        source: &Channel,
+        number: usize,
         window: &std::ops::Range<i64>,
         channel: &mut ChannelValues,
     ) -> Result<(), DataError> {
         channel.clear(0, 0);
+        let source = &self.channels[number];
         let angle = source.angle.as_ref();
         let placed = series.settled(source.column, window, angle, self.contradictions)?;
         channel.repeated = placed.repeated + placed.contradictions.count + placed.words.count;
@@ -194,7 +200,7 @@ impl Log {
         if let Some(angle) = angle {
             take_part(angle, &mut values, &channel.not_numbers)?;
         }
-        if let Some(grid) = &self.grid {
+        if let Some(grid) = self.grid_of(number) {
             let present = placed.times.iter().zip(&values).filter(|(_, value)| !value.is_nan());
             let (times, values): (Vec<i64>, Vec<f64>) = present.unzip();
             channel.bridged = grid.bridged(&times);
@@ -405,7 +411,7 @@ impl Log {
         };
         let mut placed = vec![f64::NAN; self.rows.timestamps.len()];
         // Between two modes there is nothing: the last one stands.
-        let last = self.grid.as_ref().map(Grid::of_last_values);
+        let last = self.grid_of(channel).map(|grid| grid.of_last_values());
         match last {
             None => self.put(&times, &codes, &mut placed),
             Some(grid) => {

@@ -1,7 +1,8 @@
 //! One clock for channels that were recorded at other times.
 //!
 //! Rows lie at multiples of the period since 1970, so that they do not depend on where a log begins. A row is there
-//! where any channel was recorded at most `max_age` before it; nothing crosses from one range to another.
+//! where any channel was recorded at most `max_age` before it; nothing crosses from one range to another. A channel may have another age, for
+//! which its own values stand in these rows: it makes no rows, in which all other channels would be missing.
 
 use std::ops::Range;
 
@@ -80,6 +81,11 @@ impl Grid {
         ranges: Vec<Range<i64>>,
     ) -> Self {
         Self { resample, period: period.as_micros(), max_age, ranges }
+    }
+
+    /// The same rows, in which values stand for up to `max_age`, in microseconds.
+    pub(crate) fn with_max_age(&self, max_age: i64) -> Self {
+        Self { max_age, ..self.clone() }
     }
 
     /// The same rows, each with the last value.
@@ -256,6 +262,17 @@ mod tests {
         let mean = values(&grid(Resample::Mean, 10, 20, from_ref(&(0..60))), &samples);
         // From 3 to 10 it was 1; from 10 to 12 still, then 2 until 32; at 50 there is nothing but the value itself.
         assert_eq!(mean, [(10, 1.0), (20, 1.8), (30, 2.0), (50, 4.0)]);
+    }
+
+    #[test]
+    fn a_channel_may_have_another_age_in_the_same_rows() {
+        let all = grid(Resample::Last, 10, 20, from_ref(&(0..60)));
+        let rows = rows(&all, &[3, 12, 50]);
+        let of_age = |max_age: i64| all.with_max_age(max_age).values(&[3, 12], &[1.0, 2.0], &rows);
+        // Rows are 10, 20, 30 and 50.
+        assert_eq!(of_age(40), [1.0, 2.0, 2.0, 2.0]);
+        assert_eq!(of_age(10)[..2], [1.0, 2.0]);
+        assert!(of_age(10)[2..].iter().all(|value| value.is_nan()));
     }
 
     #[test]

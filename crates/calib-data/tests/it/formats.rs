@@ -8,8 +8,8 @@ use std::{
 
 use calib_core::Silent;
 use calib_data::{
-    Contradictions, DataConfig, Dataset, PreprocessConfig, Resample, Shape, TimestampUnit, inspect,
-    load, table::Table,
+    Contradictions, DataConfig, Dataset, MaxAge, PreprocessConfig, Resample, Shape, TimestampUnit,
+    inspect, load, table::Table,
 };
 
 use crate::support::{Folder, NAN, load_with, log_at, refused, train_seconds, train_values};
@@ -331,10 +331,10 @@ fn a_clock_of_more_rows_than_memory_holds_is_refused() {
         "a.csv",
         "time,a\n2024-01-01 00:00:00,1\n2024-01-20 00:00:00,2\n2024-02-18 00:00:00,3\n",
     );
-    let fine = |max_age_secs, memory| DataConfig {
+    let fine = |max_age_secs: Option<f64>, memory| DataConfig {
         resample: Some(Resample::Last),
         period_secs: Some(0.001),
-        max_age_secs,
+        max_age_secs: max_age_secs.map(MaxAge::All),
         memory: Some(memory),
         ..folder.data()
     };
@@ -398,7 +398,7 @@ fn stops_that_the_last_value_bridges_are_told() {
         let data = DataConfig {
             resample: Some(Resample::Last),
             period_secs: Some(10.0),
-            max_age_secs: Some(max_age_secs),
+            max_age_secs: Some(MaxAge::All(max_age_secs)),
             ..folder.data()
         };
         inspect(&data, &PreprocessConfig::default(), &Silent).expect("a log")
@@ -409,7 +409,9 @@ fn stops_that_the_last_value_bridges_are_told() {
     assert!(profile.channel("slow").expect("a channel").bridged.is_none());
     let [(name, doubt)] = &profile.value_doubts()[..] else { panic!("one doubt") };
     assert!(
-        *name == "fast" && doubt.contains("1201 s") && doubt.contains("data.max_age_secs"),
+        *name == "fast"
+            && doubt.contains("1201 s")
+            && doubt.contains("data.max_age_secs = { default = …, \"fast\" = … }"),
         "{doubt}"
     );
     assert!(with(60.0).value_doubts().is_empty(), "missing is not bridged");
@@ -594,7 +596,7 @@ fn changes_are_resampled_to_a_clock() {
         let data = DataConfig {
             resample: Some(resample),
             period_secs: Some(10.0),
-            max_age_secs: Some(30.0),
+            max_age_secs: Some(MaxAge::All(30.0)),
             ..folder.data()
         };
         load_with(&data, &PreprocessConfig { max_missing: 1.0, ..PreprocessConfig::default() })
@@ -621,7 +623,7 @@ fn changes_are_resampled_to_a_clock() {
     let data = DataConfig {
         resample: Some(Resample::Last),
         period_secs: Some(10.0),
-        max_age_secs: Some(30.0),
+        max_age_secs: Some(MaxAge::All(30.0)),
         ..long.data()
     };
     let of_samples =
@@ -632,6 +634,52 @@ fn changes_are_resampled_to_a_clock() {
         &PreprocessConfig::default(),
     );
     assert!(error.to_string().contains("data.period_secs"), "{error}");
+}
+
+/// A tag of the laboratory, whose values hold for longer. Beside it rows are where other values are.
+#[test]
+fn a_tag_may_have_an_age_of_its_own() {
+    let times = [0, 3, 10, 25, 31, 60, 61];
+    let a = [1.0, NAN, 2.0, 3.0, NAN, 4.0, NAN];
+    let b = [NAN, 5.0, NAN, NAN, 6.0, NAN, 7.0];
+    let wide = Folder::new();
+    wide.write("a.parquet", &log_at(times, &[("a", &a), ("b", &b)]));
+    let long = Folder::new();
+    let samples: String = [("a", a), ("b", b)]
+        .iter()
+        .flat_map(|(tag, values)| {
+            times
+                .iter()
+                .zip(values)
+                .filter(|(_, value)| !value.is_nan())
+                .map(move |(time, value)| format!("{time},{tag},{value}\n"))
+        })
+        .collect();
+    fs::write(long.file("a.csv"), format!("time,tag,value\n{samples}")).expect("written");
+    let with = |folder: &Folder, ages: &[(&str, f64)]| {
+        let ages = ages.iter().map(|&(entry, secs)| (entry.to_owned(), secs));
+        DataConfig {
+            resample: Some(Resample::Last),
+            period_secs: Some(10.0),
+            max_age_secs: Some(MaxAge::Channels(ages.collect())),
+            ..folder.data()
+        }
+    };
+    let strict =
+        PreprocessConfig { max_missing: 1.0, fill_limit: 0, ..PreprocessConfig::default() };
+    let ages = [("default", 10.0), ("[b]", 30.0)];
+    let dataset = load_with(&with(&wide, &ages), &strict);
+    // By its age b is also there at 50, but no other value is.
+    assert_eq!(train_seconds(&dataset), [10.0, 20.0, 30.0, 60.0]);
+    assert_eq!(train_values(&dataset, "a"), [2.0, 2.0, 3.0, 4.0]);
+    assert_eq!(train_values(&dataset, "b"), [5.0, 5.0, 5.0, 6.0]);
+    let of_samples = load_with(&with(&long, &ages), &strict);
+    assert_eq!(of_samples.fingerprint, dataset.fingerprint);
+    let told = refused(&with(&wide, &[("default", 10.0), ("c*", 30.0)]), &strict).to_string();
+    assert!(told.contains("data.max_age_secs, \"c*\": it names no channel"), "{told}");
+    let told = refused(&with(&wide, &[("?", 20.0), ("b*", 30.0)]), &strict).to_string();
+    assert!(told.contains("give b an entry of its own"), "{told}");
+    load_with(&with(&wide, &[("?", 20.0), ("b", 30.0)]), &strict);
 }
 
 #[test]

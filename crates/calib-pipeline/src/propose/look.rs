@@ -10,7 +10,7 @@ use calib_base::{
 };
 use calib_data::{
     BackwardSteps, ChannelSketch, ContradictionCause, DataConfig, DataError, FEW_CONTRADICT,
-    Resample, Sentinel, Sketch, format_time, sketch,
+    MaxAge, Resample, Sentinel, Sketch, format_time, sketch,
 };
 use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors, many_left_out};
 
@@ -74,7 +74,7 @@ impl ExaminedLog {
                 .say("channels have clocks of their own: they are put on one, and looked at again");
             data.resample = Some(Resample::Last);
             data.period_secs = Some(data.period_secs.unwrap_or(clock.period_secs));
-            data.max_age_secs = Some(clock.max_age_secs);
+            data.max_age_secs = Some(MaxAge::All(clock.max_age_secs));
             sketch = calib_data::sketch(&data, &printer.progress())?;
         }
         if gives(args, "data.contradictions")
@@ -261,7 +261,7 @@ pub(super) fn bridged(look: &ExaminedLog) -> Option<String> {
     let more = if stopped.len() > NAMED { " …" } else { "" };
     Some(format!(
         "{} not recorded for up to {longest}, far longer than usual, and the last value stands in ({}{more}): lower data.max_age_secs, \
-         which is one for all channels, if that is not what the plant did",
+         for these channels or for all, if that is not what the plant did",
         if stopped.len() == 1 {
             "1 channel is".to_owned()
         } else {
