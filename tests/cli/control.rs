@@ -234,8 +234,9 @@ fn an_agent_may_decide_in_every_third_row() {
     ] {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
-    let args = ["control", "study.toml", "--json", "--set", "control.every=3"];
-    let args = [&args[..], &["--set", "control.timeout=13"]].concat();
+    let args = ["control", "study.toml", "--json", "--set", "control.every=3", "--set"];
+    let few = ["control.timeout=13", "--set", "control.models=['neighbors']"];
+    let args = [&args[..], &few].concat();
     let json: serde_json::Value =
         serde_json::from_str(&place.calib(&args).ends(&[0, 1])).expect("JSON");
     assert_eq!(json["transitions"], 13);
