@@ -96,14 +96,16 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     }
     child.kill().expect("it was running, or has ended");
     child.wait().expect("a status");
-    let told = place.calib(&["status", study]).succeeds();
-    assert!(told.contains("settings: ") && told.contains(" of 18 runs"), "{told}");
+    let status = ["status", study, "--set", "control.runs=3"];
+    let told = place.calib(&status).succeeds();
+    assert!(told.contains("settings: ") && told.contains(" of 54 runs"), "{told}");
     let again = place.calib(&args);
     again.ends(&[1]);
     let status: serde_json::Value =
-        serde_json::from_str(&place.calib(&["status", study, "--json"]).succeeds()).expect("JSON");
+        serde_json::from_str(&place.calib(&[&status[..], &["--json"]].concat()).succeeds())
+            .expect("JSON");
     let ranking = &status["control"];
-    assert_eq!(ranking["runs"], serde_json::json!([18, 18]));
+    assert_eq!(ranking["runs"], serde_json::json!([54, 54]));
     assert_eq!(ranking["members"], 9);
     let verdict = fs::read(results.join("control/verdict.json")).expect("a verdict");
     let verdict: serde_json::Value = serde_json::from_slice(&verdict).expect("JSON");
@@ -262,6 +264,27 @@ fn a_set_point_is_a_tag() {
     let json: serde_json::Value = serde_json::from_str(&told).expect("JSON");
     assert_eq!(json["verdict"]["behaviour"]["mean"], -78.0, "2 in each of 39 steps");
     assert_eq!(json["columns"], serde_json::json!(["level", "LIC101.SP"]));
+}
+
+#[test]
+fn a_verdict_of_another_study_is_not_done() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let status = || place.calib(&["status", "study.toml"]).succeeds();
+    place.calib(&["control", "study.toml"]).ends(&[0, 1]);
+    let done = status();
+    assert!(done.contains("every step is done") && done.contains("settings: "), "{done}");
+    place.edit_study("steps = 50", "steps = 60");
+    let edited = status();
+    let part = "the verdict in study-results/control was made with control.steps = 50, now 60; run `calib control study.toml` again";
+    assert!(edited.contains("some steps are to do") && edited.contains(part), "{edited}");
+    assert!(!edited.contains("settings: "), "no ranking of another study: {edited}");
+    place.calib(&["control", "study.toml"]).ends(&[0, 1]);
+    assert!(status().contains("every step is done"), "{}", status());
+    // The same log, read as it says: the verdict that is there follows from this study too.
+    place.edit_study("[data]\n", "[data]\nshape = \"wide\"\n");
+    assert!(status().contains("data.shape"), "{}", status());
+    place.calib(&["control", "study.toml"]).ends(&[0, 1]);
+    assert!(status().contains("every step is done"), "{}", status());
 }
 
 const TWO_STEP_SIZES: [&str; 7] = [

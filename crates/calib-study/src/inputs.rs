@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, fmt};
 
+use calib_control::Distance;
 use calib_dynamics::DynamicsConfig;
 use calib_knn::{IndexKind, ModelConfig, WeightsKind};
 use calib_model::{ModelFamily, ModelKind};
@@ -55,11 +56,7 @@ impl Study {
                 inputs.swept(self);
                 inputs.add("evaluate", &self.evaluate);
             }
-            StepKind::Control => {
-                inputs.represented(self);
-                inputs.add("control", &self.control);
-                inputs.add("evaluate.resamples", &self.evaluate.resamples);
-            }
+            StepKind::Control => inputs.acted(self),
         }
         inputs
     }
@@ -220,6 +217,32 @@ impl Inputs {
             }
         }
         self.add("seed", &study.seed);
+    }
+
+    /// A verdict about agents that act. Nothing is held out of a log of decisions, and it has models of its own.
+    fn acted(&mut self, study: &Study) {
+        self.prepared(study);
+        self.remove(&["data.held_out"]);
+        if study.data.train.is_some() {
+            self.remove(&["data.train_fraction"]);
+        }
+        self.add("control", &study.control);
+        let model = study.control.as_ref().map(|control| &control.model);
+        if model.is_some_and(|model| model.distance == Distance::Laplacian) {
+            self.add("representation", &study.representation);
+            // It says what a model without actions has.
+            self.remove(&["representation.kind"]);
+        }
+        if study.is_of_acting_agents() && study.agent.is_external() {
+            self.add("agent.command", &study.agent.command);
+            self.add("agent.gamma", &study.agent.gamma);
+            self.add("agent.parameters", &study.agent.parameters);
+            self.add("sweep.grid", &study.sweep.grid);
+            self.add("sweep.sampling", &study.sweep.sampling);
+            self.add("sweep.samples", &study.sweep.samples);
+        }
+        self.add("seed", &study.seed);
+        self.add("evaluate.resamples", &study.evaluate.resamples);
     }
 
     /// What stands for the deployment.

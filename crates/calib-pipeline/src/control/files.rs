@@ -6,6 +6,8 @@ use calib_base::{
     StepError,
     artefact::{self, Below, DirectoryLock, Files, Manifest, TOOL},
     bail, ensure,
+    output::Printer,
+    stale::StoredArtefact,
 };
 use calib_control::{Distance, Importance, ReturnVerdict, Run};
 use calib_data::table::Table;
@@ -208,6 +210,64 @@ pub(super) fn kept(directory: &Path, key: &str) -> Option<(ControlEvaluation, bo
         return None;
     }
     Some((evaluation, artefact::are_whole(directory, &manifest.shown)))
+}
+
+/// Note the study as it is now beside a verdict that follows from it just as well, such as where another `data.shape` reads the same log.
+pub(super) fn note_study(
+    directory: &Path,
+    study: &Study,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    let Some(manifest) = artefact::read::<ControlManifest>(directory) else { return Ok(()) };
+    if study.differences(StepKind::Control, &manifest.study).is_empty() {
+        return Ok(());
+    }
+    let noted = ControlManifest { study: study.clone(), ..manifest };
+    let written =
+        DirectoryLock::new(directory, Below::Ours).and_then(|claim| claim.complete(&noted));
+    artefact::or_read_only(written, directory, printer)
+}
+
+/// How the verdict that is there stands to the study as it is now.
+pub(crate) enum VerdictStanding {
+    /// There is none, or it is not whole.
+    Missing,
+    /// It is that of the study.
+    Current,
+    /// It is of another study: what differs, and what to run.
+    Stale(String),
+}
+
+impl VerdictStanding {
+    /// Compare the verdict of a job with its study. The log is not read: another one is found by `calib control`.
+    ///
+    /// # Errors
+    /// If a file of the study's program cannot be read, or the settings cannot be what they are.
+    pub(crate) fn of(job: &Job) -> Result<Self, StepError> {
+        let Some(config) = &job.study().control else { return Ok(Self::Missing) };
+        let directory = &job.layout().control();
+        let Some(manifest) = artefact::read::<ControlManifest>(directory) else {
+            return Ok(Self::Missing);
+        };
+        if !artefact::are_whole(directory, &manifest.files) {
+            return Ok(Self::Missing);
+        }
+        let made = StoredArtefact { step: StepKind::Control, study: &manifest.study, directory };
+        match made.check(job) {
+            Err(StepError::Stale(reason)) => return Ok(Self::Stale(reason)),
+            checked => checked?,
+        }
+        let agents = ComparedAgents::of_study(job, config)?;
+        if manifest.key == key(job.study(), &manifest.log, agents.program_identity())? {
+            return Ok(Self::Current);
+        }
+        let other = if manifest.tool == TOOL { "another program" } else { manifest.tool.as_str() };
+        Ok(Self::Stale(format!(
+            "the verdict in {} was made with {other}; run `{}` again",
+            directory.display(),
+            job.command(StepKind::Control)
+        )))
+    }
 }
 
 /// Write verdict and runs, and what `show` writes of them, which is remade where it is not whole.

@@ -20,7 +20,7 @@ pub use advice::{Advice, PYTHON, Vocabulary};
 pub use agents::ActingAgent;
 pub use described::ActionLogSummary;
 pub use files::ControlEvaluation;
-pub(crate) use files::ControlSummary;
+pub(crate) use files::{ControlSummary, VerdictStanding};
 pub(crate) use inspect::inspect;
 pub(crate) use model::build;
 pub use model::{ControlColumn, ControlModel, ControlNames};

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::{
     agents::ComparedAgents,
-    files::{ControlEvaluation, VERDICT},
+    files::{ControlEvaluation, VERDICT, VerdictStanding},
     show::told,
     units,
 };
@@ -58,10 +58,9 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
     let runs = units::stored(&job.layout().control_units());
     // The runs of a finished sweep are one table, and their ranks stand in the verdict. Beside one in which settings failed, runs of the
     // others are left.
+    let is_current = matches!(VerdictStanding::of(job)?, VerdictStanding::Current);
     let verdict = read_sealed_json::<ControlEvaluation>(&job.layout().control().join(VERDICT)).ok();
-    let verdict = verdict.filter(|found| {
-        (runs.is_empty() || found.lacks_settings()) && found.agents() == agents.stored()
-    });
+    let verdict = verdict.filter(|found| is_current && (runs.is_empty() || found.lacks_settings()));
     if runs.is_empty() && verdict.is_none() {
         return Ok(None);
     }

@@ -50,6 +50,7 @@ pub(crate) fn run(
             if !is_shown {
                 page::write(&directory, job, &evaluation)?;
             }
+            files::note_study(&directory, study, printer)?;
         }
         printer.say(&format!("{} is up to date", directory.display()));
         if job.policy().share.is_some() {

@@ -7,8 +7,7 @@ mod show;
 use std::path::{Path, PathBuf};
 
 use calib_base::{
-    StepError,
-    artefact::{self, CONTROL_VERDICT},
+    StepError, artefact,
     log::context::RunContext,
     output::Printer,
     progress::{self, CommandState, Note},
@@ -25,7 +24,7 @@ pub(crate) use self::ranking::Ranking;
 use self::{find::Subject, ranking::rankings};
 use crate::{
     cluster,
-    control::{self, ControlRanking},
+    control::{self, ControlRanking, VerdictStanding},
     plan::{Plan, PlannedStep, State},
 };
 
@@ -108,6 +107,9 @@ pub(crate) struct StepStanding {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) deployment: Option<String>,
     pub(crate) state: StepState,
+    /// Why what is there does not count, and what to run, where that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) stale: Option<String>,
 }
 
 /// How a step stands.
@@ -198,15 +200,15 @@ fn report(job: &Job) -> PathBuf {
 /// The steps of a study, and which of them are done or at work.
 fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<StepStanding>, StepError> {
     if job.study().control.is_some() {
-        let is_done = job.layout().control().join(CONTROL_VERDICT).is_file();
         let is_running = at_work.iter().any(|note| note.command == StepKind::Control.command());
-        let state = match (is_running, is_done) {
-            (true, _) => StepState::Running,
-            (false, true) => StepState::Done,
-            (false, false) => StepState::ToDo,
+        let (state, stale) = match VerdictStanding::of(job)? {
+            _ if is_running => (StepState::Running, None),
+            VerdictStanding::Current => (StepState::Done, None),
+            VerdictStanding::Stale(reason) => (StepState::ToDo, Some(reason)),
+            VerdictStanding::Missing => (StepState::ToDo, None),
         };
         let step = StepKind::Control.label();
-        return Ok(vec![StepStanding { step, model: None, deployment: None, state }]);
+        return Ok(vec![StepStanding { step, model: None, deployment: None, state, stale }]);
     }
     let context = RunContext::new(&printer.silent());
     let models = job.models()?;
@@ -234,7 +236,8 @@ fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<StepStan
         };
         let model = step.model.clone();
         let deployment = step.deployment.clone();
-        standings.push(StepStanding { step: step.step.label(), model, deployment, state });
+        let step = step.step.label();
+        standings.push(StepStanding { step, model, deployment, state, stale: None });
     }
     Ok(standings)
 }

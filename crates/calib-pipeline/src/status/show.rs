@@ -47,6 +47,9 @@ fn tell_study(study: &StudyStanding, printer: &Printer) -> Result<(), StepError>
     }
     let rows: Vec<Vec<String>> = study.steps.iter().map(step_row).collect();
     printer.lines(&table(&["step", "", "state"], &rows))?;
+    for reason in study.steps.iter().filter_map(|step| step.stale.as_ref()) {
+        printer.result(&format!("  {reason}"))?;
+    }
     tell_rankings(&study.rankings, printer)?;
     if let Some(ranking) = &study.control {
         tell_control(ranking, printer)?;

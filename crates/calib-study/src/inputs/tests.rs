@@ -68,6 +68,25 @@ fn a_result_follows_from_its_own_keys_alone() {
     );
 }
 
+#[test]
+fn a_verdict_about_agents_that_act_follows_from_what_they_learn_in() {
+    let acting = "[control]\nactions = [\"valve\"]\n";
+    let changed = |before: &str, after: &str| {
+        let all = study(after).differences(StepKind::Control, &study(before));
+        all.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+    };
+    let other = |keys: &str| changed(acting, &format!("{acting}{keys}"));
+    assert_eq!(other("steps = 100\n"), "control.steps = 15000, now 100");
+    assert_eq!(other("[evaluate]\nresamples = 7\n"), "evaluate.resamples = 2000, now 7");
+    assert_eq!(other("[representation]\ndimension = 3\n[agent]\ngamma = 0.5\n"), "");
+    let near = format!("{acting}[control.model]\ndistance = \"laplacian\"\n");
+    let dimension = changed(&near, &format!("{near}[representation]\ndimension = 3\n"));
+    assert!(dimension.starts_with("representation.dimension = "), "{dimension}");
+    let program = format!("{acting}[agent]\nkind = \"external\"\ncommand = [\"act\"]\n");
+    let gamma = changed(&program, &format!("{program}gamma = 0.5\n"));
+    assert_eq!(gamma, "agent.gamma = 0.99, now 0.5");
+}
+
 /// The keys in which the models of two studies differ.
 fn differ(one: &str, other: &str) -> String {
     let all = study(other).differences(StepKind::BuildModel, &study(one));
