@@ -106,21 +106,50 @@ fn tell_control(ranking: &ControlRanking, printer: &Printer) -> Result<(), StepE
         "settings: {provisional}by {by}, in {}",
         counted(ranking.members, "model")
     ))?;
-    let placed = ranking.settings.iter().enumerate();
-    let rows: Vec<Vec<String>> = placed
-        .filter(|(place, setting)| *place < SHOWN || setting.is_default)
-        .map(|(_, setting)| {
-            let default = if setting.is_default { " (the default)" } else { "" };
-            let mean = setting.mean_return.map_or_else(|| "diverged".to_owned(), significant);
-            vec![format!("{}{default}", setting.setting), format!("{:.1}", setting.mean_rank), mean]
-        })
-        .collect();
-    printer.lines(&table(&["setting", "mean rank", "model return"], &rows))?;
-    let more = ranking.settings.len() - rows.len();
+    let settings = ranking.settings.iter().map(|setting| {
+        let mean = setting.mean_return.map_or_else(|| "diverged".to_owned(), significant);
+        SettingRow {
+            name: &setting.setting,
+            is_default: setting.is_default,
+            cells: vec![format!("{:.1}", setting.mean_rank), mean],
+        }
+    });
+    tell_settings(&["setting", "mean rank", "model return"], settings, printer)
+}
+
+/// A setting in a ranking, and the cells behind its name.
+struct SettingRow<'a> {
+    name: &'a str,
+    is_default: bool,
+    cells: Vec<String>,
+}
+
+/// A table of the first settings of a ranking, and of the default; how many more there are.
+fn tell_settings<'a>(
+    header: &[&str],
+    settings: impl ExactSizeIterator<Item = SettingRow<'a>>,
+    printer: &Printer,
+) -> Result<(), StepError> {
+    let all = settings.len();
+    let rows = first_and_default(settings);
+    printer.lines(&table(header, &rows))?;
+    let more = all - rows.len();
     if more > 0 {
         printer.result(&format!("  and {} more: --json has all", count(more)))?;
     }
     Ok(())
+}
+
+/// The rows of the first settings, and of the default wherever it stands.
+fn first_and_default<'a>(settings: impl Iterator<Item = SettingRow<'a>>) -> Vec<Vec<String>> {
+    settings
+        .enumerate()
+        .filter(|(place, setting)| *place < SHOWN || setting.is_default)
+        .map(|(_, SettingRow { name, is_default, cells })| {
+            let default = if is_default { " (the default)" } else { "" };
+            std::iter::once(format!("{name}{default}")).chain(cells).collect()
+        })
+        .collect()
 }
 
 fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepError> {
@@ -140,31 +169,43 @@ fn tell_rankings(rankings: &[Ranking], printer: &Printer) -> Result<(), StepErro
             continue;
         }
         printer.result(&format!("{}{part}: {provisional}by {by}", ranking.sensor))?;
-        let placed = ranking.settings.iter().enumerate();
-        let rows: Vec<Vec<String>> = placed
-            .filter(|(place, setting)| *place < SHOWN || setting.is_default)
-            .map(|(_, setting)| {
-                let ratio = setting
-                    .ratio
-                    .map_or_else(|| "diverged".to_owned(), |ratio| format!("{ratio:.3}"));
-                let interval = setting.interval.filter(|[low, high]| low < high);
-                let interval = interval.map(|[low, high]| format!("{low:.3} to {high:.3}"));
-                let default = if setting.is_default { " (the default)" } else { "" };
-                vec![
-                    format!("{}{default}", setting.setting),
-                    ratio,
-                    interval.unwrap_or_default(),
-                    count(setting.runs),
-                    if setting.diverged > 0 { count(setting.diverged) } else { String::new() },
-                ]
-            })
-            .collect();
-        let header = ["setting", "error / first", "95 %", "runs", "diverged"];
-        printer.lines(&table(&header, &rows))?;
-        let more = ranking.settings.len() - rows.len();
-        if more > 0 {
-            printer.result(&format!("  and {} more: --json has all", count(more)))?;
-        }
+        let settings = ranking.settings.iter().map(|setting| {
+            let ratio =
+                setting.ratio.map_or_else(|| "diverged".to_owned(), |ratio| format!("{ratio:.3}"));
+            let interval = setting.interval.filter(|[low, high]| low < high);
+            let interval = interval.map(|[low, high]| format!("{low:.3} to {high:.3}"));
+            let diverged =
+                if setting.diverged > 0 { count(setting.diverged) } else { String::new() };
+            SettingRow {
+                name: &setting.setting,
+                is_default: setting.is_default,
+                cells: vec![ratio, interval.unwrap_or_default(), count(setting.runs), diverged],
+            }
+        });
+        tell_settings(
+            &["setting", "error / first", "95 %", "runs", "diverged"],
+            settings,
+            printer,
+        )?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ranking_shows_its_first_settings_and_the_default() {
+        let names: Vec<String> = (0..12).map(|place| format!("rate={place}")).collect();
+        let settings = names.iter().enumerate().map(|(place, name)| SettingRow {
+            name,
+            is_default: place == 10,
+            cells: vec![place.to_string()],
+        });
+        let rows = first_and_default(settings);
+        assert_eq!(rows.len(), SHOWN + 1);
+        assert_eq!(rows[0], ["rate=0", "0"]);
+        assert_eq!(rows[SHOWN], ["rate=10 (the default)", "10"]);
+    }
 }
