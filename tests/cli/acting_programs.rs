@@ -243,10 +243,20 @@ fn a_program_may_fail_with_one_setting() {
     assert_eq!((told.code(), &json["is_ahead_of_default"]), (1, &false.into()));
     assert!(told.stderr().contains("a run with action = 1: no such valve"), "{}", told.stderr());
     let report = fs::read_to_string(place.path().join("study-results/control/report.html"));
-    assert!(report.expect("written").contains("the program failed with action = 1"));
+    let report = report.expect("written");
+    assert!(report.contains("the program failed with action = 1"));
+    // In the table of settings, and beside the figure as the mean and the best of the value.
+    assert!(report.matches(">failed<").count() >= 3);
+    assert!(!report.contains(">diverged<"), "no agent did");
     let other = pump_of_a_program(&failing);
     other.calib(&["control", "study.toml", "--threads", "2"]).ends(&[0, 1]);
     let both = [&place, &other].map(|place| place.content("study-results/control"));
     assert!(both[0] == both[1], "the same bytes on any number of threads");
     place.calib(&["check", "study-results"]).succeeds();
+    let shown = place.calib(&["control", "study.toml", "--threads", "1"]).ends(&[1]);
+    let status = place.calib(&["status", "study.toml"]).succeeds();
+    assert!(shown.contains("The program failed with the default."), "{shown}");
+    for told in [shown, status] {
+        assert!(told.contains("failed") && !told.contains("diverged"), "{told}");
+    }
 }

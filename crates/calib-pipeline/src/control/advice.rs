@@ -179,6 +179,9 @@ impl Advice<'_> {
                 lines.push("That is the default.".to_owned());
             }
             Some(over) => lines.push(format!("Over the default: {}.", difference(over))),
+            None if verdict.doubts.contains(&Doubt::DefaultFailed) => {
+                lines.push("The program failed with the default.".to_owned());
+            }
             None if verdict.default.is_none() => {
                 lines.push("The default is not in the grid.".to_owned());
             }
@@ -188,7 +191,7 @@ impl Advice<'_> {
         lines.push(if over_random.mean.is_finite() {
             format!("Over a random setting: {}.", difference(over_random))
         } else {
-            "A random setting may diverge in the model.".to_owned()
+            "A random setting may fail or diverge.".to_owned()
         });
         if !self.has_diverged() {
             lines.extend(self.kinds());

@@ -91,7 +91,28 @@ fn highest(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
 }
 
+/// The return in the model of these candidates together, with its interval over members; nothing of no candidate.
+fn pooled_return(
+    evaluation: &ControlEvaluation,
+    candidates: &[usize],
+    pooled: Pooled,
+) -> Option<Estimate> {
+    if candidates.is_empty() {
+        return None;
+    }
+    let members = evaluation.verdict.members.iter();
+    let returns: Vec<f64> = members
+        .map(|returns| {
+            let own = candidates.iter().map(|&candidate| returns[candidate]);
+            pooled(&own.collect::<Vec<f64>>())
+        })
+        .collect();
+    let mean = calib_stats::mean(&returns).ok()?;
+    Some(Estimate { value: mean, interval: jackknife(mean, &returns) })
+}
+
 /// Return in the model against one swept field: the mean, and the best, of the candidates that have a value, with intervals over members.
+/// Candidates with which the program failed have no return.
 fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
     let value = |candidate: usize| evaluation.fields[candidate][field].1.as_str();
     let mut values: Vec<&str> = Vec::new();
@@ -100,22 +121,17 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
             values.push(value(candidate));
         }
     }
-    let estimate = |own: &str, pooled: Pooled| -> Option<Estimate> {
-        let returns = evaluation.verdict.members.iter().map(|returns| {
-            let with = (0..returns.len()).filter(|&candidate| value(candidate) == own);
-            pooled(&with.map(|candidate| returns[candidate]).collect::<Vec<f64>>())
-        });
-        let returns: Vec<f64> = returns.collect();
-        let mean = calib_stats::mean(&returns).ok()?;
-        Some(Estimate { value: mean, interval: jackknife(mean, &returns) })
-    };
     let ways = [("mean of the settings", mean as Pooled), ("best of the settings", highest)];
     let drawn: Vec<Series> = ways
         .iter()
         .enumerate()
         .map(|(number, &(label, pooled))| {
             let points = values.iter().enumerate().map(|(place, own)| {
-                let estimate = estimate(own, pooled);
+                let with: Vec<usize> = (0..evaluation.fields.len())
+                    .filter(|&candidate| value(candidate) == *own)
+                    .filter(|&candidate| !evaluation.has_failed(candidate))
+                    .collect();
+                let estimate = pooled_return(evaluation, &with, pooled);
                 let interval = estimate
                     .and_then(|estimate| estimate.interval)
                     .map(|interval| (interval.low, interval.high));
@@ -143,7 +159,7 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
     let mut rules = vec![mark(evaluation.verdict.chosen, "chosen", Dash::Solid)];
     rules.extend(default.map(|candidate| mark(candidate, "default", Dash::Dashed)));
     OverviewFigure {
-        caption: "Mean return per episode in the model, learning included, over all settings with the value, and of the best of them in each ensemble member, with 95 % intervals over blocks of the log. It ranks settings and does not say what the plant will give."
+        caption: "Mean return per episode in the model, learning included, over all settings with the value that did not fail, and of the best of them in each ensemble member, with 95 % intervals over blocks of the log. It ranks settings and does not say what the plant will give."
             .to_owned(),
         table: Table {
             title: title.clone(),
@@ -151,7 +167,10 @@ fn sensitivity(evaluation: &ControlEvaluation, field: usize) -> OverviewFigure {
                 .chain(ways.iter().map(|way| way.0.to_owned()))
                 .collect(),
             rows: values.iter().enumerate().map(|(place, own)| {
-        let shown = drawn.iter().map(|series| Cell::Number(series.points[place].y));
+        let shown = drawn.iter().map(|series| match series.points[place].y {
+            none if none.is_nan() => Cell::Text(show::FAILED.to_owned()),
+            mean => Cell::Number(mean),
+        });
         std::iter::once(Cell::Text((*own).to_owned())).chain(shown).collect()
     }).collect(),
             ..Table::default()

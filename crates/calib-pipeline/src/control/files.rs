@@ -139,6 +139,11 @@ impl ControlEvaluation {
         !self.failures.is_empty()
     }
 
+    /// Whether a program failed with this setting.
+    pub(super) fn has_failed(&self, candidate: usize) -> bool {
+        self.failures.iter().any(|failure| failure.candidate == candidate)
+    }
+
     /// Why the log does not support the choice, and what is missing from it.
     pub(super) fn warnings(&self) -> Vec<String> {
         let mut warnings = self.advise(|advice| advice.reasons());

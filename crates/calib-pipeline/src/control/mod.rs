@@ -26,5 +26,6 @@ pub(crate) use model::build;
 pub use model::{ControlColumn, ControlModel, ControlNames};
 pub(crate) use ranking::{ControlRanking, ranking};
 pub(crate) use run::run;
+pub(crate) use show::FAILED;
 pub(crate) use simulate::simulate;
 pub use simulate::{SimulateTask, SimulatedTask};

@@ -99,7 +99,11 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
                     Cell::Text(show::name(evaluation, candidate)),
                     Cell::Text(role.to_owned()),
                     Cell::Text(show::rank(evaluation, candidate)),
-                    Cell::Number(selection.mean_errors[candidate]),
+                    if evaluation.has_failed(candidate) {
+                        Cell::Text(show::FAILED.to_owned())
+                    } else {
+                        Cell::Number(selection.mean_errors[candidate])
+                    },
                     Cell::Percent(verdict.coverage[candidate].uncovered()),
                 ];
                 row.extend(

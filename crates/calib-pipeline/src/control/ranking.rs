@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use calib_base::StepError;
 use calib_control::{ActionModelKind, Run};
 use calib_files::read_sealed_json;
-use calib_stats::{Direction, select_by};
+use calib_stats::{Direction, Selection, select_by};
 use calib_study::Job;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -34,8 +34,10 @@ pub(crate) struct ControlRanking {
 pub(crate) struct ControlRanked {
     pub(crate) setting: String,
     pub(crate) is_default: bool,
+    /// Whether the program failed with it.
+    pub(crate) has_failed: bool,
     pub(crate) mean_rank: f64,
-    /// Mean return an episode in the models; none if it diverged in one.
+    /// Mean return an episode in the models; none if it diverged in one, or failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) mean_return: Option<f64>,
 }
@@ -49,11 +51,12 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
     let agents = ComparedAgents::of_study(job, config)?;
     let all = config.models.len() * config.model.members * config.runs * agents.count();
     let default = agents.default(config);
-    let named = |candidate: usize, mean_rank: f64, mean_return: f64, name: String| ControlRanked {
-        setting: name,
+    let ranked = |candidate: usize, selection: &Selection, setting: String| ControlRanked {
+        setting,
         is_default: default == Some(candidate),
-        mean_rank,
-        mean_return: Some(mean_return).filter(|mean| mean.is_finite()),
+        has_failed: false,
+        mean_rank: selection.mean_ranks[candidate],
+        mean_return: Some(selection.mean_errors[candidate]).filter(|mean| mean.is_finite()),
     };
     let runs = units::stored(&job.layout().control_units());
     // The runs of a finished sweep are one table, and their ranks stand in the verdict. Beside one in which settings failed, runs of the
@@ -67,9 +70,9 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
     if let Some(found) = verdict {
         let selection = &found.verdict().selection;
         let settings = super::show::best(&found, found.agents().len());
-        let settings = settings.into_iter().map(|candidate| {
-            let [rank, mean] = [selection.mean_ranks[candidate], selection.mean_errors[candidate]];
-            named(candidate, rank, mean, super::show::name(&found, candidate))
+        let settings = settings.into_iter().map(|candidate| ControlRanked {
+            has_failed: found.has_failed(candidate),
+            ..ranked(candidate, selection, super::show::name(&found, candidate))
         });
         let members = config.models.len() * config.model.members;
         return Ok(Some(ControlRanking { runs: [all; 2], members, settings: settings.collect() }));
@@ -83,11 +86,7 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
         order.sort_by(|&a, &b| selection.mean_ranks[a].total_cmp(&selection.mean_ranks[b]));
         settings = order
             .into_iter()
-            .map(|candidate| {
-                let [rank, mean] =
-                    [selection.mean_ranks[candidate], selection.mean_errors[candidate]];
-                named(candidate, rank, mean, told(&fields[candidate]))
-            })
+            .map(|candidate| ranked(candidate, &selection, told(&fields[candidate])))
             .collect();
     }
     Ok(Some(ControlRanking { runs: [runs.len().min(all), all], members: members.len(), settings }))

@@ -16,6 +16,9 @@ use super::{
 /// Candidates that are shown.
 const SHOWN: usize = 8;
 
+/// What stands for the return of a setting with which the program failed.
+pub(crate) const FAILED: &str = "failed";
+
 impl Told for ControlEvaluation {
     fn outcome(&self) -> Outcome {
         if self.verdict.is_supported() { Outcome::Done } else { Outcome::Negative }
@@ -154,7 +157,11 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
                 name(evaluation, candidate),
                 mark.to_owned(),
                 rank(evaluation, candidate),
-                significant(selection.mean_errors[candidate]),
+                if evaluation.has_failed(candidate) {
+                    FAILED.to_owned()
+                } else {
+                    significant(selection.mean_errors[candidate])
+                },
                 percent(verdict.coverage[candidate].uncovered()),
                 percent(verdict.chosen_of_resamples[candidate] as f64 / resamples),
             ];

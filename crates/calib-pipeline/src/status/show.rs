@@ -11,6 +11,7 @@ use super::{
     ClusterStanding, Command, ControlRanking, Overall, Ranking, StandingOf, StepStanding,
     StepState, StudyStanding,
 };
+use crate::control::FAILED;
 
 /// Settings that are shown of each sensor, unless all are wanted.
 const SHOWN: usize = 8;
@@ -107,7 +108,8 @@ fn tell_control(ranking: &ControlRanking, printer: &Printer) -> Result<(), StepE
         counted(ranking.members, "model")
     ))?;
     let settings = ranking.settings.iter().map(|setting| {
-        let mean = setting.mean_return.map_or_else(|| "diverged".to_owned(), significant);
+        let none = if setting.has_failed { FAILED } else { "diverged" };
+        let mean = setting.mean_return.map_or_else(|| none.to_owned(), significant);
         SettingRow {
             name: &setting.setting,
             is_default: setting.is_default,
