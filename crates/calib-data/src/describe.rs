@@ -41,6 +41,7 @@ pub(crate) fn describe_rows(log: &Log, conflicting: u64) -> Profile {
         end,
         period_secs: log.period.as_secs(),
         period_was_detected: log.period_was_detected,
+        recorded_period_secs: log.recorded_period_secs(),
         sampled_period_secs: log.period.as_secs(),
         null_timestamps: irregular.null_timestamps,
         undecided_times: log.undecided,

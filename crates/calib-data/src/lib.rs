@@ -85,7 +85,7 @@ pub use outliers::Fences;
 pub use profile::{
     BackwardStep, BackwardSteps, BridgedStops, ChannelProfile, ContradictionsFound, Description,
     Duplicates, FEW_CONTRADICT, FarOut, Gaps, PartProfile, Profile, ValueProfile, long_gap,
-    many_gaps, without_times,
+    many_gaps, period_too_short, without_times,
 };
 pub use select::DropReason;
 pub use sentinels::Sentinel;

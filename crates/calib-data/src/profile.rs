@@ -58,6 +58,9 @@ pub struct Profile {
     pub period_secs: f64,
     /// Whether the period is the median step, or was configured.
     pub period_was_detected: bool,
+    /// The median step in seconds, if a period was configured that is so much shorter that most steps are gaps. Default: none was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recorded_period_secs: Option<f64>,
     /// Time from one row of the states to the next, in seconds: after sub-sampling.
     pub sampled_period_secs: f64,
     /// Rows without a timestamp; they are dropped.
@@ -376,6 +379,14 @@ pub fn many_gaps(
     })
 }
 
+/// What is said of a log whose rows are further apart than the period that the study gives.
+pub fn period_too_short(period_secs: f64, recorded_secs: f64) -> String {
+    format!(
+        "the rows are recorded every {recorded_secs} s, and data.period_secs asks for one every {period_secs} s: \
+         set data.period_secs = {recorded_secs}, or set data.resample to put them on the other clock"
+    )
+}
+
 /// What is said of a log without times.
 pub fn without_times(period_secs: f64, files: usize) -> String {
     let between = if files > 1 { ", with a gap before each further file" } else { "" };
@@ -397,7 +408,10 @@ impl Profile {
         let steps = self.rows.saturating_sub(1);
         let mut doubts = self.read_as.clone();
         let remedy = if self.period_was_detected { "set" } else { "correct or remove" };
-        doubts.extend(many_gaps(self.gaps.count, steps, self.period_secs, remedy, ""));
+        doubts.extend(match self.recorded_period_secs {
+            Some(recorded) => Some(period_too_short(self.period_secs, recorded)),
+            None => many_gaps(self.gaps.count, steps, self.period_secs, remedy, ""),
+        });
         if self.short_steps * 2 > steps {
             doubts.push(format!(
                 "{} of {steps} steps in time are shorter than the sample period of {} s, and they count as whole samples: {remedy} data.period_secs",

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::{
     ChannelProfile, Contradictions, DataConfig, DataError, DropReason, PartProfile,
-    PreprocessConfig, survey::Survey,
+    PreprocessConfig, period_too_short, survey::Survey,
 };
 
 impl Survey {
@@ -66,6 +66,9 @@ impl Survey {
         data: &DataConfig,
         subsample: usize,
     ) -> String {
+        if let Some(recorded) = self.profile.recorded_period_secs {
+            return format!(": {}", period_too_short(self.profile.period_secs, recorded));
+        }
         if subsample > 1 && part.dropped_rows + 1 < part.log_rows {
             return format!(
                 ". preprocess.subsample keeps one row in {subsample}: lower it, or check data.period_secs and data.gap_tolerance"

@@ -42,6 +42,8 @@ pub struct Sketch {
     pub utc: bool,
     /// The median step, or the period that was given, in seconds.
     pub period_secs: f64,
+    /// The median step in seconds, if a period was given that is so much shorter that most steps are gaps.
+    pub recorded_period_secs: Option<f64>,
     /// Steps back in time inside a file.
     pub backward_steps: BackwardSteps,
     /// Time of each row.
@@ -144,6 +146,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
     Ok(Sketch {
         unused_excludes,
         backward_steps: log.backward_steps(),
+        recorded_period_secs: log.recorded_period_secs(),
         without_times: log.without_times,
         read_as: log.read_as,
         files: log.files.len(),

@@ -27,6 +27,7 @@ pub(crate) fn sketch(rows: usize, channels: &[(&str, Channel)]) -> Sketch {
         unused_excludes: Vec::new(),
         sentinels: Vec::new(),
         period_secs: 60.0,
+        recorded_period_secs: None,
         backward_steps: BackwardSteps::default(),
         timestamps: (0..rows as i64).map(|row| Timestamp::from_micros(row * 60_000_000)).collect(),
         channels: channels

@@ -250,6 +250,15 @@ impl Log {
         self.recorded.as_ref().unwrap_or(&self.rows)
     }
 
+    /// The median step in seconds, where the study gives a period so much shorter that most steps are gaps.
+    pub(crate) fn recorded_period_secs(&self) -> Option<f64> {
+        let steps = self.rows.timestamps.len().saturating_sub(1) as u64;
+        if self.period_was_detected || self.grid.is_some() || 2 * self.steps.gaps <= steps {
+            return None;
+        }
+        gaps::detect_period(&self.rows.timestamps).map(Period::as_secs)
+    }
+
     /// Stretches without a gap, cut at the ends of the two ranges; rows outside both are left out.
     pub(crate) fn stretches(&self) -> Vec<Range<usize>> {
         let mut parts: Vec<&Range<usize>> =

@@ -1,7 +1,7 @@
 //! Duplicates, steps back, gaps and missing values.
 
 use calib_core::Silent;
-use calib_data::{Contradictions, DataConfig, Missing, PreprocessConfig};
+use calib_data::{Contradictions, DataConfig, Missing, PreprocessConfig, Resample};
 
 use crate::support::{
     Folder, NAN, load_with, log, log_at, refused, seconds, segment_lengths, train_seconds,
@@ -103,8 +103,16 @@ fn a_clock_that_is_not_as_meant_is_doubted() {
     assert_eq!(doubts(None), Vec::<String>::new());
     assert_eq!(doubts(Some(10.0)), Vec::<String>::new());
     let [short] = &doubts(Some(1.0))[..] else { panic!("one doubt") };
-    assert!(short.starts_with("19 of 19 steps in time are longer than the sample period of 1 s"));
-    assert!(short.ends_with("correct or remove data.period_secs"), "{short}");
+    let told = "the rows are recorded every 10 s, and data.period_secs asks for one every 1 s: \
+        set data.period_secs = 10, or set data.resample to put them on the other clock";
+    assert_eq!(short, told);
+    let too_short = DataConfig { period_secs: Some(1.0), ..folder.data() };
+    let refusal = refused(&too_short, &PreprocessConfig::default()).to_string();
+    assert!(refusal.starts_with("data.train has no two successive rows left: "), "{refusal}");
+    assert!(refusal.ends_with(&format!(" segments: {told}")), "{refusal}");
+    let on_a_clock = DataConfig { resample: Some(Resample::Last), ..too_short };
+    let dataset = load_with(&on_a_clock, &PreprocessConfig::default());
+    assert_eq!(dataset.profile.clock_doubts(), Vec::<String>::new());
     let [long] = &doubts(Some(60.0))[..] else { panic!("one doubt") };
     assert!(long.starts_with("19 of 19 steps in time are shorter than the sample period of 60 s"));
 

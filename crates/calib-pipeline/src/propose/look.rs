@@ -178,6 +178,9 @@ fn doubts(sketch: &Sketch) -> Vec<String> {
 
 /// What is said of a log that breaks off again and again, as where several devices write in turn.
 fn interleaved(sketch: &Sketch) -> Option<String> {
+    if let Some(recorded) = sketch.recorded_period_secs {
+        return Some(calib_data::period_too_short(sketch.period_secs, recorded));
+    }
     let longest = (GAP_PERIODS * sketch.period_secs * 1e6) as i64;
     let steps = sketch.timestamps.windows(2).map(|pair| pair[1].micros_since(pair[0]));
     let gaps = steps.filter(|step| *step > longest).count();
