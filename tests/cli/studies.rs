@@ -44,6 +44,26 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
 }
 
 #[test]
+fn what_is_wrong_with_a_study_is_said_before_its_plant_is_simulated() {
+    let place = Place::with_plant();
+    let told = |given: &[&str]| place.calib(&[&["run", "study.toml"][..], given].concat()).fails(2);
+    let sensor = ["--set", "sweep.sensors=[\"PIT30\"]"];
+    let pattern = ["--set", "data.include=[\"PIT3OO\"]"];
+    let refused = "sweep.sensors: sensor \"PIT30\" is not a channel of the plant that [simulate] describes; it has PIT300, ";
+    let all = "and 4 more: `calib simulate study.toml ";
+    // With a clock of its own nothing stands in for the log.
+    for clock in [&["--set", "data.period_secs=60", "--dry-run"][..], &["--dry-run"]] {
+        let error = told(&[clock, &sensor].concat());
+        assert!(error.contains(refused) && error.contains(all), "{error}");
+        let error = told(&[clock, &pattern].concat());
+        assert!(error.contains("data.include has \"PIT3OO\", which names no channel"), "{error}");
+        place.calib(&[&["run", "study.toml"][..], clock].concat()).succeeds();
+    }
+    assert!(told(&sensor).contains(refused));
+    assert!(!place.path().join("data").exists(), "nothing is simulated in vain");
+}
+
+#[test]
 fn a_plant_that_is_not_there_is_simulated_first() {
     let place = Place::with_plant();
     for command in ["build-model", "inspect"] {

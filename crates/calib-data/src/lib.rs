@@ -80,7 +80,7 @@ pub use dataset::{Dataset, Surveyed, inspect, load, survey};
 pub use error::DataError;
 pub use import::{Dropped, Imported, import};
 pub use log::{BadRowsFound, ContradictionCause, Declared, log_files, text_left_alone};
-pub use names::{entry_of, hint};
+pub use names::{entry_of, hint, nearest_names};
 pub use outliers::Fences;
 pub use profile::{
     BackwardStep, BackwardSteps, BridgedStops, ChannelProfile, ContradictionsFound, Description,

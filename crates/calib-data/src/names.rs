@@ -153,19 +153,29 @@ fn bracketed(name: &str, times: usize) -> String {
 
 /// `; did you mean A or B?`, or nothing.
 pub fn hint<'a>(name: &str, channels: impl Iterator<Item = &'a str>) -> String {
+    let similar = by_likeness(name, channels).into_iter().filter(|&(likeness, _)| likeness > 0.8);
+    let names: Vec<&str> = similar.take(3).map(|(_, name)| name).collect();
+    if names.is_empty() { String::new() } else { format!("; did you mean {}?", names.join(" or ")) }
+}
+
+/// All of these channels, those with the names most like `name` first.
+pub fn nearest_names<'a>(name: &str, channels: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
+    by_likeness(name, channels).into_iter().map(|(_, channel)| channel).collect()
+}
+
+/// Each channel with how like `name` it is called, the most alike first.
+fn by_likeness<'a>(name: &str, channels: impl Iterator<Item = &'a str>) -> Vec<(f64, &'a str)> {
     let wanted = name.to_lowercase();
-    let mut similar: Vec<(f64, &str)> = channels
+    let mut all: Vec<(f64, &str)> = channels
         .map(|channel| {
             let candidate = channel.to_lowercase();
             let contains = candidate.contains(&wanted) || wanted.contains(&candidate);
             let likeness = strsim::jaro_winkler(&wanted, &candidate);
             (if contains { likeness + 1.0 } else { likeness }, channel)
         })
-        .filter(|&(likeness, _)| likeness > 0.8)
         .collect();
-    similar.sort_by(|left, right| right.0.total_cmp(&left.0).then(left.1.cmp(right.1)));
-    let names: Vec<&str> = similar.into_iter().take(3).map(|(_, name)| name).collect();
-    if names.is_empty() { String::new() } else { format!("; did you mean {}?", names.join(" or ")) }
+    all.sort_by(|left, right| right.0.total_cmp(&left.0).then(left.1.cmp(right.1)));
+    all
 }
 
 #[cfg(test)]
@@ -205,6 +215,10 @@ mod tests {
         let channels = ["ZW_PIT300.DATA", "ZW_PIT301.DATA", "ZW_TIT101.DATA"];
         assert_eq!(hint("pit300", channels.into_iter()), "; did you mean ZW_PIT300.DATA?");
         assert_eq!(hint("qqq", channels.into_iter()), "");
+        assert_eq!(
+            nearest_names("tit101", channels.into_iter()),
+            ["ZW_TIT101.DATA", "ZW_PIT301.DATA", "ZW_PIT300.DATA"]
+        );
         let names = ["ZW_PIT30.DATA".to_owned()];
         let error = Names::new(&names).check(channels.into_iter()).expect_err("misspelt");
         assert!(error.to_string().starts_with(

@@ -17,6 +17,7 @@ use calib_base::{
     output::{Announced, Printer, duration},
 };
 use calib_core::Seed;
+use calib_data::DataError;
 use calib_model::ModelFamily;
 use calib_model_steps::{model::build_model, represent, rollouts::rollout};
 use calib_plant::Plant;
@@ -155,7 +156,7 @@ pub(crate) fn run_to(
     let stages = stages(&models, plant.as_ref(), extent, &plan, job);
     let progress = RunProgress::new(talk, stages, &plan, &jobs)?;
     let log = match plant {
-        Some(plant) => simulate(plant, job, &progress, talk)?,
+        Some(plant) => simulate(plant, &models, job, &progress, talk)?,
         None => StudyLog::Whole,
     };
     let mut job = job.clone();
@@ -325,6 +326,7 @@ enum StudyLog {
 /// Make the log, unless it is there.
 fn simulate(
     plant: PlantOfStudy,
+    models: &[Model],
     job: &Job,
     progress: &RunProgress<'_>,
     talk: &RunContext,
@@ -337,6 +339,9 @@ fn simulate(
     }
     if !is_made(&plant, job) {
         return Ok(StudyLog::Whole);
+    }
+    for model in models {
+        plant.check_sensors(&model.job)?;
     }
     progress.stage(StepKind::Simulate.label());
     if job.policy().is_dry() {
@@ -360,13 +365,29 @@ fn stand_in(plant: &PlantOfStudy, job: &Job, talk: &RunContext) -> Result<StudyL
             talk.say("a sample of that log stands in for it in what follows");
             Ok(StudyLog::StandIn(log))
         }
-        Err(reason) if reason.was_cancelled() => Err(reason),
+        Err(reason) if reason.was_cancelled() || is_of_study(&reason) => Err(reason),
         Err(reason) => {
             talk.say(&format!(
                 "what the other steps take can be said once the log is there: {reason}"
             ));
             Ok(StudyLog::None)
         }
+    }
+}
+
+/// Whether a reason is the study's, whichever sample of its log is read.
+fn is_of_study(reason: &StepError) -> bool {
+    match reason.root() {
+        StepError::Study(_) => true,
+        StepError::Data(reason) => matches!(
+            reason.as_ref(),
+            DataError::Angle { .. }
+                | DataError::Config { .. }
+                | DataError::NoSuchPattern { .. }
+                | DataError::OneHot { .. }
+                | DataError::Overlap { .. }
+        ),
+        _ => false,
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use calib_data::DataConfig;
-use calib_plant::PlantOptions;
+use calib_plant::{Plant, PlantOptions};
 use calib_study::{Job, StepKind, StudyError};
 
 use crate::{
@@ -12,6 +12,9 @@ use crate::{
     memory,
     output::Printer,
 };
+
+/// Channels that are named to somebody who asks for one that is not there.
+const NEAREST: usize = 8;
 
 /// The plant of a study, where its log goes, and what there is of it.
 pub struct PlantOfStudy {
@@ -35,6 +38,40 @@ impl PlantOfStudy {
         let directory = PathBuf::from(folder.context("data.path is empty")?);
         let found = simulate::find(&directory, &options)?;
         Ok(Some(Self { directory, options, found }))
+    }
+
+    /// Refuse sensors to predict that the plant does not have, before its log is there to tell.
+    ///
+    /// # Errors
+    /// The first such sensor, with the channels whose names are most like it.
+    pub fn check_sensors(&self, job: &Job) -> Result<(), StepError> {
+        let study = job.study();
+        // Other files, and other names than the plant's.
+        if study.data.path.0.len() > 1 || study.data.file_as_prefix {
+            return Ok(());
+        }
+        let plant = Plant::new(self.options.clone())?;
+        let names = || plant.schema().iter().map(|channel| channel.name.as_str());
+        for sensor in &study.sweep.sensors {
+            // An angle of the plant is two channels of the states.
+            let angle = sensor.strip_suffix("_sin").or_else(|| sensor.strip_suffix("_cos"));
+            if names().any(|name| name == sensor || Some(name) == angle) {
+                continue;
+            }
+            let nearest = calib_data::nearest_names(sensor, names());
+            let shown = nearest[..nearest.len().min(NEAREST)].join(", ");
+            let rest = match nearest.len().saturating_sub(NEAREST) {
+                0 => String::new(),
+                more => format!(
+                    " and {more} more: `{}` writes its log, and `calib inspect` then shows all",
+                    job.command(StepKind::Simulate)
+                ),
+            };
+            bail!(
+                "sweep.sensors: sensor {sensor:?} is not a channel of the plant that [simulate] describes; it has {shown}{rest}"
+            );
+        }
+        Ok(())
     }
 
     /// Write what is missing of the log; `force` begins anew.

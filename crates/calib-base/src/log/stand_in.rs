@@ -3,13 +3,13 @@
 use std::iter::repeat_n;
 
 use calib_core::{Frames, Monitor, Period, Segment, Segments, States, Timestamp};
-use calib_data::{Dataset, table::write_log};
+use calib_data::{DataConfig, Dataset, table::write_log};
 use calib_files::TemporaryFolder;
 use calib_plant::{Plant, PlantOptions};
 use calib_study::Job;
 
 use crate::{
-    StepError, bail, ensure,
+    StepError, ensure,
     log::{context::RunContext, plant_of_study},
     memory,
     output::bytes,
@@ -35,9 +35,6 @@ impl StandInLog {
     /// log by a clock of its own, or nothing is left of it; if nothing can be written to the folder for temporary files; or the observer asks to stop.
     pub fn of(options: &PlantOptions, job: &Job, context: &RunContext) -> Result<Self, StepError> {
         let study = job.study();
-        if study.data.period_secs.is_some() || study.data.resample.is_some() {
-            bail!("data.period_secs is another clock than a sample of the log has");
-        }
         // The study's own choice of every so many rows is made here already.
         let subsample = study.preprocess.subsample as u64;
         let wanted = (Plant::new(options.clone())?.instants() / subsample).div_ceil(ENOUGH_ROWS);
@@ -67,7 +64,11 @@ impl StandInLog {
         request.set.push("preprocess.subsample=1".to_owned());
         let job = Job::resolve(request)?;
         let data = plant_of_study::data_to_read(&job)?;
+        let has_own_clock = data.period_secs.is_some() || data.resample.is_some();
+        // What is wrong with the rest of the study is found out all the same.
+        let data = DataConfig { period_secs: None, resample: None, max_age_secs: None, ..data };
         let surveyed = calib_data::survey(&data, &job.study().preprocess, &progress)?;
+        ensure!(!has_own_clock, "data.period_secs is another clock than a sample of the log has");
         let states = surveyed.state_bytes().saturating_mul(rows_each);
         ensure!(
             states <= room,
