@@ -25,6 +25,7 @@ __all__ = [
     "set_threads",
     "simulate",
     "to_toml",
+    "to_toml_value",
     "write_log",
     "write_tuned_page",
 ]
@@ -255,6 +256,7 @@ def evaluate_runs(
     runs: str, job: Job | None = None, output: str | None = None, observer: Observer | None = None
 ) -> str: ...
 def to_toml(of: Any) -> str: ...
+def to_toml_value(object: Any, key: str) -> str: ...
 def write_log(stream: Any, path: str) -> tuple[int, int]: ...
 def knn_join(
     points: ArrayLike,

@@ -28,7 +28,8 @@ class Study:
     Args:
         source: The study file, or its sections as a dictionary, of which a file is written at ``path``.
         path: Where a study of a dictionary or of keywords is written. It must not hold another one.
-        set: What is laid over the study, such as ``{"agent.gamma": 0.9}``, or texts as the command line has them.
+        set: What is laid over the study, such as ``{"agent.gamma": 0.9}``, or texts as the command line has them. A dictionary replaces all
+            keys of its section, as in ``{"control.grid": {"step_size": [0.1]}}``.
         profile: The ``NAME`` of ``[profiles.NAME]``.
         model: The ``NAME`` of ``[models.NAME]``, all of them unless given, or the section ``[model]`` as a dictionary.
         deployment: The ``NAME`` of ``[deployments.NAME]``. All of them unless given.
@@ -397,14 +398,7 @@ def _overrides(given: Mapping[str, Any] | Sequence[str]) -> list[str]:
         return [given]
     if not isinstance(given, Mapping):
         return [str(text) for text in given]
-    texts = []
-    for key, value in given.items():
-        if isinstance(value, Mapping):
-            raise TypeError(f"set {key!r} key by key, such as {{'{key}.{next(iter(value), 'key')}': …}}")
-        # One line, as it would be typed.
-        written = _calib.to_toml({"value": [value]}).strip().removeprefix("value = [").removesuffix("]")
-        texts.append(f"{key}={written}")
-    return texts
+    return [f"{key}={_calib.to_toml_value(value, key)}" for key, value in given.items()]
 
 
 def _write(path: Path, text: str) -> None:

@@ -93,6 +93,12 @@ fn not_toml(object: &Bound<'_, PyAny>, path: &str) -> PyErr {
     ))
 }
 
+/// What Python has for `key` as a value of TOML on one line, as it is typed.
+#[pyfunction]
+pub(crate) fn to_toml_value(object: &Bound<'_, PyAny>, key: &str) -> PyResult<String> {
+    Ok(value(object, key, DEEPEST)?.to_string())
+}
+
 /// The same as the text of a study file.
 #[pyfunction]
 pub(crate) fn to_toml(of: &Bound<'_, PyAny>) -> PyResult<String> {

@@ -49,6 +49,7 @@ fn _calib(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<streams::Streams>()?;
     module.add_class::<streams::Score>()?;
     module.add_function(wrap_pyfunction!(convert::to_toml, module)?)?;
+    module.add_function(wrap_pyfunction!(convert::to_toml_value, module)?)?;
     module.add_function(wrap_pyfunction!(array::require_memory_of, module)?)?;
     module.add_function(wrap_pyfunction!(dtw::dtw, module)?)?;
     module.add_function(wrap_pyfunction!(ingest::write_log, module)?)?;

@@ -85,6 +85,13 @@ def test_a_dictionary_is_a_study(folder: Path, tmp_path: Path) -> None:
     assert overridden.config["agent"]["gamma"] == 0.5
     assert overridden.config["sweep"]["sensors"] == ["A", 'b"']
     assert calib_rl.Study(study.path, set=["agent.gamma=0.25"]).config["agent"]["gamma"] == 0.25
+    # A table replaces what the study has, as on the command line.
+    replaced = calib_rl.Study(study.path, set={"sweep.grid": {"batch_size": np.array([8, 16])}})
+    typed = calib_rl.Study(study.path, set=["sweep.grid={ batch_size = [8, 16] }"])
+    assert replaced.config["sweep"]["grid"] == typed.config["sweep"]["grid"]
+    assert list(replaced.config["sweep"]["grid"]) == ["batch_size"]
+    with pytest.raises(TypeError, match=r"sweep\.grid\.batch_size is a object"):
+        calib_rl.Study(study.path, set={"sweep.grid": {"batch_size": object()}})
 
 
 def test_mistakes_are_told_as_on_the_command_line(tmp_path: Path) -> None:
