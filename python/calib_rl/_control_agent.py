@@ -126,7 +126,7 @@ class ControlAgent:
             path: The file.
 
         Raises:
-            CalibError: It cannot be written.
+            CalibError: The agent has diverged, or the file cannot be written.
 
         Examples:
             >>> import os, tempfile

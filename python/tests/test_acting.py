@@ -428,6 +428,12 @@ def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, conti
     bad.write_bytes(damaged)
     with pytest.raises(calib_rl.CalibError, match="damaged"):
         calib_rl.ControlAgent.load(bad)
+    # More than a number of 32 bits: what it learns of that is no number.
+    agent.begin([0.5, 5.0])
+    assert agent.step(1e300, [0.5, 5.0], terminal=True) is None
+    with pytest.raises(calib_rl.CalibError, match="has diverged.* was not saved; train a new one"):
+        agent.save(tmp_path / "diverged.safetensors")
+    assert not (tmp_path / "diverged.safetensors").exists()
 
 
 def test_the_chosen_agent_comes_out(tmp_path: Path) -> None:
