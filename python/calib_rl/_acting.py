@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _calib
-from ._checks import position, whole
+from ._checks import opened, position, whole
 from ._model import physical_values
 
 if TYPE_CHECKING:
@@ -113,11 +113,11 @@ class ActionModel:
         return ActionModel(_calib.ActionModel.open(os.fspath(folder)))
 
     @staticmethod
-    def of(study: Study) -> ActionModel:
+    def of(study: Study | str | os.PathLike[str]) -> ActionModel:
         """Open the model with actions of a study.
 
         Args:
-            study: The study.
+            study: The study, or its file.
 
         Returns:
             The model, mapped.
@@ -131,7 +131,7 @@ class ActionModel:
             >>> ActionModel.of(study).members
             5
         """
-        return ActionModel(_calib.ActionModel.of_job(study._job))
+        return ActionModel(_calib.ActionModel.of_job(opened(study)._job))
 
     @property
     def path(self) -> Path:

@@ -1,9 +1,13 @@
-"""Arguments that are numbers, refused in words that say which and what was expected."""
+"""Arguments that are numbers or studies, refused in words that say which and what was expected."""
 
 from __future__ import annotations
 
 import operator
-from typing import Any
+import os
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ._study import Study
 
 LARGEST = 2**63 - 1
 LARGEST_SEED = 2**64 - 1
@@ -38,3 +42,14 @@ def position(value: Any, name: str) -> int:
     if not 0 <= number <= LARGEST:
         raise IndexError(f"{name} is {number}; positions count from 0 on")
     return number
+
+
+def opened(study: Study | str | os.PathLike[str]) -> Study:
+    """A study, or that of a file.
+
+    Raises:
+        StudyError: The file is no study.
+    """
+    from ._study import Study
+
+    return study if isinstance(study, Study) else Study(study)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _calib
 from ._acting import ActionModel
-from ._checks import LARGEST_SEED, position, whole
+from ._checks import LARGEST_SEED, opened, position, whole
 
 if TYPE_CHECKING:
     from ._study import Study
@@ -65,14 +65,14 @@ class ControlAgent:
         self._native = _calib.ControlAgent(model._native, json.dumps(settings, default=_plain), whole(seed, "seed", 0, LARGEST_SEED))
 
     @staticmethod
-    def of(study: Study, *, seed: int = 0) -> ControlAgent:
+    def of(study: Study | str | os.PathLike[str], *, seed: int = 0) -> ControlAgent:
         """An agent with the setting that ``calib control`` chose. It knows nothing yet: `train` it, or let it learn at the plant.
 
         Look at the verdict first: calib names a setting also where it advises against deploying it. Values that ``calib control`` had with ``--set`` are
         a part of the study: open it with the same, ``Study(path, set={"control.steps": 3000})``.
 
         Args:
-            study: The study.
+            study: The study, or its file.
             seed: What it draws follows from it.
 
         Returns:
@@ -90,6 +90,7 @@ class ControlAgent:
             ...     print("calib control" in str(error))
             True
         """
+        study = opened(study)
         settings = json.loads(_calib.ControlAgent.chosen(study._job))
         return ControlAgent(ActionModel.of(study), seed=seed, **settings)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _calib
-from ._checks import LARGEST_SEED, position, whole
+from ._checks import LARGEST_SEED, opened, position, whole
 from ._progress import Observer, observer
 
 if TYPE_CHECKING:
@@ -85,11 +85,11 @@ class Model:
         return Model(_calib.Model.open(os.fspath(folder)))
 
     @staticmethod
-    def of(study: Study) -> Model:
+    def of(study: Study | str | os.PathLike[str]) -> Model:
         """Open the model of a study.
 
         Args:
-            study: The study.
+            study: The study, or its file.
 
         Returns:
             The model, mapped.
@@ -105,7 +105,7 @@ class Model:
             >>> calib_rl.Model.of(study).members
             5
         """
-        return Model(_calib.Model.of_job(study._job))
+        return Model(_calib.Model.of_job(opened(study)._job))
 
     @property
     def path(self) -> Path | None:

@@ -449,5 +449,10 @@ def test_the_chosen_agent_comes_out(tmp_path: Path) -> None:
     assert agent.settings == json.loads(done.stdout)["choice"]
     assert agent.settings["temperature"] == 0.05 and agent.columns == model.columns
     assert agent.begin([0.5, 5.0]) in range(3)
-    with pytest.raises(calib_rl.CalibError, match="other values than the study has"):
-        calib_rl.ControlAgent.of(calib_rl.Study(path))
+    other: list[calib_rl.Study | str | os.PathLike[str]] = [calib_rl.Study(path), path, str(path)]
+    for given in other:
+        with pytest.raises(calib_rl.CalibError, match="other values than the study has"):
+            calib_rl.ControlAgent.of(given)
+    assert calib_rl.ActionModel.of(path).columns == calib_rl.ActionModel.of(str(path)).columns == model.columns
+    with pytest.raises(calib_rl.StudyError, match="nothing.toml"):
+        calib_rl.ControlAgent.of(tmp_path / "nothing.toml")
