@@ -223,7 +223,7 @@ class ControlAgent:
         """Let it act and learn in a model, so that it does not begin at the plant with nothing.
 
         Args:
-            model: The model, with the agent's columns and actions.
+            model: The model, with the agent's columns and actions. The ranges of its columns may be others.
             steps: How many steps.
             member: Which member of the ensemble.
             timeout: Steps after which an episode is cut. The study's, unless given.

@@ -1,9 +1,9 @@
 //! calib's own agents that act, as objects: they decide, learn, and can be kept in a file.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{borrow::Cow, path::PathBuf, sync::Arc};
 
 use calib_control::{Actor, Agent, AgentConfig, Ending, Ensemble as _, Outcome, RunLength, live};
-use calib_core::{Bounds, Monitor, Physical, Rng, Seed};
+use calib_core::{Bounds, Monitor, Normalised, Physical, Rng, Seed};
 use calib_files::{read_tensors, write_tensors};
 use calib_pipeline::{ActingAgent, ControlEvaluation};
 use pyo3::{exceptions::PyValueError, prelude::*};
@@ -78,6 +78,39 @@ impl ControlAgent {
         mapped.collect()
     }
 
+    /// How the columns of a model are rescaled for the agent; none where both have the same ranges.
+    fn rescaled(&self, model: &PyActionModel) -> PyResult<Vec<RescaledColumn>> {
+        let Described { columns, actions, .. } = &self.described;
+        let of_model = model.described_columns();
+        let same_names = of_model.len() == columns.len()
+            && of_model.iter().zip(columns).all(|(model, own)| model.0 == own.0);
+        if !same_names {
+            let names = |columns: &[(String, f64, f64)]| {
+                columns.iter().map(|(name, ..)| name.as_str()).collect::<Vec<_>>().join(", ")
+            };
+            return Err(PyValueError::new_err(format!(
+                "the columns of the model are {}, and those of the agent {}; build a model of the same columns, or make an agent for \
+                 this one",
+                names(&of_model),
+                names(columns)
+            )));
+        }
+        if model.described_actions() != *actions {
+            return Err(PyValueError::new_err(
+                "the model has other actions than the agent; build a model of the same actions, or make an agent for this one",
+            ));
+        }
+        if of_model == *columns {
+            return Ok(Vec::new());
+        }
+        let pairs = of_model.iter().zip(columns);
+        let rescaled = pairs.map(|(model, own)| RescaledColumn {
+            model: Bounds { offset: model.1, scale: model.2 },
+            agent: Bounds { offset: own.1, scale: own.2 },
+        });
+        Ok(rescaled.collect())
+    }
+
     fn act(&mut self, py: Python<'_>) -> PyResult<usize> {
         let action = self.agent.act(&mut self.rng);
         let action = action.ok_or_else(|| errors::of_text(py, DIVERGED))?;
@@ -86,15 +119,38 @@ impl ControlAgent {
     }
 }
 
-/// An agent whose run ends where somebody asks to stop: as if it had diverged.
+/// A column that a model and an agent normalise by ranges of their own.
+struct RescaledColumn {
+    model: Bounds,
+    agent: Bounds,
+}
+
+/// An agent in a model, whose run ends where somebody asks to stop: as if it had diverged.
 struct WatchedAgent<'a> {
     agent: &'a mut Agent,
+    /// The columns of a state; none where the model and the agent have the same ranges.
+    rescaled: Vec<RescaledColumn>,
     monitor: &'a dyn Monitor,
+}
+
+impl WatchedAgent<'_> {
+    /// A state of the model by the ranges of the agent.
+    fn seen<'s>(&self, state: &'s [f32]) -> Cow<'s, [f32]> {
+        if self.rescaled.is_empty() {
+            return Cow::Borrowed(state);
+        }
+        let columns = state.iter().zip(&self.rescaled);
+        let seen = columns.map(|(&value, RescaledColumn { model, agent })| {
+            agent.normalise(model.physical(Normalised(value))).0
+        });
+        Cow::Owned(seen.collect())
+    }
 }
 
 impl Actor for WatchedAgent<'_> {
     fn look(&mut self, state: &[f32]) {
-        self.agent.look(state);
+        let state = self.seen(state);
+        self.agent.look(&state);
     }
 
     fn act(&mut self, rng: &mut Rng) -> Option<usize> {
@@ -102,7 +158,8 @@ impl Actor for WatchedAgent<'_> {
     }
 
     fn learn(&mut self, action: usize, outcome: Outcome, next: &[f32]) {
-        self.agent.learn(action, outcome, next);
+        let next = self.seen(next);
+        self.agent.learn(action, outcome, &next);
     }
 }
 
@@ -253,20 +310,14 @@ impl ControlAgent {
     ) -> PyResult<(f64, usize)> {
         let opened = model.model();
         require_member(member, opened.members())?;
-        let same = model.described_columns() == self.described.columns
-            && model.described_actions() == self.described.actions;
-        if !same {
-            return Err(PyValueError::new_err(
-                "the model has other columns, ranges of columns or actions than the agent",
-            ));
-        }
+        let rescaled = self.rescaled(model)?;
         // An episode that went on elsewhere does not go on here.
         self.last = None;
         let agent = &mut self.agent;
         let span = RunLength { steps, timeout };
         let run = watched(py, Needs::Threads, None, |watch| {
             let monitor = Watching(Arc::clone(watch));
-            let mut watched = WatchedAgent { agent, monitor: &monitor };
+            let mut watched = WatchedAgent { agent, rescaled, monitor: &monitor };
             live(&mut watched, &mut opened.walk(member), span, Seed::new(seed))
         })?;
         if run.diverged {

@@ -415,7 +415,7 @@ def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, conti
     with pytest.raises(ValueError, match="reward is inf"):
         agent.step(np.inf, [0.5, 5.0])
     assert agent.step(0.0, [0.5, 5.0], terminal=True) is None
-    with pytest.raises(ValueError, match="other columns, ranges"):
+    with pytest.raises(ValueError, match="the model has other actions than the agent"):
         agent.train(continuous, 10)
     with pytest.raises(IndexError):
         agent.train(acting, 10, member=5)
@@ -434,6 +434,22 @@ def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, conti
     with pytest.raises(calib_rl.CalibError, match="has diverged.* was not saved; train a new one"):
         agent.save(tmp_path / "diverged.safetensors")
     assert not (tmp_path / "diverged.safetensors").exists()
+
+
+def test_an_agent_learns_in_a_model_of_other_ranges(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    low = tank().with_columns(polars.col("level") / 2, polars.col("flow") - 1.0)
+    halved = calib_rl.build_model(low, tmp_path / "low", actions=["valve0"], reward="reward", timeout=40)
+    settings: dict[str, Any] = {"temperature": 0.05, "step_size": 0.3, "gamma": 0.9}
+    own = calib_rl.ControlAgent(halved, **settings)
+    other = calib_rl.ControlAgent(acting, **settings)
+    for agent in (own, other):
+        for member in range(5):
+            agent.train(halved, 4_000, member=member)
+        # 0.15 stands for 0.3 of the tank, below the wanted level, and 0.45 for 0.9.
+        assert agent.values([0.15, 4.0]).argmax() > agent.values([0.45, 4.0]).argmax()
+    renamed = calib_rl.build_model(low.rename({"flow": "inflow"}), tmp_path / "names", actions=["valve0"], reward="reward")
+    with pytest.raises(ValueError, match="the columns of the model are level, inflow, and those of the agent level, flow"):
+        other.train(renamed, 10)
 
 
 def test_the_chosen_agent_comes_out(tmp_path: Path) -> None:
