@@ -316,6 +316,21 @@ fn what_is_not_told_apart_from_the_default_is_not_deployed() {
     assert!(page.expect("a page").contains("Keep the default: step_size=0.03."));
 }
 
+/// Whatever the headline: "keep the default" may be either.
+#[test]
+fn the_exit_code_says_whether_anything_speaks_against_the_first_setting() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let reward = "--set=control.reward=[{ column = \"pump\", weight = 0.5 }, { column = \"level\", weight = 0.5 }]";
+    for default in ["0.03", "0.3"] {
+        let default = format!("--set=control.agent.step_size={default}");
+        let ran = place.calib(&[&TWO_STEP_SIZES[..], &[reward, &default, "--json"]].concat());
+        let json: serde_json::Value = serde_json::from_str(&ran.ends(&[0, 1])).expect("JSON");
+        let is_supported = json["decision"]["support"] == "supported";
+        assert_eq!(ran.code(), i32::from(!is_supported), "{}", json["decision"]);
+        assert!(is_supported || ran.stderr().contains("warning: "), "{}", ran.stderr());
+    }
+}
+
 /// Off costs nothing, which no agent knows before it has tried both.
 #[test]
 fn a_constant_action_that_gets_more_is_named() {

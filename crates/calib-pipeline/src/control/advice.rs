@@ -444,6 +444,25 @@ mod tests {
         );
     }
 
+    #[test]
+    fn a_default_that_ranks_first_is_kept_without_a_doubt() {
+        let verdict = ReturnVerdict { default: Some(1), ..verdict(&json!([])) };
+        let settings = ["a=1", "a=2"].map(str::to_owned);
+        let advice = Advice {
+            verdict: &verdict,
+            settings: &settings,
+            actions: &[],
+            columns: &[],
+            vocabulary: STUDY,
+        };
+        let kept = advice.decision();
+        assert_eq!(
+            (kept.support, kept.headline.as_str()),
+            (Support::Supported, "Keep the default: a=2.")
+        );
+        assert!(verdict.is_supported() && advice.reasons().is_empty());
+    }
+
     /// What one member of a kind says of four settings.
     fn of_kind(kind: ActionModelKind, returns: [f64; 4]) -> KindReturns {
         KindReturns { kind, chosen: 0, members: vec![returns.to_vec()] }
