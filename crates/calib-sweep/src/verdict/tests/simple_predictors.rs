@@ -1,0 +1,173 @@
+//! Agents beside the predictors that need none.
+
+use calib_agent::SimplePredictor;
+use calib_stats::{Estimate, Interval};
+
+use super::*;
+use crate::verdict::simple::{beats_the_mean, decisive, preferred};
+
+/// The error of a simple predictor in the held-out window that begins at this row.
+fn online_score(predictor: SimplePredictor, start_row: u32, rmse: f64) -> SimpleScore {
+    let score = PartScore { scored_steps: 10, rmse, mean_return: 1.0, return_std: 1.0 };
+    SimpleScore {
+        sensor: "A".to_owned(),
+        predictor,
+        environment: EnvironmentId::Online,
+        start_row,
+        scores: Scores { whole_run: Some(score), ..Scores::default() },
+    }
+}
+
+/// Errors of persistence and of the mean in the three held-out windows of [`online`], whose choice has 0.2, 0.2 and 0.4.
+fn judged_beside(persistence: [f64; 3], mean: f64) -> SensorVerdict {
+    let errors = [[0.4, 0.2, 0.4], [0.4, 0.2, 0.4], [0.4, 0.2, 0.4]];
+    let windows = [100, 500, 900];
+    let results = with(
+        windows.iter().zip(errors).map(|(&row, errors)| run(EnvironmentId::Online, 0, row, errors)),
+    );
+    let simple: Vec<SimpleScore> = windows
+        .into_iter()
+        .zip(persistence)
+        .flat_map(|(row, error)| {
+            [
+                online_score(SimplePredictor::Mean, row, mean),
+                online_score(SimplePredictor::Persistence, row, error),
+            ]
+        })
+        .collect();
+    let judging = Judging { simple: &simple, ..judging(Rule::WorstRank) };
+    verdict("A", &candidates(), &results, &judging).expect("judged")
+}
+
+#[test]
+fn no_agent_is_deployed_that_a_simple_predictor_beats() {
+    // The agent has 0.2 in every window.
+    let verdict = judged_beside([0.11, 0.1, 0.09], 1.0);
+    assert_eq!(verdict.grade, Grade::Simpler);
+    assert_eq!(verdict.recommendation(), Recommendation::UseSimplePredictor);
+    let simpler = verdict.simpler().expect("persistence");
+    assert_eq!(simpler.predictor, SimplePredictor::Persistence);
+    assert!(simpler.is_better());
+    near(simpler.ratio.expect("known").value, 0.2 / (0.11_f64 * 0.1 * 0.09).cbrt());
+    // As good on average, and worse in one window: that the agent is no worse is not shown.
+    let verdict = judged_beside([0.3, 0.2, 0.14], 1.0);
+    assert_eq!(verdict.grade, Grade::Simpler);
+    assert!(!verdict.simpler().expect("persistence").is_better());
+}
+
+/// A simple predictor with these errors on the log and on held-out data, and the agent's error by its own with its interval.
+fn simple(predictor: SimplePredictor, log: f64, online: f64, ratio: [f64; 3]) -> SimpleComparison {
+    let [low, value, high] = ratio;
+    SimpleComparison {
+        predictor,
+        online_error: online,
+        online_rmse: online,
+        log_error: Some(log),
+        ratio: Some(Estimate { value, interval: Some(Interval { low, high }) }),
+    }
+}
+
+fn preferred_predictor(all: &[SimpleComparison]) -> Option<SimplePredictor> {
+    preferred(all).map(|own| own.predictor)
+}
+
+fn decisive_predictor(all: &[SimpleComparison]) -> Option<SimplePredictor> {
+    decisive(all).map(|own| own.predictor)
+}
+
+#[test]
+fn the_simple_predictor_to_use_is_chosen_on_the_log() {
+    let mean = simple(SimplePredictor::Mean, 1.0, 1.0, [0.2, 0.3, 0.4]);
+    let ridge = simple(SimplePredictor::Ridge, 0.30, 0.35, [0.8, 1.0, 1.2]);
+    // Better on held-out data, which nobody knew when one had to be chosen.
+    let line = simple(SimplePredictor::Line, 0.40, 0.33, [0.9, 1.1, 1.3]);
+    let all = [mean.clone(), line.clone(), ridge.clone()];
+    assert_eq!(preferred_predictor(&all), Some(SimplePredictor::Ridge));
+    assert_eq!(decisive_predictor(&all), Some(SimplePredictor::Ridge));
+    // The simplest of those within a hundredth.
+    let near = SimpleComparison { log_error: Some(0.302), ..line.clone() };
+    let all = [mean.clone(), near, ridge.clone()];
+    assert_eq!(preferred_predictor(&all), Some(SimplePredictor::Line));
+    // The agent matches it, and what is better in hindsight could be chance.
+    let matched = simple(SimplePredictor::Ridge, 0.30, 0.35, [0.95, 0.98, 1.01]);
+    assert_eq!(decisive_predictor(&[mean.clone(), line, matched.clone()]), None);
+    // That is no chance.
+    let better = simple(SimplePredictor::Line, 0.40, 0.2, [1.4, 1.6, 1.8]);
+    let all = [mean, better, matched.clone()];
+    assert_eq!(decisive_predictor(&all), Some(SimplePredictor::Line));
+    // The mean does as well as what the log prefers.
+    let mean = simple(SimplePredictor::Mean, 1.0, 0.34, [0.9, 1.02, 1.2]);
+    assert_eq!(decisive_predictor(&[mean, ridge]), Some(SimplePredictor::Mean));
+}
+
+/// Value 0 is the default with these errors, and frozen; value 1 is chosen.
+fn judged_beside_frozen(of_default: [f64; 3]) -> SensorVerdict {
+    let windows = [100, 500, 900];
+    let online =
+        windows.iter().zip(of_default).map(|(&row, error)| online_run(0, row, [error, 0.2, 0.4]));
+    let mut candidates = candidates();
+    for candidate in &mut candidates {
+        candidate.is_default = candidate.index == 0;
+        candidate.agent.baseline = Some(SimplePredictor::Ridge);
+    }
+    candidates[0].agent.learning_rate = 0.0;
+    verdict("A", &candidates, &with(online), &judging(Rule::WorstRank)).expect("judged")
+}
+
+#[test]
+fn a_default_that_learns_nothing_is_kept_unless_the_choice_improves_on_it() {
+    let alike = judged_beside_frozen([0.19, 0.2, 0.22]);
+    assert_eq!((alike.chosen, alike.grade), (1, Grade::Good));
+    assert_eq!(alike.learning_off, Some(0));
+    assert_eq!(alike.recommendation(), Recommendation::UseSimplePredictor);
+    // Beyond chance, and too little to be worth an agent.
+    let hardly = judged_beside_frozen([0.2006, 0.2005, 0.2004]);
+    assert!(hardly.truth.as_ref().is_some_and(Truth::improves_on_the_default));
+    assert_eq!(hardly.learning_off, Some(0));
+    let improved = judged_beside_frozen([0.3, 0.32, 0.31]);
+    assert_eq!(improved.learning_off, None);
+    assert_eq!(improved.recommendation(), Recommendation::Deploy);
+}
+
+#[test]
+fn an_agent_that_matches_every_simple_predictor_is_judged_as_before() {
+    let verdict = judged_beside([0.2, 0.2, 0.2], 1.0);
+    assert_eq!((verdict.grade, verdict.simpler()), (Grade::Good, None));
+    assert_eq!(verdict.recommendation(), Recommendation::Deploy);
+    assert_eq!(verdict.simple.len(), 2);
+    let better = judged_beside([0.5, 0.6, 0.55], 1.0);
+    assert_eq!(better.recommendation(), Recommendation::Deploy);
+}
+
+#[test]
+fn what_does_not_beat_the_training_mean_is_not_learnt() {
+    let verdict = judged_beside([0.5, 0.5, 0.5], 0.15);
+    assert_eq!(verdict.grade, Grade::NotLearnt);
+    assert_eq!(verdict.recommendation(), Recommendation::DoNotDeploy);
+}
+
+/// Whether an agent beats the mean that has so many times its error.
+fn beats_by(ratio: f64) -> bool {
+    beats_the_mean(&[simple(SimplePredictor::Mean, 1.0, 1.0, [0.9, ratio, 1.1])])
+}
+
+#[test]
+fn an_agent_with_as_much_error_as_the_mean_does_not_beat_it() {
+    assert!(beats_by(0.99) && !beats_by(1.0) && !beats_by(1.02));
+    assert!(beats_the_mean(&[]), "the mean is not known");
+}
+
+/// The mean of the log, with this error on held-out data.
+fn mean(online: f64) -> SimpleComparison {
+    simple(SimplePredictor::Mean, 1.0, online, [1.0, 0.9, 1.1])
+}
+
+#[test]
+fn another_level_than_in_training_is_told() {
+    let persistence = simple(SimplePredictor::Persistence, 1.0, 9.0, [1.0, 0.9, 1.1]);
+    let told = warnings::level_has_changed(&[persistence.clone(), mean(3.32)]).expect("told");
+    assert!(told.starts_with("held-out values lie 3.3 times the spread"), "{told}");
+    for quiet in [vec![persistence], vec![mean(1.9)], vec![mean(f64::INFINITY)]] {
+        assert_eq!(warnings::level_has_changed(&quiet), None);
+    }
+}
