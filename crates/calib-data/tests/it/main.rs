@@ -7,6 +7,7 @@ mod columns;
 mod formats;
 mod inputs;
 mod loggers;
+mod notations;
 mod ranges;
 mod real;
 mod shapes;

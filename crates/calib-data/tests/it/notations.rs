@@ -1,0 +1,216 @@
+//! Times and numbers that can be read in several ways.
+
+use std::{fmt::Write as _, fs};
+
+use calib_core::Silent;
+use calib_data::{DataConfig, Dataset, PreprocessConfig, TimestampUnit, inspect, table::Table};
+
+use crate::{
+    formats::{message, text},
+    support::{Folder, load_with, train_seconds, train_values},
+};
+
+/// A row a day, written with the month first.
+fn days_of_march(days: std::ops::Range<u32>) -> String {
+    let rows: Vec<String> = days.map(|day| format!("03/{day:02}/2024 10:00,{day}\n")).collect();
+    format!("time,a\n{}", rows.concat())
+}
+
+#[test]
+fn a_day_that_may_be_a_month_is_asked_for() {
+    let folder = text("a.csv", &days_of_march(1..9));
+    let error = message(&folder, |_| {});
+    assert!(
+        error.contains("2024-01-03 10:00:00 with data.timestamp_format = \"%d/%m/%Y %H:%M\""),
+        "{error}"
+    );
+    assert!(
+        error.contains("2024-03-01 10:00:00 with data.timestamp_format = \"%m/%d/%Y %H:%M\""),
+        "{error}"
+    );
+    let data = DataConfig { timestamp_format: Some("%m/%d/%Y %H:%M".to_owned()), ..folder.data() };
+    assert_eq!(load_with(&data, &PreprocessConfig::default()).profile.gaps.count, 0);
+    // Another file, or a later row, tells.
+    fs::write(folder.file("b.csv"), days_of_march(9..20)).expect("written");
+    let dataset = folder.load();
+    assert_eq!((dataset.train.rows(), dataset.period.as_secs()), (19, 86_400.0));
+}
+
+fn error_of(content: &str) -> String {
+    message(&text("a.csv", content), |_| {})
+}
+
+#[test]
+fn what_text_leaves_open_is_refused_with_the_line() {
+    let short = error_of("time,a,b\n2024-01-01,1,2\n2024-01-02,1\n");
+    assert!(short.contains("a.csv, line 3: 2 cells, and the header names 3 columns"), "{short}");
+    let late = error_of("time,a\n2024-01-01,1\n2024-01-02,2\nsoon,3\n");
+    assert!(late.contains("soon"), "{late}");
+    let decimal = error_of("time;a\n2024-01-01;1,234\n2024-01-02;2,345\n");
+    assert!(decimal.contains("data.decimal"), "{decimal}");
+    let header = error_of("2024-01-01,1,2\n2024-01-02,1,2\n");
+    assert!(header.contains("such as time,channel_1,channel_2"), "{header}");
+    let several = "Date;On;Off;a\n13.03.2024;06:00;07:00;1\n13.03.2024;07:00;08:00;2\n";
+    let apart = error_of(several);
+    assert!(
+        apart.contains("column \"Date\"")
+            && apart.contains("several columns have times of day (On, Off)"),
+        "{apart}"
+    );
+    let no_time = error_of("a,b\n1.5,x\n2.5,y\n");
+    assert!(no_time.contains("has no column \"timestamp\""), "{no_time}");
+}
+
+#[test]
+fn the_decimal_sign_is_that_of_the_whole_log() {
+    let folder =
+        text("a.csv", "Zeit;a;b\n13.01.2024 00:00;1.210,5;1\n13.01.2024 00:01;1.215,5;2\n");
+    fs::write(folder.file("b.csv"), "Zeit;a;b\n13.01.2024 00:02;1310;3\n13.01.2024 00:03;1320;4\n")
+        .expect("written");
+    assert_eq!(train_values(&folder.load(), "a"), [1210.5, 1215.5, 1310.0, 1320.0]);
+    fs::write(
+        folder.file("b.csv"),
+        "Zeit;a;b\n13.01.2024 00:02;1.310;3\n13.01.2024 00:03;1.320;4\n",
+    )
+    .expect("written");
+    let error = message(&folder, |_| {});
+    assert!(error.contains("b.csv") && error.contains("it has 1.310 and"), "{error}");
+    assert!(error.contains("a.csv has 1.210,5") && error.contains("data.decimal"), "{error}");
+    let data = DataConfig { decimal: Some(','), ..folder.data() };
+    let told = load_with(&data, &PreprocessConfig::default());
+    assert_eq!(train_values(&told, "a"), [1210.5, 1215.5, 1310.0, 1320.0]);
+    // Where the first rows do not tell, later ones may not contradict each other, in a file nor in two.
+    let rows: Vec<String> =
+        (0..500).map(|row| format!("{};{row};1\n", 1_704_067_200 + row)).collect();
+    let whole = rows.concat();
+    let late =
+        |cell: &str, row: i32| format!("time;a;b\n{whole}{};{cell};2\n", 1_704_067_700 + row);
+    let folder = text("a.csv", &late("1.210,5", 0));
+    assert_eq!(train_values(&folder.load(), "a")[500], 1210.5);
+    fs::write(folder.file("b.csv"), late("1.310", 1).replace(&whole, "")).expect("written");
+    assert!(message(&folder, |_| {}).contains("data.decimal"));
+    let both = late("1.310", 0) + "1704067801;1.210,5;3\n";
+    assert!(message(&text("a.csv", &both), |_| {}).contains("data.decimal"));
+}
+
+#[test]
+fn a_notation_that_two_files_contradict_is_not_guessed() {
+    let folder = text("a.csv", "time,a\n13/04/2024 10:00,1\n14/04/2024 10:00,2\n");
+    fs::write(folder.file("b.csv"), "time,a\n04/15/2024 10:00,3\n04/16/2024 10:00,4\n")
+        .expect("written");
+    assert_eq!(folder.load().train.rows(), 4, "each tells its own");
+    fs::write(folder.file("c.csv"), "time,a\n05/06/2024 10:00,5\n05/07/2024 10:00,6\n")
+        .expect("written");
+    let error = message(&folder, |_| {});
+    assert!(error.contains("c.csv") && error.contains("data.timestamp_format"), "{error}");
+}
+
+#[test]
+fn numbers_that_fit_two_notations_are_refused_with_both() {
+    let days = "time,a\n45292.5,1\n45292.75,2\n45293,3\n";
+    let folder = text("a.csv", days);
+    let error = message(&folder, |_| {});
+    assert!(error.contains("2024-01-01 12:00:00 with data.timestamp_unit = \"excel\""), "{error}");
+    assert!(error.contains("1970-01-01 12:34:52.5 with data.timestamp_unit = \"s\""), "{error}");
+    let read = |unit, zone: Option<&str>| {
+        let data = DataConfig {
+            timestamp_unit: Some(unit),
+            time_zone: zone.map(str::to_owned),
+            ..folder.data()
+        };
+        let dataset = load_with(&data, &PreprocessConfig::default());
+        (train_seconds(&dataset)[0], dataset.profile.utc)
+    };
+    assert_eq!(read(TimestampUnit::Excel, None), (1_704_110_400.0, false));
+    assert_eq!(read(TimestampUnit::Excel, Some("Europe/Paris")), (1_704_106_800.0, true));
+    assert_eq!(read(TimestampUnit::Seconds, None), (45_292.5, true));
+    // As Parquet, and as samples of it.
+    let folder = Folder::new();
+    let column = vec![45_292.5, 45_292.75, 45_293.0];
+    let wide = Table::new().with("timestamp", column.clone()).with("a", vec![1.0, 2.0, 3.0]);
+    folder.write("a.parquet", &wide);
+    assert!(message(&folder, |_| {}).contains("\"excel\""));
+    let data = DataConfig { timestamp_unit: Some(TimestampUnit::Excel), ..folder.data() };
+    let dataset = load_with(&data, &PreprocessConfig::default());
+    assert_eq!((train_seconds(&dataset)[0], dataset.profile.utc), (1_704_110_400.0, false));
+    let tag = vec!["t".to_owned(), "t".to_owned(), "t".to_owned()];
+    let long =
+        Table::new().with("timestamp", column).with("tag", tag).with("value", vec![1.0, 2.0, 3.0]);
+    folder.write("a.parquet", &long);
+    assert!(message(&folder, |_| {}).contains("\"excel\""));
+    assert_eq!(train_seconds(&load_with(&data, &PreprocessConfig::default()))[0], 1_704_110_400.0);
+    // Milliseconds of December 1969 are seconds of 1937.
+    let before = text("a.csv", "time,a\n-1036800000,1\n-1036740000,2\n-1036680000,3\n");
+    let error = message(&before, |_| {});
+    assert!(error.contains("1969-12-20 00:00:00 with data.timestamp_unit = \"ms\""), "{error}");
+    assert!(error.contains("1937-02-23 00:00:00 with data.timestamp_unit = \"s\""), "{error}");
+    let integers = Table::new()
+        .with("timestamp", vec![-1_036_800_000_i64, -1_036_740_000])
+        .with("a", vec![1.0, 2.0]);
+    folder.write("a.parquet", &integers);
+    assert!(message(&folder, |_| {}).contains("\"ms\""));
+    // What calib does not read at all.
+    let matlab = text("a.csv", "time,a\n739252.5,1\n739252.75,2\n");
+    let error = message(&matlab, |_| {});
+    assert!(error.contains("a.csv") && error.contains("MATLAB"), "{error}");
+}
+
+/// A log of these times of 2014-10-26: clocks in Moscow go from 2:00 back to 1:00, at 22:00 UTC of the day before.
+fn load_of_moscow(times: &[&str]) -> Dataset {
+    let rows: Vec<String> =
+        times.iter().enumerate().map(|(row, time)| format!("2014-10-26 {time},{row}\n")).collect();
+    let folder = text("a.csv", &format!("time,a\n{}", rows.concat()));
+    let data = DataConfig {
+        time_zone: Some("Europe/Moscow".to_owned()),
+        period_secs: Some(1_800.0),
+        ..folder.data()
+    };
+    load_with(&data, &PreprocessConfig::default())
+}
+
+#[test]
+fn rows_of_an_hour_that_comes_twice_are_placed_or_dropped_and_counted() {
+    let twice = ["00:00", "00:30", "01:00", "01:30", "01:00", "01:30", "02:00", "02:30"];
+    let whole = load_of_moscow(&twice);
+    assert_eq!(train_values(&whole, "a"), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    assert_eq!((whole.profile.gaps.count, whole.profile.undecided_times), (0, 0));
+    let once = ["00:00", "00:30", "01:00", "01:30", "02:00", "02:30"];
+    let dropped = load_of_moscow(&once);
+    assert_eq!(
+        train_values(&dropped, "a"),
+        [0.0, 1.0, 4.0, 5.0],
+        "of which hour the others are, nobody knows"
+    );
+    assert_eq!((dropped.profile.undecided_times, dropped.profile.null_timestamps), (2, 2));
+    // Each tag is told by its own rows.
+    let mut rows = String::new();
+    for (row, time) in twice.iter().enumerate() {
+        writeln!(rows, "2014-10-26 {time},often,{row}").expect("memory");
+    }
+    rows.push_str(
+        "2014-10-26 00:00,seldom,1\n2014-10-26 01:30,seldom,2\n2014-10-26 02:30,seldom,3\n",
+    );
+    let long = text("a.csv", &format!("time,tag,value\n{rows}"));
+    let data = DataConfig { time_zone: Some("Europe/Moscow".to_owned()), ..long.data() };
+    let profile = inspect(&data, &PreprocessConfig::default(), &Silent).expect("a log");
+    let missing = |name: &str| profile.channel(name).expect("a channel").missing;
+    assert_eq!((profile.undecided_times, missing("often"), missing("seldom")), (1, 0, 6));
+}
+
+#[test]
+fn rows_of_the_year_9999_are_dropped_in_every_form() {
+    for never in ["9999-12-31 23:59:59", "9999-12-31T23:59:59Z", "9999-01-01"] {
+        let folder = text(
+            "a.csv",
+            &format!("time,a\n2024-01-01,1\n2024-01-02,2\n{never},3\n2024-01-03,4\n"),
+        );
+        let dataset = folder.load();
+        assert_eq!(train_values(&dataset, "a"), [1.0, 2.0, 4.0], "{never}");
+        assert_eq!(dataset.profile.null_timestamps, 1);
+    }
+    let folder = Folder::new();
+    let times = ["2024-01-01", "9999-12-31T23:59:59", "2024-01-02"].map(str::to_owned).to_vec();
+    folder
+        .write("a.parquet", &Table::new().with("timestamp", times).with("a", vec![1.0, 2.0, 3.0]));
+    assert_eq!(train_values(&folder.load(), "a"), [1.0, 3.0]);
+}
