@@ -169,6 +169,11 @@ pub struct AgentConfig {
     pub weight_decay: f64,
     /// Discount factor, in [0, 1). Default 0.99.
     pub gamma: f64,
+    /// Discount factors of single sensors by name, each in [0, 1). Sensors without one have `gamma`. Default: none. Left out where there
+    /// is none.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(extend("default" = {}))]
+    pub gammas: BTreeMap<String, f64>,
     /// `"uniform"` (default) or `"none"`.
     pub replay: ReplayKind,
     /// Transitions the buffer keeps, `batch_size` to 2³². Default 1,000,000.
@@ -213,6 +218,7 @@ impl Default for AgentConfig {
             epsilon: 1e-8,
             weight_decay: 0.0,
             gamma: 0.99,
+            gammas: BTreeMap::new(),
             replay: ReplayKind::Uniform,
             replay_capacity: 1_000_000,
             batch_size: 256,
@@ -291,12 +297,7 @@ impl AgentConfig {
             &self.weight_decay,
             "0 or a number from 1e-45 to 1e38 (parameters are in single precision)",
         )?;
-        require(
-            is_fraction(self.gamma),
-            "gamma",
-            &self.gamma,
-            "a number in [0, 1): returns with a discount factor of 1 or more do not converge",
-        )?;
+        self.check_gammas()?;
         require(self.batch_size >= 1, "batch_size", &self.batch_size, "1 or more")?;
         require(
             !uniform || (self.batch_size..=1 << 32).contains(&self.replay_capacity),
@@ -305,6 +306,17 @@ impl AgentConfig {
             &format!("batch_size ({}) to 4294967296", self.batch_size),
         )?;
         require(self.updates_per_step >= 1, "updates_per_step", &self.updates_per_step, "1 or more")
+    }
+
+    /// The discount factor of a sensor's return: the one of `gammas`, or `gamma`.
+    pub fn gamma_for(&self, sensor: &str) -> f64 {
+        self.gammas.get(sensor).copied().unwrap_or(self.gamma)
+    }
+
+    /// The agent that predicts a sensor: it has one discount factor, which is its `gamma`.
+    #[must_use]
+    pub fn for_sensor(&self, sensor: &str) -> Self {
+        Self { gamma: self.gamma_for(sensor), gammas: BTreeMap::new(), ..self.clone() }
     }
 
     /// What an agent would have to be for the hyperparameter `field` to decide anything, where this one is not.
@@ -325,12 +337,14 @@ impl AgentConfig {
     }
 
     /// Every hyperparameter by its name in a study, also one that is left out where it is the default: of a program, `gamma` and its own.
+    /// `gammas` is not among them, because it is no hyperparameter of one agent.
     pub fn fields(&self) -> Map<String, Value> {
         if self.is_external() {
             let gamma = [("gamma".to_owned(), Value::from(self.gamma))];
             return self.parameters.clone().into_iter().chain(gamma).collect();
         }
-        match (serde_json::to_value(self), serde_json::to_value(self.precision)) {
+        let own = Self { gammas: BTreeMap::new(), ..self.clone() };
+        match (serde_json::to_value(own), serde_json::to_value(self.precision)) {
             (Ok(Value::Object(mut fields)), Ok(precision)) => {
                 fields.insert("precision".to_owned(), precision);
                 fields.insert("baseline".to_owned(), baseline::name(self.baseline).into());
@@ -354,6 +368,17 @@ impl AgentConfig {
             0 => self.learning_rate,
             half => self.learning_rate / (1.0 + updates as f64 / half as f64),
         }
+    }
+
+    /// The ranges of all discount factors.
+    fn check_gammas(&self) -> Result<(), AgentConfigError> {
+        let expected =
+            "a number in [0, 1): returns with a discount factor of 1 or more do not converge";
+        require(is_fraction(self.gamma), "gamma", &self.gamma, expected)?;
+        for (sensor, &gamma) in &self.gammas {
+            require(is_fraction(gamma), "gammas", &format!("{gamma} for {sensor}"), expected)?;
+        }
+        Ok(())
     }
 
     /// What eligibility traces go with, and their ranges.

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    AgentError, Checkpoint, Learner, StateFile,
+    AgentConfig, AgentError, Checkpoint, Learner, StateFile,
     checkpointer::ValueState,
     population::{can_share, values_of, work_per_step},
     traces::TracedStream,
@@ -106,7 +106,7 @@ struct Course {
 /// monitor is interrupted. Divergence is an outcome of one agent.
 ///
 /// # Panics
-/// If the learners differ in other settings than their sensors.
+/// If the learners differ in other settings than their sensors and discount factors.
 pub fn pretrain<'a>(
     training: Pretraining<'a>,
     learners: &[Learner<'a>],
@@ -121,7 +121,11 @@ pub fn pretrain<'a>(
     for learner in learners {
         learner.check(stream)?;
         crate::train::check_cumulant(stream, learner.cumulant)?;
-        assert!(can_share(first.config, learner.config), "learners differ in their sensors only");
+        let alike = AgentConfig { gamma: first.config.gamma, ..learner.config.clone() };
+        assert!(
+            can_share(first.config, &alike),
+            "learners differ in their sensors and discount factors only"
+        );
     }
     let decays = &first.config.traces;
     let sensors = stream.width();
@@ -160,6 +164,19 @@ pub fn pretrain<'a>(
     Ok(run.finish())
 }
 
+/// Positions of the learners of each discount factor: those of one learn in lockstep.
+fn of_one_gamma(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (position, learner) in learners.iter().enumerate() {
+        let gamma = learner.config.gamma;
+        match groups.iter_mut().find(|group| learners[group[0]].config.gamma == gamma) {
+            Some(group) => group.push(position),
+            None => groups.push(vec![position]),
+        }
+    }
+    groups
+}
+
 /// Work after which the state is worth a file, in multiplications: some seconds.
 const WORK_BETWEEN_EPOCHS: u64 = 500_000_000_000;
 
@@ -185,15 +202,16 @@ impl<'a> PretrainRun<'a> {
     fn new(training: Pretraining<'a>, learners: &[Learner<'a>], validate: &[usize]) -> Self {
         let Pretraining { stream, seed, .. } = training;
         let of_group = learners.len().div_ceil(rayon::current_num_threads());
-        let positions: Vec<usize> = (0..learners.len()).collect();
         Self {
             training,
-            groups: positions
-                .chunks(of_group)
-                .zip(learners.chunks(of_group))
-                .map(|(members, learners): (&[usize], &[Learner<'_>])| {
+            groups: of_one_gamma(learners)
+                .iter()
+                .flat_map(|positions| positions.chunks(of_group))
+                .map(|members: &[usize]| {
+                    let learners: Vec<Learner<'_>> =
+                        members.iter().map(|&position| learners[position]).collect();
                     let batch = learners[0].config.batch_size;
-                    let mut values = values_of(learners, stream, batch, seed);
+                    let mut values = values_of(&learners, stream, batch, seed);
                     for (agent, learner) in learners.iter().enumerate() {
                         if let Some(start) = learner.start {
                             values.restore(agent, &ValueState::from(start));

@@ -1,6 +1,6 @@
 //! Agents of another program: what a study says of them.
 
-use std::borrow::Cow;
+use std::{borrow::Cow, collections::BTreeMap};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -53,12 +53,12 @@ impl AgentConfig {
         self.kind == AgentKind::External
     }
 
-    /// What results follow from: all but how long calib waits.
+    /// What results follow from: all but how long calib waits, and the discount factors of other sensors.
     pub fn identity(&self) -> Cow<'_, Self> {
-        if self.timeout_secs == TIMEOUT_SECS {
+        if self.timeout_secs == TIMEOUT_SECS && self.gammas.is_empty() {
             return Cow::Borrowed(self);
         }
-        Cow::Owned(Self { timeout_secs: TIMEOUT_SECS, ..self.clone() })
+        Cow::Owned(Self { timeout_secs: TIMEOUT_SECS, gammas: BTreeMap::new(), ..self.clone() })
     }
 
     #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
@@ -132,8 +132,6 @@ impl AgentConfig {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use super::*;
 
     fn external() -> AgentConfig {

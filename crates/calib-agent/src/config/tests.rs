@@ -35,6 +35,8 @@ fn fields_outside_their_range_are_named() {
     );
     assert!(refusal(|config| config.learning_rate = 1e300).to_string().ends_with("got 1e300"));
     assert_eq!(refusal(|config| config.gamma = 1.0).field, "gamma");
+    let of_sensor = refusal(|config| config.gammas = BTreeMap::from([("A".to_owned(), 1.0)]));
+    assert_eq!((of_sensor.field, of_sensor.got.as_str()), ("gammas", "1 for A"));
     assert_eq!(refusal(|config| config.traces = vec![0.9, 1.0]).field, "traces");
     assert_eq!(
         refusal(|config| config.traces = vec![0.9, 0.9]).to_string(),
@@ -80,4 +82,19 @@ fn written_precision(precision: Precision) -> Option<Value> {
 fn precision_is_written_where_it_is_not_the_default() {
     assert_eq!(written_precision(Precision::F32), None, "known as before");
     assert_eq!(written_precision(Precision::Bf16), Some("bf16".into()));
+}
+
+#[test]
+fn a_sensor_has_its_own_discount_factor_or_that_of_all() {
+    let plain = AgentConfig { gamma: 0.9, ..AgentConfig::default() };
+    let config = AgentConfig { gammas: BTreeMap::from([("A".to_owned(), 0.5)]), ..plain.clone() };
+    assert_eq!((config.gamma_for("A"), config.gamma_for("B")), (0.5, 0.9));
+    assert_eq!(config.for_sensor("A"), AgentConfig { gamma: 0.5, ..plain.clone() });
+    assert_eq!(config.for_sensor("B"), plain);
+    assert_eq!(config.check(), Ok(()));
+    // Neither a hyperparameter of one agent, nor what its runs are known by.
+    assert_eq!(config.fields(), plain.fields());
+    assert_eq!(*config.identity(), plain);
+    let written = serde_json::to_value(&plain).expect("serialises");
+    assert_eq!(written.get("gammas"), None, "known as before");
 }

@@ -1,7 +1,7 @@
 use calib_core::{RowStream, Segments, Silent, States};
 
 use super::*;
-use crate::{AgentConfig, OptimiserKind, Precision, ValueFunction};
+use crate::{OptimiserKind, Precision, ValueFunction};
 
 /// A slow wave and its derivative in two segments; the second sensor is the first one a quarter later.
 fn waves(steps: usize) -> RowStream {
@@ -228,4 +228,24 @@ fn traces_are_what_is_learnt_from_here_too() {
     assert_eq!(agent.checkpoint.parameters.len(), parameters);
     let plain = run(&stream, settings(3, 0), &mlp(1e-3), &[0], None).expect("trains").remove(0);
     assert_ne!(agent.curve, plain.curve);
+}
+
+#[test]
+fn agents_of_several_discount_factors_learn_as_they_do_alone() {
+    let stream = waves(400);
+    let far = mlp(1e-3);
+    let near = AgentConfig { gamma: 0.5, ..mlp(1e-3) };
+    let learners = [(&far, 0), (&near, 1), (&far, 1)].map(|(config, cumulant)| Learner {
+        config,
+        cumulant,
+        start: None,
+        baseline: None,
+    });
+    let training = Pretraining { stream: &stream, settings: settings(3, 0), seed: Seed::new(5) };
+    let together = pretrain(training, &learners, None, &Silent).expect("trains");
+    for (learner, got) in learners.iter().zip(together) {
+        let sensors = [learner.cumulant];
+        let alone = run(&stream, settings(3, 0), learner.config, &sensors, None).expect("trains");
+        assert_eq!(got.expect("it does not diverge"), alone[0]);
+    }
 }
