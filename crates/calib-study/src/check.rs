@@ -4,6 +4,7 @@ use calib_data::AnglePart;
 use crate::{
     Study,
     error::{Problem, refuse, require},
+    message::nearest,
 };
 
 /// More runs or rollouts than anybody asks for.
@@ -75,7 +76,22 @@ impl Study {
         {
             refuse!("sweep.sensors names {} twice; remove one", sensors[twice]);
         }
+        self.check_gammas()?;
         self.check_angles()
+    }
+
+    /// Refuse discount factors of sensors that are not predicted.
+    fn check_gammas(&self) -> Result<(), Problem> {
+        let sensors: Vec<&str> = self.sweep.sensors.iter().map(String::as_str).collect();
+        for name in self.agent.gammas.keys() {
+            let similar = nearest(name, &sensors)
+                .map_or_else(String::new, |similar| format!(" (did you mean {similar}?)"));
+            require!(
+                sensors.contains(&name.as_str()),
+                "agent.gammas names {name}{similar}, which sweep.sensors does not have; name a predicted sensor, or remove it"
+            );
+        }
+        Ok(())
     }
 
     /// Refuse names of angles where one of their two channels is meant. What patterns of `data.angles` match is known with the log.

@@ -84,7 +84,7 @@ fn quoted(text: &str) -> Vec<&str> {
 }
 
 /// The most similar word, if it is similar at all.
-fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
     let similarity =
         |candidate: &str| strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase());
     valid

@@ -133,6 +133,28 @@ impl Study {
         RolloutConfig { start: own, ..self.rollout.starts() }
     }
 
+    /// The discount factors of the predicted sensors, each once, in the order of the sensors; that of `[agent]` where none is
+    /// predicted.
+    pub fn gammas(&self) -> Vec<f64> {
+        let Self { agent, sweep, .. } = self;
+        let mut gammas: Vec<f64> = Vec::new();
+        for gamma in sweep.sensors.iter().map(|sensor| agent.gamma_for(sensor)) {
+            if !gammas.contains(&gamma) {
+                gammas.push(gamma);
+            }
+        }
+        if gammas.is_empty() {
+            gammas.push(agent.gamma);
+        }
+        gammas
+    }
+
+    /// The predicted sensors whose return has this discount factor.
+    pub fn sensors_of(&self, gamma: f64) -> impl Iterator<Item = &String> {
+        let Self { agent, sweep, .. } = self;
+        sweep.sensors.iter().filter(move |sensor| agent.gamma_for(sensor) == gamma)
+    }
+
     /// Which part of a run is scored.
     pub fn part(&self) -> Part {
         let tuned = self.pretrain.epochs > 0 || self.pretrain.checkpoint.is_some();

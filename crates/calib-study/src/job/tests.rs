@@ -26,6 +26,15 @@ fn overrides_win_and_may_be_any_toml_or_text() {
     assert_eq!(job.layout().root(), Path::new("study-results"));
 }
 
+#[test]
+fn sensors_are_grouped_by_their_discount_factors() {
+    let text = "[data]\npath = \"logs\"\n[agent]\ngamma = 0.5\ngammas = { B = 0.9, C = 0.5 }\n\
+        [sweep]\nsensors = [\"B\", \"A\", \"C\"]\n";
+    let job = job(text, &[]).expect("valid");
+    assert_eq!(job.study().gammas(), [0.9, 0.5]);
+    assert_eq!(job.study().sensors_of(0.5).collect::<Vec<_>>(), ["A", "C"]);
+}
+
 fn title(file: &str, text: &str) -> String {
     let request = Request::new(file);
     Job::of_text(request, text.to_owned()).expect("valid").title()
@@ -99,6 +108,9 @@ fn mistakes_name_file_line_and_nearest_key() {
     assert!(infinite.contains("model.temperature = inf: expected a finite number"), "{infinite}");
     let list = refused("[sweep.grid]\ngamma = [0.5, nan]\n", &[]);
     assert!(list.contains("sweep.grid.gamma = NaN"), "{list}");
+    let gammas = "[data]\npath = \"logs\"\n[agent.gammas]\nPIT30 = 0.5\n[sweep]\nsensors = [\"PIT300\", \"TIT101\"]\n";
+    let sensor = refused(gammas, &[]);
+    assert!(sensor.contains("agent.gammas names PIT30 (did you mean PIT300?)"), "{sensor}");
 }
 
 #[test]
