@@ -25,6 +25,12 @@ impl Candidate {
     pub fn label(&self) -> String {
         label(&self.values)
     }
+
+    /// The candidate as it predicts a sensor, with the discount factor of that sensor.
+    #[must_use]
+    pub fn for_sensor(&self, sensor: &str) -> Self {
+        Self { agent: self.agent.for_sensor(sensor), ..self.clone() }
+    }
 }
 
 fn label(values: &[(String, Value)]) -> String {
@@ -130,6 +136,7 @@ fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentC
     fields.extend(values.iter().cloned());
     let with: AgentConfig = serde_json::from_value(Value::Object(fields))
         .map_err(|error| invalid(error.to_string()))?;
+    let with = AgentConfig { gammas: agent.gammas.clone(), ..with };
     with.check().map_err(|error| invalid(error.to_string()))?;
     Ok(with)
 }

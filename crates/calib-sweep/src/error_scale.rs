@@ -31,7 +31,9 @@ impl ErrorScale {
     pub fn find(scales: &[Self], sensor: &str, candidate: &Candidate) -> f64 {
         scales
             .iter()
-            .find(|scale| scale.sensor == sensor && scale.gamma == candidate.agent.gamma)
+            .find(|scale| {
+                scale.sensor == sensor && scale.gamma == candidate.agent.gamma_for(sensor)
+            })
             .map_or(1.0, Self::unit)
     }
 }

@@ -70,7 +70,10 @@ pub use kept::WORK_BETWEEN;
 pub use member::{MemberEnvironment, RolloutOptions};
 pub use opaque_environment::ClosedEnvironment;
 pub use pass::Start;
-pub use plan::{CompletedSweep, PassId, Plan, PlanOptions, RESULT_VERSION, ReadyPass, StoredUnits};
+pub use plan::{
+    CompletedSweep, PassId, Plan, PlanOptions, PlannedSensor, RESULT_VERSION, ReadyPass,
+    SensorGroup, StoredUnits,
+};
 pub use program::{PredictionRequest, Program, ProgramPredictions, ProgramStopped};
 pub use race::raced;
 pub use range::{Range, Scale};

@@ -9,14 +9,16 @@ use rayon::prelude::*;
 
 use crate::{
     Baselines, Candidate, Environment, EnvironmentId, PlannedUnit, Program, Span, Start,
-    SweepError, Unit, UnitResult, UnitRuns, UnitStore, WORK_BETWEEN, cohorts,
-    pass::Pass,
-    race::{Race, Streams},
+    SweepError, Unit, UnitResult, UnitRuns, UnitStore, WORK_BETWEEN, cohorts, pass::Pass,
+    race::Race,
 };
 
+mod group;
 mod key;
 mod part;
 
+pub use group::{PlannedSensor, SensorGroup};
+use key::UnitInputs;
 pub use part::{PassId, ReadyPass};
 
 /// Version of what units come to. It is raised when the same inputs give other bytes, whatever the reason, so that results
@@ -31,7 +33,7 @@ type Lookup<'l> = &'l (dyn Fn(&Unit, &str) -> Option<UnitRuns> + Sync);
 pub struct PlanOptions {
     /// The part of a run by which values are dropped, where they are.
     pub part: Part,
-    /// How long streams are.
+    /// How long streams are; of several groups of sensors, the longest.
     pub span: Span,
     /// Points of each learning curve.
     pub curve_points: usize,
@@ -44,9 +46,8 @@ pub struct Plan<'a> {
     candidates: &'a [Candidate],
     /// The keys of their settings, once they are known.
     settings: OnceLock<Vec<Arc<str>>>,
-    environments: Vec<&'a dyn Environment>,
-    /// Name and column of each predicted sensor.
-    sensors: Vec<(String, usize)>,
+    groups: Vec<SensorGroup<'a>>,
+    sensors: Vec<PlannedSensor>,
     /// What the agents of a sensor start from, where they were pre-trained.
     starts: BTreeMap<String, Start>,
     /// The log that the baselines of agents are fitted on.
@@ -57,7 +58,8 @@ pub struct Plan<'a> {
     accelerator: Option<&'a dyn Accelerator>,
     options: PlanOptions,
     work_between: u64,
-    race: Option<Race>,
+    /// The race of each group, if the plan is one.
+    races: Option<Vec<Race>>,
 }
 
 /// A sweep that is complete.
@@ -155,6 +157,8 @@ enum SurvivorsBefore<'s> {
 #[derive(Clone)]
 pub(crate) struct UnitJob<'a> {
     pub(crate) unit: Unit,
+    /// Position of the sensor's group: units of one group share passes.
+    group: usize,
     pub(crate) environment: &'a dyn Environment,
     pub(crate) column: usize,
     pub(crate) agents: Vec<&'a Candidate>,
@@ -197,10 +201,24 @@ impl<'a> Plan<'a> {
         sensors: Vec<(String, usize)>,
         options: PlanOptions,
     ) -> Self {
+        let sensors =
+            sensors.into_iter().map(|(name, column)| PlannedSensor { name, column, group: 0 });
+        let group = SensorGroup { candidates, environments, span: options.span };
+        Self::of_groups(candidates, vec![group], sensors.collect(), options)
+    }
+
+    /// The plan that trains `candidates` on `sensors`, each in the environments of its group. Runs are known by the settings of
+    /// `candidates`, whatever the discount factor of the group.
+    pub fn of_groups(
+        candidates: &'a [Candidate],
+        groups: Vec<SensorGroup<'a>>,
+        sensors: Vec<PlannedSensor>,
+        options: PlanOptions,
+    ) -> Self {
         Self {
             candidates,
             settings: OnceLock::new(),
-            environments,
+            groups,
             sensors,
             starts: BTreeMap::new(),
             baselines: None,
@@ -208,7 +226,7 @@ impl<'a> Plan<'a> {
             accelerator: None,
             options,
             work_between: WORK_BETWEEN,
-            race: None,
+            races: None,
         }
     }
 
@@ -259,29 +277,17 @@ impl<'a> Plan<'a> {
     /// Source: successive halving (Karnin, Koren & Somekh 2013; Jamieson & Talwalkar 2016), with streams as its resource.
     #[must_use]
     pub fn race(mut self) -> Self {
-        let mut members = Vec::new();
-        let mut runs = usize::MAX;
-        let mut windows = 0;
-        for environment in &self.environments {
-            match environment.id() {
-                EnvironmentId::Member(member) => {
-                    members.push(member);
-                    runs = runs.min(environment.runs());
-                }
-                EnvironmentId::LogReplay => windows += environment.runs(),
-                EnvironmentId::Online => {}
-            }
-        }
-        let runs = if members.is_empty() { 0 } else { runs };
-        let streams = Streams { members, runs, windows };
-        self.race = Some(Race::new(&streams, self.candidates.len(), self.options.part));
+        let races = self.groups.iter().map(|group| {
+            Race::new(&group.raced_streams(), self.candidates.len(), self.options.part)
+        });
+        self.races = Some(races.collect());
         self
     }
 
     /// Units in all, as many as there can be.
     pub fn count(&self) -> usize {
-        let runs: usize = self.environments.iter().map(|environment| environment.runs()).sum();
-        runs * self.sensors.len()
+        let runs: Vec<usize> = self.groups.iter().map(SensorGroup::runs).collect();
+        self.sensors.iter().map(|sensor| runs[sensor.group]).sum()
     }
 
     /// Units whose values are known before any has been run, which are all units but in a race: sensor by sensor, environment by
@@ -367,10 +373,10 @@ impl<'a> Plan<'a> {
         let mut survivors = Survivors::default();
         self.decide(&mut survivors, found);
         let mut missing = Vec::new();
-        for (sensor, _) in &self.sensors {
-            for environment in &self.environments {
+        for PlannedSensor { name, group, .. } in &self.sensors {
+            for environment in &self.groups[*group].environments {
                 for run in 0..environment.runs() {
-                    let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
+                    let unit = Unit { sensor: name.clone(), environment: environment.id(), run };
                     if !self.is_spared(&unit, &survivors) && !found.contains_key(&unit) {
                         missing.push(unit);
                     }
@@ -395,7 +401,7 @@ impl<'a> Plan<'a> {
     /// Run what units have no run of in `stored`, in parallel, put their results in `store`, and return
     /// all results in the order of [`units`](Self::units). Results do not depend on the number of threads.
     ///
-    /// The units of one run in one environment share a pass over its stream, whatever sensor they predict.
+    /// The units of one run in one environment share a pass over its stream, whatever sensor of a group they predict.
     /// Long passes keep their state in the store, so that a killed one goes on in the middle.
     ///
     /// # Errors
@@ -425,7 +431,7 @@ impl<'a> Plan<'a> {
             let trained = self.train(&rest, store, monitor)?;
             ran += trained.len();
             runs += trained.iter().map(|made| made.runs.len()).sum::<usize>();
-            left = now.saturating_sub(Self::passes_of(&trained));
+            left = now.saturating_sub(self.passes_of(&trained));
             let mut trained: BTreeMap<Unit, UnitRuns> =
                 trained.into_iter().map(|made| (made.unit.clone(), made)).collect();
             for job in &jobs {
@@ -443,15 +449,21 @@ impl<'a> Plan<'a> {
 
     /// Passes over streams that are still to be made beside `found`, in a race at most: sensors share those of a run.
     pub fn passes(&self, found: &StoredUnits) -> usize {
-        Self::passes_over(self.missing(&found.whole).iter())
+        self.passes_over(self.missing(&found.whole).iter())
     }
 
-    fn passes_of(made: &[UnitRuns]) -> usize {
-        Self::passes_over(made.iter().map(|made| &made.unit))
+    fn passes_of(&self, made: &[UnitRuns]) -> usize {
+        self.passes_over(made.iter().map(|made| &made.unit))
     }
 
-    fn passes_over<'u>(units: impl Iterator<Item = &'u Unit>) -> usize {
-        units.map(|unit| (unit.environment, unit.run)).collect::<BTreeSet<_>>().len()
+    fn passes_over<'u>(&self, units: impl Iterator<Item = &'u Unit>) -> usize {
+        let passes = units.map(|unit| (self.group_of(&unit.sensor), unit.environment, unit.run));
+        passes.collect::<BTreeSet<_>>().len()
+    }
+
+    /// Position of a sensor's group; the first of a sensor that the plan does not have.
+    fn group_of(&self, sensor: &str) -> usize {
+        self.sensors.iter().find(|planned| planned.name == sensor).map_or(0, |found| found.group)
     }
 
     /// Run these jobs, in parallel.
@@ -461,9 +473,11 @@ impl<'a> Plan<'a> {
         store: &UnitStore,
         monitor: &dyn Monitor,
     ) -> Result<Vec<UnitRuns>, SweepError> {
-        let mut missing: BTreeMap<(EnvironmentId, usize), Vec<&UnitJob<'_>>> = BTreeMap::new();
+        let mut missing: BTreeMap<(usize, EnvironmentId, usize), Vec<&UnitJob<'_>>> =
+            BTreeMap::new();
         for job in jobs {
-            missing.entry((job.unit.environment, job.unit.run)).or_default().push(job);
+            let pass = (job.group, job.unit.environment, job.unit.run);
+            missing.entry(pass).or_default().push(job);
         }
         let missing: Vec<Pass<'_, '_>> =
             missing.into_values().map(|jobs| self.pass(jobs)).collect();
@@ -494,19 +508,20 @@ impl<'a> Plan<'a> {
 
     /// Decide what the results allow to decide; whether that was anything.
     fn decide(&self, survivors: &mut Survivors, found: &BTreeMap<Unit, UnitResult>) -> bool {
-        let Some(race) = &self.race else { return false };
+        let Some(races) = &self.races else { return false };
         let mut decided = false;
-        for (sensor, _) in &self.sensors {
-            let after = race.survivors(sensor, found);
-            decided |= after.len() > survivors.rounds(sensor).len();
-            survivors.0.insert(sensor.clone(), after);
+        for PlannedSensor { name, group, .. } in &self.sensors {
+            let after = races[*group].survivors(name, found);
+            decided |= after.len() > survivors.rounds(name).len();
+            survivors.0.insert(name.clone(), after);
         }
         decided
     }
 
     /// The round of the race before that of a unit; none if it is made whatever happens.
     fn round_before(&self, unit: &Unit) -> Option<usize> {
-        self.race.as_ref()?.round(unit.environment, unit.run)?.checked_sub(1)
+        let race = &self.races.as_ref()?[self.group_of(&unit.sensor)];
+        race.round(unit.environment, unit.run)?.checked_sub(1)
     }
 
     /// The values that are left before the round of a unit.
@@ -545,10 +560,11 @@ impl<'a> Plan<'a> {
         wanted: &dyn Fn(&Unit) -> bool,
     ) -> Vec<UnitJob<'_>> {
         let mut jobs = Vec::new();
-        for (sensor, column) in &self.sensors {
-            for &environment in &self.environments {
+        for &PlannedSensor { ref name, column, group } in &self.sensors {
+            let SensorGroup { candidates, environments, .. } = &self.groups[group];
+            for &environment in environments {
                 for run in 0..environment.runs() {
-                    let unit = Unit { sensor: sensor.clone(), environment: environment.id(), run };
+                    let unit = Unit { sensor: name.clone(), environment: environment.id(), run };
                     if !wanted(&unit) {
                         continue;
                     }
@@ -567,17 +583,24 @@ impl<'a> Plan<'a> {
                     let trained: Vec<usize> = all.clone().filter(is_left).collect();
                     let dropped = all.filter(|index| !is_left(index)).collect();
                     let agents: Vec<&Candidate> =
-                        trained.iter().map(|&index| &self.candidates[index]).collect();
+                        trained.iter().map(|&index| &candidates[index]).collect();
                     let settings =
                         trained.iter().map(|&index| Arc::clone(&self.settings()[index])).collect();
-                    let inputs = environment.inputs(run);
                     let seed =
                         self.options.seed.child(&environment.id().to_string()).number(run as u64);
-                    let start = self.starts.get(sensor);
-                    let key = self.key(&unit, *column, &agents, start, seed, &inputs);
-                    let column = *column;
+                    let start = self.starts.get(name);
+                    let inputs = UnitInputs {
+                        group: &self.groups[group],
+                        column,
+                        agents: &agents,
+                        start,
+                        seed,
+                        stream: &environment.inputs(run),
+                    };
+                    let key = self.key(&unit, &inputs);
                     jobs.push(UnitJob {
                         unit,
+                        group,
                         environment,
                         column,
                         agents,

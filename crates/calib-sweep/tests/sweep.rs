@@ -20,9 +20,9 @@ use calib_model::{
 };
 use calib_sweep::{
     Candidate, ChoiceBaseline, Environment, EnvironmentId, ErrorScale, Grade, Judging,
-    MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedUnit, ReplayEnvironment,
-    RolloutOptions, Rule, ScoringDemand, SensorVerdict, Span, Start, SweepConfig, SweepError, Unit,
-    UnitResult, UnitStore, Windows, candidates, raced, verdict,
+    MemberEnvironment, NotFinite, Plan, PlanOptions, PlannedSensor, PlannedUnit, ReplayEnvironment,
+    RolloutOptions, Rule, ScoringDemand, SensorGroup, SensorVerdict, Span, Start, StoredUnits,
+    SweepConfig, SweepError, Unit, UnitResult, UnitStore, Windows, candidates, raced, verdict,
 };
 
 /// It rises and falls with a period of 24 rows.
@@ -550,4 +550,49 @@ fn a_rollout_that_is_not_finite_is_a_flagged_result() {
         verdict.warnings
     );
     assert!(verdict.warnings.iter().any(|told| told.contains("1 of 8 runs diverged")));
+}
+
+#[test]
+fn a_sensor_of_another_discount_factor_leaves_the_others_as_they_are() {
+    let study = Study::new();
+    let far: Vec<Candidate> = study
+        .candidates
+        .iter()
+        .map(|candidate| {
+            let agent = AgentConfig { gamma: 0.9, ..candidate.agent.clone() };
+            Candidate { agent, ..candidate.clone() }
+        })
+        .collect();
+    let replay = |span: Span| {
+        let windows = Windows::log(study.train.segments(), demand(span), 2);
+        ReplayEnvironment::log_replay(&study.train, windows, Fingerprint::of(b"data"))
+    };
+    let longer = Span::new(600, [0.9]);
+    let [of_near, of_far] = [replay(span()), replay(longer)];
+    let near_options =
+        PlanOptions { part: Part::WholeRun, span: span(), curve_points: 10, seed: Seed::new(1) };
+    let far_options = PlanOptions { span: longer, ..near_options };
+    let sensors = || vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
+    let near_plan = Plan::new(&study.candidates, vec![&of_near], sensors(), near_options);
+    let far_plan = Plan::new(&far, vec![&of_far], sensors(), far_options);
+    let near_group =
+        SensorGroup { candidates: &study.candidates, environments: vec![&of_near], span: span() };
+    let far_group = SensorGroup { candidates: &far, environments: vec![&of_far], span: longer };
+    let planned = sensors().into_iter().enumerate();
+    let planned: Vec<PlannedSensor> =
+        planned.map(|(group, (name, column))| PlannedSensor { name, column, group }).collect();
+    let groups = vec![near_group, far_group];
+    let plan = Plan::of_groups(&study.candidates, groups, planned, far_options);
+    assert_eq!((plan.count(), plan.passes(&StoredUnits::default())), (4, 4));
+    assert_eq!(near_plan.passes(&StoredUnits::default()), 2, "the sensors of a group share them");
+    let directory = tempfile::tempdir().expect("a directory");
+    let run = |name: &str, plan: &Plan<'_>| {
+        plan.run(&UnitStore::new(directory.path().join(name)), &Silent).expect("runs")
+    };
+    let both = run("both", &plan);
+    assert_eq!(both[..2], run("near", &near_plan)[..2], "also by its key");
+    for (got, alone) in both[2..].iter().zip(&run("far", &far_plan)[2..]) {
+        assert_eq!((&got.unit, &got.rows), (&alone.unit, &alone.rows));
+        assert_ne!(got.key, alone.key, "settings are those of the other discount factor");
+    }
 }

@@ -17,15 +17,17 @@ use calib_model::ModelFamily;
 use calib_model_steps::model::kinds::{self, OpenedModel};
 use calib_study::Job;
 use calib_sweep::{
-    Baselines, ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, Start, UnitRuns,
+    Baselines, ClosedEnvironment, Environment, EnvironmentId, Plan, PlanOptions, SensorGroup,
+    Start, UnitRuns,
 };
 use calib_sweep_steps::sweep::{
     environments::{EnvironmentSpec, Sources, StreamParameters},
-    setting::{SweepContext, agent_seed, raced},
+    groups::planned_sensors,
+    setting::{OpenedEnvironments, SweepContext, agent_seed, raced},
 };
 
 use crate::cluster::{
-    plan_file::SweepPart,
+    plan_file::{PartStreams, SweepPart},
     results::{self, Extent, Header, ShardResults, UnitsInOrder},
 };
 
@@ -207,8 +209,12 @@ impl<'p> Inputs<'p> {
         Ok(Self { part, opened, states, model, held_out, starts, stored })
     }
 
-    /// All environments of the part: those whose streams are wanted, opened, and what the others are.
-    pub(crate) fn environments(&self) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
+    /// All environments of the part, for each discount factor: those whose streams are wanted, opened, and what the others are.
+    pub(crate) fn environments(&self) -> Result<Vec<OpenedEnvironments<'_>>, StepError> {
+        self.part.streams.iter().map(|streams| self.environments_of(streams)).collect()
+    }
+
+    fn environments_of(&self, streams: &PartStreams) -> Result<OpenedEnvironments<'_>, StepError> {
         let states = self.states.as_ref();
         let sources = Sources {
             states,
@@ -216,8 +222,8 @@ impl<'p> Inputs<'p> {
             train: states,
             held_out: self.held_out.as_ref(),
         };
-        let rolling = StreamParameters::of(&self.part.study, self.part.span)?;
-        self.part
+        let rolling = StreamParameters::of(&self.part.study, streams.span)?;
+        streams
             .environments
             .iter()
             .map(|described| -> Result<Box<dyn Environment + '_>, StepError> {
@@ -241,18 +247,24 @@ impl<'p> Inputs<'p> {
     /// The plan of the part's sweep.
     pub(crate) fn plan<'a>(
         &'a self,
-        environments: &'a [Box<dyn Environment + 'a>],
+        environments: &'a [OpenedEnvironments<'a>],
         baselines: Option<&'a Baselines<'a>>,
     ) -> Plan<'a> {
-        let SweepPart { study, candidates, sensors, span, .. } = self.part;
-        let as_dyn = environments.iter().map(|environment| &**environment).collect();
+        let SweepPart { study, candidates, sensors, span, streams, .. } = self.part;
+        let groups = streams.iter().zip(environments).map(|(streams, environments)| SensorGroup {
+            candidates: &streams.candidates,
+            environments: environments.iter().map(|environment| &**environment).collect(),
+            span: streams.span,
+        });
+        let names: Vec<&[String]> = streams.iter().map(|streams| &streams.sensors[..]).collect();
+        let sensors = planned_sensors(sensors, &names);
         let options = PlanOptions {
             part: study.part(),
             span: *span,
             curve_points: study.sweep.curve_points,
             seed: agent_seed(study),
         };
-        let plan = Plan::new(candidates, as_dyn, sensors.clone(), options);
+        let plan = Plan::of_groups(candidates, groups.collect(), sensors, options);
         let plan = plan.starting_from(self.starts.clone()).with_baselines(baselines);
         raced(plan, study)
     }

@@ -20,8 +20,8 @@ use calib_files::{
 use calib_study::{Job, Scope, StepKind};
 use calib_sweep::{Baselines, EnvironmentId, PassId, Plan, StoredUnits, UnitRuns};
 use calib_sweep_steps::sweep::{
-    KnownUnits, ResultSource, cost::MeasuredPasses, plan::agents_of, planned::PlannedSweep,
-    setting::SweepContext, unit_store,
+    KnownUnits, ResultSource, cost::MeasuredPasses, groups::StudyGroup, plan::agents_of,
+    planned::PlannedSweep, setting::SweepContext, unit_store,
 };
 
 use crate::cluster::{
@@ -29,8 +29,8 @@ use crate::cluster::{
     inputs,
     maker::Maker,
     plan_file::{
-        FORMAT, INPUTS, PLAN, PlanFile, PlannedPart, PlannedPass, PlannedStudy, Shard, SweepPart,
-        inputs_in, path_in,
+        FORMAT, INPUTS, PLAN, PartStreams, PlanFile, PlannedPart, PlannedPass, PlannedStudy, Shard,
+        SweepPart, inputs_in, path_in,
     },
     results::{self, Header},
     status::{Summary, summary},
@@ -213,29 +213,34 @@ impl Planning<'_> {
         let plan = setting.plan(study, &environments, &baselines, None);
         let store = unit_store(&job.layout().sweep(), None);
         let KnownUnits { stored, .. } = KnownUnits::of(&plan, &store, job, ResultSource::default());
-        let runs: Vec<(EnvironmentId, usize)> = environments
-            .iter()
-            .flat_map(|environment| (0..environment.runs()).map(move |run| (environment.id(), run)))
-            .collect();
         if plan.left(&stored) == 0 {
             return Ok(None);
         }
         context.say("timing some steps of a pass");
         let cost = setting.cost(study, &self.measured, &context.silent().progress())?;
-        let sensors: Vec<&String> = setting.sensors.iter().map(|(sensor, _)| sensor).collect();
-        let secs = cost.of(sensors.len()) * runs.len() as f64;
-        let groups = self.division.groups(runs.len(), sensors.len(), secs);
-        let groups: Vec<BTreeSet<String>> = evenly(sensors.len(), groups)
-            .map(|range| sensors[range].iter().map(|sensor| (*sensor).clone()).collect())
-            .collect();
+        let mut groups: Vec<BTreeSet<String>> = Vec::new();
         let mut work = Vec::new();
-        for (environment, run) in runs {
-            for (group, sensors) in groups.iter().enumerate() {
-                let pass = PassId { environment, run, sensors: sensors.clone() };
-                if self.is_needed(&plan, &pass, &stored) {
-                    let secs = cost.of(sensors.len());
-                    let pass = PlannedPass { part: number, environment, run, group, secs };
-                    work.push(StagedPass { stage: plan.stage(environment, run), pass });
+        for (StudyGroup { sensors, .. }, environments) in setting.groups.iter().zip(&environments) {
+            let runs: Vec<(EnvironmentId, usize)> = environments
+                .iter()
+                .flat_map(|place| (0..place.runs()).map(move |run| (place.id(), run)))
+                .collect();
+            let secs = cost.of(sensors.len()) * runs.len() as f64;
+            let count = self.division.groups(runs.len(), sensors.len(), secs);
+            let first = groups.len();
+            groups.extend(
+                evenly(sensors.len(), count)
+                    .map(|range| sensors[range].iter().cloned().collect::<BTreeSet<String>>()),
+            );
+            for (environment, run) in runs {
+                for (group, sensors) in groups.iter().enumerate().skip(first) {
+                    let pass = PassId { environment, run, sensors: sensors.clone() };
+                    if self.is_needed(&plan, &pass, &stored) {
+                        let stage = plan.stage(&pass);
+                        let secs = cost.of(sensors.len());
+                        let pass = PlannedPass { part: number, environment, run, group, secs };
+                        work.push(StagedPass { stage, pass });
+                    }
                 }
             }
         }
@@ -249,8 +254,8 @@ impl Planning<'_> {
             planned: PlannedSweep::of(study, &setting.candidates, &plan, None),
             sensors: setting.sensors.clone(),
             groups,
-            span: setting.streams.demand.span,
-            environments: setting.environments.described.clone(),
+            span: setting.span(),
+            streams: part_streams(&setting),
             width,
             mapped,
             files,
@@ -267,7 +272,8 @@ impl Planning<'_> {
         stored: &[UnitRuns],
     ) -> Result<(Files, u64), StepError> {
         let place = inputs_in(self.directory, number);
-        let described = &setting.environments.described;
+        // Every discount factor has the same members.
+        let described = &setting.environments.described[0];
         let Some(record) = self.record.as_deref_mut() else {
             let files = inputs::of_model(setting);
             let mapped = inputs::mapped_bytes(&job.layout().model(), &files, described);
@@ -288,7 +294,7 @@ impl Planning<'_> {
 
     /// Whether a unit of a pass has no result, and no part before makes it. Values of later stages of a race are not known yet.
     fn is_needed(&mut self, plan: &Plan<'_>, pass: &PassId, stored: &StoredUnits) -> bool {
-        if plan.stage(pass.environment, pass.run) > 0 {
+        if plan.stage(pass) > 0 {
             return pass.units().any(|unit| !stored.whole().contains_key(&unit));
         }
         let ready = plan.ready(std::slice::from_ref(pass), &BTreeMap::new());
@@ -326,6 +332,18 @@ impl Planning<'_> {
         }
         shards
     }
+}
+
+/// What the sensors of each discount factor are trained on.
+fn part_streams(setting: &SweepContext) -> Vec<PartStreams> {
+    let groups = setting.groups.iter().zip(&setting.environments.described);
+    let streams = groups.map(|(group, environments)| PartStreams {
+        sensors: group.sensors.clone(),
+        candidates: group.candidates.clone(),
+        span: group.streams.demand.span,
+        environments: environments.clone(),
+    });
+    streams.collect()
 }
 
 /// Bytes that a shard takes on one thread.

@@ -20,7 +20,7 @@ pub(crate) const PLAN: &str = "plan.json";
 pub(crate) const INPUTS: &str = "inputs";
 
 /// Version of a plan and of what lies beside it.
-pub(crate) const FORMAT: u32 = 3;
+pub(crate) const FORMAT: u32 = 4;
 
 /// A plan.
 #[derive(Debug, Serialize, Deserialize)]
@@ -108,14 +108,26 @@ pub(crate) struct SweepPart {
     pub(crate) sensors: Vec<(String, usize)>,
     /// Sensors that share passes.
     pub(crate) groups: Vec<BTreeSet<String>>,
+    /// How long the longest streams are.
     pub(crate) span: Span,
-    pub(crate) environments: Vec<EnvironmentSpec>,
+    /// What the sensors of each discount factor are trained on.
+    pub(crate) streams: Vec<PartStreams>,
     /// Columns of the states.
     pub(crate) width: usize,
     /// Bytes of the files that one shard maps at most.
     pub(crate) mapped: u64,
     /// The files that shards read, by their names in the part's folder of inputs.
     pub(crate) files: Files,
+}
+
+/// What the agents of the sensors of one discount factor are and are trained on.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct PartStreams {
+    pub(crate) sensors: Vec<String>,
+    /// Those of the part, with this discount factor.
+    pub(crate) candidates: Vec<Candidate>,
+    pub(crate) span: Span,
+    pub(crate) environments: Vec<EnvironmentSpec>,
 }
 
 /// What one process does.

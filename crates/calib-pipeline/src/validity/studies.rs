@@ -210,6 +210,12 @@ pub(super) fn check(studies: &[ListedStudy]) -> Result<(), StepError> {
             "{} holds no data out, so nobody can say how well calib chooses there; set data.held_out, or leave it out",
             path.display()
         );
+        ensure!(
+            study.gammas() == [study.agent.gamma],
+            "{} gives sensors discount factors of their own (agent.gammas), and validity compares plants by one; make a study for each \
+             discount factor, or leave it out",
+            path.display()
+        );
         let seed = Seed::new(study.seed).child("sweep");
         let candidates = candidates(&study.sweep, &study.agent, seed)
             .with_context(|| path.display().to_string())?;

@@ -132,7 +132,7 @@ pub fn run(job: &Job, context: &RunContext) -> Result<StepResult<PretrainedAgent
                 continue;
             }
         };
-        let config = study.pretrain.agent(&study.agent);
+        let config = study.pretrain.agent(&study.agent.for_sensor(sensor));
         let agent =
             write_agent(&directory, (sensor, *column), key.clone(), config, width, pretrained)?;
         done.insert(sensor.clone(), agent);
@@ -296,21 +296,34 @@ pub(super) fn train(
     }
     let frames = &parts.pretrain.as_ref().context("agents are pre-trained")?.frames;
     let stream = RowStream::replay(frames.states().clone(), frames.segments());
-    let config: AgentConfig = study.pretrain.agent(&study.agent);
-    let seen = with_traces(&stream, &config.traces);
+    let configs: Vec<AgentConfig> = missing
+        .iter()
+        .map(|wanted| study.pretrain.agent(&study.agent.for_sensor(&wanted.sensor)))
+        .collect();
+    let seen = with_traces(&stream, &study.agent.traces);
     // What agents are validated on is new to their baselines as well.
     let validated = (frames.rows() as f64 * study.pretrain.validation_fraction).round() as usize;
     let validated = frames.rows() - validated.max(1)..frames.rows();
-    let fitter = Fitter::new(&*seen, config.gamma, std::slice::from_ref(&validated));
-    let fitted: Vec<Option<FittedPredictor>> =
-        missing.iter().map(|wanted| Some(fitter.fit(config.baseline?, wanted.column))).collect();
+    let excluded = std::slice::from_ref(&validated);
+    let gammas = study.gammas().into_iter();
+    let fitters: Vec<(f64, Fitter<'_>)> =
+        gammas.map(|gamma| (gamma, Fitter::new(&*seen, gamma, excluded))).collect();
+    let fitted: Vec<Option<FittedPredictor>> = missing
+        .iter()
+        .zip(&configs)
+        .map(|(wanted, config)| {
+            let (_, fitter) = fitters.iter().find(|(gamma, _)| *gamma == config.gamma)?;
+            Some(fitter.fit(config.baseline?, wanted.column))
+        })
+        .collect();
     let baselines: Vec<Option<Vec<f32>>> =
         fitted.iter().map(|fitted| Some(fitted.as_ref()?.predictions(&*seen))).collect();
     let learners: Vec<Learner<'_>> = missing
         .iter()
+        .zip(&configs)
         .zip(&baselines)
-        .map(|(wanted, baseline)| Learner {
-            config: &config,
+        .map(|((wanted, config), baseline)| Learner {
+            config,
             cumulant: wanted.column,
             start: None,
             baseline: baseline.as_deref(),

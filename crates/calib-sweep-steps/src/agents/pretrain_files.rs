@@ -87,7 +87,7 @@ pub(crate) fn agent_key(
     sensor: &str,
     column: usize,
 ) -> Result<String, StepError> {
-    let agent = study.pretrain.agent(&study.agent);
+    let agent = study.pretrain.agent(&study.agent.for_sensor(sensor));
     let settings = study.pretrain.settings();
     artefact::key(&(PretrainFacts::FORMAT, data, sensor, column, agent, settings, study.seed))
 }
@@ -389,11 +389,11 @@ fn check_candidate(
         agent.layer_sizes
     );
     ensure!(
-        candidate.agent.gamma == agent.agent.gamma,
+        candidate.agent.gamma_for(&agent.sensor) == agent.agent.gamma,
         "{} predicts returns with gamma = {} and the agent for {} in {} was pre-trained with gamma = {}; \
          give both the same",
         candidate.label(),
-        candidate.agent.gamma,
+        candidate.agent.gamma_for(&agent.sensor),
         agent.sensor,
         directory.display(),
         agent.agent.gamma

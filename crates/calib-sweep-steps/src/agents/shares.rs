@@ -119,7 +119,7 @@ pub(super) fn run(
     {
         let ended = match ended {
             Ok(pretrained) => {
-                let config = study.pretrain.agent(&study.agent);
+                let config = study.pretrain.agent(&study.agent.for_sensor(sensor));
                 let state = (sensor.as_str(), *column);
                 // Beside the agents that the manifest tells of, until all are there.
                 let place = directory.join(SHARES);

@@ -4,7 +4,7 @@ use std::{fmt, path::Path};
 
 use calib_agent::{AgentConfig, CurveRule, Part, RunOutcome, score_predictions};
 use calib_base::{
-    StepError, artefact, ensure,
+    StepError, artefact, bail, ensure,
     log::{context::RunContext, partition},
     output::Printer,
 };
@@ -95,6 +95,13 @@ impl SweepStreams {
 
     fn new(job: &Job, context: &RunContext) -> Result<Self, StepError> {
         let study = job.study();
+        let gamma = match study.gammas()[..] {
+            [gamma] if gamma == study.agent.gamma => gamma,
+            _ => bail!(
+                "agent.gammas gives sensors other discount factors than agent.gamma, and agents that calib does not know learn from \
+                 streams of one; remove it, and make a study for each discount factor"
+            ),
+        };
         let model = model_files::open_if_any(job)?;
         let dataset: Dataset = partition::load(job, context)?.dataset;
         if let Some(model) = &model {
@@ -106,10 +113,13 @@ impl SweepStreams {
             values: Vec::new(),
             agent: study.agent.clone(),
         }];
-        let streams = Streams::of(study, &dataset, &only, context)?;
+        let streams = Streams::of(study, &dataset, gamma)?;
+        for note in &streams.notes {
+            context.warn(note);
+        }
         let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
         let scales = error_scales(&dataset, &sensors, &only);
-        let made = Environments::describe(job, model.as_ref(), &dataset, &streams, context)?;
+        let made = Environments::describe(job, model.as_ref(), &dataset, [&streams], context)?;
         let sources = Sources {
             states: model.as_ref().map(|model| &model.frames),
             model: model.as_ref().map(|model| &*model.model),
@@ -117,7 +127,7 @@ impl SweepStreams {
             held_out: dataset.held_out.as_ref(),
         };
         let rolling = StreamParameters::of(study, streams.demand.span)?;
-        let environments = open_all(&made.described, sources, rolling)?;
+        let environments = open_all(&made.described[0], sources, rolling)?;
         let seed = Seed::new(study.seed).child("agent");
         let mut runs = Vec::new();
         for environment in &environments {

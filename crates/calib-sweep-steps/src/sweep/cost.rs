@@ -33,8 +33,11 @@ pub(crate) struct TrainedInPass<'a> {
 impl<'a> TrainedInPass<'a> {
     /// What the passes of a sweep train.
     pub(crate) fn of(study: &'a Study, setting: &'a SweepContext) -> Self {
-        let SweepContext { candidates, sensors, starts, streams, .. } = setting;
-        Self { study, candidates, sensors, starts, steps: streams.demand.span.steps }
+        let SweepContext { groups, sensors, starts, .. } = setting;
+        // What a pass takes does not depend on the discount factor.
+        let group = &groups[0];
+        let steps = group.streams.demand.span.steps;
+        Self { study, candidates: &group.candidates, sensors, starts, steps }
     }
 }
 

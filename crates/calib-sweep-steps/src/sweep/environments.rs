@@ -140,32 +140,43 @@ impl EnvironmentSpec {
 }
 
 /// Everything that agents are trained in.
-#[derive(Default)]
 pub struct Environments {
-    /// What each is made of, in the order of the sweep.
-    pub described: Vec<EnvironmentSpec>,
+    /// What each is made of, in the order of the sweep, for each group of sensors.
+    pub described: Vec<Vec<EnvironmentSpec>>,
     /// What the reader should know of start states.
     pub(crate) starts: Vec<String>,
 }
 
 impl Environments {
-    /// As long as `streams` says.
-    pub(crate) fn describe(
+    /// Those of the members of a model, if there is one, and of the windows of each of these `streams`.
+    pub(crate) fn describe<'s>(
         job: &Job,
         model: Option<&OpenModel>,
         dataset: &Dataset,
-        streams: &Streams,
+        streams: impl IntoIterator<Item = &'s Streams>,
         printer: &Printer,
     ) -> Result<Self, StepError> {
         let members =
-            model.map(|model| Self::of_model(job, model, dataset, printer)).transpose()?;
-        let mut all = members.unwrap_or_default();
-        all.described.extend(replayed(job, dataset, streams));
-        Ok(all)
+            model.map(|model| Members::describe(job, model, dataset, printer)).transpose()?;
+        let Members { described, starts } = members.unwrap_or_default();
+        let groups = streams.into_iter().map(|streams| {
+            let all = described.iter().cloned().chain(replayed(job, dataset, streams));
+            all.collect::<Vec<EnvironmentSpec>>()
+        });
+        Ok(Self { described: groups.collect(), starts })
     }
+}
 
-    /// The members of a model.
-    fn of_model(
+/// The members of a model.
+#[derive(Default)]
+struct Members {
+    described: Vec<EnvironmentSpec>,
+    /// What the reader should know of start states.
+    starts: Vec<String>,
+}
+
+impl Members {
+    fn describe(
         job: &Job,
         model: &OpenModel,
         dataset: &Dataset,

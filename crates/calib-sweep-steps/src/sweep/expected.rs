@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use crate::sweep::{
     cost::{Cost, MEASURED_STEPS, TrainedInPass},
+    groups::StudyGroup,
     plan::{DryRunTally, Memory, Sizes, SweepPlan, agents_of},
     setting::{candidates_of, scorable},
 };
@@ -98,26 +99,31 @@ pub fn before_model(
 ) -> Result<(), StepError> {
     let study = job.study();
     let candidates = candidates_of(study)?;
-    let (parts, streams) = scorable(job, &candidates, &context.silent())?;
-    let Ok(streams) = streams else { return Ok(()) };
+    let (parts, groups) = scorable(job, &candidates, &context.silent())?;
+    let Ok(groups) = groups else { return Ok(()) };
+    let span = StudyGroup::longest(&groups);
     let dataset = &parts.dataset;
     let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
     let starts = BTreeMap::new();
-    let steps = streams.demand.span.steps;
-    let trained =
-        TrainedInPass { study, candidates: &candidates, sensors: &sensors, starts: &starts, steps };
+    let trained = TrainedInPass {
+        study,
+        candidates: &groups[0].candidates,
+        sensors: &sensors,
+        starts: &starts,
+        steps: span.steps,
+    };
     let online = if dataset.held_out.is_some() { study.sweep.online_runs } else { 0 };
     let passes = study.members() * study.member_runs() + online + study.sweep.log_replay_runs;
     let left = passes - counted.again(streams_of(job, online).into_iter());
     let units = passes * sensors.len();
-    let sizes = Sizes::of(study, dataset, streams.demand.span, [units, passes]);
+    let sizes = Sizes::of(study, dataset, span, [units, passes]);
     let threads = rayon::current_num_threads();
     // What stands in for a log is in memory itself.
     if context.stands_in().is_none() {
         Memory::of(&sizes, &agents_of(&candidates), threads).check()?;
     }
     let frames = &dataset.train;
-    let states = streams.demand.span.states().min(frames.rows()).min(MEASURED_STEPS);
+    let states = span.states().min(frames.rows()).min(MEASURED_STEPS);
     let replayed = RowStream::looped(frames.states().clone(), frames.segments(), 0, states);
     let streamed = RunStream::complete(replayed, RowIndex::new(0));
     let progress = context.silent().progress();

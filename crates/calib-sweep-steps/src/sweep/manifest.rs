@@ -31,7 +31,7 @@ pub struct SweepFacts {
     /// What Online replays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) held_out: Option<HeldOut>,
-    /// How long streams are.
+    /// How long streams are; of sensors with several discount factors, those of the first sensor.
     pub span: Span,
     /// What trained the agents, if not calib's own arithmetic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -39,6 +39,9 @@ pub struct SweepFacts {
     /// The windows of it that are replayed, in the order of time.
     #[serde(default)]
     pub windows: Vec<OnlineWindow>,
+    /// The streams of sensors with other discount factors than the first one's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) other_streams: Vec<OtherStreams>,
     /// What errors are divided by.
     pub scales: Vec<ErrorScale>,
     /// Sensors that stand still in all of these windows.
@@ -56,6 +59,15 @@ pub struct SweepFacts {
     /// What simple predictors came to, from a file beside the manifest.
     #[serde(skip)]
     pub(crate) simple: SimpleErrors,
+}
+
+/// The streams of sensors whose discount factor is not that of the first sensor.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct OtherStreams {
+    pub(crate) sensors: Vec<String>,
+    pub(crate) span: Span,
+    /// What Online replays.
+    pub(crate) windows: Vec<OnlineWindow>,
 }
 
 /// The training states of a sweep.
@@ -115,6 +127,21 @@ impl SweepFacts {
         }
     }
 
+    /// How long the streams of a sensor are.
+    pub(crate) fn span_of(&self, sensor: &str) -> Span {
+        self.streams_of(sensor).map_or(self.span, |other| other.span)
+    }
+
+    /// What Online replays for a sensor.
+    pub(crate) fn windows_of(&self, sensor: &str) -> &[OnlineWindow] {
+        self.streams_of(sensor).map_or(&self.windows[..], |other| &other.windows[..])
+    }
+
+    /// The streams of a sensor, if they are others than those of the first one.
+    fn streams_of(&self, sensor: &str) -> Option<&OtherStreams> {
+        self.other_streams.iter().find(|other| other.sensors.iter().any(|own| own == sensor))
+    }
+
     /// This `command`, on the device that the sweep was made on, if it was one.
     pub(crate) fn again(&self, command: &str) -> String {
         let device = self.arithmetic.as_deref().and_then(|class| class.strip_prefix("libtorch-"));
@@ -139,6 +166,7 @@ impl SweepFacts {
             span,
             arithmetic: None,
             windows: Vec::new(),
+            other_streams: Vec::new(),
             scales: Vec::new(),
             standing_still: Vec::new(),
             left_out: None,

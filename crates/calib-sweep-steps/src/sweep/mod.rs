@@ -4,6 +4,7 @@ pub(crate) mod constant_sensors;
 pub mod cost;
 pub mod environments;
 pub mod expected;
+pub mod groups;
 mod manifest;
 pub(crate) mod notes;
 pub mod plan;

@@ -9,22 +9,23 @@ use calib_sweep::{EnvironmentId, NotFinite, UnitResult};
 
 use crate::sweep::{
     constant_sensors::{self, ConstantSensor},
-    streams::Streams,
+    groups::StudyGroup,
 };
 
 /// The sensors that stand still in a window of what is held out, with a warning of each.
 pub(crate) fn standing_still(
     dataset: &Dataset,
-    streams: &Streams,
+    groups: &[StudyGroup],
     sensors: &[(String, usize)],
     printer: &Printer,
 ) -> Vec<ConstantSensor> {
-    let constant = match (&streams.online, &dataset.held_out) {
-        (Some(windows), Some(held_out)) => {
-            constant_sensors::all(held_out.states(), windows, sensors)
+    let mut constant = Vec::new();
+    for group in groups {
+        if let (Some(windows), Some(held_out)) = (&group.streams.online, &dataset.held_out) {
+            let own = group.own(sensors);
+            constant.extend(constant_sensors::all(held_out.states(), windows, &own));
         }
-        _ => Vec::new(),
-    };
+    }
     for sensor in &constant {
         printer.warn(&sensor.note());
     }

@@ -165,7 +165,7 @@ impl Sizes {
             units,
             passes,
             predicted_runs: match study.model.kind.family() {
-                ModelFamily::Network => study.member_runs(),
+                ModelFamily::Network => study.member_runs() * study.gammas().len(),
                 ModelFamily::Neighbors | ModelFamily::None => 0,
             },
         }

@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 use crate::sweep::{
     constant_sensors::ConstantSensor,
     expected::Expected,
-    manifest::{SweepFacts, SweepManifest},
+    manifest::{OtherStreams, SweepFacts, SweepManifest},
     notes::{failed_rollouts, saved},
     plan::{DryRunTally, Memory, Sizes, SweepPlan, agents_of},
     planned::PlannedSweep,
@@ -165,7 +165,7 @@ fn sweep(
         Ok(setting) => setting,
         Err(unsettled) => return leave_out(job, unsettled, context),
     };
-    let span = setting.streams.demand.span;
+    let span = setting.span();
     let environments = setting.open(study)?;
     let baselines = Baselines::new(&setting.dataset.train);
     let plan = setting.plan(study, &environments, &baselines, accelerator);
@@ -252,7 +252,8 @@ fn expected(
     context: &RunContext,
 ) -> Result<Expected, StepError> {
     let cost = setting.cost(job.study(), counted.measured(), &context.silent().progress())?;
-    let expected = Expected::of(cost, plan, passes, setting.sensors.len(), job.study());
+    let sensors_of_pass = setting.sensors.len().div_ceil(setting.groups.len());
+    let expected = Expected::of(cost, plan, passes, sensors_of_pass, job.study());
     counted.expect(job, expected.clone());
     Ok(expected)
 }
@@ -265,7 +266,7 @@ fn facts(
     results: &[UnitResult],
     printer: &Printer,
 ) -> Result<SweepFacts, StepError> {
-    let SweepContext { model, dataset, candidates, streams, sensors, constant_sensors, .. } =
+    let SweepContext { model, dataset, candidates, groups, sensors, constant_sensors, .. } =
         setting;
     let units = plan.planned(results);
     let settings: Vec<String> = plan.settings().iter().map(ToString::to_string).collect();
@@ -273,16 +274,24 @@ fn facts(
     let failed = failed_rollouts(results, &dataset.normaliser, printer);
     let notes = [
         setting.notes.clone(),
-        streams.notes.clone(),
+        groups.iter().flat_map(|group| group.streams.notes.clone()).collect(),
         constant_sensors.iter().map(ConstantSensor::note).collect(),
         setting.environments.starts.clone(),
         failed,
     ];
     let content = model.as_ref().map(|model| model_files::content(&model.manifest)).transpose()?;
-    let span = streams.demand.span;
+    let (first, others) =
+        groups.split_first().unwrap_or_else(|| unreachable!("at least one group"));
+    let others = others.iter().map(|group| OtherStreams {
+        sensors: group.sensors.clone(),
+        span: group.streams.demand.span,
+        windows: windows(dataset, &group.streams),
+    });
+    let span = first.streams.demand.span;
     Ok(SweepFacts {
         key: artefact::key(&(&units, &settings))?,
-        windows: windows(dataset, streams),
+        windows: windows(dataset, &first.streams),
+        other_streams: others.collect(),
         standing_still: constant_sensors.iter().filter_map(ConstantSensor::everywhere).collect(),
         scales: error_scales(dataset, sensors, candidates),
         settings,
@@ -375,8 +384,7 @@ fn leave_out(
     if job.policy().is_dry() {
         return Ok(StepResult::Nothing(Outcome::Negative));
     }
-    let span =
-        Span::new(study.sweep.steps, candidates.iter().map(|candidate| candidate.agent.gamma));
+    let span = Span::new(study.sweep.steps, study.gammas());
     let facts = SweepFacts {
         key: artefact::key(&reason)?,
         left_out: Some(reason),

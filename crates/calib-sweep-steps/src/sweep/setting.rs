@@ -15,8 +15,8 @@ use calib_data::Dataset;
 use calib_model_steps::model::model_files::{self, OpenModel};
 use calib_study::{Job, Study};
 use calib_sweep::{
-    Baselines, Candidate, Environment, Plan, PlanOptions, Program, RaceKind, Span, Start,
-    candidates, recorded_windows,
+    Baselines, Candidate, Environment, Plan, PlanOptions, Program, RaceKind, SensorGroup, Span,
+    Start, candidates, recorded_windows,
 };
 
 use crate::{
@@ -26,11 +26,14 @@ use crate::{
         constant_sensors::ConstantSensor,
         cost::{Cost, MEASURED_STEPS, MeasuredPasses, TrainedInPass},
         environments::{Environments, Sources, StreamParameters, open_all},
+        groups::{StudyGroup, planned_sensors},
         notes::standing_still,
         simple::SimpleErrors,
-        streams::Streams,
     },
 };
+
+/// The environments that the agents of one group of sensors are trained in.
+pub type OpenedEnvironments<'a> = Vec<Box<dyn Environment + 'a>>;
 
 /// A sweep that can be planned.
 pub struct SweepContext {
@@ -39,10 +42,10 @@ pub struct SweepContext {
     /// The log.
     pub dataset: Dataset,
     pub(crate) pretrain: Option<PretrainPart>,
-    /// What agents are trained with, in the order of the results.
+    /// What agents are trained with, in the order of the results, with the discount factors of all sensors.
     pub candidates: Vec<Candidate>,
-    /// How long streams are, and which windows of the log they are.
-    pub streams: Streams,
+    /// The sensors of each discount factor, with their streams.
+    pub groups: Vec<StudyGroup>,
     /// What they are trained in.
     pub environments: Environments,
     /// Name and column of each.
@@ -77,21 +80,21 @@ impl SweepContext {
         let study = job.study();
         let candidates = candidates_of(study)?;
         let model = model_files::open_if_any(job)?;
-        let (Parts { dataset, pretrain, .. }, streams) = scorable(job, &candidates, context)?;
+        let (Parts { dataset, pretrain, .. }, groups) = scorable(job, &candidates, context)?;
         if let Some(model) = &model {
             model_files::check_data(job, &model.manifest, &dataset)?;
         }
-        let streams = match streams {
-            Ok(streams) => streams,
+        let groups = match groups {
+            Ok(groups) => groups,
             Err(reason) => {
                 let model = model.map(|model| model_files::content(&model.manifest)).transpose()?;
                 return Ok(Err(SkippedDeployment { dataset, model, candidates, reason }));
             }
         };
-        let environments =
-            Environments::describe(job, model.as_ref(), &dataset, &streams, context)?;
+        let streams = groups.iter().map(|group| &group.streams);
+        let environments = Environments::describe(job, model.as_ref(), &dataset, streams, context)?;
         let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
-        let constant_sensors = standing_still(&dataset, &streams, &sensors, context);
+        let constant_sensors = standing_still(&dataset, &groups, &sensors, context);
         let (starts, notes) =
             pretrain_files::starts(job, &dataset, pretrain.as_ref(), &sensors, &candidates)?;
         context.say_all(&notes);
@@ -100,7 +103,7 @@ impl SweepContext {
             dataset,
             pretrain,
             candidates,
-            streams,
+            groups,
             environments,
             sensors,
             constant_sensors,
@@ -110,12 +113,20 @@ impl SweepContext {
         }))
     }
 
-    /// The environments, opened.
+    /// How long the longest streams are.
+    pub fn span(&self) -> Span {
+        StudyGroup::longest(&self.groups)
+    }
+
+    /// The environments of each group of sensors, opened.
     ///
     /// # Errors
     /// As [`EnvironmentSpec::open`](super::environments::EnvironmentSpec::open).
-    pub fn open(&self, study: &Study) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
-        self.open_of(study, self.streams.demand.span)
+    pub fn open(&self, study: &Study) -> Result<Vec<OpenedEnvironments<'_>>, StepError> {
+        let groups = self.groups.iter().enumerate();
+        groups
+            .map(|(number, group)| self.open_of(study, number, group.streams.demand.span))
+            .collect()
     }
 
     /// What their passes take, by some steps of one.
@@ -128,17 +139,19 @@ impl SweepContext {
         measured: &MeasuredPasses,
         monitor: &dyn Monitor,
     ) -> Result<Cost, StepError> {
-        let span = self.streams.demand.span;
+        let span = self.groups[0].streams.demand.span;
         let short = Span { steps: span.steps.min(MEASURED_STEPS), ..span };
-        let environments = self.open_of(study, short)?;
+        let environments = self.open_of(study, 0, short)?;
         Cost::measure(TrainedInPass::of(study, self), &environments, measured, monitor)
     }
 
+    /// The environments of a group, whose streams are so long.
     fn open_of(
         &self,
         study: &Study,
+        group: usize,
         span: Span,
-    ) -> Result<Vec<Box<dyn Environment + '_>>, StepError> {
+    ) -> Result<OpenedEnvironments<'_>, StepError> {
         let sources = Sources {
             states: self.model.as_ref().map(|model| &model.frames),
             model: self.model.as_ref().map(|model| &*model.model),
@@ -146,47 +159,62 @@ impl SweepContext {
             held_out: self.dataset.held_out.as_ref(),
         };
         let rolling = StreamParameters::of(study, span)?;
-        open_all(&self.environments.described, sources, rolling)
+        open_all(&self.environments.described[group], sources, rolling)
     }
 
     /// What simple predictors come to over the recorded windows of the environments.
     pub(crate) fn simple_errors(
         &self,
-        environments: &[Box<dyn Environment + '_>],
+        environments: &[OpenedEnvironments<'_>],
         baselines: &Baselines<'_>,
     ) -> Result<SimpleErrors, StepError> {
-        let environments: Vec<&dyn Environment> =
-            environments.iter().map(|environment| &**environment).collect();
-        let windows = recorded_windows(&environments)?;
-        let predicted = (&self.sensors[..], &self.dataset.normaliser);
-        let agent = &self.candidates[0].agent;
-        let span = self.streams.demand.span;
-        SimpleErrors::measure(baselines, &windows, predicted, agent, span)
+        let mut all = SimpleErrors::default();
+        for (group, environments) in self.groups.iter().zip(environments) {
+            let environments: Vec<&dyn Environment> =
+                environments.iter().map(|environment| &**environment).collect();
+            let windows = recorded_windows(&environments)?;
+            let sensors = group.own(&self.sensors);
+            let predicted = (&sensors[..], &self.dataset.normaliser);
+            let agent = &group.candidates[0].agent;
+            let span = group.streams.demand.span;
+            all.add(SimpleErrors::measure(baselines, &windows, predicted, agent, span)?);
+        }
+        Ok(all)
     }
 
     /// Runs in all: of every value, for every sensor, in every environment.
     pub(crate) fn runs(&self) -> usize {
-        let of_each: usize =
-            self.environments.described.iter().map(|environment| environment.inputs().len()).sum();
-        of_each * self.sensors.len() * self.candidates.len()
+        let groups = self.groups.iter().zip(&self.environments.described);
+        let units = groups.map(|(group, described)| {
+            let runs: usize = described.iter().map(|environment| environment.inputs().len()).sum();
+            runs * group.own(&self.sensors).len()
+        });
+        units.sum::<usize>() * self.candidates.len()
     }
 
     /// The plan of a sweep in these environments.
     pub fn plan<'a>(
         &'a self,
         study: &Study,
-        environments: &'a [Box<dyn Environment + 'a>],
+        environments: &'a [OpenedEnvironments<'a>],
         baselines: &'a Baselines<'a>,
         accelerator: Option<&'a dyn Accelerator>,
     ) -> Plan<'a> {
-        let as_dyn = environments.iter().map(|environment| &**environment).collect();
         let options = PlanOptions {
-            part: self.streams.demand.part,
-            span: self.streams.demand.span,
+            part: study.part(),
+            span: self.span(),
             curve_points: study.sweep.curve_points,
             seed: agent_seed(study),
         };
-        let plan = Plan::new(&self.candidates, as_dyn, self.sensors.clone(), options);
+        let groups =
+            self.groups.iter().zip(environments).map(|(group, environments)| SensorGroup {
+                candidates: &group.candidates,
+                environments: environments.iter().map(|environment| &**environment).collect(),
+                span: group.streams.demand.span,
+            });
+        let names: Vec<&[String]> = self.groups.iter().map(|group| &group.sensors[..]).collect();
+        let sensors = planned_sensors(&self.sensors, &names);
+        let plan = Plan::of_groups(&self.candidates, groups.collect(), sensors, options);
         let program = self.program.as_ref().map(|program| program as &dyn Program);
         let plan = plan.starting_from(self.starts.clone()).with_baselines(Some(baselines));
         raced(plan.by(program).on(accelerator), study)
@@ -219,12 +247,12 @@ pub(crate) fn candidates_of(study: &Study) -> Result<Vec<Candidate>, StepError> 
     Ok(candidates(&study.sweep, &study.agent, seed)?)
 }
 
-/// What is read, and the streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
+/// What is read, and the groups of sensors with their streams of it; or why a deployment is left out: the log has nothing of it, or nothing of it can be scored.
 pub(crate) fn scorable(
     job: &Job,
     candidates: &[Candidate],
     context: &RunContext,
-) -> Result<(Parts, Result<Streams, String>), StepError> {
+) -> Result<(Parts, Result<Vec<StudyGroup>, String>), StepError> {
     let is_one_of_several = job.deployment().is_some();
     let parts = match partition::load(job, context) {
         Err(reason) if is_one_of_several && partition::is_outside(&reason) => {
@@ -233,11 +261,11 @@ pub(crate) fn scorable(
         }
         parts => parts?,
     };
-    let streams = match Streams::of(job.study(), &parts.dataset, candidates, context) {
+    let groups = match StudyGroup::all(job.study(), &parts.dataset, candidates, context) {
         Err(reason) if is_one_of_several && matches!(reason.root(), StepError::Unscorable(_)) => {
             Err(reason.to_string())
         }
-        streams => Ok(streams?),
+        groups => Ok(groups?),
     };
-    Ok((parts, streams))
+    Ok((parts, groups))
 }

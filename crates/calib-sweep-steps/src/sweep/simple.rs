@@ -60,6 +60,14 @@ impl SimpleErrors {
         })
     }
 
+    /// Add what they came to for other sensors.
+    pub(crate) fn add(&mut self, others: Self) {
+        self.units.extend(others.units);
+        self.fitted.extend(others.fitted);
+        self.best.extend(others.best);
+        self.scores.extend(others.scores);
+    }
+
     /// What agents with `agent.baseline = "best"` start from, as a line; none where no agent does.
     pub(crate) fn starts(&self) -> Option<String> {
         (!self.best.is_empty()).then(|| format!("agents start from {}", self.best_told()))

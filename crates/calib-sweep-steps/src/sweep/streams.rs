@@ -8,7 +8,7 @@ use calib_base::{
         context::RunContext,
         partition::{self, Parts},
     },
-    output::{Printer, count, counted},
+    output::{count, counted},
 };
 use calib_core::{Frames, RowStream, Seed, Timestamp};
 use calib_data::Dataset;
@@ -16,6 +16,8 @@ use calib_study::{Job, Study};
 use calib_sweep::{Candidate, ErrorScale, ScoringDemand, Span, Windows, candidates};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::sweep::groups::StudyGroup;
 
 /// What streams a sweep has, and why they are not what the study says.
 pub struct Streams {
@@ -29,14 +31,11 @@ pub struct Streams {
 }
 
 impl Streams {
+    /// The streams for returns of this discount factor.
+    ///
     /// # Errors
     /// [`StepError::Unscorable`] if no step of the held-out range could be scored, which is better known before any is trained on.
-    pub(crate) fn of(
-        study: &Study,
-        dataset: &Dataset,
-        candidates: &[Candidate],
-        printer: &Printer,
-    ) -> Result<Self, StepError> {
+    pub(crate) fn of(study: &Study, dataset: &Dataset, gamma: f64) -> Result<Self, StepError> {
         let sweep = &study.sweep;
         let mut notes = Vec::new();
         let mut steps = sweep.steps;
@@ -53,9 +52,7 @@ impl Streams {
             None => notes
                 .push("no held-out period, so the choice cannot be checked; set data.held_out or data.train_fraction".to_owned()),
         }
-        let gammas = candidates.iter().map(|candidate| candidate.agent.gamma);
-        let gamma = gammas.clone().fold(0.0, f64::max);
-        let demand = ScoringDemand { span: Span::new(steps, gammas), gamma, part: study.part() };
+        let demand = ScoringDemand { span: Span::new(steps, [gamma]), gamma, part: study.part() };
         let online = match &dataset.held_out {
             Some(held_out) => Some(held_out_windows(study, held_out, demand, &mut notes)?),
             None => None,
@@ -69,9 +66,6 @@ impl Streams {
                 "{} of {} windows of the log are not replayed, because gaps leave hardly a step to score in them",
                 log.left_out, sweep.log_replay_runs
             ));
-        }
-        for note in &notes {
-            printer.warn(note);
         }
         Ok(Self { demand, online, log, notes })
     }
@@ -102,7 +96,7 @@ pub fn check(job: &Job, context: &RunContext) -> Result<(), StepError> {
     let silent = &context.silent();
     let Parts { dataset, .. } = partition::load(job, silent)?;
     let candidates = candidates(&study.sweep, &study.agent, Seed::new(study.seed).child("sweep"))?;
-    Streams::of(study, &dataset, &candidates, silent).map(|_| ())
+    StudyGroup::all(study, &dataset, &candidates, silent).map(|_| ())
 }
 
 fn held_out_windows(
@@ -171,23 +165,25 @@ pub(crate) fn online_windows(windows: &Windows, held_out: &Frames) -> Vec<Online
         .collect()
 }
 
-/// The scale of every sensor's errors: what its return spreads over the training range, for each discount factor.
+/// The scale of every sensor's errors: what its return spreads over the training range, for each discount factor that a candidate
+/// gives it.
 pub(crate) fn error_scales(
     dataset: &Dataset,
     sensors: &[(String, usize)],
     candidates: &[Candidate],
 ) -> Vec<ErrorScale> {
-    let mut gammas: Vec<f64> = candidates.iter().map(|candidate| candidate.agent.gamma).collect();
-    gammas.sort_by(f64::total_cmp);
-    gammas.dedup();
     let train = &dataset.train;
     let replay = RowStream::replay(train.states().clone(), train.segments());
     sensors
         .iter()
         .flat_map(|(sensor, column): &(String, usize)| {
+            let of_sensor = candidates.iter().map(|candidate| candidate.agent.gamma_for(sensor));
+            let mut gammas: Vec<f64> = of_sensor.collect();
+            gammas.sort_by(f64::total_cmp);
+            gammas.dedup();
             gammas
-                .iter()
-                .map(|&gamma| ErrorScale {
+                .into_iter()
+                .map(|gamma| ErrorScale {
                     sensor: sensor.clone(),
                     gamma,
                     returns: ReturnMoments::of(&replay, *column, gamma),

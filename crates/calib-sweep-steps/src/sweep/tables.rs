@@ -27,8 +27,7 @@ pub(crate) fn write(
 
 fn runs_table(sweep: &SweepFacts, results: &[UnitResult]) -> Table {
     let rows = rows_of(results);
-    let of_rows = rows.iter().map(|(_, row)| row.candidate);
-    let table = with_agent_columns(named(&rows), &sweep.candidates, &of_rows);
+    let table = with_agent_columns(named(&rows), &sweep.candidates, &rows);
     with_errors(table, sweep, sweep.study.part(), &rows)
 }
 
@@ -157,22 +156,24 @@ const PARTS: [(&str, Part); 3] = [
     ("rmse_final_quarter", Part::FinalQuarter),
 ];
 
-/// Every field of the agent as a column of its own.
-fn with_agent_columns(
-    mut table: Table,
-    candidates: &[Candidate],
-    rows: &(impl Iterator<Item = usize> + Clone),
-) -> Table {
+/// Every field of the agent as a column of its own, with the discount factor of the sensor.
+fn with_agent_columns(mut table: Table, candidates: &[Candidate], rows: &[Row<'_>]) -> Table {
     let agents: Vec<_> = candidates.iter().map(|candidate| candidate.agent.fields()).collect();
     let fields: Vec<String> =
         agents.first().map_or_else(Vec::new, |agent| agent.keys().cloned().collect());
     for field in fields {
-        let value = |candidate: usize| &agents[candidate][&field];
+        if field == "gamma" {
+            let gammas = rows.iter().map(|(result, row)| {
+                candidates[row.candidate].agent.gamma_for(&result.unit.sensor)
+            });
+            table = table.with(&field, gammas.collect());
+            continue;
+        }
+        let values = rows.iter().map(|(_, row)| &agents[row.candidate][&field]);
         table = if agents.iter().all(|agent| agent[&field].is_number()) {
-            let values = rows.clone().map(|row| value(row).as_f64().unwrap_or(f64::NAN));
-            table.with(&field, values.collect())
+            table.with(&field, values.map(|value| value.as_f64().unwrap_or(f64::NAN)).collect())
         } else {
-            let values = rows.clone().map(|row| calib_sweep::written(value(row)));
+            let values = values.map(calib_sweep::written);
             table.with(&field, values.collect::<Vec<String>>())
         };
     }

@@ -264,7 +264,7 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
         title: job.title(),
         choices: choices(&verdicts, &rows, &manifest.candidates),
         advice: rows.iter().map(verdict_rows::advice).collect(),
-        predicts: Some(predicts(study.agent.gamma, profile.sampled_period_secs)),
+        predicts: Some(predicts(study, profile.sampled_period_secs)),
         plain: rows.iter().map(calib_report::Verdict::plain).collect(),
         caveats: caveats(&rows),
         candidates: manifest.candidates.iter().map(Candidate::label).collect(),
@@ -274,15 +274,32 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
     Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
 }
 
-/// What an agent with this discount predicts of states that are so far apart.
-fn predicts(gamma: f64, state_secs: f64) -> String {
+/// What the agents of a study predict of states that are so far apart: a sentence for each discount factor.
+fn predicts(study: &Study, state_secs: f64) -> String {
+    let gammas = study.gammas();
+    let sentences = gammas.iter().map(|&gamma| {
+        let sensors: Vec<&str> = study.sensors_of(gamma).map(String::as_str).collect();
+        let agents = match sensors.split_last() {
+            Some((last, [])) if gammas.len() > 1 => format!("Agents for {last}"),
+            Some((last, others)) if gammas.len() > 1 => {
+                format!("Agents for {} and {last}", others.join(", "))
+            }
+            _ => "Agents".to_owned(),
+        };
+        predicted_by(&agents, gamma, state_secs)
+    });
+    sentences.collect::<Vec<String>>().join(" ")
+}
+
+/// What these agents, which have this discount factor, predict of states that are so far apart.
+fn predicted_by(agents: &str, gamma: f64, state_secs: f64) -> String {
     let state = span(state_secs);
     if gamma == 0.0 {
-        return format!("Agents predict the next value of their sensor, {state} ahead.");
+        return format!("{agents} predict the next value of their sensor, {state} ahead.");
     }
     let horizon = span(state_secs / (1.0 - gamma));
     format!(
-        "Agents predict the mean of their sensor over about the next {horizon} (gamma = {gamma}, one state every {state})."
+        "{agents} predict the mean of their sensor over about the next {horizon} (gamma = {gamma}, one state every {state})."
     )
 }
 

@@ -1,5 +1,7 @@
 //! What the report says about the data.
 
+use std::collections::BTreeSet;
+
 use calib_data::{ChannelProfile, format_time};
 use calib_report::{Channel, ChannelStatus, DataProfile};
 
@@ -25,17 +27,23 @@ pub(crate) fn subtitle(learned: &Learned, judged: &Judged) -> String {
 
 /// What of the held-out rows was replayed: windows may be fewer than fit, and the rest of the range has judged nothing.
 fn windows(judged: &Judged, held_out_rows: u64) -> String {
-    let count = judged.manifest.windows.len();
     let steps = judged.manifest.span.steps;
-    let share = (count * steps) as f64 / held_out_rows as f64;
-    let unit = if count == 1 { "window" } else { "windows" };
+    // Sensors with a longer horizon may have fewer.
+    let sensors = judged.study().sweep.sensors.iter();
+    let counts: BTreeSet<usize> =
+        sensors.map(|sensor| judged.manifest.windows_of(sensor).len()).collect();
+    let shares = counts
+        .iter()
+        .map(|count| calib_report::percent((count * steps) as f64 / held_out_rows as f64));
+    let unit = if counts.iter().all(|&count| count == 1) { "window" } else { "windows" };
     let beside_gaps = share_beside_gaps(judged)
         .filter(|share| *share < 1.0 - LOST_TO_GAPS)
         .map(|share| format!("; gaps leave {} of them to score", calib_report::percent(share)));
     format!(
-        "{count} {unit} of {} steps ({} of the states{})",
+        "{} {unit} of {} steps ({} of the states{})",
+        counts.iter().map(ToString::to_string).collect::<Vec<String>>().join(" or "),
         calib_report::count(steps as u64),
-        calib_report::percent(share),
+        shares.collect::<Vec<String>>().join(" or "),
         beside_gaps.unwrap_or_default()
     )
 }
@@ -46,11 +54,13 @@ const LOST_TO_GAPS: f64 = 0.1;
 /// The share of the windows' steps that are scored, of those that would be without gaps.
 fn share_beside_gaps(judged: &Judged) -> Option<f64> {
     let study = judged.job.study();
-    let span = judged.manifest.span;
+    let mut verdicts = judged.summary.verdicts.iter();
+    let (sensor, truth) =
+        verdicts.find_map(|verdict| Some((&verdict.sensor, verdict.truth.as_ref()?)))?;
+    let span = judged.manifest.span_of(sensor);
     let unbroken = 0..span.states();
-    let whole =
-        study.part().scored_steps(std::slice::from_ref(&unbroken), study.agent.gamma, span.steps);
-    let truth = judged.summary.verdicts.iter().find_map(|verdict| verdict.truth.as_ref())?;
+    let gamma = study.agent.gamma_for(sensor);
+    let whole = study.part().scored_steps(std::slice::from_ref(&unbroken), gamma, span.steps);
     let scored: usize = truth.windows.iter().map(|window| window.scored_steps).sum();
     let all = whole * truth.windows.len();
     (all > 0).then(|| scored as f64 / all as f64)

@@ -7,19 +7,28 @@ use calib_core::Seed;
 use calib_files::{Fingerprint, Fingerprinter};
 use serde::Serialize;
 
-use super::{Plan, RESULT_VERSION};
+use super::{Plan, RESULT_VERSION, SensorGroup};
 use crate::{Baselines, Candidate, Program, Span, Start, Unit};
+
+/// What the runs of a unit follow from, beside their settings and what holds for the whole plan.
+pub(super) struct UnitInputs<'i> {
+    pub(super) group: &'i SensorGroup<'i>,
+    /// Column of the states that is predicted.
+    pub(super) column: usize,
+    pub(super) agents: &'i [&'i Candidate],
+    /// What the agents start from, if they were pre-trained.
+    pub(super) start: Option<&'i Start>,
+    pub(super) seed: Seed,
+    /// Of what the stream is made from.
+    pub(super) stream: &'i Fingerprint,
+}
 
 impl Plan<'_> {
     /// Fingerprint of everything that the runs of a unit follow from beside their settings.
     pub(super) fn key(
         &self,
         unit: &Unit,
-        column: usize,
-        agents: &[&Candidate],
-        start: Option<&Start>,
-        seed: Seed,
-        inputs: &Fingerprint,
+        &UnitInputs { group, column, agents, start, seed, stream }: &UnitInputs<'_>,
     ) -> String {
         #[derive(Serialize)]
         struct Key<'k> {
@@ -36,6 +45,9 @@ impl Plan<'_> {
             program: Option<&'k Fingerprint>,
             #[serde(skip_serializing_if = "Option::is_none")]
             stacked: Option<Stacked<'k>>,
+            /// Where it is not that of the settings.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            gamma: Option<f64>,
         }
         /// An accelerator stacks the networks of all settings in one product, whose size may decide how it rounds. Its
         /// runs are those of all of them.
@@ -52,14 +64,22 @@ impl Plan<'_> {
             format: RESULT_VERSION,
             unit,
             column,
-            span: self.options.span,
+            span: group.span,
             curve_points: self.options.curve_points,
             seed,
-            inputs,
+            inputs: stream,
             start: start.map(|start| &start.fingerprint),
             program: self.program.map(Program::fingerprint),
             stacked,
+            gamma: self.own_gamma(group),
         })
+    }
+
+    /// The discount factor of a group, if it is not that of the plan's candidates.
+    fn own_gamma(&self, group: &SensorGroup<'_>) -> Option<f64> {
+        let [own, all] = [group.candidates, self.candidates]
+            .map(|candidates| candidates.first().map(|candidate| candidate.agent.gamma));
+        own.filter(|_| own != all)
     }
 
     /// The key of each candidate's setting, in their order: a fingerprint of what a run follows from beside its unit. It

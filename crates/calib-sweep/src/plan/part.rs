@@ -10,7 +10,7 @@ use crate::{
     EnvironmentId, PlannedUnit, SweepError, Unit, UnitResult, UnitRuns, UnitSink, cohorts,
 };
 
-/// The units of some sensors in one run of one environment, which share a pass over its stream.
+/// The units of some sensors of a group in one run of one environment, which share a pass over its stream.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct PassId {
     /// Where the stream comes from.
@@ -64,9 +64,11 @@ impl<'p> ReadyPass<'p> {
 }
 
 impl Plan<'_> {
-    /// In which stage a run can be made: results of all stages before decide its values. Without a race there is one.
-    pub fn stage(&self, environment: EnvironmentId, run: usize) -> usize {
-        self.race.as_ref().and_then(|race| race.round(environment, run)).unwrap_or(0)
+    /// In which stage a pass can be made: results of all stages before decide its values. Without a race there is one.
+    pub fn stage(&self, pass: &PassId) -> usize {
+        let group = pass.sensors.first().map_or(0, |sensor| self.group_of(sensor));
+        let race = self.races.as_ref().map(|races| &races[group]);
+        race.and_then(|race| race.round(pass.environment, pass.run)).unwrap_or(0)
     }
 
     /// The units of `passes` that are to be made where `before` are the results of all stages before; of a race, those

@@ -50,7 +50,8 @@ pub fn verdict(
     });
     let ranking = chooser.scores(judging.rule, evidence)?;
     let standing = ChoiceStanding::of(judging.rule, chosen, &ranking, selection.as_ref());
-    let truth = TruthInputs { all: &all, candidates, judging, losses: &losses, dropped: &dropped };
+    let truth =
+        TruthInputs { sensor, all: &all, candidates, judging, losses: &losses, dropped: &dropped };
     let truth = all.online.as_ref().map(|online| truth.of(online, chosen, &ranking)).transpose()?;
     // What was dropped cannot be drawn anew: the others would only be found to be firm among themselves.
     let stability = match dropped[..] {
@@ -247,6 +248,7 @@ fn shares(choices: &ChoiceOfResamples) -> Vec<Share> {
 
 /// What the truth is put together from.
 struct TruthInputs<'a> {
+    sensor: &'a str,
     all: &'a MeasuredErrors,
     candidates: &'a [Candidate],
     judging: &'a Judging<'a>,
@@ -256,7 +258,7 @@ struct TruthInputs<'a> {
 
 impl TruthInputs<'_> {
     fn of(&self, online: &Errors, chosen: usize, ranking: &[f64]) -> Result<Truth, SweepError> {
-        let Self { candidates, judging, losses, .. } = self;
+        let Self { sensor, candidates, judging, losses, .. } = self;
         let scores = online.scores()?;
         let means = losses.means();
         let (spearman, kendall) = match &means {
@@ -278,7 +280,8 @@ impl TruthInputs<'_> {
         };
         let windows = windows(online);
         let scored = windows.iter().map(|window| window.scored_steps).min().unwrap_or(0);
-        let gamma = candidates.iter().map(|candidate| candidate.agent.gamma).fold(0.0, f64::max);
+        let gammas = candidates.iter().map(|candidate| candidate.agent.gamma_for(sensor));
+        let gamma = gammas.fold(0.0, f64::max);
         Ok(Truth {
             horizons: scored as f64 * (1.0 - gamma),
             windows,

@@ -1,0 +1,85 @@
+//! Sensors of a study whose returns have one discount factor: they are predicted on the same streams.
+
+use std::mem;
+
+use calib_base::{StepError, output::Printer};
+use calib_data::Dataset;
+use calib_study::Study;
+use calib_sweep::{Candidate, PlannedSensor, Span};
+
+use crate::sweep::streams::Streams;
+
+/// The predicted sensors of one discount factor.
+pub struct StudyGroup {
+    /// Their names, in the order of the study.
+    pub sensors: Vec<String>,
+    /// Every candidate, with this discount factor.
+    pub candidates: Vec<Candidate>,
+    /// How long their streams are, and which windows of the log they are.
+    pub streams: Streams,
+}
+
+impl StudyGroup {
+    /// The groups of a study, at least one, in the order of their first sensors.
+    ///
+    /// # Errors
+    /// As [`Streams::of`].
+    pub(crate) fn all(
+        study: &Study,
+        dataset: &Dataset,
+        candidates: &[Candidate],
+        printer: &Printer,
+    ) -> Result<Vec<Self>, StepError> {
+        let mut groups: Vec<Self> = Vec::new();
+        for gamma in study.gammas() {
+            let streams = Streams::of(study, dataset, gamma)?;
+            let sensors: Vec<String> = study.sensors_of(gamma).cloned().collect();
+            let candidates = match sensors.first() {
+                Some(sensor) => {
+                    candidates.iter().map(|candidate| candidate.for_sensor(sensor)).collect()
+                }
+                None => candidates.to_vec(),
+            };
+            groups.push(Self { sensors, candidates, streams });
+        }
+        tell_once(&mut groups);
+        for note in groups.iter().flat_map(|group| &group.streams.notes) {
+            printer.warn(note);
+        }
+        Ok(groups)
+    }
+
+    /// How long the longest streams of these groups are.
+    pub(crate) fn longest(groups: &[Self]) -> Span {
+        let spans = groups.iter().map(|group| group.streams.demand.span);
+        spans.max_by_key(|span| span.states()).unwrap_or_else(|| unreachable!("at least one group"))
+    }
+
+    /// Those of `sensors`, which come with their columns, that are of the group.
+    pub(crate) fn own(&self, sensors: &[(String, usize)]) -> Vec<(String, usize)> {
+        sensors.iter().filter(|(sensor, _)| self.sensors.contains(sensor)).cloned().collect()
+    }
+}
+
+/// Keep a note that all groups have in the first one alone, and begin the others with the sensors that they are about.
+fn tell_once(groups: &mut [StudyGroup]) {
+    let all: Vec<Vec<String>> = groups.iter().map(|group| group.streams.notes.clone()).collect();
+    for (number, StudyGroup { sensors, streams, .. }) in groups.iter_mut().enumerate() {
+        let own = mem::take(&mut streams.notes).into_iter().filter_map(|note| {
+            if all.iter().all(|notes| notes.contains(&note)) {
+                return (number == 0).then_some(note);
+            }
+            Some(format!("{}: {note}", sensors.join(", ")))
+        });
+        streams.notes = own.collect();
+    }
+}
+
+/// The `sensors`, which come with their columns, as those of a plan whose groups have these names.
+pub fn planned_sensors(sensors: &[(String, usize)], groups: &[&[String]]) -> Vec<PlannedSensor> {
+    let planned = sensors.iter().map(|(name, column): &(String, usize)| {
+        let group = groups.iter().position(|own| own.contains(name));
+        PlannedSensor { name: name.clone(), column: *column, group: group.unwrap_or(0) }
+    });
+    planned.collect()
+}
