@@ -134,6 +134,12 @@ def test_an_agents_mistake_is_told(sweep: agents.Sweep) -> None:
         sweep.run(lambda task, seed: Td(task, 0.1), {"seed": [1, 2]})
 
 
+def test_streams_have_one_discount_factor(study: calib_rl.Study, tmp_path: Path) -> None:
+    other = calib_rl.Study(study.path, set=["agent.gammas={ PIT300 = 0.5 }"])
+    with pytest.raises(calib_rl.CalibError, match="agent.gammas gives sensors other discount factors"):
+        agents.Sweep(other, tmp_path, progress=False).run(Td, {"learning_rate": [1e-2]})
+
+
 EXTERNAL = """
 [agent]
 kind = "external"

@@ -112,6 +112,19 @@ fn a_plan_is_of_what_is_left_and_of_the_study_as_it_was() {
 }
 
 #[test]
+fn sensors_of_other_gammas_have_passes_of_their_own() {
+    let place = Place::with_study();
+    place.edit_study("gamma = 0.9\n", "gamma = 0.9\ngammas = { TIT101 = 0.8 }\n");
+    let alone = alone(&place);
+    let shards = plan(&place, "plan", "7");
+    for shard in 0..shards {
+        assert!(run(&place, "plan", shard).succeeds().contains("is done"));
+    }
+    place.calib(&["cluster", "merge", "plan"]).succeeds();
+    assert!(place.content("study-results") == alone);
+}
+
+#[test]
 fn a_plan_takes_no_folder_of_somebody() {
     let place = Place::with_study();
     fs::rename(place.path().join("data"), place.path().join("inputs")).expect("moved");

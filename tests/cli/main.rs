@@ -11,6 +11,7 @@ mod deployments;
 mod dtw;
 mod errors;
 mod formats;
+mod gammas;
 mod harness;
 mod hints;
 mod init;

@@ -1,6 +1,6 @@
 //! Pre-trained agents: from the log to a fine-tuning rate.
 
-use std::fs;
+use std::{fs, path::Path};
 
 use insta::assert_snapshot;
 
@@ -134,4 +134,23 @@ fn early_stopping_keeps_the_best_epoch() {
         assert!(epochs < 400, "{epochs}");
         assert_eq!(epoch.as_u64().expect("a number") + 2, epochs as u64);
     }
+}
+
+#[test]
+fn agents_are_pre_trained_with_the_gammas_of_their_sensors() {
+    let place = place();
+    let pretrained = |output: &str, set: &str| {
+        place.calib(&["pretrain", "study.toml", "--output", output, "--set", set]).succeeds();
+        place.content(&format!("{output}/pretrain"))
+    };
+    let near = pretrained("near", "agent.gamma=0.9");
+    let far = pretrained("far", "agent.gamma=0.8");
+    let set = "agent.gammas={ TIT101 = 0.8 }";
+    let both = pretrained("both", set);
+    for (name, alone) in [("PIT300.safetensors", &near), ("TIT101.safetensors", &far)] {
+        let file = Path::new(name);
+        assert!(both[file] == alone[file], "{name}");
+        assert!(near[file] != far[file], "{name}");
+    }
+    place.calib(&["run", "study.toml", "--output", "both", "--set", set]).ends(&[0, 1]);
 }

@@ -162,6 +162,10 @@ fn what_cannot_be_judged_is_refused() {
     place.write("plants/north.toml", &blind);
     let blind = place.calib(&["validity", "plants/north.toml"]).fails(2);
     assert!(blind.contains("north.toml holds no data out"), "{blind}");
+    let own = "gamma = 0.8\ngammas = { TIT101 = 0.9 }";
+    place.write("plants/north.toml", &STUDY.replace("gamma = 0.8", own).replace("SEED", "1"));
+    let own = place.calib(&["validity", "plants/north.toml"]).fails(2);
+    assert!(own.contains("north.toml gives sensors discount factors of their own"), "{own}");
     let other = STUDY.replace("[1e-4, 1e-2, 1]", "[1e-5, 1e-2]").replace("SEED", "1");
     place.write("plants/north.toml", &other);
     let other = place.calib(&["validity", "plants"]).fails(2);

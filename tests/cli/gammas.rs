@@ -1,0 +1,91 @@
+//! Discount factors of single sensors.
+
+use std::fs;
+
+use calib_data::table::{Table, read_parquet};
+use serde_json::Value;
+
+use crate::harness::Place;
+
+const BOTH: &str = "agent.gammas={ TIT101 = 0.8 }";
+
+/// The study, run with a key set, into a folder of its own.
+fn run(place: &Place, output: &str, set: &str) {
+    place.calib(&["run", "study.toml", "--output", output, "--set", set]).ends(&[0, 1]);
+}
+
+fn summary(place: &Place, output: &str) -> Value {
+    let text = fs::read(place.path().join(output).join("evaluate/summary.json")).expect("written");
+    serde_json::from_slice(&text).expect("JSON")
+}
+
+/// A column of the table of runs, where it is of the sensor.
+fn of_sensor(runs: &Table, sensor: &str, column: &str) -> Vec<f64> {
+    let sensors = runs.column::<String>("sensor").expect("there");
+    let values = runs.column::<f64>(column).expect("there");
+    let rows = sensors.iter().zip(values).filter(|(name, _)| *name == sensor);
+    rows.map(|(_, value)| *value).collect()
+}
+
+#[test]
+fn a_sensor_is_predicted_as_in_a_study_of_its_own_gamma() {
+    let place = Place::with_study();
+    run(&place, "near", "agent.gamma=0.9");
+    run(&place, "far", "agent.gamma=0.8");
+    run(&place, "both", BOTH);
+    let runs = |output: &str| {
+        read_parquet(&place.path().join(output).join("sweep/runs.parquet")).expect("runs")
+    };
+    let verdict = |output: &str, sensor: &str| {
+        let verdicts = summary(&place, output)["verdicts"].as_array().expect("a list").clone();
+        verdicts.into_iter().find(|verdict| verdict["sensor"] == sensor).expect("judged")
+    };
+    let both = runs("both");
+    for (sensor, output) in [("PIT300", "near"), ("TIT101", "far")] {
+        let alone = runs(output);
+        for column in ["gamma", "rmse", "nrmse", "error_scale"] {
+            let of_both = of_sensor(&both, sensor, column);
+            assert!(!of_both.is_empty());
+            assert_eq!(of_both, of_sensor(&alone, sensor, column), "{column} of {sensor}");
+        }
+        assert_eq!(verdict("both", sensor), verdict(output, sensor));
+    }
+    assert_ne!(of_sensor(&runs("near"), "TIT101", "rmse"), of_sensor(&both, "TIT101", "rmse"));
+    // Runs of the sensor without a gamma of its own are known as before.
+    let units = |output: &str| place.content(&format!("{output}/sweep/units/PIT300"));
+    assert!(units("both") == units("near"));
+    let predicts = summary(&place, "both")["predicts"].as_str().expect("told").to_owned();
+    let (near, far) = predicts.split_once(" Agents for TIT101 predict").expect("two sentences");
+    assert!(
+        near.starts_with("Agents for PIT300 predict") && near.contains("gamma = 0.9"),
+        "{near}"
+    );
+    assert!(far.contains("gamma = 0.8"), "{far}");
+    let report = fs::read_to_string(place.path().join("both/report.html")).expect("written");
+    assert!(report.contains("Agents for TIT101 predict"));
+}
+
+#[test]
+fn a_gamma_of_a_sensor_that_is_not_predicted_is_refused() {
+    let place = Place::with_study();
+    let set = |value: &str| {
+        place.calib(&["sweep", "study.toml", "--set", &format!("agent.gammas={value}")]).fails(2)
+    };
+    let unknown = set("{ TIT10 = 0.8 }");
+    assert!(
+        unknown.contains("agent.gammas names TIT10 (did you mean TIT101?), which sweep.sensors"),
+        "{unknown}"
+    );
+    let outside = set("{ TIT101 = 1.0 }");
+    assert!(outside.contains("`gammas`") && outside.contains("1 for TIT101"), "{outside}");
+}
+
+#[test]
+fn a_race_orders_the_streams_of_each_gamma() {
+    let place = Place::with_study();
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    let race = ["--set", "sweep.race=halving", "--set", BOTH];
+    place.calib(&[&["sweep", "study.toml"][..], &race].concat()).succeeds();
+    let again = place.calib(&[&["sweep", "study.toml"][..], &race].concat()).succeeds();
+    assert!(again.contains("up to date"), "{again}");
+}
