@@ -15,6 +15,7 @@ mod gammas;
 mod harness;
 mod hints;
 mod init;
+mod init_control;
 mod inputs;
 mod interruption;
 mod json;

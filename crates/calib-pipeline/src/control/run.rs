@@ -3,13 +3,14 @@ use calib_base::{
     clock::Stopwatch,
     memory,
     outcome::{NoPlan, Outcome, StepResult},
-    output::{Printer, count, counted, duration},
+    output::{Printer, count, counted, duration, significant},
 };
 use calib_control::{
     ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
-    ControlConfig, ControlError, Distance, Doubt, Ensemble, Extent, IncrementModel, Increments,
-    NetworkModel, Question, Run, RunLength, Support, constant_returns, fitted_q_evaluation,
-    importance_sampling, judge, sweep_keeping, trajectory,
+    ControlConfig, ControlError, Decisions, Distance, Doubt, Ensemble, Extent, IncrementModel,
+    Increments, NetworkModel, PAIRED_COLUMNS, ProposedSettings, Question, Run, RunLength, Support,
+    constant_returns, fitted_q_evaluation, importance_sampling, is_beyond_returns, is_random,
+    judge, sweep_keeping, trajectory,
 };
 use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
@@ -60,7 +61,7 @@ pub(crate) fn run(
     }
     announce(config, &log, agents.count(), printer);
     if let ComparedAgents::Own(candidates) = &agents {
-        fits(candidates, &log, printer)?;
+        fits(config, candidates, &log, printer)?;
     }
     log::require_model(&log.decisions, config)?;
     if job.policy().is_dry() {
@@ -156,8 +157,14 @@ fn announce(config: &ControlConfig, log: &ActionLog, candidates: usize, printer:
     ));
 }
 
-/// Whether agents that learn side by side fit into memory, and a word where most of their time would go into pairs of columns.
-fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Result<(), StepError> {
+/// Whether agents that learn side by side fit into memory, and a word where most of their time would go into pairs of columns, or
+/// their numbers do not fit the returns of the log.
+fn fits(
+    config: &ControlConfig,
+    candidates: &[AgentConfig],
+    log: &ActionLog,
+    printer: &Printer,
+) -> Result<(), StepError> {
     let columns = log.names.columns.len();
     let actions = log.decisions.levels();
     let mut largest = 0;
@@ -182,11 +189,52 @@ fn fits(candidates: &[AgentConfig], log: &ActionLog, printer: &Printer) -> Resul
             count(columns * (columns - 1) / 2),
         ));
     }
+    for doubt in beyond_returns(config, candidates, &log.decisions) {
+        printer.warn(&doubt);
+    }
     Ok(())
 }
 
-/// Pairs of more columns are worth a warning.
-const PAIRED_COLUMNS: usize = 32;
+/// What is said of temperatures and initial weights that are too large, in all settings, for the returns of the log: both are in
+/// units of return.
+fn beyond_returns(
+    config: &ControlConfig,
+    candidates: &[AgentConfig],
+    log: &Decisions,
+) -> Vec<String> {
+    let gamma = config.agent.gamma;
+    let timeout = config.timeout.min(config.steps);
+    let Some(spread) = log.return_spread(gamma, timeout) else { return Vec::new() };
+    let proposed = ProposedSettings::for_spread(spread);
+    let told = format!(
+        "the spread of the recorded returns, {} (gamma {gamma}, timeout {})",
+        significant(spread),
+        count(timeout)
+    );
+    let tempered = candidates.iter().filter(|agent| agent.algorithm.uses("temperature"));
+    let temperature = tempered.map(|agent| agent.temperature).reduce(f64::min);
+    let weight = candidates.iter().map(|agent| agent.initial_weight.abs()).reduce(f64::min);
+    let random = temperature.filter(|&value| is_random(value, spread)).map(|value| {
+        format!(
+            "temperature {value} is more than {told}, so that agents choose nearly at random: set {} to {}, or less",
+            swept_key("temperature", config.grid.temperature.is_some()),
+            proposed.temperature
+        )
+    });
+    let beyond = weight.filter(|&value| is_beyond_returns(value, spread)).map(|value| {
+        format!(
+            "initial weights of {value} are more than a hundred times {told}, so that agents spend their run on unlearning them: set {} to 0, or about {}",
+            swept_key("initial_weight", config.grid.initial_weight.is_some()),
+            proposed.initial_weights[1]
+        )
+    });
+    random.into_iter().chain(beyond).collect()
+}
+
+/// The key of the study that gives agents this field.
+fn swept_key(field: &str, is_swept: bool) -> String {
+    format!("control.{}.{field}", if is_swept { "grid" } else { "agent" })
+}
 
 /// Steps of the chosen agent that are counted at most.
 const MOST_TOLD_STEPS: usize = 5_000;
