@@ -58,7 +58,7 @@ pub fn is_beyond_returns(initial_weight: f64, spread: f64) -> bool {
 }
 
 /// To two significant digits: what follows from a log is known no better.
-fn two_digits(value: f64) -> f64 {
+pub fn two_digits(value: f64) -> f64 {
     format!("{value:.1e}").parse().unwrap_or(value)
 }
 

@@ -1,12 +1,14 @@
-use std::{collections::HashSet, fmt::Write as _, ops::Range};
+use std::ops::Range;
 
-use calib_data::{AnglePart, Sentinel, Sketch, entry_of};
+use calib_data::{Sentinel, Sketch};
 
 use crate::{
-    Angle, Cleaning, Clock, Cut, Horizon, ProposedAgent, ProposedModel, Scope, Sensors, Size,
+    Angle, Cleaning, Clock, Cut, Horizon, LogDraft, ProposedAgent, ProposedModel, Scope, Sensors,
+    Size,
+    lines::{Lines, number},
     sensors::explained,
     size::LEAST_STEPS,
-    written::{comment, key, quoted},
+    written::quoted,
 };
 
 /// Steps of a rollout at most: enough to look at.
@@ -17,23 +19,6 @@ const FILLED: f64 = 0.2;
 const NEARLY_TOO_MUCH: f64 = 0.08;
 /// Sensors that are named in a comment.
 const NAMED: usize = 12;
-/// The column in which comments begin, where there is room.
-const COMMENTS: usize = 44;
-
-/// How `data.exclude` names the channels that are left out.
-fn entries(scope: &Scope, sketch: &Sketch) -> Vec<String> {
-    let channels: HashSet<&str> =
-        sketch.channels.iter().map(|channel| channel.name.as_str()).collect();
-    let names = scope.left_out.iter().map(|left_out| &left_out.name);
-    names.map(|name| entry_of(name, |name| channels.contains(name))).collect()
-}
-
-/// `data.exclude` as TOML: the entries that were given, and the channels that are left out besides.
-pub fn exclusions(given: &[String], scope: &Scope, sketch: &Sketch) -> String {
-    let entries = entries(scope, sketch);
-    let all: Vec<String> = given.iter().chain(&entries).map(|entry| quoted(entry)).collect();
-    format!("[{}]", all.join(", "))
-}
 
 /// A study file that explains itself.
 #[derive(Clone, Debug)]
@@ -125,82 +110,24 @@ impl Draft<'_> {
     }
 
     fn data(&self, text: &mut Lines) {
-        let Self { sketch, scope, cut, .. } = self;
-        text.section("data");
-        text.key("path", &quoted(self.path), "");
-        if let Some(clock) = self.clock {
-            text.key(
-                "resample",
-                "\"last\"",
-                "channels were recorded at times of their own: each is put on one clock",
-            );
-            text.key(
-                "period_secs",
-                &number(clock.period_secs),
-                "about as often as half of them were recorded",
-            );
-            text.key(
-                "max_age_secs",
-                &number(clock.max_age_secs),
-                "what is older counts as missing",
-            );
-        }
-        if !self.missing_values.is_empty() {
-            let told: Vec<String> = self.missing_values.iter().map(Sentinel::told).collect();
-            let values: Vec<String> =
-                self.missing_values.iter().map(|missing| number(missing.value)).collect();
-            text.key("missing_values", &format!("[{}]", values.join(", ")), &told.join("; "));
-        }
-        if scope.is_part {
-            let share = scope.rows.len() as f64 / sketch.timestamps.len() as f64;
+        let cut = self.cut;
+        let log = LogDraft {
+            sketch: self.sketch,
+            path: self.path,
+            scope: self.scope,
+            cleaning: self.cleaning,
+            missing_values: self.missing_values,
+            angles: self.angles,
+            clock: self.clock,
+        };
+        log.write(text, |text| {
             text.comment(&format!(
-                "{:.0} % of the rows are of the part where most channels are there together, {} of {}",
-                100.0 * share,
-                scope.channels.len(),
-                sketch.channels.len()
+                "{}: {} rows to learn from, {} held out",
+                cut.reason, cut.rows[0], cut.rows[1]
             ));
-        }
-        text.comment(&format!(
-            "{}: {} rows to learn from, {} held out",
-            cut.reason, cut.rows[0], cut.rows[1]
-        ));
-        text.key("train", &Cut::toml(&cut.train), "");
-        text.key("held_out", &Cut::toml(&cut.held_out), "");
-        let (tolerance, why) = &self.cleaning.gap_tolerance;
-        text.key("gap_tolerance", &number(*tolerance), why);
-        if let Some((keep, why)) = &self.cleaning.contradictions {
-            text.key("contradictions", &quoted(keep), why);
-        }
-        if !scope.left_out.is_empty() {
-            text.line("exclude = [");
-            for (left_out, entry) in scope.left_out.iter().zip(entries(scope, sketch)) {
-                text.comment_after(&format!("    {},", quoted(&entry)), &left_out.why.to_string());
-            }
-            text.line("]");
-        }
-        self.angles(text);
-    }
-
-    /// A table of their own, in which each has its reason.
-    fn angles(&self, text: &mut Lines) {
-        if self.angles.is_empty() {
-            return;
-        }
-        text.section("data.angles");
-        let channels = self.sketch.channels.iter();
-        let names: HashSet<&str> = channels
-            .map(|channel| channel.angle.as_ref().map_or(&channel.name, |angle| &angle.channel))
-            .map(String::as_str)
-            .collect();
-        for Angle { channel, turn } in self.angles {
-            let entry = entry_of(channel, |name| names.contains(name));
-            let why = format!(
-                "an angle: it fills a turn and goes on at the other end; {} and {} are channels in its place",
-                AnglePart::Sine.channel_of(channel),
-                AnglePart::Cosine.channel_of(channel)
-            );
-            text.key(&key(&entry), &number(*turn), &why);
-        }
+            text.key("train", &Cut::toml(&cut.train), "");
+            text.key("held_out", &Cut::toml(&cut.held_out), "");
+        });
     }
 
     fn preprocess(&self, text: &mut Lines) {
@@ -371,44 +298,6 @@ impl Draft<'_> {
             "agents that start from the log are chosen by the log; docs/metrics.md has the other rules",
         );
     }
-}
-
-/// Text that grows by lines.
-#[derive(Default)]
-struct Lines(String);
-
-impl Lines {
-    fn line(&mut self, line: &str) {
-        self.0.push_str(line);
-        self.0.push('\n');
-    }
-
-    fn comment(&mut self, text: &str) {
-        self.line(&format!("# {}", comment(text)));
-    }
-
-    fn section(&mut self, name: &str) {
-        self.line("");
-        self.line(&format!("[{name}]"));
-    }
-
-    fn key(&mut self, key: &str, value: &str, comment: &str) {
-        self.comment_after(&format!("{key} = {value}"), comment);
-    }
-
-    fn comment_after(&mut self, before: &str, after: &str) {
-        if after.is_empty() {
-            return self.line(before);
-        }
-        let width = COMMENTS.max(before.chars().count() + 2);
-        // Writing to memory cannot fail.
-        let _ = writeln!(self.0, "{before:width$}# {}", comment(after));
-    }
-}
-
-/// Without a fraction where there is none.
-fn number(value: f64) -> String {
-    value.to_string()
 }
 
 /// A span of time in the unit that suits it.

@@ -1,5 +1,5 @@
 /// Why no study can be proposed.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProposeError {
     /// No channel can be used.
     #[error(
@@ -29,6 +29,30 @@ pub enum ProposeError {
     NeverTogether {
         /// The sensors.
         names: Vec<String>,
+    },
+    /// The reward never differs.
+    #[error(
+        "the reward is {reward} in every step{beside}, so no action is worth more than another; name another column with --reward, or the \
+         column that says where episodes end with --terminal"
+    )]
+    NothingToGain {
+        /// The reward.
+        reward: f32,
+        /// What is said of terminals.
+        beside: &'static str,
+    },
+    /// Columns of actions have too many combinations, however few levels they have.
+    #[error(
+        "{columns} columns of actions have {combinations} combinations of two levels each, and a study has {most_actions} actions at most: name \
+         fewer with --action, or raise control.most_actions with --set"
+    )]
+    TooManyActions {
+        /// Columns of actions.
+        columns: usize,
+        /// Combinations of two levels of each.
+        combinations: usize,
+        /// The most actions.
+        most_actions: usize,
     },
     /// There is too little.
     #[error(

@@ -12,6 +12,8 @@
 //! - [`ProposedModel`]: whether the study has a model, by what was asked for.
 //! - [`Size`]: how long and how often, to end within a time.
 //! - [`Draft`]: the study file with a comment for each of these; [`with_given`] what the user said beside it.
+//! - [`ProposedControl`], [`action_levels`], [`control_steps`]: the same for agents that act, on a log whose [`DecisionColumns`] are named;
+//!   [`ControlDraft`] is their study file.
 //!
 //! The measurements are a [`Sketch`](calib_data::Sketch) of the log, and times that the caller took. The numbers of the rules
 //! are our choices, if nothing else is said.
@@ -27,11 +29,16 @@
 mod agent;
 mod angles;
 mod cleaning;
+mod control;
+mod control_draft;
 mod cut;
+mod decision_columns;
 mod draft;
 mod error;
 mod given;
 mod horizon;
+mod lines;
+mod log_draft;
 mod model;
 mod scope;
 mod sensors;
@@ -42,11 +49,18 @@ mod written;
 pub use agent::{ProposedAgent, Trial, choose_agent};
 pub use angles::Angle;
 pub use cleaning::{Cleaning, Clock, many_left_out};
+pub use control::{
+    GivenControl, ProposedControl, action_levels, actions_are_continuous, control_steps,
+    hardly_taken,
+};
+pub use control_draft::ControlDraft;
 pub use cut::{Cut, HELD_OUT};
-pub use draft::{Asked, Draft, exclusions};
+pub use decision_columns::DecisionColumns;
+pub use draft::{Asked, Draft};
 pub use error::ProposeError;
 pub use given::with_given;
 pub use horizon::{Horizon, horizon};
+pub use log_draft::{LogDraft, exclusions};
 pub use model::ProposedModel;
 pub use scope::{Lacking, LeftOut, Scope, Why};
 pub use sensors::Sensors;

@@ -1,7 +1,7 @@
 use crate::{ProposedAgent, ProposedModel};
 
 /// The share of the time asked for that is planned with: machines have other things to do.
-const PLANNED: f64 = 0.85;
+pub(crate) const PLANNED: f64 = 0.85;
 /// Runs of a kind at most: more hardly narrow an interval.
 pub const MOST_RUNS: usize = 30;
 /// Steps of a run at most where agents are compared with each other.

@@ -1,0 +1,285 @@
+use calib_control::{Decisions, PAIRED_COLUMNS, ProposedSettings, StartRows};
+
+use crate::{Costs, ProposeError, size::PLANNED};
+
+/// Levels of each column of continuous actions: those of the tasks with a known answer. Our choice.
+const LEVELS: usize = 7;
+/// Steps with an action below which little is known of it. Our choice.
+const FEW_STEPS: usize = 30;
+/// Episodes below which runs begin anywhere: in fewer first states agents would meet little of the plant. Our choice.
+const FEW_EPISODES: usize = 10;
+/// Steps of an episode at most: a run of [`MOST_STEPS`] has some fifteen of them. Our choice.
+const LONGEST_EPISODE: usize = 1_000;
+const DAY_SECS: f64 = 86_400.0;
+/// The share of episodes that end in a terminal from which on returns are not discounted. Our choice.
+const NEARLY_ALL: f64 = 0.9;
+/// The discount where episodes need not end: that of the membrane plant.
+const GAMMA: f64 = 0.99;
+/// Steps of a run: fewer teach agents hardly anything (our choice), and the published protocol has the most (Wang et al. 2022).
+const LEAST_STEPS: usize = 2_000;
+const MOST_STEPS: usize = 15_000;
+
+/// What agents that act are proposed to be, by the log of decisions that they learn from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProposedControl {
+    /// `control.timeout` in steps, and why.
+    pub timeout: (usize, String),
+    /// `control.start`, and why.
+    pub start: (StartRows, String),
+    /// `control.agent.gamma`, and why.
+    pub gamma: (f64, String),
+    /// Why `control.agent.pairs = false`; none where agents have pairs of columns.
+    pub without_pairs: Option<String>,
+    /// Standard deviation of recorded returns, in units of reward.
+    pub spread: f64,
+    /// The settings that follow from it.
+    pub settings: ProposedSettings,
+}
+
+/// What was given of agents that act, and is not chosen.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GivenControl {
+    /// `control.timeout`, in steps.
+    pub timeout: Option<usize>,
+    /// `control.agent.gamma`.
+    pub gamma: Option<f64>,
+}
+
+/// The episodes of a log.
+struct RecordedEpisodes {
+    count: usize,
+    /// Steps of the longest.
+    longest: usize,
+    /// Those that end in a terminal.
+    terminals: usize,
+}
+
+impl ProposedControl {
+    /// For a log with a row in every `period_secs` seconds.
+    ///
+    /// # Errors
+    /// If no action can be worth more than another.
+    pub fn for_log(
+        log: &Decisions,
+        period_secs: f64,
+        given: GivenControl,
+    ) -> Result<Self, ProposeError> {
+        let episodes = RecordedEpisodes {
+            count: log.starts().len(),
+            longest: log.episodes().map(|steps| steps.len()).max().unwrap_or(0),
+            terminals: log.terminals(),
+        };
+        let timeout = match given.timeout {
+            Some(timeout) => (timeout, "as given".to_owned()),
+            None => episodes.timeout(period_secs),
+        };
+        let gamma = match given.gamma {
+            Some(gamma) => (gamma, "as given".to_owned()),
+            None => episodes.gamma(timeout.0),
+        };
+        let first = log.rewards()[0];
+        let is_constant = log.rewards().iter().all(|&reward| reward == first);
+        let spread = log.return_spread(gamma.0, timeout.0);
+        // Without terminals, only where the log is cut makes returns of equal rewards differ.
+        let spread = spread.filter(|_| !is_constant || episodes.terminals > 0);
+        let beside =
+            if episodes.terminals == 0 { ", and no episode ends in a terminal" } else { "" };
+        let spread = spread.ok_or(ProposeError::NothingToGain { reward: first, beside })?;
+        let columns = log.states().columns();
+        let without_pairs = (columns > PAIRED_COLUMNS).then(|| {
+            let pairs = columns * (columns - 1) / 2;
+            format!("{columns} columns have {pairs} pairs, which would take most of the time")
+        });
+        Ok(Self {
+            start: episodes.start(),
+            settings: ProposedSettings::for_spread(spread),
+            timeout,
+            gamma,
+            without_pairs,
+            spread,
+        })
+    }
+}
+
+impl RecordedEpisodes {
+    fn timeout(&self, period_secs: f64) -> (usize, String) {
+        let longest = self.longest;
+        let day = (DAY_SECS / period_secs).round().clamp(1.0, LONGEST_EPISODE as f64) as usize;
+        if self.terminals == 0 && self.count < FEW_EPISODES && longest > day {
+            let why = format!(
+                "a day, or {LONGEST_EPISODE} rows where it has more: the log has no episodes of its own"
+            );
+            (day, why)
+        } else if longest > LONGEST_EPISODE {
+            let why = format!(
+                "so that a run has several episodes; the longest recorded one has {longest} steps"
+            );
+            (LONGEST_EPISODE, why)
+        } else {
+            (longest, "the steps of the longest recorded episode".to_owned())
+        }
+    }
+
+    fn start(&self) -> (StartRows, String) {
+        let count = self.count;
+        if count < FEW_EPISODES {
+            let why = format!("the log has too few first states of episodes, {count}");
+            (StartRows::Anywhere, why)
+        } else {
+            (StartRows::Episodes, format!("in the first states of the {count} recorded episodes"))
+        }
+    }
+
+    fn gamma(&self, timeout: usize) -> (f64, String) {
+        let Self { count, longest, terminals } = *self;
+        if terminals as f64 >= NEARLY_ALL * count as f64 && longest <= timeout {
+            let why = format!(
+                "{terminals} of {count} episodes end in a terminal, so returns are not discounted"
+            );
+            (1.0, why)
+        } else {
+            (GAMMA, "an episode need not end, so about the next 100 steps count".to_owned())
+        }
+    }
+}
+
+/// Whether columns of actions are to be taken for continuous ones where their combinations are `actions` in `steps` steps: each has too
+/// few steps, and levels would make fewer of them. `distinct` counts the values of each column; none where there are very many.
+pub fn actions_are_continuous(distinct: &[Option<u32>], actions: usize, steps: usize) -> bool {
+    steps < FEW_STEPS * actions
+        && distinct.iter().any(|values| values.is_none_or(|values| values as usize > LEVELS))
+}
+
+/// `control.levels` for columns with so many values: the most, up to seven, whose combinations are at most `most_actions`.
+///
+/// # Errors
+/// If two levels of each column have more.
+pub fn action_levels(distinct: &[Option<u32>], most_actions: usize) -> Result<usize, ProposeError> {
+    let combinations = |levels: usize| {
+        let own =
+            distinct.iter().map(|values| values.map_or(levels, |all| levels.min(all as usize)));
+        own.fold(1_usize, usize::saturating_mul)
+    };
+    (2..=LEVELS).rev().find(|&levels| combinations(levels) <= most_actions).ok_or_else(|| {
+        let columns = distinct.len();
+        ProposeError::TooManyActions { columns, combinations: combinations(2), most_actions }
+    })
+}
+
+/// The actions of `counts`, which has the steps of each, that were taken in a few steps only or in none.
+pub fn hardly_taken(counts: &[usize]) -> Vec<usize> {
+    (0..counts.len()).filter(|&action| counts[action] < FEW_STEPS).collect()
+}
+
+/// `control.steps` of a study that is to be done in `within_secs`: a multiple of a hundred.
+pub fn control_steps(within_secs: f64, costs: Costs) -> usize {
+    let affordable = (PLANNED * within_secs - costs.fixed_secs) / costs.agent_step_secs;
+    let hundreds = (affordable / 100.0).floor() * 100.0;
+    hundreds.clamp(LEAST_STEPS as f64, MOST_STEPS as f64) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_control::{Columns, Ending};
+    use calib_core::{Segments, States};
+
+    use super::*;
+
+    /// Episodes of so many steps with these rewards, and how each of them ends.
+    fn log(
+        episodes: usize,
+        steps: usize,
+        ending: Ending,
+        reward: impl Fn(usize) -> f32,
+    ) -> Decisions {
+        let rows = episodes * (steps + 1);
+        let actions: Vec<Option<u16>> = (0..rows).map(|row| Some((row % 2) as u16)).collect();
+        let rewards: Vec<f32> = (0..rows).map(reward).collect();
+        let is_last = |row: usize| row % (steps + 1) == steps;
+        let endings: Vec<Ending> =
+            (0..rows).map(|row| if is_last(row) { ending } else { Ending::Continues }).collect();
+        let states = States::new((0..rows).map(|row| row as f32).collect(), rows, 1);
+        let segments = Segments::from_lengths(vec![steps + 1; episodes]).expect("valid");
+        let columns = Columns { actions: &actions, rewards: &rewards, endings: &endings };
+        Decisions::new(states.expect("valid"), &segments, columns, 2).expect("valid")
+    }
+
+    fn proposed(log: &Decisions, period_secs: f64) -> Result<ProposedControl, ProposeError> {
+        ProposedControl::for_log(log, period_secs, GivenControl::default())
+    }
+
+    #[test]
+    fn what_is_given_is_not_chosen() {
+        let given = GivenControl { timeout: Some(10), gamma: Some(0.5) };
+        let log = log(20, 30, Ending::Terminal, |_| 1.0);
+        let control = ProposedControl::for_log(&log, 1.0, given).expect("lengths differ");
+        assert_eq!((control.timeout.0, control.gamma.0), (10, 0.5));
+        assert_eq!(Some(control.spread), log.return_spread(0.5, 10), "in units of these returns");
+    }
+
+    #[test]
+    fn episodes_that_end_are_not_discounted() {
+        let control = proposed(&log(20, 30, Ending::Terminal, |_| 1.0), 1.0);
+        let control = control.expect("lengths differ from each step on");
+        assert_eq!((control.timeout.0, control.gamma.0), (30, 1.0));
+        assert_eq!(control.start.0, StartRows::Episodes);
+        // Returns of 1 to 30 in equal numbers: a variance of (30² − 1) / 12.
+        assert!((control.spread - (899.0_f64 / 12.0).sqrt()).abs() < 1e-9, "{control:?}");
+        assert_eq!(control.settings, ProposedSettings::for_spread(control.spread));
+        assert_eq!(control.without_pairs, None);
+    }
+
+    #[test]
+    fn one_long_episode_begins_anywhere_and_is_cut_after_a_day() {
+        let one = log(1, 5_000, Ending::Continues, |row| (row % 7) as f32);
+        let timeout = |period_secs: f64| {
+            let control = proposed(&one, period_secs).expect("rewards differ");
+            assert_eq!((control.start.0, control.gamma.0), (StartRows::Anywhere, 0.99));
+            control.timeout.0
+        };
+        assert_eq!([1.0, 600.0, 86_400.0].map(timeout), [1_000, 144, 1]);
+    }
+
+    #[test]
+    fn episodes_that_only_break_off_are_discounted() {
+        let many = log(20, 30, Ending::Continues, |row| (row % 7) as f32);
+        let control = proposed(&many, 1.0).expect("rewards differ");
+        assert_eq!((control.timeout.0, control.gamma.0), (30, 0.99));
+    }
+
+    #[test]
+    fn a_reward_that_never_differs_is_refused() {
+        let told = proposed(&log(20, 30, Ending::Continues, |_| 2.0), 1.0);
+        let told = told.expect_err("nothing to gain").to_string();
+        assert!(told.contains("2 in every step, and no episode ends"), "{told}");
+        let told = proposed(&log(20, 30, Ending::Terminal, |_| 0.0), 1.0);
+        let told = told.expect_err("nothing to gain").to_string();
+        assert!(told.contains("0 in every step, so no action"), "{told}");
+    }
+
+    #[test]
+    fn levels_are_as_many_as_combinations_allow() {
+        assert_eq!(action_levels(&[None], 64), Ok(7));
+        assert_eq!(action_levels(&[None, None], 64), Ok(7));
+        assert_eq!(action_levels(&[None; 3], 64), Ok(4));
+        assert_eq!(action_levels(&[None, Some(2), Some(4)], 64), Ok(7), "56 of its own values");
+        assert!(action_levels(&[None; 7], 64).is_err(), "128 corners");
+    }
+
+    #[test]
+    fn actions_with_few_steps_are_continuous_where_levels_help() {
+        assert!(actions_are_continuous(&[Some(40)], 40, 1_000));
+        assert!(!actions_are_continuous(&[Some(40)], 40, 2_000), "50 steps each");
+        assert!(!actions_are_continuous(&[Some(7)], 7, 100), "levels would be its own values");
+        assert!(actions_are_continuous(&[Some(2), None], 60, 1_000));
+        assert_eq!(hardly_taken(&[500, 3, 30, 0]), [1, 3]);
+    }
+
+    #[test]
+    fn runs_are_as_long_as_time_allows() {
+        let costs = Costs { fixed_secs: 10.0, agent_step_secs: 0.01, replay_run_secs: 0.0 };
+        assert_eq!(control_steps(100.0, costs), 7_500);
+        assert_eq!(control_steps(5.0, costs), LEAST_STEPS, "no shorter ones say anything");
+        assert_eq!(control_steps(1e6, costs), MOST_STEPS);
+    }
+}

@@ -1,0 +1,64 @@
+use crate::written::quoted;
+
+/// The columns of a log of decisions that are no part of the state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DecisionColumns {
+    /// The columns of the action that was taken in a row.
+    pub actions: Vec<String>,
+    /// The reward of the step that led to a row.
+    pub reward: String,
+    /// Not 0 where an episode ended.
+    pub terminal: Option<String>,
+    /// The probability of the action that was taken.
+    pub probability: Option<String>,
+}
+
+impl DecisionColumns {
+    /// All of them with the argument of `calib init` that names each.
+    pub fn with_arguments(&self) -> impl Iterator<Item = (&'static str, &String)> {
+        let actions = self.actions.iter().map(|name| ("--action", name));
+        let reward = std::iter::once(("--reward", &self.reward));
+        let terminal = self.terminal.iter().map(|name| ("--terminal", name));
+        let probability = self.probability.iter().map(|name| ("--probability", name));
+        actions.chain(reward).chain(terminal).chain(probability)
+    }
+
+    /// Whether a column is one of them.
+    pub fn contains(&self, name: &str) -> bool {
+        self.with_arguments().any(|(_, own)| own == name)
+    }
+
+    /// The keys of `[control]` that name them, each with its value as TOML.
+    pub fn keys(&self) -> Vec<(&'static str, String)> {
+        let actions: Vec<String> = self.actions.iter().map(|name| quoted(name)).collect();
+        let mut keys = vec![
+            ("actions", format!("[{}]", actions.join(", "))),
+            ("reward", quoted(&self.reward)),
+        ];
+        keys.extend(self.terminal.iter().map(|name| ("terminal", quoted(name))));
+        keys.extend(self.probability.iter().map(|name| ("probability", quoted(name))));
+        keys
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_keys_of_control() {
+        let columns = DecisionColumns {
+            actions: vec!["dose".to_owned(), "a \"b\"".to_owned()],
+            reward: "gain".to_owned(),
+            terminal: Some("stopped".to_owned()),
+            probability: None,
+        };
+        let keys = [
+            ("actions", r#"["dose", "a \"b\""]"#.to_owned()),
+            ("reward", r#""gain""#.to_owned()),
+            ("terminal", r#""stopped""#.to_owned()),
+        ];
+        assert_eq!(columns.keys(), keys);
+        assert!(columns.contains("stopped") && !columns.contains("level"));
+    }
+}
