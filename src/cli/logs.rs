@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use calib_pipeline::{ExistingFile, ProposeOptions};
+use calib_pipeline::{DecisionColumns, ExistingFile, ProposeOptions};
 use clap::Args;
 
 use super::OUTPUT;
@@ -41,6 +41,23 @@ pub(crate) struct InitArgs {
     /// How far ahead to predict, such as 100s or 10m (default: by the autocorrelation of the sensors)
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub(crate) horizon: Option<f64>,
+    /// A column of the actions that were taken: the study is of agents that act; may be given several times
+    #[arg(
+        long = "action",
+        value_name = "NAME",
+        requires = "reward",
+        conflicts_with_all = ["sensors", "horizon"]
+    )]
+    pub(crate) actions: Vec<String>,
+    /// The column with the reward of the step that led to a row
+    #[arg(long, value_name = "NAME", requires = "actions")]
+    pub(crate) reward: Option<String>,
+    /// The column that is not 0 where an episode ended for good (default: none does)
+    #[arg(long, value_name = "NAME", requires = "actions")]
+    pub(crate) terminal: Option<String>,
+    /// The column with the probability of the action that was taken (default: it was not logged)
+    #[arg(long, value_name = "NAME", requires = "actions")]
+    pub(crate) probability: Option<String>,
     /// Set a key of [data], such as `data.time_zone=Europe/Paris`; it holds for the study too; may be given several times
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
@@ -84,9 +101,21 @@ pub(crate) struct ImportArgs {
     pub(crate) json: bool,
 }
 
+impl InitArgs {
+    /// The columns of agents that act; none where agents are to predict.
+    pub(crate) fn decision_columns(&self) -> Option<DecisionColumns> {
+        Some(DecisionColumns {
+            reward: self.reward.clone()?,
+            actions: self.actions.clone(),
+            terminal: self.terminal.clone(),
+            probability: self.probability.clone(),
+        })
+    }
+}
+
 impl From<InitArgs> for ProposeOptions {
     fn from(args: InitArgs) -> Self {
-        let InitArgs { logs, study, within, sensors, horizon, set, force, json: _ } = args;
+        let InitArgs { logs, study, within, sensors, horizon, set, force, .. } = args;
         let existing = if force { ExistingFile::Replaced } else { ExistingFile::Kept };
         Self { logs, study, within, sensors, horizon, set, existing }
     }

@@ -17,14 +17,14 @@ mod simulate;
 mod status;
 
 use calib_pipeline::{
-    Context as _, Outcome, Printer, StepError, Told as _, ValidityOptions, ensure,
+    Context as _, Outcome, Printer, ProposeOptions, StepError, Told as _, ValidityOptions, ensure,
 };
 pub use schemas::json_schemas;
 
 use crate::{
     cli::{
-        BuildModelArgs, Cli, Command, ControlArgs, DeviceArgs, EvaluateArgs, PretrainArgs,
-        RepresentArgs, RunArgs,
+        BuildModelArgs, Cli, Command, ControlArgs, DeviceArgs, EvaluateArgs, InitArgs,
+        PretrainArgs, RepresentArgs, RunArgs,
     },
     output::watch_for_interrupts,
 };
@@ -34,6 +34,16 @@ const MANY_THREADS: usize = 1024;
 
 fn explaining(printer: &Printer, why: bool) -> Printer {
     if why { printer.clone().explaining() } else { printer.clone() }
+}
+
+/// Propose a study of agents that act where a column of their actions is named, else of agents that predict.
+fn init(args: InitArgs, printer: &Printer) -> Result<Outcome, StepError> {
+    let columns = args.decision_columns();
+    let options = ProposeOptions::from(args);
+    Ok(match columns {
+        Some(columns) => calib_pipeline::propose_control(&options, &columns, printer)?.outcome(),
+        None => calib_pipeline::propose(&options, printer)?.outcome(),
+    })
 }
 
 /// Do what the command line says.
@@ -56,7 +66,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
     Ok(match cli.command {
         Command::Quickstart(args) => quickstart::run(&args, printer)?,
         Command::Simulate(args) => simulate::run(&args, printer)?,
-        Command::Init(args) => calib_pipeline::propose(&args.into(), printer)?.outcome(),
+        Command::Init(args) => init(args, printer)?,
         Command::Inspect(args) => inspect::run(&args, printer)?,
         Command::Import(args) => import::run(&args, printer)?,
         Command::Run(RunArgs { study: DeviceArgs { study, device }, serve }) => {

@@ -1,6 +1,11 @@
 //! `calib init` for agents that act, and numbers of such agents that do not fit a log.
 
-use crate::control;
+use std::{fmt::Write as _, fs};
+
+use crate::{
+    control,
+    harness::{Place, Ran},
+};
 
 /// Temperatures and initial weights are in units of return.
 #[test]
@@ -16,4 +21,166 @@ fn numbers_beyond_the_returns_of_the_log_are_told() {
     let swept = told(&["--set=control.grid={ initial_weight = [1e6, 2e6] }"]);
     assert!(swept.contains("initial weights of 1000000 are more than"), "{swept}");
     assert!(swept.contains("set control.grid.initial_weight to 0"), "{swept}");
+}
+
+/// Models that are made in a moment.
+const QUICK: [&str; 3] = [
+    "--within=6s",
+    "--set=control.models=[\"neighbors\", \"increments\"]",
+    "--set=control.model.members=2",
+];
+
+fn init(place: &Place, args: &[&str]) -> Ran {
+    place.calib(&[&["init"][..], args, &QUICK[..]].concat())
+}
+
+fn study(place: &Place) -> toml::Table {
+    let text = fs::read_to_string(place.path().join("study.toml")).expect("written");
+    toml::from_str(&text).expect("TOML")
+}
+
+const POLE: [&str; 9] = [
+    "pole/log.parquet",
+    "study.toml",
+    "--action=action",
+    "--reward=reward",
+    "--terminal=terminal",
+    "--probability=probability",
+    "--set=control.runs=1",
+    "--set=seed=7",
+    "--force",
+];
+
+#[test]
+fn a_log_of_decisions_becomes_a_study_that_runs() {
+    let place = Place::new();
+    let simulate = ["simulate", "pole", "--task=cart-pole", "--policy=random"];
+    place.calib(&[&simulate[..], &["--transitions=2000"]].concat()).succeeds();
+    let ran = init(&place, &POLE);
+    let said = ran.succeeds();
+    for part in [
+        "2,000 transitions in ",
+        "states of 4 columns",
+        "action=0",
+        "so returns are not discounted",
+    ] {
+        assert!(said.contains(part), "{part} is missing in {said}");
+    }
+    assert!(said.contains("18 settings x 4 runs of "), "{said}");
+    assert!(ran.stderr().contains("next: calib run study.toml"), "{}", ran.stderr());
+    let table = study(&place);
+    let control = &table["control"];
+    assert_eq!(table["seed"].as_integer(), Some(7), "what was given holds");
+    assert_eq!(control["actions"][0].as_str(), Some("action"));
+    assert_eq!(control["terminal"].as_str(), Some("terminal"));
+    assert_eq!(control["start"].as_str(), Some("episodes"));
+    let timeout = control["timeout"].as_integer().expect("steps");
+    assert!((20..=500).contains(&timeout), "random pushes let the pole fall: {timeout}");
+    let steps = control["steps"].as_integer().expect("steps");
+    assert!((2_000..=15_000).contains(&steps), "{steps}");
+    let temperatures = control["grid"]["temperature"].as_array().expect("a list");
+    assert!(temperatures.contains(&control["agent"]["temperature"]), "{control:?}");
+    assert!(control.get("levels").is_none() && control["agent"].get("pairs").is_none());
+    let ran = place.calib(&["run", "study.toml"]);
+    let verdict = ran.ends(&[0, 1]);
+    assert!(verdict.contains("default"), "it is one of the settings: {verdict}");
+    assert!(!ran.stderr().contains("the spread of the recorded returns"), "{}", ran.stderr());
+    // A study that is there stays, unless it may be replaced.
+    let refused = init(&place, &POLE[..8]).fails(2);
+    assert!(refused.contains("--force"), "{refused}");
+    let json = init(&place, &[&POLE[..], &["--json"]].concat()).succeeds();
+    let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    assert_eq!(json["transitions"], 2000);
+    assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
+    assert_eq!(json["gamma"], 1.0);
+}
+
+#[test]
+fn a_torque_of_any_number_gets_levels() {
+    let place = Place::new();
+    let simulate = ["simulate", "swing", "--task=pendulum", "--policy=random"];
+    place.calib(&[&simulate[..], &["--transitions=600"]].concat()).succeeds();
+    let torque = ["swing/log.parquet", "study.toml", "--action=torque", "--reward=reward"];
+    let said = init(&place, &torque).succeeds();
+    assert!(said.contains("nearest level"), "{said}");
+    let table = study(&place);
+    assert_eq!(table["control"]["levels"].as_integer(), Some(7));
+    assert_eq!(table["control"]["agent"]["gamma"].as_float(), Some(0.99));
+    let given = [&torque[..], &["--force", "--set=control.levels=3"]].concat();
+    init(&place, &given).succeeds();
+    assert_eq!(study(&place)["control"]["levels"].as_integer(), Some(3));
+}
+
+/// Four hundred rows of a plant: sensors, a pump of three speeds and columns that are no actions, rewards or terminals.
+fn plant() -> Place {
+    let place = Place::new();
+    let mut text = String::from(
+        "time,level,flow,pump,gain,done,stopped,fixed,odds,mode,a1,a2,a3,a4,a5,a6,a7\n",
+    );
+    for row in 0..400_usize {
+        let pump = if row % 150 == 10 { 2 } else { row / 3 % 2 };
+        let mode = if row % 2 == 0 { "high" } else { "low" };
+        let stopped = usize::from(row % 100 == 99);
+        let (hour, minute) = (row / 60, row % 60);
+        let (level, flow, gain) = (row * row % 7, row * 37 % 11, row * row % 5);
+        write!(
+            text,
+            "2024-03-13 {hour:02}:{minute:02}:00,{level},{flow},{pump},{gain},1,{stopped},3,0.5,{mode}"
+        )
+        .expect("memory");
+        for factor in 1..=7 {
+            write!(text, ",{}", row * (factor + 12) % 101).expect("memory");
+        }
+        text.push('\n');
+    }
+    place.write("log.csv", &text);
+    place
+}
+
+/// As `init` reads it: a column of words beside numbers might be a long table.
+const PLANT: [&str; 3] = ["log.csv", "study.toml", "--set=data.shape=wide"];
+
+#[test]
+fn what_is_no_action_reward_or_terminal_is_refused() {
+    let place = plant();
+    let all = ["a1", "a2", "a3", "a4", "a5", "a6", "a7"].map(|name| format!("--action={name}"));
+    let mut all: Vec<&str> = all.iter().map(String::as_str).collect();
+    all.push("--reward=gain");
+    let pump = ["--action=pump", "--reward=gain"];
+    let with = |more: &'static str| [&pump[..], &[more]].concat();
+    for (args, expected) in [
+        (
+            vec!["--action=pmup", "--reward=gain"],
+            "no column of numbers with this name; did you mean pump",
+        ),
+        (vec!["--action=pump", "--reward=gian"], "--reward gian: the log has no column"),
+        (vec!["--action=mode", "--reward=gain"], "--action mode: the "),
+        (vec!["--action=fixed", "--reward=gain"], "--action fixed: it is 3 in every row"),
+        (vec!["--action=pump", "--reward=fixed"], "3 in every step, and no episode ends"),
+        (vec!["--action=pump", "--reward=pump"], "--reward pump: --action names this column"),
+        (with("--terminal=done"), "--terminal done: it is 1 in every row"),
+        (vec!["--action=a1", "--reward=gain", "--probability=odds"], "--probability odds: the log"),
+        (all, "7 columns of actions have 128 combinations"),
+        (with("--set=control.steps=100"), "--set control.steps has no effect"),
+        (with("--sensor=level"), "cannot be used with"),
+        (vec!["--action=pump"], "--reward"),
+        (vec!["--reward=gain"], "--action"),
+        (vec!["--terminal=done"], "--action"),
+    ] {
+        let error = init(&place, &[&PLANT[..], &args[..]].concat()).fails(2);
+        assert!(error.contains(expected), "{expected} is missing in {error}");
+        assert!(!place.path().join("study.toml").exists(), "{args:?} wrote a study");
+    }
+}
+
+#[test]
+fn what_speaks_against_a_choice_is_told_at_once() {
+    let place = plant();
+    let columns = ["--action=pump", "--reward=gain", "--terminal=stopped"];
+    let ran = init(&place, &[&PLANT[..], &columns].concat());
+    ran.succeeds();
+    let told = ran.stderr();
+    assert!(told.contains("1 action was hardly ever taken: pump=2 (3 of 3"), "{told}");
+    assert!(told.contains("the log has 4 terminals, and calib names no setting"), "{told}");
+    assert_eq!(study(&place)["control"]["start"].as_str(), Some("anywhere"));
 }

@@ -21,6 +21,7 @@ use calib_model_steps::{
     rollouts::{rollout as rollouts, rollout::Rollouts},
 };
 use calib_plant::PlantOptions;
+use calib_propose::DecisionColumns;
 use calib_study::{Job, StepKind, Study};
 use calib_sweep_steps::{
     agents::{pretrain as agents, pretrain::PretrainedAgents},
@@ -41,7 +42,7 @@ use crate::{
     control as controls,
     control::{ControlEvaluation, SimulateTask, SimulatedTask},
     each::{PartCount, Results, each},
-    propose::{self as proposals, ProposedStudy},
+    propose::{self as proposals, ProposedControlStudy, ProposedStudy},
     run_study::{self, StudyRun},
     status as statuses,
     status::{StandingOf, StatusRequest},
@@ -214,6 +215,19 @@ pub fn evaluate_runs(
 /// As [`run`]; also if nothing in the log can be predicted.
 pub fn propose(options: &ProposeOptions, printer: &Printer) -> Result<ProposedStudy, StepError> {
     told(proposals::run(options, &RunContext::new(printer))?, &(), printer)
+}
+
+/// Look at a log of decisions, time short runs of agents that act, and write a study of such agents with a reason for every value.
+/// The sensors and the horizon of the options are of agents that predict: nothing asks for them here.
+///
+/// # Errors
+/// As [`run`]; also if a column is not in the log, there are no two actions, or no action can be worth more than another.
+pub fn propose_control(
+    options: &ProposeOptions,
+    columns: &DecisionColumns,
+    printer: &Printer,
+) -> Result<ProposedControlStudy, StepError> {
+    told(proposals::run_control(options, columns, printer)?, &(), printer)
 }
 
 /// Compare a folder of results with what was written.

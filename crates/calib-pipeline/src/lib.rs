@@ -34,8 +34,8 @@ mod validity;
 
 pub use api::{
     build_model, check, cluster_merge, cluster_plan, cluster_run, cluster_status, cluster_submit,
-    control, control_model, evaluate, evaluate_runs, pretrain, propose, represent, rollout, run,
-    simulate, simulate_plant, simulate_task, status, sweep, validity,
+    control, control_model, evaluate, evaluate_runs, pretrain, propose, propose_control, represent,
+    rollout, run, simulate, simulate_plant, simulate_task, status, sweep, validity,
 };
 pub use calib_base::{
     Context, StepError, bail,
@@ -61,6 +61,7 @@ pub use calib_model_steps::{
     represent::Representations,
     rollouts::rollout::Rollouts,
 };
+pub use calib_propose::DecisionColumns;
 pub use calib_study::{Job, Request, StepKind, StudyError};
 pub use calib_sweep_steps::{
     agents::pretrain::PretrainedAgents,
@@ -84,7 +85,7 @@ pub use control::{
 };
 pub use each::{PartResult, Results};
 pub use inspect::{Inspection, inspect_deployments};
-pub use propose::ProposedStudy;
+pub use propose::{ProposedControlStudy, ProposedStudy};
 pub use run_study::StudyRun;
 pub use schemas::{JsonDocuments, json_schemas};
 pub use status::{ClusterStanding, StandingOf, StatusRequest, StudyStanding};

@@ -21,7 +21,7 @@ use crate::{
     cluster::{Status, Summary as ClusterSummary},
     control::{ControlSummary, SimulatedTask},
     plan::Plan,
-    propose::Chosen,
+    propose::{Chosen, ChosenControl},
     status::StandingOf,
     validity,
 };
@@ -66,7 +66,7 @@ pub fn json_schemas() -> BTreeMap<&'static str, Schema> {
         ("cluster status", JsonDocuments::of::<Status>()),
         (StepKind::Control.command(), JsonDocuments::of::<ControlSummary<'_>>()),
         (StepKind::Evaluate.command(), verdicts()),
-        ("init", JsonDocuments::of::<Chosen>()),
+        ("init", JsonDocuments::of::<Chosen>().or::<ChosenControl>()),
         (StepKind::Pretrain.command(), JsonDocuments::of::<PretrainManifest>()),
         ("quickstart", verdicts()),
         (StepKind::Represent.command(), JsonDocuments::of::<RepresentationManifest>()),

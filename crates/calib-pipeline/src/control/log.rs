@@ -18,9 +18,9 @@ use calib_study::Job;
 use super::described::SettingTold;
 
 /// A log of decisions, read from the files of a study.
-pub(super) struct ActionLog {
-    pub(super) decisions: Decisions,
-    pub(super) names: Names,
+pub(crate) struct ActionLog {
+    pub(crate) decisions: Decisions,
+    pub(crate) names: Names,
     /// Of everything that the model is made of.
     pub(super) fingerprint: Fingerprint,
     /// Time of every row of the decisions, in microseconds.
@@ -30,13 +30,13 @@ pub(super) struct ActionLog {
 }
 
 /// What things are called, and their units.
-pub(super) struct Names {
+pub(crate) struct Names {
     /// What the actions are called.
-    pub(super) actions: Vec<String>,
+    pub(crate) actions: Vec<String>,
     /// What was set, where actions are continuous.
     pub(super) settings: Vec<SettingTold>,
     /// Columns of the states.
-    pub(super) columns: Vec<String>,
+    pub(crate) columns: Vec<String>,
     pub(super) bounds: Vec<Bounds>,
     /// What each action sets, `[levels][action columns]`.
     pub(super) levels: Vec<Vec<f64>>,
@@ -53,7 +53,7 @@ impl Names {
 }
 
 /// Read the training range of the study's log with its actions, rewards and terminals.
-pub(super) fn read(
+pub(crate) fn read(
     job: &Job,
     config: &ControlConfig,
     printer: &Printer,

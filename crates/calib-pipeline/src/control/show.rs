@@ -47,7 +47,7 @@ impl Told for ControlEvaluation {
 }
 
 /// "2,000 transitions in 50 episodes, 1 of which ends in a terminal".
-pub(super) fn held(transitions: usize, episodes: usize, terminals: usize) -> String {
+pub(crate) fn held(transitions: usize, episodes: usize, terminals: usize) -> String {
     let verb = if terminals == 1 { "ends" } else { "end" };
     format!(
         "{} in {}, {} of which {verb} in a terminal",

@@ -28,6 +28,17 @@ fn within_states(states: f64, state_secs: f64) -> Option<String> {
         .map(|count| format!("{count}{unit}"))
 }
 
+/// Say that a study takes `expected_secs`, where this is more than is left of the time asked for.
+pub(super) fn warn_of_time(within: f64, tried_secs: f64, expected_secs: f64, printer: &Printer) {
+    if expected_secs.round() <= (within - tried_secs).max(0.0) {
+        return;
+    }
+    let [asked, tried, expected] = [within, tried_secs.round(), expected_secs.round()].map(span);
+    printer.warn(&format!(
+        "{asked} are not enough for the smallest study that says anything: `calib init` took {tried}, and `calib run` will take about {expected}"
+    ));
+}
+
 /// What all drafts of a study have in common.
 pub(super) struct Drafting<'a> {
     pub(super) args: &'a ProposeOptions,
@@ -148,13 +159,9 @@ impl Drafting<'_> {
         printer: &Printer,
     ) -> String {
         let within = self.args.within;
+        warn_of_time(within, tried_secs, expected_secs, printer);
         let [asked, tried, expected] =
             [within, tried_secs.round(), expected_secs.round()].map(span);
-        if expected_secs.round() > (within - tried_secs).max(0.0) {
-            printer.warn(&format!(
-                "{asked} are not enough for the smallest study that says anything: `calib init` took {tried}, and `calib run` will take about {expected}"
-            ));
-        }
         format!(
             "Sized to end within {asked}, of which `calib init` took {tried}: about {expected} on this machine, {} of them for the sweep",
             span(sweep_secs.round())

@@ -16,6 +16,18 @@ use calib_propose::{Angle, Cleaning, Clock, Cut, Scope, Sensors, many_left_out};
 
 use super::{gives, gives_any};
 
+/// A log, looked at all over.
+pub(super) struct SketchedLog {
+    pub(super) sketch: Sketch,
+    /// Numbers that were found to stand for a missing value.
+    pub(super) sentinels: Vec<Sentinel>,
+    /// Channels that were found to be angles.
+    pub(super) angles: Vec<Angle>,
+    pub(super) clock: Option<Clock>,
+    /// What reading the log took.
+    pub(super) read: TimeTaken,
+}
+
 /// What the log is like.
 pub(super) struct ExaminedLog {
     pub(super) sketch: Sketch,
@@ -32,8 +44,13 @@ pub(super) struct ExaminedLog {
     pub(super) read: TimeTaken,
 }
 
-impl ExaminedLog {
-    pub(super) fn at(args: &ProposeOptions, printer: &Printer) -> Result<Self, StepError> {
+impl SketchedLog {
+    /// Look at the log. Columns that are no sensors, as `is_sensor` says, are neither angles nor tell what stands for a missing value.
+    pub(super) fn at(
+        args: &ProposeOptions,
+        is_sensor: impl Fn(&str) -> bool,
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
         let study = calib_study::of_data(&args.logs, &args.set)?;
         let mut data = memory::on_this_machine(study.data);
         memory::check_log(&data)?;
@@ -42,11 +59,12 @@ impl ExaminedLog {
         let (sketched, mut read) = TimeTaken::by(|| sketch(&data, &printer.progress()));
         let mut sketch = sketched.map_err(contradicting)?;
         warn_of_reading(&sketch, printer);
-        let sentinels = if gives(args, "data.missing_values") {
+        let mut sentinels = if gives(args, "data.missing_values") {
             Vec::new()
         } else {
             std::mem::take(&mut sketch.sentinels)
         };
+        sentinels.retain(|sentinel| sentinel.channels.iter().any(|channel| is_sensor(channel)));
         if !sentinels.is_empty() {
             let told: Vec<String> = sentinels.iter().map(Sentinel::told).collect();
             printer.warn(&format!(
@@ -59,7 +77,7 @@ impl ExaminedLog {
         let angles = if gives_any(args, "data.angles") {
             Vec::new()
         } else {
-            angles(&data, &sketch, printer)?
+            angles(&data, &sketch, is_sensor, printer)?
         };
         if !angles.is_empty() {
             let turns = angles.iter().map(|angle| (angle.channel.clone(), angle.turn));
@@ -82,6 +100,20 @@ impl ExaminedLog {
         {
             printer.warn(&left_out);
         }
+        for doubt in doubts(&sketch) {
+            printer.warn(&doubt);
+        }
+        Ok(Self { sketch, sentinels, angles, clock, read })
+    }
+}
+
+impl ExaminedLog {
+    pub(super) fn at(args: &ProposeOptions, printer: &Printer) -> Result<Self, StepError> {
+        let SketchedLog { sketch, sentinels, angles, clock, read } =
+            SketchedLog::at(args, |_| true, printer)?;
+        if let Some(doubt) = interleaved(&sketch) {
+            printer.warn(&doubt);
+        }
         let wanted = named(&args.sensors, &sketch)?;
         let scope = Scope::with(&sketch, &wanted).map_err(StepError::other)?;
         let sensors = if wanted.is_empty() {
@@ -98,9 +130,6 @@ impl ExaminedLog {
                 format_time(rows[0]),
                 format_time(rows[rows.len() - 1])
             ));
-        }
-        for doubt in doubts(&sketch) {
-            printer.warn(&doubt);
         }
         let cleaning = Cleaning::of(&sketch, &scope);
         Ok(Self { sketch, sentinels, angles, clock, scope, cut, cleaning, sensors, read })
@@ -127,9 +156,10 @@ fn warn_of_reading(sketch: &Sketch, printer: &Printer) {
 fn angles(
     data: &DataConfig,
     sketched: &Sketch,
+    is_sensor: impl Fn(&str) -> bool,
     printer: &Printer,
 ) -> Result<Vec<Angle>, StepError> {
-    let angles = match data.resample {
+    let mut angles = match data.resample {
         // A mean of 359 and 1 is 180: such rows do not go around any more.
         Some(Resample::Mean | Resample::Linear) => {
             let recorded = DataConfig { resample: Some(Resample::Last), ..data.clone() };
@@ -137,6 +167,7 @@ fn angles(
         }
         Some(Resample::Last) | None => Angle::all(sketched),
     };
+    angles.retain(|angle| is_sensor(&angle.channel));
     if !angles.is_empty() {
         let told =
             angles.iter().map(|angle| format!("{} (a turn is {})", angle.channel, angle.turn));
@@ -172,7 +203,6 @@ fn doubts(sketch: &Sketch) -> Vec<String> {
     }
     doubts.extend(sketch.timestamps.last().and_then(|last| clock::in_future(*last)));
     doubts.extend(backward(sketch));
-    doubts.extend(interleaved(sketch));
     doubts
 }
 
@@ -252,8 +282,7 @@ fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
 
 /// What is said of channels that stop for longer than they usually do, where the age at which values are forgotten is that of
 /// the slowest channel.
-pub(super) fn bridged(look: &ExaminedLog) -> Option<String> {
-    let ExaminedLog { sketch, scope, .. } = look;
+pub(super) fn bridged(sketch: &Sketch, scope: &Scope) -> Option<String> {
     let mut stopped: Vec<&ChannelSketch> =
         scope.channels.iter().map(|&channel| &sketch.channels[channel]).collect();
     stopped.retain(|channel| !channel.bridged.is_none());

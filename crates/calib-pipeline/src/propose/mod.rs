@@ -1,5 +1,6 @@
 //! A study of a log that nobody has looked at: everything that can be seen is looked at, and what cannot is tried.
 
+mod control;
 mod drafting;
 mod evidence;
 mod look;
@@ -13,18 +14,26 @@ use std::{
 };
 
 use calib_base::{
-    Context as _, StepError, clock::Stopwatch, ensure, log::context::RunContext,
-    options::ProposeOptions, output::span,
+    Context as _, StepError,
+    clock::Stopwatch,
+    ensure,
+    log::context::RunContext,
+    options::ProposeOptions,
+    output::{Printer, span},
 };
 use calib_core::Timestamp;
+use calib_data::Sketch;
 use calib_files::{TemporaryFolder, check_output, write_output};
 use calib_propose::{
-    Cut, Horizon, Lacking, ProposedAgent, ProposedModel, Sensors, Size, spacing_by_log, spacings,
+    Cleaning, Cut, Horizon, Lacking, ProposedAgent, ProposedModel, Scope, Sensors, Size,
+    spacing_by_log, spacings,
 };
 use calib_study::{Job, Request};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+pub use self::control::ProposedControlStudy;
+pub(crate) use self::control::{ChosenControl, run as run_control};
 use self::{
     drafting::Drafting,
     evidence::Evidence,
@@ -105,42 +114,63 @@ impl ProposedStudy {
 
 /// Look at a log, and write a study of it.
 pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<ProposedStudy, StepError> {
-    let file = args.study.display();
-    ensure!(
-        args.study.extension().is_some_and(|extension| extension == "toml"),
-        "{file}: expected the name of a study file, which ends in .toml"
-    );
-    for (key, instead) in [
-        ("data.train_fraction", "it chooses data.train and data.held_out; give these"),
-        ("agent.gamma", "it follows from the horizon; give --horizon"),
-        (
-            "sweep.steps",
-            "it plans the length of runs for --within; change it in the study afterwards",
-        ),
-        ("sweep.sensors", "it sizes the study for the sensors of --sensor; name them there"),
-    ] {
-        ensure!(!gives(args, key), "--set {key} has no effect on `calib init`: {instead}");
-    }
-    // Before the trials, and not after them.
-    check_output(&args.study, args.existing)?;
+    check_arguments(
+        args,
+        &[
+            ("data.train_fraction", "it chooses data.train and data.held_out; give these"),
+            ("agent.gamma", "it follows from the horizon; give --horizon"),
+            (
+                "sweep.steps",
+                "it plans the length of runs for --within; change it in the study afterwards",
+            ),
+            ("sweep.sensors", "it sizes the study for the sensors of --sensor; name them there"),
+        ],
+    )?;
     let clock = Stopwatch::start();
     let path = path_in_study(&args.logs, &args.study)?;
     let look = ExaminedLog::at(args, context)?;
-    let args = &with_exclusions(args, &look)?;
-    let contradictions = look.cleaning.contradictions.as_ref();
-    if let Some((keep, why)) = contradictions.filter(|_| !gives(args, "data.contradictions")) {
-        context.warn(&format!(
-            "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
-        ));
-    }
-    if let Some(bridged) = bridged(&look) {
-        context.warn(&bridged);
-    }
+    let args = &with_exclusions(args, &look.scope, &look.sketch)?;
+    warn_of_cleaning(args, &look.sketch, &look.scope, &look.cleaning, context);
     let proposal = Proposal::of(args, &path, &look, clock, context)?;
     write_output(&args.study, args.existing, |file| {
         std::io::Write::write_all(file, proposal.text.as_bytes())
     })?;
     Ok(proposal.written(args, &look, clock.elapsed()))
+}
+
+/// Refuse what cannot be written, before the trials and not after them, and keys without effect, each with what to do instead.
+fn check_arguments(
+    args: &ProposeOptions,
+    without_effect: &[(&str, &str)],
+) -> Result<(), StepError> {
+    ensure!(
+        args.study.extension().is_some_and(|extension| extension == "toml"),
+        "{}: expected the name of a study file, which ends in .toml",
+        args.study.display()
+    );
+    for (key, instead) in without_effect {
+        ensure!(!gives(args, key), "--set {key} has no effect on `calib init`: {instead}");
+    }
+    Ok(check_output(&args.study, args.existing)?)
+}
+
+/// Say what of a log was left out, or stood in for what was not recorded.
+fn warn_of_cleaning(
+    args: &ProposeOptions,
+    sketch: &Sketch,
+    scope: &Scope,
+    cleaning: &Cleaning,
+    printer: &Printer,
+) {
+    let contradictions = cleaning.contradictions.as_ref();
+    if let Some((keep, why)) = contradictions.filter(|_| !gives(args, "data.contradictions")) {
+        printer.warn(&format!(
+            "{why}: the {keep} of them is kept; data.time_zone may tell the hours apart, data.contradictions which is kept"
+        ));
+    }
+    if let Some(bridged) = bridged(sketch, scope) {
+        printer.warn(&bridged);
+    }
 }
 
 /// Whether `key` was given with `--set`.
@@ -156,13 +186,17 @@ fn given<'a>(args: &'a ProposeOptions, key: &str) -> Option<&'a str> {
 
 /// The same with the channels that calib leaves out added to those of `data.exclude`, if that was given: a list that replaced them
 /// would bring them back.
-fn with_exclusions(args: &ProposeOptions, look: &ExaminedLog) -> Result<ProposeOptions, StepError> {
+fn with_exclusions(
+    args: &ProposeOptions,
+    scope: &Scope,
+    sketch: &Sketch,
+) -> Result<ProposeOptions, StepError> {
     let mut args = args.clone();
     if !gives(&args, EXCLUDE) {
         return Ok(args);
     }
     let given = calib_study::of_data(&args.logs, &args.set)?.data.exclude;
-    let all = calib_propose::exclusions(&given, &look.scope, &look.sketch);
+    let all = calib_propose::exclusions(&given, scope, sketch);
     args.set.push(format!("{EXCLUDE}={all}"));
     Ok(args)
 }

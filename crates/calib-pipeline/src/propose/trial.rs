@@ -101,7 +101,7 @@ struct MeasuredSweep {
 }
 
 /// The costs, if two sweeps of so many steps took so long, and all else `other_secs`.
-fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: f64) -> Costs {
+pub(super) fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: f64) -> Costs {
     // Runs that cannot be longer tell what a step takes at most.
     let agent_step_secs =
         if more > less { ((slow - quick) / (more - less)).max(1e-9) } else { slow / more };

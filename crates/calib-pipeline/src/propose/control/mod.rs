@@ -1,0 +1,459 @@
+//! A study of agents that act: the decisions of a log are read as the study will read them, and short runs are timed.
+
+mod columns;
+mod show;
+
+use std::{
+    io::Write as _,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use calib_base::{
+    Context as _, StepError, bail,
+    clock::{Stopwatch, TimeTaken},
+    options::ProposeOptions,
+    output::{Printer, count, counted, span},
+};
+use calib_control::{ControlConfig, ControlError, Decisions, StartRows};
+use calib_data::{Sentinel, Sketch};
+use calib_files::{TemporaryFolder, write_output};
+use calib_propose::{
+    Angle, Cleaning, Clock, ControlDraft, Costs, DecisionColumns, GivenControl, LogDraft,
+    ProposedControl, Scope, action_levels, actions_are_continuous, control_steps, hardly_taken,
+};
+use calib_study::{Job, Request};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use self::columns::LookedAt;
+use super::{
+    check_arguments, drafting::warn_of_time, gives, look::SketchedLog, path_in_study, trial,
+    warn_of_cleaning, with_exclusions,
+};
+use crate::control::{self, ActionLog};
+
+/// Steps of the shortest runs that costs are measured with.
+const SHORT: usize = 200;
+/// How much longer the others are.
+const LONGER: usize = 4;
+/// Runs that take less than this share of the time asked for are too short to tell what a step takes.
+const WORTH: f64 = 0.01;
+/// The share of the time asked for after which no longer runs are timed.
+const TRIED: f64 = 0.25;
+/// Actions that are named in a warning.
+const NAMED: usize = 3;
+/// Keys that decide nothing here, and what to do instead.
+const WITHOUT_EFFECT: [(&str, &str); 6] = [
+    ("control.actions", "name the columns with --action"),
+    ("control.reward", "name the column with --reward, and change the key in the study afterwards"),
+    ("control.terminal", "name the column with --terminal"),
+    ("control.probability", "name the column with --probability"),
+    (
+        "control.steps",
+        "it plans the length of runs for --within; change it in the study afterwards",
+    ),
+    ("sweep.sensors", "agents that act predict no sensor; leave --action out for those that do"),
+];
+
+/// What was chosen for agents that act, for `--json`.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct ChosenControl {
+    /// The file that was written.
+    study: PathBuf,
+    /// Columns of the states.
+    columns: Vec<String>,
+    /// Channels that are not used, with the reason.
+    left_out: Vec<[String; 2]>,
+    /// Steps of the log from which agents learn.
+    transitions: usize,
+    episodes: usize,
+    /// Episodes that end in a terminal.
+    terminals: usize,
+    actions: Vec<TakenAction>,
+    /// Levels of each column of continuous actions. Default: every combination of values is an action.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    levels: Option<usize>,
+    /// Mean return of recorded episodes.
+    mean_return: f64,
+    /// Standard deviation of recorded returns, in units of reward.
+    return_spread: f64,
+    /// Steps after which an episode is cut.
+    timeout: usize,
+    start: StartRows,
+    gamma: f64,
+    /// The default.
+    temperature: f64,
+    /// Settings that are compared.
+    settings: usize,
+    /// Steps of every run.
+    steps: usize,
+    /// How long `calib run` takes on this machine, in seconds, as far as could be told.
+    expected_secs: f64,
+}
+
+/// An action of the log.
+#[derive(Debug, Serialize, JsonSchema)]
+struct TakenAction {
+    name: String,
+    /// Transitions with it.
+    transitions: usize,
+}
+
+/// A study of agents that act, which was proposed for a log.
+#[derive(Debug)]
+pub struct ProposedControlStudy {
+    chosen: ChosenControl,
+    timeout_reason: String,
+    gamma_reason: String,
+    /// Runs of each setting, in all models together.
+    runs: usize,
+    /// The time that was asked for, in seconds.
+    within: f64,
+    /// How long the log was looked at, and runs were tried.
+    took: Duration,
+}
+
+impl ProposedControlStudy {
+    /// The file that was written.
+    pub fn study(&self) -> &Path {
+        &self.chosen.study
+    }
+
+    /// Steps of every run.
+    pub fn steps(&self) -> usize {
+        self.chosen.steps
+    }
+
+    /// How long `calib run` takes on this machine, in seconds, as far as could be told.
+    pub fn expected_secs(&self) -> f64 {
+        self.chosen.expected_secs
+    }
+}
+
+/// Look at a log of decisions, and write a study of agents that act.
+pub(crate) fn run(
+    args: &ProposeOptions,
+    columns: &DecisionColumns,
+    printer: &Printer,
+) -> Result<ProposedControlStudy, StepError> {
+    check_arguments(args, &WITHOUT_EFFECT)?;
+    columns::refuse_repeated(columns)?;
+    let begun = Stopwatch::start();
+    let path = path_in_study(&args.logs, &args.study)?;
+    let args = &with_columns(args, columns);
+    let look = ExaminedDecisions::at(args, columns, printer)?;
+    let args = &with_exclusions(args, &look.scope, &look.sketch)?;
+    warn_of_cleaning(args, &look.sketch, &look.scope, &look.cleaning, printer);
+    let place = TemporaryFolder::new()?;
+    let drafting = ControlDrafting { args, path: &path, columns, look: &look, place: &place };
+    let read = drafting.decisions(printer)?;
+    let decisions = &read.log.decisions;
+    let proposed = ProposedControl::for_log(decisions, look.sketch.period_secs, given(args)?)
+        .map_err(StepError::other)
+        .with_context(|| format!("--reward {}", columns.reward))?;
+    let costs = drafting.costs(&read, &proposed, begun, printer)?;
+    // Looking and trying are of the time that was asked for.
+    let tried = begun.elapsed().as_secs_f64();
+    let steps = control_steps(args.within - tried, costs);
+    let expected_secs = costs.fixed_secs + steps as f64 * costs.agent_step_secs;
+    warn_of_time(args.within, tried, expected_secs, printer);
+    let [expected, asked] = [expected_secs.round(), args.within].map(span);
+    let why = format!("about {expected} on this machine, of the {asked} of --within");
+    let text = drafting.text(read.levels.as_ref(), Some(&proposed), steps, &why);
+    // What was given holds for the study: it is read with it, and must say the same without.
+    let text = calib_propose::with_given(&text, &args.set);
+    let job = Job::of_text(Request::new(&args.study), text.clone())?;
+    let config = section(&job)?;
+    for doubt in doubts(&read.log, config) {
+        printer.warn(&doubt);
+    }
+    let chosen = chosen(&job, &look, &read.log, &proposed, expected_secs)?;
+    write_output(&args.study, args.existing, |file| file.write_all(text.as_bytes()))?;
+    Ok(ProposedControlStudy {
+        chosen,
+        timeout_reason: proposed.timeout.1,
+        gamma_reason: proposed.gamma.1,
+        runs: config.models.len() * config.model.members * config.runs,
+        within: args.within,
+        took: begun.elapsed(),
+    })
+}
+
+/// The same with the columns as keys: those of `--set` in [control] are read beside them.
+fn with_columns(args: &ProposeOptions, columns: &DecisionColumns) -> ProposeOptions {
+    let keys = columns.keys().into_iter().map(|(key, value)| format!("control.{key}={value}"));
+    ProposeOptions { set: keys.chain(args.set.iter().cloned()).collect(), ..args.clone() }
+}
+
+/// What was given with `--set`, and is not chosen.
+fn given(args: &ProposeOptions) -> Result<GivenControl, StepError> {
+    let study = calib_study::of_data(&args.logs, &args.set)?;
+    let control = study.control.unwrap_or_default();
+    Ok(GivenControl {
+        timeout: gives(args, "control.timeout").then_some(control.timeout),
+        gamma: gives(args, "control.agent.gamma").then_some(control.agent.gamma),
+    })
+}
+
+/// What a study says of agents that act.
+fn section(job: &Job) -> Result<&ControlConfig, StepError> {
+    job.study().control.as_ref().context("the study has no [control]")
+}
+
+/// What can be seen of a log of decisions before they are read.
+struct ExaminedDecisions {
+    /// Of the sensors alone.
+    sketch: Sketch,
+    sentinels: Vec<Sentinel>,
+    angles: Vec<Angle>,
+    clock: Option<Clock>,
+    scope: Scope,
+    cleaning: Cleaning,
+    /// Values that each column of the actions has; none where there are very many.
+    distinct: Vec<Option<u32>>,
+}
+
+impl ExaminedDecisions {
+    fn at(
+        args: &ProposeOptions,
+        columns: &DecisionColumns,
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
+        let SketchedLog { mut sketch, sentinels, angles, clock, .. } =
+            SketchedLog::at(args, |name| !columns.contains(name), printer)?;
+        let is_limited = gives(args, "data.include") || gives(args, "data.exclude");
+        let looked_at = if is_limited { LookedAt::Part } else { LookedAt::Whole };
+        columns::check(columns, &sketch, looked_at)?;
+        let distinct = columns::distinct(columns, &sketch);
+        sketch.channels.retain(|channel| !columns.contains(&channel.name));
+        let scope = Scope::of(&sketch).map_err(StepError::other)?;
+        let cleaning = Cleaning::of(&sketch, &scope);
+        Ok(Self { sketch, sentinels, angles, clock, scope, cleaning, distinct })
+    }
+}
+
+/// Decisions, as the study will have them.
+struct ReadDecisions {
+    log: ActionLog,
+    /// `control.levels`, and why; none where every combination of values is an action, or the key was given.
+    levels: Option<(usize, String)>,
+}
+
+/// What all drafts of a study have in common.
+struct ControlDrafting<'a> {
+    args: &'a ProposeOptions,
+    /// `data.path`.
+    path: &'a str,
+    columns: &'a DecisionColumns,
+    look: &'a ExaminedDecisions,
+    place: &'a TemporaryFolder,
+}
+
+impl ControlDrafting<'_> {
+    fn text(
+        &self,
+        levels: Option<&(usize, String)>,
+        proposed: Option<&ProposedControl>,
+        steps: usize,
+        steps_reason: &str,
+    ) -> String {
+        let look = self.look;
+        let log = LogDraft {
+            sketch: &look.sketch,
+            path: self.path,
+            scope: &look.scope,
+            cleaning: &look.cleaning,
+            missing_values: &look.sentinels,
+            angles: &look.angles,
+            clock: look.clock,
+        };
+        ControlDraft { log, columns: self.columns, levels, proposed, steps, steps_reason }.text()
+    }
+
+    /// A study whose results are thrown away.
+    fn job(&self, text: String) -> Result<Job, StepError> {
+        let request = Request {
+            output: Some(self.place.path().join("results")),
+            set: self.args.set.clone(),
+            ..Request::new(&self.args.study)
+        };
+        Ok(Job::of_text(request, text)?)
+    }
+
+    /// The decisions with every combination of values as an action, or with levels where these are too many.
+    fn decisions(&self, printer: &Printer) -> Result<ReadDecisions, StepError> {
+        let job = self.job(self.text(None, None, SHORT, ""))?;
+        let config = section(&job)?;
+        let read = control::read_log(&job, config, printer);
+        let Some(why) = self.why_continuous(&read, config) else {
+            let log = read?;
+            self.refuse_one_action(&log.decisions)?;
+            return Ok(ReadDecisions { log, levels: None });
+        };
+        if let Some(name) = &self.columns.probability {
+            bail!(
+                "--probability {name}: {why}, so that actions are taken for continuous ones (control.levels), and what was set then has no \
+                 probability but a density; leave --probability out, or round the columns of --action"
+            );
+        }
+        let levels =
+            action_levels(&self.look.distinct, config.most_actions).map_err(StepError::other)?;
+        // What there is to say of the log was said.
+        let printer = if read.is_ok() { printer.silent() } else { printer.clone() };
+        drop(read);
+        let levels = (levels, why);
+        let job = self.job(self.text(Some(&levels), None, SHORT, ""))?;
+        let log = control::read_log(&job, section(&job)?, &printer)?;
+        self.refuse_one_action(&log.decisions)?;
+        Ok(ReadDecisions { log, levels: Some(levels) })
+    }
+
+    /// Why actions are continuous, if they are.
+    fn why_continuous(
+        &self,
+        read: &Result<ActionLog, StepError>,
+        config: &ControlConfig,
+    ) -> Option<String> {
+        match read {
+            Err(reason) if has_many_actions(reason) => {
+                Some(format!("the log has more than {} different actions", config.most_actions))
+            }
+            Ok(ActionLog { decisions, .. }) if config.levels.is_none() => {
+                let [actions, steps] = [decisions.levels(), decisions.len()];
+                actions_are_continuous(&self.look.distinct, actions, steps).then(|| {
+                    format!(
+                        "the log has {} different actions in {}",
+                        count(actions),
+                        counted(steps, "step")
+                    )
+                })
+            }
+            _ => None,
+        }
+    }
+
+    /// Refuse a log in which all steps that lead on have the same action.
+    fn refuse_one_action(&self, log: &Decisions) -> Result<(), StepError> {
+        if log.counts().iter().filter(|&&taken| taken > 0).count() < 2 {
+            bail!(
+                "--action {}: one action was taken in all {}, so there is nothing to choose; use a log in which several were",
+                self.columns.actions.join(" --action "),
+                counted(log.len(), "step")
+            );
+        }
+        Ok(())
+    }
+
+    /// What the study takes, measured with short runs of all settings, and with longer ones until these take a share of the time
+    /// asked for that is worth measuring.
+    fn costs(
+        &self,
+        read: &ReadDecisions,
+        proposed: &ProposedControl,
+        begun: Stopwatch,
+        printer: &Printer,
+    ) -> Result<Costs, StepError> {
+        printer.say("measuring how long a study takes");
+        let silent = printer.silent();
+        let job =
+            |steps: usize| self.job(self.text(read.levels.as_ref(), Some(proposed), steps, ""));
+        let model = job(SHORT)?;
+        let (built, building) = TimeTaken::by(|| control::build(&model, &silent));
+        built?;
+        let swept = |steps: usize| -> Result<(f64, f64), StepError> {
+            let job = job(steps)?;
+            let (judged, taken) = TimeTaken::by(|| control::run(&job, &silent));
+            judged?;
+            Ok((steps as f64, taken.secs))
+        };
+        let less = swept(SHORT)?;
+        let mut steps = LONGER * SHORT;
+        let mut more = swept(steps)?;
+        let within = self.args.within;
+        while more.1 - less.1 < WORTH * within && begun.elapsed().as_secs_f64() < TRIED * within {
+            steps *= LONGER;
+            more = swept(steps)?;
+        }
+        Ok(trial::costs([less, more], building.secs))
+    }
+}
+
+/// Whether a log has more actions than a study may have.
+fn has_many_actions(reason: &StepError) -> bool {
+    let StepError::Other(reason) = reason.root() else { return false };
+    matches!(reason.downcast_ref::<ControlError>(), Some(ControlError::ManyActions { .. }))
+}
+
+/// What speaks against a choice by this log, whatever agents learn.
+fn doubts(log: &ActionLog, config: &ControlConfig) -> Vec<String> {
+    let decisions = &log.decisions;
+    let mut doubts = Vec::new();
+    let counts = decisions.counts();
+    let hardly = hardly_taken(&counts);
+    if !hardly.is_empty() {
+        let told = hardly.iter().take(NAMED).map(|&action| {
+            format!(
+                "{} ({} of {})",
+                log.names.actions[action],
+                counts[action],
+                count(decisions.len())
+            )
+        });
+        let more = if hardly.len() > NAMED { ", …" } else { "" };
+        doubts.push(format!(
+            "{} hardly ever taken: {}{more}. Models know little of what follows; merge such actions with others in the log, or set \
+             control.levels lower",
+            if hardly.len() == 1 {
+                "1 action was".to_owned()
+            } else {
+                format!("{} actions were", count(hardly.len()))
+            },
+            told.collect::<Vec<_>>().join(", ")
+        ));
+    }
+    let terminals = decisions.terminals();
+    if config.terminal.is_some() && terminals < config.fewest_terminals {
+        doubts.push(format!(
+            "the log has {}, and calib names no setting to deploy with fewer than {} (control.fewest_terminals): use a longer log",
+            counted(terminals, "terminal"),
+            config.fewest_terminals
+        ));
+    }
+    doubts
+}
+
+/// What the study is.
+fn chosen(
+    job: &Job,
+    look: &ExaminedDecisions,
+    log: &ActionLog,
+    proposed: &ProposedControl,
+    expected_secs: f64,
+) -> Result<ChosenControl, StepError> {
+    let config = section(job)?;
+    let decisions = &log.decisions;
+    let left_out = look.scope.left_out.iter();
+    let actions = log.names.actions.iter().zip(decisions.counts());
+    Ok(ChosenControl {
+        study: job.layout().study().to_owned(),
+        columns: log.names.columns.clone(),
+        left_out: left_out.map(|one| [one.name.clone(), one.why.to_string()]).collect(),
+        transitions: decisions.len(),
+        episodes: decisions.starts().len(),
+        terminals: decisions.terminals(),
+        actions: actions
+            .map(|(name, transitions)| TakenAction { name: name.clone(), transitions })
+            .collect(),
+        levels: config.levels,
+        mean_return: decisions.recorded_return(config.timeout)?.mean,
+        return_spread: proposed.spread,
+        timeout: config.timeout,
+        start: config.start,
+        gamma: config.agent.gamma,
+        temperature: config.agent.temperature,
+        settings: config.grid.candidates(config.agent)?.len(),
+        steps: config.steps,
+        expected_secs,
+    })
+}
