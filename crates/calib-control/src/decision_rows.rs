@@ -154,7 +154,9 @@ impl DecisionRows {
         }
         let mut acted: Vec<Vec<f64>> = log.acted.iter().map(|column| at(column, &rows)).collect();
         for column in &mut acted {
-            lasts.iter().for_each(|&last| column[last] = f64::NAN);
+            for &last in &lasts {
+                column[last] = f64::NAN;
+            }
         }
         Ok(Self {
             segments: Segments::from_lengths(lengths)?,

@@ -1,8 +1,8 @@
-use calib_core::Seed;
+use calib_core::{Seed, Segments};
 use serde::Deserialize;
 
 use super::*;
-use crate::{Behaviour, ControlConfig, Ending, Environment, Quality, record};
+use crate::{Behaviour, ControlConfig, Ending, Environment, Quality, RewardColumns, record};
 
 #[derive(Deserialize)]
 struct Golden {
@@ -137,14 +137,17 @@ fn the_reward_of_a_plant_follows_from_what_it_logs() {
         plant.observe(&mut observed);
         let mut logged = Vec::new();
         plant.log(&mut logged);
-        let reward = f64::from(
-            config.reward.of(1, |name| {
-                let seen = Membrane::columns().iter().position(|column| column.0 == name);
-                let beside = Membrane::logged().iter().position(|&other| other == name);
-                let value = seen.map(|place| observed[place]).or(beside.map(|place| logged[place]));
-                vec![value.expect("a column of the log")]
-            })[0],
-        );
+        let names: Vec<String> = config.reward.columns().cloned().collect();
+        let mut values = Vec::new();
+        for name in &names {
+            let seen = Membrane::columns().iter().position(|column| column.0 == name);
+            let beside = Membrane::logged().iter().position(|&other| other == name);
+            let value = seen.map(|place| observed[place]).or(beside.map(|place| logged[place]));
+            values.push(vec![value.expect("a column of the log")]);
+        }
+        let columns = RewardColumns { names: &names, values: &values, actions: 0 };
+        let one = Segments::from_lengths([1]).expect("a row");
+        let reward = f64::from(config.reward.of_rows(&columns, &one, |_| true)[0]);
         assert!((reward - outcome.reward).abs() < 1e-4, "{reward} {outcome:?}");
         if outcome.ending == Ending::Terminal {
             trips += 1;

@@ -103,7 +103,6 @@ impl<'de> Deserialize<'de> for MaxAge {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::DataConfig;
 
     fn read(value: &str) -> Result<DataConfig, toml::de::Error> {
