@@ -22,7 +22,7 @@ CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/target} \
 clean=$tools/python
 rm -rf "$clean"
 python3 -m venv "$clean"
-"$clean/bin/pip" install --quiet "$(echo "$dist"/calib_rl-*.whl)[gym,frames]" -r python/tests/requirements.txt
+"$clean/bin/pip" install --quiet "$(echo "$dist"/calib_rl-*.whl)[gym,frames,onnx]" -r python/tests/requirements.txt
 # Not from the sources: what is tested is what was installed.
 cd python/tests
 "$clean/bin/pytest" --quiet -p no:cacheprovider -c ../pyproject.toml --rootdir .. .

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _calib
+from . import _calib, _onnx
 from ._acting import ActionModel
 from ._checks import LARGEST_SEED, opened, position, whole
 
@@ -137,6 +139,34 @@ class ControlAgent:
             True
         """
         self._native.save(os.fspath(path))
+
+    def to_onnx(self, path: str | os.PathLike[str]) -> None:
+        """Write what the agent knows now as ONNX, for a plant that runs no Python. The file does not learn.
+
+        Its input ``state`` is ``float32 [batch, columns]``, what the sensors show in their units, in the order of `columns`. Its output ``values`` is
+        ``float32 [batch, actions]``, as `values` gives them. The action to take is the one with the largest value. The metadata of the file has four
+        texts. ``columns`` (name, offset, scale), ``actions`` (name, values) and ``settings`` are JSON. ``fingerprint`` is that of the file that `save` writes.
+
+        A number that is missing must not be given to it: with tiles the runtime refuses NaN, and a network answers NaN.
+
+        Args:
+            path: The file. One that is there is replaced.
+
+        Raises:
+            ImportError: The package onnx is missing: ``pip install 'calib-rl[onnx]'``.
+            CalibError: The agent has diverged, or the file cannot be written.
+
+        Examples:
+            >>> import os, tempfile
+            >>> path = os.path.join(tempfile.mkdtemp(), "agent.onnx")
+            >>> ControlAgent(_example_model()).to_onnx(path)
+            >>> os.path.isfile(path)
+            True
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            saved = Path(folder) / "agent.safetensors"
+            self.save(saved)
+            _onnx.written(saved, Path(path))
 
     @property
     def settings(self) -> dict[str, Any]:

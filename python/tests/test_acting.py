@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -450,6 +451,49 @@ def test_an_agent_learns_in_a_model_of_other_ranges(acting: calib_rl.ActionModel
     renamed = calib_rl.build_model(low.rename({"flow": "inflow"}), tmp_path / "names", actions=["valve0"], reward="reward")
     with pytest.raises(ValueError, match="the columns of the model are level, inflow, and those of the agent level, flow"):
         other.train(renamed, 10)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"algorithm": "expected_sarsa", "temperature": 0.05, "step_size": 0.3},
+        {"algorithm": "q_learning", "step_size": 0.3, "pairs": False, "tilings": 5, "tiles": 11},
+        {"algorithm": "deep_q_learning", "step_size": 0.001, "hidden_width": 16},
+    ],
+)
+def test_a_runtime_of_onnx_computes_the_values_of_the_agent(acting: calib_rl.ActionModel, tmp_path: Path, settings: dict[str, Any]) -> None:
+    onnxruntime = pytest.importorskip("onnxruntime")
+    agent = calib_rl.ControlAgent(acting, gamma=0.9, seed=3, **settings)
+    agent.train(acting, 3000)
+    path, saved = tmp_path / "agent.onnx", tmp_path / "agent.safetensors"
+    agent.to_onnx(path)
+    agent.save(saved)
+    session = onnxruntime.InferenceSession(str(path))
+    # Beyond the recorded ranges too.
+    states = np.random.default_rng(1).uniform([-0.2, 1.0], [1.2, 9.0], (1000, 2)).astype(np.float32)
+    (values,) = session.run(["values"], {"state": states})
+    expected = np.array([agent.values(state.astype(np.float64)) for state in states])
+    assert values.shape == (1000, 3) and values.dtype == np.float32 and len(np.unique(expected)) > 100
+    np.testing.assert_allclose(values, expected, rtol=1e-5, atol=1e-5)
+    told = session.get_modelmeta().custom_metadata_map
+    assert [column["name"] for column in json.loads(told["columns"])] == agent.columns
+    assert json.loads(told["actions"])[2] == {"name": "valve0=1", "values": [1.0]}
+    assert json.loads(told["settings"]) == agent.settings and told["fingerprint"] in saved.read_bytes().decode("latin-1")
+
+
+def test_an_agent_that_cannot_become_onnx(acting: calib_rl.ActionModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("onnx")
+    agent, path = calib_rl.ControlAgent(acting), tmp_path / "agent.onnx"
+    path.write_text("what was there")
+    with pytest.raises(calib_rl.CalibError, match="diverged"):
+        calib_rl.ControlAgent(acting, initial_weight=1e300).to_onnx(path)
+    for place in (tmp_path, tmp_path / "nowhere" / "agent.onnx"):
+        with pytest.raises(calib_rl.CalibError, match="cannot be written"):
+            agent.to_onnx(place)
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    with pytest.raises(ImportError, match=r"calib-rl\[onnx\]"):
+        agent.to_onnx(path)
+    assert path.read_text() == "what was there" and list(tmp_path.iterdir()) == [path]
 
 
 def test_the_chosen_agent_comes_out(tmp_path: Path) -> None:
