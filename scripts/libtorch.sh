@@ -12,7 +12,8 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 own=$root/.libtorch
 
 if [ -z "${LIBTORCH:-}" ] && [ -z "${LIBTORCH_USE_PYTORCH:-}" ]; then
-    if [ "$(cat "$own/complete" 2>/dev/null)" != "$version" ]; then
+    # Python imports PyTorch only with its manager of shared memory.
+    if [ "$(cat "$own/complete" 2>/dev/null)" != "$version" ] || [ ! -e "$own/torch/bin/torch_shm_manager" ]; then
         echo "fetching libtorch $version into $own (about 0.6 GB to load, 1.2 GB on disk)" >&2
         # Whole or not at all, whoever else fetches it meanwhile.
         part=$(mktemp -d "$root/.libtorch-XXXXXX")
@@ -22,8 +23,8 @@ if [ -z "${LIBTORCH:-}" ] && [ -z "${LIBTORCH_USE_PYTORCH:-}" ]; then
         # others are used if they are there.
         python3 -m pip install --quiet --disable-pip-version-check --root-user-action=ignore --no-deps --target "$part" \
             "torch==$version" 'nvidia-cuda-cupti==13.0.85.*' 'nvidia-cuda-runtime==13.0.96.*'
-        # What only Python needs.
-        rm -rf "$part/torch/test" "$part/torch/bin" "$part/functorch"
+        # What only tests and compilers need.
+        rm -rf "$part/torch/test" "$part/torch/bin"/{protoc,ptxas}* "$part/functorch"
         echo "$version" > "$part/complete"
         rm -rf "$own"
         mv "$part" "$own"

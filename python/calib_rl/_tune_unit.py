@@ -91,7 +91,9 @@ def live(make_agent: Callable[..., Any], model: ActionModel, unit: Unit, environ
         place = "learn"
         learn(unit.steps)
         if env.left:
-            raise RuntimeError(f"learn({unit.steps}) returned after {unit.steps - env.left} steps; it must take as many as it is given")
+            raise RuntimeError(
+                f"learn({unit.steps}) returned after {unit.steps - env.left} steps; it must take as many as it is given, in env itself and not in a copy"
+            )
         mean = env.mean_return()
         if not np.isfinite(mean):
             raise FloatingPointError(f"the mean return is {mean}")

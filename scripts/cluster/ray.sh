@@ -8,7 +8,7 @@ calib=$(realpath "${1:-$here/../../target/release/calib}")
 tools=${CALIB_TOOLS:-$here/../../target/tools}
 mkdir -p "$tools"
 [ -x "$tools/ray/bin/python" ] || python3 -m venv "$tools/ray"
-"$tools/ray/bin/python" -m pip install --quiet 'ray==2.40.0'
+"$tools/ray/bin/python" -m pip install --quiet 'ray[rllib]==2.40.0'
 work=$(mktemp -d -p "${CALIB_WORK:-/dev/shm}")
 trap 'rm -rf "$work"' EXIT
 cd "$work"
