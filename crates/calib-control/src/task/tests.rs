@@ -67,7 +67,8 @@ fn cart_pole_steps_as_gymnasium() {
 
 #[test]
 fn puddle_world_steps_as_its_definition() {
-    let mut still = PuddleWorld { noise: 0.0, ..PuddleWorld::default() };
+    let mut still = PuddleWorld::default();
+    still.noise = 0.0;
     follows(&mut still, &golden().puddle_world, |task| &mut task.state);
 }
 
