@@ -7,6 +7,7 @@ mod cluster;
 mod comparisons;
 mod control;
 mod dataset;
+mod decisions;
 mod deployments;
 mod dtw;
 mod errors;

@@ -1,0 +1,206 @@
+//! Logs of decisions: which actions, rewards and episodes calib reads in them.
+
+use std::fs;
+
+use crate::control::{place, pump};
+
+/// An action whose name would be a pattern of the only channel of the states.
+#[test]
+fn names_of_actions_are_no_patterns() {
+    let place =
+        pump(|row| format!("2024-03-01 06:{row:02}:00,{},{}\n", 10 + row * row % 7, row % 2));
+    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    place.write("log.csv", &log.replace("level,pump", "V1,V[1]"));
+    let study = fs::read_to_string(place.path().join("study.toml")).expect("written");
+    place.write("study.toml", &study.replace("\"pump\"", "\"V[1]\""));
+    let told = place.calib(&["inspect", "study.toml", "--json"]);
+    told.ends(&[0, 1]);
+    let told: serde_json::Value = serde_json::from_str(&told.stdout()).expect("JSON");
+    assert_eq!(told["control"]["columns"][0], "V1", "{}", told["control"]["columns"]);
+}
+
+#[test]
+fn an_action_costs_in_the_step_that_it_was_taken_in() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let told = place.calib(&["control", "study.toml", "--json"]);
+    told.ends(&[0, 1]);
+    let json: serde_json::Value = serde_json::from_str(&told.stdout()).expect("JSON");
+    assert_eq!(json["transitions"], 39);
+    // In the steps from rows 0, 2, …, 38: 39 of the 50 steps that agents live.
+    let mean = &json["verdict"]["behaviour"]["mean"];
+    assert!((mean.as_f64().expect("a number") + 20.0 / 0.78).abs() < 1e-9, "{mean}");
+    // What leaving the log is worth is what an episode of agents can have got, not what the whole log did.
+    assert_eq!(json["worst_return"], *mean);
+    let short = ["control", "study.toml", "--json", "--set", "control.timeout=2"];
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&short).stdout()).expect("JSON");
+    assert_eq!(json["worst_return"], -1.0);
+}
+
+/// Each row has the action that led there, so that the first one is of no step.
+#[test]
+fn an_action_may_stand_in_a_later_row() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let mean = |lag: &str| {
+        let lag = format!("control.lag={lag}");
+        let args =
+            ["control", "study.toml", "--json", "--set", "control.timeout=39", "--set", &lag];
+        let told = place.calib(&args).ends(&[0, 1]);
+        let json: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+        assert_eq!(json["transitions"], 39);
+        json["verdict"]["behaviour"]["mean"].clone()
+    };
+    assert_eq!(mean("0"), -20.0, "rows 0, 2, …, 38");
+    assert_eq!(mean("1"), -19.0, "rows 2, 4, …, 38");
+}
+
+/// Decisions of three rows that switch the pump off or on in turn. In the third row of each it is on.
+#[test]
+fn an_agent_may_decide_in_every_third_row() {
+    let place = pump(|row| {
+        let pump = if row % 3 == 2 { 1 } else { row / 3 % 2 };
+        format!("2024-03-01 00:{row:02}:00,{},{pump}\n", row % 7)
+    });
+    let every = ["inspect", "study.toml", "--set", "control.every=3"];
+    let ran = place.calib(&every);
+    let told = ran.succeeds();
+    assert!(told.contains("for agents that act: 13 transitions in 1 episode"), "{told}");
+    let told = ran.stderr();
+    for part in [
+        "13 decisions of 3 rows (3 min): steps and timeouts count decisions",
+        "in 54 % of the decisions (7 of 13) another action was set before the next one, first at \
+         2024-03-01 00:02:00: the action of the first row counts",
+    ] {
+        assert!(told.contains(part), "{part} is missing in {told}");
+    }
+    let args = ["control", "study.toml", "--json", "--set", "control.every=3", "--set"];
+    let few = ["control.timeout=13", "--set", "control.models=['neighbors']"];
+    let args = [&args[..], &few].concat();
+    let json: serde_json::Value =
+        serde_json::from_str(&place.calib(&args).ends(&[0, 1])).expect("JSON");
+    assert_eq!(json["transitions"], 13);
+    assert_eq!(json["verdict"]["behaviour"]["mean"], -25.0, "7 times 1, and 6 times 3");
+    let told = place.calib(&["inspect", "study.toml", "--set", "control.every=40"]).fails(2);
+    assert!(told.contains("no recorded episode has more rows than control.every = 40"), "{told}");
+    let told = place.calib(&["inspect", "study.toml", "--set", "control.every=0"]).fails(2);
+    assert!(told.contains("`every` is 0, expected from 1 to 1,000,000"), "{told}");
+}
+
+/// The distance from a tag that an operator moves, which stays in the state.
+#[test]
+fn a_set_point_is_a_tag() {
+    let place = pump(|row| {
+        let target = if row < 20 { 2 } else { 5 };
+        format!("2024-03-01 00:{row:02}:00,{},{target},{}\n", target + 1, row % 2)
+    });
+    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    place.write("log.csv", &log.replace("level,pump", "level,LIC101.SP,pump"));
+    let reward = "control.reward=[{ column = \"level\", set_point = \"LIC101.SP\", weight = -2 }]";
+    let args = ["control", "study.toml", "--json", "--set", reward, "--set", "control.timeout=39"];
+    let told = place.calib(&args).ends(&[0, 1]);
+    let json: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    assert_eq!(json["verdict"]["behaviour"]["mean"], -78.0, "2 in each of 39 steps");
+    assert_eq!(json["columns"], serde_json::json!(["level", "LIC101.SP"]));
+}
+
+#[test]
+fn an_inspected_log_counts_one_of_a_thing_as_one() {
+    let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
+    let told = place.calib(&["inspect", "study.toml"]).succeeds();
+    assert!(told.contains("40 states in 1 segment, 39 transitions"), "{told}");
+    assert!(told.contains("for agents that act: 39 transitions in 1 episode"), "{told}");
+    assert!(told.contains("states of 1 column, without"), "{told}");
+}
+
+#[test]
+fn actions_are_numbers_that_somebody_set() {
+    let place = pump(|row| {
+        let word = if row % 2 == 0 { "high" } else { "low" };
+        format!("2024-03-01 00:{row:02}:00,{},{word}\n", row % 7)
+    });
+    // One column of words and one of numbers might be a long table.
+    let wide = ["control", "study.toml", "--set", "data.shape=wide"];
+    let words = place.calib(&wide).fails(2);
+    assert!(words.contains("pump is of type text, such as \"high\""), "{words}");
+    let mean = ["--set", "data.resample=mean", "--set", "data.period_secs=300"];
+    let invented = place.calib(&[&wide[..], &mean].concat()).fails(2);
+    assert!(invented.contains("data.resample = \"last\""), "{invented}");
+}
+
+#[test]
+fn actions_that_contradict_each_other_are_refused() {
+    let place = pump(|row| {
+        let line = |pump: usize| format!("2024-03-01 00:{row:02}:00,{},{pump}\n", row % 7);
+        if row == 20 { line(0) + &line(1) } else { line((row + 1) % 2) }
+    });
+    let refused = place.calib(&["control", "study.toml"]).fails(2);
+    assert!(refused.contains("pump is 0 and 1"), "{refused}");
+    let first = place.calib(&["control", "study.toml", "--set", "data.contradictions=first"]);
+    first.ends(&[0, 1]);
+}
+
+/// A sensor that did not answer once, as of a controller that was started anew.
+#[test]
+fn an_empty_reward_ends_an_episode_and_is_told_with_its_time() {
+    let place = pump(|row| {
+        let gain = if row == 20 { String::new() } else { (row % 3).to_string() };
+        format!("2024-03-01 00:{row:02}:00,{},{gain},{}\n", row % 7, (row + 1) % 2)
+    });
+    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    place.write("log.csv", &log.replace("level,pump", "level,gain,pump"));
+    let study = fs::read_to_string(place.path().join("study.toml")).expect("written");
+    let reward = "[{ column = \"pump\", weight = -1 }]";
+    assert!(study.contains(reward), "{study}");
+    place.write("study.toml", &study.replace(reward, "\"gain\""));
+    let inspected = place.calib(&["inspect", "study.toml"]);
+    let told = inspected.stderr();
+    assert!(
+        told.contains(
+            "1 row has no reward though an action leads there, the first at 2024-03-01 00:20:00"
+        ),
+        "{told}"
+    );
+    let told = inspected.succeeds();
+    assert!(told.contains("38 transitions in 2 episodes"), "{told}");
+    place.calib(&["control", "study.toml"]).ends(&[0, 1]);
+}
+
+#[test]
+fn mistakes_in_rewards_and_grids_name_the_key() {
+    let place = place();
+    for (set, told) in [
+        (
+            "reward=[{ column = 'angle', wieght = -1.0 }]",
+            "control.reward: unknown key `wieght`; did you mean",
+        ),
+        ("reward=3", "control.reward: expected the name of a column, or a list of terms"),
+        ("reward={ column = 'angle' }", "control.reward: expected the name of a column"),
+        ("reward=[{ column = 'angle', weight = 'x' }]", "control.reward.weight: expected a number"),
+        (
+            "reward=[{ column = 'angle', set_point = true }]",
+            "control.reward.set_point: expected a number or the name of a column",
+        ),
+        (
+            "reward=[{ column = 'angle', set_point = 'place', high = 1.0 }]",
+            "reward[0] has both set_point and high: write two terms",
+        ),
+        (
+            "reward=[{ column = 'angle' }, { column = 'place', set_point = 'plaace' }]",
+            "control.reward[1].set_point: the log has no column plaace; did you mean place?",
+        ),
+        (
+            "reward=[{ column = 'qqq' }]",
+            "control.reward[0].column: the log has no column qqq; give one of its columns",
+        ),
+        (
+            "grid={ epsilon = [0.1, 0.2] }",
+            "control.grid.epsilon decides nothing: expected_sarsa does not use it",
+        ),
+        ("grid={ hidden_width = [8, 16] }", "control.grid.hidden_width decides nothing"),
+        ("grid={ step_size = [0.1, 0.2, 0.1] }", "control.grid.step_size has the value 0.1 twice"),
+    ] {
+        let args = ["control", "pole/study.toml", "--dry-run", "--set", &format!("control.{set}")];
+        let refused = place.calib(&args).fails(2);
+        assert!(refused.contains(told), "{set}: {refused}");
+    }
+}
