@@ -285,8 +285,7 @@ pub fn judge(
     question: &Question<'_>,
     seed: Seed,
 ) -> Result<ReturnVerdict, ControlError> {
-    let Question { log, timeout, candidates, default, rule, support, resamples, constants } =
-        *question;
+    let Question { log, timeout, candidates, default, rule, support, constants, .. } = *question;
     let mut kinds: Vec<ActionModelKind> = runs.iter().map(|run| run.kind).collect();
     kinds.sort_unstable();
     kinds.dedup();
@@ -307,16 +306,6 @@ pub fn judge(
     };
     let random: Vec<f64> =
         members.iter().map(|returns| returns.iter().sum::<f64>() / candidates as f64).collect();
-    let mut rng = seed.child("resamples").rng();
-    let mut shares = hierarchical(
-        &[&nested],
-        resamples,
-        |n| rng.below(n),
-        |drawn: &[Drawn<'_>]| {
-            Ok(Some(select_by(rule, &of_all_kinds(&drawn[0].means(), candidates), HIGHER)?.chosen))
-        },
-    )?;
-    shares.counts.truncate(candidates);
     // Of the first kind: neighbours, where there are any, which alone know what a step rests on and how far it jumps.
     let first = runs.iter().filter(|run| run.kind == kinds[0]);
     let coverage = coverage_of(first, candidates);
@@ -357,7 +346,7 @@ pub fn judge(
             clusters: [members.len(); 2],
             smaller: None,
         }),
-        chosen_of_resamples: shares.counts,
+        chosen_of_resamples: chosen_again(&nested, question, seed)?,
         behaviour,
         coverage,
         drift,
@@ -365,6 +354,26 @@ pub fn judge(
         selection,
         members,
     })
+}
+
+/// How often each candidate is chosen when members and runs are drawn anew.
+fn chosen_again(
+    nested: &Nested,
+    question: &Question<'_>,
+    seed: Seed,
+) -> Result<Vec<usize>, StatsError> {
+    let Question { candidates, rule, resamples, .. } = *question;
+    let mut rng = seed.child("resamples").rng();
+    let mut shares = hierarchical(
+        &[nested],
+        resamples,
+        |n| rng.below(n),
+        |drawn: &[Drawn<'_>]| {
+            Ok(Some(select_by(rule, &of_all_kinds(&drawn[0].means(), candidates), HIGHER)?.chosen))
+        },
+    )?;
+    shares.counts.truncate(candidates);
+    Ok(shares.counts)
 }
 
 /// How far these runs moved, together.

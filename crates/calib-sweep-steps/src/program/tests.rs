@@ -97,7 +97,8 @@ fn programs_that_fail_are_named() {
     assert!(other.contains(r#"expected one line such as {"ready": 1}"#), "{other}");
     let refuses = failure(r#"read a; echo '{"error": "no rate"}'"#, 20.0);
     assert!(refuses.ends_with(": no rate"), "{refuses}");
-    let few = failure(r#"read a; echo '{"ready": 1}'; echo '{"predictions": [1]}'; cat"#, 20.0);
+    let few = r#"read a; echo '{"ready": 1}'; read b; echo '{"predictions": [1]}'; cat"#;
+    let few = failure(few, 20.0);
     assert!(few.contains("answered 4 states with 1 predictions"), "{few}");
     let closed = failure("exec >&-; cat > /dev/null", 20.0);
     assert!(closed.contains("has closed its standard output"), "{closed}");

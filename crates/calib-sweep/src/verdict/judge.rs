@@ -32,11 +32,8 @@ pub fn verdict(
     let all = MeasuredErrors::new(&own, candidates, judging)?;
     let compared = all.compared().map(Errors::means).collect::<Result<Vec<_>, _>>()?;
     let dropped = dropped(&own, candidates.len(), &compared);
-    let chooser = Chooser {
-        dropped: &dropped,
-        default: candidates.iter().position(|candidate| candidate.is_default),
-        values: candidates.len(),
-    };
+    let default = candidates.iter().position(|candidate| candidate.is_default);
+    let chooser = Chooser { dropped: &dropped, default, values: candidates.len() };
     let runs = NestedRuns::new(&all)?;
     let whole = runs.whole();
     let evidence = whole.evidence();
