@@ -3,6 +3,7 @@
     pip install calib-rl[gym,frames,tune] pcgym gymchem box2d bsm2-python
     python3 scripts/public_environments.py DIR [--environments cstr,lunar] [--logs FIRST END]
     python3 scripts/public_environments.py DIR --report
+    python3 scripts/public_environments.py DIR --random-actions wastewater-7,four_tank-1
 
 For each environment and each number of a log: a rule of the plant acts, a quarter of its actions are at random, and what
 happened is a log of 1,000 to 20,000 steps. A linear Q-learning agent has 16 settings. `calib_rl.tune` lets each learn in the
@@ -15,6 +16,9 @@ default, and the setting that is best in the other environments, with 95 % inter
 weighted equally. Runs of a truth have common seeds, so how well it tells settings apart
 is known: the share of the variance between settings that is not noise. Averages are given twice, over all environments and
 over those where that share is at least RELIABLE.
+
+--random-actions names logs that are in DIR, and prints a row for each: what random actions get in the models of the log beside the choice
+that is stored.
 """
 
 import argparse
@@ -37,6 +41,7 @@ GRID = {"learning_rate": [0.003, 0.03, 0.1, 0.5], "epsilon": [0.02, 0.1, 0.3, 0.
 DEFAULT = {"learning_rate": 0.1, "epsilon": 0.1}
 SETTINGS = [{"learning_rate": rate, "epsilon": epsilon} for rate in GRID["learning_rate"] for epsilon in GRID["epsilon"]]
 RELIABLE = 0.8
+RUNS_OF_RANDOM = 4
 # Doubts of calib that say that the choice is not ahead of the default in the models.
 NOT_AHEAD = {"not_better_than_default", "not_told_apart", "diverged"}
 DRAWS = 10_000
@@ -340,6 +345,52 @@ def choice_of(name, number, folder):
     }
 
 
+def beside_random_actions(log, folder):
+    """A row: what four runs of random actions get in each member of each kind of model, and what the stored choice got there."""
+    import calib_rl
+    from calib_rl.gym import make_vec
+
+    name, number = log.rsplit("-", 1)
+    stored = json.loads((folder / f"{log}.json").read_text())
+    frame, columns = log_of(name, int(number))
+    limit = ENVIRONMENTS[name][0]().limit
+    has_terminals = frame["terminal"].sum() > 0
+    if not has_terminals:
+        frame = frame.drop("terminal")
+    model = calib_rl.build_model(
+        frame, folder / "work" / log, actions=["action"], reward="reward", terminal="terminal" if has_terminals else None, timeout=limit,
+    )  # fmt: skip
+    count = 5 * RUNS_OF_RANDOM
+    of_random, of_choice = np.zeros(5), np.zeros(5)
+    kinds = sorted({kind for kind, *_ in stored["returns"]})
+    for kind in kinds:
+        walks = make_vec(model, count, members=range(5), kind=kind, observe=columns, units="physical")
+        walks.reset(seed=int(number))
+        rng = np.random.default_rng(int(number))
+        rewards, episodes, lengths, over = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count, bool)
+        for _ in range(STEPS):
+            _, reward, terminated, truncated, _ = walks.step(rng.integers(len(model.actions), size=count))
+            # The step after the end of an episode begins the next one, and is none of it.
+            rewards += np.where(over, 0.0, reward)
+            lengths = np.where(over, 0, lengths + 1)
+            over = terminated | truncated
+            episodes += over
+        returns = rewards / np.maximum(episodes + np.where(over, 0, lengths) / limit, 1)
+        # Rollouts are dealt to members in turn.
+        of_random += returns.reshape(RUNS_OF_RANDOM, 5).mean(0) / len(kinds)
+        for _, member, setting, value in (one for one in stored["returns"] if one[0] == kind):
+            of_choice[member] += value / len(kinds) if setting == stored["chosen"] else 0.0
+    less = of_choice - of_random
+    # The jackknife over blocks, of which each member lacks one; Student's t with four degrees of freedom.
+    half = 2.776 * np.sqrt(4 / 5 * ((less - less.mean()) ** 2).sum())
+    said = "nothing" if stored["advice"].startswith("Deploy nothing") else stored["advice"].split()[0].rstrip(":").lower()
+    now = "refused" if less.mean() <= half else "as before"
+    return (
+        f"| {log} | {stored['steps']:,} | {said} | {model.recorded().mean:,.0f} | {of_random.mean():,.0f} | {of_choice.mean():,.0f} "
+        f"| {less.mean():,.0f} ({less.mean() - half:,.0f} to {less.mean() + half:,.0f}) | {now} |"
+    )
+
+
 def make(args, folder):
     folder.mkdir(parents=True, exist_ok=True)
     names = args.environments.split(",") if args.environments else list(ENVIRONMENTS)
@@ -472,8 +523,15 @@ def main():
     parser.add_argument("--environments")
     parser.add_argument("--logs", type=int, nargs=2, default=[0, 10])
     parser.add_argument("--report", action="store_true")
+    parser.add_argument("--random-actions", metavar="LOG,LOG")
     args = parser.parse_args()
-    report(args.folder) if args.report else make(args, args.folder)
+    if args.random_actions:
+        for log in args.random_actions.split(","):
+            print(beside_random_actions(log, args.folder), flush=True)
+    elif args.report:
+        report(args.folder)
+    else:
+        make(args, args.folder)
 
 
 if __name__ == "__main__":
