@@ -104,6 +104,32 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
     assert!(share.contains("share 1/20: 1 run made, of 18 in all"), "{share}");
 }
 
+/// The representation is trained by every share that begins before one has written it.
+#[test]
+fn shares_whose_neighbours_are_near_in_a_representation_run_side_by_side() {
+    let args = [
+        "control",
+        "pole/study.toml",
+        "--set=control.model.distance='laplacian'",
+        "--set=representation={ dimension = 4, hidden_units = 16, batch_size = 32, learning_rate = 3e-3, steps = 300 }",
+    ];
+    let alone = control::place();
+    alone.calib(&args).ends(&[0, 1]);
+    let shared = control::place();
+    let shares = ["0/2", "1/2"].map(|part| {
+        let share = [&args[..], &["--share", part]].concat();
+        shared.command(&share).spawn().expect("calib runs")
+    });
+    for mut share in shares {
+        assert!(share.wait().expect("a status").success());
+    }
+    shared.calib(&args).ends(&[0, 1]);
+    for folder in ["control", "control-representation"] {
+        let folder = format!("pole/study-results/{folder}");
+        assert!(results(&alone, &folder) == results(&shared, &folder), "{folder}");
+    }
+}
+
 #[test]
 fn what_a_share_has_made_is_not_believed_when_it_is_damaged() {
     let place = Place::with_study();

@@ -2,13 +2,18 @@
 
 use calib_base::{
     StepError,
-    artefact::{self, Facts as _},
+    artefact::{self, Below, DirectoryLock, Facts as _},
+    memory,
     output::Printer,
 };
 use calib_core::States;
-use calib_study::{Job, StepKind};
+use calib_represent::Split;
+use calib_study::{Job, StepKind, Study};
 
-use super::{Material, RepresentationFacts, RepresentationManifest, made, read, trained};
+use super::{
+    LESS, Material, RepresentationFacts, RepresentationManifest, TriedCandidates, grid, made,
+    needed_bytes, none_qualifies, read, scored, seed, trained,
+};
 
 /// Fingerprint of what the representation of the states of `material` follows from. What kind of representation a model without actions has does not
 /// matter.
@@ -21,6 +26,8 @@ fn key(job: &Job, material: Material<'_>) -> Result<String, StepError> {
 
 /// ψ of every state: what is there, or trained as `[representation]` says on pairs along the episodes, and chosen as for prediction.
 ///
+/// Of the shares of a sweep one writes it. Others that begin meanwhile train the same in memory.
+///
 /// # Errors
 /// If none qualifies, it cannot be trained or written, or the observer asks to stop.
 pub fn open_or_train(
@@ -29,16 +36,38 @@ pub fn open_or_train(
     printer: &Printer,
 ) -> Result<States, StepError> {
     let directory = &job.layout().control_representation();
+    let command = job.command(StepKind::Control);
     let key = key(job, material)?;
     let kept =
         if job.policy().redoes() { None } else { RepresentationManifest::find(directory, &key) };
-    let manifest = match kept {
-        Some(manifest) => manifest,
-        None => made(job, directory, material, key, |split| {
-            trained(job, None, (material, split), directory, printer)
-        })?,
+    if let Some(manifest) = kept {
+        return Ok(read(directory, &manifest, &command)?.psi);
+    }
+    let claim = if job.policy().share.is_some() {
+        DirectoryLock::of_nobody(directory, Below::Ours)?
+    } else {
+        Some(DirectoryLock::new(directory, Below::Ours)?)
     };
-    Ok(read(directory, &manifest, &job.command(StepKind::Control))?.psi)
+    let Some(claim) = claim else {
+        let tried = trained_in_memory(job.study(), material, printer)?;
+        return tried.psi.ok_or_else(|| none_qualifies(directory, &command));
+    };
+    let manifest = made(job, (directory, &claim), material, key, |split| {
+        trained(job, None, (material, split), directory, printer)
+    })?;
+    Ok(read(directory, &manifest, &command)?.psi)
+}
+
+/// Train the whole grid without writing anything, and choose one.
+fn trained_in_memory(
+    study: &Study,
+    material: Material<'_>,
+    printer: &Printer,
+) -> Result<TriedCandidates, StepError> {
+    memory::require(needed_bytes(study, material), "training the representations", LESS)?;
+    let split = Split::in_time(material.segments)?;
+    let trained = grid::train_in_memory(study, material, (&split, seed(study)), printer)?;
+    scored(study, material, &split, &trained)
 }
 
 /// Make what was trained again if it is there and damaged; what is the same is the same to the byte.

@@ -75,6 +75,34 @@ pub(super) fn train_share(
     Ok(own.len())
 }
 
+/// Train the whole grid without writing anything; every candidate, still without scores, and its encoder unless it diverged.
+pub(super) fn train_in_memory(
+    study: &Study,
+    material: Material<'_>,
+    (split, seed): (&Split, Seed),
+    printer: &Printer,
+) -> Result<Vec<(Candidate, Option<Mlp>)>, StepError> {
+    let Material { states, segments, .. } = material;
+    let task = Task { states, segments, split, seed };
+    let grid = study.representation.candidates();
+    let progress = printer.progress();
+    progress.begin("training", grid.iter().map(|config| config.steps as u64).sum());
+    grid.into_par_iter()
+        .map(|config| -> Result<(Candidate, Option<Mlp>), StepError> {
+            let trained = train_one(&config, task, None, &progress)?;
+            let encoder = trained.divergence.is_none().then_some(trained.encoder);
+            let candidate = Candidate {
+                config: Some(config),
+                directory: None,
+                scores: None,
+                divergence: trained.divergence,
+                points: trained.points,
+            };
+            Ok((candidate, encoder))
+        })
+        .collect()
+}
+
 /// A candidate, and the fingerprint of what it follows from.
 type KeyedCandidate = (String, LaplacianConfig);
 

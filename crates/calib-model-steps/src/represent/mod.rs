@@ -14,7 +14,7 @@ use std::{
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{self, Artefact, DirectoryLock, Facts, Files},
+    artefact::{self, Artefact, Below, DirectoryLock, Facts, Files},
     bail,
     clock::Stopwatch,
     ensure,
@@ -294,7 +294,8 @@ fn make(
 ) -> Result<RepresentationManifest, StepError> {
     let directory = &job.layout().representation();
     let material = Material::of(dataset);
-    made(job, directory, material, key, |split| {
+    let claim = DirectoryLock::new(directory, Below::Ours)?;
+    made(job, (directory, &claim), material, key, |split| {
         if job.study().representation.kind == RepresentationKind::Import {
             return imported(job, dataset, split);
         }
@@ -302,16 +303,16 @@ fn make(
     })
 }
 
-/// Make what is in `directory` anew: what `try_all` tries, on the split that it is given.
+/// Make what is in a directory that this process has claimed anew: what `try_all` tries, on the split that it is given.
 fn made(
     job: &Job,
-    directory: &Path,
+    (directory, claim): (&Path, &DirectoryLock),
     material: Material<'_>,
     key: String,
     try_all: impl FnOnce(&Split) -> Result<TriedCandidates, StepError>,
 ) -> Result<RepresentationManifest, StepError> {
     let split = Split::in_time(material.segments)?;
-    let claim = DirectoryLock::begun(directory)?;
+    claim.begin()?;
     if job.policy().redoes() {
         // Everything is made again from here on, so that an interrupted run goes on without `--force`.
         grid::remove(directory)?;
@@ -373,6 +374,16 @@ fn trained(
         memory::require(needed_bytes(study, material), "training the representations", LESS)?;
     }
     let trained = grid::train(study, material, (split, seed(study), device), directory, printer)?;
+    scored(study, material, split, &trained)
+}
+
+/// Score every candidate by its encoder, which is missing if its training diverged, and choose one.
+fn scored(
+    study: &Study,
+    material: Material<'_>,
+    split: &Split,
+    trained: &[(Candidate, Option<Mlp>)],
+) -> Result<TriedCandidates, StepError> {
     let encoded = |encoder: &Mlp| encode(encoder, material.states);
     let candidates: Vec<Candidate> = trained
         .iter()
@@ -421,6 +432,11 @@ pub(crate) fn open(job: &Job, dataset: &Dataset) -> Result<Option<Representation
     read(&directory, &manifest, &command).map(Some)
 }
 
+/// No candidate may be used, so that `directory` has no representation.
+fn none_qualifies(directory: &Path, command: &str) -> StepError {
+    StepError::message(format!("{}: {NONE_QUALIFIES}; then run `{command}`", directory.display()))
+}
+
 /// What `command` left in `directory`.
 fn read(
     directory: &Path,
@@ -428,7 +444,7 @@ fn read(
     command: &str,
 ) -> Result<Representation, StepError> {
     if manifest.chosen.is_none() {
-        bail!("{}: {NONE_QUALIFIES}; then run `{command}`", directory.display());
+        return Err(none_qualifies(directory, command));
     }
     let again = || format!("{} is damaged; run `{command} --force`", directory.display());
     let used = [PSI, ENCODER].into_iter();
