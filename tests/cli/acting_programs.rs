@@ -158,7 +158,9 @@ fn a_sweep_of_a_program_goes_on() {
     let changing = pump_of_a_program(&ALWAYS.replace("while", "echo '# more' >> agent.sh; while"));
     let told = changing.calib(&args).fails(2);
     assert!(told.contains("a file of `sh agent.sh` was changed while the sweep ran"), "{told}");
-    assert!(!changing.path().join("study-results/control-units/run-0-0-0.json").exists());
+    let kept = changing.content("study-results/control-units");
+    let mut names = kept.keys().map(|name| name.to_string_lossy());
+    assert!(!names.any(|name| name.starts_with("run-")), "{:?}", kept.keys());
     // It answered everything, and ends badly every time.
     let bad = pump_of_a_program(&format!("{ALWAYS}\nexit 4"));
     for _ in 0..2 {
@@ -253,6 +255,16 @@ fn a_program_may_fail_with_one_setting() {
     let both = [&place, &other].map(|place| place.content("study-results/control"));
     assert!(both[0] == both[1], "the same bytes on any number of threads");
     place.calib(&["check", "study-results"]).succeeds();
+    // A share has made what it could.
+    let shared = pump_of_a_program(&failing);
+    let models = "--set=control.models=[\"neighbors\"]";
+    for counts in ["2 runs made, 0 there before", "0 runs made, 2 there before"] {
+        let share = shared.calib(&["control", "study.toml", "--share", "0/1", models]);
+        let told = share.succeeds();
+        assert!(told.contains(&format!("share 0/1: {counts}, of 4 in all")), "{told}");
+        let warned = share.stderr();
+        assert!(warned.contains("the program failed with action = 1"), "{warned}");
+    }
     let shown = place.calib(&["control", "study.toml", "--threads", "1"]).ends(&[1]);
     let status = place.calib(&["status", "study.toml"]).succeeds();
     assert!(shown.contains("The program failed with the default."), "{shown}");

@@ -73,6 +73,15 @@ fn with_three_agents() -> Place {
     place
 }
 
+/// The runs that shares of the study of [`control::place`] have kept: name → content.
+fn kept_runs(place: &Place) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut content = place.content(UNITS);
+    content.retain(|path, _| path.to_string_lossy().starts_with("run-"));
+    content
+}
+
+const UNITS: &str = "pole/study-results/control-units";
+
 #[test]
 fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
     let study = "pole/study.toml";
@@ -90,10 +99,7 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
         for process in processes {
             assert!(process.expect("calib runs").wait().expect("a status").success());
         }
-        let units = shared.path().join("pole/study-results/control-units");
-        let runs = std::fs::read_dir(&units).expect("runs").flatten();
-        let runs = runs.filter(|entry| entry.file_name().to_string_lossy().starts_with("run-"));
-        assert_eq!(runs.count(), 18);
+        assert_eq!(kept_runs(&shared).len(), 18);
         shared.calib(&["control", study]).ends(&[1]);
         assert!(results(&alone, folder) == results(&shared, folder), "{count} shares");
         let last = shared.calib(&["control", study, "--share", "0/2"]).succeeds();
@@ -101,7 +107,45 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
     }
     let started = control::place();
     let share = started.calib(&["control", study, "--share", "1/20"]).succeeds();
-    assert!(share.contains("share 1/20: 1 run made, of 18 in all"), "{share}");
+    assert!(share.contains("share 1/20: 1 run made, 0 there before, of 18 in all"), "{share}");
+}
+
+/// Both have a run with the same numbers.
+#[test]
+fn shares_of_two_studies_in_one_folder_keep_their_runs() {
+    let place = control::place();
+    let share = |steps: &str| {
+        let steps = format!("--set=control.steps={steps}");
+        place.calib(&["control", "pole/study.toml", "--share", "0/20", &steps]).succeeds()
+    };
+    for steps in ["1500", "1400"] {
+        let told = share(steps);
+        assert!(told.contains("share 0/20: 1 run made, 0 there before, of 18 in all"), "{told}");
+    }
+    let told = share("1500");
+    assert!(told.contains("share 0/20: 0 runs made, 1 there before, of 18 in all"), "{told}");
+    place.calib(&["control", "pole/study.toml"]).ends(&[1]);
+    assert!(kept_runs(&place).is_empty(), "the command without a share removes all of them");
+}
+
+#[test]
+fn a_share_that_ends_after_the_verdict_does_not_hide_it() {
+    let place = control::place();
+    let study = "pole/study.toml";
+    place.calib(&["control", study, "--share", "0/20"]).succeeds();
+    let late = kept_runs(&place);
+    assert_eq!(late.len(), 1);
+    place.calib(&["control", study]).ends(&[1]);
+    for (name, content) in late {
+        std::fs::write(place.path().join(UNITS).join(name), content).expect("writable");
+    }
+    let status = place.calib(&["status", study, "--json"]).succeeds();
+    let status: serde_json::Value = serde_json::from_str(&status).expect("JSON");
+    assert_eq!(status["control"]["runs"], serde_json::json!([18, 18]), "{status}");
+    let again = place.calib(&["control", study]);
+    again.ends(&[1]);
+    assert!(again.stderr().contains("control is up to date"), "{}", again.stderr());
+    assert!(kept_runs(&place).is_empty(), "its runs are in the verdict");
 }
 
 /// The representation is trained by every share that begins before one has written it.

@@ -58,16 +58,11 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
         mean_rank: selection.mean_ranks[candidate],
         mean_return: Some(selection.mean_errors[candidate]).filter(|mean| mean.is_finite()),
     };
-    let runs = units::stored(&job.layout().control_units());
-    // The runs of a finished sweep are one table, and their ranks stand in the verdict. Beside one in which settings failed, runs of the
-    // others are left.
+    // The runs of a finished sweep are one table, and their ranks stand in the verdict. Runs that are left beside it are in it: those of the
+    // other settings where some failed, or those of a share that ended after it.
     let is_current = matches!(VerdictStanding::of(job)?, VerdictStanding::Current);
     let verdict = read_sealed_json::<ControlEvaluation>(&job.layout().control().join(VERDICT)).ok();
-    let verdict = verdict.filter(|found| is_current && (runs.is_empty() || found.lacks_settings()));
-    if runs.is_empty() && verdict.is_none() {
-        return Ok(None);
-    }
-    if let Some(found) = verdict {
+    if let Some(found) = verdict.filter(|_| is_current) {
         let selection = &found.verdict().selection;
         let settings = super::show::best(&found, found.agents().len());
         let settings = settings.into_iter().map(|candidate| ControlRanked {
@@ -76,6 +71,10 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
         });
         let members = config.models.len() * config.model.members;
         return Ok(Some(ControlRanking { runs: [all; 2], members, settings: settings.collect() }));
+    }
+    let runs = units::stored(&job.layout().control_units());
+    if runs.is_empty() {
+        return Ok(None);
     }
     let members = complete(&runs, agents.count());
     let mut settings = Vec::new();

@@ -1,5 +1,5 @@
 use calib_base::{
-    StepError,
+    StepError, artefact,
     clock::Stopwatch,
     memory,
     outcome::{NoPlan, Outcome, StepResult},
@@ -25,7 +25,7 @@ use super::{
     files::{self, ControlEvaluation},
     log::{self, ActionLog},
     model, page, show,
-    units::RunFiles,
+    units::{self, RunCounts, RunFiles},
 };
 
 /// From the log of decisions to the verdict.
@@ -52,6 +52,10 @@ pub(crate) fn run(
                 page::write(&directory, job, &evaluation)?;
             }
             files::note_study(&directory, study, printer)?;
+            if job.policy().share.is_none() {
+                let folder = job.layout().control_units();
+                artefact::or_read_only(units::remove_left(&folder, &key), &folder, printer)?;
+            }
         }
         printer.say(&format!("{} is up to date", directory.display()));
         if job.policy().share.is_some() {
@@ -70,8 +74,8 @@ pub(crate) fn run(
     }
     if let Some(share) = job.policy().share {
         let units = RunFiles::of_share(&job.layout().control_units(), &key, share)?;
-        let outcome = run_share(job, config, &log, &agents, (share, &units), printer)?;
-        return Ok(StepResult::Nothing(outcome));
+        run_share(job, config, &log, &agents, (share, &units), printer)?;
+        return Ok(StepResult::Nothing(Outcome::Done));
     }
     let units = RunFiles::open(&job.layout().control_units(), &key)?;
     if job.policy().redoes() {
@@ -92,7 +96,8 @@ pub(crate) fn run(
     Ok(StepResult::Made(evaluation))
 }
 
-/// Make the runs of a share, for the command without one to judge.
+/// Make the runs of a share, for the command without one to judge. It tries settings again with which a program failed here, so that
+/// these are warnings.
 fn run_share(
     job: &Job,
     config: &ControlConfig,
@@ -100,7 +105,7 @@ fn run_share(
     agents: &ComparedAgents,
     (share, units): (Share, &RunFiles),
     printer: &Printer,
-) -> Result<Outcome, StepError> {
+) -> Result<(), StepError> {
     let seed = Seed::new(job.study().seed).child("control");
     let model = model::open_or_build(job, config, log, printer)?;
     let own = agents.own();
@@ -121,10 +126,13 @@ fn run_share(
         printer.warn(&failure.warning());
     }
     let all = config.models.len() * config.model.members * config.runs * agents.count();
-    printer
-        .result(&format!("share {share}: {} made, of {all} in all", counted(runs.len(), "run")))?;
+    let RunCounts { made, found } = units.counts();
+    printer.result(&format!(
+        "share {share}: {} made, {found} there before, of {all} in all",
+        counted(made, "run")
+    ))?;
     printer.next(&[job.command(StepKind::Control)]);
-    Ok(if failures.is_empty() { Outcome::Done } else { Outcome::Negative })
+    Ok(())
 }
 
 /// A study that knows of no actions.

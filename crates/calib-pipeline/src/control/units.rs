@@ -3,6 +3,7 @@
 use std::{
     fs,
     path::{Path, PathBuf},
+    sync::atomic::{AtomicUsize, Ordering},
     time::SystemTime,
 };
 
@@ -22,6 +23,10 @@ pub(super) struct RunFiles {
     key: String,
     /// Which runs are made here; all without one.
     share: Option<Share>,
+    /// Runs that were made and kept here so far.
+    made: AtomicUsize,
+    /// Runs that were asked for and there already.
+    found: AtomicUsize,
     /// Nobody else writes there meanwhile, unless it is for another share: every run has a file of its own.
     _lock: Option<DirectoryLock>,
 }
@@ -40,8 +45,7 @@ impl RunFiles {
     /// If it cannot be written, or another process does.
     pub(super) fn open(directory: &Path, key: &str) -> Result<Self, StepError> {
         let claim = DirectoryLock::new(directory, Below::Ours)?;
-        let (directory, key) = (directory.to_owned(), key.to_owned());
-        Ok(Self { directory, key, share: None, _lock: Some(claim) })
+        Ok(Self::with(directory, key, None, Some(claim)))
     }
 
     /// Keep the runs of one share, beside other processes that keep those of theirs.
@@ -50,8 +54,18 @@ impl RunFiles {
     /// If the folder cannot be written.
     pub(super) fn of_share(directory: &Path, key: &str, share: Share) -> Result<Self, StepError> {
         artefact::own(directory)?;
+        Ok(Self::with(directory, key, Some(share), None))
+    }
+
+    fn with(
+        directory: &Path,
+        key: &str,
+        share: Option<Share>,
+        lock: Option<DirectoryLock>,
+    ) -> Self {
         let (directory, key) = (directory.to_owned(), key.to_owned());
-        Ok(Self { directory, key, share: Some(share), _lock: None })
+        let (made, found) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        Self { directory, key, share, made, found, _lock: lock }
     }
 
     fn path(&self, id: RunId) -> PathBuf {
@@ -61,7 +75,9 @@ impl RunFiles {
             ActionModelKind::Increments => "run-increments",
             ActionModelKind::Network => "run-network",
         };
-        self.directory.join(format!("{of_kind}-{member}-{run}-{candidate}.json"))
+        // Shares of another study may keep theirs in the same folder.
+        let key = short(&self.key);
+        self.directory.join(format!("{of_kind}-{key}-{member}-{run}-{candidate}.json"))
     }
 
     /// Whether all runs are made here.
@@ -80,13 +96,44 @@ impl RunFiles {
         Ok(())
     }
 
-    /// Forget them: the verdict is there, or they cannot be trusted.
+    /// Forget all runs in the folder, also those of other verdicts: the verdict is there, or they cannot be trusted.
     ///
     /// # Errors
     /// If a file cannot be removed.
     pub(super) fn remove(&self) -> Result<(), StepError> {
         Ok(remove_known(&self.directory, &mut is_unit)?)
     }
+
+    /// How many runs were made and kept, and how many were there already.
+    pub(super) fn counts(&self) -> RunCounts {
+        let [made, found] = [&self.made, &self.found].map(|count| count.load(Ordering::Relaxed));
+        RunCounts { made, found }
+    }
+}
+
+/// What became of the runs that a process was to make.
+pub(super) struct RunCounts {
+    /// Made and kept.
+    pub(super) made: usize,
+    /// There already.
+    pub(super) found: usize,
+}
+
+/// Forget runs of the verdict `key` in a folder, as a share may leave them that ends after the verdict; unless another process writes
+/// there. Runs of other verdicts stay.
+///
+/// # Errors
+/// If the folder cannot be written.
+pub(super) fn remove_left(directory: &Path, key: &str) -> Result<(), StepError> {
+    let mut is_left = |path: &Path| is_unit(path) && path.to_string_lossy().contains(short(key));
+    let mut files = fs::read_dir(directory).into_iter().flatten().flatten();
+    if !files.any(|file| is_left(Path::new(&file.file_name()))) {
+        return Ok(());
+    }
+    if let Some(_claim) = DirectoryLock::of_nobody(directory, Below::Ours)? {
+        remove_known(directory, &mut is_left)?;
+    }
+    Ok(())
 }
 
 /// The runs in `directory` that belong to the verdict of the newest one. Another process may be at work there.
@@ -105,6 +152,14 @@ pub(super) fn stored(directory: &Path) -> Vec<Run> {
     runs.into_iter().map(|(_, file)| file.run).collect()
 }
 
+/// The digits of a key that stand in the names of its runs.
+fn short(key: &str) -> &str {
+    key.get(..KEY_DIGITS).unwrap_or(key)
+}
+
+/// Digits of a key in the name of a run.
+const KEY_DIGITS: usize = 8;
+
 fn is_unit(path: &Path) -> bool {
     let name = path.to_string_lossy();
     name.starts_with("run-") && name.ends_with(".json")
@@ -113,14 +168,18 @@ fn is_unit(path: &Path) -> bool {
 impl RunKeeper for RunFiles {
     fn known(&self, id: RunId) -> Option<Run> {
         let unit: RunFile = read_sealed_json(&self.path(id)).ok()?;
-        (unit.key == self.key && unit.run.id() == id).then_some(unit.run)
+        let is_it = unit.key == self.key && unit.run.id() == id;
+        self.found.fetch_add(usize::from(is_it), Ordering::Relaxed);
+        is_it.then_some(unit.run)
     }
 
     fn keep(&self, run: &Run) -> Result<(), ControlError> {
-        Ok(write_sealed_json(
+        write_sealed_json(
             &self.path(run.id()),
             &RunFile { key: self.key.clone(), run: run.clone() },
-        )?)
+        )?;
+        self.made.fetch_add(1, Ordering::Relaxed);
+        Ok(())
     }
 
     fn has(&self, number: usize) -> bool {
