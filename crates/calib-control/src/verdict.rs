@@ -92,7 +92,8 @@ pub enum Doubt {
         /// That of the chosen candidate.
         promised: f64,
     },
-    /// What was learnt is not shown to be worth more than actions at random: the chosen candidate may get no more in the model.
+    /// What was learnt is not shown to be worth more than actions at random: the chosen candidate may get no more in the model, or gets no
+    /// more in the only member.
     NotBetterThanRandomActions {
         /// Mean return an episode of actions at random in the model.
         random: f64,

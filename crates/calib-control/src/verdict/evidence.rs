@@ -2,7 +2,7 @@
 
 use calib_stats::Selection;
 
-use super::{BestConstant, Doubt, RandomActions, Support, is_more};
+use super::{BestConstant, Doubt, RandomActions, Support};
 use crate::{ActionModelKind, Coverage, Decisions, Drift, RecordedReturn, Run};
 
 /// What a choice rests on.
@@ -89,9 +89,14 @@ impl Evidence<'_> {
 
     /// Whether actions at random may do as well. Where a model is wrong about what actions lead to, agents that hardly learn can come
     /// first in it, and nothing else need show that.
+    ///
+    /// One member has no interval, and then the mean alone decides. That is less than it takes to be ahead of the default, which no
+    /// choice is shown to be in one member: the default can be kept, and nobody keeps random actions.
     fn beside_random_actions(&self, promised: f64) -> Option<Doubt> {
         let RandomActions { mean_return: random, over } = self.random_actions?;
-        (!is_more(over?)).then_some(Doubt::NotBetterThanRandomActions { random, promised })
+        let over = over?;
+        let is_more = over.interval.map_or(over.mean, |interval| interval.low) > 0.0;
+        (!is_more).then_some(Doubt::NotBetterThanRandomActions { random, promised })
     }
 
     /// Whether what happens in the model is unlike what was recorded.

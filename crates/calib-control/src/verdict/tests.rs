@@ -381,4 +381,16 @@ fn a_choice_that_may_be_no_better_than_random_actions_is_doubted() {
     better[0].random = vec![-3.0; 3];
     assert!(is_doubted(&judged_beside(&alike)), "by chance");
     assert!(is_doubted(&judged_beside(&better)));
+    // One member has no interval. The choice gets -9 in it.
+    let doubts_in_one_member = |random: f64| {
+        let [of_three] = constants([-30.0; 3], 10);
+        let members = of_three.members[..1].to_vec();
+        let constants = [ConstantReturns { members, random: vec![random], ..of_three }];
+        let log = plain();
+        let question = Question { constants: &constants, ..question(&log) };
+        judge(&runs(&GOOD[..1]), &question, Seed::new(1)).expect("judged").doubts
+    };
+    assert_eq!(doubts_in_one_member(-20.0), [Doubt::NotBetterThanDefault]);
+    let expected = Doubt::NotBetterThanRandomActions { random: -9.0, promised: -9.0 };
+    assert_eq!(doubts_in_one_member(-9.0), [Doubt::NotBetterThanDefault, expected]);
 }
