@@ -21,6 +21,20 @@ fn numbers_beyond_the_returns_of_the_log_are_told() {
     let swept = told(&["--set=control.grid={ initial_weight = [1e6, 2e6] }"]);
     assert!(swept.contains("initial weights of 1000000 are more than"), "{swept}");
     assert!(swept.contains("set control.grid.initial_weight to 0"), "{swept}");
+    // A pole that stands for some 20 steps: returns differ by as many with a discount of 1, and hardly with one of 0.1.
+    let discounted = told(&[
+        "--set=control.agent.gamma=0.1",
+        "--set=control.agent.temperature=1.0",
+        "--set=control.grid={ gamma = [0.5, 1.0] }",
+    ]);
+    assert!(!discounted.contains("is more than the spread"), "{discounted}");
+    let discounted = told(&[
+        "--set=control.agent.gamma=1.0",
+        "--set=control.agent.temperature=1.0",
+        "--set=control.grid={ gamma = [0.1, 0.2] }",
+    ]);
+    assert!(discounted.contains("temperature 1 is more than the spread"), "{discounted}");
+    assert!(discounted.contains("(gamma 0.2, timeout "), "the one that is nearest: {discounted}");
 }
 
 /// Models that are made in a moment.
