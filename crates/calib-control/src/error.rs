@@ -58,6 +58,18 @@ pub enum ControlError {
         "`reward` has no term; name a column, or list terms such as {{ column = \"flow\", weight = 1 }}"
     )]
     EmptyReward,
+    /// A number in a term of the reward cannot be what it is.
+    #[error("`reward[{term}].{key}` is {got}, expected {expected}")]
+    Term {
+        /// The number of the term, from 0.
+        term: usize,
+        /// The key of the term.
+        key: &'static str,
+        /// What it is.
+        got: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
     /// A term of the reward that means two things.
     #[error("reward[{term}] has both {first} and {second}: write two terms, each with one of them")]
     TwoMeanings {

@@ -60,7 +60,8 @@ pub struct Term {
     /// Reward a unit; negative for what costs (default 1).
     #[serde(default = "one")]
     pub weight: f64,
-    /// Then the distance |x − `set_point`| counts, not x: a number, or the column that holds the set-point of each row.
+    /// Then the distance |x − `set_point`| counts, not x: a number, or the column that holds the set-point of each row. Of
+    /// an action it is the one by which the step was made, in the row before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub set_point: Option<SetPoint>,
     /// Then only what is below counts: `low` − x.
@@ -69,8 +70,8 @@ pub struct Term {
     /// Then only what is above counts: x − `high`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub high: Option<f64>,
-    /// Then the change |x − x of the row before| counts, not x; of an action, its change against the step before. The first step of an
-    /// episode has none (default false).
+    /// Then the change |x − x of the row before| counts, not x. Of an action it is the change against the step before, and the first step of
+    /// an episode has none (default false).
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub change: bool,
     /// Power of what counts: 1, or 2 for its square (default 1).
@@ -97,7 +98,7 @@ fn is_linear(power: &u8) -> bool {
 pub enum SetPoint {
     /// At this value, in the unit of the term's column.
     Number(f64),
-    /// At what this column holds in the same row.
+    /// At what this column holds in the same row; of an action, in the row before.
     Column(String),
 }
 
@@ -242,15 +243,22 @@ impl Term {
             Some(SetPoint::Number(number)) => Some(number),
             Some(SetPoint::Column(_)) | None => None,
         };
-        let numbers = [Some(self.weight), set_point, self.low, self.high];
-        if let Some(got) = numbers.into_iter().flatten().find(|number| !number.is_finite()) {
-            let expected = "finite numbers";
-            return Err(ControlError::Field { field: "reward", got, expected });
+        let numbers = [
+            ("weight", Some(self.weight)),
+            ("set_point", set_point),
+            ("low", self.low),
+            ("high", self.high),
+        ];
+        for (key, number) in numbers {
+            if let Some(got) = number.filter(|number| !number.is_finite()) {
+                let expected = "a finite number";
+                return Err(ControlError::Term { term: place, key, got, expected });
+            }
         }
         if !(1..=2).contains(&self.power) {
             let expected = "1, or 2 for the square";
             let got = self.power.into();
-            return Err(ControlError::Field { field: "reward.power", got, expected });
+            return Err(ControlError::Term { term: place, key: "power", got, expected });
         }
         let keys = [
             ("change", self.change),
@@ -403,8 +411,9 @@ mod tests {
         assert_eq!(of_x(", set_point = 'sp'", &[3.0, 6.0]), [-8.0, -2.0], "of the distance");
         assert_eq!(of_x(", low = 1, high = 2", &[-2.0, 1.5, 4.0]), [-18.0, 0.0, -8.0]);
         assert!(of_x("", &[MISSING])[0].is_nan());
-        let told = read("[{ column = 'x', power = 3 }]").check().expect_err("a cube").to_string();
-        assert!(told.contains("`reward.power` is 3, expected 1, or 2"), "{told}");
+        let cube = read("[{ column = 'x' }, { column = 'x', power = 3 }]");
+        let told = cube.check().expect_err("a cube").to_string();
+        assert!(told.contains("`reward[1].power` is 3, expected 1, or 2"), "{told}");
         let written = |text: &str| serde_json::to_string(&read(text)).expect("JSON");
         assert!(!written("[{ column = 'x', power = 1 }]").contains("power"), "as without the key");
     }
@@ -474,8 +483,10 @@ mod tests {
         refused("[{ column = 'x', change = true, low = 1 }]");
         assert!(read("[{ column = 'x', low = 1, high = 2 }]").check().is_ok());
         assert!(Reward::Terms(vec![]).check().is_err());
-        refused("[{ column = 'x', low = nan }]");
-        refused("[{ column = 'x', set_point = inf }]");
+        let told = refused("[{ column = 'x' }, { column = 'x', low = nan }]");
+        assert!(told.starts_with("`reward[1].low` is NaN, expected a finite number"), "{told}");
+        let told = refused("[{ column = 'x', set_point = inf }]");
+        assert!(told.starts_with("`reward[0].set_point` is inf"), "{told}");
         let told = toml::from_str::<Term>("column = 'x'\nset_point = true").expect_err("neither");
         assert!(told.to_string().contains("a number or the name of a column"), "{told}");
     }
