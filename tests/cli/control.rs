@@ -1,6 +1,8 @@
 //! Agents that act: from a log of decisions to a verdict.
 
-use std::fs;
+use std::{fmt::Write as _, fs};
+
+use calib_files::{read_sealed_json, write_sealed_json};
 
 use crate::harness::Place;
 
@@ -186,6 +188,13 @@ fn a_verdict_of_another_study_is_not_done() {
     assert!(status().contains("data.shape"), "{}", status());
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
     assert!(status().contains("every step is done"), "{}", status());
+    // As a calib leaves it whose verdicts follow from something else, though it has the same version.
+    let manifest = place.path().join("study-results/control/manifest.json");
+    let mut sealed: serde_json::Value = read_sealed_json(&manifest).expect("sealed");
+    sealed["key"] = "another".into();
+    write_sealed_json(&manifest, &sealed).expect("writable");
+    let part = "the verdict in study-results/control was made with another calib; run `calib control study.toml` again";
+    assert!(status().contains(part), "{}", status());
 }
 
 const TWO_STEP_SIZES: [&str; 7] = [
@@ -213,6 +222,51 @@ fn what_is_not_told_apart_from_the_default_is_not_deployed() {
     }
     let page = fs::read_to_string(place.path().join("study-results/control/report.html"));
     assert!(page.expect("a page").contains("Random actions get 35.9"));
+}
+
+/// Five steps in a row lead to the goal, each by the other action than the one before; a wrong one leads back to the first place. Every third
+/// episode is the shortest, and in the others actions are random.
+fn corridor() -> Place {
+    let mut log = "timestamp,position,move,reward,goal\n".to_owned();
+    let (mut position, mut episode, mut reward) = (0, 0, 0);
+    let mut random = 1_u32;
+    for row in 0..3000 {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let right = position % 2;
+        let action = if episode % 3 == 0 { right } else { random >> 31 };
+        let is_goal = position == 5;
+        let [day, hour, minute] = [1 + row / 1440, row / 60 % 24, row % 60];
+        let time = format!("2024-03-0{day} {hour:02}:{minute:02}:00");
+        writeln!(log, "{time},{position},{action},{reward},{}", u8::from(is_goal)).expect("text");
+        episode += u32::from(is_goal);
+        reward = if is_goal { 0 } else { -1 };
+        position = if is_goal || action != right { 0 } else { position + 1 };
+    }
+    let place = Place::new();
+    place.write("log.csv", &log);
+    let data = "[data]\npath = \"log.csv\"\nshape = \"wide\"\ntrain_fraction = 1.0\n[preprocess]\noutliers = \"keep\"\n";
+    let control = "[control]\nactions = [\"move\"]\nterminal = \"goal\"\ntimeout = 10\nsteps = 3000\nmodels = [\"neighbors\"]\n";
+    let agent = "[control.agent]\nstep_size = 0.1\n[control.grid]\ntemperature = [0.3, 100.0]\n";
+    place.write("study.toml", &format!("{data}{control}{agent}"));
+    place
+}
+
+/// Agents learn the way, unless their temperature is so high that they act at random.
+#[test]
+fn a_choice_that_the_log_supports_ends_with_0() {
+    let place = corridor();
+    for (default, headline) in [("0.3", "Keep the default: "), ("100.0", "Deploy ")] {
+        let default = format!("--set=control.agent.temperature={default}");
+        let ran = place.calib(&["control", "study.toml", "--json", &default]);
+        let told = format!("{}{}", ran.stdout(), ran.stderr());
+        assert_eq!(ran.code(), 0, "{told}");
+        let json: serde_json::Value = serde_json::from_str(&ran.stdout()).expect("JSON");
+        let decision = &json["decision"];
+        assert_eq!(decision["support"], "supported", "{told}");
+        let said = decision["headline"].as_str().expect("a sentence");
+        assert!(said.starts_with(headline) && said.contains("0.3"), "{told}");
+        assert_eq!(json["verdict"]["doubts"], serde_json::json!([]), "{told}");
+    }
 }
 
 /// Whatever the headline: "keep the default" may be either.

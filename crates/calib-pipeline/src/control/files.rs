@@ -45,7 +45,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 9;
+    const FORMAT: u32 = 10;
 
     fn format(&self) -> u32 {
         self.format
@@ -266,7 +266,12 @@ impl VerdictStanding {
         if manifest.key == key(job.study(), &manifest.log, agents.program_identity())? {
             return Ok(Self::Current);
         }
-        let other = if manifest.tool == TOOL { "another program" } else { manifest.tool.as_str() };
+        let other = match agents {
+            _ if manifest.tool != TOOL => manifest.tool.as_str(),
+            ComparedAgents::Program { .. } => "another program",
+            // Such as one that was built from other sources.
+            ComparedAgents::Own(_) => "another calib",
+        };
         Ok(Self::Stale(format!(
             "the verdict in {} was made with {other}; run `{}` again",
             directory.display(),
