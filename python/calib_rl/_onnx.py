@@ -28,8 +28,6 @@ def written(agent: Path, path: Path) -> None:
         raise ImportError("to_onnx needs the package onnx: pip install 'calib-rl[onnx]', or pip install onnx") from missing
     arrays, texts = _saved(agent)
     described = json.loads(texts["agent"])
-    if not all(np.isfinite(values).all() for values in arrays.values()):
-        raise CalibError("the agent has diverged: its values are no numbers any more; use a smaller step_size")
     graph = _Graph(onnx)
     scaled = _scaled(graph, described["columns"])
     if "weights" in arrays:

@@ -24,7 +24,7 @@ const DESCRIBED: &str = "agent";
 const FORMAT: u32 = 1;
 const DIVERGED: &str =
     "the agent has diverged: its values are no numbers any more; use a smaller step_size";
-const NOT_SAVED: &str = "the agent has diverged: what it learned holds values that are no numbers, so it was not saved; train a new one with a \
+const NOT_WRITTEN: &str = "the agent has diverged: what it learned holds values that are no numbers, so it was not written; train a new one with a \
      smaller step_size";
 
 /// What an agent sees and does, beside what it has learnt.
@@ -227,7 +227,7 @@ impl ControlAgent {
         let mut tensors = self.agent.to_tensors();
         let mut values = tensors.tensors.iter().flat_map(|tensor| &tensor.values);
         if values.any(|value| !value.is_finite()) {
-            return Err(errors::of_text(py, NOT_SAVED));
+            return Err(errors::of_text(py, NOT_WRITTEN));
         }
         let text = serde_json::to_string(&self.described)
             .map_err(|error| errors::value(error.to_string()))?;

@@ -432,7 +432,7 @@ def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, conti
     # More than a number of 32 bits: what it learns of that is no number.
     agent.begin([0.5, 5.0])
     assert agent.step(1e300, [0.5, 5.0], terminal=True) is None
-    with pytest.raises(calib_rl.CalibError, match="has diverged.* was not saved; train a new one"):
+    with pytest.raises(calib_rl.CalibError, match="has diverged.* was not written; train a new one"):
         agent.save(tmp_path / "diverged.safetensors")
     assert not (tmp_path / "diverged.safetensors").exists()
 
@@ -485,7 +485,7 @@ def test_an_agent_that_cannot_become_onnx(acting: calib_rl.ActionModel, tmp_path
     pytest.importorskip("onnx")
     agent, path = calib_rl.ControlAgent(acting), tmp_path / "agent.onnx"
     path.write_text("what was there")
-    with pytest.raises(calib_rl.CalibError, match="diverged"):
+    with pytest.raises(calib_rl.CalibError, match="has diverged.* was not written; train a new one"):
         calib_rl.ControlAgent(acting, initial_weight=1e300).to_onnx(path)
     for place in (tmp_path, tmp_path / "nowhere" / "agent.onnx"):
         with pytest.raises(calib_rl.CalibError, match="cannot be written"):
