@@ -1,11 +1,12 @@
-use toml::Table;
+use toml::{Table, Value};
 
-use crate::written::quoted;
+use crate::written::{key as key_of, quoted};
 
 /// What stands behind a value that somebody gave.
 const GIVEN: &str = "# given";
 
-/// A study with keys that were given as `section.key=value`: each in its section, in the place of what stood there.
+/// A study with keys that were given as `section.key=value`: each in its section, in the place of what stood there. A table takes the
+/// place of a section with all sections in it.
 pub fn with_given(text: &str, given: &[String]) -> String {
     given.iter().fold(text.to_owned(), |text, one| match one.split_once('=') {
         Some((key, value)) => with(&text, key.trim(), value.trim()),
@@ -14,6 +15,9 @@ pub fn with_given(text: &str, given: &[String]) -> String {
 }
 
 fn with(text: &str, path: &str, value: &str) -> String {
+    if let Some(text) = with_table(text, path, value) {
+        return text;
+    }
     let (section, key) = path.rsplit_once('.').unwrap_or(("", path));
     let line = format!("{key} = {}  {GIVEN}", toml(value));
     let lines: Vec<&str> = text.lines().collect();
@@ -44,6 +48,37 @@ fn with(text: &str, path: &str, value: &str) -> String {
     all.join("\n") + "\n"
 }
 
+/// The study with the table `value` as the section `path`; none if the study has no such section, or the value is no table.
+fn with_table(text: &str, path: &str, value: &str) -> Option<String> {
+    let Some(Value::Table(table)) = parsed(value) else { return None };
+    let mut all: Vec<String> = Vec::new();
+    let mut is_written = false;
+    let mut is_replaced = false;
+    for line in text.lines() {
+        if line.starts_with('[') {
+            is_replaced = is_header_inside(line, path);
+        }
+        if is_replaced && !is_written {
+            is_written = true;
+            all.push(format!("[{path}]"));
+            let keys = table.iter();
+            all.extend(keys.map(|(key, value)| format!("{} = {value}  {GIVEN}", key_of(key))));
+        }
+        // What separates sections stays.
+        if !is_replaced || line.is_empty() {
+            all.push(line.to_owned());
+        }
+    }
+    is_written.then(|| all.join("\n") + "\n")
+}
+
+/// Whether a line begins the section `path`, or one in it.
+fn is_header_inside(line: &str, path: &str) -> bool {
+    let name = line.trim().strip_prefix('[').and_then(|line| line.strip_suffix(']'));
+    let rest = name.and_then(|name| name.strip_prefix(path));
+    rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+}
+
 /// The first line of a section: below its header, or for keys without a section below the comments at the top.
 fn start_of(lines: &[&str], section: &str, header: &str) -> Option<usize> {
     if section.is_empty() {
@@ -54,16 +89,15 @@ fn start_of(lines: &[&str], section: &str, header: &str) -> Option<usize> {
 
 /// A value as TOML has it: as it is if it is TOML, else as text.
 fn toml(value: &str) -> String {
-    match toml::from_str::<Table>(&format!("value = {value}")) {
-        Ok(_) => value.to_owned(),
-        Err(_) => quoted(value),
-    }
+    if parsed(value).is_some() { value.to_owned() } else { quoted(value) }
+}
+
+fn parsed(value: &str) -> Option<Value> {
+    toml::from_str::<Table>(&format!("value = {value}")).ok()?.remove("value")
 }
 
 #[cfg(test)]
 mod tests {
-    use toml::Value;
-
     use super::*;
 
     #[test]
@@ -84,5 +118,27 @@ mod tests {
         assert_eq!(read["model"]["members"].as_integer(), Some(3));
         assert_eq!(read["seed"].as_integer(), Some(7));
         assert_eq!(read["rollout"]["steps"].as_integer(), Some(100));
+    }
+
+    #[test]
+    fn a_table_takes_the_place_of_a_section() {
+        let text = "[control]\nsteps = 9\n\n[control.grid]\nstep_size = [0.1]   # a\ntemperature = [1.0]\n\n[control.grid.more]\nx = 1\n\n\
+                    [control.gridded]\ny = 2\n";
+        let given = [
+            "control.grid={ step_size = [0.3, 0.5], 'a b' = { c = \"x\" } }",
+            "control.grid.beta1=[0.9]",
+            "control.model={ members = 2 }",
+        ]
+        .map(str::to_owned);
+        let written = with_given(text, &given);
+        let read: Table =
+            toml::from_str(&written).unwrap_or_else(|error| panic!("{written}{error}"));
+        let control = &read["control"];
+        assert_eq!(control["steps"].as_integer(), Some(9));
+        let expected = "step_size = [0.3, 0.5]\nbeta1 = [0.9]\n'a b' = { c = 'x' }";
+        let expected: Table = toml::from_str(expected).expect("TOML");
+        assert_eq!(control["grid"].as_table(), Some(&expected));
+        assert_eq!(control["gridded"]["y"].as_integer(), Some(2));
+        assert_eq!(control["model"]["members"].as_integer(), Some(2));
     }
 }
