@@ -125,8 +125,9 @@ fn a_torque_of_any_number_gets_levels() {
     assert_eq!(study(&place)["control"]["levels"].as_integer(), Some(3));
 }
 
-/// Four hundred rows of a plant: sensors, a pump of three speeds and columns that are no actions, rewards or terminals.
-fn plant() -> Place {
+/// Four hundred rows of a plant, so many minutes apart: sensors, a pump of three speeds and columns that are no actions, rewards or
+/// terminals.
+fn plant(minutes: usize) -> Place {
     let place = Place::new();
     let mut text = String::from(
         "time,level,flow,pump,gain,done,stopped,fixed,odds,mode,a1,a2,a3,a4,a5,a6,a7\n",
@@ -135,11 +136,12 @@ fn plant() -> Place {
         let pump = if row % 150 == 10 { 2 } else { row / 3 % 2 };
         let mode = if row % 2 == 0 { "high" } else { "low" };
         let stopped = usize::from(row % 100 == 99);
-        let (hour, minute) = (row / 60, row % 60);
+        let passed = row * minutes;
+        let (day, hour, minute) = (13 + passed / 1440, passed / 60 % 24, passed % 60);
         let (level, flow, gain) = (row * row % 7, row * 37 % 11, row * row % 5);
         write!(
             text,
-            "2024-03-13 {hour:02}:{minute:02}:00,{level},{flow},{pump},{gain},1,{stopped},3,0.5,{mode}"
+            "2024-03-{day} {hour:02}:{minute:02}:00,{level},{flow},{pump},{gain},1,{stopped},3,0.5,{mode}"
         )
         .expect("memory");
         for factor in 1..=7 {
@@ -156,7 +158,7 @@ const PLANT: [&str; 3] = ["log.csv", "study.toml", "--set=data.shape=wide"];
 
 #[test]
 fn what_is_no_action_reward_or_terminal_is_refused() {
-    let place = plant();
+    let place = plant(1);
     let all = ["a1", "a2", "a3", "a4", "a5", "a6", "a7"].map(|name| format!("--action={name}"));
     let mut all: Vec<&str> = all.iter().map(String::as_str).collect();
     all.push("--reward=gain");
@@ -189,7 +191,7 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
 
 #[test]
 fn what_speaks_against_a_choice_is_told_at_once() {
-    let place = plant();
+    let place = plant(1);
     let columns = ["--action=pump", "--reward=gain", "--terminal=stopped"];
     let ran = init(&place, &[&PLANT[..], &columns].concat());
     ran.succeeds();
@@ -197,4 +199,14 @@ fn what_speaks_against_a_choice_is_told_at_once() {
     assert!(told.contains("1 action was hardly ever taken: pump=2 (3 of 3"), "{told}");
     assert!(told.contains("the log has 4 terminals, and calib names no setting"), "{told}");
     assert_eq!(study(&place)["control"]["start"].as_str(), Some("anywhere"));
+}
+
+/// A day of decisions in every second row is half a day of rows.
+#[test]
+fn a_day_of_thinned_decisions_has_fewer_steps() {
+    let place = plant(15);
+    let columns = ["--action=pump", "--reward=gain", "--set=control.every=2"];
+    let said = init(&place, &[&PLANT[..], &columns].concat()).succeeds();
+    assert!(said.contains("episodes of at most 48 steps: a day"), "{said}");
+    assert_eq!(study(&place)["control"]["timeout"].as_integer(), Some(48));
 }

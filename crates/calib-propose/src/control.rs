@@ -55,7 +55,7 @@ struct RecordedEpisodes {
 }
 
 impl ProposedControl {
-    /// For a log with a row in every `period_secs` seconds.
+    /// For a log with a decision every `period_secs` seconds.
     ///
     /// # Errors
     /// If no action can be worth more than another.
@@ -107,7 +107,7 @@ impl RecordedEpisodes {
         let day = (DAY_SECS / period_secs).round().clamp(1.0, LONGEST_EPISODE as f64) as usize;
         if self.terminals == 0 && self.count < FEW_EPISODES && longest > day {
             let why = format!(
-                "a day, or {LONGEST_EPISODE} rows where it has more: the log has no episodes of its own"
+                "a day, or {LONGEST_EPISODE} steps where it has more: the log has no episodes of its own"
             );
             (day, why)
         } else if longest > LONGEST_EPISODE {
@@ -235,6 +235,7 @@ mod tests {
         let timeout = |period_secs: f64| {
             let control = proposed(&one, period_secs).expect("rewards differ");
             assert_eq!((control.start.0, control.gamma.0), (StartRows::Anywhere, 0.99));
+            assert!(control.timeout.1.contains("1000 steps"), "{control:?}");
             control.timeout.0
         };
         assert_eq!([1.0, 600.0, 86_400.0].map(timeout), [1_000, 144, 1]);

@@ -26,7 +26,7 @@ pub(crate) struct ActionLog {
     /// Time of every row of the decisions, in microseconds.
     pub(super) times: Vec<i64>,
     /// Time from one decision to the next.
-    pub(super) period: Period,
+    pub(crate) period: Period,
 }
 
 /// What things are called, and their units.

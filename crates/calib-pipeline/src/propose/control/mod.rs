@@ -149,7 +149,7 @@ pub(crate) fn run(
     let drafting = ControlDrafting { args, path: &path, columns, look: &look, place: &place };
     let read = drafting.decisions(printer)?;
     let decisions = &read.log.decisions;
-    let proposed = ProposedControl::for_log(decisions, look.sketch.period_secs, given(args)?)
+    let proposed = ProposedControl::for_log(decisions, read.log.period.as_secs(), given(args)?)
         .map_err(StepError::other)
         .with_context(|| format!("--reward {}", columns.reward))?;
     let costs = drafting.costs(&read, &proposed, begun, printer)?;
