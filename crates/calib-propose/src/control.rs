@@ -132,13 +132,18 @@ impl RecordedEpisodes {
 
     fn gamma(&self, timeout: usize) -> (f64, String) {
         let Self { count, longest, terminals } = *self;
-        if terminals as f64 >= NEARLY_ALL * count as f64 && longest <= timeout {
+        if (terminals as f64) < NEARLY_ALL * count as f64 {
+            (GAMMA, "an episode need not end, so about the next 100 steps count".to_owned())
+        } else if longest > timeout {
+            let why = format!(
+                "episodes of up to {longest} steps are cut after {timeout}, so about the next 100 steps count"
+            );
+            (GAMMA, why)
+        } else {
             let why = format!(
                 "{terminals} of {count} episodes end in a terminal, so returns are not discounted"
             );
             (1.0, why)
-        } else {
-            (GAMMA, "an episode need not end, so about the next 100 steps count".to_owned())
         }
     }
 }
@@ -227,6 +232,16 @@ mod tests {
         assert!((control.spread - (899.0_f64 / 12.0).sqrt()).abs() < 1e-9, "{control:?}");
         assert_eq!(control.settings, ProposedSettings::for_spread(control.spread));
         assert_eq!(control.without_pairs, None);
+    }
+
+    #[test]
+    fn episodes_that_are_cut_before_they_end_are_discounted() {
+        let given = GivenControl { timeout: Some(29), ..GivenControl::default() };
+        let log = log(20, 30, Ending::Terminal, |_| 1.0);
+        let (gamma, why) =
+            ProposedControl::for_log(&log, 1.0, given).expect("lengths differ").gamma;
+        assert_eq!(gamma, 0.99);
+        assert!(why.starts_with("episodes of up to 30 steps are cut after 29"), "{why}");
     }
 
     #[test]
