@@ -7,7 +7,7 @@ use crate::{
     harness::{Place, Ran},
 };
 
-/// Temperatures and initial weights are in units of return.
+/// Temperatures and first values are in units of return.
 #[test]
 fn numbers_beyond_the_returns_of_the_log_are_told() {
     let place = control::place();
@@ -19,7 +19,7 @@ fn numbers_beyond_the_returns_of_the_log_are_told() {
     let swept = told(&["--set=control.grid={ temperature = [1.0, 100000.0] }"]);
     assert!(!swept.contains("is more than the spread"), "one of them fits: {swept}");
     let swept = told(&["--set=control.grid={ initial_weight = [1e6, 2e6] }"]);
-    assert!(swept.contains("initial weights of 1000000 are more than"), "{swept}");
+    assert!(swept.contains("initial weights put the first values at 1.00e7, more"), "{swept}");
     assert!(swept.contains("set control.grid.initial_weight to 0"), "{swept}");
     // A pole that stands for some 20 steps: returns differ by as many with a discount of 1, and hardly with one of 0.1.
     let discounted = told(&[
@@ -35,6 +35,12 @@ fn numbers_beyond_the_returns_of_the_log_are_told() {
     ]);
     assert!(discounted.contains("temperature 1 is more than the spread"), "{discounted}");
     assert!(discounted.contains("(gamma 0.2, timeout "), "the one that is nearest: {discounted}");
+    // Four columns and six pairs make a first value of 1,500, the columns alone one of 600; the spread is about 9.
+    let weight = "--set=control.agent.initial_weight=150";
+    let paired = told(&[weight]);
+    assert!(paired.contains("initial weights put the first values at 1500, more"), "{paired}");
+    let alone = told(&[weight, "--set=control.agent.pairs=false"]);
+    assert!(!alone.contains("initial weights put"), "{alone}");
 }
 
 /// Models that are made in a moment.
@@ -94,6 +100,19 @@ fn a_log_of_decisions_becomes_a_study_that_runs() {
     assert!((2_000..=15_000).contains(&steps), "{steps}");
     let temperatures = control["grid"]["temperature"].as_array().expect("a list");
     assert!(temperatures.contains(&control["agent"]["temperature"]), "{control:?}");
+    let step_sizes = control["grid"]["step_size"].as_array().expect("a list");
+    assert!(step_sizes.contains(&control["agent"]["step_size"]), "{control:?}");
+    let number = |value: &toml::Value| {
+        let whole = value.as_integer().map(|whole| whole as f64);
+        value.as_float().or(whole).expect("a number")
+    };
+    let in_temperatures =
+        number(&control["agent"]["step_size"]) / number(&control["agent"]["temperature"]);
+    assert!((0.027..0.033).contains(&in_temperatures), "both are in spreads: {control:?}");
+    // Ten initial weights, of four columns and six pairs, make a first value of five spreads.
+    let optimism = number(&control["grid"]["initial_weight"][1]);
+    let in_spreads = optimism / number(&control["agent"]["temperature"]);
+    assert!((4.5..5.5).contains(&in_spreads), "{control:?}");
     assert!(control.get("levels").is_none() && control["agent"].get("pairs").is_none());
     let ran = place.calib(&["run", "study.toml"]);
     let verdict = ran.ends(&[0, 1]);
@@ -107,6 +126,29 @@ fn a_log_of_decisions_becomes_a_study_that_runs() {
     assert_eq!(json["transitions"], 2000);
     assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["gamma"], 1.0);
+    assert_eq!(json["algorithm"], "expected_sarsa");
+}
+
+#[test]
+fn agents_that_are_given_are_proposed_what_they_use() {
+    let place = control::place();
+    let with = |set: &str| {
+        init(&place, &[&POLE[..], &["--set", set]].concat()).succeeds();
+        study(&place)["control"].clone()
+    };
+    let control = with("control.grid={ step_size = [0.1, 0.2] }");
+    let grid = control["grid"].as_table().expect("a table");
+    assert_eq!(grid.keys().collect::<Vec<_>>(), ["step_size"], "it replaces the drafted one");
+    let control = with("control.agent={ step_size = 0.1, gamma = 0.9 }");
+    assert_eq!(control["agent"]["gamma"].as_float(), Some(0.9));
+    assert!(control["agent"].get("temperature").is_none(), "{control:?}");
+    let control = with("control.agent.algorithm=\"q_learning\"");
+    assert!(control["grid"].get("temperature").is_none(), "{control:?}");
+    let control = with("control.agent.algorithm=\"deep_q_learning\"");
+    assert_eq!(control["agent"]["step_size"].as_float(), Some(0.001));
+    assert!(control["agent"].get("temperature").is_none(), "{control:?}");
+    let whole = init(&place, &[&POLE[..], &["--set=control={ timeout = 9 }"]].concat()).fails(2);
+    assert!(whole.contains("give each key by itself"), "{whole}");
 }
 
 #[test]
@@ -201,7 +243,7 @@ fn what_speaks_against_a_choice_is_told_at_once() {
     assert_eq!(study(&place)["control"]["start"].as_str(), Some("anywhere"));
 }
 
-/// A day of decisions in every second row is half a day of rows.
+/// A day has half as many decisions as rows.
 #[test]
 fn a_day_of_thinned_decisions_has_fewer_steps() {
     let place = plant(15);

@@ -1,49 +1,62 @@
 //! Which settings to try at a plant of which nothing is known but its log.
 
-/// Step sizes to sweep: those of the published grid (Wang et al. 2022).
-const STEP_SIZES: [f64; 3] = [0.003, 0.03, 0.3];
+use crate::{AgentConfig, Algorithm};
+
+/// Step sizes to sweep, in spreads of recorded returns, around the default of docs/control.md, "Tasks that are drawn". Adam moves a weight
+/// by about its step size, however large rewards are, so a step size has their unit.
+const STEP_SIZES: [f64; 3] = [0.0003, 0.003, 0.03];
+/// Step sizes of a network to sweep: Adam's usual one (Kingma & Ba 2015), a tenth of it and ten times as much. Weights of a network are no
+/// values, and those of its hidden layers are of the same size whatever the rewards are, so its step sizes have no unit.
+const NETWORK_STEP_SIZES: [f64; 3] = [0.0001, 0.001, 0.01];
 /// Temperatures to sweep, in spreads of recorded returns. With the least, an agent nearly always takes the better of two actions that
 /// differ by a twentieth of a spread. With the largest, it takes one that is better by a spread in three of four steps. Our choice.
 const TEMPERATURES: [f64; 3] = [0.01, 0.1, 1.0];
-/// The default among them.
-const TEMPERATURE: f64 = TEMPERATURES[1];
-/// Initial weights to sweep, in spreads of recorded returns: none, and enough to try what was not done yet. Our choice.
-const INITIAL_WEIGHTS: [f64; 2] = [0.0, 1.0];
+/// First values to sweep, in spreads of recorded returns: none, and enough to try what was not done yet. Our choice.
+const FIRST_VALUES: [f64; 2] = [0.0, 5.0];
+/// The place of the default among step sizes and temperatures.
+const DEFAULT: usize = 1;
 /// Agents with a temperature of more spreads choose nearly at random. Our choice.
 const MOST_TEMPERATURE: f64 = 1.0;
-/// Agents with initial weights of more spreads spend their run on unlearning them. Our choice.
-const MOST_INITIAL_WEIGHT: f64 = 100.0;
+/// Agents with first values of more spreads spend their run on unlearning them. Our choice.
+const MOST_FIRST_VALUE: f64 = 100.0;
 /// Columns of the states above which agents go without pairs of columns: most of their time would go into these. Our choice.
 pub const PAIRED_COLUMNS: usize = 32;
 
-/// Settings of agents that act, in units of the spread of recorded returns
+/// Settings of agents that act, by the spread of recorded returns
 /// ([`Decisions::return_spread`](crate::Decisions::return_spread)), each to two significant digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProposedSettings {
+    /// The default step size, one of `step_sizes`.
+    pub step_size: f64,
     /// The default temperature, one of `temperatures`.
     pub temperature: f64,
-    /// Step sizes to sweep.
+    /// Step sizes to sweep, in units of reward; those of a network have no unit.
     pub step_sizes: [f64; 3],
     /// Temperatures to sweep, in units of reward.
     pub temperatures: [f64; 3],
-    /// Initial weights to sweep, in units of reward.
+    /// Initial weights to sweep, in units of reward, for first values of 0 and of some spreads.
     pub initial_weights: [f64; 2],
 }
 
 impl ProposedSettings {
-    /// Those for recorded returns with this standard deviation, a positive number in units of reward.
-    pub fn for_spread(spread: f64) -> Self {
+    /// Those for recorded returns with this standard deviation, a positive number in units of reward, and for agents with the algorithm
+    /// and the pairs of `agent` in states of `columns` columns, one at least.
+    pub fn for_spread(spread: f64, agent: &AgentConfig, columns: usize) -> Self {
+        let in_units = |share: f64| two_digits(share * spread);
+        let step_sizes = if agent.algorithm == Algorithm::DeepQLearning {
+            NETWORK_STEP_SIZES
+        } else {
+            STEP_SIZES.map(in_units)
+        };
+        let temperatures = TEMPERATURES.map(in_units);
+        let weights = agent.initial_weights_in_value(columns);
         Self {
-            temperature: two_digits(TEMPERATURE * spread),
-            step_sizes: STEP_SIZES,
-            temperatures: TEMPERATURES.map(|share| two_digits(share * spread)),
-            initial_weights: INITIAL_WEIGHTS.map(|share| two_digits(share * spread)),
+            step_size: step_sizes[DEFAULT],
+            temperature: temperatures[DEFAULT],
+            step_sizes,
+            temperatures,
+            initial_weights: FIRST_VALUES.map(|share| in_units(share / weights)),
         }
-    }
-
-    /// The number of settings.
-    pub fn count(&self) -> usize {
-        self.step_sizes.len() * self.temperatures.len() * self.initial_weights.len()
     }
 }
 
@@ -52,9 +65,10 @@ pub fn is_random(temperature: f64, spread: f64) -> bool {
     temperature > MOST_TEMPERATURE * spread
 }
 
-/// Whether agents that begin with this weight hardly learn what is worth less where recorded returns have this spread.
-pub fn is_beyond_returns(initial_weight: f64, spread: f64) -> bool {
-    initial_weight.abs() > MOST_INITIAL_WEIGHT * spread
+/// Whether agents whose values begin here ([`AgentConfig::first_value`]) hardly learn what is worth less where recorded returns have this
+/// spread.
+pub fn is_beyond_returns(first_value: f64, spread: f64) -> bool {
+    first_value.abs() > MOST_FIRST_VALUE * spread
 }
 
 /// To two significant digits: what follows from a log is known no better.
@@ -65,30 +79,66 @@ pub fn two_digits(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AgentConfig, Grid};
+    use crate::Grid;
+
+    /// Agents whose first value has the initial weights of four columns and six pairs.
+    fn proposed(spread: f64) -> ProposedSettings {
+        ProposedSettings::for_spread(spread, &AgentConfig::default(), 4)
+    }
 
     #[test]
     fn settings_are_in_units_of_the_spread() {
-        let settings = ProposedSettings::for_spread(12.34);
+        let settings = proposed(12.34);
+        assert_eq!(settings.step_sizes, [0.0037, 0.037, 0.37]);
         assert_eq!(settings.temperatures, [0.12, 1.2, 12.0]);
-        assert_eq!(settings.initial_weights, [0.0, 12.0]);
-        assert_eq!(settings.temperature, 1.2);
-        assert_eq!(ProposedSettings::for_spread(0.001).temperatures, [1e-5, 1e-4, 1e-3]);
+        assert_eq!((settings.step_size, settings.temperature), (0.037, 1.2));
+        assert_eq!(proposed(0.001).temperatures, [1e-5, 1e-4, 1e-3]);
+    }
+
+    #[test]
+    fn first_values_are_five_spreads_whatever_is_tiled() {
+        let agent = AgentConfig::default();
+        for (agent, columns) in [
+            (agent, 1),
+            (agent, 4),
+            (agent, 32),
+            (AgentConfig { pairs: false, ..agent }, 141),
+            (AgentConfig { algorithm: Algorithm::DeepQLearning, ..agent }, 141),
+        ] {
+            let settings = ProposedSettings::for_spread(12.34, &agent, columns);
+            let values = settings
+                .initial_weights
+                .map(|initial_weight| AgentConfig { initial_weight, ..agent }.first_value(columns));
+            assert_eq!(values[0], 0.0);
+            assert!((values[1] / (5.0 * 12.34) - 1.0).abs() < 0.05, "{agent:?}: {values:?}");
+        }
+    }
+
+    #[test]
+    fn step_sizes_of_a_network_have_no_unit() {
+        let agent = AgentConfig { algorithm: Algorithm::DeepQLearning, ..AgentConfig::default() };
+        let [small, large] =
+            [0.01, 1e6].map(|spread| ProposedSettings::for_spread(spread, &agent, 4).step_sizes);
+        assert_eq!(small, large);
     }
 
     #[test]
     fn the_default_is_one_of_the_settings() {
         for spread in [1e-6, 0.37, 9.99, 4_321.0] {
-            let settings = ProposedSettings::for_spread(spread);
+            let settings = proposed(spread);
             let grid = Grid {
                 step_size: Some(settings.step_sizes.to_vec()),
                 temperature: Some(settings.temperatures.to_vec()),
                 initial_weight: Some(settings.initial_weights.to_vec()),
                 ..Grid::default()
             };
-            let agent = AgentConfig { temperature: settings.temperature, ..AgentConfig::default() };
+            let agent = AgentConfig {
+                step_size: settings.step_size,
+                temperature: settings.temperature,
+                ..AgentConfig::default()
+            };
             let candidates = grid.candidates(agent).expect("all differ");
-            assert_eq!(candidates.len(), settings.count());
+            assert_eq!(candidates.len(), 18);
             assert!(candidates.contains(&agent), "spread {spread}: {settings:?}");
         }
     }

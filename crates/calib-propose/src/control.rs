@@ -1,4 +1,6 @@
-use calib_control::{Decisions, PAIRED_COLUMNS, ProposedSettings, StartRows};
+use calib_control::{
+    AgentConfig, Algorithm, Decisions, PAIRED_COLUMNS, ProposedSettings, StartRows,
+};
 
 use crate::{Costs, ProposeError, size::PLANNED};
 
@@ -28,7 +30,9 @@ pub struct ProposedControl {
     pub start: (StartRows, String),
     /// `control.agent.gamma`, and why.
     pub gamma: (f64, String),
-    /// Why `control.agent.pairs = false`; none where agents have pairs of columns.
+    /// What agents learn by.
+    pub algorithm: Algorithm,
+    /// Why `control.agent.pairs = false`; none where agents have pairs of columns, or the key was given.
     pub without_pairs: Option<String>,
     /// Standard deviation of recorded returns, in units of reward.
     pub spread: f64,
@@ -43,6 +47,10 @@ pub struct GivenControl {
     pub timeout: Option<usize>,
     /// `control.agent.gamma`.
     pub gamma: Option<f64>,
+    /// `control.agent.algorithm`; the default where it was not given.
+    pub algorithm: Algorithm,
+    /// `control.agent.pairs`.
+    pub pairs: Option<bool>,
 }
 
 /// The episodes of a log.
@@ -86,15 +94,20 @@ impl ProposedControl {
             if episodes.terminals == 0 { ", and no episode ends in a terminal" } else { "" };
         let spread = spread.ok_or(ProposeError::NothingToGain { reward: first, beside })?;
         let columns = log.states().columns();
-        let without_pairs = (columns > PAIRED_COLUMNS).then(|| {
+        let algorithm = given.algorithm;
+        let is_open = given.pairs.is_none() && algorithm.uses("pairs");
+        let without_pairs = (is_open && columns > PAIRED_COLUMNS).then(|| {
             let pairs = columns * (columns - 1) / 2;
             format!("{columns} columns have {pairs} pairs, which would take most of the time")
         });
+        let pairs = given.pairs.unwrap_or(without_pairs.is_none());
+        let agent = AgentConfig { algorithm, pairs, ..AgentConfig::default() };
         Ok(Self {
             start: episodes.start(),
-            settings: ProposedSettings::for_spread(spread),
+            settings: ProposedSettings::for_spread(spread, &agent, columns),
             timeout,
             gamma,
+            algorithm,
             without_pairs,
             spread,
         })
@@ -215,11 +228,21 @@ mod tests {
 
     #[test]
     fn what_is_given_is_not_chosen() {
-        let given = GivenControl { timeout: Some(10), gamma: Some(0.5) };
+        let given = GivenControl { timeout: Some(10), gamma: Some(0.5), ..GivenControl::default() };
         let log = log(20, 30, Ending::Terminal, |_| 1.0);
         let control = ProposedControl::for_log(&log, 1.0, given).expect("lengths differ");
         assert_eq!((control.timeout.0, control.gamma.0), (10, 0.5));
         assert_eq!(Some(control.spread), log.return_spread(0.5, 10), "in units of these returns");
+    }
+
+    #[test]
+    fn settings_are_of_the_agent_that_is_given() {
+        let log = log(20, 30, Ending::Terminal, |_| 1.0);
+        let network =
+            GivenControl { algorithm: Algorithm::DeepQLearning, ..GivenControl::default() };
+        let control = ProposedControl::for_log(&log, 1.0, network).expect("lengths differ");
+        assert_eq!(control.settings.step_sizes, [0.0001, 0.001, 0.01]);
+        assert_eq!(control.algorithm, Algorithm::DeepQLearning);
     }
 
     #[test]
@@ -230,7 +253,8 @@ mod tests {
         assert_eq!(control.start.0, StartRows::Episodes);
         // Returns of 1 to 30 in equal numbers: a variance of (30² − 1) / 12.
         assert!((control.spread - (899.0_f64 / 12.0).sqrt()).abs() < 1e-9, "{control:?}");
-        assert_eq!(control.settings, ProposedSettings::for_spread(control.spread));
+        let settings = ProposedSettings::for_spread(control.spread, &AgentConfig::default(), 1);
+        assert_eq!(control.settings, settings);
         assert_eq!(control.without_pairs, None);
     }
 

@@ -1,4 +1,4 @@
-use calib_control::{StartRows, two_digits};
+use calib_control::{Algorithm, StartRows, two_digits};
 use calib_core::Timestamp;
 
 use crate::{
@@ -81,25 +81,36 @@ impl ControlDraft<'_> {
 
 /// The default and what is swept.
 fn agents(proposed: &ProposedControl, text: &mut Lines) {
-    let ProposedControl { gamma, without_pairs, spread, settings, .. } = proposed;
+    let ProposedControl { gamma, algorithm, without_pairs, spread, settings, .. } = proposed;
+    let has_temperature = algorithm.uses("temperature");
     text.section("control.agent");
     text.comment("The default that a choice is compared with.");
     text.key("gamma", &number(gamma.0), &gamma.1);
-    let why = format!(
+    let by_spread = format!(
         "in units of return: the spread of recorded returns is {}",
         number(two_digits(*spread))
     );
-    text.key("temperature", &number(settings.temperature), &why);
+    let [step_size_reason, step_sizes_reason] = if *algorithm == Algorithm::DeepQLearning {
+        ["Adam's usual one for a network, whatever the returns are", "less, and more"]
+    } else {
+        [by_spread.as_str(), "by the same spread"]
+    };
+    text.key("step_size", &number(settings.step_size), step_size_reason);
+    if has_temperature {
+        text.key("temperature", &number(settings.temperature), &by_spread);
+    }
     if let Some(why) = without_pairs {
         text.key("pairs", "false", why);
     }
     text.section("control.grid");
-    text.key("step_size", &list(&settings.step_sizes), "as published (Wang et al. 2022)");
-    text.key("temperature", &list(&settings.temperatures), "by the same spread");
+    text.key("step_size", &list(&settings.step_sizes), step_sizes_reason);
+    if has_temperature {
+        text.key("temperature", &list(&settings.temperatures), "by the same spread");
+    }
     text.key(
         "initial_weight",
         &list(&settings.initial_weights),
-        "by the same spread: a larger one makes agents explore more",
+        "first values of 0 and of a few spreads: larger ones make agents explore more",
     );
 }
 
@@ -110,7 +121,7 @@ fn list(values: &[f64]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use calib_control::ProposedSettings;
+    use calib_control::{AgentConfig, ProposedSettings};
 
     use super::*;
     use crate::{
@@ -132,9 +143,10 @@ mod tests {
             timeout: (54, "the longest".to_owned()),
             start: (StartRows::Anywhere, "few episodes".to_owned()),
             gamma: (1.0, "they end".to_owned()),
+            algorithm: Algorithm::ExpectedSarsa,
             without_pairs: Some("many columns".to_owned()),
             spread: 12.34,
-            settings: ProposedSettings::for_spread(12.34),
+            settings: ProposedSettings::for_spread(12.34, &AgentConfig::default(), 4),
         };
         let levels = (7, "any number".to_owned());
         let draft = ControlDraft {
@@ -163,10 +175,18 @@ mod tests {
         assert_eq!(control["timeout"].as_integer(), Some(54));
         assert_eq!(control["start"].as_str(), Some("anywhere"));
         assert_eq!(control["agent"]["pairs"].as_bool(), Some(false));
+        assert_eq!(control["agent"]["step_size"].as_float(), Some(0.037));
         assert_eq!(control["grid"]["temperature"].as_array().map(Vec::len), Some(3));
         assert!(control.get("terminal").is_none());
         assert!(text.contains("the spread of recorded returns is 12"), "{text}");
         assert!(text.contains("# any number") && text.contains("# about a minute"), "{text}");
+        let greedy = ProposedControl { algorithm: Algorithm::QLearning, ..proposed.clone() };
+        let greedy = ControlDraft { proposed: Some(&greedy), ..draft }.text();
+        let greedy: toml::Table = toml::from_str(&greedy).expect("TOML");
+        for section in ["agent", "grid"] {
+            let section = greedy["control"][section].as_table().expect("a section");
+            assert!(section.contains_key("step_size") && !section.contains_key("temperature"));
+        }
         let unread = ControlDraft { levels: None, proposed: None, ..draft }.text();
         let unread: toml::Table = toml::from_str(&unread).expect("TOML");
         assert!(unread["control"].get("grid").is_none(), "decisions are read first");

@@ -20,7 +20,7 @@ pub struct AgentConfig {
     pub temperature: f64,
     /// Probability of a random action; not of `expected_sarsa`.
     pub epsilon: f64,
-    /// Weights begin at this number divided by the number of tilings, a network's values about at this number: optimism, which makes it explore.
+    /// Weights begin at this number divided by the number of tilings. So values begin at this number times d + d(d − 1)/2 for d columns of the state, or times d without pairs. A network's values begin about at this number. Larger ones make an agent explore.
     pub initial_weight: f64,
     /// Decay λ of the traces; `expected_sarsa` only.
     pub lambda: f64,
@@ -150,6 +150,20 @@ impl AgentConfig {
             return Err(ControlError::ManyFeatures { columns, weights });
         }
         Ok(Weights::bytes(weights as usize))
+    }
+
+    /// The value of every action before the agent learns, in states of so many columns; of a network, about that value.
+    pub fn first_value(&self, columns: usize) -> f64 {
+        self.initial_weight * self.initial_weights_in_value(columns)
+    }
+
+    /// The first value of an agent whose initial weight is 1: the features that are active in a tiling, or 1 of a network.
+    pub(crate) fn initial_weights_in_value(&self, columns: usize) -> f64 {
+        if self.algorithm == Algorithm::DeepQLearning {
+            1.0
+        } else {
+            self.tiling(columns).active_per_tiling() as f64
+        }
     }
 
     /// Its tile coding of states of so many columns.

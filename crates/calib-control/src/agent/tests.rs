@@ -27,6 +27,21 @@ impl Environment for Row {
     }
 }
 
+#[test]
+fn the_first_value_holds_the_initial_weight_of_every_active_feature() {
+    let state = [0.1, 0.4, 0.6, 0.9];
+    let optimist = AgentConfig { initial_weight: 8.0, ..AgentConfig::default() };
+    let alone = AgentConfig { pairs: false, ..optimist };
+    for (config, expected) in [(optimist, 80.0), (alone, 32.0)] {
+        assert_eq!(Agent::new(config, 4, 3).values_in(&state), [expected; 3]);
+        assert_eq!(config.first_value(4), expected);
+    }
+    let network = AgentConfig { algorithm: Algorithm::DeepQLearning, ..optimist };
+    for value in Agent::new(network, 4, 3).values_in(&state) {
+        assert!((value - network.first_value(4)).abs() < 4.0, "{value}, not about 8");
+    }
+}
+
 fn learnt(config: AgentConfig) -> Agent {
     let mut row = Row(0);
     let mut agent = Agent::new(config, 1, 2);

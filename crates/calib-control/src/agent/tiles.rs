@@ -57,7 +57,12 @@ impl Tiles {
 
     /// Features that are active at a time.
     pub(crate) fn active(&self) -> usize {
-        self.tilings * (self.columns + self.pairs())
+        self.tilings * self.active_per_tiling()
+    }
+
+    /// Those of one tiling.
+    pub(crate) fn active_per_tiling(&self) -> usize {
+        self.columns + self.pairs()
     }
 
     /// Put the features of `state` in `features`.

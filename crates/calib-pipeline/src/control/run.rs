@@ -259,25 +259,27 @@ fn beyond_returns(
     let spread = |gamma: f64| spreads.iter().find(|(other, _)| *other == gamma)?.1;
     let tempered = candidates.iter().filter(|agent| agent.algorithm.uses("temperature"));
     let temperature = BesideReturns::nearest(tempered, spread, |agent| agent.temperature);
-    let weight = BesideReturns::nearest(candidates.iter(), spread, |agent| agent.initial_weight);
+    let columns = log.states().columns();
+    let first =
+        BesideReturns::nearest(candidates.iter(), spread, |agent| agent.first_value(columns));
     let temperature = temperature.filter(|nearest| is_random(nearest.value, nearest.spread));
-    let weight = weight.filter(|nearest| is_beyond_returns(nearest.value, nearest.spread));
+    let first = first.filter(|nearest| is_beyond_returns(nearest.value, nearest.spread));
     let random = temperature.map(|nearest| {
         format!(
             "temperature {} is more than {}, so that agents choose nearly at random: set {} to {}, or less",
             nearest.value,
             nearest.told(timeout),
             swept_key("temperature", config.grid.temperature.is_some()),
-            ProposedSettings::for_spread(nearest.spread).temperature
+            ProposedSettings::for_spread(nearest.spread, &config.agent, columns).temperature
         )
     });
-    let beyond = weight.map(|nearest| {
+    let beyond = first.map(|nearest| {
         format!(
-            "initial weights of {} are more than a hundred times {}, so that agents spend their run on unlearning them: set {} to 0, or about {}",
-            nearest.value.abs(),
+            "initial weights put the first values at {}, more than a hundred times {}, so that agents spend their run on unlearning them: set {} to 0, or about {}",
+            significant(nearest.value.abs()),
             nearest.told(timeout),
             swept_key("initial_weight", config.grid.initial_weight.is_some()),
-            ProposedSettings::for_spread(nearest.spread).initial_weights[1]
+            ProposedSettings::for_spread(nearest.spread, &config.agent, columns).initial_weights[1]
         )
     });
     random.into_iter().chain(beyond).collect()

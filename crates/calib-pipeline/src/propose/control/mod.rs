@@ -15,7 +15,7 @@ use calib_base::{
     options::ProposeOptions,
     output::{Printer, count, counted, span},
 };
-use calib_control::{ControlConfig, ControlError, Decisions, StartRows};
+use calib_control::{Algorithm, ControlConfig, ControlError, Decisions, StartRows};
 use calib_data::{Sentinel, Sketch};
 use calib_files::{TemporaryFolder, write_output};
 use calib_propose::{
@@ -44,7 +44,8 @@ const TRIED: f64 = 0.25;
 /// Actions that are named in a warning.
 const NAMED: usize = 3;
 /// Keys that decide nothing here, and what to do instead.
-const WITHOUT_EFFECT: [(&str, &str); 6] = [
+const WITHOUT_EFFECT: [(&str, &str); 7] = [
+    ("control", "it would replace the columns that were named; give each key by itself"),
     ("control.actions", "name the columns with --action"),
     ("control.reward", "name the column with --reward, and change the key in the study afterwards"),
     ("control.terminal", "name the column with --terminal"),
@@ -82,7 +83,11 @@ pub(crate) struct ChosenControl {
     timeout: usize,
     start: StartRows,
     gamma: f64,
-    /// The default.
+    /// What the default learns by.
+    algorithm: Algorithm,
+    /// Step size of the default.
+    step_size: f64,
+    /// Temperature of the default; `expected_sarsa` only.
     temperature: f64,
     /// Settings that are compared.
     settings: usize,
@@ -190,10 +195,18 @@ fn with_columns(args: &ProposeOptions, columns: &DecisionColumns) -> ProposeOpti
 fn given(args: &ProposeOptions) -> Result<GivenControl, StepError> {
     let study = calib_study::of_data(&args.logs, &args.set)?;
     let control = study.control.unwrap_or_default();
+    let agent = control.agent;
     Ok(GivenControl {
         timeout: gives(args, "control.timeout").then_some(control.timeout),
-        gamma: gives(args, "control.agent.gamma").then_some(control.agent.gamma),
+        gamma: gives_to_agent(args, "gamma").then_some(agent.gamma),
+        algorithm: agent.algorithm,
+        pairs: gives_to_agent(args, "pairs").then_some(agent.pairs),
     })
+}
+
+/// Whether a field of the agent was given, alone or with the whole table, which replaces what would be proposed.
+fn gives_to_agent(args: &ProposeOptions, field: &str) -> bool {
+    gives(args, "control.agent") || gives(args, &format!("control.agent.{field}"))
 }
 
 /// What a study says of agents that act.
@@ -451,6 +464,8 @@ fn chosen(
         timeout: config.timeout,
         start: config.start,
         gamma: config.agent.gamma,
+        algorithm: config.agent.algorithm,
+        step_size: config.agent.step_size,
         temperature: config.agent.temperature,
         settings: config.grid.candidates(config.agent)?.len(),
         steps: config.steps,

@@ -5,9 +5,10 @@ use calib_base::{
     outcome::Told,
     output::{Printer, count, counted, duration, percent, significant, span, table},
 };
+use calib_control::Algorithm;
 use calib_study::shell_words;
 
-use super::ProposedControlStudy;
+use super::{ChosenControl, ProposedControlStudy};
 use crate::control::held;
 
 impl Told<()> for ProposedControlStudy {
@@ -53,17 +54,31 @@ fn actions(proposed: &ProposedControlStudy) -> String {
     table(&[first, "taken", "of the log"], &rows)
 }
 
+/// The numbers of the default, and what they follow from.
+fn numbers(chosen: &ChosenControl) -> String {
+    let step_size = chosen.step_size;
+    let spread = format!("the spread of recorded returns is {}", significant(chosen.return_spread));
+    match chosen.algorithm {
+        Algorithm::ExpectedSarsa => {
+            let temperature = chosen.temperature;
+            format!(
+                "step size {step_size} and temperature {temperature}, in units of return: {spread}"
+            )
+        }
+        Algorithm::QLearning => format!("step size {step_size}, in units of return: {spread}"),
+        Algorithm::DeepQLearning => {
+            format!("step size {step_size}, of weights of a network; {spread}")
+        }
+    }
+}
+
 /// What was chosen, and why.
 fn lines(proposed: &ProposedControlStudy) -> [String; 4] {
     let ProposedControlStudy { chosen, timeout_reason, gamma_reason, runs, within, .. } = proposed;
     [
         format!("episodes of at most {}: {timeout_reason}", counted(chosen.timeout, "step")),
         format!("gamma {}: {gamma_reason}", chosen.gamma),
-        format!(
-            "temperature {}, in units of return: the spread of recorded returns is {}",
-            chosen.temperature,
-            significant(chosen.return_spread)
-        ),
+        numbers(chosen),
         format!(
             "{} x {} of {}: about {} of the {} that were asked for",
             counted(chosen.settings, "setting"),
