@@ -2,9 +2,9 @@
 
 use crate::{AgentConfig, Algorithm};
 
-/// Step sizes to sweep, in spreads of recorded returns, around the default of docs/control.md, "Tasks that are drawn". Adam moves a weight
-/// by about its step size, however large rewards are, so a step size has their unit.
-const STEP_SIZES: [f64; 3] = [0.0003, 0.003, 0.03];
+/// By how much a value moves in a step, in spreads of recorded returns. Adam moves each weight of a value by about its step size, however
+/// large rewards are, so step sizes have their unit. The second is the default of docs/control.md, "Tasks that are drawn", at four columns.
+const STEPS_OF_VALUES: [f64; 3] = [0.003, 0.03, 0.3];
 /// Step sizes of a network to sweep: Adam's usual one (Kingma & Ba 2015), a tenth of it and ten times as much. Weights of a network are no
 /// values, and those of its hidden layers are of the same size whatever the rewards are, so its step sizes have no unit.
 const NETWORK_STEP_SIZES: [f64; 3] = [0.0001, 0.001, 0.01];
@@ -43,13 +43,13 @@ impl ProposedSettings {
     /// and the pairs of `agent` in states of `columns` columns, one at least.
     pub fn for_spread(spread: f64, agent: &AgentConfig, columns: usize) -> Self {
         let in_units = |share: f64| two_digits(share * spread);
+        let weights = agent.initial_weights_in_value(columns);
         let step_sizes = if agent.algorithm == Algorithm::DeepQLearning {
             NETWORK_STEP_SIZES
         } else {
-            STEP_SIZES.map(in_units)
+            STEPS_OF_VALUES.map(|share| in_units(share / weights))
         };
         let temperatures = TEMPERATURES.map(in_units);
-        let weights = agent.initial_weights_in_value(columns);
         Self {
             step_size: step_sizes[DEFAULT],
             temperature: temperatures[DEFAULT],
