@@ -89,3 +89,22 @@ fn a_race_orders_the_streams_of_each_gamma() {
     let again = place.calib(&[&["sweep", "study.toml"][..], &race].concat()).succeeds();
     assert!(again.contains("up to date"), "{again}");
 }
+
+#[test]
+fn a_sweep_is_judged_by_its_own_table_of_runs() {
+    let place = Place::with_study();
+    run(&place, "both", BOTH);
+    let runs = ["--runs", "both/sweep/runs.parquet", "--output", "table/evaluate"];
+    place.calib(&[&["evaluate", "study.toml"][..], &runs].concat()).ends(&[0, 1]);
+    let told = |output: &str| {
+        let summary = summary(&place, output);
+        let values: Vec<Value> =
+            (0..2).map(|at| summary["choices"][at]["values"].clone()).collect();
+        let horizons: Vec<Value> =
+            (0..2).map(|at| summary["verdicts"][at]["truth"]["horizons"].clone()).collect();
+        (values, horizons)
+    };
+    let (values, horizons) = told("both");
+    assert!(values.iter().all(Value::is_object) && horizons[0] != horizons[1], "{horizons:?}");
+    assert_eq!(told("table"), (values, horizons));
+}

@@ -75,7 +75,7 @@ fn of_table(table: &Table, part: Part) -> Result<Runs, StepError> {
     ensure!(rows > 0, "it has no rows");
     let columns = Columns { table, rows };
     let numbers = columns.counts("candidate", None)?;
-    let candidates = candidates(&columns, &numbers)?;
+    let candidates = candidates(&columns, &numbers, sensors)?;
     let runs = columns.counts("run", None)?;
     let measured = Measured::of(&columns)?;
     let mut units: BTreeMap<(String, EnvironmentId, u64), UnitResult> = BTreeMap::new();
@@ -215,7 +215,11 @@ fn environment(text: &str) -> Result<EnvironmentId, StepError> {
 }
 
 /// The candidates, by what their rows say of them.
-fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, StepError> {
+fn candidates(
+    columns: &Columns<'_>,
+    numbers: &[u64],
+    sensors: &[String],
+) -> Result<Vec<Candidate>, StepError> {
     let count = numbers.iter().max().map_or(0, |most| *most as usize + 1);
     ensure!(count <= MOST_CANDIDATES, "candidate {} is not numbered from 0 on", count - 1);
     let mut firsts: Vec<Option<usize>> = vec![None; count];
@@ -227,7 +231,6 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
         Some(_) => Some(columns.table.column::<String>("label")?),
     };
     let defaults = columns.truths("is_default")?;
-    let gamma = columns.numbers("gamma", AgentConfig::default().gamma)?;
     for (row, &candidate) in numbers.iter().enumerate() {
         let first = firsts[candidate as usize].unwrap_or(row);
         let told = |what: String, before: String| {
@@ -241,16 +244,11 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
         let here = defaults[row];
         let there = defaults[first];
         ensure!(here == there, told(format!("has is_default = {here}"), there.to_string()));
-        let here = gamma[row];
-        let there = gamma[first];
-        ensure!(
-            here.total_cmp(&there).is_eq(),
-            told(format!("has gamma = {here}"), there.to_string())
-        );
     }
+    let gammas = gammas(columns, numbers, sensors, count)?;
     let fields = fields(columns, numbers, count);
     let mut all: Vec<Candidate> = Vec::with_capacity(count);
-    for (index, first) in firsts.into_iter().enumerate() {
+    for (index, (first, gammas)) in firsts.into_iter().zip(gammas).enumerate() {
         let row = first.with_context(|| {
             format!("candidate {index} of {count} has no row; number them from 0 on")
         })?;
@@ -261,10 +259,7 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
                 fields.iter().map(|(name, values)| (name.clone(), values[index].clone())).collect()
             }
         };
-        let mut agent = AgentConfig::default();
-        if (0.0..1.0).contains(&gamma[row]) {
-            agent.gamma = gamma[row];
-        }
+        let agent = AgentConfig { gammas, ..AgentConfig::default() };
         all.push(Candidate { index, is_default: defaults[row], values, agent });
     }
     let mut names: BTreeMap<String, usize> = BTreeMap::new();
@@ -288,6 +283,33 @@ fn candidates(columns: &Columns<'_>, numbers: &[u64]) -> Result<Vec<Candidate>, 
         defaults[0],
         defaults[1]
     );
+    Ok(all)
+}
+
+/// The discount factor of each sensor, for each of `count` candidates. Numbers outside of [0, 1) are left out.
+///
+/// # Errors
+/// If rows of a candidate and a sensor have several.
+fn gammas(
+    columns: &Columns<'_>,
+    numbers: &[u64],
+    sensors: &[String],
+    count: usize,
+) -> Result<Vec<BTreeMap<String, f64>>, StepError> {
+    let gamma = columns.numbers("gamma", AgentConfig::default().gamma)?;
+    let mut firsts: BTreeMap<(u64, &str), usize> = BTreeMap::new();
+    let mut all = vec![BTreeMap::new(); count];
+    for (row, (&candidate, sensor)) in numbers.iter().zip(sensors).enumerate() {
+        let first = *firsts.entry((candidate, sensor.as_str())).or_insert(row);
+        let [here, there] = [gamma[row], gamma[first]];
+        ensure!(
+            here.total_cmp(&there).is_eq(),
+            "row {row}: candidate {candidate} has gamma = {here} for {sensor}, and {there} in row {first}"
+        );
+        if first == row && (0.0..1.0).contains(&here) {
+            all[candidate as usize].insert(sensor.clone(), here);
+        }
+    }
     Ok(all)
 }
 
@@ -394,13 +416,35 @@ mod tests {
             (fine().with("label", texts(["a", "a", "a", "a"])), "0 and 1 are both \"value = a\""),
             (fine().with("is_default", vec![true, false, false, false]), "row 2: candidate 0 has"),
             (fine().with("is_default", vec![true; 4]), "are both the default"),
-            (fine().with("gamma", vec![0.9, 0.9, 0.8, 0.9]), "row 2: candidate 0 has gamma = 0.8"),
+            (
+                fine().with("gamma", vec![0.9, 0.9, 0.8, 0.9]),
+                "row 2: candidate 0 has gamma = 0.8 for A, and 0.9 in row 0",
+            ),
             (fine().with("error_scale", vec![1.0, 1.0, 2.0, 1.0]), "the error_scale of A is 2"),
             (fine().with("start_row", vec![5_u32, 6, 7, 7]), "starts at row 6, and at 5"),
             (fine().with("start_row", vec![5_i64, 5, 7, 1 << 40]), "expected at most 4294967295"),
         ] {
             assert!(refused(&bad).contains(told), "{told}: {}", refused(&bad));
         }
+    }
+
+    #[test]
+    fn sensors_may_have_discount_factors_of_their_own() {
+        let table = Table::new()
+            .with("environment", texts(["member:0"; 4]))
+            .with("sensor", texts(["A", "A", "B", "B"]))
+            .with("run", vec![0_u32; 4])
+            .with("candidate", vec![0_u32, 1, 0, 1])
+            .with("rmse", vec![1.0, 2.0, 1.5, 0.5])
+            .with("step_size", vec![0.0, 0.25, 0.0, 0.25])
+            .with("gamma", vec![0.9, 0.9, 0.8, 0.8]);
+        let runs = of_table(&table, Part::WholeRun).expect("valid");
+        for candidate in &runs.candidates {
+            let gammas = ["A", "B"].map(|sensor| candidate.agent.gamma_for(sensor));
+            assert_eq!(gammas, [0.9, 0.8]);
+        }
+        let labels: Vec<String> = runs.candidates.iter().map(Candidate::label).collect();
+        assert_eq!(labels, ["step_size = 0", "step_size = 0.25"], "gamma was not swept");
     }
 
     fn labelled_candidate(label: &str) -> Candidate {
