@@ -108,3 +108,20 @@ fn a_sweep_is_judged_by_its_own_table_of_runs() {
     assert!(values.iter().all(Value::is_object) && horizons[0] != horizons[1], "{horizons:?}");
     assert_eq!(told("table"), (values, horizons));
 }
+
+#[test]
+fn a_dry_run_counts_the_passes_of_each_gamma_before_the_model_is_there() {
+    let place = Place::with_study();
+    let passes = |command: &str| {
+        let dry = place.calib(&[command, "study.toml", "--dry-run", "--set", BOTH]);
+        assert_eq!(dry.code(), 0, "{}", dry.stderr());
+        let told = dry.stderr();
+        let (before, _) = told.split_once(" passes over the data").expect(&told);
+        before.rsplit('(').next().and_then(|count| count.parse::<usize>().ok()).expect(&told)
+    };
+    let before = passes("run");
+    place.calib(&["build-model", "study.toml"]).succeeds();
+    assert_eq!(before, passes("sweep"));
+    // Three members with two runs each and three runs on the held-out period, for each gamma.
+    assert!(before >= 2 * 9, "{before}");
+}

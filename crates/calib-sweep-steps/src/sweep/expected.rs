@@ -19,6 +19,7 @@ use crate::sweep::{
     groups::StudyGroup,
     plan::{DryRunTally, Memory, Sizes, SweepPlan, agents_of},
     setting::{candidates_of, scorable},
+    streams::Streams,
 };
 
 /// Bytes of one value's result in the file of a unit, and of each point of its learning curve.
@@ -28,7 +29,7 @@ const POINT_BYTES: u64 = 82;
 /// What is left of a sweep, by the time that some of its steps took on this machine.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Expected {
-    /// Passes over streams, each by all values for all sensors.
+    /// Passes over streams, each by all settings for the sensors of one discount factor.
     pub(crate) passes: usize,
     /// Threads that share them.
     pub(crate) threads: usize,
@@ -112,10 +113,11 @@ pub fn before_model(
         starts: &starts,
         steps: span.steps,
     };
-    let online = if dataset.held_out.is_some() { study.sweep.online_runs } else { 0 };
-    let passes = study.members() * study.member_runs() + online + study.sweep.log_replay_runs;
-    let left = passes - counted.again(streams_of(job, online).into_iter());
-    let units = passes * sensors.len();
+    let streams: Vec<Vec<String>> = groups.iter().map(|group| streams_of(job, group)).collect();
+    let passes: usize = streams.iter().map(Vec::len).sum();
+    let each = groups.iter().zip(&streams);
+    let units: usize = each.map(|(group, streams)| group.sensors.len() * streams.len()).sum();
+    let left = passes - counted.again(streams.into_iter().flatten());
     let sizes = Sizes::of(study, dataset, span, [units, passes]);
     let threads = rayon::current_num_threads();
     // What stands in for a log is in memory itself.
@@ -129,25 +131,28 @@ pub fn before_model(
     let progress = context.silent().progress();
     let cost = Cost::over(trained, &streamed, 0.0, counted.measured(), &progress)?;
     let results = (units * candidates.len()) as u64;
-    let expected = Expected::new(cost.of(sensors.len()), left, threads, results, study);
+    let pass_secs = cost.of(sensors.len().div_ceil(groups.len()));
+    let expected = Expected::new(pass_secs, left, threads, results, study);
     context.say(&expected.line());
     counted.expect(job, expected);
     Ok(())
 }
 
-/// Names of the streams that agents of all sensors are trained on, the same for models and deployments that share them.
-fn streams_of(job: &Job, online: usize) -> Vec<String> {
+/// Names of the streams that agents of a group's sensors are trained on, the same for models and deployments that share them.
+fn streams_of(job: &Job, group: &StudyGroup) -> Vec<String> {
     let study = job.study();
     let deployment = job.deployment().unwrap_or_default();
     let starts = if study.sweep_starts_follow_from_deployment() { deployment } else { "" };
     let model = job.model_name();
+    let Streams { demand, online, log, .. } = &group.streams;
     let kinds = [
-        (format!("online {deployment}"), online),
-        ("log".to_owned(), study.sweep.log_replay_runs),
+        (format!("online {deployment}"), online.as_ref().map_or(0, |_| study.sweep.online_runs)),
+        ("log".to_owned(), log.starts.len()),
         (format!("members of {model} {starts}"), study.members() * study.member_runs()),
     ];
+    let gamma = demand.gamma;
     kinds
         .into_iter()
-        .flat_map(|(kind, runs)| (0..runs).map(move |run| format!("{kind} {run}")))
+        .flat_map(|(kind, runs)| (0..runs).map(move |run| format!("{kind} {run} {gamma}")))
         .collect()
 }
