@@ -140,6 +140,19 @@ impl Streams {
         self.streams.gamma()
     }
 
+    /// The discount factor of a stream.
+    fn gamma_of(&self, stream: usize) -> PyResult<f64> {
+        self.check(stream)?;
+        Ok(self.streams.runs()[stream].gamma)
+    }
+
+    /// The sensors that are predicted on a stream.
+    fn predicted(&self, stream: usize) -> PyResult<Vec<String>> {
+        self.check(stream)?;
+        let sensors = self.streams.runs()[stream].sensors.iter();
+        Ok(sensors.map(|(sensor, _)| sensor.clone()).collect())
+    }
+
     /// What is scored.
     #[getter]
     fn part(&self) -> &'static str {
@@ -172,9 +185,11 @@ impl Streams {
         updates: u64,
     ) -> PyResult<Score> {
         self.check(stream)?;
-        let column = self.streams.sensors().iter().find(|(name, _)| name == sensor);
+        let column = self.streams.runs()[stream].sensors.iter().find(|(name, _)| name == sensor);
         let Some((_, column)) = column else {
-            return Err(errors::value(format!("the study predicts no sensor {sensor}")));
+            return Err(errors::value(format!(
+                "stream {stream} is not one of {sensor}; choose one with it in Stream.sensors"
+            )));
         };
         let (predictions, _) = copied::<f32>(predictions, "predictions", &[1])?;
         let outcome = self

@@ -134,10 +134,29 @@ def test_an_agents_mistake_is_told(sweep: agents.Sweep) -> None:
         sweep.run(lambda task, seed: Td(task, 0.1), {"seed": [1, 2]})
 
 
-def test_streams_have_one_discount_factor(study: calib_rl.Study, tmp_path: Path) -> None:
-    other = calib_rl.Study(study.path, set=["agent.gammas={ PIT300 = 0.5 }"])
-    with pytest.raises(calib_rl.CalibError, match="agent.gammas gives sensors other discount factors"):
-        agents.Sweep(other, tmp_path, progress=False).run(Td, {"learning_rate": [1e-2]})
+def test_a_sensor_is_predicted_as_in_a_study_of_its_own_gamma(study: calib_rl.Study, tmp_path: Path) -> None:
+    def swept(name: str, gamma: str) -> tuple[agents.Sweep, agents.AgentRuns]:
+        sensors = 'sweep.sensors=["PIT300", "TIT101"]'
+        given = calib_rl.Study(study.path, set=[sensors, gamma], output=tmp_path / "results")
+        sweep = agents.Sweep(given, tmp_path / name, progress=False)
+        return sweep, sweep.run(Td, {"learning_rate": [1e-3, 1e-2]})
+
+    sweep, both = swept("both", "agent.gammas={ TIT101 = 0.5 }")
+    keys = ["environment", "run", "candidate"]
+    columns = [*keys, "gamma", "seed", "start_row", "scored_steps", "rmse", "nrmse"]
+    for sensor, name, gamma in [("PIT300", "near", 0.9), ("TIT101", "far", 0.5)]:
+        _, alone = swept(name, f"agent.gamma={gamma}")
+        of_both, of_one = (
+            table.frame().filter(pl.col("sensor") == sensor).sort(keys).select(columns) for table in (both, alone)
+        )
+        assert set(of_both["gamma"]) == {gamma} and of_both.equals(of_one)
+    verdict, simple = both.evaluate(), json.loads((both.path / "simple.json").read_text())
+    assert set(verdict.chosen) == {"PIT300", "TIT101"}
+    assert {score["sensor"] for score in simple["scores"]} == {"PIT300", "TIT101"}
+    stream = sweep.streams.all[0]
+    assert (stream.sensors, stream.gamma) == (["PIT300"], 0.9)
+    with pytest.raises(ValueError, match="is a stream of PIT300"):
+        sweep.streams.run(Td, stream, "TIT101", {"learning_rate": 1e-2})
 
 
 EXTERNAL = """

@@ -52,7 +52,7 @@ def optuna_objective(
         True
     """
     name = next(iter(sweep.streams.sensors)) if sensor is None else sensor
-    counted = [stream for stream in sweep.streams.all if environments(stream.environment)]
+    counted = [stream for stream in sweep.streams.all if name in stream.sensors and environments(stream.environment)]
     if not counted:
         raise ValueError("no environment counts")
     counted.sort(key=lambda stream: stream.run)

@@ -28,6 +28,8 @@ class Stream:
     Attributes:
         environment: ``"member:0"`` …, ``"online"`` or ``"log-replay"``.
         run: Number of the run there.
+        gamma: The discount factor of the returns that are predicted on it.
+        sensors: The sensors that are predicted on it: those with this discount factor.
         seed: For the agents of the run.
         steps: Steps of the run. The stream has more states, so that the last returns are complete. Agents do not see them.
     """
@@ -41,6 +43,8 @@ class Stream:
         self.seed: int = told[3]
         self.inputs: str = told[4]
         self.steps: int = told[5]
+        self.gamma: float = native.gamma_of(position)
+        self.sensors: list[str] = native.predicted(position)
 
     def states(self) -> tuple[NDArray[np.float32], list[tuple[int, int]]]:
         """The states of the stream.
@@ -70,9 +74,9 @@ class Streams:
         progress: Whether to print what is done, or an observer.
 
     Attributes:
-        all: Every `Stream`.
+        all: Every `Stream`. Sensors with discount factors of their own (``agent.gammas``) have streams of their own.
         sensors: The predicted sensors, each with its column.
-        gamma: The discount factor.
+        gamma: The discount factor of sensors without one of their own.
         part: Which part of a run is scored.
 
     Examples:
@@ -103,6 +107,9 @@ class Streams:
         Returns:
             The task.
 
+        Raises:
+            ValueError: The sensor is not one of the stream.
+
         Examples:
             >>> from calib_rl._study import _example_study
             >>> study = _example_study()
@@ -111,7 +118,9 @@ class Streams:
             >>> streams.task(streams.all[0], "PIT300", columns=6).gamma
             0.8
         """
-        return Task(sensor, self.sensors[sensor], columns, self.gamma, stream.seed)
+        if sensor not in stream.sensors:
+            raise ValueError(f"{stream!r} is a stream of {', '.join(stream.sensors)}; choose one of Streams.all with {sensor} in its sensors")
+        return Task(sensor, self.sensors[sensor], columns, stream.gamma, stream.seed)
 
     def run(
         self, factory: Factory, stream: Stream, sensor: str, values: Values, candidate: int = 0

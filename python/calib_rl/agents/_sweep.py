@@ -59,8 +59,8 @@ class Sweep:
     """Runs of agents in the environments of a study.
 
     Args:
-        study: The study. Its model, if it has one, is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs. ``agent.gamma`` which
-            return is predicted. Its grid and the rest of ``[agent]`` are those of calib's own agents, and do not matter here.
+        study: The study. Its model, if it has one, is built if it is missing. ``[sweep]`` says what is run: sensors, steps, runs. ``agent.gamma`` and
+            ``agent.gammas`` say which returns are predicted. Its grid and the rest of ``[agent]`` are those of calib's own agents, and do not matter here.
         folder: Where results go. ``agents`` in the results of the study, unless given.
         progress: Whether to print what is done, or an observer.
 
@@ -157,9 +157,9 @@ class Sweep:
     ) -> Iterator[Unit]:
         name = f"{getattr(factory, '__module__', '')}.{getattr(factory, '__qualname__', type(factory).__qualname__)}"
         for stream in self.streams.all:
-            for sensor in self.streams.sensors:
+            for sensor in stream.sensors:
                 for candidate, values in enumerate(candidates):
-                    what = [name, version, values, sensor, self.streams.gamma, stream.environment, stream.run]
+                    what = [name, version, values, sensor, stream.gamma, stream.environment, stream.run]
                     what += [stream.inputs, stream.seed, stream.steps, stream.start_row]
                     text = json.dumps(what, sort_keys=True, default=plain)
                     key = f"{hashlib.blake2b(text.encode(), digest_size=16).hexdigest()}.npy"

@@ -4,7 +4,7 @@ use std::{fmt, path::Path};
 
 use calib_agent::{AgentConfig, CurveRule, Part, RunOutcome, score_predictions};
 use calib_base::{
-    StepError, artefact, bail, ensure,
+    StepError, artefact, ensure,
     log::{context::RunContext, partition},
     output::Printer,
 };
@@ -12,18 +12,20 @@ use calib_core::{Seed, Stream};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, FolderRecord, fingerprint_file};
 use calib_model_steps::model::model_files;
-use calib_study::Job;
+use calib_study::{Job, Study};
 use calib_sweep::{
-    Baselines, Candidate, Environment, EnvironmentId, ErrorScale, RecordedWindow, RunRow, Unit,
-    UnitResult, recorded_windows,
+    Baselines, Candidate, Environment, EnvironmentId, ErrorScale, RecordedWindow, RunRow,
+    ScoringDemand, Unit, UnitResult, recorded_windows,
 };
 use serde_json::Value;
 
 use crate::sweep::{
     SweepFacts,
     environments::{Environments, Sources, StreamParameters, open_all},
+    groups::StudyGroup,
+    setting::agent_seed,
     simple::{self, SimpleErrors},
-    streams::{Streams, error_scales},
+    streams::error_scales,
     tables::{FILES, curves_table, external_runs},
 };
 
@@ -34,7 +36,10 @@ pub struct SweepStreams {
     sensors: Vec<(String, usize)>,
     scales: Vec<ErrorScale>,
     dataset: Dataset,
-    windows: Vec<RecordedWindow>,
+    /// The sensors of each discount factor.
+    groups: Vec<StudyGroup>,
+    /// The recorded windows of each group.
+    windows: Vec<Vec<RecordedWindow>>,
     manifest: SweepFacts,
     part: Part,
     curve: CurveRule,
@@ -46,6 +51,10 @@ pub struct StreamRun {
     pub environment: EnvironmentId,
     /// Number of the run there.
     pub run: usize,
+    /// The discount factor of the returns that are predicted on it.
+    pub gamma: f64,
+    /// The sensors with this discount factor, each with its column of the states.
+    pub sensors: Vec<(String, usize)>,
     /// Row of the training data, or of the held-out data, that it starts from.
     pub start_row: u32,
     /// For the agents of the run, whatever their values: common random numbers.
@@ -95,13 +104,6 @@ impl SweepStreams {
 
     fn new(job: &Job, context: &RunContext) -> Result<Self, StepError> {
         let study = job.study();
-        let gamma = match study.gammas()[..] {
-            [gamma] if gamma == study.agent.gamma => gamma,
-            _ => bail!(
-                "agent.gammas gives sensors other discount factors than agent.gamma, and agents that calib does not know learn from \
-                 streams of one; remove it, and make a study for each discount factor"
-            ),
-        };
         let model = model_files::open_if_any(job)?;
         let dataset: Dataset = partition::load(job, context)?.dataset;
         if let Some(model) = &model {
@@ -113,52 +115,38 @@ impl SweepStreams {
             values: Vec::new(),
             agent: study.agent.clone(),
         }];
-        let streams = Streams::of(study, &dataset, gamma)?;
-        for note in &streams.notes {
-            context.warn(note);
-        }
+        let groups = StudyGroup::all(study, &dataset, &only, context)?;
         let sensors = model_files::sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
         let scales = error_scales(&dataset, &sensors, &only);
-        let made = Environments::describe(job, model.as_ref(), &dataset, [&streams], context)?;
+        let streams = groups.iter().map(|group| &group.streams);
+        let made = Environments::describe(job, model.as_ref(), &dataset, streams, context)?;
         let sources = Sources {
             states: model.as_ref().map(|model| &model.frames),
             model: model.as_ref().map(|model| &*model.model),
             train: Some(&dataset.train),
             held_out: dataset.held_out.as_ref(),
         };
-        let rolling = StreamParameters::of(study, streams.demand.span)?;
-        let environments = open_all(&made.described[0], sources, rolling)?;
-        let seed = Seed::new(study.seed).child("agent");
         let mut runs = Vec::new();
-        for environment in &environments {
-            for run in 0..environment.runs() {
-                let streamed = environment.stream(run)?;
-                let id = environment.id();
-                runs.push(StreamRun {
-                    environment: id,
-                    run,
-                    start_row: streamed.start_row.0,
-                    seed: seed.child(&id.to_string()).number(run as u64),
-                    inputs: environment.inputs(run),
-                    stream: streamed.stream,
-                });
-            }
+        let mut windows = Vec::new();
+        for (group, described) in groups.iter().zip(&made.described) {
+            let rolling = StreamParameters::of(study, group.streams.demand.span)?;
+            let environments = open_all(described, sources, rolling)?;
+            runs.extend(runs_of(study, group, &sensors, &environments)?);
+            let opened: Vec<&dyn Environment> =
+                environments.iter().map(|environment| &**environment).collect();
+            windows.push(recorded_windows(&opened)?);
         }
-        let opened: Vec<&dyn Environment> =
-            environments.iter().map(|environment| &**environment).collect();
-        let windows = recorded_windows(&opened)?;
-        let span = streams.demand.span;
+        let span = StudyGroup::longest(&groups);
         let content =
             model.as_ref().map(|model| model_files::content(&model.manifest)).transpose()?;
         let mut manifest = SweepFacts::of_nothing(study, &dataset, content, span, Vec::new());
         manifest.scales.clone_from(&scales);
         let curve = CurveRule { windows: study.sweep.curve_points };
-        drop(environments);
-        let part = streams.demand.part;
-        Ok(Self { runs, sensors, scales, dataset, windows, manifest, part, curve })
+        let part = study.part();
+        Ok(Self { runs, sensors, scales, dataset, groups, windows, manifest, part, curve })
     }
 
-    /// All streams, environment by environment.
+    /// All streams, environment by environment, for one discount factor after the other.
     pub fn runs(&self) -> &[StreamRun] {
         &self.runs
     }
@@ -173,7 +161,7 @@ impl SweepStreams {
         self.manifest.span.steps
     }
 
-    /// The discount factor of the returns that are to be predicted: `agent.gamma` of the study.
+    /// `agent.gamma` of the study: the discount factor of sensors that have none in `agent.gammas`.
     pub fn gamma(&self) -> f64 {
         self.manifest.study.agent.gamma
     }
@@ -188,7 +176,7 @@ impl SweepStreams {
         self.part
     }
 
-    /// What predictions of the returns of a state column on a stream came to; one for each step of the run.
+    /// What predictions of the returns of a state column on a stream came to, with its discount factor; one for each step of the run.
     ///
     /// # Errors
     /// As [`score_predictions`]; if there is not one for each step.
@@ -208,7 +196,7 @@ impl SweepStreams {
             run.environment,
             run.run
         );
-        Ok(score_predictions(&*run.stream, column, self.gamma(), predictions, updates, self.curve)?)
+        Ok(score_predictions(&*run.stream, column, run.gamma, predictions, updates, self.curve)?)
     }
 
     /// Steps of the run over a stream.
@@ -257,11 +245,16 @@ impl SweepStreams {
     /// What simple predictors come to where agents are judged.
     fn simple(&self) -> Result<SimpleErrors, StepError> {
         let baselines = Baselines::new(&self.dataset.train);
-        let predicted = (&self.sensors[..], &self.dataset.normaliser);
-        let span = self.manifest.span;
-        // What the program starts from is not known.
-        let agent = AgentConfig { gamma: self.gamma(), ..AgentConfig::default() };
-        SimpleErrors::measure(&baselines, &self.windows, predicted, &agent, span)
+        let mut all = SimpleErrors::default();
+        for (group, windows) in self.groups.iter().zip(&self.windows) {
+            let sensors = group.own(&self.sensors);
+            let predicted = (&sensors[..], &self.dataset.normaliser);
+            let ScoringDemand { span, gamma, .. } = group.streams.demand;
+            // What the program starts from is not known.
+            let agent = AgentConfig { gamma, ..AgentConfig::default() };
+            all.add(SimpleErrors::measure(&baselines, windows, predicted, &agent, span)?);
+        }
+        Ok(all)
     }
 
     fn unit(&self, result: &ExternalResult) -> UnitResult {
@@ -280,4 +273,32 @@ impl SweepStreams {
             rows: vec![RunRow::new(result.candidate, steps, result.outcome.clone())],
         }
     }
+}
+
+/// The streams that agents of a group's sensors are trained on, environment by environment.
+fn runs_of(
+    study: &Study,
+    group: &StudyGroup,
+    sensors: &[(String, usize)],
+    environments: &[Box<dyn Environment + '_>],
+) -> Result<Vec<StreamRun>, StepError> {
+    let seed = agent_seed(study);
+    let mut runs = Vec::new();
+    for environment in environments {
+        for run in 0..environment.runs() {
+            let streamed = environment.stream(run)?;
+            let id = environment.id();
+            runs.push(StreamRun {
+                environment: id,
+                run,
+                gamma: group.streams.demand.gamma,
+                sensors: group.own(sensors),
+                start_row: streamed.start_row.0,
+                seed: seed.child(&id.to_string()).number(run as u64),
+                inputs: environment.inputs(run),
+                stream: streamed.stream,
+            });
+        }
+    }
+    Ok(runs)
 }

@@ -47,7 +47,6 @@ pub(crate) fn external_runs(
         .with("label", of_rows().map(Candidate::label).collect())
         .with("is_default", of_rows().map(|candidate| candidate.is_default).collect());
     let fields = candidates.iter().flat_map(|candidate| &candidate.values).map(|(field, _)| field);
-    let gamma = sweep.study.agent.gamma;
     for field in fields.collect::<BTreeSet<_>>() {
         let values: Vec<Option<&Value>> = of_rows()
             .map(|candidate| {
@@ -70,7 +69,7 @@ pub(crate) fn external_runs(
             table.with_optional(field, texts.collect())
         };
     }
-    let table = table.with("gamma", vec![gamma; rows.len()]);
+    let table = table.with("gamma", gammas(candidates, &rows));
     Ok(with_errors(table, sweep, part, &rows))
 }
 
@@ -163,10 +162,7 @@ fn with_agent_columns(mut table: Table, candidates: &[Candidate], rows: &[Row<'_
         agents.first().map_or_else(Vec::new, |agent| agent.keys().cloned().collect());
     for field in fields {
         if field == "gamma" {
-            let gammas = rows.iter().map(|(result, row)| {
-                candidates[row.candidate].agent.gamma_for(&result.unit.sensor)
-            });
-            table = table.with(&field, gammas.collect());
+            table = table.with(&field, gammas(candidates, rows));
             continue;
         }
         let values = rows.iter().map(|(_, row)| &agents[row.candidate][&field]);
@@ -178,6 +174,14 @@ fn with_agent_columns(mut table: Table, candidates: &[Candidate], rows: &[Row<'_
         };
     }
     table
+}
+
+/// The discount factor of each row's sensor.
+fn gammas(candidates: &[Candidate], rows: &[Row<'_>]) -> Vec<f64> {
+    let gammas = rows
+        .iter()
+        .map(|(result, row)| candidates[row.candidate].agent.gamma_for(&result.unit.sensor));
+    gammas.collect()
 }
 
 /// One row a point of a learning curve.
