@@ -4,11 +4,11 @@ use calib_data::{Sentinel, Sketch};
 
 use crate::{
     Angle, Cleaning, Clock, Cut, Horizon, LogDraft, ProposedAgent, ProposedModel, Scope, Sensors,
-    Size,
+    Size, horizon,
     lines::{Lines, number},
     sensors::explained,
     size::LEAST_STEPS,
-    written::quoted,
+    written::{key, quoted},
 };
 
 /// Steps of a rollout at most: enough to look at.
@@ -19,6 +19,8 @@ const FILLED: f64 = 0.2;
 const NEARLY_TOO_MUCH: f64 = 0.08;
 /// Sensors that are named in a comment.
 const NAMED: usize = 12;
+/// The horizon of a single sensor is told where it is at least so many times longer or shorter than that of the study. (Our choice.)
+const OTHER_HORIZON: f64 = 5.0;
 
 /// A study file that explains itself.
 #[derive(Clone, Debug)]
@@ -236,10 +238,42 @@ impl Draft<'_> {
                 None => "the median time after which half of a sensor's autocorrelation is left, but no more than a hundredth of a run".to_owned(),
             }),
         );
+        self.gammas(text);
         text.key(
             "learning_rate",
             "0",
             "the default that the verdict compares with: the agent stays as it is",
+        );
+    }
+
+    /// `agent.gammas` as a comment, where the autocorrelation of a sensor lasts much longer or shorter than the horizon.
+    fn gammas(&self, text: &mut Lines) {
+        let Self { sketch, sensors, size, .. } = self;
+        // The horizon may be of longer runs, which had no time.
+        let steps = size.steps.max(self.horizon.least_steps());
+        let ahead = |sensors: &[usize]| horizon(sketch, sensors, self.spacing.0, steps);
+        // A horizon that was asked for or halved does not follow from autocorrelation.
+        let is_shorter = self.horizon.is_shorter_than(ahead(&sensors.proposed).secs);
+        if self.asked.horizon.is_some() || is_shorter {
+            return;
+        }
+        let mut gammas = Vec::new();
+        let mut told = Vec::new();
+        for &sensor in sensors.proposed.iter().take(size.sensors) {
+            let Horizon { states, gamma, .. } = ahead(&[sensor]);
+            let times = states / self.horizon.states;
+            if times.max(1.0 / times) >= OTHER_HORIZON {
+                let name = &sketch.channels[sensor].name;
+                gammas.push(format!("{} = {gamma}", key(name)));
+                told.push(format!("{states:.0} states for {name}"));
+            }
+        }
+        if gammas.is_empty() {
+            return;
+        }
+        text.comment_after(
+            &format!("# gammas = {{ {} }}", gammas.join(", ")),
+            &format!("horizons by the autocorrelation of one sensor: {}", told.join(", ")),
         );
     }
 
@@ -315,14 +349,11 @@ fn span(secs: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        horizon,
-        testing::{sketch, wave},
-    };
+    use crate::testing::{sketch, wave};
 
     /// The text of a study of `log` that predicts these sensors, with states `spacing` rows apart.
     fn drafted(log: &Sketch, sensors: &Sensors, spacing: usize) -> String {
-        drafted_with(log, sensors, spacing, ProposedModel::None)
+        drafted_with(log, sensors, spacing, ProposedModel::None, 1_000)
     }
 
     fn drafted_with(
@@ -330,6 +361,7 @@ mod tests {
         sensors: &Sensors,
         spacing: usize,
         model: ProposedModel,
+        steps: usize,
     ) -> String {
         let scope = Scope::of(log).expect("channels");
         let draft = Draft {
@@ -340,11 +372,11 @@ mod tests {
             angles: &[Angle { channel: "wind [°]".to_owned(), turn: 360.0 }],
             clock: None,
             spacing: (spacing, "because"),
-            horizon: horizon(log, &sensors.proposed, spacing, 1_000),
+            horizon: horizon(log, &sensors.proposed, spacing, steps),
             scope: &scope,
             cut: &Cut::of(log, &scope).expect("rows"),
             sensors,
-            size: &Size::trial(ProposedAgent::Linear, model, 1_000, sensors.proposed.len()),
+            size: &Size::trial(ProposedAgent::Linear, model, steps, sensors.proposed.len()),
             agent_reason: "tried",
             baseline: "ridge regression for B",
             asked: Asked::default(),
@@ -375,7 +407,7 @@ mod tests {
         assert_eq!(read["model"]["kind"].as_str(), Some("none"));
         assert!(read.get("rollout").is_none() && read["sweep"].get("member_runs").is_none());
         assert!(text.contains("kind = \"knn\" builds one of neighbours"), "{text}");
-        let modelled = drafted_with(&log, &sensors, 2, ProposedModel::Ensemble);
+        let modelled = drafted_with(&log, &sensors, 2, ProposedModel::Ensemble, 1_000);
         let modelled: toml::Table = toml::from_str(&modelled).expect("TOML");
         assert_eq!(modelled["model"]["members"].as_integer(), Some(5));
         assert_eq!(modelled["sweep"]["member_runs"].as_integer(), Some(1));
@@ -405,6 +437,28 @@ mod tests {
         assert!(text(0).contains("max_missing = 0.15 "), "{}", text(0));
         assert!(text(0).contains("A misses 12 % of the training range"), "{}", text(0));
         assert!(!text(1).contains("max_missing"), "the default will do for B");
+    }
+
+    #[test]
+    fn a_sensor_that_changes_much_more_slowly_has_a_horizon_in_a_comment() {
+        let log =
+            sketch(20_000, &[("A", wave(60.0)), ("B", wave(70.0)), ("slow \"1\"", wave(3_000.0))]);
+        let text = |proposed: &[usize], steps| {
+            let sensors = Sensors { proposed: proposed.to_vec(), others: Vec::new() };
+            drafted_with(&log, &sensors, 2, ProposedModel::None, steps)
+        };
+        let all = text(&[0, 1, 2], 6_000);
+        let line = all.lines().find(|line| line.contains("gammas")).expect(&all);
+        let (table, why) = line.split_once("  # ").expect(line);
+        assert_eq!(table.trim_end(), "# gammas = { \"slow \\\"1\\\"\" = 0.98 }");
+        assert!(why.ends_with("of one sensor: 50 states for slow \"1\""), "{why}");
+        let read: toml::Table = toml::from_str(&table[2..]).expect("TOML");
+        assert_eq!(read["gammas"]["slow \"1\""].as_float(), Some(0.98));
+        let without: [(&[usize], usize); 3] =
+            [(&[0, 1], 6_000), (&[2], 6_000), (&[0, 1, 2], 1_000)];
+        for (proposed, steps) in without {
+            assert!(!text(proposed, steps).contains("gammas"), "{proposed:?} {steps}");
+        }
     }
 
     #[test]

@@ -36,6 +36,11 @@ impl Horizon {
     pub fn is_shorter_than(&self, secs: f64) -> bool {
         self.secs < 0.8 * secs
     }
+
+    /// Steps of the shortest runs that it is proposed for.
+    pub(crate) fn least_steps(&self) -> usize {
+        (self.states / SHARE).round() as usize
+    }
 }
 
 /// The median, over the sensors, of the time at which half of their autocorrelation is left, within what runs of `steps` states
@@ -92,6 +97,7 @@ mod tests {
         );
         assert_eq!(states(&[1], 1, 6_000), 50.0, "no more");
         assert_eq!(states(&[1], 1, 3_000), 30.0, "a hundredth of the run");
+        assert_eq!(horizon(&log, &[1], 1, 6_000).least_steps(), 5_000);
         assert_eq!(states(&[0], 10, 3_000), 5.0, "no less");
     }
 }
