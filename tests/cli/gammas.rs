@@ -99,9 +99,9 @@ fn a_sweep_is_judged_by_its_own_table_of_runs() {
     let told = |output: &str| {
         let summary = summary(&place, output);
         let values: Vec<Value> =
-            (0..2).map(|at| summary["choices"][at]["values"].clone()).collect();
+            (0..2_usize).map(|at| summary["choices"][at]["values"].clone()).collect();
         let horizons: Vec<Value> =
-            (0..2).map(|at| summary["verdicts"][at]["truth"]["horizons"].clone()).collect();
+            (0..2_usize).map(|at| summary["verdicts"][at]["truth"]["horizons"].clone()).collect();
         (values, horizons)
     };
     let (values, horizons) = told("both");
