@@ -17,6 +17,8 @@ const DAY_SECS: f64 = 86_400.0;
 const NEARLY_ALL: f64 = 0.9;
 /// The discount where episodes need not end: that of the membrane plant.
 const GAMMA: f64 = 0.99;
+/// The effective horizon of [`GAMMA`], in steps.
+const HORIZON: usize = 100;
 /// Steps of a run: fewer teach agents hardly anything (our choice), and the published protocol has the most (Wang et al. 2022).
 const LEAST_STEPS: usize = 2_000;
 const MOST_STEPS: usize = 15_000;
@@ -117,12 +119,16 @@ impl ProposedControl {
 impl RecordedEpisodes {
     fn timeout(&self, period_secs: f64) -> (usize, String) {
         let longest = self.longest;
-        let day = (DAY_SECS / period_secs).round().clamp(1.0, LONGEST_EPISODE as f64) as usize;
-        if self.terminals == 0 && self.count < FEW_EPISODES && longest > day {
-            let why = format!(
-                "a day, or {LONGEST_EPISODE} steps where it has more: the log has no episodes of its own"
-            );
-            (day, why)
+        if self.terminals == 0 {
+            let day = (DAY_SECS / period_secs).round().clamp(1.0, LONGEST_EPISODE as f64) as usize;
+            let reason = if longest.max(HORIZON) >= day {
+                format!("a day, or {LONGEST_EPISODE} steps where it has more")
+            } else if longest >= HORIZON {
+                "the steps of the longest piece of the log".to_owned()
+            } else {
+                format!("the effective horizon of gamma {GAMMA}")
+            };
+            (longest.max(HORIZON).min(day), format!("{reason}; {}", self.pieces()))
         } else if longest > LONGEST_EPISODE {
             let why = format!(
                 "so that a run has several episodes; the longest recorded one has {longest} steps"
@@ -135,11 +141,23 @@ impl RecordedEpisodes {
 
     fn start(&self) -> (StartRows, String) {
         let count = self.count;
-        if count < FEW_EPISODES {
+        if self.terminals == 0 {
+            (StartRows::Anywhere, self.pieces())
+        } else if count < FEW_EPISODES {
             let why = format!("the log has too few first states of episodes, {count}");
             (StartRows::Anywhere, why)
         } else {
             (StartRows::Episodes, format!("in the first states of the {count} recorded episodes"))
+        }
+    }
+
+    /// What the log consists of where no terminal ends an episode.
+    fn pieces(&self) -> String {
+        match self.count {
+            1 => "the log is one piece, which no terminal ends".to_owned(),
+            many => format!(
+                "the {many} pieces of the log are cut by gaps or missing values, not ended by terminals"
+            ),
         }
     }
 
@@ -281,10 +299,30 @@ mod tests {
     }
 
     #[test]
-    fn episodes_that_only_break_off_are_discounted() {
-        let many = log(20, 30, Ending::Continues, |row| (row % 7) as f32);
-        let control = proposed(&many, 1.0).expect("rewards differ");
-        assert_eq!((control.timeout.0, control.gamma.0), (30, 0.99));
+    fn pieces_that_gaps_cut_are_no_episodes() {
+        let control = |pieces: usize, steps: usize, period_secs: f64| {
+            let cut = log(pieces, steps, Ending::Continues, |row| (row % 7) as f32);
+            let control = proposed(&cut, period_secs).expect("rewards differ");
+            assert_eq!((control.start.0, control.gamma.0), (StartRows::Anywhere, 0.99));
+            let why = format!("the {pieces} pieces of the log are cut by gaps or missing values");
+            assert!(control.start.1.starts_with(&why), "{control:?}");
+            assert!(control.timeout.1.contains(&why), "{control:?}");
+            control.timeout
+        };
+        let (timeout, why) = control(57, 6, 60.0);
+        assert_eq!(timeout, 100);
+        assert!(why.starts_with("the effective horizon of gamma 0.99;"), "{why}");
+        let (timeout, why) = control(20, 300, 60.0);
+        assert_eq!(timeout, 300);
+        assert!(why.starts_with("the steps of the longest piece of the log;"), "{why}");
+        let (timeout, why) = control(2, 30, 3_600.0);
+        assert_eq!(timeout, 24);
+        assert!(why.starts_with("a day, or 1000 steps where it has more;"), "{why}");
+    }
+
+    #[test]
+    fn a_horizon_is_that_of_the_discount() {
+        assert_eq!((1.0 / (1.0 - GAMMA)).round(), HORIZON as f64);
     }
 
     #[test]
