@@ -56,11 +56,11 @@ fn actions(proposed: &ProposedControlStudy) -> String {
 
 /// The numbers of the default, and what they follow from.
 fn numbers(chosen: &ChosenControl) -> String {
-    let step_size = chosen.step_size;
+    let step_size = significant(chosen.step_size);
     let spread = format!("the spread of recorded returns is {}", significant(chosen.return_spread));
     match chosen.algorithm {
         Algorithm::ExpectedSarsa => {
-            let temperature = chosen.temperature;
+            let temperature = significant(chosen.temperature);
             format!(
                 "step size {step_size} and temperature {temperature}, in units of return: {spread}"
             )
