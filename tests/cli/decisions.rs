@@ -165,6 +165,26 @@ fn an_empty_reward_ends_an_episode_and_is_told_with_its_time() {
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
 }
 
+/// A controller that was switched to automatic mode for two rows.
+#[test]
+fn text_among_actions_is_told() {
+    let place = pump(|row| {
+        let pump = if [20, 21].contains(&row) { "auto" } else { ["0", "1"][row % 2] };
+        format!("2024-03-01 00:{row:02}:00,{},{pump}\n", row % 7)
+    });
+    let wide = ["inspect", "study.toml", "--set=data.shape=wide"];
+    let inspected = place.calib(&wide);
+    let told = inspected.stderr();
+    assert!(
+        told.contains(
+            "pump (control.actions) holds text in 2 rows of the log, such as \"auto\": text counts as missing"
+        ),
+        "{told}"
+    );
+    let told = inspected.succeeds();
+    assert!(told.contains("37 transitions in 2 episodes"), "{told}");
+}
+
 #[test]
 fn mistakes_in_rewards_and_grids_name_the_key() {
     let place = place();

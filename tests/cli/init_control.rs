@@ -243,6 +243,31 @@ fn what_speaks_against_a_choice_is_told_at_once() {
     assert_eq!(study(&place)["control"]["start"].as_str(), Some("anywhere"));
 }
 
+/// The log is read twice: as it is, and with levels in the place of very many actions.
+#[test]
+fn text_among_many_actions_is_told_once() {
+    let place = plant(1);
+    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    let column = log.lines().next().expect("a header").split(',').position(|name| name == "a1");
+    let lines: Vec<String> = log
+        .lines()
+        .enumerate()
+        .map(|(number, line)| {
+            let mut cells: Vec<&str> = line.split(',').collect();
+            if [50, 60].contains(&number) {
+                cells[column.expect("a column")] = "auto";
+            }
+            cells.join(",")
+        })
+        .collect();
+    place.write("log.csv", &lines.join("\n"));
+    let ran = init(&place, &[&PLANT[..], &["--action=a1", "--reward=gain"]].concat());
+    ran.succeeds();
+    let told = ran.stderr();
+    let text = "a1 (control.actions) holds text in 2 rows of the log, such as \"auto\"";
+    assert_eq!(told.matches(text).count(), 1, "{told}");
+}
+
 /// A day has half as many decisions as rows.
 #[test]
 fn a_day_of_thinned_decisions_has_fewer_steps() {

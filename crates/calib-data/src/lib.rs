@@ -87,6 +87,7 @@ pub use profile::{
     Duplicates, FEW_CONTRADICT, FarOut, Gaps, PartProfile, Profile, ValueProfile, long_gap,
     many_gaps, period_too_short, without_times,
 };
+pub use recorded::{RecordedColumns, TextFound};
 pub use select::DropReason;
 pub use sentinels::Sentinel;
 pub use sketch::{ChannelSketch, Sketch, sketch};

@@ -11,9 +11,29 @@ use crate::{
 /// Columns that are named where one is not there.
 const SHOWN: usize = 3;
 
+/// Columns as they were recorded.
+#[derive(Clone, Debug)]
+pub struct RecordedColumns {
+    /// `[names][rows]`, in the unit of the log; NaN where there is no number.
+    pub values: Vec<Vec<f64>>,
+    /// Text in them, one entry for each column that has any.
+    pub texts: Vec<TextFound>,
+}
+
+/// Text in a column of numbers, which counts as missing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TextFound {
+    /// The column.
+    pub column: String,
+    /// The most frequent text.
+    pub example: String,
+    /// Rows of the whole log with text.
+    pub rows: u64,
+}
+
 impl Surveyed {
-    /// The values of these channels in the training rows, one list a channel, `[names][rows]`: as recorded, without treatment, NaN where one is
-    /// missing. They may be channels that are no column of the states.
+    /// The values of these channels in the training rows as recorded, without treatment. They may be channels that are no column of the
+    /// states.
     ///
     /// # Errors
     /// If there is no such channel, it holds no numbers, it says two things of one time and the study does not say which counts, rows are sub-sampled (an action belongs to one row), a file cannot be read, or
@@ -22,7 +42,7 @@ impl Surveyed {
         &self,
         names: &[String],
         monitor: &dyn Monitor,
-    ) -> Result<Vec<Vec<f64>>, DataError> {
+    ) -> Result<RecordedColumns, DataError> {
         if self.preprocess.subsample != 1 {
             let got = self.preprocess.subsample.to_string();
             let expected = "1 where actions are read: an action belongs to its own row";
@@ -49,7 +69,8 @@ impl Surveyed {
             channels.push(channel);
         }
         let starts = &self.survey.train.samples.starts;
-        let mut recorded = Vec::with_capacity(names.len());
+        let mut recorded =
+            RecordedColumns { values: Vec::with_capacity(names.len()), texts: Vec::new() };
         let mut batch = Batch::default();
         monitor.begin("reading actions and rewards", channels.len() as u64);
         let mut contradicting: Vec<(usize, Contradicting)> = Vec::new();
@@ -57,14 +78,20 @@ impl Surveyed {
             for (&number, channel) in some.iter().zip(log.read(some, &mut batch, monitor)?) {
                 let name = &log.channels[number].name;
                 let words = &channel.not_numbers.words;
-                if let (true, Some(word)) =
-                    (channel.values.iter().all(|value| value.is_nan()), words.keys().next())
-                {
-                    let type_name = format!("text, such as {word:?}");
-                    return Err(DataError::NoNumbers { name: name.clone(), type_name });
+                // The first in the alphabet of those that are as frequent.
+                if let Some((word, _)) = words.iter().rev().max_by_key(|(_, count)| **count) {
+                    if channel.values.iter().all(|value| value.is_nan()) {
+                        let type_name = format!("text, such as {word:?}");
+                        return Err(DataError::NoNumbers { name: name.clone(), type_name });
+                    }
+                    let rows = words.values().sum();
+                    let [column, example] = [name.clone(), word.clone()];
+                    recorded.texts.push(TextFound { column, example, rows });
                 }
                 contradicting.push((number, channel.contradictions.clone()));
-                recorded.push(starts.iter().map(|&row| channel.values[row as usize]).collect());
+                recorded
+                    .values
+                    .push(starts.iter().map(|&row| channel.values[row as usize]).collect());
             }
         }
         log.refuse_contradictions(&contradicting, monitor)?;

@@ -375,7 +375,7 @@ fn whoever_names_the_angle_is_told_of_the_two() {
         surveyed.recorded(&["wind".to_owned()], &Silent).expect_err("no column").to_string();
     assert!(error.ends_with(hint), "{error}");
     let both = ["wind_cos".to_owned(), "wind_sin".to_owned()];
-    let recorded = surveyed.recorded(&both, &Silent).expect("two channels");
+    let recorded = surveyed.recorded(&both, &Silent).expect("two channels").values;
     for (cosine, sine) in recorded[0].iter().zip(&recorded[1]) {
         assert!((cosine.hypot(*sine) - 1.0).abs() < 1e-12);
     }

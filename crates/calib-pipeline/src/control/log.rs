@@ -9,7 +9,7 @@ use calib_control::{
     Ending, Levels, Settings, StartRows, Starts,
 };
 use calib_core::{Bounds, Frames, Period, RowIndex, States};
-use calib_data::{DataConfig, DataError, Resample, Surveyed, entry_of, format_time};
+use calib_data::{DataConfig, DataError, Resample, Surveyed, TextFound, entry_of, format_time};
 use calib_files::{Fingerprint, Fingerprinter, ScratchPlace};
 use calib_model_steps::represent::Material;
 use calib_stats::quantile;
@@ -75,7 +75,8 @@ pub(crate) fn read(
     require_memory(&surveyed)?;
     let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
     let frames = &dataset.train;
-    let rows = DecisionRows::new(config, recorded, frames.segments())?;
+    tell_texts(config, &recorded.texts, printer);
+    let rows = DecisionRows::new(config, recorded.values, frames.segments())?;
     tell_missing_rewards(frames, &rows, printer);
     let period = decision_period(config, dataset.period);
     tell_decisions(config, frames, &rows, period, printer);
@@ -148,6 +149,18 @@ fn levels_of(
     };
     let (levels, settings) = Levels::of_range(acted, levels, config.most_actions)?;
     Ok((levels, Some(settings)))
+}
+
+/// Say which columns hold text, such as the mode of a controller in the place of what it did.
+fn tell_texts(config: &ControlConfig, texts: &[TextFound], printer: &Printer) {
+    for TextFound { column, example, rows } in texts {
+        printer.warn(&format!(
+            "{column} (control.{}) holds text in {} of the log, such as {example:?}: text counts as missing. Write it as a number in the log \
+             if it is a value",
+            config.key_of(column),
+            counted(*rows as usize, "row")
+        ));
+    }
 }
 
 /// Say where a reward is missing: no model can know it, and episodes end before such rows.

@@ -312,12 +312,11 @@ impl ControlDrafting<'_> {
         }
         let levels =
             action_levels(&self.look.distinct, config.most_actions).map_err(StepError::other)?;
-        // What there is to say of the log was said.
-        let printer = if read.is_ok() { printer.silent() } else { printer.clone() };
         drop(read);
         let levels = (levels, why);
         let job = self.job(self.text(Some(&levels), None, SHORT, ""))?;
-        let log = control::read_log(&job, section(&job)?, &printer)?;
+        // What there is to say of the log was said: actions are counted after that.
+        let log = control::read_log(&job, section(&job)?, &printer.silent())?;
         self.refuse_one_action(&log.decisions)?;
         Ok(ReadDecisions { log, levels: Some(levels) })
     }
