@@ -209,7 +209,7 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
     for (args, expected) in [
         (
             vec!["--action=pmup", "--reward=gain"],
-            "no column of numbers with this name; did you mean pump",
+            "no column of numbers with this name; did you mean pump? `calib inspect` shows all columns",
         ),
         (vec!["--action=pump", "--reward=gian"], "--reward gian: the log has no column"),
         (vec!["--action=mode", "--reward=gain"], "--action mode: the "),

@@ -272,12 +272,18 @@ fn named(names: &[String], sketch: &Sketch) -> Result<Vec<usize>, StepError> {
                     return format!("--sensor {name}: it is an angle{hint}");
                 }
                 format!(
-                    "--sensor {name}: the log has no such channel{}; `calib inspect` shows all",
-                    calib_data::hint(name, names).trim_end_matches('?')
+                    "--sensor {name}: the log has no such channel{} `calib inspect` shows all channels",
+                    similar(name, names)
                 )
             })
         })
         .collect()
+}
+
+/// `; did you mean A or B?`, or a semicolon: a sentence about where all names are follows.
+pub(super) fn similar<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> String {
+    let hint = calib_data::hint(name, names);
+    if hint.is_empty() { ";".to_owned() } else { hint }
 }
 
 /// What is said of channels that stop for longer than they usually do, where the age at which values are forgotten is that of

@@ -4,6 +4,8 @@ use calib_base::{StepError, bail, ensure};
 use calib_data::{ChannelSketch, Sketch};
 use calib_propose::DecisionColumns;
 
+use crate::propose::look::similar;
+
 /// Whether the log may hold columns that were not looked at, because `data.include` or `data.exclude` was given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LookedAt {
@@ -36,8 +38,8 @@ pub(super) fn check(
             }
             let names = sketch.channels.iter().map(|channel| channel.name.as_str());
             bail!(
-                "{argument} {name}: the log has no column of numbers with this name{}; `calib inspect` shows all",
-                calib_data::hint(name, names).trim_end_matches('?')
+                "{argument} {name}: the log has no column of numbers with this name{} `calib inspect` shows all columns",
+                similar(name, names)
             );
         };
         let Some([low, _]) = channel.range else {
