@@ -5,6 +5,9 @@ use calib_stats::RankRule;
 
 use crate::{ActionModelConfig, ActionModelKind, AgentConfig, ControlError, Grid, Reward, Support};
 
+/// Levels of a column of continuous actions at least: with fewer there is nothing to choose.
+pub const LEAST_LEVELS: usize = 2;
+
 /// `[control]`: an agent that acts, tuned on a log with actions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -111,9 +114,9 @@ impl ControlConfig {
         if self.levels.is_some() && self.probability.is_some() {
             return Err(ControlError::ProbabilityOfLevels);
         }
-        let levels = self.levels.unwrap_or(2);
+        let levels = self.levels.unwrap_or(LEAST_LEVELS);
         let checks = [
-            ("levels", levels as f64, (2..=1024).contains(&levels), "from 2 to 1024"),
+            ("levels", levels as f64, (LEAST_LEVELS..=1024).contains(&levels), "from 2 to 1024"),
             (
                 "every",
                 self.every as f64,

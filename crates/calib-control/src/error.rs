@@ -91,11 +91,13 @@ pub enum ControlError {
     },
     /// Levels of several columns have more combinations than are allowed.
     #[error(
-        "the levels of the columns of actions have more than {most} combinations; set control.levels lower, or raise control.most_actions"
+        "the levels of the columns of actions have more than {most} combinations; {remedy}, or raise control.most_actions"
     )]
     ManyLevels {
         /// How many are allowed.
         most: usize,
+        /// How to have fewer.
+        remedy: &'static str,
     },
     /// Tile coding of more features than can be numbered.
     #[error(

@@ -34,7 +34,7 @@ mod walkers;
 pub use agent::{Agent, AgentConfig, Algorithm};
 pub use agent_run::{Actor, AgentRun, RunLength, live};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
-pub use config::{ControlConfig, StartRows};
+pub use config::{ControlConfig, LEAST_LEVELS, StartRows};
 pub use constant::{ConstantReturns, constant_returns};
 pub use decision_rows::{ChangedDecisions, DecisionRows};
 pub use drift::Drift;

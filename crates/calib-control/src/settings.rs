@@ -2,7 +2,7 @@
 
 use calib_core::{States, TransitionIndex};
 
-use crate::{ControlError, Decisions, Levels};
+use crate::{ControlError, Decisions, LEAST_LEVELS, Levels};
 
 /// What a log of continuous actions set, and the levels that an agent chooses among; each column as a share of its recorded range.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,12 +49,17 @@ impl Levels {
         levels: usize,
         most: usize,
     ) -> Result<(Self, Settings), ControlError> {
-        assert!(levels > 1, "checked with the configuration");
+        assert!(levels >= LEAST_LEVELS, "checked with the configuration");
         let own: Vec<Vec<f64>> = columns.iter().map(|column| of_column(column, levels)).collect();
         let mut values: Vec<Vec<f64>> = vec![Vec::new()];
         for column in &own {
             if values.len() * column.len() > most {
-                return Err(ControlError::ManyLevels { most });
+                let remedy = if levels > LEAST_LEVELS {
+                    "set control.levels lower"
+                } else {
+                    "name fewer columns in control.actions"
+                };
+                return Err(ControlError::ManyLevels { most, remedy });
             }
             values = values
                 .iter()
@@ -214,8 +219,14 @@ mod tests {
         let (levels, _) = Levels::of_range(&[dose.clone(), pump.clone()], 3, 6).expect("six");
         assert_eq!(levels.values.len(), 6);
         assert_eq!(levels.values[3], [49.5, 5.0]);
-        let told = Levels::of_range(&[dose, pump], 4, 6).expect_err("eight").to_string();
-        assert!(told.contains("more than 6"), "{told}");
+        let told = |levels: usize, most: usize| {
+            let columns = [dose.clone(), pump.clone()];
+            Levels::of_range(&columns, levels, most).expect_err("too many").to_string()
+        };
+        let eight = told(4, 6);
+        assert!(eight.contains("more than 6 combinations; set control.levels lower"), "{eight}");
+        let four = told(2, 3);
+        assert!(four.contains("; name fewer columns in control.actions"), "{four}");
         let (constant, _) = Levels::of_range(&[vec![3.0; 4]], 4, 6).expect("one");
         assert_eq!(constant.values, [[3.0]]);
     }

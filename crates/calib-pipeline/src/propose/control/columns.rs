@@ -1,6 +1,7 @@
 //! The columns that `calib init` is told are actions, rewards and terminals.
 
 use calib_base::{StepError, bail, ensure};
+use calib_control::{ControlConfig, LEAST_LEVELS};
 use calib_data::{ChannelSketch, Sketch};
 use calib_propose::DecisionColumns;
 
@@ -68,6 +69,16 @@ pub(super) fn distinct(columns: &DecisionColumns, sketch: &Sketch) -> Vec<Option
     channels.map(|channel| channel.and_then(|channel| channel.distinct)).collect()
 }
 
+/// How a study that has actions which were hardly ever taken has fewer.
+pub(super) fn fewer_actions(config: &ControlConfig) -> &'static str {
+    match (config.levels, config.actions.len()) {
+        (None, _) => "set control.levels",
+        (Some(levels), _) if levels > LEAST_LEVELS => "set control.levels lower",
+        (Some(_), 1) => "use a longer log",
+        (Some(_), _) => "name fewer columns with --action",
+    }
+}
+
 fn channel<'a>(sketch: &'a Sketch, name: &str) -> Option<&'a ChannelSketch> {
     sketch.channels.iter().find(|channel| channel.name == name)
 }
@@ -75,6 +86,18 @@ fn channel<'a>(sketch: &'a Sketch, name: &str) -> Option<&'a ChannelSketch> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn two_levels_cannot_be_fewer() {
+        let advice = |levels: Option<usize>, columns: usize| {
+            let actions = vec!["dose".to_owned(); columns];
+            fewer_actions(&ControlConfig { levels, actions, ..ControlConfig::default() })
+        };
+        assert_eq!(advice(None, 1), "set control.levels");
+        assert_eq!(advice(Some(3), 2), "set control.levels lower");
+        assert_eq!(advice(Some(2), 2), "name fewer columns with --action");
+        assert_eq!(advice(Some(2), 1), "use a longer log");
+    }
 
     #[test]
     fn a_column_is_one_thing() {

@@ -414,14 +414,14 @@ fn doubts(log: &ActionLog, config: &ControlConfig) -> Vec<String> {
         });
         let more = if hardly.len() > NAMED { ", …" } else { "" };
         doubts.push(format!(
-            "{} hardly ever taken: {}{more}. Models know little of what follows; merge such actions with others in the log, or set \
-             control.levels lower",
+            "{} hardly ever taken: {}{more}. Models know little of what follows; merge such actions with others in the log, or {}",
             if hardly.len() == 1 {
                 "1 action was".to_owned()
             } else {
                 format!("{} actions were", count(hardly.len()))
             },
-            told.collect::<Vec<_>>().join(", ")
+            told.collect::<Vec<_>>().join(", "),
+            columns::fewer_actions(config)
         ));
     }
     let terminals = decisions.terminals();
