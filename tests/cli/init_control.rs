@@ -234,10 +234,14 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
 #[test]
 fn what_speaks_against_a_choice_is_told_at_once() {
     let place = plant(1);
+    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    place.write("log.csv", &log.replacen(",flow,", ",Last_Action,", 1));
     let columns = ["--action=pump", "--reward=gain", "--terminal=stopped"];
     let ran = init(&place, &[&PLANT[..], &columns].concat());
-    ran.succeeds();
+    let said = ran.succeeds();
+    assert!(said.contains("state: level, Last_Action, a1, "), "{said}");
     let told = ran.stderr();
+    assert!(told.contains("the state has Last_Action, which may be what an agent does"), "{told}");
     assert!(told.contains("1 action was hardly ever taken: pump=2 (3 of 3"), "{told}");
     assert!(told.contains("the log has 4 terminals, and calib names no setting"), "{told}");
     assert_eq!(study(&place)["control"]["start"].as_str(), Some("anywhere"));

@@ -2,10 +2,13 @@
 
 use calib_base::{StepError, bail, ensure};
 use calib_control::{ControlConfig, LEAST_LEVELS};
-use calib_data::{ChannelSketch, Sketch};
+use calib_data::{ChannelSketch, Sketch, entry_of};
 use calib_propose::DecisionColumns;
 
 use crate::propose::look::similar;
+
+/// Names of columns that are seldom a part of the state.
+const TELLING: [&str; 6] = ["action", "done", "probability", "return", "reward", "terminal"];
 
 /// Whether the log may hold columns that were not looked at, because `data.include` or `data.exclude` was given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,6 +72,29 @@ pub(super) fn distinct(columns: &DecisionColumns, sketch: &Sketch) -> Vec<Option
     channels.map(|channel| channel.and_then(|channel| channel.distinct)).collect()
 }
 
+/// What is said of columns of the state whose names are those of what an agent does or gets.
+pub(super) fn unnamed(state: &[String]) -> Option<String> {
+    let found: Vec<&str> =
+        state.iter().map(String::as_str).filter(|name| is_telling(name)).collect();
+    if found.is_empty() {
+        return None;
+    }
+    let entries: Vec<String> =
+        found.iter().map(|name| format!("{:?}", entry_of(name, |_| false))).collect();
+    Some(format!(
+        "the state has {}, which may be what an agent does or gets: name such a column with --action, --reward, --terminal or \
+         --probability, or leave it out with --set 'data.exclude=[{}]'",
+        found.join(", "),
+        entries.join(", ")
+    ))
+}
+
+/// Whether the last word of a name is that of an action, a reward or the end of an episode: a return is one, its temperature is not.
+fn is_telling(name: &str) -> bool {
+    let last = name.rsplit(|letter: char| !letter.is_alphanumeric()).next().unwrap_or(name);
+    TELLING.iter().any(|word| last.eq_ignore_ascii_case(word))
+}
+
 /// How a study that has actions which were hardly ever taken has fewer.
 pub(super) fn fewer_actions(config: &ControlConfig) -> &'static str {
     match (config.levels, config.actions.len()) {
@@ -86,6 +112,18 @@ fn channel<'a>(sketch: &'a Sketch, name: &str) -> Option<&'a ChannelSketch> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn columns_that_are_no_state_are_told() {
+        let told = |names: &[&str]| {
+            let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
+            unnamed(&names)
+        };
+        assert_eq!(told(&["level", "return_temperature", "interaction", "done_by"]), None);
+        let both = told(&["level", "Is.Done", "RETURN"]).expect("two");
+        assert!(both.starts_with("the state has Is.Done, RETURN, which may be"), "{both}");
+        assert!(both.ends_with("--set 'data.exclude=[\"Is.Done\", \"RETURN\"]'"), "{both}");
+    }
 
     #[test]
     fn two_levels_cannot_be_fewer() {

@@ -170,7 +170,8 @@ pub(crate) fn run(
     let text = calib_propose::with_given(&text, &args.set);
     let job = Job::of_text(Request::new(&args.study), text.clone())?;
     let config = section(&job)?;
-    for doubt in doubts(&read.log, config) {
+    let unnamed = columns::unnamed(&read.log.names.columns);
+    for doubt in unnamed.into_iter().chain(doubts(&read.log, config)) {
         printer.warn(&doubt);
     }
     let chosen = chosen(&job, &look, &read.log, &proposed, expected_secs)?;

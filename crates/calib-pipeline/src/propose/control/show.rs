@@ -11,12 +11,16 @@ use calib_study::shell_words;
 use super::{ChosenControl, ProposedControlStudy};
 use crate::control::held;
 
+/// Columns of the state that are named.
+const NAMED: usize = 10;
+
 impl Told<()> for ProposedControlStudy {
     fn tell(&self, _subject: &(), printer: &Printer) -> Result<(), StepError> {
         if printer.is_json() {
             printer.json(&self.chosen)?;
         } else {
             printer.result(&found(self))?;
+            printer.result(&state(&self.chosen.columns))?;
             printer.lines(&actions(self))?;
             lines(self).iter().try_for_each(|line| printer.result(line))?;
         }
@@ -37,6 +41,14 @@ fn found(proposed: &ProposedControlStudy) -> String {
         counted(chosen.columns.len(), "column"),
         significant(chosen.mean_return)
     )
+}
+
+/// Which columns are the state.
+fn state(columns: &[String]) -> String {
+    let named = &columns[..columns.len().min(NAMED)];
+    let more = columns.len() - named.len();
+    let rest = if more > 0 { format!(" and {} more", count(more)) } else { String::new() };
+    format!("state: {}{rest}", named.join(", "))
 }
 
 /// How often each action was taken.
@@ -88,4 +100,18 @@ fn lines(proposed: &ProposedControlStudy) -> [String; 4] {
             span(*within)
         ),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_columns_of_the_state_are_named() {
+        let columns: Vec<String> = (1..=12).map(|number| format!("T{number}")).collect();
+        assert_eq!(state(&columns[..2]), "state: T1, T2");
+        let ten = "state: T1, T2, T3, T4, T5, T6, T7, T8, T9, T10";
+        assert_eq!(state(&columns[..10]), ten);
+        assert_eq!(state(&columns), format!("{ten} and 2 more"));
+    }
 }
