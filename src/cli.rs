@@ -51,6 +51,9 @@ pub struct Cli {
     pub(crate) command: Command,
 }
 
+/// Behind the options of each command, which are fewer, and before `--help`, which has 999.
+const LAST: usize = 998;
+
 #[derive(Clone, Debug, Args)]
 pub(crate) struct GlobalArgs {
     /// Print only results and errors
@@ -66,7 +69,7 @@ pub(crate) struct GlobalArgs {
     #[arg(long, global = true, value_enum, default_value_t = ColorChoice::Auto, help_heading = OUTPUT)]
     pub(crate) color: ColorChoice,
     /// Number of threads (default: one per core); results do not depend on it
-    #[arg(long, global = true, value_name = "N")]
+    #[arg(long, global = true, value_name = "N", display_order = LAST)]
     pub(crate) threads: Option<usize>,
 }
 

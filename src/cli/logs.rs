@@ -58,7 +58,7 @@ pub(crate) struct InitArgs {
     /// The column with the probability of the action that was taken (default: it was not logged)
     #[arg(long, value_name = "NAME", requires = "actions")]
     pub(crate) probability: Option<String>,
-    /// Set a key of [data], such as `data.time_zone=Europe/Paris`; it holds for the study too; may be given several times
+    /// Set a key of [data], or of [control] beside --action, such as `data.time_zone=Europe/Paris` or `control.every=6`; it holds for the study too; may be given several times
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub(crate) set: Vec<String>,
     /// Replace the study file if it is there

@@ -72,6 +72,15 @@ const POLE: [&str; 9] = [
 ];
 
 #[test]
+fn options_of_init_stand_together_in_its_help() {
+    let help = Place::new().calib(&["init", "--help"]).succeeds();
+    let options = ["--action", "--reward", "--terminal", "--probability", "--set", "--threads"];
+    let places = options.map(|option| help.find(&format!("{option} <")).expect(option));
+    assert!(places.is_sorted(), "{help}");
+    assert!(help.contains("[control]"), "{help}");
+}
+
+#[test]
 fn a_log_of_decisions_becomes_a_study_that_runs() {
     let place = Place::new();
     let simulate = ["simulate", "pole", "--task=cart-pole", "--policy=random"];
