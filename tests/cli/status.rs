@@ -107,6 +107,42 @@ fn a_finished_study_is_done_and_its_settings_are_ranked() {
     let edited = status(&place, "study.toml");
     assert_eq!((&edited["state"], states(&edited, "sweep")), (&"waiting".into(), vec!["to_do"]));
     assert_eq!(states(&edited, "build-model"), ["done"]);
+    assert_eq!(edited["rankings"], Value::Array(vec![]), "no ranking of another study");
+}
+
+/// Sensors that `calib status` ranks settings for, and why the sweep is to do again.
+fn ranked(place: &Place, set: &str) -> (Vec<String>, String) {
+    let told = place.calib(&["status", "study.toml", "--json", "--set", set]).succeeds();
+    let standing: Value = serde_json::from_str(&told).expect("JSON");
+    let rankings = standing["rankings"].as_array().expect("rankings").iter();
+    let sensors = rankings.filter_map(|ranking| ranking["sensor"].as_str().map(str::to_owned));
+    let steps = standing["steps"].as_array().expect("steps").iter();
+    let reasons = steps.filter_map(|step| step["stale"].as_str());
+    (sensors.collect(), reasons.collect::<Vec<_>>().join("\n"))
+}
+
+#[test]
+fn a_sweep_of_another_study_is_told_and_its_runs_are_not_ranked() {
+    let place = Place::with_study();
+    place.calib(&["run", "study.toml"]).ends(&[0, 1]);
+    let none: [&str; 0] = [];
+    let again = "run `calib sweep study.toml";
+    for (set, sensors, key) in [
+        ("sweep.steps=700", &none[..], "sweep.steps = "),
+        ("sweep.online_runs=2", &none[..], "sweep.online_runs = "),
+        (
+            "agent.gammas={ TIT101 = 0.8 }",
+            &["PIT300"][..],
+            "agent.gammas.TIT101 = nothing, now 0.8",
+        ),
+        ("sweep.sensors=[\"TIT101\"]", &["TIT101"][..], "sweep.sensors = "),
+    ] {
+        let (found, reason) = ranked(&place, set);
+        assert_eq!(found, sensors, "{set}");
+        assert!(reason.contains(key) && reason.contains(again), "{reason}");
+    }
+    let told = place.calib(&["status", "study.toml", "--set", "sweep.steps=700"]).succeeds();
+    assert!(told.contains("was made with sweep.steps = "), "{told}");
 }
 
 #[test]

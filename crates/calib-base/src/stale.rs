@@ -26,18 +26,22 @@ impl StoredArtefact<'_> {
     /// # Errors
     /// [`StepError::Stale`], with the keys that differ.
     pub fn check(self, job: &Job) -> Result<(), StepError> {
+        self.stale_reason(job).map_or(Ok(()), |reason| Err(StepError::Stale(reason)))
+    }
+
+    /// Which keys differ from those of the job, and what to run; none where it follows from the same.
+    pub fn stale_reason(self, job: &Job) -> Option<String> {
         let differences = job.study().differences(self.step, self.study);
-        if differences.is_empty() {
-            return Ok(());
-        }
-        Err(StepError::Stale(format!(
-            "the {} in {} {} made with {}; run `{}` again",
-            self.step.result(),
-            self.directory.display(),
-            if self.step.is_plural() { "were" } else { "was" },
-            told(&differences),
-            job.command(self.step)
-        )))
+        (!differences.is_empty()).then(|| {
+            format!(
+                "the {} in {} {} made with {}; run `{}` again",
+                self.step.result(),
+                self.directory.display(),
+                if self.step.is_plural() { "were" } else { "was" },
+                told(&differences),
+                job.command(self.step)
+            )
+        })
     }
 }
 

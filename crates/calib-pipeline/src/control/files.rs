@@ -258,9 +258,8 @@ impl VerdictStanding {
             return Ok(Self::Missing);
         }
         let made = StoredArtefact { step: StepKind::Control, study: &manifest.study, directory };
-        match made.check(job) {
-            Err(StepError::Stale(reason)) => return Ok(Self::Stale(reason)),
-            checked => checked?,
+        if let Some(reason) = made.stale_reason(job) {
+            return Ok(Self::Stale(reason));
         }
         let agents = ComparedAgents::of_study(job, config)?;
         if manifest.key == key(job.study(), &manifest.log, agents.program_identity())? {

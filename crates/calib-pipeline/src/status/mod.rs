@@ -1,5 +1,6 @@
 //! How a study stands, seen from outside: nothing is written, and nothing that runs is disturbed.
 
+mod begun;
 mod find;
 mod ranking;
 mod show;
@@ -13,15 +14,12 @@ use calib_base::{
     progress::{self, CommandState, Note},
 };
 use calib_study::{Job, Scope, StepKind};
-use calib_sweep_steps::{
-    sweep::{SweepManifest, planned::PlannedSweep},
-    verdict::report_cache::is_judged_since,
-};
+use calib_sweep_steps::{sweep::SweepManifest, verdict::report_cache::is_judged_since};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 pub(crate) use self::ranking::Ranking;
-use self::{find::Subject, ranking::rankings};
+use self::{begun::BegunSweep, find::Subject, ranking::rankings};
 use crate::{
     cluster,
     control::{self, ControlRanking, VerdictStanding},
@@ -161,7 +159,9 @@ fn of_study(job: &Job, printer: &Printer) -> Result<StudyStanding, StepError> {
         .filter(|command| command.standing == CommandState::Running)
         .map(|command| &command.note)
         .collect();
-    let steps = steps(job, &at_work, printer)?;
+    let is_control = job.study().control.is_some();
+    let sweeps = if is_control { Vec::new() } else { BegunSweep::all_of(job)? };
+    let steps = steps(job, &sweeps, &at_work, printer)?;
     let left = at_work.iter().map(|note| note.secs_left).collect::<Option<Vec<f64>>>();
     let secs_left = left.and_then(|left| left.into_iter().reduce(f64::max));
     let state = if !at_work.is_empty() {
@@ -173,7 +173,7 @@ fn of_study(job: &Job, printer: &Printer) -> Result<StudyStanding, StepError> {
     } else {
         Overall::Killed
     };
-    let rankings = if job.study().control.is_some() { Vec::new() } else { of_sweeps(job)? };
+    let rankings = of_sweeps(&sweeps, &steps)?;
     let control = control::ranking(job)?;
     Ok(StudyStanding {
         control,
@@ -198,7 +198,12 @@ fn report(job: &Job) -> PathBuf {
 }
 
 /// The steps of a study, and which of them are done or at work.
-fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<StepStanding>, StepError> {
+fn steps(
+    job: &Job,
+    begun: &[BegunSweep],
+    at_work: &[&Note],
+    printer: &Printer,
+) -> Result<Vec<StepStanding>, StepError> {
     if job.study().control.is_some() {
         let is_running = at_work.iter().any(|note| note.command == StepKind::Control.command());
         let (state, stale) = match VerdictStanding::of(job)? {
@@ -234,10 +239,18 @@ fn steps(job: &Job, at_work: &[&Note], printer: &Printer) -> Result<Vec<StepStan
         } else {
             StepState::ToDo
         };
-        let model = step.model.clone();
-        let deployment = step.deployment.clone();
-        let step = step.step.label();
-        standings.push(StepStanding { step, model, deployment, state, stale: None });
+        let mut standing = StepStanding {
+            step: step.step.label(),
+            model: step.model.clone(),
+            deployment: step.deployment.clone(),
+            state,
+            stale: None,
+        };
+        if state == StepState::ToDo {
+            let own = begun.iter().find(|sweep| sweep.is_of(&standing));
+            standing.stale = own.and_then(BegunSweep::stale_reason);
+        }
+        standings.push(standing);
     }
     Ok(standings)
 }
@@ -261,15 +274,19 @@ fn is_at(note: &Note, step: &PlannedStep) -> bool {
     of_step && of_part
 }
 
-/// How the settings of all sweeps of a study stand.
-fn of_sweeps(job: &Job) -> Result<Vec<Ranking>, StepError> {
+/// How the settings of all sweeps of a study stand. Runs that another study made are left out, unless they are being made.
+fn of_sweeps(sweeps: &[BegunSweep], steps: &[StepStanding]) -> Result<Vec<Ranking>, StepError> {
     let mut all = Vec::new();
-    for part in job.parts(Scope::Deployment)? {
-        let directory = part.layout().sweep();
-        if let Some(planned) = PlannedSweep::read(&directory) {
-            let stored = planned.stored_in(&directory);
-            all.extend(rankings(&planned, &stored, (part.model(), part.deployment()))?);
-        }
+    for sweep in sweeps {
+        let is_running =
+            steps.iter().any(|step| sweep.is_of(step) && step.state == StepState::Running);
+        let found = rankings(&sweep.planned, &sweep.stored(), sweep.names())?;
+        let differences = sweep.differences();
+        all.extend(
+            found
+                .into_iter()
+                .filter(|found| is_running || sweep.has_runs_for(&found.sensor, &differences)),
+        );
     }
     Ok(all)
 }

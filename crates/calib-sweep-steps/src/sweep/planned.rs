@@ -21,6 +21,9 @@ pub struct PlannedSweep {
     /// Of what the agents are trained with, if not calib's own arithmetic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     arithmetic: Option<String>,
+    /// The study of a sweep that was begun. A plan for a cluster has it elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    study: Option<Study>,
     /// The part of each run that counts.
     pub(crate) part: Part,
     pub(crate) rule: Rule,
@@ -67,6 +70,7 @@ impl PlannedSweep {
         Self {
             format: FORMAT,
             arithmetic: arithmetic.map(str::to_owned),
+            study: None,
             part: study.part(),
             rule: study.evaluate.rule,
             labels: candidates.iter().map(Candidate::label).collect(),
@@ -74,6 +78,16 @@ impl PlannedSweep {
             settings: plan.settings().iter().map(ToString::to_string).collect(),
             units: plan.every_unit(),
         }
+    }
+
+    /// These, of a sweep that begins.
+    pub(crate) fn begun_for(self, study: &Study) -> Self {
+        Self { study: Some(study.clone()), ..self }
+    }
+
+    /// The study that the sweep was begun for; none if an earlier calib began it.
+    pub fn study(&self) -> Option<&Study> {
+        self.study.as_ref()
     }
 
     /// # Errors

@@ -199,7 +199,7 @@ fn sweep(
     // Nothing is given up, nor need the disk be writable, before there is something to write.
     let is_done = missing == 0 && stored.whole().keys().all(|unit| own.whole().contains_key(unit));
     let kept = if is_done { finished(&directory, job) } else { None };
-    let planned = PlannedSweep::of(study, &setting.candidates, &plan, arithmetic);
+    let planned = PlannedSweep::of(study, &setting.candidates, &plan, arithmetic).begun_for(study);
     let claim = kept.is_none().then(|| begun(&directory, &planned)).transpose()?;
     if job.policy().redoes() {
         store.clear()?;

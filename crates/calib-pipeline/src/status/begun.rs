@@ -1,0 +1,71 @@
+//! Sweeps that were begun for a study, and how the study differs now.
+
+use calib_base::{StepError, stale::StoredArtefact};
+use calib_study::{Difference, Job, Scope, StepKind};
+use calib_sweep_steps::sweep::planned::{PlannedSweep, StoredRun};
+
+use super::StepStanding;
+
+/// The sweep of one model and deployment, finished or not.
+pub(super) struct BegunSweep {
+    part: Job,
+    pub(super) planned: PlannedSweep,
+}
+
+impl BegunSweep {
+    /// Those of a study, in its order.
+    ///
+    /// # Errors
+    /// If the study cannot be divided into its models and deployments.
+    pub(super) fn all_of(job: &Job) -> Result<Vec<Self>, StepError> {
+        let parts = job.parts(Scope::Deployment)?.into_iter();
+        Ok(parts
+            .filter_map(|part| {
+                let planned = PlannedSweep::read(&part.layout().sweep())?;
+                Some(Self { part, planned })
+            })
+            .collect())
+    }
+
+    /// Whether a step is the one that makes it.
+    pub(super) fn is_of(&self, step: &StepStanding) -> bool {
+        step.step == StepKind::Sweep.label()
+            && (step.model.as_deref(), step.deployment.as_deref()) == self.names()
+    }
+
+    /// Its model and its deployment.
+    pub(super) fn names(&self) -> (Option<&str>, Option<&str>) {
+        (self.part.model(), self.part.deployment())
+    }
+
+    /// The runs that are there.
+    pub(super) fn stored(&self) -> Vec<StoredRun<'_>> {
+        self.planned.stored_in(&self.part.layout().sweep())
+    }
+
+    /// Which keys it was made with that differ now, and what to run.
+    pub(super) fn stale_reason(&self) -> Option<String> {
+        let directory = &self.part.layout().sweep();
+        let study = self.planned.study()?;
+        StoredArtefact { step: StepKind::Sweep, study, directory }.stale_reason(&self.part)
+    }
+
+    /// The keys in which the study differs from the one that it was begun for.
+    pub(super) fn differences(&self) -> Vec<Difference> {
+        let made = self.planned.study();
+        made.map_or_else(Vec::new, |made| self.part.study().differences(StepKind::Sweep, made))
+    }
+
+    /// Whether the runs for a sensor are those of the study as it is now. The discount factor of another sensor does not change them,
+    /// nor does another list of sensors, as long as it has this one.
+    pub(super) fn has_runs_for(&self, sensor: &str, differences: &[Difference]) -> bool {
+        let sensors = &self.part.study().sweep.sensors;
+        let is_listed = sensors.is_empty() || sensors.iter().any(|listed| listed == sensor);
+        let mut keys = differences.iter().map(|difference| difference.key.as_str());
+        is_listed
+            && keys.all(|key| {
+                let other = key.strip_prefix("agent.gammas.").is_some_and(|other| other != sensor);
+                other || key == "sweep.sensors"
+            })
+    }
+}
