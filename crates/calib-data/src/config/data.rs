@@ -282,8 +282,11 @@ impl DataConfig {
             );
         }
         for (key, secs) in self.max_age_secs.iter().flat_map(MaxAge::keys) {
-            if Period::from_secs(secs).is_none() || self.resample.is_none() {
-                return refuse(&key, secs.to_string(), "a positive number, and data.resample");
+            if Period::from_secs(secs).is_none() {
+                return refuse(&key, secs.to_string(), "a number of seconds above 0");
+            }
+            if self.resample.is_none() {
+                return refuse(&key, secs.to_string(), "data.resample as well");
             }
         }
         if !(self.gap_tolerance > 1.0 && self.gap_tolerance.is_finite()) {

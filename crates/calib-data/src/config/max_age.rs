@@ -128,7 +128,12 @@ mod tests {
         let told = read("true").expect_err("no age").to_string();
         assert!(told.contains("a number of seconds or a table"), "{told}");
         let told = read("{ default = 60, LAB01 = 0 }").expect("read").check().expect_err("nought");
-        assert!(told.to_string().contains("data.max_age_secs.LAB01"), "{told}");
+        let told = told.to_string();
+        assert!(told.contains("data.max_age_secs.LAB01 = 0: "), "{told}");
+        assert!(
+            told.contains("a number of seconds above 0") && !told.contains("resample"),
+            "{told}"
+        );
         let alone = DataConfig { resample: None, ..read("60").expect("read") };
         let told = alone.check().expect_err("no clock").to_string();
         assert!(told.contains("data.max_age_secs") && told.contains("data.resample"), "{told}");
