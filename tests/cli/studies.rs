@@ -49,12 +49,15 @@ fn what_is_wrong_with_a_study_is_said_before_its_plant_is_simulated() {
     let told = |given: &[&str]| place.calib(&[&["run", "study.toml"][..], given].concat()).fails(2);
     let sensor = ["--set", "sweep.sensors=[\"PIT30\"]"];
     let pattern = ["--set", "data.include=[\"PIT3OO\"]"];
-    let refused = "sweep.sensors: sensor \"PIT30\" is not a channel of the plant that [simulate] describes; it has PIT300, ";
+    let refused = "sweep.sensors: sensor \"PIT30\" is not a channel of the plant that [simulate] describes; did you mean PIT300";
     let all = "and 4 more: `calib simulate study.toml ";
     // With a clock of its own nothing stands in for the log.
     for clock in [&["--set", "data.period_secs=60", "--dry-run"][..], &["--dry-run"]] {
         let error = told(&[clock, &sensor].concat());
-        assert!(error.contains(refused) && error.contains(all), "{error}");
+        assert!(
+            error.contains(refused) && error.contains(all) && error.contains("? It has PIT300, "),
+            "{error}"
+        );
         let error = told(&[clock, &pattern].concat());
         assert!(error.contains("data.include has \"PIT3OO\", which names no channel"), "{error}");
         place.calib(&[&["run", "study.toml"][..], clock].concat()).succeeds();

@@ -67,8 +67,11 @@ impl PlantOfStudy {
                     job.command(StepKind::Simulate)
                 ),
             };
+            let hint = calib_data::hint(sensor, names());
+            let has =
+                if hint.is_empty() { "; it has".to_owned() } else { format!("{hint} It has") };
             bail!(
-                "sweep.sensors: sensor {sensor:?} is not a channel of the plant that [simulate] describes; it has {shown}{rest}"
+                "sweep.sensors: sensor {sensor:?} is not a channel of the plant that [simulate] describes{has} {shown}{rest}"
             );
         }
         Ok(())
