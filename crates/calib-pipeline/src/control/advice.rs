@@ -167,7 +167,8 @@ impl Advice<'_> {
 
     /// How far the kinds of models agree on the order of the settings, if that is too little to name one.
     fn disagreement(&self) -> Option<f64> {
-        self.verdict.kinds_agreement().filter(|agreement| *agreement < KINDS_AGREE)
+        let agreement = self.verdict.kinds_agreement().filter(|_| !self.all_tie());
+        agreement.filter(|agreement| *agreement < KINDS_AGREE)
     }
 
     /// What the decision rests on.
@@ -218,11 +219,35 @@ impl Advice<'_> {
         lines
     }
 
+    /// That more than random actions get could be chance, with the interval; that it is no more, where it is not.
+    fn chance_beside_random_actions(&self) -> String {
+        let over = self.verdict.random_actions.as_ref().and_then(|random| random.over.as_ref());
+        match over.filter(|over| over.mean > 0.0).and_then(|over| over.interval) {
+            Some(interval) => format!(
+                ", which could be chance (95 % over blocks of the log: {} to {})",
+                amount(interval.low),
+                amount(interval.high)
+            ),
+            None => ": that it learns anything of use is not shown".to_owned(),
+        }
+    }
+
+    /// Whether all settings get the same in every ensemble member, so that no kind of model has an order of them.
+    fn all_tie(&self) -> bool {
+        let mut members = self.verdict.kinds.iter().flat_map(|own| &own.members).peekable();
+        members.peek().is_some()
+            && members
+                .all(|returns| returns.windows(2).all(|pair| pair[0].total_cmp(&pair[1]).is_eq()))
+    }
+
     /// What each kind of model alone would choose, where there are several.
     fn kinds(&self) -> Vec<String> {
         let verdict = self.verdict;
         if verdict.kinds.len() < 2 {
             return Vec::new();
+        }
+        if self.all_tie() {
+            return vec!["All settings get the same in every model.".to_owned()];
         }
         let (agree, others): (Vec<_>, Vec<_>) =
             verdict.kinds.iter().partition(|own| own.chosen == verdict.chosen);
@@ -301,10 +326,11 @@ impl Advice<'_> {
                 significant(*promised)
             ),
             Doubt::NotBetterThanRandomActions { random, promised } => format!(
-                "random actions get {} per episode in the models, and the chosen setting gets {}, learning included: that it learns anything of use is not shown; \
+                "random actions get {} per episode in the models, and the chosen setting gets {}, learning included{}; \
                  record more varied actions, sweep settings that explore less, or let agents learn for longer ({steps})",
                 significant(*random),
-                significant(*promised)
+                significant(*promised),
+                self.chance_beside_random_actions()
             ),
             Doubt::RareTerminals { in_model, in_log } => format!(
                 "{} of the chosen setting's steps in the model end an episode in a terminal, and {} of the recorded ones: its agents go where the log hardly shows what ends an episode; record steps there",
@@ -498,6 +524,48 @@ mod tests {
                     .ends_with("a Spearman correlation of -1.00; at 1 they are the same.")),
             "{found:?}"
         );
+        verdict.kinds = vec![
+            of_kind(ActionModelKind::Neighbors, [4.0; 4]),
+            of_kind(ActionModelKind::Network, [3.0; 4]),
+        ];
+        let tied = Advice {
+            verdict: &verdict,
+            settings: &settings,
+            actions: &[],
+            columns: &[],
+            vocabulary: STUDY,
+        };
+        let plain = tied.decision().plain;
+        assert!(!plain.contains("disagree"), "{plain}");
+        let found = tied.findings().join("\n");
+        assert!(found.contains("All settings get the same in every model."), "{found}");
+        assert!(!found.contains("Alone, ") && !found.contains("Spearman"), "{found}");
+    }
+
+    #[test]
+    fn more_than_random_actions_get_is_told_with_its_interval() {
+        let doubt =
+            json!([{ "reason": "not_better_than_random_actions", "random": 24, "promised": 38 }]);
+        let reason = |low: Option<f64>| {
+            let interval = low.map(|low| calib_stats::Interval { low, high: 40.0 });
+            let mut verdict = verdict(&doubt);
+            let over = verdict.over_default.map(|over| Difference { mean: 14.0, interval, ..over });
+            verdict.random_actions = Some(RandomActions { mean_return: 24.0, over });
+            let settings = ["a=1", "a=2"].map(str::to_owned);
+            let advice = Advice {
+                verdict: &verdict,
+                settings: &settings,
+                actions: &[],
+                columns: &[],
+                vocabulary: STUDY,
+            };
+            advice.reasons().remove(0)
+        };
+        let chance = reason(Some(-12.0));
+        let told = "gets 38.0, learning included, which could be chance (95 % over blocks of the log: 12.0 less to 40.0 more); record";
+        assert!(chance.contains(told), "{chance}");
+        let alone = reason(None);
+        assert!(alone.contains("that it learns anything of use is not shown; record"), "{alone}");
     }
 
     #[test]
