@@ -138,6 +138,16 @@ pub enum ControlError {
         "the log has no transition: no row with an action is followed by a row of the same episode that has a reward"
     )]
     NoTransitions,
+    /// Fewer transitions than ensemble members.
+    #[error(
+        "{transitions} transitions cannot be split into {members} blocks; record more, or lower control.model.members"
+    )]
+    FewForMembers {
+        /// Transitions in the log.
+        transitions: usize,
+        /// Members asked for.
+        members: usize,
+    },
     /// No decision of several rows.
     #[error(
         "no recorded episode has more rows than control.every = {every}, nor ends in a terminal; lower control.every, or see where rows lack an action or a reward"
@@ -203,6 +213,9 @@ impl From<KnnError> for ControlError {
     fn from(error: KnnError) -> Self {
         match error {
             KnnError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            KnnError::TooFewTransitions { transitions, members } => {
+                Self::FewForMembers { transitions, members }
+            }
             other => Self::Knn(other),
         }
     }

@@ -23,6 +23,18 @@ fn model(log: Decisions, config: ActionModelConfig) -> ActionModel {
     ActionModel::build(log, &metric, starts, &config, -99.0, &Silent).expect("built")
 }
 
+#[test]
+fn a_log_of_fewer_transitions_than_members_names_the_key() {
+    let log = log(6, 1, 2);
+    let metric = log.states().clone();
+    let starts = Starts { observed: metric.slice(0..1), metric: metric.slice(0..1) };
+    let config = ActionModelConfig { members: 50, ..ActionModelConfig::default() };
+    let few = ActionModel::build(log, &metric, starts, &config, -99.0, &Silent).expect_err("few");
+    let told = few.to_string();
+    assert!(told.contains("cannot be split into 50 blocks"), "{told}");
+    assert!(told.ends_with("lower control.model.members"), "{told}");
+}
+
 /// The list by the definition.
 fn plain(model: &ActionModel, member: usize, from: &[f32], action: usize) -> Vec<u32> {
     let squared = |transition: u32| {
