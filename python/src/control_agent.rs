@@ -6,6 +6,7 @@ use calib_control::{Actor, Agent, AgentConfig, Ending, Ensemble as _, Outcome, R
 use calib_core::{Bounds, Monitor, Normalised, Physical, Rng, Seed};
 use calib_files::{read_tensors, write_tensors};
 use calib_pipeline::{ActingAgent, ControlEvaluation};
+use calib_study::setting_error;
 use pyo3::{exceptions::PyValueError, prelude::*};
 use serde::{Deserialize, Serialize};
 
@@ -169,7 +170,7 @@ impl ControlAgent {
     #[new]
     fn new(model: &PyActionModel, settings: &str, seed: u64) -> PyResult<Self> {
         let settings: AgentConfig =
-            serde_json::from_str(settings).map_err(|error| errors::value(error.to_string()))?;
+            serde_json::from_str(settings).map_err(|error| errors::value(setting_error(&error)))?;
         settings.check().map_err(|error| errors::value(error.to_string()))?;
         let columns = model.described_columns();
         let actions = model.described_actions();

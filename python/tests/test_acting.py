@@ -401,7 +401,7 @@ def test_an_agent_learns_in_a_model_is_kept_and_goes_on(acting: calib_rl.ActionM
 def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, continuous: calib_rl.ActionModel, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="step_size"):
         calib_rl.ControlAgent(acting, step_size=np.float64(-1.0))
-    with pytest.raises(ValueError, match="stepsize"):
+    with pytest.raises(ValueError, match="unknown setting `stepsize`; did you mean `step_size`"):
         calib_rl.ControlAgent(acting, stepsize=1.0)
     agent = calib_rl.ControlAgent(acting)
     with pytest.raises(ValueError, match="call begin"):

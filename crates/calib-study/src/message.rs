@@ -24,6 +24,15 @@ pub(crate) fn friendly(message: &str) -> String {
     format!("unknown key `{key}`{nearest} (known keys: {})", valid.join(", "))
 }
 
+/// What is wrong with a setting that a program passed on as JSON. The place in the JSON is left out, because nobody wrote it.
+pub fn setting_error(error: &serde_json::Error) -> String {
+    let message = error.to_string();
+    let place = format!(" at line {} column {}", error.line(), error.column());
+    friendly(message.strip_suffix(&place).unwrap_or(&message))
+        .replacen("unknown key", "unknown setting", 1)
+        .replacen("(known keys:", "(known settings:", 1)
+}
+
 fn friendly_variant(message: &str) -> String {
     if message == "duplicate key" {
         return "the key is there twice; remove one of them".to_owned();
@@ -97,6 +106,18 @@ pub(crate) fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_setting_in_json_is_told_without_its_place() {
+        let told = |json: &str| {
+            let read = serde_json::from_str::<calib_control::AgentConfig>(json);
+            setting_error(&read.expect_err("no setting"))
+        };
+        let unknown = told("{\"stepsize\": 1}");
+        let start = "unknown setting `stepsize`; did you mean `step_size`? (known settings: ";
+        assert!(unknown.starts_with(start) && unknown.ends_with(')'), "{unknown}");
+        assert_eq!(told("{\"step_size\": \"a\"}"), "expected a number, got the text \"a\"");
+    }
 
     #[test]
     fn the_nearest_key_is_named() {
