@@ -100,6 +100,9 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
             assert!(process.expect("calib runs").wait().expect("a status").success());
         }
         assert_eq!(kept_runs(&shared).len(), 18);
+        let status = shared.calib(&["status", study]).succeeds();
+        let next = format!("all runs are made; next: `calib control {study}`");
+        assert!(status.contains(&next) && status.contains("by 18 of 18 runs"), "{status}");
         shared.calib(&["control", study]).ends(&[1]);
         assert!(results(&alone, folder) == results(&shared, folder), "{count} shares");
         let last = shared.calib(&["control", study, "--share", "0/2"]).succeeds();
@@ -122,6 +125,15 @@ fn shares_of_two_studies_in_one_folder_keep_their_runs() {
         let told = share(steps);
         assert!(told.contains("share 0/20: 1 run made, 0 there before, of 18 in all"), "{told}");
     }
+    for (set, own, others) in [("1500", 1, 1), ("1400", 1, 1), ("1300", 0, 2)] {
+        let set = format!("--set=control.steps={set}");
+        let told = place.calib(&["status", "pole/study.toml", &set, "--json"]).succeeds();
+        let status: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+        assert_eq!(status["control"]["runs"], serde_json::json!([own, 18]), "{status}");
+        assert_eq!(status["control"]["other_runs"], others, "{status}");
+    }
+    let status = place.calib(&["status", "pole/study.toml", "--set=control.steps=1300"]).succeeds();
+    assert!(status.contains("not counted: 2 runs of another study"), "{status}");
     let told = share("1500");
     assert!(told.contains("share 0/20: 0 runs made, 1 there before, of 18 in all"), "{told}");
     place.calib(&["control", "pole/study.toml"]).ends(&[1]);

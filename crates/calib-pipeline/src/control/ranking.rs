@@ -12,9 +12,9 @@ use serde::Serialize;
 
 use super::{
     agents::ComparedAgents,
-    files::{ControlEvaluation, VERDICT, VerdictStanding},
+    files::{ControlEvaluation, VERDICT, VerdictStanding, key},
     show::told,
-    units,
+    units::{self, StoredRuns},
 };
 
 /// How the settings of agents that act stand. It is provisional as long as runs are missing, and no verdict: nothing is said of what
@@ -23,6 +23,8 @@ use super::{
 pub(crate) struct ControlRanking {
     /// Runs that are there, and runs in all.
     pub(crate) runs: [usize; 2],
+    /// Runs that are kept beside these and are of other values of the study's keys, or on another log.
+    pub(crate) other_runs: usize,
     /// Ensemble members, of all kinds of models, in which every setting has a run. The ranking is by these.
     pub(crate) members: usize,
     /// The best first; none while no member has a run of every setting.
@@ -70,10 +72,13 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
             ..ranked(candidate, selection, super::show::name(&found, candidate))
         });
         let members = config.models.len() * config.model.members;
-        return Ok(Some(ControlRanking { runs: [all; 2], members, settings: settings.collect() }));
+        let settings = settings.collect();
+        return Ok(Some(ControlRanking { runs: [all; 2], other_runs: 0, members, settings }));
     }
-    let runs = units::stored(&job.layout().control_units());
-    if runs.is_empty() {
+    let StoredRuns { own: runs, others } = units::stored(&job.layout().control_units(), |log| {
+        key(job.study(), log, agents.program_identity())
+    })?;
+    if runs.is_empty() && others == 0 {
         return Ok(None);
     }
     let members = complete(&runs, agents.count());
@@ -88,7 +93,12 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
             .map(|candidate| ranked(candidate, &selection, told(&fields[candidate])))
             .collect();
     }
-    Ok(Some(ControlRanking { runs: [runs.len().min(all), all], members: members.len(), settings }))
+    Ok(Some(ControlRanking {
+        runs: [runs.len().min(all), all],
+        other_runs: others,
+        members: members.len(),
+        settings,
+    }))
 }
 
 /// Mean returns of the members in which every setting has as many runs, `[members][settings]`.

@@ -25,7 +25,7 @@ use super::{
     files::{self, ControlEvaluation},
     log::{self, ActionLog},
     model, page, show,
-    units::{self, RunCounts, RunFiles},
+    units::{self, RunCounts, RunFiles, RunOrigin},
 };
 
 /// From the log of decisions to the verdict.
@@ -72,12 +72,13 @@ pub(crate) fn run(
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(NoPlan));
     }
+    let origin = RunOrigin { key: key.clone(), log: log.fingerprint.clone() };
     if let Some(share) = job.policy().share {
-        let units = RunFiles::of_share(&job.layout().control_units(), &key, share)?;
+        let units = RunFiles::of_share(&job.layout().control_units(), origin, share)?;
         run_share(job, config, &log, &agents, (share, &units), printer)?;
         return Ok(StepResult::Nothing(Outcome::Done));
     }
-    let units = RunFiles::open(&job.layout().control_units(), &key)?;
+    let units = RunFiles::open(&job.layout().control_units(), origin)?;
     if job.policy().redoes() {
         units.remove()?;
     }

@@ -1,6 +1,7 @@
 //! `control-units/`: runs of a sweep that is not finished, so that it goes on from them.
 
 use std::{
+    collections::{BTreeMap, btree_map::Entry},
     fs,
     path::{Path, PathBuf},
     sync::atomic::{AtomicUsize, Ordering},
@@ -12,15 +13,15 @@ use calib_base::{
     artefact::{self, Below, DirectoryLock},
 };
 use calib_control::{ActionModelKind, ControlError, Run, RunId, RunKeeper};
-use calib_files::{read_sealed_json, remove_file, remove_known, write_sealed_json};
+use calib_files::{Fingerprint, read_sealed_json, remove_file, remove_known, write_sealed_json};
 use calib_study::Share;
 use serde::{Deserialize, Serialize};
 
 /// Runs in files of their own.
 pub(super) struct RunFiles {
     directory: PathBuf,
-    /// Of the verdict that they are for.
-    key: String,
+    /// What they follow from.
+    origin: RunOrigin,
     /// Which runs are made here; all without one.
     share: Option<Share>,
     /// Runs that were made and kept here so far.
@@ -31,41 +32,54 @@ pub(super) struct RunFiles {
     _lock: Option<DirectoryLock>,
 }
 
+/// What runs follow from.
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct RunOrigin {
+    /// Of the verdict that they are for.
+    pub(super) key: String,
+    /// The log. With it the key of a study is known without reading the log.
+    pub(super) log: Fingerprint,
+}
+
 /// A run in its file.
 #[derive(Serialize, Deserialize)]
 struct RunFile {
-    key: String,
+    origin: RunOrigin,
     run: Run,
 }
 
 impl RunFiles {
-    /// Keep runs of the verdict `key` in a folder.
+    /// Keep runs in a folder.
     ///
     /// # Errors
     /// If it cannot be written, or another process does.
-    pub(super) fn open(directory: &Path, key: &str) -> Result<Self, StepError> {
+    pub(super) fn open(directory: &Path, origin: RunOrigin) -> Result<Self, StepError> {
         let claim = DirectoryLock::new(directory, Below::Ours)?;
-        Ok(Self::with(directory, key, None, Some(claim)))
+        Ok(Self::with(directory, origin, None, Some(claim)))
     }
 
     /// Keep the runs of one share, beside other processes that keep those of theirs.
     ///
     /// # Errors
     /// If the folder cannot be written.
-    pub(super) fn of_share(directory: &Path, key: &str, share: Share) -> Result<Self, StepError> {
+    pub(super) fn of_share(
+        directory: &Path,
+        origin: RunOrigin,
+        share: Share,
+    ) -> Result<Self, StepError> {
         artefact::own(directory)?;
-        Ok(Self::with(directory, key, Some(share), None))
+        Ok(Self::with(directory, origin, Some(share), None))
     }
 
     fn with(
         directory: &Path,
-        key: &str,
+        origin: RunOrigin,
         share: Option<Share>,
         lock: Option<DirectoryLock>,
     ) -> Self {
-        let (directory, key) = (directory.to_owned(), key.to_owned());
+        let directory = directory.to_owned();
         let (made, found) = (AtomicUsize::new(0), AtomicUsize::new(0));
-        Self { directory, key, share, made, found, _lock: lock }
+        Self { directory, origin, share, made, found, _lock: lock }
     }
 
     fn path(&self, id: RunId) -> PathBuf {
@@ -76,7 +90,7 @@ impl RunFiles {
             ActionModelKind::Network => "run-network",
         };
         // Shares of another study may keep theirs in the same folder.
-        let key = short(&self.key);
+        let key = short(&self.origin.key);
         self.directory.join(format!("{of_kind}-{key}-{member}-{run}-{candidate}.json"))
     }
 
@@ -136,20 +150,46 @@ pub(super) fn remove_left(directory: &Path, key: &str) -> Result<(), StepError> 
     Ok(())
 }
 
-/// The runs in `directory` that belong to the verdict of the newest one. Another process may be at work there.
-pub(super) fn stored(directory: &Path) -> Vec<Run> {
+/// Runs in a folder.
+pub(super) struct StoredRuns {
+    /// Of the study, on the log of the newest of them.
+    pub(super) own: Vec<Run>,
+    /// How many there are of other values of its keys, or on another log.
+    pub(super) others: usize,
+}
+
+/// The runs in `directory`, where `key_on` is the key of the study's verdict on a log. Another process may be at work there.
+///
+/// # Errors
+/// Those of `key_on`.
+pub(super) fn stored(
+    directory: &Path,
+    key_on: impl Fn(&Fingerprint) -> Result<String, StepError>,
+) -> Result<StoredRuns, StepError> {
     let files = fs::read_dir(directory).into_iter().flatten().flatten();
-    let mut runs: Vec<(SystemTime, RunFile)> = files
+    let runs: Vec<(SystemTime, RunFile)> = files
         .filter(|file| is_unit(Path::new(&file.file_name())))
         .filter_map(|file| {
             let modified = file.metadata().and_then(|metadata| metadata.modified()).ok()?;
             Some((modified, read_sealed_json(&file.path()).ok()?))
         })
         .collect();
-    let newest = runs.iter().max_by_key(|(modified, _)| *modified);
-    let Some(key) = newest.map(|(_, file)| file.key.clone()) else { return Vec::new() };
-    runs.retain(|(_, file)| file.key == key);
-    runs.into_iter().map(|(_, file)| file.run).collect()
+    // There are many runs, and few keys.
+    let mut are_own: BTreeMap<&str, bool> = BTreeMap::new();
+    for (_, RunFile { origin, .. }) in &runs {
+        if let Entry::Vacant(entry) = are_own.entry(origin.key.as_str()) {
+            entry.insert(key_on(&origin.log)? == origin.key);
+        }
+    }
+    let own = runs.iter().filter(|(_, file)| are_own[file.origin.key.as_str()]);
+    let newest = own.max_by_key(|(modified, _)| *modified).map(|(_, file)| file.origin.clone());
+    let all = runs.len();
+    let own: Vec<Run> = runs
+        .into_iter()
+        .filter(|(_, file)| newest.as_ref() == Some(&file.origin))
+        .map(|(_, file)| file.run)
+        .collect();
+    Ok(StoredRuns { others: all - own.len(), own })
 }
 
 /// The digits of a key that stand in the names of its runs.
@@ -168,7 +208,7 @@ fn is_unit(path: &Path) -> bool {
 impl RunKeeper for RunFiles {
     fn known(&self, id: RunId) -> Option<Run> {
         let unit: RunFile = read_sealed_json(&self.path(id)).ok()?;
-        let is_it = unit.key == self.key && unit.run.id() == id;
+        let is_it = unit.origin == self.origin && unit.run.id() == id;
         self.found.fetch_add(usize::from(is_it), Ordering::Relaxed);
         is_it.then_some(unit.run)
     }
@@ -176,7 +216,7 @@ impl RunKeeper for RunFiles {
     fn keep(&self, run: &Run) -> Result<(), ControlError> {
         write_sealed_json(
             &self.path(run.id()),
-            &RunFile { key: self.key.clone(), run: run.clone() },
+            &RunFile { origin: self.origin.clone(), run: run.clone() },
         )?;
         self.made.fetch_add(1, Ordering::Relaxed);
         Ok(())

@@ -46,6 +46,9 @@ pub struct StudyStanding {
     pub(crate) state: Overall,
     /// Commands that are at work, or were killed.
     pub(crate) commands: Vec<Command>,
+    /// The command that ends the study, where all runs are made and none is at work.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) next: Option<String>,
     /// Seconds until all that runs is done, as far as that can be told.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) secs_left: Option<f64>,
@@ -175,7 +178,10 @@ fn of_study(job: &Job, printer: &Printer) -> Result<StudyStanding, StepError> {
     };
     let rankings = of_sweeps(&sweeps, &steps)?;
     let control = control::ranking(job)?;
+    let are_made = control.as_ref().is_some_and(|ranking| ranking.runs[0] == ranking.runs[1]);
+    let is_next = are_made && state == Overall::Waiting;
     Ok(StudyStanding {
+        next: is_next.then(|| job.command(StepKind::Control)),
         control,
         study: job.layout().study().to_owned(),
         state,

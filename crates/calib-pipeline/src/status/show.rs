@@ -37,9 +37,11 @@ fn tell_study(study: &StudyStanding, printer: &Printer) -> Result<(), StepError>
         Overall::Done => "every step is done",
         Overall::Running => "running",
         Overall::Killed => "stopped: a command was killed before its end; run it again to go on",
+        Overall::Waiting if study.next.is_some() => "all runs are made",
         Overall::Waiting => "nothing runs, and some steps are to do",
     };
-    printer.result(&format!("{}: {state}", study.study.display()))?;
+    let next = study.next.as_ref().map(|command| format!("; next: `{command}`"));
+    printer.result(&format!("{}: {state}{}", study.study.display(), next.unwrap_or_default()))?;
     for command in &study.commands {
         printer.result(&format!("  {}", command_line(command)))?;
     }
@@ -97,6 +99,12 @@ fn tell_cluster(standing: &ClusterStanding, printer: &Printer) -> Result<(), Ste
 fn tell_control(ranking: &ControlRanking, printer: &Printer) -> Result<(), StepError> {
     let [runs, all] = ranking.runs;
     let by = format!("{} of {} runs", count(runs), count(all));
+    if ranking.other_runs > 0 {
+        printer.result(&format!(
+            "not counted: {} of another study, such as one with --set",
+            counted(ranking.other_runs, "run")
+        ))?;
+    }
     if ranking.settings.is_empty() {
         return printer.result(&format!(
             "settings: no ranking yet: {by} are done, and no model has one of every setting"
