@@ -59,13 +59,17 @@ impl Decisions {
     /// Standard deviation of the discounted return from each recorded step on, in units of reward: to the end of its episode, or to
     /// where an agent's would be cut. It is the unit of what an agent has to tell apart, so temperatures and first values are
     /// proposed in it. None where all returns are alike.
+    ///
+    /// Where no recorded episode ends in a terminal, rewards count less their mean: what every step gets alike is no matter of actions,
+    /// and makes returns differ by the steps that are left before a cut. With terminals actions decide how many steps there are.
     pub fn return_spread(&self, gamma: f64, timeout: usize) -> Option<f64> {
+        let every_step = if self.terminals() == 0 { self.mean_reward() } else { 0.0 };
         let mut returns = Vec::with_capacity(self.len());
         for steps in self.episodes() {
             for part in self.rewards()[steps].chunks(timeout.max(1)) {
                 let mut rest = 0.0;
                 for &reward in part.iter().rev() {
-                    rest = f64::from(reward) + gamma * rest;
+                    rest = (f64::from(reward) - every_step) + gamma * rest;
                     returns.push(rest);
                 }
             }
@@ -74,6 +78,13 @@ impl Decisions {
         let squares: f64 = returns.iter().map(|value| (value - mean).powi(2)).sum();
         let spread = (squares / returns.len() as f64).sqrt();
         (spread.is_finite() && spread > 0.0).then_some(spread)
+    }
+
+    /// Mean reward of a recorded step; exactly the reward that all have, where they are equal.
+    pub fn mean_reward(&self) -> f64 {
+        let first = f64::from(self.rewards()[0]);
+        let beyond: f64 = self.rewards().iter().map(|&reward| f64::from(reward) - first).sum();
+        first + beyond / self.len() as f64
     }
 
     fn pieces(&self, timeout: usize) -> Vec<Piece> {
@@ -100,6 +111,11 @@ pub(crate) mod tests {
 
     /// Episodes of so many steps of −1, each of which ends in a terminal if so.
     pub(crate) fn log(episodes: &[(usize, Ending)]) -> Decisions {
+        log_of(episodes, |_| -1.0)
+    }
+
+    /// Episodes of so many steps, with the reward of each step of an episode.
+    fn log_of(episodes: &[(usize, Ending)], reward: impl Fn(usize) -> f32) -> Decisions {
         let mut actions = Vec::new();
         let mut rewards = Vec::new();
         let mut endings = Vec::new();
@@ -107,7 +123,7 @@ pub(crate) mod tests {
             actions.extend((0..steps).map(|step| Some((step % 2) as u16)));
             actions.push(None);
             rewards.push(f32::NAN);
-            rewards.extend(vec![-1.0; steps]);
+            rewards.extend((0..steps).map(&reward));
             endings.extend(vec![Ending::Continues; steps]);
             endings.push(ending);
         }
@@ -161,6 +177,22 @@ pub(crate) mod tests {
         assert_eq!(log(&[(3, END)]).return_spread(0.0, 100), None);
         // -1, -1.5.
         assert_near(log(&[(2, END)]).return_spread(0.5, 100).expect("unlike"), 0.25);
+    }
+
+    #[test]
+    fn what_every_step_gets_is_in_the_spread_only_if_actions_can_end_episodes() {
+        let spread = |ending: Ending, offset: f32| {
+            let log = log_of(&[(100, ending)], |step: usize| {
+                offset + if step.is_multiple_of(2) { 1.0 } else { -1.0 }
+            });
+            log.return_spread(1.0, 50).expect("unlike")
+        };
+        // Returns are 0 and -1 in turn.
+        assert_near(spread(ON, 0.0), 0.5);
+        assert_near(spread(ON, 100.0), 0.5);
+        assert!(spread(END, 100.0) > 1000.0, "what ends an episode loses 100 a step");
+        let constant = log_of(&[(7, ON), (3, ON)], |_| 0.1);
+        assert_eq!(constant.return_spread(0.9, 5), None, "no action changes anything");
     }
 
     #[test]

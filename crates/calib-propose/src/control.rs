@@ -87,14 +87,11 @@ impl ProposedControl {
             Some(gamma) => (gamma, "as given".to_owned()),
             None => episodes.gamma(timeout.0),
         };
-        let first = log.rewards()[0];
-        let is_constant = log.rewards().iter().all(|&reward| reward == first);
-        let spread = log.return_spread(gamma.0, timeout.0);
-        // Without terminals, only where the log is cut makes returns of equal rewards differ.
-        let spread = spread.filter(|_| !is_constant || episodes.terminals > 0);
         let beside =
             if episodes.terminals == 0 { ", and no episode ends in a terminal" } else { "" };
-        let spread = spread.ok_or(ProposeError::NothingToGain { reward: first, beside })?;
+        let spread = log.return_spread(gamma.0, timeout.0);
+        let spread =
+            spread.ok_or(ProposeError::NothingToGain { reward: log.rewards()[0], beside })?;
         let columns = log.states().columns();
         let algorithm = given.algorithm;
         let is_open = given.pairs.is_none() && algorithm.uses("pairs");
