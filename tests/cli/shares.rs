@@ -111,6 +111,8 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
     let started = control::place();
     let share = started.calib(&["control", study, "--share", "1/20"]).succeeds();
     assert!(share.contains("share 1/20: 1 run made, 0 there before, of 18 in all"), "{share}");
+    let json = started.calib(&["control", study, "--share", "1/20", "--json"]).fails(2);
+    assert!(json.contains("--json"), "a share has no verdict to print: {json}");
 }
 
 /// Both have a run with the same numbers.
