@@ -48,6 +48,8 @@ pub(crate) struct ControlAgent {
     rng: Rng,
     /// What it did last, if an episode goes on.
     last: Option<usize>,
+    /// Whether its values were no numbers once. Weights can be numbers all the same, as those of a network with infinite outputs.
+    has_diverged: bool,
 }
 
 impl ControlAgent {
@@ -55,7 +57,8 @@ impl ControlAgent {
         let seed = Seed::new(described.seed);
         let (columns, actions) = (described.columns.len(), described.actions.len());
         let agent = Agent::seeded(described.settings, columns, actions, seed.child("agent"));
-        Self { agent, rng: seed.child("actions").rng(), described, last: None }
+        let rng = seed.child("actions").rng();
+        Self { agent, rng, described, last: None, has_diverged: false }
     }
 
     /// An observation in the sensors' units as a normalised state.
@@ -114,6 +117,7 @@ impl ControlAgent {
 
     fn act(&mut self, py: Python<'_>) -> PyResult<usize> {
         let action = self.agent.act(&mut self.rng);
+        self.has_diverged |= action.is_none();
         let action = action.ok_or_else(|| errors::of_text(py, DIVERGED))?;
         self.last = Some(action);
         Ok(action)
@@ -220,14 +224,17 @@ impl ControlAgent {
         let own = seed.child("agent");
         let agent = Agent::from_tensors(settings, columns.len(), actions.len(), own, &tensors);
         let agent = agent.map_err(|error| refuse(&error.to_string()))?;
-        Ok(Self { agent, rng: seed.child("actions").rng(), described, last: None })
+        let rng = seed.child("actions").rng();
+        Ok(Self { agent, rng, described, last: None, has_diverged: false })
     }
 
     /// Write what it has learnt.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let mut tensors = self.agent.to_tensors();
-        let mut values = tensors.tensors.iter().flat_map(|tensor| &tensor.values);
-        if values.any(|value| !value.is_finite()) {
+        let mut weights = tensors.tensors.iter().flat_map(|tensor| &tensor.values);
+        let is_finite = weights.all(|weight| weight.is_finite())
+            && self.agent.values().iter().all(|value| value.is_finite());
+        if self.has_diverged || !is_finite {
             return Err(errors::of_text(py, NOT_WRITTEN));
         }
         let text = serde_json::to_string(&self.described)
@@ -322,6 +329,7 @@ impl ControlAgent {
             live(&mut watched, &mut opened.walk(member), span, Seed::new(seed))
         })?;
         if run.diverged {
+            self.has_diverged = true;
             return Err(errors::of_text(py, DIVERGED));
         }
         Ok((run.mean_return(), run.returns.len()))

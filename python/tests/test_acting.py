@@ -437,6 +437,16 @@ def test_an_agent_refuses_what_it_cannot_use(acting: calib_rl.ActionModel, conti
     assert not (tmp_path / "diverged.safetensors").exists()
 
 
+def test_a_network_that_has_diverged_is_not_written(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
+    agent, path = calib_rl.ControlAgent(acting, algorithm="deep_q_learning", step_size=1e30), tmp_path / "diverged.safetensors"
+    with pytest.raises(calib_rl.CalibError, match="has diverged"):
+        agent.train(acting, 2000)
+    # Its weights are large numbers, and their products are infinite.
+    with pytest.raises(calib_rl.CalibError, match="has diverged.* was not written; train a new one"):
+        agent.save(path)
+    assert not path.exists()
+
+
 def test_an_agent_learns_in_a_model_of_other_ranges(acting: calib_rl.ActionModel, tmp_path: Path) -> None:
     low = tank().with_columns(polars.col("level") / 2, polars.col("flow") - 1.0)
     halved = calib_rl.build_model(low, tmp_path / "low", actions=["valve0"], reward="reward", timeout=40)
