@@ -111,6 +111,11 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
     let started = control::place();
     let share = started.calib(&["control", study, "--share", "1/20"]).succeeds();
     assert!(share.contains("share 1/20: 1 run made, 0 there before, of 18 in all"), "{share}");
+    // The last run of networks, and as often as it is asked for.
+    for counts in ["1 run made, 0 there before", "0 runs made, 1 there before"] {
+        let share = started.calib(&["control", study, "--share", "17/18"]).succeeds();
+        assert!(share.contains(&format!("share 17/18: {counts}, of 18 in all")), "{share}");
+    }
     let json = started.calib(&["control", study, "--share", "1/20", "--json"]).fails(2);
     assert!(json.contains("--json"), "a share has no verdict to print: {json}");
 }

@@ -170,6 +170,27 @@ pub fn sweep<M: Ensemble>(
     sweep_keeping(model, &candidates, extent, seed, &NotKept, monitor)
 }
 
+/// The runs of a kind of models that `keeper` wants made here, in the order of members, runs and candidates. Of each member there are
+/// `runs` of each candidate.
+pub fn runs_here(
+    kind: ActionModelKind,
+    members: usize,
+    runs: usize,
+    candidates: usize,
+    keeper: &dyn RunKeeper,
+) -> Vec<RunId> {
+    let of_member = runs * candidates;
+    let all = members * of_member;
+    let first = kind as usize * all;
+    let own = (0..all).filter(|unit| keeper.has(first + unit));
+    own.map(|unit| {
+        let rest = unit % of_member;
+        let (run, candidate) = (rest / candidates, rest % candidates);
+        RunId { kind, member: unit / of_member, run, candidate }
+    })
+    .collect()
+}
+
 /// As [`sweep`], with a `keeper` of the runs: those that it knows are not made again, and those that it leaves to others are neither
 /// made nor returned.
 ///
@@ -183,26 +204,17 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
     keeper: &dyn RunKeeper,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Run>, ControlError> {
-    let candidates = agents.count();
-    let of_member = extent.runs * candidates;
-    let all = model.members() * of_member;
-    let first = model.kind() as usize * all;
-    let units: Vec<usize> = (0..all).filter(|&unit| keeper.has(first + unit)).collect();
+    let ids = runs_here(model.kind(), model.members(), extent.runs, agents.count(), keeper);
     let task = match model.kind() {
         ActionModelKind::Neighbors => "agents in neighbours",
         ActionModelKind::Increments => "agents in increments",
         ActionModelKind::Network => "agents in networks",
     };
-    monitor.begin(task, units.len() as u64);
-    units
-        .into_par_iter()
-        .map(|unit: usize| -> Result<Run, ControlError> {
+    monitor.begin(task, ids.len() as u64);
+    ids.into_par_iter()
+        .map(|id: RunId| -> Result<Run, ControlError> {
             monitor.check()?;
-            let member = unit / of_member;
-            let rest = unit % of_member;
-            let run = rest / candidates;
-            let candidate = rest % candidates;
-            let id = RunId { kind: model.kind(), member, run, candidate };
+            let RunId { kind, member, run, candidate } = id;
             if let Some(known) = keeper.known(id) {
                 monitor.advance(1);
                 return Ok(known);
@@ -211,7 +223,7 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
             let mut walk = model.walk(member);
             let life = agents.live(candidate, &mut walk, extent.span, seed, monitor)?;
             let lived = Run {
-                kind: model.kind(),
+                kind,
                 member,
                 run,
                 candidate,

@@ -108,6 +108,32 @@ fn a_sweep_goes_on_from_what_was_kept() {
 }
 
 #[test]
+fn runs_of_kinds_are_divided_without_their_models() {
+    /// One of nine.
+    struct Ninth;
+    impl RunKeeper for Ninth {
+        fn known(&self, _: RunId) -> Option<Run> {
+            None
+        }
+        fn keep(&self, _: &Run) -> Result<(), ControlError> {
+            Ok(())
+        }
+        fn has(&self, number: usize) -> bool {
+            number % 9 == 8
+        }
+    }
+    // Numbers 0 to 5 are runs of neighbours, 6 to 11 of increments, 12 to 17 of networks.
+    let [of_neighbors, of_increments, of_network] =
+        ActionModelKind::ALL.map(|kind| runs_here(kind, 3, 1, 2, &Ninth));
+    assert!(of_neighbors.is_empty());
+    let kind = ActionModelKind::Increments;
+    assert_eq!(of_increments, [RunId { kind, member: 1, run: 0, candidate: 0 }]);
+    let kind = ActionModelKind::Network;
+    assert_eq!(of_network, [RunId { kind, member: 2, run: 0, candidate: 1 }]);
+    assert_eq!(runs_here(kind, 3, 4, 2, &NotKept).len(), 24);
+}
+
+#[test]
 fn a_trajectory_is_the_end_of_the_first_run() {
     let model = small_model();
     let grid = Grid { step_size: Some(vec![0.01, 0.1]), ..Grid::default() };

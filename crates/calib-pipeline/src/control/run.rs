@@ -10,7 +10,7 @@ use calib_control::{
     ControlConfig, ControlError, Decisions, Distance, Doubt, Ensemble, Extent, IncrementModel,
     Increments, NetworkModel, PAIRED_COLUMNS, ProposedSettings, Question, Run, RunLength, Support,
     constant_returns, fitted_q_evaluation, importance_sampling, is_beyond_returns, is_random,
-    judge, sweep_keeping, trajectory,
+    judge, runs_here, sweep_keeping, trajectory,
 };
 use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
@@ -438,6 +438,14 @@ fn swept(
     };
     let mut swept = SweptSettings { runs: Vec::new(), constants: Vec::new() };
     for &kind in &config.models {
+        if !units.are_all() {
+            // A share that needs no run of a kind needs no models of it either. Networks take the longest.
+            let ids = runs_here(kind, model.members(), config.runs, agents.count(), units);
+            if let Some(runs) = units.all_kept(&ids) {
+                swept.runs.extend(runs);
+                continue;
+            }
+        }
         match kind {
             ActionModelKind::Neighbors => {
                 swept.add(model, &question)?;

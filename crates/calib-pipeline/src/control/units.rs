@@ -94,6 +94,19 @@ impl RunFiles {
         self.directory.join(format!("{of_kind}-{key}-{member}-{run}-{candidate}.json"))
     }
 
+    /// A run, if it was kept for this verdict.
+    fn kept(&self, id: RunId) -> Option<Run> {
+        let unit: RunFile = read_sealed_json(&self.path(id)).ok()?;
+        (unit.origin == self.origin && unit.run.id() == id).then_some(unit.run)
+    }
+
+    /// All of these runs, if each was kept for this verdict. They then count as found.
+    pub(super) fn all_kept(&self, ids: &[RunId]) -> Option<Vec<Run>> {
+        let runs: Vec<Run> = ids.iter().map(|&id| self.kept(id)).collect::<Option<_>>()?;
+        self.found.fetch_add(runs.len(), Ordering::Relaxed);
+        Some(runs)
+    }
+
     /// Whether all runs are made here.
     pub(super) fn are_all(&self) -> bool {
         self.share.is_none()
@@ -207,10 +220,9 @@ fn is_unit(path: &Path) -> bool {
 
 impl RunKeeper for RunFiles {
     fn known(&self, id: RunId) -> Option<Run> {
-        let unit: RunFile = read_sealed_json(&self.path(id)).ok()?;
-        let is_it = unit.origin == self.origin && unit.run.id() == id;
-        self.found.fetch_add(usize::from(is_it), Ordering::Relaxed);
-        is_it.then_some(unit.run)
+        let run = self.kept(id)?;
+        self.found.fetch_add(1, Ordering::Relaxed);
+        Some(run)
     }
 
     fn keep(&self, run: &Run) -> Result<(), ControlError> {
