@@ -209,6 +209,10 @@ fn mistakes_in_rewards_and_grids_name_the_key() {
             "control.reward[1].set_point: the log has no column plaace; did you mean place?",
         ),
         (
+            "reward=[{ column = 'angle' }, { column = 'angle', low = 1.0, high = 0.5 }]",
+            "`reward[1].low` is 1, expected at most what `high` is",
+        ),
+        (
             "reward=[{ column = 'qqq' }]",
             "control.reward[0].column: the log has no column qqq; give one of its columns",
         ),

@@ -80,6 +80,17 @@ pub enum ControlError {
         /// A key that cannot stand beside it.
         second: &'static str,
     },
+    /// A term of the reward that is always nought.
+    #[error(
+        "the set-point of reward[{term}] is its own column, {column}, from which it never differs; name the column that holds the set-point, or \
+         leave set_point out"
+    )]
+    OwnSetPoint {
+        /// Its number, from 0.
+        term: usize,
+        /// The column.
+        column: String,
+    },
     /// More different actions than are allowed.
     #[error(
         "the log has more than {most} different actions; if a column of them is continuous, set control.levels (7, say), else round it, or raise \

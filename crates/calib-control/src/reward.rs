@@ -260,6 +260,16 @@ impl Term {
             let got = self.power.into();
             return Err(ControlError::Term { term: place, key: "power", got, expected });
         }
+        if let (Some(low), Some(high)) = (self.low, self.high)
+            && low > high
+        {
+            let expected = "at most what `high` is: between them nothing counts";
+            return Err(ControlError::Term { term: place, key: "low", got: low, expected });
+        }
+        if self.set_point_column() == Some(&self.column) {
+            let column = self.column.clone();
+            return Err(ControlError::OwnSetPoint { term: place, column });
+        }
         let keys = [
             ("change", self.change),
             ("set_point", self.set_point.is_some()),
@@ -335,13 +345,18 @@ impl Reward {
         rewards.into_iter().map(|reward| reward as f32).collect()
     }
 
-    /// Check that there is a term, that numbers are finite, and that no term means two things.
+    /// Check that there is a term with a weight, that numbers are finite, and that every term means one thing.
     pub(crate) fn check(&self) -> Result<(), ControlError> {
         let Self::Terms(terms) = self else { return Ok(()) };
         if terms.is_empty() {
             return Err(ControlError::EmptyReward);
         }
-        terms.iter().enumerate().try_for_each(|(place, term)| term.check(place))
+        terms.iter().enumerate().try_for_each(|(place, term)| term.check(place))?;
+        if terms.iter().all(|term| term.weight == 0.0) {
+            let expected = "another number in at least one term, for every reward would be 0";
+            return Err(ControlError::Term { term: 0, key: "weight", got: 0.0, expected });
+        }
+        Ok(())
     }
 }
 
@@ -470,6 +485,22 @@ mod tests {
         assert_eq!(reward.key_of("sp").as_deref(), Some("reward[1].set_point"));
         assert_eq!(reward.key_of("z"), None);
         assert_eq!(read("'x'").key_of("x").as_deref(), Some("reward"));
+    }
+
+    #[test]
+    fn terms_that_make_no_sense_are_refused() {
+        let refused = |text: &str| read(text).check().expect_err(text).to_string();
+        let told = refused("[{ column = 'x' }, { column = 'x', low = 3, high = 2 }]");
+        assert!(
+            told.starts_with("`reward[1].low` is 3, expected at most what `high` is"),
+            "{told}"
+        );
+        assert!(read("[{ column = 'x', low = 2, high = 2 }]").check().is_ok());
+        let told = refused("[{ column = 'y' }, { column = 'x', set_point = 'x' }]");
+        assert!(told.starts_with("the set-point of reward[1] is its own column, x"), "{told}");
+        let told = refused("[{ column = 'x', weight = 0 }]");
+        assert!(told.starts_with("`reward[0].weight` is 0, expected another number"), "{told}");
+        assert!(read("[{ column = 'x', weight = 0 }, { column = 'y' }]").check().is_ok());
     }
 
     #[test]
