@@ -163,6 +163,9 @@ fn an_empty_reward_ends_an_episode_and_is_told_with_its_time() {
     let told = inspected.succeeds();
     assert!(told.contains("38 transitions in 2 episodes"), "{told}");
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
+    let weight = "--set=control.reward=[{ column = \"gain\", weight = 1e39 }]";
+    let told = place.calib(&["inspect", "study.toml", weight]).stderr();
+    assert!(told.contains("rewards are infinite or too large for single precision"), "{told}");
 }
 
 /// A controller that was switched to automatic mode for two rows.

@@ -31,9 +31,18 @@ pub struct DecisionRows {
     /// Of what was decided, `[rows]`; none where it was not logged.
     pub probabilities: Option<Vec<f64>>,
     /// Rows of the log to which an action leads and which have no reward.
-    pub without_reward: Vec<usize>,
+    pub without_reward: RowsWithoutReward,
     /// Decisions of more than a row, after which another action was set before the next one.
     pub changed: ChangedDecisions,
+}
+
+/// Rows of a log, ascending, that have no reward from which an agent could learn.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RowsWithoutReward {
+    /// Those in which a value is missing.
+    pub missing: Vec<usize>,
+    /// Those whose reward is infinite in single precision.
+    pub infinite: Vec<usize>,
 }
 
 /// Decisions after which another action was set before the next one.
@@ -103,6 +112,9 @@ impl DecisionRows {
         let log = LogRows { acted, rewards, endings, probabilities };
         let without_reward =
             rows_without_reward(segments, |row| log.leads_on(row), |row| log.has_reward(row));
+        let (infinite, missing) =
+            without_reward.into_iter().partition(|&row| log.rewards[row].is_infinite());
+        let without_reward = RowsWithoutReward { missing, infinite };
         if config.every > 1 {
             return Self::thinned(&log, config, segments, without_reward);
         }
@@ -124,7 +136,7 @@ impl DecisionRows {
         log: &LogRows,
         config: &ControlConfig,
         segments: &Segments,
-        without_reward: Vec<usize>,
+        without_reward: RowsWithoutReward,
     ) -> Result<Self, ControlError> {
         let every = config.every;
         let tolerances = tolerances(&log.acted, config.levels);
@@ -365,6 +377,17 @@ mod tests {
         let lagged = DecisionRows::new(&config, recorded, &segments).expect("rows");
         assert_eq!(lagged.rewards[1..], [1.0, 2.0]);
         assert_eq!(lagged.probabilities.expect("logged")[..2], [0.1, 0.2]);
+    }
+
+    #[test]
+    fn rewards_that_are_infinite_are_not_missing() {
+        let text = "actions = ['valve']\nreward = 'gain'";
+        let config: ControlConfig = toml::from_str(text).expect("valid");
+        let gain = vec![0.0, 1.0, 1e39, NONE, -f64::INFINITY, 3e38];
+        let segments = Segments::from_lengths([6]).expect("rows");
+        let log = DecisionRows::new(&config, vec![vec![1.0; 6], gain], &segments).expect("rows");
+        let expected = RowsWithoutReward { missing: vec![3], infinite: vec![2, 4] };
+        assert_eq!(log.without_reward, expected);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use calib_base::{
 };
 use calib_control::{
     ActionModel, ChangedDecisions, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
-    Ending, Levels, Settings, StartRows, Starts,
+    Ending, Levels, RowsWithoutReward, Settings, StartRows, Starts,
 };
 use calib_core::{Bounds, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, TextFound, entry_of, format_time};
@@ -163,18 +163,30 @@ fn tell_texts(config: &ControlConfig, texts: &[TextFound], printer: &Printer) {
     }
 }
 
-/// Say where a reward is missing: no model can know it, and episodes end before such rows.
+/// Say where a reward is missing or infinite: no agent can learn from it, and episodes end before such rows.
 fn tell_missing_rewards(frames: &Frames, rows: &DecisionRows, printer: &Printer) {
-    let missing = &rows.without_reward;
-    let Some(&first) = missing.first() else { return };
-    let counted = match missing.len() {
-        1 => "1 row has".to_owned(),
-        many => format!("{} rows have", count(many)),
-    };
-    printer.warn(&format!(
-        "{counted} no reward though an action leads there, the first at {}: an episode ends before each. Rewards are never filled in",
-        format_time(frames.timestamps()[first])
-    ));
+    let RowsWithoutReward { missing, infinite } = &rows.without_reward;
+    if let Some(&first) = missing.first() {
+        let counted = match missing.len() {
+            1 => "1 row has".to_owned(),
+            many => format!("{} rows have", count(many)),
+        };
+        printer.warn(&format!(
+            "{counted} no reward though an action leads there, the first at {}: an episode ends before each. Rewards are never filled in",
+            format_time(frames.timestamps()[first])
+        ));
+    }
+    if let Some(&first) = infinite.first() {
+        let counted = match infinite.len() {
+            1 => "1 reward is".to_owned(),
+            many => format!("{} rewards are", count(many)),
+        };
+        printer.warn(&format!(
+            "{counted} infinite or too large for single precision (beyond 3.4e38), the first at {}: an episode ends before each. Correct the \
+             log, or give the column a smaller weight in control.reward",
+            format_time(frames.timestamps()[first])
+        ));
+    }
 }
 
 /// Say how often agents decide, where that is not in every row, and whether the plant was operated like that.
