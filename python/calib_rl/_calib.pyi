@@ -185,6 +185,7 @@ class ActionModel:
         /,
         runs: str,
         settings: list[str],
+        fields: list[list[tuple[str, str]]],
         default: int | None,
         timeout: int,
         most_uncovered: float | None,

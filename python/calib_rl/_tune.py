@@ -566,6 +566,7 @@ class _Work:
             self.model._native.judge(
                 json.dumps(runs),
                 [label(setting) for setting in compared],
+                [[(name, _short(value)) for name, value in setting.items()] for setting in compared],
                 standard,
                 timeout,
                 limits["most_uncovered"],

@@ -317,15 +317,16 @@ impl PyActionModel {
         })
     }
 
-    /// What runs of agents in the members say, as JSON: `runs` is a JSON list of them, `settings` what each setting is called, and
-    /// `constants` a JSON list of what constant actions get in each kind of model.
-    #[pyo3(signature = (runs, settings, default, timeout, most_uncovered, fewest_terminals, resamples, seed, constants))]
+    /// What runs of agents in the members say, as JSON: `runs` is a JSON list of them, `settings` what each setting is called, `fields` the
+    /// arguments of each with their values, and `constants` a JSON list of what constant actions get in each kind of model.
+    #[pyo3(signature = (runs, settings, fields, default, timeout, most_uncovered, fewest_terminals, resamples, seed, constants))]
     #[expect(clippy::too_many_arguments, reason = "what decides about a verdict")]
     fn judge(
         &self,
         py: Python<'_>,
         runs: &str,
         settings: Vec<String>,
+        fields: Vec<Vec<(String, String)>>,
         default: Option<usize>,
         timeout: usize,
         most_uncovered: Option<f64>,
@@ -356,6 +357,7 @@ impl PyActionModel {
         let advice = Advice {
             verdict: &verdict,
             settings: &settings,
+            fields: &fields,
             actions: &names.actions,
             columns: &columns,
             vocabulary: PYTHON,

@@ -49,6 +49,12 @@ pub const PYTHON: Vocabulary = Vocabulary {
     add_settings: "Add values to the grid.",
 };
 
+/// Fewest different numbers of a field of which one at the end says that better ones may lie beyond it. Of two each is at an end.
+const FEWEST_NUMBERS: usize = 3;
+
+/// Fields whose numbers end at 1.
+const AT_MOST_ONE: [&str; 3] = ["epsilon", "lambda", "gamma"];
+
 /// A verdict, and what everything in it is called.
 #[derive(Clone, Copy, Debug)]
 pub struct Advice<'a> {
@@ -56,6 +62,8 @@ pub struct Advice<'a> {
     pub verdict: &'a ReturnVerdict,
     /// What distinguishes each setting.
     pub settings: &'a [String],
+    /// The swept fields that decide something in each setting, with their values.
+    pub fields: &'a [Vec<(String, String)>],
     /// Actions by number.
     pub actions: &'a [String],
     /// Columns of the states.
@@ -197,6 +205,7 @@ impl Advice<'_> {
         if !self.has_diverged() {
             lines.extend(self.kinds());
         }
+        lines.extend(self.at_ends());
         lines.extend(verdict.constant.as_ref().map(|constant| self.beside_constant(constant)));
         lines.extend(verdict.random_actions.as_ref().map(beside_random_actions));
         let recorded = verdict.behaviour;
@@ -238,6 +247,40 @@ impl Advice<'_> {
         members.peek().is_some()
             && members
                 .all(|returns| returns.windows(2).all(|pair| pair[0].total_cmp(&pair[1]).is_eq()))
+    }
+
+    /// Which numbers of the choice are the largest or smallest of the grid, where settings differ in what they get.
+    fn at_ends(&self) -> Option<String> {
+        if self.is_arbitrary() {
+            return None;
+        }
+        let chosen = self.fields.get(self.verdict.chosen)?.iter();
+        let ends: Vec<String> =
+            chosen.filter_map(|(field, value)| self.at_end(field, value)).collect();
+        let told =
+            format!("At the end of the grid: {}. Settings beyond may be better.", listed(&ends));
+        (!ends.is_empty()).then_some(told)
+    }
+
+    /// Which end of the grid `value` is in `field`, if it is one. A number of 0, such as a temperature, has nothing below it.
+    fn at_end(&self, field: &str, value: &str) -> Option<String> {
+        let own = finite(value)?;
+        let all = self.fields.iter().flatten().filter(|(other, _)| other == field);
+        let mut numbers: Vec<f64> = all.map(|(_, value)| finite(value)).collect::<Option<_>>()?;
+        numbers.sort_by(f64::total_cmp);
+        numbers.dedup();
+        if numbers.len() < FEWEST_NUMBERS {
+            return None;
+        }
+        let is_last = AT_MOST_ONE.contains(&field) && own >= 1.0;
+        let end = if numbers.iter().all(|&number| number <= own) && !is_last {
+            "largest"
+        } else if own > 0.0 && numbers.iter().all(|&number| number >= own) {
+            "smallest"
+        } else {
+            return None;
+        };
+        Some(format!("{field}={value} ({end})"))
     }
 
     /// What each kind of model alone would choose, where there are several.
@@ -356,6 +399,11 @@ impl Advice<'_> {
     }
 }
 
+/// The finite number that a value is, if it is one.
+fn finite(value: &str) -> Option<f64> {
+    value.parse().ok().filter(|number: &f64| number.is_finite())
+}
+
 /// What actions at random would get.
 fn beside_random_actions(random: &RandomActions) -> String {
     let over = more_than_that(random.over.as_ref());
@@ -438,8 +486,14 @@ mod tests {
         let settings = ["a=1", "a=2"].map(str::to_owned);
         let actions = &["off".to_owned()];
         let columns = &["level".to_owned()];
-        let advice =
-            Advice { verdict: &verdict, settings: &settings, actions, columns, vocabulary };
+        let advice = Advice {
+            verdict: &verdict,
+            settings: &settings,
+            fields: &[],
+            actions,
+            columns,
+            vocabulary,
+        };
         assert_eq!(advice.reasons().len(), verdict.doubts.len());
         assert!(advice.findings().iter().any(|line| line.starts_with("Not covered by the log: 2")));
         advice.decision()
@@ -477,6 +531,7 @@ mod tests {
         let advice = Advice {
             verdict: &verdict,
             settings: &settings,
+            fields: &[],
             actions: &[],
             columns: &[],
             vocabulary: STUDY,
@@ -507,6 +562,7 @@ mod tests {
         let advice = Advice {
             verdict: &verdict,
             settings: &settings,
+            fields: &[],
             actions: &[],
             columns: &[],
             vocabulary: STUDY,
@@ -531,6 +587,7 @@ mod tests {
         let tied = Advice {
             verdict: &verdict,
             settings: &settings,
+            fields: &[],
             actions: &[],
             columns: &[],
             vocabulary: STUDY,
@@ -555,6 +612,7 @@ mod tests {
             let advice = Advice {
                 verdict: &verdict,
                 settings: &settings,
+                fields: &[],
                 actions: &[],
                 columns: &[],
                 vocabulary: STUDY,
@@ -568,6 +626,63 @@ mod tests {
         assert!(alone.contains("that it learns anything of use is not shown; record"), "{alone}");
     }
 
+    /// What is said of the ends of a grid of these settings, of which number 1 is chosen.
+    fn told_of_ends(settings: [&[(&str, &str)]; 4], doubts: &serde_json::Value) -> Vec<String> {
+        let mut verdict = verdict(doubts);
+        verdict.coverage = vec![verdict.coverage[0]; 4];
+        let fields = settings.map(|fields| -> Vec<(String, String)> {
+            fields.iter().map(|&(field, value)| (field.to_owned(), value.to_owned())).collect()
+        });
+        let names = ["a", "b", "c", "d"].map(str::to_owned);
+        let advice = Advice {
+            verdict: &verdict,
+            settings: &names,
+            fields: &fields,
+            actions: &[],
+            columns: &[],
+            vocabulary: STUDY,
+        };
+        let mut found = advice.findings();
+        found.retain(|line| line.starts_with("At the end of the grid"));
+        found
+    }
+
+    #[test]
+    fn a_choice_at_the_end_of_the_grid_is_told() {
+        let none = json!([]);
+        let sizes = ["0.003", "0.3", "0.03", "0.03"].map(|value| [("step_size", value)]);
+        let told = told_of_ends(sizes.each_ref().map(|fields| &fields[..]), &none);
+        let expected =
+            "At the end of the grid: step_size=0.3 (largest). Settings beyond may be better.";
+        assert_eq!(told, [expected]);
+        let alike = json!([{ "reason": "not_told_apart" }]);
+        let told = told_of_ends(sizes.each_ref().map(|fields| &fields[..]), &alike);
+        assert!(told.is_empty(), "which is chosen is chance: {told:?}");
+        // A setting of another algorithm has no temperature.
+        let smallest: [&[(&str, &str)]; 4] = [
+            &[("algorithm", "q_learning")],
+            &[("temperature", "1e-1"), ("step_size", "3")],
+            &[("temperature", "1"), ("step_size", "2")],
+            &[("temperature", "10"), ("step_size", "1")],
+        ];
+        let told = told_of_ends(smallest, &none);
+        let expected = "At the end of the grid: temperature=1e-1 (smallest) and step_size=3 (largest). Settings beyond may be better.";
+        assert_eq!(told, [expected]);
+        for values in [
+            // In the middle; of two numbers; with nothing beyond them; no numbers.
+            ["0.003", "0.01", "0.03", "0.3"],
+            ["0.1", "0.3", "0.1", "0.3"],
+            ["8", "0", "16", "4"],
+            ["small", "2", "1", "3"],
+        ] {
+            let fields = values.map(|value| [("weight", value)]);
+            let told = told_of_ends(fields.each_ref().map(|fields| &fields[..]), &none);
+            assert!(told.is_empty(), "{told:?}");
+        }
+        let discounts = ["0.9", "1", "0.99", "0.5"].map(|value| [("gamma", value)]);
+        assert!(told_of_ends(discounts.each_ref().map(|fields| &fields[..]), &none).is_empty());
+    }
+
     #[test]
     fn arguments_have_the_names_of_the_language() {
         let verdict = verdict(&json!([{ "reason": "few_terminals", "terminals": 1 }]));
@@ -576,6 +691,7 @@ mod tests {
             Advice {
                 verdict: &verdict,
                 settings: &settings,
+                fields: &[],
                 actions: &[],
                 columns: &[],
                 vocabulary,

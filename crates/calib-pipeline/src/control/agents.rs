@@ -38,6 +38,14 @@ pub enum ActingAgent {
 }
 
 impl ActingAgent {
+    /// Whether a swept field decides anything.
+    pub(super) fn uses(&self, field: &str) -> bool {
+        match self {
+            Self::Own(agent) => agent.algorithm.uses(field),
+            Self::Program { .. } => true,
+        }
+    }
+
     /// What the user calls what decides about a verdict on such agents.
     pub(super) fn vocabulary(&self) -> Vocabulary {
         match self {

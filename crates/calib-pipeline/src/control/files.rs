@@ -125,9 +125,18 @@ impl ControlEvaluation {
             (0..self.candidates.len()).map(|candidate| name(self, candidate)).collect();
         let actions: Vec<String> =
             self.log.actions.iter().map(|action| action.name.clone()).collect();
+        let fields: Vec<Vec<(String, String)>> = self
+            .candidates
+            .iter()
+            .zip(&self.fields)
+            .map(|(agent, fields)| -> Vec<(String, String)> {
+                fields.iter().filter(|(field, _)| agent.uses(field)).cloned().collect()
+            })
+            .collect();
         words(Advice {
             verdict: &self.verdict,
             settings: &settings,
+            fields: &fields,
             actions: &actions,
             columns: &self.log.columns,
             vocabulary: self.candidates.first().map_or(STUDY, ActingAgent::vocabulary),
