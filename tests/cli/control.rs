@@ -433,6 +433,7 @@ fn a_plant_that_somebody_operates_is_logged_and_inspected() {
         "taken where",
         "for agents that act: 1,500 transitions",
         "; states of 4 columns, without what they do and get",
+        " a step; recorded episodes: mean return ",
     ] {
         assert!(told.contains(part), "{part} is missing in {told}");
     }

@@ -6,7 +6,7 @@ use calib_study::Job;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::control::{self, ActionLogSummary};
+use crate::control::{self, InspectedActions};
 
 /// What was found in a log.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -14,9 +14,9 @@ pub struct Inspection {
     /// Its rows, channels, gaps and oddities, and the states that it gives.
     #[serde(flatten)]
     pub profile: Profile,
-    /// What a log of decisions did; of a study with `[control]`.
+    /// What a log of decisions did and got; of a study with `[control]`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub control: Option<ActionLogSummary>,
+    pub control: Option<InspectedActions>,
     /// What becomes of rows that contradict each other.
     #[serde(skip)]
     contradictions: Contradictions,

@@ -80,8 +80,8 @@ pub use cluster::{
     MergedSweeps, SubmittedPlan,
 };
 pub use control::{
-    ActingAgent, ActionLogSummary, Advice, ControlColumn, ControlEvaluation, ControlModel,
-    ControlNames, PYTHON, SimulateTask, SimulatedTask, Vocabulary,
+    ActingAgent, Advice, ControlColumn, ControlEvaluation, ControlModel, ControlNames,
+    InspectedActions, PYTHON, SimulateTask, SimulatedTask, Vocabulary,
 };
 pub use each::{PartResult, Results};
 pub use inspect::{Inspection, inspect_deployments};

@@ -12,7 +12,7 @@ const PARTS: usize = 5;
 
 /// A log of decisions, as told.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
-pub struct ActionLogSummary {
+pub(super) struct ActionLogSummary {
     /// What the actions are called, and how the log has them.
     pub(super) actions: Vec<ActionTold>,
     /// What was set, where actions are continuous; the actions are then levels of it, each with the transitions that are nearest to it.

@@ -1,18 +1,67 @@
 use calib_base::{
     StepError,
-    output::{Printer, counted},
+    output::{Printer, counted, significant},
 };
-use calib_control::{ActionModel, Distance};
+use calib_control::{ActionModel, ControlConfig, Decisions, Distance};
 use calib_model_steps::represent::decisions;
 use calib_study::Job;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::{
     described::{ActionLogSummary, described},
     log, show,
 };
 
-/// What the log of a study with `[control]` did, in which states, and where it says what an action does; nothing of another study.
-pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<ActionLogSummary>, StepError> {
+/// A log of decisions before anything learns from it.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct InspectedActions {
+    /// What was done, and where the log says what an action does.
+    #[serde(flatten)]
+    log: ActionLogSummary,
+    /// What came of it.
+    reward: RewardSummary,
+}
+
+/// Rewards of a log of decisions, in their unit.
+#[derive(Debug, Serialize, JsonSchema)]
+struct RewardSummary {
+    /// Mean of a step.
+    mean: f64,
+    /// The least of a step.
+    least: f64,
+    /// The largest of a step.
+    largest: f64,
+    /// Mean return of recorded episodes, cut after `control.timeout` steps.
+    mean_return: f64,
+}
+
+impl RewardSummary {
+    fn of_log(log: &Decisions, config: &ControlConfig) -> Result<Self, StepError> {
+        let rewards = || log.rewards().iter().copied().map(f64::from);
+        Ok(Self {
+            mean: log.mean_reward(),
+            least: rewards().fold(f64::INFINITY, f64::min),
+            largest: rewards().fold(f64::NEG_INFINITY, f64::max),
+            mean_return: log.recorded_return(config.timeout.min(config.steps))?.mean,
+        })
+    }
+
+    /// "reward: mean 1.20, from 0 to 3.00 a step; recorded episodes: mean return 36.0".
+    fn line(&self) -> String {
+        let Self { mean, least, largest, mean_return } = self;
+        format!(
+            "reward: mean {}, from {} to {} a step; recorded episodes: mean return {}",
+            significant(*mean),
+            significant(*least),
+            significant(*largest),
+            significant(*mean_return)
+        )
+    }
+}
+
+/// What the log of a study with `[control]` did and got, in which states, and where it says what an action does; nothing of another study.
+pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<InspectedActions>, StepError> {
     let Some(config) = &job.study().control else { return Ok(None) };
     let log = log::read(job, config, printer)?;
     let plain = || (Distance::Euclidean, log.decisions.states().clone());
@@ -28,27 +77,31 @@ pub(crate) fn inspect(job: &Job, printer: &Printer) -> Result<Option<ActionLogSu
     };
     log::require_model(&log.decisions, config)?;
     let starts = log::starts(&log.decisions, &metric, config.start)?;
+    let reward = RewardSummary::of_log(&log.decisions, config)?;
     let worst = config.worst_return.unwrap_or(0.0);
     let progress = printer.progress();
     let model =
         ActionModel::build(log.decisions, &metric, starts, &config.model, worst, &progress)?;
-    described(&model, distance, &log.names).map(Some)
+    let log = described(&model, distance, &log.names)?;
+    Ok(Some(InspectedActions { log, reward }))
 }
 
-impl ActionLogSummary {
+impl InspectedActions {
     /// Show it to people.
     ///
     /// # Errors
     /// If nothing can be printed.
     pub fn show(&self, printer: &Printer) -> Result<(), StepError> {
-        let columns = counted(self.columns.len(), "column");
+        let Self { log, reward } = self;
+        let columns = counted(log.columns.len(), "column");
         printer.result("")?;
         printer.result(&format!(
             "for agents that act: {}; states of {columns}, without what they do and get",
-            show::line(self)
+            show::line(log)
         ))?;
-        printer.lines(&show::actions(self))?;
-        printer.lines(&show::states(self))?;
+        printer.result(&reward.line())?;
+        printer.lines(&show::actions(log))?;
+        printer.lines(&show::states(log))?;
         Ok(())
     }
 }

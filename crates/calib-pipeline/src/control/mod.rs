@@ -18,9 +18,9 @@ mod units;
 
 pub use advice::{Advice, PYTHON, Vocabulary};
 pub use agents::ActingAgent;
-pub use described::ActionLogSummary;
 pub use files::ControlEvaluation;
 pub(crate) use files::{ControlSummary, VerdictStanding};
+pub use inspect::InspectedActions;
 pub(crate) use inspect::inspect;
 pub(crate) use log::{ActionLog, read as read_log};
 pub(crate) use model::build;
