@@ -1,0 +1,250 @@
+use calib_control::{ActionModelKind, KindReturns};
+use serde_json::json;
+
+use super::*;
+
+/// Setting 1 is chosen, 0 is the default.
+fn verdict(doubts: &serde_json::Value) -> ReturnVerdict {
+    let coverage = json!({ "steps": 100, "missing": 1, "far": 1 });
+    let difference = json!({ "mean": 2.0, "interval": null, "clusters": [1, 1] });
+    serde_json::from_value(json!({
+        "rule": "mean_rank",
+        "chosen": 1,
+        "default": 0,
+        "selection": {
+            "chosen": 1, "tie_set": [1], "worst_ranks": [2, 1], "mean_ranks": [2.0, 1.0],
+            "mean_errors": [1.0, 3.0], "ranks": [[2, 1]],
+        },
+        "kinds": [],
+        "members": [],
+        "over_default": difference,
+        "over_random": difference,
+        "chosen_of_resamples": [0, 10],
+        "behaviour": { "mean": 1.0, "interval": null, "episodes": 4.0, "best": null, "worst": null },
+        "coverage": [coverage, coverage],
+        "drift": { "episodes": 0, "sums": [], "squares": [] },
+        "doubts": doubts,
+    }))
+    .expect("a verdict")
+}
+
+fn decision(doubts: &serde_json::Value, vocabulary: Vocabulary) -> Decision {
+    let verdict = verdict(doubts);
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    let actions = &["off".to_owned()];
+    let columns = &["level".to_owned()];
+    let advice = Advice {
+        verdict: &verdict,
+        settings: &settings,
+        fields: &[],
+        actions,
+        columns,
+        vocabulary,
+    };
+    assert_eq!(advice.reasons().len(), verdict.doubts.len());
+    assert!(advice.findings().iter().any(|line| line.starts_with("Not covered by the log: 2")));
+    advice.decision()
+}
+
+#[test]
+fn a_setting_is_named_where_nothing_should_be_deployed() {
+    let promise = json!({ "reason": "below_recorded", "promised": 3.0, "recorded": 4.0 });
+    let alike = json!({ "reason": "not_better_than_default" });
+    let ahead = decision(&json!([promise]), STUDY);
+    assert_eq!(ahead.headline, "Deploy nothing on this evidence.");
+    let named = "If agents learn here all the same, use a=2. It is first by mean rank";
+    assert!(ahead.plain.starts_with(&format!("{named}, and clearly ahead")), "{ahead:?}");
+    let behind = decision(&json!([promise, alike]), STUDY);
+    assert_eq!((behind.support, &behind.headline), (Support::Unsupported, &ahead.headline));
+    assert!(behind.plain.starts_with(&format!("{named}. Why not")), "{behind:?}");
+    let arbitrary = decision(&json!([promise, { "reason": "not_told_apart" }]), STUDY);
+    assert!(arbitrary.plain.starts_with("First by mean rank is a=2."), "{arbitrary:?}");
+    let kept = decision(&json!([alike]), PYTHON);
+    assert_eq!(
+        (kept.support, kept.headline.as_str()),
+        (Support::KeepDefault, "Keep the default: a=1.")
+    );
+    let supported = decision(&json!([]), PYTHON);
+    assert_eq!(
+        (supported.support, supported.headline.as_str()),
+        (Support::Supported, "Deploy a=2.")
+    );
+}
+
+#[test]
+fn a_default_that_ranks_first_is_kept_without_a_doubt() {
+    let verdict = ReturnVerdict { default: Some(1), ..verdict(&json!([])) };
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    let advice = Advice {
+        verdict: &verdict,
+        settings: &settings,
+        fields: &[],
+        actions: &[],
+        columns: &[],
+        vocabulary: STUDY,
+    };
+    let kept = advice.decision();
+    assert_eq!(
+        (kept.support, kept.headline.as_str()),
+        (Support::Supported, "Keep the default: a=2.")
+    );
+    assert!(verdict.is_supported() && advice.reasons().is_empty());
+}
+
+/// What one member of a kind says of four settings.
+fn of_kind(kind: ActionModelKind, returns: [f64; 4]) -> KindReturns {
+    KindReturns { kind, chosen: 0, members: vec![returns.to_vec()] }
+}
+
+#[test]
+fn no_setting_is_named_where_kinds_of_models_disagree() {
+    let mut verdict = verdict(&json!([{ "reason": "few_terminals", "terminals": 1 }]));
+    verdict.selection.mean_ranks = vec![2.0, 1.0, 3.0, 4.0];
+    verdict.coverage = vec![verdict.coverage[0]; 4];
+    verdict.kinds = vec![
+        of_kind(ActionModelKind::Neighbors, [1.0, 2.0, 3.0, 4.0]),
+        of_kind(ActionModelKind::Network, [4.0, 3.0, 2.0, 1.0]),
+    ];
+    let settings = ["a=1", "a=2", "a=3", "a=4"].map(str::to_owned);
+    let advice = Advice {
+        verdict: &verdict,
+        settings: &settings,
+        fields: &[],
+        actions: &[],
+        columns: &[],
+        vocabulary: STUDY,
+    };
+    let plain = advice.decision().plain;
+    assert!(
+        plain.contains("disagree on the order of the settings (Spearman -1.00 on average)"),
+        "{plain}"
+    );
+    let found = advice.findings();
+    assert!(
+        found
+            .iter()
+            .any(|line| line.ends_with("a Spearman correlation of -1.00; at 1 they are the same.")),
+        "{found:?}"
+    );
+    verdict.kinds = vec![
+        of_kind(ActionModelKind::Neighbors, [4.0; 4]),
+        of_kind(ActionModelKind::Network, [3.0; 4]),
+    ];
+    let tied = Advice {
+        verdict: &verdict,
+        settings: &settings,
+        fields: &[],
+        actions: &[],
+        columns: &[],
+        vocabulary: STUDY,
+    };
+    let plain = tied.decision().plain;
+    assert!(!plain.contains("disagree"), "{plain}");
+    let found = tied.findings().join("\n");
+    assert!(found.contains("All settings get the same in every model."), "{found}");
+    assert!(!found.contains("Alone, ") && !found.contains("Spearman"), "{found}");
+}
+
+#[test]
+fn more_than_random_actions_get_is_told_with_its_interval() {
+    let doubt =
+        json!([{ "reason": "not_better_than_random_actions", "random": 24, "promised": 38 }]);
+    let reason = |low: Option<f64>| {
+        let interval = low.map(|low| Interval { low, high: 40.0 });
+        let mut verdict = verdict(&doubt);
+        let over = verdict.over_default.map(|over| Difference { mean: 14.0, interval, ..over });
+        verdict.random_actions = Some(RandomActions { mean_return: 24.0, over });
+        let settings = ["a=1", "a=2"].map(str::to_owned);
+        let advice = Advice {
+            verdict: &verdict,
+            settings: &settings,
+            fields: &[],
+            actions: &[],
+            columns: &[],
+            vocabulary: STUDY,
+        };
+        advice.reasons().remove(0)
+    };
+    let chance = reason(Some(-12.0));
+    let told = "gets 38.0, learning included, which could be chance (95 % over blocks of the log: 12.0 less to 40.0 more); record";
+    assert!(chance.contains(told), "{chance}");
+    let alone = reason(None);
+    assert!(alone.contains("that it learns anything of use is not shown; record"), "{alone}");
+}
+
+/// What is said of the ends of a grid of these settings, of which number 1 is chosen.
+fn told_of_ends(settings: [&[(&str, &str)]; 4], doubts: &serde_json::Value) -> Vec<String> {
+    let mut verdict = verdict(doubts);
+    verdict.coverage = vec![verdict.coverage[0]; 4];
+    let fields = settings.map(|fields| -> Vec<(String, String)> {
+        fields.iter().map(|&(field, value)| (field.to_owned(), value.to_owned())).collect()
+    });
+    let names = ["a", "b", "c", "d"].map(str::to_owned);
+    let advice = Advice {
+        verdict: &verdict,
+        settings: &names,
+        fields: &fields,
+        actions: &[],
+        columns: &[],
+        vocabulary: STUDY,
+    };
+    let mut found = advice.findings();
+    found.retain(|line| line.starts_with("At the end of the grid"));
+    found
+}
+
+#[test]
+fn a_choice_at_the_end_of_the_grid_is_told() {
+    let none = json!([]);
+    let sizes = ["0.003", "0.3", "0.03", "0.03"].map(|value| [("step_size", value)]);
+    let told = told_of_ends(sizes.each_ref().map(|fields| &fields[..]), &none);
+    let expected =
+        "At the end of the grid: step_size=0.3 (largest). Settings beyond may be better.";
+    assert_eq!(told, [expected]);
+    let alike = json!([{ "reason": "not_told_apart" }]);
+    let told = told_of_ends(sizes.each_ref().map(|fields| &fields[..]), &alike);
+    assert!(told.is_empty(), "which is chosen is chance: {told:?}");
+    // A setting of another algorithm has no temperature.
+    let smallest: [&[(&str, &str)]; 4] = [
+        &[("algorithm", "q_learning")],
+        &[("temperature", "1e-1"), ("step_size", "3")],
+        &[("temperature", "1"), ("step_size", "2")],
+        &[("temperature", "10"), ("step_size", "1")],
+    ];
+    let told = told_of_ends(smallest, &none);
+    let expected = "At the end of the grid: temperature=1e-1 (smallest) and step_size=3 (largest). Settings beyond may be better.";
+    assert_eq!(told, [expected]);
+    for values in [
+        // In the middle; of two numbers; with nothing beyond them; no numbers.
+        ["0.003", "0.01", "0.03", "0.3"],
+        ["0.1", "0.3", "0.1", "0.3"],
+        ["8", "0", "16", "4"],
+        ["small", "2", "1", "3"],
+    ] {
+        let fields = values.map(|value| [("weight", value)]);
+        let told = told_of_ends(fields.each_ref().map(|fields| &fields[..]), &none);
+        assert!(told.is_empty(), "{told:?}");
+    }
+    let discounts = ["0.9", "1", "0.99", "0.5"].map(|value| [("gamma", value)]);
+    assert!(told_of_ends(discounts.each_ref().map(|fields| &fields[..]), &none).is_empty());
+}
+
+#[test]
+fn arguments_have_the_names_of_the_language() {
+    let verdict = verdict(&json!([{ "reason": "few_terminals", "terminals": 1 }]));
+    let settings = ["a=1", "a=2"].map(str::to_owned);
+    let reason = |vocabulary| {
+        Advice {
+            verdict: &verdict,
+            settings: &settings,
+            fields: &[],
+            actions: &[],
+            columns: &[],
+            vocabulary,
+        }
+        .reasons()
+        .remove(0)
+    };
+    assert!(reason(STUDY).ends_with("with control.fewest_terminals"), "{}", reason(STUDY));
+    assert!(reason(PYTHON).ends_with("with fewest_terminals"), "{}", reason(PYTHON));
+}
