@@ -51,6 +51,13 @@ def scaled_regret(log, setting):
     return 100 * (max(truth) - log["truth_of_scaled"][setting]) / (max(truth) - mean(truth))
 
 
+def may_be_no_better_than_random(log, setting):
+    """Whether calib refuses the choice for that, by the jackknife over the five blocks of the log."""
+    blocks = [mean([log[kind]["returns"][block][setting] - log["random_actions"][kind][block] for kind in KINDS]) for block in range(5)]
+    error = math.sqrt(4 / 5 * sum((block - mean(blocks)) ** 2 for block in blocks))
+    return not mean(blocks) > 2.776 * error
+
+
 def best_of_others(logs, log):
     """The setting of the grid with the best mean percentile over all other tasks."""
     others = {(other["kind"], other["number"]): ranks(other["truth"]) for other in logs if other["name"].rsplit("/", 1)[0] != log["name"].rsplit("/", 1)[0]}
@@ -84,6 +91,13 @@ def main():
         more, least, most = bootstrap(tested, [value - other for value, other in zip(values, choice)])
         beside = "" if values is choice else f"{more:.1f} ({least:.1f} to {most:.1f})"
         print(f"| {name} | {' | '.join(f'{value:.1f}' for value in own)} | {whole:.1f} ({low:.1f} to {high:.1f}) | {beside} | {max(values):.0f} |")
+    default, scaled = list(ways.values())[1], list(ways.values())[3]
+    less, least, most = bootstrap(tested, [before - now for before, now in zip(default, scaled)])
+    print(f"\nThe default in spreads has {less:.1f} ({least:.1f} to {most:.1f}) less than the default before.")
+    doubted = [may_be_no_better_than_random(log, by_mean_rank(log["members"])) for log in tested]
+    for name, wanted in (("may be no better than random actions", True), ("is better than random actions", False)):
+        own = [value for value, it in zip(choice, doubted) if it == wanted]
+        print(f"\nThe choice {name} in {len(own)} logs: regret {mean(own):.1f}, at most {max(own):.0f}" if own else f"\nThe choice {name} in no log.")
     for length in sorted({log["length"] for log in tested}):
         own = [value for log, value in zip(tested, choice) if log["length"] == length]
         print(f"\nof {length:,} steps: {mean(own):.1f} over {len(own)} logs")
