@@ -28,19 +28,17 @@ fn verdict(doubts: &serde_json::Value) -> ReturnVerdict {
     .expect("a verdict")
 }
 
+/// Advice in the words of a study, on settings that are told by name only.
+fn advice_on<'a>(verdict: &'a ReturnVerdict, settings: &'a [String]) -> Advice<'a> {
+    Advice { verdict, settings, fields: &[], actions: &[], columns: &[], vocabulary: STUDY }
+}
+
 fn decision(doubts: &serde_json::Value, vocabulary: Vocabulary) -> Decision {
     let verdict = verdict(doubts);
     let settings = ["a=1", "a=2"].map(str::to_owned);
     let actions = &["off".to_owned()];
     let columns = &["level".to_owned()];
-    let advice = Advice {
-        verdict: &verdict,
-        settings: &settings,
-        fields: &[],
-        actions,
-        columns,
-        vocabulary,
-    };
+    let advice = Advice { actions, columns, vocabulary, ..advice_on(&verdict, &settings) };
     assert_eq!(advice.reasons().len(), verdict.doubts.len());
     assert!(advice.findings().iter().any(|line| line.starts_with("Not covered by the log: 2")));
     advice.decision()
@@ -75,14 +73,7 @@ fn a_setting_is_named_where_nothing_should_be_deployed() {
 fn a_default_that_ranks_first_is_kept_without_a_doubt() {
     let verdict = ReturnVerdict { default: Some(1), ..verdict(&json!([])) };
     let settings = ["a=1", "a=2"].map(str::to_owned);
-    let advice = Advice {
-        verdict: &verdict,
-        settings: &settings,
-        fields: &[],
-        actions: &[],
-        columns: &[],
-        vocabulary: STUDY,
-    };
+    let advice = advice_on(&verdict, &settings);
     let kept = advice.decision();
     assert_eq!(
         (kept.support, kept.headline.as_str()),
@@ -106,14 +97,7 @@ fn no_setting_is_named_where_kinds_of_models_disagree() {
         of_kind(ActionModelKind::Network, [4.0, 3.0, 2.0, 1.0]),
     ];
     let settings = ["a=1", "a=2", "a=3", "a=4"].map(str::to_owned);
-    let advice = Advice {
-        verdict: &verdict,
-        settings: &settings,
-        fields: &[],
-        actions: &[],
-        columns: &[],
-        vocabulary: STUDY,
-    };
+    let advice = advice_on(&verdict, &settings);
     let plain = advice.decision().plain;
     assert!(
         plain.contains("disagree on the order of the settings (Spearman -1.00 on average)"),
@@ -130,14 +114,7 @@ fn no_setting_is_named_where_kinds_of_models_disagree() {
         of_kind(ActionModelKind::Neighbors, [4.0; 4]),
         of_kind(ActionModelKind::Network, [3.0; 4]),
     ];
-    let tied = Advice {
-        verdict: &verdict,
-        settings: &settings,
-        fields: &[],
-        actions: &[],
-        columns: &[],
-        vocabulary: STUDY,
-    };
+    let tied = advice_on(&verdict, &settings);
     let plain = tied.decision().plain;
     assert!(!plain.contains("disagree"), "{plain}");
     let found = tied.findings().join("\n");
@@ -155,14 +132,7 @@ fn more_than_random_actions_get_is_told_with_its_interval() {
         let over = verdict.over_default.map(|over| Difference { mean: 14.0, interval, ..over });
         verdict.random_actions = Some(RandomActions { mean_return: 24.0, over });
         let settings = ["a=1", "a=2"].map(str::to_owned);
-        let advice = Advice {
-            verdict: &verdict,
-            settings: &settings,
-            fields: &[],
-            actions: &[],
-            columns: &[],
-            vocabulary: STUDY,
-        };
+        let advice = advice_on(&verdict, &settings);
         advice.reasons().remove(0)
     };
     let chance = reason(Some(-12.0));
@@ -180,14 +150,7 @@ fn told_of_ends(settings: [&[(&str, &str)]; 4], doubts: &serde_json::Value) -> V
         fields.iter().map(|&(field, value)| (field.to_owned(), value.to_owned())).collect()
     });
     let names = ["a", "b", "c", "d"].map(str::to_owned);
-    let advice = Advice {
-        verdict: &verdict,
-        settings: &names,
-        fields: &fields,
-        actions: &[],
-        columns: &[],
-        vocabulary: STUDY,
-    };
+    let advice = Advice { fields: &fields, ..advice_on(&verdict, &names) };
     let mut found = advice.findings();
     found.retain(|line| line.starts_with("At the end of the grid"));
     found
@@ -233,18 +196,8 @@ fn a_choice_at_the_end_of_the_grid_is_told() {
 fn arguments_have_the_names_of_the_language() {
     let verdict = verdict(&json!([{ "reason": "few_terminals", "terminals": 1 }]));
     let settings = ["a=1", "a=2"].map(str::to_owned);
-    let reason = |vocabulary| {
-        Advice {
-            verdict: &verdict,
-            settings: &settings,
-            fields: &[],
-            actions: &[],
-            columns: &[],
-            vocabulary,
-        }
-        .reasons()
-        .remove(0)
-    };
+    let reason =
+        |vocabulary| Advice { vocabulary, ..advice_on(&verdict, &settings) }.reasons().remove(0);
     assert!(reason(STUDY).ends_with("with control.fewest_terminals"), "{}", reason(STUDY));
     assert!(reason(PYTHON).ends_with("with fewest_terminals"), "{}", reason(PYTHON));
 }
