@@ -379,6 +379,18 @@ fn tags_may_be_numbers() {
     assert_eq!(missing, [("17", 0), ("18", 1), ("19", 2)]);
 }
 
+/// A long table of the values that are there.
+fn samples_of(times: [i64; 7], tags: [(&str, [f64; 7]); 2]) -> Folder {
+    let samples = tags.iter().flat_map(|(tag, values)| {
+        let there = times.iter().zip(values).filter(|(_, value)| !value.is_nan());
+        there.map(move |(time, value)| format!("{time},{tag},{value}\n"))
+    });
+    let folder = Folder::new();
+    let text = format!("time,tag,value\n{}", samples.collect::<String>());
+    fs::write(folder.file("a.csv"), text).expect("written");
+    folder
+}
+
 #[test]
 fn changes_are_resampled_to_a_clock() {
     let times = [0, 3, 10, 25, 31, 60, 61];
@@ -402,18 +414,7 @@ fn changes_are_resampled_to_a_clock() {
     let mean = with(Resample::Mean);
     assert_eq!(train_values(&mean, "a"), [1.0, 2.0, 2.5, 3.0, 3.0, 3.0]);
     // The same from samples.
-    let long = Folder::new();
-    let samples: String = [("a", a), ("b", b)]
-        .iter()
-        .flat_map(|(tag, values)| {
-            times
-                .iter()
-                .zip(values)
-                .filter(|(_, value)| !value.is_nan())
-                .map(move |(time, value)| format!("{time},{tag},{value}\n"))
-        })
-        .collect();
-    fs::write(long.file("a.csv"), format!("time,tag,value\n{samples}")).expect("written");
+    let long = samples_of(times, [("a", a), ("b", b)]);
     let data = DataConfig {
         resample: Some(Resample::Last),
         period_secs: Some(10.0),
@@ -438,18 +439,7 @@ fn a_tag_may_have_an_age_of_its_own() {
     let b = [NAN, 5.0, NAN, NAN, 6.0, NAN, 7.0];
     let wide = Folder::new();
     wide.write("a.parquet", &log_at(times, &[("a", &a), ("b", &b)]));
-    let long = Folder::new();
-    let samples: String = [("a", a), ("b", b)]
-        .iter()
-        .flat_map(|(tag, values)| {
-            times
-                .iter()
-                .zip(values)
-                .filter(|(_, value)| !value.is_nan())
-                .map(move |(time, value)| format!("{time},{tag},{value}\n"))
-        })
-        .collect();
-    fs::write(long.file("a.csv"), format!("time,tag,value\n{samples}")).expect("written");
+    let long = samples_of(times, [("a", a), ("b", b)]);
     let with = |folder: &Folder, ages: &[(&str, f64)]| {
         let ages = ages.iter().map(|&(entry, secs)| (entry.to_owned(), secs));
         DataConfig {
