@@ -3,7 +3,7 @@ use calib_core::Timestamp;
 
 use crate::{
     Cut, DecisionColumns, LogDraft, ProposedControl,
-    lines::{Lines, number},
+    lines::{Lines, number, numbers},
 };
 
 /// A study of agents that act, which explains itself.
@@ -103,20 +103,15 @@ fn agents(proposed: &ProposedControl, text: &mut Lines) {
         text.key("pairs", "false", why);
     }
     text.section("control.grid");
-    text.key("step_size", &list(&settings.step_sizes), step_sizes_reason);
+    text.key("step_size", &numbers(settings.step_sizes), step_sizes_reason);
     if has_temperature {
-        text.key("temperature", &list(&settings.temperatures), "by the same spread");
+        text.key("temperature", &numbers(settings.temperatures), "by the same spread");
     }
     text.key(
         "initial_weight",
-        &list(&settings.initial_weights),
+        &numbers(settings.initial_weights),
         "first values of 0 and of a few spreads: larger ones make agents explore more",
     );
-}
-
-fn list(values: &[f64]) -> String {
-    let values: Vec<String> = values.iter().map(|&value| number(value)).collect();
-    format!("[{}]", values.join(", "))
 }
 
 #[cfg(test)]

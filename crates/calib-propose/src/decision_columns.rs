@@ -1,4 +1,4 @@
-use crate::written::quoted;
+use crate::{lines::list, written::quoted};
 
 /// The columns of a log of decisions that are no part of the state.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,10 +31,7 @@ impl DecisionColumns {
     /// The keys of `[control]` that name them, each with its value as TOML.
     pub fn keys(&self) -> Vec<(&'static str, String)> {
         let actions: Vec<String> = self.actions.iter().map(|name| quoted(name)).collect();
-        let mut keys = vec![
-            ("actions", format!("[{}]", actions.join(", "))),
-            ("reward", quoted(&self.reward)),
-        ];
+        let mut keys = vec![("actions", list(&actions)), ("reward", quoted(&self.reward))];
         keys.extend(self.terminal.iter().map(|name| ("terminal", quoted(name))));
         keys.extend(self.probability.iter().map(|name| ("probability", quoted(name))));
         keys

@@ -1,11 +1,8 @@
 use std::ops::Range;
 
-use calib_data::{Sentinel, Sketch};
-
 use crate::{
-    Angle, Cleaning, Clock, Cut, Horizon, LogDraft, ProposedAgent, ProposedModel, Scope, Sensors,
-    Size, horizon,
-    lines::{Lines, number},
+    Cut, Horizon, LogDraft, ProposedAgent, ProposedModel, Sensors, Size, horizon,
+    lines::{Lines, list, number},
     sensors::explained,
     size::LEAST_STEPS,
     written::{key, quoted},
@@ -25,22 +22,10 @@ const OTHER_HORIZON: f64 = 5.0;
 /// A study file that explains itself.
 #[derive(Clone, Debug)]
 pub struct Draft<'a> {
-    /// What was looked at.
-    pub sketch: &'a Sketch,
-    /// `data.path`, as the study has it.
-    pub path: &'a str,
-    /// Which part and which channels.
-    pub scope: &'a Scope,
+    /// The log.
+    pub log: LogDraft<'a>,
     /// Which ranges.
     pub cut: &'a Cut,
-    /// What counts as a gap.
-    pub cleaning: &'a Cleaning,
-    /// Numbers that stand for a missing value; none where the user named them.
-    pub missing_values: &'a [Sentinel],
-    /// Which channels are angles; none where the user named them.
-    pub angles: &'a [Angle],
-    /// On which clock, if channels have clocks of their own.
-    pub clock: Option<Clock>,
     /// `preprocess.subsample`, and why.
     pub spacing: (usize, &'a str),
     /// What to predict.
@@ -113,16 +98,7 @@ impl Draft<'_> {
 
     fn data(&self, text: &mut Lines) {
         let cut = self.cut;
-        let log = LogDraft {
-            sketch: self.sketch,
-            path: self.path,
-            scope: self.scope,
-            cleaning: self.cleaning,
-            missing_values: self.missing_values,
-            angles: self.angles,
-            clock: self.clock,
-        };
-        log.write(text, |text| {
+        self.log.write(text, |text| {
             text.comment(&format!(
                 "{}: {} rows to learn from, {} held out",
                 cut.reason, cut.rows[0], cut.rows[1]
@@ -140,8 +116,9 @@ impl Draft<'_> {
         if let Some((limit, why)) = self.max_missing() {
             text.key("max_missing", &number(limit), &why);
         }
+        let log = &self.log;
         let spikes: u64 =
-            self.scope.channels.iter().map(|&channel| self.sketch.channels[channel].spikes).sum();
+            log.scope.channels.iter().map(|&channel| log.sketch.channels[channel].spikes).sum();
         if spikes > 0 {
             let why = format!("{spikes} single samples lie far outside of everything else");
             text.key("outliers", "\"missing\"", &why);
@@ -152,7 +129,7 @@ impl Draft<'_> {
     /// What may be missing, where a predicted sensor misses more of the training range than it may by default: its channel would
     /// be dropped, and no study could be made.
     fn max_missing(&self) -> Option<(f64, String)> {
-        let Self { sketch, cut, .. } = self;
+        let Self { log: LogDraft { sketch, .. }, cut, .. } = self;
         let start = sketch.timestamps.partition_point(|time| *time < cut.train[0]);
         let train = start..start + cut.rows[0];
         let predicted = self.sensors.proposed.iter().take(self.size.sensors);
@@ -168,7 +145,8 @@ impl Draft<'_> {
 
     /// The share of the rows `train` that have no value of a channel.
     fn missing(&self, channel: usize, train: &Range<usize>) -> f64 {
-        let bins = self.sketch.bins.iter().zip(&self.sketch.channels[channel].present);
+        let sketch = self.log.sketch;
+        let bins = sketch.bins.iter().zip(&sketch.channels[channel].present);
         let missing = bins.map(|(bin, present)| {
             let inside = bin.start.max(train.start)..bin.end.min(train.end);
             inside.len() as f64 * (1.0 - present)
@@ -179,14 +157,14 @@ impl Draft<'_> {
     /// How far values are carried; those of a sensor that is predicted only over a small part of the horizon, because the agent would predict
     /// what was filled in.
     fn fill_limit(&self) -> (usize, String) {
-        let (limit, why) = &self.cleaning.fill_limit;
+        let (limit, why) = &self.log.cleaning.fill_limit;
         let rows = (self.horizon.states * self.spacing.0 as f64 * FILLED) as usize;
         if rows.max(1) < *limit
             && self
                 .sensors
                 .proposed
                 .iter()
-                .any(|&channel| self.sketch.channels[channel].missing_run > 0)
+                .any(|&channel| self.log.sketch.channels[channel].missing_run > 0)
         {
             let share = 100.0 * FILLED;
             return (
@@ -248,7 +226,7 @@ impl Draft<'_> {
 
     /// `agent.gammas` as a comment, where the autocorrelation of a sensor lasts much longer or shorter than the horizon.
     fn gammas(&self, text: &mut Lines) {
-        let Self { sketch, sensors, size, .. } = self;
+        let Self { log: LogDraft { sketch, .. }, sensors, size, .. } = self;
         // The horizon may be of longer runs, which had no time.
         let steps = size.steps.max(self.horizon.least_steps());
         let ahead = |sensors: &[usize]| horizon(sketch, sensors, self.spacing.0, steps);
@@ -279,15 +257,16 @@ impl Draft<'_> {
 
     fn sweep(&self, text: &mut Lines) {
         let size = self.size;
+        let LogDraft { sketch, scope, .. } = self.log;
         text.section("sweep");
-        let name = |&channel: &usize| quoted(&self.sketch.channels[channel].name);
+        let name = |&channel: &usize| quoted(&sketch.channels[channel].name);
         let proposed: Vec<String> =
             self.sensors.proposed.iter().take(size.sensors).map(name).collect();
         let why = if self.asked.sensors {
             "Named with --sensor".to_owned()
         } else {
             let explained = self.sensors.proposed.iter().take(size.sensors).map(|&channel| {
-                format!("{:.0} %", 100.0 * explained(self.sketch, channel, &self.scope.channels))
+                format!("{:.0} %", 100.0 * explained(sketch, channel, &scope.channels))
             });
             format!(
                 "They move throughout the log, stay where they have been before, and are as unlike each other as can be; other channels explain {} of them",
@@ -295,7 +274,7 @@ impl Draft<'_> {
             )
         };
         text.comment(&why);
-        text.key("sensors", &format!("[{}]", proposed.join(", ")), "");
+        text.key("sensors", &list(&proposed), "");
         let others: Vec<String> = self
             .sensors
             .proposed
@@ -324,7 +303,7 @@ impl Draft<'_> {
         }
         text.key("log_replay_runs", &size.log_replay_runs.to_string(), "windows of the log");
         text.section("sweep.grid");
-        text.key("learning_rate", &format!("[{}]", size.learning_rates().join(", ")), "");
+        text.key("learning_rate", &list(&size.learning_rates()), "");
         text.section("evaluate");
         text.key(
             "rule",
@@ -348,8 +327,13 @@ fn span(secs: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use calib_data::Sketch;
+
     use super::*;
-    use crate::testing::{sketch, wave};
+    use crate::{
+        Angle, Cleaning, Scope,
+        testing::{sketch, wave},
+    };
 
     /// The text of a study of `log` that predicts these sensors, with states `spacing` rows apart.
     fn drafted(log: &Sketch, sensors: &Sensors, spacing: usize) -> String {
@@ -365,15 +349,17 @@ mod tests {
     ) -> String {
         let scope = Scope::of(log).expect("channels");
         let draft = Draft {
-            sketch: log,
-            path: "logs",
-            cleaning: &Cleaning::of(log, &scope),
-            missing_values: &[],
-            angles: &[Angle { channel: "wind [°]".to_owned(), turn: 360.0 }],
-            clock: None,
+            log: LogDraft {
+                sketch: log,
+                path: "logs",
+                scope: &scope,
+                cleaning: &Cleaning::of(log, &scope),
+                missing_values: &[],
+                angles: &[Angle { channel: "wind [°]".to_owned(), turn: 360.0 }],
+                clock: None,
+            },
             spacing: (spacing, "because"),
             horizon: horizon(log, &sensors.proposed, spacing, steps),
-            scope: &scope,
             cut: &Cut::of(log, &scope).expect("rows"),
             sensors,
             size: &Size::trial(ProposedAgent::Linear, model, steps, sensors.proposed.len()),

@@ -53,6 +53,16 @@ pub(crate) fn number(value: f64) -> String {
     }
 }
 
+/// A list of values that are written already.
+pub(crate) fn list(values: &[String]) -> String {
+    format!("[{}]", values.join(", "))
+}
+
+/// A list of numbers.
+pub(crate) fn numbers(values: impl IntoIterator<Item = f64>) -> String {
+    list(&values.into_iter().map(number).collect::<Vec<_>>())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

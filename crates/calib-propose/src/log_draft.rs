@@ -4,7 +4,7 @@ use calib_data::{AnglePart, Sentinel, Sketch, entry_of};
 
 use crate::{
     Angle, Cleaning, Clock, Scope,
-    lines::{Lines, number},
+    lines::{Lines, list, number, numbers},
     written::{key, quoted},
 };
 
@@ -20,7 +20,7 @@ fn entries(scope: &Scope, sketch: &Sketch) -> Vec<String> {
 pub fn exclusions(given: &[String], scope: &Scope, sketch: &Sketch) -> String {
     let entries = entries(scope, sketch);
     let all: Vec<String> = given.iter().chain(&entries).map(|entry| quoted(entry)).collect();
-    format!("[{}]", all.join(", "))
+    list(&all)
 }
 
 /// `[data]` of a study that explains itself, but for its ranges.
@@ -67,9 +67,8 @@ impl LogDraft<'_> {
         }
         if !self.missing_values.is_empty() {
             let told: Vec<String> = self.missing_values.iter().map(Sentinel::told).collect();
-            let values: Vec<String> =
-                self.missing_values.iter().map(|missing| number(missing.value)).collect();
-            text.key("missing_values", &format!("[{}]", values.join(", ")), &told.join("; "));
+            let values = numbers(self.missing_values.iter().map(|missing| missing.value));
+            text.key("missing_values", &values, &told.join("; "));
         }
         if scope.is_part {
             let share = scope.rows.len() as f64 / sketch.timestamps.len() as f64;

@@ -4,7 +4,7 @@ use calib_base::{
     options::ProposeOptions,
     output::{Printer, span},
 };
-use calib_propose::{Asked, Cut, Draft, Horizon, Sensors, Size, horizon};
+use calib_propose::{Asked, Cut, Draft, Horizon, LogDraft, Sensors, Size, horizon};
 use calib_sweep::ENOUGH_WINDOWS;
 
 use super::look::ExaminedLog;
@@ -60,14 +60,16 @@ impl Drafting<'_> {
     ) -> String {
         let Self { args, path, look } = self;
         Draft {
-            sketch: &look.sketch,
-            path,
-            scope: &look.scope,
+            log: LogDraft {
+                sketch: &look.sketch,
+                path,
+                scope: &look.scope,
+                cleaning: &look.cleaning,
+                missing_values: &look.sentinels,
+                angles: &look.angles,
+                clock: look.clock,
+            },
             cut,
-            cleaning: &look.cleaning,
-            missing_values: &look.sentinels,
-            angles: &look.angles,
-            clock: look.clock,
             spacing: (spacing, words[0]),
             sensors,
             horizon,
