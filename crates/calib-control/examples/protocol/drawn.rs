@@ -9,14 +9,14 @@ use std::{
 };
 
 use calib_control::{
-    Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
-    Environment as _, Extent, Outcome as Step, PuddleWorld, Quality, RunLength, Simulated, Starts,
-    Task, TaskKind, record, truth,
+    Acrobot, ActionModel, ActionModelConfig, AgentConfig, Begin, CartPole, Environment as _,
+    Extent, Outcome as Step, PuddleWorld, Quality, RunLength, Simulated, Starts, Task, TaskKind,
+    record, truth,
 };
 use calib_core::{Rng, Seed, Silent};
 use serde_json::{Value, json};
 
-use super::{LEARNING, Outcome, STEPS, Study, pooled, starts, with};
+use super::{Outcome, STEPS, Study, behaviour, best_of, means, pooled, starts, with};
 
 /// Runs of each candidate whose mean is its true return.
 const TRUTH_RUNS: usize = 8;
@@ -136,10 +136,7 @@ fn true_returns<T: Task>(
     let span = RunLength { steps: STEPS, timeout: variant.kind.timeout() };
     let extent = Extent { runs: TRUTH_RUNS, span };
     let make = || Simulated::new(task.clone(), Begin::AsTheTask);
-    let runs = truth(make, agents, extent, variant.seed(), &Silent)?;
-    Ok((0..agents.len())
-        .map(|agent| runs.iter().map(|run| run[agent]).sum::<f64>() / TRUTH_RUNS as f64)
-        .collect())
+    Ok(means(&truth(make, agents, extent, variant.seed(), &Silent)?))
 }
 
 fn one_log<T: Task>(
@@ -153,21 +150,10 @@ fn one_log<T: Task>(
     let timeout = kind.timeout();
     let seed = variant.seed().number(length as u64);
     let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
-    let mut behaviour = Behaviour::Random;
-    if quality != Quality::Random {
-        let mut best = 0;
-        for (candidate, mean) in returns.iter().enumerate() {
-            if *mean > returns[best] {
-                best = candidate;
-            }
-        }
-        let agent = Agent::new(candidates[best], world.columns(), world.actions());
-        let span = RunLength { steps: LEARNING, timeout };
-        let seed = seed.child("behaviour");
-        // As good as the best candidate is on average, learning included.
-        behaviour = Behaviour::learnt(agent, &mut world, returns[best], span, seed)
-            .perturbed(quality.random_share());
-    }
+    // As good as the best candidate is on average, learning included.
+    let wanted = returns.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let best = best_of(candidates, returns);
+    let mut behaviour = behaviour(quality, (best, wanted), timeout, &mut world, seed);
     let mut anywhere = Simulated::new(task.clone(), Begin::Anywhere);
     let recorded = record(&mut behaviour, &mut anywhere, length, timeout, seed.child("log"));
     let log = recorded.decisions(world.actions())?;

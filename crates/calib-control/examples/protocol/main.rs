@@ -180,11 +180,7 @@ impl Study<'_> {
         }
         let read: Value = serde_json::from_slice(&fs::read(&path)?)?;
         let runs: Vec<Vec<f64>> = serde_json::from_value(read["returns"].clone())?;
-        Ok((0..runs[0].len())
-            .map(|candidate: usize| {
-                runs.iter().map(|run| run[candidate]).sum::<f64>() / runs.len() as f64
-            })
-            .collect())
+        Ok(means(&runs))
     }
 
     /// One log of each behaviour and length.
@@ -226,7 +222,9 @@ impl Study<'_> {
         let seed = seed.number(length as u64).number(number as u64);
         let timeout = kind.timeout();
         let mut world = Simulated::new(task.clone(), Begin::AsTheTask);
-        let mut behaviour = Self::behaviour(kind, quality, truth, &candidates, &mut world, seed);
+        let wanted = kind.near_optimal();
+        let best = best_of(&candidates, truth);
+        let mut behaviour = behaviour(quality, (best, wanted), timeout, &mut world, seed);
         let behaved = behaviour.mean_return(&mut world, 100, timeout, seed.child("behaved"));
         let mut anywhere = Simulated::new(task.clone(), Begin::Anywhere);
         let recorded = record(&mut behaviour, &mut anywhere, length, timeout, seed.child("log"));
@@ -317,25 +315,38 @@ impl Study<'_> {
         line["model_kind"] = json!("pool");
         Ok(line)
     }
+}
 
-    /// The policy of this quality: learnt by the candidate that is best in the truth.
-    fn behaviour(
-        kind: TaskKind,
-        quality: Quality,
-        truth: &[f64],
-        candidates: &[AgentConfig],
-        world: &mut dyn Environment,
-        seed: Seed,
-    ) -> Behaviour {
-        if quality == Quality::Random {
-            return Behaviour::Random;
-        }
-        let best = (0..truth.len()).max_by(|&a, &b| truth[a].total_cmp(&truth[b])).unwrap_or(0);
-        let agent = Agent::new(candidates[best], world.columns(), world.actions());
-        let span = RunLength { steps: LEARNING, timeout: kind.timeout() };
-        Behaviour::learnt(agent, world, kind.near_optimal(), span, seed.child("behaviour"))
-            .perturbed(quality.random_share())
+/// The mean over runs of each candidate, of `[runs][candidates]`.
+fn means(runs: &[Vec<f64>]) -> Vec<f64> {
+    (0..runs[0].len())
+        .map(|candidate: usize| {
+            runs.iter().map(|run| run[candidate]).sum::<f64>() / runs.len() as f64
+        })
+        .collect()
+}
+
+/// The candidate with the highest true return.
+fn best_of(candidates: &[AgentConfig], truth: &[f64]) -> AgentConfig {
+    let best = (0..truth.len()).max_by(|&a, &b| truth[a].total_cmp(&truth[b])).unwrap_or(0);
+    candidates[best]
+}
+
+/// The policy of this quality: what an agent has learnt when its mean return is as wanted.
+fn behaviour(
+    quality: Quality,
+    (agent, wanted): (AgentConfig, f64),
+    timeout: usize,
+    world: &mut dyn Environment,
+    seed: Seed,
+) -> Behaviour {
+    if quality == Quality::Random {
+        return Behaviour::Random;
     }
+    let agent = Agent::new(agent, world.columns(), world.actions());
+    let span = RunLength { steps: LEARNING, timeout };
+    Behaviour::learnt(agent, world, wanted, span, seed.child("behaviour"))
+        .perturbed(quality.random_share())
 }
 
 /// What every candidate gets in every member of neighbours, increments and networks.
