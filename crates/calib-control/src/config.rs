@@ -162,6 +162,16 @@ impl ControlConfig {
         self.grid.candidates(self.agent).map(|_| ())
     }
 
+    /// How many members of all kinds of models agents act in.
+    pub fn all_members(&self) -> usize {
+        self.models.len() * self.model.members
+    }
+
+    /// How many runs each setting has, in all members.
+    pub fn runs_of_a_setting(&self) -> usize {
+        self.all_members() * self.runs
+    }
+
     /// The columns that are no part of the state: actions, what the reward is when it is recorded as such, the terminal and the probability.
     pub fn beside_the_state(&self) -> Vec<String> {
         let reward = match &self.reward {

@@ -2,6 +2,7 @@
 
 mod advice;
 mod agents;
+mod beside_returns;
 mod conduct;
 mod described;
 mod figures;

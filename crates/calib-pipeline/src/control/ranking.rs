@@ -44,14 +44,17 @@ pub(crate) struct ControlRanked {
     pub(crate) mean_return: Option<f64>,
 }
 
-/// How the settings of a study stand; none if there is no run.
+/// How the settings of a study stand, whose verdict stands like this; none if there is no run.
 ///
 /// # Errors
 /// If the settings cannot be what they are.
-pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
+pub(crate) fn ranking(
+    job: &Job,
+    verdict: &VerdictStanding,
+) -> Result<Option<ControlRanking>, StepError> {
     let Some(config) = &job.study().control else { return Ok(None) };
     let agents = ComparedAgents::of_study(job, config)?;
-    let all = config.models.len() * config.model.members * config.runs * agents.count();
+    let all = config.runs_of_a_setting() * agents.count();
     let default = agents.default(config);
     let ranked = |candidate: usize, selection: &Selection, setting: String| ControlRanked {
         setting,
@@ -62,16 +65,16 @@ pub(crate) fn ranking(job: &Job) -> Result<Option<ControlRanking>, StepError> {
     };
     // The runs of a finished sweep are one table, and their ranks stand in the verdict. Runs that are left beside it are in it: those of the
     // other settings where some failed, or those of a share that ended after it.
-    let is_current = matches!(VerdictStanding::of(job)?, VerdictStanding::Current);
-    let verdict = read_sealed_json::<ControlEvaluation>(&job.layout().control().join(VERDICT)).ok();
-    if let Some(found) = verdict.filter(|_| is_current) {
+    let is_current = matches!(verdict, VerdictStanding::Current);
+    let found = read_sealed_json::<ControlEvaluation>(&job.layout().control().join(VERDICT)).ok();
+    if let Some(found) = found.filter(|_| is_current) {
         let selection = &found.verdict().selection;
         let settings = super::show::best(&found, found.agents().len());
         let settings = settings.into_iter().map(|candidate| ControlRanked {
             has_failed: found.has_failed(candidate),
             ..ranked(candidate, selection, super::show::name(&found, candidate))
         });
-        let members = config.models.len() * config.model.members;
+        let members = config.all_members();
         let settings = settings.collect();
         return Ok(Some(ControlRanking { runs: [all; 2], other_runs: 0, members, settings }));
     }

@@ -164,7 +164,13 @@ fn of_study(job: &Job, printer: &Printer) -> Result<StudyStanding, StepError> {
         .collect();
     let is_control = job.study().control.is_some();
     let sweeps = if is_control { Vec::new() } else { BegunSweep::all_of(job)? };
-    let steps = steps(job, &sweeps, &at_work, printer)?;
+    let verdict = VerdictStanding::of(job)?;
+    let steps = if is_control {
+        let is_running = at_work.iter().any(|note| note.command == StepKind::Control.command());
+        vec![of_control(&verdict, is_running)]
+    } else {
+        steps(job, &sweeps, &at_work, printer)?
+    };
     let left = at_work.iter().map(|note| note.secs_left).collect::<Option<Vec<f64>>>();
     let secs_left = left.and_then(|left| left.into_iter().reduce(f64::max));
     let state = if !at_work.is_empty() {
@@ -177,7 +183,7 @@ fn of_study(job: &Job, printer: &Printer) -> Result<StudyStanding, StepError> {
         Overall::Killed
     };
     let rankings = of_sweeps(&sweeps, &steps)?;
-    let control = control::ranking(job)?;
+    let control = control::ranking(job, &verdict)?;
     let are_made = control.as_ref().is_some_and(|ranking| ranking.runs[0] == ranking.runs[1]);
     let is_next = are_made && state == Overall::Waiting;
     Ok(StudyStanding {
@@ -203,24 +209,24 @@ fn report(job: &Job) -> PathBuf {
     }
 }
 
-/// The steps of a study, and which of them are done or at work.
+/// The one step of a study of agents that act.
+fn of_control(verdict: &VerdictStanding, is_running: bool) -> StepStanding {
+    let (state, stale) = match verdict {
+        _ if is_running => (StepState::Running, None),
+        VerdictStanding::Current => (StepState::Done, None),
+        VerdictStanding::Stale(reason) => (StepState::ToDo, Some(reason.clone())),
+        VerdictStanding::Missing => (StepState::ToDo, None),
+    };
+    StepStanding { step: StepKind::Control.label(), model: None, deployment: None, state, stale }
+}
+
+/// The steps of a study of agents that predict, and which of them are done or at work.
 fn steps(
     job: &Job,
     begun: &[BegunSweep],
     at_work: &[&Note],
     printer: &Printer,
 ) -> Result<Vec<StepStanding>, StepError> {
-    if job.study().control.is_some() {
-        let is_running = at_work.iter().any(|note| note.command == StepKind::Control.command());
-        let (state, stale) = match VerdictStanding::of(job)? {
-            _ if is_running => (StepState::Running, None),
-            VerdictStanding::Current => (StepState::Done, None),
-            VerdictStanding::Stale(reason) => (StepState::ToDo, Some(reason)),
-            VerdictStanding::Missing => (StepState::ToDo, None),
-        };
-        let step = StepKind::Control.label();
-        return Ok(vec![StepStanding { step, model: None, deployment: None, state, stale }]);
-    }
     let context = RunContext::new(&printer.silent());
     let models = job.models()?;
     let models: Vec<&Job> = models.iter().collect();

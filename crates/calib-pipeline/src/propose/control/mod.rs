@@ -180,7 +180,7 @@ pub(crate) fn run(
         chosen,
         timeout_reason: proposed.timeout.1,
         gamma_reason: proposed.gamma.1,
-        runs: config.models.len() * config.model.members * config.runs,
+        runs: config.runs_of_a_setting(),
         within: args.within,
         took: begun.elapsed(),
     })

@@ -1,0 +1,93 @@
+//! Numbers of agents beside the returns of a log: both are in units of return.
+
+use calib_base::output::{count, significant};
+use calib_control::{
+    AgentConfig, ControlConfig, Decisions, ProposedSettings, is_beyond_returns, is_random,
+};
+
+/// A number of an agent, in units of return, and what the returns of the log are by the agent's discount.
+#[derive(Clone, Copy)]
+struct BesideReturns {
+    value: f64,
+    gamma: f64,
+    /// Of the recorded returns.
+    spread: f64,
+}
+
+impl BesideReturns {
+    /// How many spreads the number is.
+    fn spreads(&self) -> f64 {
+        self.value.abs() / self.spread
+    }
+
+    /// That of the agent which is nearest to the returns; none without an agent, or where some agent's returns are all alike.
+    fn nearest<'a>(
+        agents: impl Iterator<Item = &'a AgentConfig>,
+        spread: impl Fn(f64) -> Option<f64>,
+        value: impl Fn(&AgentConfig) -> f64,
+    ) -> Option<Self> {
+        let each = agents.map(|agent| {
+            let spread = spread(agent.gamma)?;
+            Some(Self { value: value(agent), gamma: agent.gamma, spread })
+        });
+        let all: Vec<Self> = each.collect::<Option<_>>()?;
+        all.into_iter().min_by(|one, other| one.spreads().total_cmp(&other.spreads()))
+    }
+
+    fn told(&self, timeout: usize) -> String {
+        format!(
+            "the spread of the recorded returns, {} (gamma {}, timeout {})",
+            significant(self.spread),
+            self.gamma,
+            count(timeout)
+        )
+    }
+}
+
+/// What is said of temperatures and initial weights that are too large, in all settings, for the returns of the log: both are in
+/// units of return. Each setting has the returns of its own discount.
+pub(super) fn beyond_returns(
+    config: &ControlConfig,
+    candidates: &[AgentConfig],
+    log: &Decisions,
+) -> Vec<String> {
+    let timeout = config.timeout.min(config.steps);
+    let mut spreads: Vec<(f64, Option<f64>)> = Vec::new();
+    for agent in candidates {
+        if !spreads.iter().any(|(gamma, _)| *gamma == agent.gamma) {
+            spreads.push((agent.gamma, log.return_spread(agent.gamma, timeout)));
+        }
+    }
+    let spread = |gamma: f64| spreads.iter().find(|(other, _)| *other == gamma)?.1;
+    let tempered = candidates.iter().filter(|agent| agent.algorithm.uses("temperature"));
+    let temperature = BesideReturns::nearest(tempered, spread, |agent| agent.temperature);
+    let columns = log.states().columns();
+    let first =
+        BesideReturns::nearest(candidates.iter(), spread, |agent| agent.first_value(columns));
+    let temperature = temperature.filter(|nearest| is_random(nearest.value, nearest.spread));
+    let first = first.filter(|nearest| is_beyond_returns(nearest.value, nearest.spread));
+    let random = temperature.map(|nearest| {
+        format!(
+            "temperature {} is more than {}, so that agents choose nearly at random: set {} to {}, or less",
+            nearest.value,
+            nearest.told(timeout),
+            swept_key("temperature", config.grid.temperature.is_some()),
+            ProposedSettings::for_spread(nearest.spread, &config.agent, columns).temperature
+        )
+    });
+    let beyond = first.map(|nearest| {
+        format!(
+            "initial weights put the first values at {}, more than a hundred times {}, so that agents spend their run on unlearning them: set {} to 0, or about {}",
+            significant(nearest.value.abs()),
+            nearest.told(timeout),
+            swept_key("initial_weight", config.grid.initial_weight.is_some()),
+            ProposedSettings::for_spread(nearest.spread, &config.agent, columns).initial_weights[1]
+        )
+    });
+    random.into_iter().chain(beyond).collect()
+}
+
+/// The key of the study that gives agents this field.
+fn swept_key(field: &str, is_swept: bool) -> String {
+    format!("control.{}.{field}", if is_swept { "grid" } else { "agent" })
+}
