@@ -316,18 +316,26 @@ def recorded(env, seen):
     return (seen + 1.0) / 2.0 * (env.high - env.low) + env.low
 
 
-def choice_of(name, number, folder):
-    """What `calib_rl.tune` says of a log."""
+def model_of(name, number, folder):
+    """The model of a log, and the columns of its states."""
     import calib_rl
 
     frame, columns = log_of(name, number)
-    env = ENVIRONMENTS[name][0]()
     has_terminals = frame["terminal"].sum() > 0
     if not has_terminals:
         frame = frame.drop("terminal")
     model = calib_rl.build_model(
-        frame, folder / f"{name}-{number}", actions=["action"], reward="reward", terminal="terminal" if has_terminals else None, timeout=env.limit,
+        frame, folder / f"{name}-{number}", actions=["action"], reward="reward", terminal="terminal" if has_terminals else None,
+        timeout=ENVIRONMENTS[name][0]().limit,
     )  # fmt: skip
+    return model, columns
+
+
+def choice_of(name, number, folder):
+    """What `calib_rl.tune` says of a log."""
+    import calib_rl
+
+    model, columns = model_of(name, number, folder)
     tuned = calib_rl.tune(
         Agent, SETTINGS, model, total_timesteps=STEPS, default=DEFAULT, seed=number,
         folder=folder / f"{name}-{number}" / "units", environment={"observe": columns, "units": "physical"},
@@ -347,19 +355,12 @@ def choice_of(name, number, folder):
 
 def beside_random_actions(log, folder):
     """A row: what four runs of random actions get in each member of each kind of model, and what the stored choice got there."""
-    import calib_rl
     from calib_rl.gym import make_vec
 
     name, number = log.rsplit("-", 1)
     stored = json.loads((folder / f"{log}.json").read_text())
-    frame, columns = log_of(name, int(number))
+    model, columns = model_of(name, int(number), folder / "work")
     limit = ENVIRONMENTS[name][0]().limit
-    has_terminals = frame["terminal"].sum() > 0
-    if not has_terminals:
-        frame = frame.drop("terminal")
-    model = calib_rl.build_model(
-        frame, folder / "work" / log, actions=["action"], reward="reward", terminal="terminal" if has_terminals else None, timeout=limit,
-    )  # fmt: skip
     count = 5 * RUNS_OF_RANDOM
     of_random, of_choice = np.zeros(5), np.zeros(5)
     kinds = sorted({kind for kind, *_ in stored["returns"]})
