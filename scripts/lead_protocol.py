@@ -135,7 +135,8 @@ class Plant:
             start = origin + days(lead)
             text += f"\n[deployments.d{lead}]\nstart = {day(start)}\nend = {day(start + days(14))}\n"
         path.write_text(text)
-        for step in ["simulate", "pretrain", "sweep"]:
+        # The plant is the same in all studies, and looking whether it is there takes seconds: the first study does.
+        for step in ["simulate", "pretrain", "sweep"] if name == "newest" else ["pretrain", "sweep"]:
             subprocess.run([self.calib, step, "-q", str(path)], check=True, stdout=subprocess.DEVNULL)
         tables = {}
         for lead in leads:

@@ -17,11 +17,16 @@ weighted equally. Runs of a truth have common seeds, so how well it tells settin
 is known: the share of the variance between settings that is not noise. Averages are given twice, over all environments and
 over those where that share is at least RELIABLE.
 
+--agent dqn is the same question for Stable-Baselines3's DQN with its usual network, in the first five logs of pc-gym's reactor and
+four tanks, whose settings the linear agent told apart. It has eight settings. Before its runs it was decided: the choice is better
+than DQN's default if its regret is less, with a 95 % interval over logs above 0. The truth of a setting is again a mean over five runs.
+
 --random-actions names logs that are in DIR, and prints a row for each: what random actions get in the models of the log beside the choice
 that is stored.
 """
 
 import argparse
+import dataclasses
 import functools
 import json
 import os
@@ -29,6 +34,7 @@ import random
 import statistics
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -266,15 +272,69 @@ class Counted:
         return came
 
 
-def truth_of(name):
+def deep(env, seed=0, **setting):
+    """Stable-Baselines3's DQN, which explores and copies its network as by its defaults unless the setting says otherwise."""
+    import stable_baselines3
+    import torch
+
+    torch.set_num_threads(1)
+    return stable_baselines3.DQN("MlpPolicy", env, seed=seed, device="cpu", **setting)
+
+
+def as_gymnasium(env):
+    """The same environment as Stable-Baselines3 asks for it."""
+    import gymnasium
+
+    class Environment(gymnasium.Env):
+        observation_space, action_space = env.observation_space, env.action_space
+
+        def reset(self, *, seed=None, options=None):
+            seen, info = env.reset()
+            return seen.astype(np.float32), info
+
+        def step(self, action):
+            seen, *rest = env.step(action)
+            return (seen.astype(np.float32), *rest)
+
+    return Environment()
+
+
+@dataclasses.dataclass
+class Compared:
+    """Whose settings are compared."""
+
+    make: Callable
+    settings: list[dict]
+    default: dict
+    environments: list[str]
+    logs: int
+    # Of the names of its files.
+    suffix: str = ""
+
+    def in_truth(self, env, seed, setting):
+        return self.make(as_gymnasium(env) if self.suffix else env, seed=seed, **setting)
+
+
+DEEP_SETTINGS = [
+    {"learning_rate": rate, "target_update_interval": interval, "exploration_fraction": share}
+    for rate in [1e-4, 1e-3] for interval in [250, 10_000] for share in [0.1, 0.5]
+]  # fmt: skip
+DEEP_DEFAULT = {"learning_rate": 1e-4, "target_update_interval": 10_000, "exploration_fraction": 0.1}
+AGENTS = {
+    "linear": Compared(Agent, SETTINGS, DEFAULT, list(ENVIRONMENTS), 10),
+    "dqn": Compared(deep, DEEP_SETTINGS, DEEP_DEFAULT, ["cstr", "four_tank"], 5, "-dqn"),
+}
+
+
+def truth_of(name, agent):
     """Mean return an episode of each setting, learning included, in each run."""
     env = ENVIRONMENTS[name][0]()
     returns = []
-    for setting in SETTINGS:
+    for setting in agent.settings:
         of_runs = []
         for run in range(RUNS):
             counted = Counted(env, 1_000 + run)
-            Agent(counted, seed=run, **setting).learn(STEPS)
+            agent.in_truth(counted, run, setting).learn(STEPS)
             of_runs.append(statistics.fmean(counted.returns))
         returns.append(of_runs)
         print(f"{name}: {setting} gets {statistics.fmean(of_runs):.4g}", file=sys.stderr, flush=True)
@@ -331,21 +391,21 @@ def model_of(name, number, folder):
     return model, columns
 
 
-def choice_of(name, number, folder):
+def choice_of(name, number, folder, agent):
     """What `calib_rl.tune` says of a log."""
     import calib_rl
 
     model, columns = model_of(name, number, folder)
     tuned = calib_rl.tune(
-        Agent, SETTINGS, model, total_timesteps=STEPS, default=DEFAULT, seed=number,
-        folder=folder / f"{name}-{number}" / "units", environment={"observe": columns, "units": "physical"},
+        agent.make, agent.settings, model, total_timesteps=STEPS, default=agent.default, seed=number,
+        folder=folder / f"{name}{agent.suffix}-{number}" / "units", environment={"observe": columns, "units": "physical"},
     )  # fmt: skip
-    places = [SETTINGS.index(setting) for setting in tuned.settings]
+    places = [agent.settings.index(setting) for setting in tuned.settings]
     selection = tuned.verdict["selection"]
-    returns = [[unit["kind"], unit["member"], SETTINGS.index(unit["setting"]), unit["mean_return"]] for unit in tuned.runs]
+    returns = [[unit["kind"], unit["member"], agent.settings.index(unit["setting"]), unit["mean_return"]] for unit in tuned.runs]
     return {
         "steps": LENGTHS[number % len(LENGTHS)],
-        "chosen": SETTINGS.index(tuned.chosen),
+        "chosen": agent.settings.index(tuned.chosen),
         "advice": tuned.advice[0],
         "reasons": [doubt["reason"] for doubt in tuned.verdict["doubts"]],
         "mean_ranks": {place: rank for place, rank in zip(places, selection["mean_ranks"])},
@@ -392,18 +452,18 @@ def beside_random_actions(log, folder):
     )
 
 
-def make(args, folder):
+def make(args, folder, agent):
     folder.mkdir(parents=True, exist_ok=True)
-    names = args.environments.split(",") if args.environments else list(ENVIRONMENTS)
+    names = args.environments.split(",") if args.environments else agent.environments
     for name in names:
-        path = folder / f"truth-{name}.json"
+        path = folder / f"truth-{name}{agent.suffix}.json"
         if not path.exists():
-            write(path, truth_of(name))
-    for number in range(*args.logs):
+            write(path, truth_of(name, agent))
+    for number in range(*(args.logs or [0, agent.logs])):
         for name in names:
-            path = folder / f"{name}-{number}.json"
+            path = folder / f"{name}{agent.suffix}-{number}.json"
             if not path.exists():
-                write(path, choice_of(name, number, folder / "work"))
+                write(path, choice_of(name, number, folder / "work", agent))
                 print(f"{name} {number}: done", file=sys.stderr, flush=True)
 
 
@@ -457,15 +517,15 @@ def kinds_agreement(log):
     return statistics.fmean(spearman(one, other) for number, one in enumerate(orders) for other in orders[number + 1 :])
 
 
-def report(folder):
-    runs = {name: json.loads(path.read_text()) for name in ENVIRONMENTS if (path := folder / f"truth-{name}.json").exists()}
+def report(folder, agent):
+    runs = {name: json.loads(path.read_text()) for name in ENVIRONMENTS if (path := folder / f"truth-{name}{agent.suffix}.json").exists()}
     truths = {name: [statistics.fmean(of_runs) for of_runs in found] for name, found in runs.items()}
 
     def regret(name, place):
         truth = truths[name]
         return 100.0 * (max(truth) - truth[place]) / (max(truth) - statistics.fmean(truth))
 
-    default = SETTINGS.index(DEFAULT)
+    default = agent.settings.index(agent.default)
     labels = ["choice", "what calib advises", "choice if ahead of the default", "default", "best of the other environments"]
     rows = {row: {} for row in [*labels, *(f"default less {label}" for label in labels[:3])]}
     correlations, groups = {}, {"calib says to deploy the choice": {}, "it is only ahead of the default": {}, "neither": {}}
@@ -473,11 +533,11 @@ def report(folder):
     print("| environment | logs | random | best | told apart | choice: regret | advice: regret | default: regret | best of the others: regret | Spearman | kinds agree | deploy, keep, nothing |")
     print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     for name, truth in truths.items():
-        found = [json.loads(path.read_text()) for path in sorted(folder.glob(f"{name}-[0-9]*.json"))]
+        found = [json.loads(path.read_text()) for path in sorted(folder.glob(f"{name}{agent.suffix}-[0-9]*.json"))]
         if not found:
             continue
         others = [other for other in truths if other != name]
-        fixed = min(range(len(SETTINGS)), key=lambda place: statistics.fmean(regret(other, place) for other in others)) if others else default
+        fixed = min(range(len(agent.settings)), key=lambda place: statistics.fmean(regret(other, place) for other in others)) if others else default
         says = [one["advice"].split()[0] if not one["advice"].startswith("Deploy nothing") else "nothing" for one in found]
         chosen = [regret(name, one["chosen"]) for one in found]
         advised = [regret(name, one["chosen"] if said == "Deploy" else default) for one, said in zip(found, says)]
@@ -490,7 +550,7 @@ def report(folder):
             rows[f"default less {label}"][name] = [regret(name, default) - one for one in rows[label][name]]
         correlations[name] = []
         for one in found:
-            raced = [place for place in range(len(SETTINGS)) if str(place) in one["mean_ranks"]]
+            raced = [place for place in range(len(agent.settings)) if str(place) in one["mean_ranks"]]
             correlations[name].append(spearman([-one["mean_ranks"][str(place)] for place in raced], [truth[place] for place in raced]))
         agreements[name] = [kinds_agreement(one) for one in found]
         for one, said, ahead in zip(chosen, says, is_ahead):
@@ -522,7 +582,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--environments")
-    parser.add_argument("--logs", type=int, nargs=2, default=[0, 10])
+    parser.add_argument("--logs", type=int, nargs=2)
+    parser.add_argument("--agent", choices=list(AGENTS), default="linear")
     parser.add_argument("--report", action="store_true")
     parser.add_argument("--random-actions", metavar="LOG,LOG")
     args = parser.parse_args()
@@ -530,9 +591,9 @@ def main():
         for log in args.random_actions.split(","):
             print(beside_random_actions(log, args.folder), flush=True)
     elif args.report:
-        report(args.folder)
+        report(args.folder, AGENTS[args.agent])
     else:
-        make(args, args.folder)
+        make(args, args.folder, AGENTS[args.agent])
 
 
 if __name__ == "__main__":
