@@ -64,10 +64,15 @@ fn a_log_of_decisions_becomes_a_verdict() {
     assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["candidates"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["columns"].as_array().map(Vec::len), Some(4), "no action, reward or terminal");
-    // Probabilities of actions are logged, so that there is importance sampling.
+    // Probabilities of actions are logged, so that there are importance sampling and the doubly robust estimate.
     let importance = json["importance_sampling"].as_array().expect("probabilities are logged");
     assert_eq!(importance.len(), 2);
     assert!(told.contains("importance") && told.contains("of episodes"), "{told}");
+    let robust = json["doubly_robust"].as_array().expect("probabilities are logged");
+    assert!(robust.len() == 2 && robust.iter().all(serde_json::Value::is_f64), "{robust:?}");
+    assert!(told.contains("doubly robust"), "{told}");
+    let report = fs::read_to_string(&report).expect("a report");
+    assert!(report.contains("doubly robust"), "the column of the report");
     // Another reward is another verdict.
     let set = "control.reward=[{ column = 'angle', set_point = 0.0, weight = -1.0 }]";
     let other = place.calib(&["control", study, "--set", set, "--dry-run"]);

@@ -17,8 +17,8 @@ use std::{
 
 use calib_control::{
     ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, Ensemble as _, Extent,
-    Grid, Membrane, Quality, Question, RunLength, Simulated, Starts, Support, TaskKind,
-    fitted_q_evaluation, judge, live, record, regret, sweep, truth,
+    Grid, Membrane, Quality, Question, RunLength, Simulated, Starts, Support, TaskKind, judge,
+    live, off_policy_values, record, regret, sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
 use calib_stats::{RankRule, summarise};
@@ -114,7 +114,8 @@ impl Study {
         let rule = RankRule::WorstRank;
         let new = Question::new(log, span.timeout, candidates.len());
         let verdict = judge(&runs, &Question { default: untuned, rule, support, ..new }, seed)?;
-        let fitted = fitted_q_evaluation(log, &starts, &candidates, STEPS, span.timeout, &Silent)?;
+        let fitted =
+            off_policy_values(log, &starts, &candidates, STEPS, span.timeout, &Silent)?.fitted_q;
         let best_fitted =
             (0..fitted.len()).max_by(|&a, &b| fitted[a].total_cmp(&fitted[b]).then(b.cmp(&a)));
         let extent = Extent { runs: self.truth_runs, span };

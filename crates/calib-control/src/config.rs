@@ -20,7 +20,7 @@ pub struct ControlConfig {
     /// The column that is not 0 where an episode ended and nothing follows. Default: none does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub terminal: Option<String>,
-    /// The column with the probability, above 0 and up to 1, of the action that was taken: settings are then also evaluated by importance sampling. Default: it was not logged.
+    /// The column with the probability, above 0 and up to 1, of the action that was taken: settings are then also evaluated by importance sampling and the doubly robust estimator. Default: it was not logged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub probability: Option<String>,
     /// Rows from one decision of an agent to the next. Rewards of the rows between are summed, and the action of the first row counts.

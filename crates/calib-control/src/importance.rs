@@ -1,14 +1,9 @@
-//! Importance sampling: the value of a policy from a log whose policy is known, without a model. A baseline.
+//! Importance sampling and the doubly robust estimator: the value of a policy from a log whose policy is known, without a model. Baselines.
 
-use calib_core::{Cancelled, Monitor, TransitionIndex};
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    AgentConfig, ControlError, Decisions, Ending,
-    evaluation::{from_log, policies},
-};
+use crate::{Decisions, Ending, evaluation::StepValues};
 
 /// What a candidate's policy would get, by importance sampling.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,54 +16,26 @@ pub struct Importance {
 
 /// An episode as it was recorded.
 #[derive(Clone, Debug)]
-struct Episode<'a> {
+pub(crate) struct Episode<'a> {
     /// ln π(a | s) − ln b(a | s) of each step.
     log_ratios: Vec<f64>,
     rewards: &'a [f32],
+    /// Fitted values of each step; empty without any.
+    values: &'a [StepValues],
     ending: Ending,
 }
 
-/// The value of each candidate by weighted per-decision importance sampling, `[candidates]`; `None` of a log without probabilities.
-///
-/// The policy π is what the candidate learns from the log, as in [`fitted_q_evaluation`](crate::fitted_q_evaluation); b is the policy that was
-/// logged. With ρᵢₜ = Π π / b over the steps of episode i up to t, the value is Σₜ γᵗ Σᵢ ρᵢₜ rᵢₜ / Σᵢ ρᵢₜ (Precup, Sutton & Singh 2000; this form, which is
-/// consistent, Thomas & Brunskill 2016). After a terminal an episode goes on with rewards of nought and the ratio that it had; one that was cut
-/// counts up to there. It is the return from where the recorded episodes begin, of up to `timeout` steps. π was learnt from the same log, which flatters it.
-///
-/// # Errors
-/// If the monitor interrupts.
-pub fn importance_sampling(
-    log: &Decisions,
-    candidates: &[AgentConfig],
-    updates: usize,
-    timeout: usize,
-    monitor: &dyn Monitor,
-) -> Result<Option<Vec<Importance>>, ControlError> {
-    let Some(logged) = log.probabilities() else { return Ok(None) };
-    monitor.begin("importance sampling", candidates.len() as u64);
-    let values: Result<Vec<Importance>, Cancelled> = candidates
-        .par_iter()
-        .map(|&config| {
-            monitor.check()?;
-            let ratios = log_ratios(log, logged, config, updates);
-            monitor.advance(1);
-            Ok(estimate(&episodes(log, &ratios), config.gamma, timeout))
-        })
-        .collect();
-    Ok(Some(values?))
+/// What an episode counts for at a step.
+#[derive(Clone, Copy, Debug)]
+struct Weighted {
+    log_weight: f64,
+    value: f64,
 }
 
-/// ln π(a | s) − ln b(a | s) of each transition for the policy that the candidate learns from the log.
-fn log_ratios(log: &Decisions, logged: &[f64], config: AgentConfig, updates: usize) -> Vec<f64> {
-    let mut agent = from_log(log, config, updates);
-    let all = policies(
-        &mut agent,
-        &config,
-        (0..log.len()).map(|number: usize| {
-            log.states().row(log.transitions().source(TransitionIndex::new(number)).get())
-        }),
-    );
-    all.chunks(log.levels())
+/// ln π(a | s) − ln b(a | s) of each transition: `policies` has π(· | s), `[transitions, actions]`, and `logged` b(a | s).
+pub(crate) fn log_ratios(log: &Decisions, logged: &[f64], policies: &[f64]) -> Vec<f64> {
+    policies
+        .chunks(log.levels())
         .enumerate()
         .map(|(number, policy)| {
             let own = policy[usize::from(log.actions()[number])];
@@ -78,46 +45,74 @@ fn log_ratios(log: &Decisions, logged: &[f64], config: AgentConfig, updates: usi
         .collect()
 }
 
-fn episodes<'a>(log: &'a Decisions, log_ratios: &[f64]) -> Vec<Episode<'a>> {
+/// The episodes of `log` with what each transition has: `log_ratios`, and `values` unless they are empty.
+pub(crate) fn episodes<'a>(
+    log: &'a Decisions,
+    log_ratios: &[f64],
+    values: &'a [StepValues],
+) -> Vec<Episode<'a>> {
     log.episodes()
         .map(|steps| Episode {
             log_ratios: log_ratios[steps.clone()].to_vec(),
             rewards: &log.rewards()[steps.clone()],
+            values: values.get(steps.clone()).unwrap_or_default(),
             ending: log.endings()[steps.end - 1],
         })
         .collect()
 }
 
-/// The estimate of [`importance_sampling`] from the episodes.
-fn estimate(episodes: &[Episode<'_>], gamma: f64, timeout: usize) -> Importance {
+/// The value of a policy π by weighted per-decision importance sampling. With fitted values it is the doubly robust estimate.
+///
+/// With ρᵢₜ = Π π / b over the steps of episode i up to t, the value is Σₜ γᵗ (Σᵢ ρᵢₜ (rᵢₜ − q̂ᵢₜ) / Σᵢ ρᵢₜ + Σᵢ ρᵢₜ₋₁ v̂ᵢₜ / Σᵢ ρᵢₜ₋₁), where q̂ᵢₜ and v̂ᵢₜ are the
+/// values of the action taken and of the state, and 0 without any. Without them it is that of Precup, Sutton & Singh 2000, whose weighted form is consistent
+/// (Thomas & Brunskill 2016). With them it is the recursion v̂ + ρ (r + γ V' − q̂) of Jiang & Li 2016, weighted as in Thomas & Brunskill 2016. After a
+/// terminal an episode goes on with rewards and values of nought and the ratio that it had. One that was cut counts up to there, in all four sums.
+pub(crate) fn estimate(episodes: &[Episode<'_>], gamma: f64, timeout: usize) -> Importance {
     let longest =
         episodes.iter().map(|episode| episode.rewards.len()).max().unwrap_or(0).min(timeout);
-    let mut weights = vec![0.0; episodes.len()];
+    let mut log_weights = vec![0.0; episodes.len()];
     let mut value = 0.0;
     let mut discount = 1.0;
     for step in 0..longest {
-        let mut counted: Vec<(f64, f64)> = Vec::with_capacity(episodes.len());
-        for (episode, weight) in episodes.iter().zip(&mut weights) {
+        let mut expected = Vec::with_capacity(episodes.len());
+        let mut corrected = Vec::with_capacity(episodes.len());
+        for (episode, log_weight) in episodes.iter().zip(&mut log_weights) {
             if let Some(ratio) = episode.log_ratios.get(step) {
-                *weight += ratio;
-                counted.push((*weight, f64::from(episode.rewards[step])));
+                let fitted = episode.values.get(step).copied().unwrap_or_default();
+                expected.push(Weighted { log_weight: *log_weight, value: fitted.expected });
+                *log_weight += ratio;
+                let beyond = f64::from(episode.rewards[step]) - fitted.taken;
+                corrected.push(Weighted { log_weight: *log_weight, value: beyond });
             } else if episode.ending == Ending::Terminal {
-                counted.push((*weight, 0.0));
+                let nothing = Weighted { log_weight: *log_weight, value: 0.0 };
+                expected.push(nothing);
+                corrected.push(nothing);
             }
         }
-        // Products of hundreds of ratios leave the range of numbers: only what they are beside the largest matters.
-        let largest = counted.iter().map(|weighted| weighted.0).fold(f64::NEG_INFINITY, f64::max);
-        if largest == f64::NEG_INFINITY {
+        let (Some(expected), Some(corrected)) = (mean(&expected), mean(&corrected)) else {
             return Importance { value: None, effective_episodes: 0.0 };
-        }
-        let beside = |weight: f64| (weight - largest).exp();
-        let sum: f64 = counted.iter().map(|weighted| beside(weighted.0)).sum();
-        value += discount
-            * counted.iter().map(|weighted| beside(weighted.0) * weighted.1).sum::<f64>()
-            / sum;
+        };
+        value += discount * (expected + corrected);
         discount *= gamma;
     }
-    Importance { value: Some(value), effective_episodes: effective(&weights) }
+    Importance { value: Some(value), effective_episodes: effective(&log_weights) }
+}
+
+/// Σ w x / Σ w; none if all weights are 0.
+fn mean(all: &[Weighted]) -> Option<f64> {
+    // Products of hundreds of ratios leave the range of numbers: only what they are beside the largest matters.
+    let largest = all.iter().map(|one| one.log_weight).fold(f64::NEG_INFINITY, f64::max);
+    if largest == f64::NEG_INFINITY {
+        return None;
+    }
+    let mut weights = 0.0;
+    let mut sum = 0.0;
+    for one in all {
+        let weight = (one.log_weight - largest).exp();
+        weights += weight;
+        sum += weight * one.value;
+    }
+    Some(sum / weights)
 }
 
 /// (Σ w)² / Σ w² of weights whose logarithms are given; 0 if all are 0.

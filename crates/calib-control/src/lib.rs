@@ -20,6 +20,7 @@ mod importance;
 mod levels;
 mod log;
 mod model;
+mod off_policy;
 mod proposed;
 mod recorded;
 mod reward;
@@ -40,9 +41,8 @@ pub use decision_rows::{ChangedDecisions, DecisionRows, RowsWithoutReward};
 pub use drift::Drift;
 pub use environment::{Ending, Environment, Outcome};
 pub use error::ControlError;
-pub use evaluation::fitted_q_evaluation;
 pub use grid::Grid;
-pub use importance::{Importance, importance_sampling};
+pub use importance::Importance;
 pub use levels::Levels;
 pub use log::{Columns, Decisions};
 pub use model::{
@@ -51,6 +51,7 @@ pub use model::{
     NetworkWalk, NetworkWorkplace, Pessimism, Rules, Starts, Step, Target, Walk, Walked,
     open_action_model, write_action_model,
 };
+pub use off_policy::{OffPolicyValues, off_policy_values};
 pub use proposed::{PAIRED_COLUMNS, ProposedSettings, is_beyond_returns, is_random, two_digits};
 pub use recorded::RecordedReturn;
 pub use reward::{Reward, RewardColumns, SetPoint, Term};

@@ -24,8 +24,8 @@ use calib_control::{
     Acrobot, ActionModel, ActionModelConfig, Agent, AgentConfig, Begin, Behaviour, CartPole,
     Coverage, Decisions, Drift, Environment, Extent, Grid, IncrementModel, Increments,
     NetworkConfig, NetworkModel, Pessimism, PuddleWorld, Quality, Question, Run, RunLength,
-    Simulated, Starts, Support, Task, TaskKind, constant_returns, fitted_q_evaluation, judge,
-    record, sweep, truth,
+    Simulated, Starts, Support, Task, TaskKind, constant_returns, judge, off_policy_values, record,
+    sweep, truth,
 };
 use calib_core::{Seed, Silent, States};
 use calib_represent::{LaplacianConfig, Split, Training, encode};
@@ -243,7 +243,8 @@ impl Study<'_> {
         let fitted = if let Some(fitted) = fitted {
             Some(fitted as usize)
         } else {
-            let values = fitted_q_evaluation(&log, &starts, &candidates, STEPS, timeout, &Silent)?;
+            let values =
+                off_policy_values(&log, &starts, &candidates, STEPS, timeout, &Silent)?.fitted_q;
             (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]).then(b.cmp(&a)))
         };
         let mut line = json!({

@@ -45,7 +45,7 @@ pub(super) struct ControlManifest {
 }
 
 impl Manifest for ControlManifest {
-    const FORMAT: u32 = 10;
+    const FORMAT: u32 = 11;
 
     fn format(&self) -> u32 {
         self.format
@@ -78,6 +78,10 @@ pub struct ControlEvaluation {
     /// The same by weighted importance sampling, where the log has the probabilities of its actions: for comparison.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) importance_sampling: Option<Vec<Importance>>,
+    /// The same by the weighted doubly robust estimator, which corrects the values of fitted Q evaluation on the episodes of importance
+    /// sampling. A candidate has none where fitted Q evaluation diverged or importance sampling has no value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) doubly_robust: Option<Vec<Option<f64>>>,
     /// What the chosen agent did at the end of its first run; none if it diverged there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) conduct: Option<AgentConduct>,

@@ -83,6 +83,12 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
     if evaluation.importance_sampling.is_some() {
         columns.extend(texts(["importance", "of episodes"]));
     }
+    if evaluation.doubly_robust.is_some() {
+        columns.push("doubly robust".to_owned());
+        caption.push_str(
+            " The doubly robust estimate corrects fitted Q on the same episodes, and needs both.",
+        );
+    }
     Table {
         title: "Settings".to_owned(),
         caption,
@@ -115,6 +121,9 @@ fn candidates(evaluation: &ControlEvaluation) -> Table {
                         value.map_or(Cell::Missing, Cell::Number),
                         Cell::Number(effective_episodes),
                     ]);
+                }
+                if let Some(values) = &evaluation.doubly_robust {
+                    row.push(values[candidate].map_or(Cell::Missing, Cell::Number));
                 }
                 row
             })

@@ -8,8 +8,8 @@ use calib_base::{
 use calib_control::{
     ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
     ControlConfig, ControlError, Distance, Doubt, Ensemble, Extent, IncrementModel, Increments,
-    NetworkModel, PAIRED_COLUMNS, Question, Run, RunLength, Support, constant_returns,
-    fitted_q_evaluation, importance_sampling, judge, runs_here, sweep_keeping, trajectory,
+    NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunLength, Support,
+    constant_returns, judge, off_policy_values, runs_here, sweep_keeping, trajectory,
 };
 use calib_core::{Monitor, Seed};
 use calib_files::Fingerprint;
@@ -271,21 +271,18 @@ fn judged(
         units.remove()?;
         return Err(reason);
     }
-    // Both ask for the probabilities of an agent's actions, which a program does not tell.
-    let fitted = fitted_q_evaluation(decisions, &observed, own, steps, timeout, &progress)?;
-    let importance = if own.is_empty() {
-        None
-    } else {
-        importance_sampling(decisions, own, steps, timeout, &progress)?
-    };
+    // All three ask for the probabilities of an agent's actions, which a program does not tell.
+    let OffPolicyValues { fitted_q, importance, doubly_robust } =
+        off_policy_values(decisions, &observed, own, steps, timeout, &progress)?;
     let evaluation = ControlEvaluation {
         log: described,
         worst_return: model.worst_return(),
         fields: agents.fields(config),
         learning: learning(&runs, agents.count()),
         verdict,
-        fitted_q_evaluation: fitted,
+        fitted_q_evaluation: fitted_q,
         importance_sampling: importance,
+        doubly_robust,
         conduct,
         failures,
         candidates: agents.stored(),

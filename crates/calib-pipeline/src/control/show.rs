@@ -174,6 +174,9 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
                     .iter()
                     .flat_map(|estimates| importance(estimates[candidate])),
             );
+            row.extend(evaluation.doubly_robust.iter().map(|values| {
+                doubly_robust(values[candidate], evaluation.fitted_q_evaluation[candidate])
+            }));
             row
         })
         .collect();
@@ -184,6 +187,9 @@ fn candidates(evaluation: &ControlEvaluation) -> String {
     }
     if evaluation.importance_sampling.is_some() {
         header.extend(["importance", "of episodes"]);
+    }
+    if evaluation.doubly_robust.is_some() {
+        header.push("doubly robust");
     }
     table(&header, &rows)
 }
@@ -201,6 +207,15 @@ pub(super) fn rank(evaluation: &ControlEvaluation, candidate: usize) -> String {
 fn importance(estimate: Importance) -> [String; 2] {
     let value = estimate.value.map_or_else(|| "none".to_owned(), significant);
     [value, format!("{:.1}", estimate.effective_episodes)]
+}
+
+/// A doubly robust value. Without one either fitted Q evaluation diverged, or importance sampling has none.
+fn doubly_robust(value: Option<f64>, fitted_q: f64) -> String {
+    match value {
+        Some(value) => significant(value),
+        None if fitted_q.is_finite() => "none".to_owned(),
+        None => "diverged".to_owned(),
+    }
 }
 
 /// What distinguishes a candidate.

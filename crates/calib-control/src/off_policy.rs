@@ -1,0 +1,148 @@
+//! What the policy that a candidate learns from the log would get, estimated from the log alone. Baselines, which need no model.
+
+use calib_core::{Cancelled, Monitor, States, TransitionIndex};
+use rayon::prelude::*;
+
+use crate::{
+    Agent, AgentConfig, ControlError, Decisions, Importance, Outcome,
+    agent::policy,
+    evaluation::FittedQ,
+    importance::{episodes, estimate, log_ratios},
+};
+
+/// The values of all candidates from the log alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OffPolicyValues {
+    /// By fitted Q evaluation, `[candidates]`; −∞ if the candidate diverged.
+    pub fitted_q: Vec<f64>,
+    /// By weighted importance sampling, `[candidates]`; none without candidates, or of a log without probabilities.
+    pub importance: Option<Vec<Importance>>,
+    /// By the weighted doubly robust estimator, `[candidates]`, on the same episodes; none where importance sampling has none. A candidate has none
+    /// without a value by importance sampling, and if fitted Q evaluation diverged.
+    pub doubly_robust: Option<Vec<Option<f64>>>,
+}
+
+/// The values of one candidate.
+struct CandidateValues {
+    fitted_q: f64,
+    /// Those that need the logged probabilities.
+    sampled: Option<SampledValues>,
+}
+
+struct SampledValues {
+    importance: Importance,
+    doubly_robust: Option<f64>,
+}
+
+/// The value of each candidate from the log alone: what it learns from the recorded transitions, evaluated on them.
+///
+/// A candidate learns from the log in the order in which it was recorded, again and again until it has seen `updates` transitions, without
+/// traces (they would follow the behaviour, not the agent). The policy π that it has then is evaluated in three ways:
+///
+/// - By fitted Q evaluation (Le, Voloshin & Yue 2019): the mean of Σ π(a | s) q̂(s, a) over `starts`, the states in which episodes begin.
+/// - By weighted per-decision importance sampling (Precup, Sutton & Singh 2000), if the probabilities of the recorded actions were logged: the return
+///   of up to `timeout` steps from where the recorded episodes begin.
+/// - By the weighted doubly robust estimator (Jiang & Li 2016, Thomas & Brunskill 2016), under the same condition: the same return, with q̂ as control variate.
+///
+/// π and q̂ were learnt from the same log, which flatters them.
+///
+/// # Errors
+/// If the monitor interrupts.
+pub fn off_policy_values(
+    log: &Decisions,
+    starts: &States,
+    candidates: &[AgentConfig],
+    updates: usize,
+    timeout: usize,
+    monitor: &dyn Monitor,
+) -> Result<OffPolicyValues, ControlError> {
+    monitor.begin("evaluation by the log alone", candidates.len() as u64);
+    let values: Result<Vec<CandidateValues>, Cancelled> = candidates
+        .par_iter()
+        .map(|&config| {
+            monitor.check()?;
+            let values = candidate_values(log, starts, config, updates, timeout);
+            monitor.advance(1);
+            Ok(values)
+        })
+        .collect();
+    let mut all = OffPolicyValues { fitted_q: Vec::new(), importance: None, doubly_robust: None };
+    for CandidateValues { fitted_q, sampled } in values? {
+        all.fitted_q.push(fitted_q);
+        if let Some(SampledValues { importance, doubly_robust }) = sampled {
+            all.importance.get_or_insert_default().push(importance);
+            all.doubly_robust.get_or_insert_default().push(doubly_robust);
+        }
+    }
+    Ok(all)
+}
+
+fn candidate_values(
+    log: &Decisions,
+    starts: &States,
+    config: AgentConfig,
+    updates: usize,
+    timeout: usize,
+) -> CandidateValues {
+    let agent = &mut from_log(log, config, updates);
+    let gamma = config.gamma;
+    let transitions = || (0..log.len()).map(TransitionIndex::new);
+    let after = policies(agent, &config, transitions().map(|at| log.ends(at)[1]));
+    let mut fitted = FittedQ::fit(log, &after, gamma, timeout);
+    // It has a number per transition and action, and so has `here`.
+    drop(after);
+    let first = policies(agent, &config, (0..starts.rows()).map(|row| starts.row(row)));
+    let value = fitted.mean_over(starts, &first);
+    let sampled = log.probabilities().map(|logged| {
+        let here = policies(agent, &config, transitions().map(|at| log.ends(at)[0]));
+        let ratios = log_ratios(log, logged, &here);
+        let importance = estimate(&episodes(log, &ratios, &[]), gamma, timeout);
+        let doubly_robust = if value.is_finite() {
+            let values = fitted.at_steps(log, &here);
+            let found = estimate(&episodes(log, &ratios, &values), gamma, timeout).value;
+            found.filter(|found| found.is_finite())
+        } else {
+            None
+        };
+        SampledValues { importance, doubly_robust }
+    });
+    let fitted_q = if value.is_finite() { value } else { f64::NEG_INFINITY };
+    CandidateValues { fitted_q, sampled }
+}
+
+/// An agent that learnt from `updates` recorded transitions.
+fn from_log(log: &Decisions, config: AgentConfig, updates: usize) -> Agent {
+    let config = AgentConfig { lambda: 0.0, ..config };
+    let mut agent = Agent::new(config, log.states().columns(), log.levels());
+    let mut before = None;
+    for update in 0..updates {
+        let number = update % log.len();
+        let transition = TransitionIndex::new(number);
+        let source = log.transitions().source(transition);
+        if before != Some(source) {
+            agent.look(log.states().row(source.get()));
+        }
+        let next = log.transitions().next(transition);
+        let reward = f64::from(log.rewards()[number]);
+        let outcome = Outcome { reward, ending: log.endings()[number] };
+        agent.learn(usize::from(log.actions()[number]), outcome, log.states().row(next.get()));
+        before = Some(next);
+    }
+    agent
+}
+
+/// π(· | state) of each of `states`, one after the other.
+fn policies<'a>(
+    agent: &mut Agent,
+    config: &AgentConfig,
+    states: impl Iterator<Item = &'a [f32]>,
+) -> Vec<f64> {
+    let mut all = Vec::new();
+    let mut probabilities = vec![0.0; agent.actions()];
+    for state in states {
+        agent.go_on(state);
+        policy(config, agent.values(), &mut probabilities);
+        all.extend_from_slice(&probabilities);
+    }
+    all
+}
