@@ -112,10 +112,23 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
     let share = started.calib(&["control", study, "--share", "1/20"]).succeeds();
     assert!(share.contains("share 1/20: 1 run made, 0 there before, of 18 in all"), "{share}");
     // The last run of networks, and as often as it is asked for.
-    for counts in ["1 run made, 0 there before", "0 runs made, 1 there before"] {
-        let share = started.calib(&["control", study, "--share", "17/18"]).succeeds();
+    let trained = "training the network of ensemble member 2, in which this share has runs";
+    for (counts, is_made) in
+        [("1 run made, 0 there before", true), ("0 runs made, 1 there before", false)]
+    {
+        let ran = started.calib(&["control", study, "--share", "17/18"]);
+        let share = ran.succeeds();
         assert!(share.contains(&format!("share 17/18: {counts}, of 18 in all")), "{share}");
+        assert_eq!(ran.stderr().contains(trained), is_made, "{}", ran.stderr());
     }
+    // Of networks, numbers 12 to 17, it has the runs 12 and 16, in members 0 and 2.
+    let ran = started.calib(&["control", study, "--share", "0/4"]);
+    ran.succeeds();
+    let trained = "training the networks of ensemble members 0 and 2, in which this share has runs";
+    assert!(ran.stderr().contains(trained), "{}", ran.stderr());
+    // A network that was trained without the others gives the bytes that it gives with them.
+    started.calib(&["control", study]).ends(&[1]);
+    assert!(results(&alone, folder) == results(&started, folder));
     let json = started.calib(&["control", study, "--share", "1/20", "--json"]).fails(2);
     assert!(json.contains("--json"), "a share has no verdict to print: {json}");
 }

@@ -167,7 +167,8 @@ pub fn sweep<M: Ensemble>(
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Run>, ControlError> {
-    sweep_keeping(model, &candidates, extent, seed, &NotKept, monitor)
+    let ids = runs_here(model.kind(), model.members(), extent.runs, candidates.len(), &NotKept);
+    sweep_keeping(model, &candidates, ids, extent.span, seed, &NotKept, monitor)
 }
 
 /// The runs of a kind of models that `keeper` wants made here, in the order of members, runs and candidates. Of each member there are
@@ -191,20 +192,19 @@ pub fn runs_here(
     .collect()
 }
 
-/// As [`sweep`], with a `keeper` of the runs: those that it knows are not made again, and those that it leaves to others are neither
-/// made nor returned.
+/// These runs of [`sweep`], in their order, with a `keeper`: those that it knows are not made again.
 ///
 /// # Errors
 /// If the monitor interrupts, an agent cannot go on, or a run cannot be kept.
 pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
     model: &M,
     agents: &A,
-    extent: Extent,
+    ids: Vec<RunId>,
+    span: RunLength,
     seed: Seed,
     keeper: &dyn RunKeeper,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Run>, ControlError> {
-    let ids = runs_here(model.kind(), model.members(), extent.runs, agents.count(), keeper);
     let task = match model.kind() {
         ActionModelKind::Neighbors => "agents in neighbours",
         ActionModelKind::Increments => "agents in increments",
@@ -221,7 +221,7 @@ pub fn sweep_keeping<M: Ensemble, A: ActingAgents + ?Sized>(
             }
             let seed = run_seed(seed, member, run);
             let mut walk = model.walk(member);
-            let life = agents.live(candidate, &mut walk, extent.span, seed, monitor)?;
+            let life = agents.live(candidate, &mut walk, span, seed, monitor)?;
             let lived = Run {
                 kind,
                 member,

@@ -96,7 +96,10 @@ fn a_sweep_goes_on_from_what_was_kept() {
     let candidates = grid.candidates(AgentConfig::default()).expect("two");
     let extent = Extent { runs: 2, span: RunLength { steps: 200, timeout: 50 } };
     let swept = |keeper: &dyn RunKeeper| {
-        sweep_keeping(&model, &&candidates[..], extent, Seed::new(5), keeper, &Silent).expect("run")
+        let ids = runs_here(ActionModelKind::Neighbors, 3, extent.runs, 2, keeper);
+        let agents = &candidates[..];
+        sweep_keeping(&model, &agents, ids, extent.span, Seed::new(5), keeper, &Silent)
+            .expect("run")
     };
     let whole = swept(&NotKept);
     assert!(whole.iter().all(|run| run.drift.episodes > 0));

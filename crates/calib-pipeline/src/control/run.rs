@@ -1,3 +1,5 @@
+use std::collections::BTreeSet;
+
 use calib_base::{
     StepError, artefact,
     clock::Stopwatch,
@@ -8,7 +10,7 @@ use calib_base::{
 use calib_control::{
     ActingAgents, ActionModel, ActionModelKind, AgentConfig, Algorithm, ConstantReturns,
     ControlConfig, ControlError, Distance, Doubt, Ensemble, Extent, IncrementModel, Increments,
-    NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunLength, Support,
+    NetworkModel, OffPolicyValues, PAIRED_COLUMNS, Question, Run, RunId, RunLength, Support,
     constant_returns, judge, off_policy_values, runs_here, sweep_keeping, trajectory,
 };
 use calib_core::{Monitor, Seed};
@@ -305,10 +307,15 @@ struct SweptSettings {
 }
 
 impl SweptSettings {
-    /// Add what comes of one kind of model.
-    fn add<M: Ensemble>(&mut self, model: &M, question: &SweepInputs<'_>) -> Result<(), StepError> {
+    /// Add what comes of these runs in one kind of model.
+    fn add<M: Ensemble>(
+        &mut self,
+        model: &M,
+        ids: Vec<RunId>,
+        question: &SweepInputs<'_>,
+    ) -> Result<(), StepError> {
         let SweepInputs { actions, agents, extent, seed, units, monitor } = *question;
-        self.runs.extend(sweep_keeping(model, agents, extent, seed, units, monitor)?);
+        self.runs.extend(sweep_keeping(model, agents, ids, extent.span, seed, units, monitor)?);
         if units.are_all() {
             self.constants.push(constant_returns(model, actions, extent, seed, monitor)?);
         }
@@ -348,32 +355,42 @@ fn swept(
     };
     let mut swept = SweptSettings { runs: Vec::new(), constants: Vec::new() };
     for &kind in &config.models {
+        let mut ids = runs_here(kind, model.members(), config.runs, agents.count(), units);
         if !units.are_all() {
-            // A share that needs no run of a kind needs no models of it either. Networks take the longest.
-            let ids = runs_here(kind, model.members(), config.runs, agents.count(), units);
-            if let Some(runs) = units.all_kept(&ids) {
-                swept.runs.extend(runs);
+            // A share needs no models in which it has no run left. Networks take the longest.
+            let (kept, left) = units.split(ids);
+            swept.runs.extend(kept);
+            if left.is_empty() {
                 continue;
             }
+            ids = left;
         }
         match kind {
             ActionModelKind::Neighbors => {
-                swept.add(model, &question)?;
+                swept.add(model, ids, &question)?;
             }
             ActionModelKind::Increments => {
                 let increments = Increments::new(model, config.model.coverage, &progress)?;
                 let model = IncrementModel::new(model, &increments);
-                swept.add(&model, &question)?;
+                swept.add(&model, ids, &question)?;
             }
-            ActionModelKind::Network => match NetworkModel::beside(model, seed, &progress) {
-                Ok(model) => {
-                    swept.add(&model, &question)?;
+            ActionModelKind::Network => {
+                let members = members_of(&ids);
+                if members.len() < model.members() {
+                    printer.say(&share_of_networks(&members));
                 }
-                Err(error @ ControlError::NetworkDiverged { .. }) if config.models.len() > 1 => {
-                    printer.warn(&format!("{error}; now the other kinds of models decide"));
+                match NetworkModel::beside_members(model, &members, seed, &progress) {
+                    Ok(model) => {
+                        swept.add(&model, ids, &question)?;
+                    }
+                    Err(error @ ControlError::NetworkDiverged { .. })
+                        if config.models.len() > 1 =>
+                    {
+                        printer.warn(&format!("{error}; now the other kinds of models decide"));
+                    }
+                    Err(error) => return Err(error.into()),
                 }
-                Err(error) => return Err(error.into()),
-            },
+            }
         }
     }
     // All runs of a setting that failed are the same: which of them were made before depends on the threads.
@@ -383,6 +400,23 @@ fn swept(
         }
     }
     Ok(swept)
+}
+
+/// The ensemble members that these runs are in, ascending.
+pub(super) fn members_of(ids: &[RunId]) -> Vec<usize> {
+    let members: BTreeSet<usize> = ids.iter().map(|id| id.member).collect();
+    members.into_iter().collect()
+}
+
+/// Whose networks a share trains.
+fn share_of_networks(members: &[usize]) -> String {
+    let names: Vec<String> = members.iter().map(usize::to_string).collect();
+    let noun = if members.len() == 1 {
+        "the network of ensemble member"
+    } else {
+        "the networks of ensemble members"
+    };
+    format!("training {noun} {}, in which this share has runs", listed(&names))
 }
 
 /// The mean curve of each candidate over the runs that have one.

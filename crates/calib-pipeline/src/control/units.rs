@@ -100,11 +100,18 @@ impl RunFiles {
         (unit.origin == self.origin && unit.run.id() == id).then_some(unit.run)
     }
 
-    /// All of these runs, if each was kept for this verdict. They then count as found.
-    pub(super) fn all_kept(&self, ids: &[RunId]) -> Option<Vec<Run>> {
-        let runs: Vec<Run> = ids.iter().map(|&id| self.kept(id)).collect::<Option<_>>()?;
-        self.found.fetch_add(runs.len(), Ordering::Relaxed);
-        Some(runs)
+    /// The runs of these that were kept for this verdict, which then count as found, and those that are left to make.
+    pub(super) fn split(&self, ids: Vec<RunId>) -> (Vec<Run>, Vec<RunId>) {
+        let mut kept = Vec::new();
+        let mut left = Vec::new();
+        for id in ids {
+            match self.kept(id) {
+                Some(run) => kept.push(run),
+                None => left.push(id),
+            }
+        }
+        self.found.fetch_add(kept.len(), Ordering::Relaxed);
+        (kept, left)
     }
 
     /// Whether all runs are made here.

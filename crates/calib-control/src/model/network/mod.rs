@@ -71,8 +71,8 @@ impl NetworkConfig {
 pub struct NetworkModel {
     starts: States,
     scales: Scales,
-    /// One a member.
-    networks: Vec<Mlp>,
+    /// One a member; none of members that were left out.
+    networks: Vec<Option<Mlp>>,
 }
 
 impl NetworkModel {
@@ -87,20 +87,45 @@ impl NetworkModel {
         seed: Seed,
         monitor: &dyn Monitor,
     ) -> Result<Self, ControlError> {
+        // More members than transitions are refused.
+        let members: Vec<usize> = (0..config.members.min(log.len())).collect();
+        Self::train_members(log, starts, config, &members, seed, monitor)
+    }
+
+    /// Train the networks of these members alone. They are those that [`train`](Self::train) makes, because each has a seed and a part of
+    /// the log of its own. Nobody can walk in the other members.
+    ///
+    /// # Errors
+    /// As [`train`](Self::train).
+    ///
+    /// # Panics
+    /// If there is no such member.
+    pub fn train_members(
+        log: &Decisions,
+        starts: States,
+        config: &NetworkConfig,
+        members: &[usize],
+        seed: Seed,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, ControlError> {
         config.check()?;
         if starts.rows() == 0 {
             return Err(ControlError::NoStarts);
         }
         let blocks = Blocks::new(log.transitions(), config.members)?;
         let scales = Scales::new(log);
-        monitor.begin("networks", (config.members * config.updates) as u64);
-        let networks = (0..config.members)
-            .into_par_iter()
-            .map(|member| {
+        monitor.begin("networks", (members.len() * config.updates) as u64);
+        let trained = members
+            .par_iter()
+            .map(|&member| {
                 let seed = seed.child("network").number(member as u64);
                 train(log, &scales, (&blocks, member), config, seed, monitor)
             })
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<Vec<Mlp>, ControlError>>()?;
+        let mut networks = vec![None; config.members];
+        for (&member, network) in members.iter().zip(trained) {
+            networks[member] = Some(network);
+        }
         Ok(Self { starts, scales, networks })
     }
 }
@@ -114,8 +139,13 @@ pub struct NetworkWorkplace {
 
 impl NetworkModel {
     /// A place to take steps in.
+    ///
+    /// # Panics
+    /// If no member has a network.
     pub fn workplace(&self) -> NetworkWorkplace {
-        let network = &self.networks[0];
+        let Some(network) = self.networks.iter().flatten().next() else {
+            panic!("no member has a network");
+        };
         let input = vec![0.0; network.inputs()];
         NetworkWorkplace { workspace: Workspace::new(network, 1), input }
     }
@@ -123,7 +153,7 @@ impl NetworkModel {
     /// Take `action` in `member`: `state` becomes the next one.
     ///
     /// # Panics
-    /// If there is no such member or action.
+    /// If there is no such member or action, or the member has no network.
     pub fn step(
         &self,
         member: usize,
@@ -133,7 +163,10 @@ impl NetworkModel {
     ) -> Outcome {
         let scales = &self.scales;
         scales.put_input(state, action, &mut place.input);
-        let output = self.networks[member].forward(&place.input, &mut place.workspace);
+        let Some(network) = &self.networks[member] else {
+            panic!("member {member} has no network");
+        };
+        let output = network.forward(&place.input, &mut place.workspace);
         let (changes, rest) = output.split_at(state.len());
         for ((value, change), column) in state.iter_mut().zip(changes).zip(&scales.columns) {
             *value = (*value + change * column.change).clamp(column.lowest, column.highest);
@@ -155,8 +188,23 @@ impl NetworkModel {
         seed: Seed,
         monitor: &dyn Monitor,
     ) -> Result<Self, ControlError> {
+        let members: Vec<usize> = (0..model.members()).collect();
+        Self::beside_members(model, &members, seed, monitor)
+    }
+
+    /// Those of these members alone, as [`train_members`](Self::train_members) makes them.
+    ///
+    /// # Errors
+    /// As [`train`](Self::train).
+    pub fn beside_members(
+        model: &ActionModel,
+        members: &[usize],
+        seed: Seed,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, ControlError> {
         let config = NetworkConfig { members: model.members(), ..NetworkConfig::default() };
-        Self::train(model.log(), model.starts().clone(), &config, seed.child("networks"), monitor)
+        let starts = model.starts().clone();
+        Self::train_members(model.log(), starts, &config, members, seed.child("networks"), monitor)
     }
 }
 

@@ -92,6 +92,25 @@ fn the_same_for_any_number_of_threads() {
     assert_ne!(networks(1)[0], networks(1)[1], "members differ");
 }
 
+#[test]
+fn some_members_have_the_networks_that_they_have_among_all() {
+    let config = NetworkConfig { updates: 30, members: 4, ..NetworkConfig::default() };
+    let all = model(config).networks;
+    for members in [&[2][..], &[0, 3]] {
+        let starts = one_start();
+        let some =
+            NetworkModel::train_members(&log(), starts, &config, members, Seed::new(2), &Silent);
+        let some = some.expect("learnt");
+        assert_eq!(some.members(), 4, "runs have the numbers that they have among all");
+        for (member, network) in some.networks.iter().enumerate() {
+            let expected = if members.contains(&member) { all[member].as_ref() } else { None };
+            assert_eq!(network.as_ref(), expected, "member {member} of {members:?}");
+        }
+        let mut state = [0.3];
+        some.walk(members[0]).step(1, &mut Seed::new(3).rng(), &mut state);
+    }
+}
+
 fn one_start() -> States {
     States::new(vec![0.1], 1, 1).expect("valid")
 }
