@@ -114,6 +114,24 @@ fn begun(place: &Place) -> usize {
     fs::read_to_string(place.path().join("begun")).map_or(0, |text| text.lines().count())
 }
 
+/// Nobody knows what an agent does before it acts.
+#[test]
+fn a_dry_run_does_not_run_the_program() {
+    let counting = ALWAYS.replace("*'\"begin\"'*) ", "*'\"begin\"'*) echo >> begun; ");
+    let place = pump_of_a_program(&counting);
+    let dry = place.calib(&["control", "study.toml", "--dry-run"]);
+    dry.succeeds();
+    let told = dry.stderr();
+    for part in [
+        "runs left to make: 12 of 12, on ",
+        "how long it takes is not known: it depends on the program",
+        "without what the program takes",
+    ] {
+        assert!(told.contains(part), "{part} is missing in {told}");
+    }
+    assert_eq!(begun(&place), 0);
+}
+
 /// Runs are kept, but none that cannot be trusted.
 #[test]
 fn a_sweep_of_a_program_goes_on() {

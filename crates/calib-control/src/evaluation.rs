@@ -44,9 +44,8 @@ impl FittedQ {
         let states = log.states();
         let source = |number: usize| log.transitions().source(TransitionIndex::new(number)).get();
         let next = |number: usize| log.transitions().next(TransitionIndex::new(number)).get();
-        let pairs = if states.columns() > PAIRED_COLUMNS { Pairs::No } else { Pairs::Too };
         // Features are found anew in every pass: those of all rows of a long log would take more memory than the log.
-        let mut tiles = Tiles::new(TILINGS, TILES, states.columns(), pairs);
+        let mut tiles = Self::tiles(states.columns());
         let mut here = Vec::new();
         let mut ahead = Vec::new();
         let mut row_here = None;
@@ -81,6 +80,16 @@ impl FittedQ {
             }
         }
         Self { tiles, actions, weights }
+    }
+
+    /// Memory of the values of a log whose states have so many columns, in bytes.
+    pub(crate) fn bytes(columns: usize, actions: usize) -> u64 {
+        (Self::tiles(columns).len() * actions * size_of::<f64>()) as u64
+    }
+
+    fn tiles(columns: usize) -> Tiles {
+        let pairs = if columns > PAIRED_COLUMNS { Pairs::No } else { Pairs::Too };
+        Tiles::new(TILINGS, TILES, columns, pairs)
     }
 
     /// The mean of v̂ over `states`, in which its policy has the probabilities `policies`, `[states, actions]`.

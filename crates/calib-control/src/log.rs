@@ -240,6 +240,61 @@ impl Decisions {
     }
 }
 
+/// Stretches of a sample.
+const STRETCHES: usize = 8;
+
+impl Decisions {
+    /// Some `transitions` of the log, or all if it has no more: stretches from all over it, as a log of their own.
+    ///
+    /// # Errors
+    /// If none is asked for.
+    pub fn sample(&self, transitions: usize) -> Result<Self, ControlError> {
+        let all = self.len();
+        if transitions >= all {
+            return Ok(self.clone());
+        }
+        let bound = |stretch: usize| stretch * all / STRETCHES;
+        let each = transitions.div_ceil(STRETCHES);
+        let numbers: Vec<usize> = (0..STRETCHES)
+            .flat_map(|stretch| bound(stretch)..(bound(stretch) + each).min(bound(stretch + 1)))
+            .collect();
+        if numbers.is_empty() {
+            return Err(ControlError::NoTransitions);
+        }
+        let mut rows: Vec<usize> = Vec::new();
+        let mut lengths: Vec<usize> = Vec::new();
+        for &number in &numbers {
+            let transition = TransitionIndex::new(number);
+            let source = self.transitions.source(transition).get();
+            if rows.last() != Some(&source) {
+                rows.push(source);
+                lengths.push(1);
+            }
+            rows.push(self.transitions.next(transition).get());
+            if let Some(length) = lengths.last_mut() {
+                *length += 1;
+            }
+        }
+        let values: Vec<f32> = rows.iter().flat_map(|&row| self.states.row(row)).copied().collect();
+        let settings = self.settings.as_ref().map(|settings| {
+            let of_rows = rows.iter().flat_map(|&row| settings.of_row(row)).copied().collect();
+            Settings::from_parts(of_rows, settings.of_levels().to_vec(), self.levels)
+        });
+        let probabilities = self.probabilities.as_ref();
+        Ok(Self {
+            states: States::new(values, rows.len(), self.states.columns())?,
+            transitions: Transitions::new(Segments::from_lengths(lengths)?),
+            actions: numbers.iter().map(|&number| self.actions[number]).collect(),
+            rewards: numbers.iter().map(|&number| self.rewards[number]).collect(),
+            endings: numbers.iter().map(|&number| self.endings[number]).collect(),
+            probabilities: probabilities
+                .map(|all| numbers.iter().map(|&number| all[number]).collect()),
+            settings,
+            levels: self.levels,
+        })
+    }
+}
+
 /// Rows to which an action leads and which have no reward: episodes end before them.
 pub(crate) fn rows_without_reward(
     segments: &Segments,
@@ -323,6 +378,31 @@ mod tests {
         let segments = Segments::from_lengths([4, 4]).expect("rows");
         let missing = rows_without_reward(&segments, |_| true, |row| rewards[row].is_finite());
         assert_eq!(missing, [2]);
+    }
+
+    #[test]
+    fn a_sample_has_transitions_from_all_over_the_log() {
+        let rows = 400;
+        let actions: Vec<Option<u16>> =
+            (0..rows).map(|row| (row % 7 != 6).then_some((row % 2) as u16)).collect();
+        let rewards: Vec<f32> = (0..rows).map(|row| row as f32).collect();
+        let probabilities = vec![0.5; rows];
+        let whole = log(&actions, &rewards, &vec![ON; rows]).expect("valid");
+        let whole = whole.with_probabilities(&probabilities).expect("valid");
+        let sample = whole.sample(80).expect("some");
+        assert_eq!((sample.len(), sample.levels()), (80, 2));
+        assert_eq!(sample.probabilities().map(<[f64]>::len), Some(80));
+        for number in 0..sample.len() {
+            let [from, to] = sample.ends(TransitionIndex::new(number)).map(|state| state[0]);
+            // States and rewards are the numbers of the rows.
+            assert_eq!((to, sample.rewards()[number]), (from + 1.0, to));
+            assert_eq!(usize::from(sample.actions()[number]), from as usize % 2);
+        }
+        let [first, _] = sample.ends(TransitionIndex::new(0));
+        let [last, _] = sample.ends(TransitionIndex::new(79));
+        assert!(first[0] == 0.0 && last[0] > 340.0, "{first:?} to {last:?}");
+        assert_eq!(whole.sample(1000).expect("all").len(), whole.len());
+        assert!(whole.sample(0).is_err());
     }
 
     #[test]

@@ -77,6 +77,14 @@ pub fn off_policy_values(
     Ok(all)
 }
 
+/// Memory of [`off_policy_values`] beside that of the agent, for one candidate at a time, in bytes.
+pub fn off_policy_bytes(log: &Decisions) -> u64 {
+    let weights = FittedQ::bytes(log.states().columns(), log.levels());
+    // A probability per transition and action; where they were logged, a ratio and two values per transition as well.
+    let per_transition = log.levels() + if log.probabilities().is_some() { 3 } else { 0 };
+    weights + (log.len() * per_transition * size_of::<f64>()) as u64
+}
+
 fn candidate_values(
     log: &Decisions,
     starts: &States,

@@ -40,7 +40,7 @@ use crate::{
         MergedSweeps, SubmittedPlan,
     },
     control as controls,
-    control::{ControlEvaluation, SimulateTask, SimulatedTask},
+    control::{ControlEvaluation, ControlPlan, SimulateTask, SimulatedTask},
     each::{PartCount, Results, each},
     propose::{self as proposals, ProposedControlStudy, ProposedStudy},
     run_study::{self, StudyRun},
@@ -171,7 +171,10 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, 
 ///
 /// # Errors
 /// As [`run`]; also if the study has no `[control]` section.
-pub fn control(job: &Job, printer: &Printer) -> Result<StepResult<ControlEvaluation>, StepError> {
+pub fn control(
+    job: &Job,
+    printer: &Printer,
+) -> Result<StepResult<ControlEvaluation, Option<ControlPlan>>, StepError> {
     recorded(StepKind::Control.command(), job, printer, |printer| {
         told(controls::run(job, printer)?, job, printer)
     })

@@ -80,7 +80,7 @@ pub use cluster::{
     MergedSweeps, SubmittedPlan,
 };
 pub use control::{
-    ActingAgent, Advice, ControlColumn, ControlEvaluation, ControlModel, ControlNames,
+    ActingAgent, Advice, ControlColumn, ControlEvaluation, ControlModel, ControlNames, ControlPlan,
     InspectedActions, PYTHON, SimulateTask, SimulatedTask, Vocabulary,
 };
 pub use each::{PartResult, Results};

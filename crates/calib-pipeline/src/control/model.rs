@@ -163,7 +163,7 @@ pub(super) fn metric(
 }
 
 /// What a step does where the log does not cover it, by the study.
-fn rules(config: &ControlConfig, log: &ActionLog) -> Result<Rules, StepError> {
+pub(super) fn rules(config: &ControlConfig, log: &ActionLog) -> Result<Rules, StepError> {
     // Agents that live for less than an episode have no longer ones.
     let recorded = log.decisions.recorded_return(config.timeout.min(config.steps))?;
     let worst_return = config.worst_return.or(recorded.worst).unwrap_or(recorded.mean);
@@ -178,14 +178,12 @@ pub(super) fn open_or_build(
     printer: &Printer,
 ) -> Result<ActionModel, StepError> {
     let directory = &job.layout().control_model();
-    let key = key(job, config, log)?;
-    let rules = rules(config, log)?;
-    if !job.policy().redoes()
-        && let Some(model) = kept(directory, &key, rules, log)?
-    {
+    if let Some(model) = open_kept(job, config, log)? {
         printer.say(&format!("the model in {} is up to date", directory.display()));
         return Ok(model);
     }
+    let key = key(job, config, log)?;
+    let rules = rules(config, log)?;
     let metric = metric(job, config, log, printer)?;
     let starts = log::starts(&log.decisions, &metric, config.start)?;
     let progress = printer.progress();
@@ -203,6 +201,19 @@ pub(super) fn open_or_build(
         artefact::or_read_only(written, directory, printer)?;
     }
     Ok(model)
+}
+
+/// The model of a study that is there, if it follows from the same and is not to be made again.
+pub(super) fn open_kept(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+) -> Result<Option<ActionModel>, StepError> {
+    if job.policy().redoes() {
+        return Ok(None);
+    }
+    let key = key(job, config, log)?;
+    kept(&job.layout().control_model(), &key, rules(config, log)?, log)
 }
 
 /// Make the model again if it is there and damaged.

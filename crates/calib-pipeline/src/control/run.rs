@@ -4,7 +4,7 @@ use calib_base::{
     StepError, artefact,
     clock::Stopwatch,
     memory,
-    outcome::{NoPlan, Outcome, StepResult},
+    outcome::{Outcome, StepResult},
     output::{Printer, count, counted, duration},
 };
 use calib_control::{
@@ -26,7 +26,9 @@ use super::{
     described::described,
     files::{self, ControlEvaluation},
     log::{self, ActionLog},
-    model, page, show,
+    model, page,
+    plan::{self, ControlPlan},
+    show,
     units::{self, RunCounts, RunFiles, RunOrigin},
 };
 
@@ -34,7 +36,7 @@ use super::{
 pub(crate) fn run(
     job: &Job,
     printer: &Printer,
-) -> Result<StepResult<ControlEvaluation>, StepError> {
+) -> Result<StepResult<ControlEvaluation, Option<ControlPlan>>, StepError> {
     let clock = Stopwatch::start();
     job.refuse_deployment()?;
     let study = job.study();
@@ -70,11 +72,16 @@ pub(crate) fn run(
         fits(config, candidates, &log, printer)?;
     }
     log::require_model(&log.decisions, config)?;
-    if job.policy().is_dry() {
-        printer.say(&format!("dry run: nothing written to {}", directory.display()));
-        return Ok(StepResult::Planned(NoPlan));
-    }
     let origin = RunOrigin { key: key.clone(), log: log.fingerprint.clone() };
+    if job.policy().is_dry() {
+        let units = RunFiles::seen(&job.layout().control_units(), origin, job.policy().share);
+        let plan = plan::planned(job, config, &log, &agents, &units, printer)?;
+        if let Some(plan) = &plan {
+            plan.announce(job, printer);
+        }
+        printer.say(&format!("dry run: nothing written to {}", directory.display()));
+        return Ok(StepResult::Planned(plan));
+    }
     if let Some(share) = job.policy().share {
         let units = RunFiles::of_share(&job.layout().control_units(), origin, share)?;
         run_share(job, config, &log, &agents, (share, &units), printer)?;

@@ -71,6 +71,11 @@ impl RunFiles {
         Ok(Self::with(directory, origin, Some(share), None))
     }
 
+    /// Look at the runs of a folder, which need not be there, of one share or of all; nothing is written there.
+    pub(super) fn seen(directory: &Path, origin: RunOrigin, share: Option<Share>) -> Self {
+        Self::with(directory, origin, share, None)
+    }
+
     fn with(
         directory: &Path,
         origin: RunOrigin,

@@ -1,0 +1,402 @@
+//! What the pieces of a sweep of agents that act take on this machine: some of each are made and timed.
+
+use std::time::Duration;
+
+use calib_base::{StepError, clock::Stopwatch};
+use calib_control::{
+    ActionModel, ActionModelKind, Actor, Agent, AgentConfig, Algorithm, ControlConfig, Decisions,
+    Ensemble as _, Environment as _, IncrementModel, Increments, NetworkConfig, NetworkModel,
+    Outcome, RunLength, Walked, live, off_policy_values,
+};
+use calib_core::{Monitor, Rng, Seed, Silent, States};
+
+use super::log;
+
+/// How long one kind of step is timed, at least.
+const TIMED: Duration = Duration::from_millis(30);
+/// Steps of the first timing; each one after it has twice as many.
+const FIRST_STEPS: usize = 16;
+/// Steps of the last one, however short they are.
+const LAST_STEPS: usize = 1 << 20;
+/// A model of a part of the log that took so long to build is large enough.
+const ENOUGH: Duration = Duration::from_millis(100);
+/// Transitions of the first such model, and of the largest.
+const FEW_TRANSITIONS: usize = 500;
+const MANY_TRANSITIONS: usize = 8_000;
+/// Settings whose agents are timed; of others it is assumed that they take as long as these in the mean.
+const TIMED_AGENTS: usize = 10;
+/// How long agents are timed in all. The first is, however long that takes.
+const ALL_AGENTS: Duration = Duration::from_millis(1_200);
+/// A step size with which no agent diverges while it is timed.
+const SMALL_STEP_SIZE: f64 = 1e-4;
+/// Products of weights and transitions of a batch that a timed step of a network has at most: some tens of milliseconds.
+const MOST_WORK: usize = 50_000_000;
+/// Updates of the network that is timed: every check is made, and the rest tells what an update takes.
+const UPDATES: usize = 3 * NetworkConfig::CHECKS;
+/// Passes through a network of an update, in each of which it computes about as much: one forward, and two back.
+const PASSES: f64 = 3.0;
+
+/// What the pieces take, in seconds.
+#[derive(Debug)]
+pub(super) struct MeasuredCosts {
+    /// Building the model, on all threads; 0 if it is there.
+    pub(super) building: f64,
+    /// A step in the model of neighbours.
+    pub(super) neighbors_step: f64,
+    /// Of each kind of models, in the order of the study.
+    pub(super) kinds: Vec<KindCost>,
+    /// Of the agent of each setting.
+    pub(super) agents: Vec<AgentCost>,
+}
+
+/// What a kind of models takes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KindCost {
+    /// What it needs beside the model of neighbours: increments on all threads, or the network of one member on one.
+    pub(super) making: f64,
+    /// A step, without the agent.
+    pub(super) step: f64,
+}
+
+/// What an agent takes, on one thread.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AgentCost {
+    /// Making one that has seen nothing.
+    pub(super) beginning: f64,
+    /// A step, without the model.
+    pub(super) step: f64,
+    /// Its evaluation by the log alone, for each transition of the log.
+    pub(super) evaluated_transition: f64,
+}
+
+impl AgentCost {
+    /// The mean of some.
+    fn mean(costs: &[Self]) -> Self {
+        let count = costs.len().max(1) as f64;
+        let mean = |field: fn(&Self) -> f64| costs.iter().map(field).sum::<f64>() / count;
+        Self {
+            beginning: mean(|cost| cost.beginning),
+            step: mean(|cost| cost.step),
+            evaluated_transition: mean(|cost| cost.evaluated_transition),
+        }
+    }
+}
+
+impl MeasuredCosts {
+    /// Time some of each piece of the work on `log`, in its model where that was `kept`.
+    ///
+    /// # Errors
+    /// If a part of the log cannot be what the whole is to be, or the monitor interrupts.
+    pub(super) fn measure(
+        config: &ControlConfig,
+        agents: &[AgentConfig],
+        log: &Decisions,
+        kept: Option<&ActionModel>,
+        worst_return: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, StepError> {
+        let few = log.sample(least_transitions(config))?;
+        let starts = log::starts(&few, few.states(), config.start)?.observed;
+        let few = FewDecisions { log: few, starts };
+        let part = PartModel::build(config, log, worst_return, monitor)?;
+        let model = kept.unwrap_or(&part.model);
+        let timeout = config.timeout;
+        let mut random = RandomActions(log.levels());
+        let neighbors_step = step_secs(&mut random, &mut model.walk(0), timeout);
+        let mut kinds = Vec::new();
+        for &kind in &config.models {
+            monitor.check()?;
+            kinds.push(match kind {
+                ActionModelKind::Neighbors => KindCost { making: 0.0, step: neighbors_step },
+                ActionModelKind::Increments => part.increments(config, log, monitor)?,
+                ActionModelKind::Network => few.network(config, log, monitor)?,
+            });
+        }
+        let timing = AgentTiming { model, neighbors_step, few: &few, timeout };
+        Ok(Self {
+            building: if kept.is_some() { 0.0 } else { part.building },
+            neighbors_step,
+            kinds,
+            agents: timing.all(agents, monitor)?,
+        })
+    }
+}
+
+/// Transitions of the smallest part of a log of which the models of a study can be made.
+fn least_transitions(config: &ControlConfig) -> usize {
+    FEW_TRANSITIONS.max(config.model.members.saturating_mul(4))
+}
+
+/// Takes each of so many actions equally often.
+struct RandomActions(usize);
+
+impl Actor for RandomActions {
+    fn look(&mut self, _state: &[f32]) {}
+
+    fn act(&mut self, rng: &mut Rng) -> Option<usize> {
+        Some(rng.below(self.0))
+    }
+
+    fn learn(&mut self, _action: usize, _outcome: Outcome, _next: &[f32]) {}
+}
+
+/// Seconds of a step that `actor` takes in `walk`, by more and more steps until they take a while.
+fn step_secs<W: Walked>(actor: &mut impl Actor, walk: &mut W, timeout: usize) -> f64 {
+    let mut steps = FIRST_STEPS;
+    loop {
+        let before = walk.coverage().steps;
+        let clock = Stopwatch::start();
+        let lived = live(actor, walk, RunLength { steps, timeout }, Seed::new(steps as u64));
+        let took = clock.elapsed();
+        if took >= TIMED || steps >= LAST_STEPS || lived.diverged {
+            let taken = walk.coverage().steps - before;
+            return took.as_secs_f64() / taken.max(1) as f64;
+        }
+        steps *= 2;
+    }
+}
+
+/// A model of a part of the log.
+struct PartModel {
+    model: ActionModel,
+    /// What building the model of the whole log takes by that.
+    building: f64,
+    /// How the time to search a log grows with its transitions.
+    power: f64,
+}
+
+impl PartModel {
+    /// Build models of larger and larger parts, until one is of the whole or takes a while.
+    fn build(
+        config: &ControlConfig,
+        log: &Decisions,
+        worst_return: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, StepError> {
+        let all = log.len();
+        let mut wanted = least_transitions(config);
+        let mut before: Option<(usize, f64)> = None;
+        loop {
+            let part = log.sample(wanted)?;
+            let transitions = part.len();
+            let metric = part.states().clone();
+            let starts = log::starts(&part, &metric, config.start)?;
+            let clock = Stopwatch::start();
+            let model =
+                ActionModel::build(part, &metric, starts, &config.model, worst_return, monitor)?;
+            let took = clock.elapsed();
+            let secs = took.as_secs_f64();
+            if transitions >= all || took >= ENOUGH || wanted >= MANY_TRANSITIONS {
+                let power =
+                    before.map_or(1.0, |(fewer, less)| power([fewer, transitions], [less, secs]));
+                let building = secs * grown(transitions, all).powf(power);
+                return Ok(Self { model, building, power });
+            }
+            before = Some((transitions, secs));
+            wanted = wanted.saturating_mul(2);
+        }
+    }
+
+    /// What increments of the whole log take.
+    fn increments(
+        &self,
+        config: &ControlConfig,
+        log: &Decisions,
+        monitor: &dyn Monitor,
+    ) -> Result<KindCost, StepError> {
+        let clock = Stopwatch::start();
+        let increments = Increments::new(&self.model, config.model.coverage, monitor)?;
+        let making = clock.elapsed().as_secs_f64();
+        let model = IncrementModel::new(&self.model, &increments);
+        let mut random = RandomActions(log.levels());
+        let step = step_secs(&mut random, &mut model.walk(0), config.timeout);
+        let grown = grown(self.model.log().len(), log.len());
+        // A step looks at all transitions with its action.
+        Ok(KindCost { making: making * grown.powf(self.power), step: step * grown })
+    }
+}
+
+/// How much larger the whole is than a part.
+fn grown(part: usize, whole: usize) -> f64 {
+    whole as f64 / part.max(1) as f64
+}
+
+/// By which power of the number of transitions the time grows, from the first of these to the second: between that of a search in a
+/// tree and that of a search through everything.
+fn power(transitions: [usize; 2], secs: [f64; 2]) -> f64 {
+    let [less, more] = secs.map(|secs| secs.max(1e-9));
+    let larger = grown(transitions[0], transitions[1]);
+    if larger > 1.0 { ((more / less).ln() / larger.ln()).clamp(1.0, 2.0) } else { 1.0 }
+}
+
+/// As little of a log as tells what a network and an evaluation without a model take.
+struct FewDecisions {
+    log: Decisions,
+    starts: States,
+}
+
+impl FewDecisions {
+    /// What the network of one member of the whole log takes.
+    fn network(
+        &self,
+        config: &ControlConfig,
+        log: &Decisions,
+        monitor: &dyn Monitor,
+    ) -> Result<KindCost, StepError> {
+        let whole = NetworkConfig { members: config.model.members, ..NetworkConfig::default() };
+        let timed = NetworkConfig { updates: UPDATES, ..whole };
+        let starts = self.starts.clone();
+        let clock = Stopwatch::start();
+        let model =
+            NetworkModel::train_members(&self.log, starts, &timed, &[0], Seed::new(0), monitor)?;
+        let update = clock.elapsed().as_secs_f64() / updates(&timed, self.log.len());
+        let mut random = RandomActions(log.levels());
+        let step = step_secs(&mut random, &mut model.walk(0), config.timeout);
+        Ok(KindCost { making: update * updates(&whole, log.len()), step })
+    }
+}
+
+/// Updates of a network, and its checks as so many more: each passes forward through the block that the member leaves out.
+fn updates(config: &NetworkConfig, transitions: usize) -> f64 {
+    let checked = NetworkConfig::CHECKS * transitions / config.members.max(1);
+    config.updates as f64 + checked as f64 / config.batch as f64 / PASSES
+}
+
+/// What agents are timed by.
+struct AgentTiming<'a> {
+    /// What they act in.
+    model: &'a ActionModel,
+    /// What a step in it takes without them.
+    neighbors_step: f64,
+    few: &'a FewDecisions,
+    timeout: usize,
+}
+
+impl AgentTiming<'_> {
+    /// What each of these agents takes: those that differ in nothing that takes time are timed once.
+    fn all(
+        &self,
+        agents: &[AgentConfig],
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<AgentCost>, StepError> {
+        let mut different: Vec<AgentConfig> = Vec::new();
+        let mut places = Vec::with_capacity(agents.len());
+        for agent in agents {
+            let alike = timed_like(agent);
+            let place = different.iter().position(|other| *other == alike);
+            places.push(place.unwrap_or(different.len()));
+            if place.is_none() {
+                different.push(alike);
+            }
+        }
+        let clock = Stopwatch::start();
+        let mut costs: Vec<Option<AgentCost>> = vec![None; different.len()];
+        let timed = different.len().min(TIMED_AGENTS);
+        for number in 0..timed {
+            monitor.check()?;
+            if number > 0 && clock.elapsed() >= ALL_AGENTS {
+                break;
+            }
+            let place = number * different.len() / timed;
+            costs[place] = Some(self.agent(different[place])?);
+        }
+        let known: Vec<AgentCost> = costs.iter().copied().flatten().collect();
+        let mean = AgentCost::mean(&known);
+        Ok(places.into_iter().map(|place| costs[place].unwrap_or(mean)).collect())
+    }
+
+    fn agent(&self, agent: AgentConfig) -> Result<AgentCost, StepError> {
+        let mut walk = self.model.walk(0);
+        let TimeableAgent { config, times } = timeable(agent, walk.columns(), walk.actions());
+        let clock = Stopwatch::start();
+        let mut actor = Agent::seeded(config, walk.columns(), walk.actions(), Seed::new(0));
+        let beginning = clock.elapsed().as_secs_f64();
+        if config.algorithm == Algorithm::DeepQLearning {
+            // Until there are enough transitions for a batch, a step costs next to nothing.
+            let filling = RunLength { steps: config.batch, timeout: self.timeout };
+            live(&mut actor, &mut walk, filling, Seed::new(1));
+        }
+        let both = step_secs(&mut actor, &mut walk, self.timeout);
+        let step = times * (both - self.neighbors_step).max(0.0);
+        let FewDecisions { log, starts } = self.few;
+        let clock = Stopwatch::start();
+        off_policy_values(log, starts, &[config], 1, self.timeout, &Silent)?;
+        let evaluated = (clock.elapsed().as_secs_f64() - beginning).max(0.0);
+        Ok(AgentCost { beginning, step, evaluated_transition: evaluated / log.len() as f64 })
+    }
+}
+
+/// The agent that takes as long as this one, whatever both learn.
+fn timed_like(agent: &AgentConfig) -> AgentConfig {
+    let AgentConfig { temperature, epsilon, target_steps, .. } = AgentConfig::default();
+    AgentConfig {
+        step_size: SMALL_STEP_SIZE,
+        beta1: 0.0,
+        temperature,
+        epsilon,
+        initial_weight: 0.0,
+        target_steps,
+        ..*agent
+    }
+}
+
+/// An agent, as far as some of its steps can be timed.
+struct TimeableAgent {
+    config: AgentConfig,
+    /// How much longer a step of the whole one takes.
+    times: f64,
+}
+
+/// The same agent with smaller batches, where a step would take longer than anybody waits for.
+fn timeable(agent: AgentConfig, columns: usize, actions: usize) -> TimeableAgent {
+    if agent.algorithm != Algorithm::DeepQLearning {
+        return TimeableAgent { config: agent, times: 1.0 };
+    }
+    let width = agent.hidden_width;
+    let between = agent.hidden_layers.saturating_sub(1) * width * width;
+    let weights = columns * width + between + width * actions;
+    let batch = agent.batch.min((MOST_WORK / weights.max(1)).max(1));
+    let times = agent.batch as f64 / batch as f64;
+    TimeableAgent { config: AgentConfig { batch, ..agent }, times }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_grows_between_a_tree_and_everything() {
+        assert_eq!(power([100, 200], [1.0, 2.0]), 1.0);
+        assert!((power([100, 200], [1.0, 3.0]) - 3.0_f64.log2()).abs() < 1e-12);
+        assert_eq!(power([100, 200], [1.0, 9.0]), 2.0);
+        // What is too short to be timed.
+        assert_eq!(power([100, 200], [0.0, 0.0]), 1.0);
+        assert_eq!(power([100, 100], [1.0, 2.0]), 1.0);
+    }
+
+    #[test]
+    fn checks_count_as_the_updates_that_take_as_long() {
+        let config = NetworkConfig { members: 5, updates: 100, batch: 64, ..Default::default() };
+        // Twenty times a fifth of 9,600 transitions, 64 at a time, a third of an update each.
+        assert!((updates(&config, 9_600) - 300.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn settings_that_take_as_long_are_timed_once() {
+        let agent = AgentConfig::default();
+        let hotter = AgentConfig { temperature: 3.0, step_size: 0.3, ..agent };
+        assert_eq!(timed_like(&agent), timed_like(&hotter));
+        let finer = AgentConfig { tilings: 32, ..agent };
+        assert_ne!(timed_like(&agent), timed_like(&finer));
+    }
+
+    #[test]
+    fn batches_of_networks_that_nobody_waits_for_are_cut() {
+        let deep = AgentConfig { algorithm: Algorithm::DeepQLearning, ..AgentConfig::default() };
+        let TimeableAgent { config, times } = timeable(deep, 4, 2);
+        assert_eq!((config, times), (deep, 1.0));
+        let huge = AgentConfig { hidden_width: 4_096, batch: 4_096, replay: 4_096, ..deep };
+        let TimeableAgent { config, times } = timeable(huge, 4, 2);
+        assert!(config.batch < 4 && times > 1_000.0, "{} {times}", config.batch);
+    }
+}

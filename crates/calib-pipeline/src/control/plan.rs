@@ -1,0 +1,488 @@
+//! What a sweep of agents that act will take, before it does.
+
+use calib_base::{
+    StepError, memory,
+    outcome::Told,
+    output::{Printer, bytes, count, duration_of_secs},
+};
+use calib_control::{
+    ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, RunId, off_policy_bytes,
+    runs_here,
+};
+use calib_model_steps::represent::decisions;
+use calib_study::Job;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::{
+    agents::ComparedAgents,
+    cost::{AgentCost, MeasuredCosts},
+    log::{self, ActionLog},
+    model,
+    run::members_of,
+    units::RunFiles,
+};
+
+/// Runs that are looked at one by one.
+const MOST_RUNS: usize = 1_000_000;
+/// Bytes of a run in its file, and of what it has of each column.
+const RUN_BYTES: usize = 1_000;
+const COLUMN_BYTES: usize = 50;
+
+/// What `calib control` would do: the result of a dry run.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct ControlPlan {
+    /// Runs in all, each one setting in one ensemble member; of a share, its own.
+    runs: usize,
+    /// Runs that are not made yet.
+    left: usize,
+    /// Threads that share the work.
+    threads: usize,
+    /// What it takes.
+    memory: ControlMemory,
+    /// Bytes of the model, if it is not there, and of the runs that are left.
+    disk: u64,
+    /// How long it will take, if that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    expected: Option<ControlTime>,
+    /// Why it is not known how long it will take.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unknown: Option<String>,
+    /// Whether a representation is trained first, whose time is not in it.
+    is_represented: bool,
+}
+
+/// Bytes that it takes at most.
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+struct ControlMemory {
+    /// The decisions of the log.
+    log: u64,
+    /// Tables of neighbours of all ensemble members.
+    tables: u64,
+    /// What other kinds of models need beside them.
+    other_models: u64,
+    /// An agent, or its evaluation by the log alone, on each thread. What a program takes is not in it.
+    thread: u64,
+    /// All of it.
+    total: u64,
+    /// What the system has, where it says so.
+    available: Option<u64>,
+}
+
+/// How long it takes, in seconds until the last thread ends, if nothing else runs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+struct ControlTime {
+    /// Making models, training networks among them.
+    models_secs: f64,
+    /// The runs that are left.
+    runs_secs: f64,
+    /// Constant and random actions, evaluations by the log alone, and the chosen agent once more; nothing of a share.
+    other_secs: f64,
+    /// All of it.
+    secs: f64,
+}
+
+/// Whether only a share of the runs is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Extent {
+    Share,
+    All,
+}
+
+/// What is left to do.
+struct WorkLeft {
+    extent: Extent,
+    /// Runs, those that are there among them.
+    runs: usize,
+    /// In the order of the study's kinds of models.
+    kinds: Vec<KindLeft>,
+}
+
+/// What is left to do in one kind of models.
+struct KindLeft {
+    kind: ActionModelKind,
+    /// Runs of each setting.
+    of_settings: Vec<usize>,
+    /// Ensemble members that are needed.
+    members: usize,
+}
+
+impl KindLeft {
+    fn of(kind: ActionModelKind, left: &[RunId], settings: usize, members: usize) -> Self {
+        let mut of_settings = vec![0; settings];
+        left.iter().for_each(|run| of_settings[run.candidate] += 1);
+        Self { kind, of_settings, members }
+    }
+
+    fn runs(&self) -> usize {
+        self.of_settings.iter().sum()
+    }
+}
+
+impl WorkLeft {
+    /// What `units` do not have; none if there are too many runs to be looked at.
+    fn of(job: &Job, config: &ControlConfig, settings: usize, units: &RunFiles) -> Option<Self> {
+        let members = config.model.members;
+        let of_kind = members.checked_mul(config.runs)?.checked_mul(settings)?;
+        if of_kind > MOST_RUNS {
+            return None;
+        }
+        let extent = if units.are_all() { Extent::All } else { Extent::Share };
+        let mut work = Self { extent, runs: 0, kinds: Vec::new() };
+        for &kind in &config.models {
+            let ids = runs_here(kind, members, config.runs, settings, units);
+            work.runs += ids.len();
+            let left = if job.policy().redoes() { ids } else { units.split(ids).1 };
+            let members = match extent {
+                // Constant actions are taken in every member, whatever was kept.
+                Extent::All => members,
+                Extent::Share => members_of(&left).len(),
+            };
+            work.kinds.push(KindLeft::of(kind, &left, settings, members));
+        }
+        Some(work)
+    }
+
+    fn left(&self) -> usize {
+        self.kinds.iter().map(KindLeft::runs).sum()
+    }
+
+    /// Whether agents act, or actions are constant, in a model of this kind.
+    fn needs(&self, kind: ActionModelKind) -> bool {
+        self.kinds.iter().any(|left| left.kind == kind && left.members > 0)
+    }
+}
+
+/// What the sweep of a study will take, some of which is timed; `units` are the runs that are there.
+///
+/// # Errors
+/// If the model that is there cannot be read, or the observer asks to stop.
+pub(super) fn planned(
+    job: &Job,
+    config: &ControlConfig,
+    log: &ActionLog,
+    agents: &ComparedAgents,
+    units: &RunFiles,
+    printer: &Printer,
+) -> Result<Option<ControlPlan>, StepError> {
+    let Some(work) = WorkLeft::of(job, config, agents.count(), units) else {
+        printer.say(&format!(
+            "what more than {} runs in a kind of models take is not counted; lower control.runs, or sweep fewer settings",
+            count(MOST_RUNS)
+        ));
+        return Ok(None);
+    };
+    let threads = rayon::current_num_threads();
+    let kept = model::open_kept(job, config, log)?;
+    let measured = match agents {
+        ComparedAgents::Own(_) => {
+            let worst = model::rules(config, log)?.worst_return;
+            let progress = printer.silent().progress();
+            let own = agents.own();
+            let decisions = &log.decisions;
+            MeasuredCosts::measure(config, own, decisions, kept.as_ref(), worst, &progress)
+        }
+        ComparedAgents::Program { .. } => {
+            Err(StepError::message("it depends on the program, of which nothing was run"))
+        }
+    };
+    let (expected, unknown) = match measured {
+        Ok(costs) => (Some(ControlTime::of(&costs, &work, config, &log.decisions, threads)), None),
+        Err(reason) if reason.was_cancelled() => return Err(reason),
+        Err(reason) => (None, Some(reason.to_string())),
+    };
+    let is_laplacian = config.model.distance == Distance::Laplacian;
+    let is_represented = is_laplacian
+        && kept.is_none()
+        && (job.policy().redoes() || decisions::kept(job, log.material())?.is_none());
+    Ok(Some(ControlPlan {
+        runs: work.runs,
+        left: work.left(),
+        threads,
+        memory: ControlMemory::of(config, log, agents, &work, threads)?,
+        disk: disk(config, &log.decisions, kept.is_some(), work.left()),
+        expected,
+        unknown,
+        is_represented,
+    }))
+}
+
+impl ControlTime {
+    fn of(
+        costs: &MeasuredCosts,
+        work: &WorkLeft,
+        config: &ControlConfig,
+        log: &Decisions,
+        threads: usize,
+    ) -> Self {
+        let steps = config.steps as f64;
+        let mut models_secs = costs.building;
+        let mut runs_secs = 0.0;
+        let mut other_secs = 0.0;
+        for (left, kind) in work.kinds.iter().zip(&costs.kinds) {
+            models_secs += match left.kind {
+                ActionModelKind::Network => {
+                    side_by_side(&[Pieces { count: left.members, secs: kind.making }], threads)
+                }
+                _ if left.members > 0 => kind.making,
+                _ => 0.0,
+            };
+            let runs = left.of_settings.iter().zip(&costs.agents).map(|(&count, agent)| Pieces {
+                count,
+                secs: agent.beginning + steps * (agent.step + kind.step),
+            });
+            runs_secs += side_by_side(&runs.collect::<Vec<_>>(), threads);
+            if work.extent == Extent::All {
+                let policies = left.members.saturating_mul(log.levels() + 1);
+                let secs = config.runs as f64 * steps * kind.step;
+                other_secs += side_by_side(&[Pieces { count: policies, secs }], threads);
+            }
+        }
+        if work.extent == Extent::All {
+            let evaluated = costs
+                .agents
+                .iter()
+                .map(|agent| Pieces { count: 1, secs: by_the_log(agent, steps, log) });
+            other_secs += side_by_side(&evaluated.collect::<Vec<_>>(), threads);
+            // Which one is chosen is not known.
+            let once_more = costs
+                .agents
+                .iter()
+                .map(|agent| agent.beginning + steps * (agent.step + costs.neighbors_step));
+            other_secs += once_more.sum::<f64>() / costs.agents.len().max(1) as f64;
+        }
+        let secs = models_secs + runs_secs + other_secs;
+        Self { models_secs, runs_secs, other_secs, secs }
+    }
+
+    /// "models 2.0 s, runs 8.0 s".
+    fn parts(self) -> String {
+        let Self { models_secs, runs_secs, other_secs, .. } = self;
+        let [models, runs] = [models_secs, runs_secs].map(duration_of_secs);
+        let others = if other_secs > 0.0 {
+            let others = duration_of_secs(other_secs);
+            format!(", constant actions and evaluations by the log alone {others}")
+        } else {
+            String::new()
+        };
+        format!("models {models}, runs {runs}{others}")
+    }
+}
+
+/// What the evaluation of an agent by the log alone takes: it learns from the log, and its policy is evaluated.
+fn by_the_log(agent: &AgentCost, steps: f64, log: &Decisions) -> f64 {
+    let learning = agent.beginning + steps * agent.step;
+    learning + log.len() as f64 * agent.evaluated_transition
+}
+
+/// Pieces of work that take as long.
+#[derive(Clone, Copy)]
+struct Pieces {
+    count: usize,
+    /// Of each, on one thread.
+    secs: f64,
+}
+
+/// How long pieces of work take that threads take up one after the other.
+fn side_by_side(pieces: &[Pieces], threads: usize) -> f64 {
+    let there = || pieces.iter().filter(|pieces| pieces.count > 0);
+    let all: usize = there().map(|pieces| pieces.count).sum();
+    let secs: f64 = there().map(|pieces| pieces.count as f64 * pieces.secs).sum();
+    let longest = there().map(|pieces| pieces.secs).fold(0.0, f64::max);
+    let rounds = all.div_ceil(threads.max(1)) as f64;
+    (rounds * secs / all.max(1) as f64).max(longest)
+}
+
+impl ControlMemory {
+    fn of(
+        config: &ControlConfig,
+        log: &ActionLog,
+        agents: &ComparedAgents,
+        work: &WorkLeft,
+        threads: usize,
+    ) -> Result<Self, StepError> {
+        let decisions = &log.decisions;
+        let columns = decisions.states().columns();
+        let transitions = decisions.len();
+        let tables = tables_bytes(config, decisions);
+        // The scaled states of all sources and their numbers; or examples for each network that is trained at a time.
+        let set = decisions.settings().map_or(0, calib_control::Settings::columns);
+        let increments = transitions * (4 * (columns + set) + 4);
+        let example = 4 * (2 * columns + decisions.levels() + 2);
+        let networks = threads.min(config.model.members) * transitions * example;
+        let needed = |kind, bytes: usize| if work.needs(kind) { bytes as u64 } else { 0 };
+        let other_models = needed(ActionModelKind::Increments, increments)
+            .max(needed(ActionModelKind::Network, networks));
+        let mut thread = 0;
+        for agent in agents.own() {
+            thread = agent.bytes(columns, decisions.levels())?.max(thread);
+        }
+        if work.extent == Extent::All && !agents.own().is_empty() {
+            thread += off_policy_bytes(decisions);
+        }
+        let log = log_bytes(decisions);
+        let all_threads = thread.saturating_mul(threads as u64);
+        let parts = [log, tables, other_models, all_threads];
+        let total = parts.into_iter().fold(0, u64::saturating_add);
+        let available = memory::available();
+        Ok(Self { log, tables, other_models, thread, total, available })
+    }
+
+    fn line(&self) -> String {
+        let Self { log, tables, other_models, thread, total, available } = *self;
+        let others = match other_models {
+            0 => String::new(),
+            others => format!(", {} of increments or networks", bytes(others)),
+        };
+        let thread = match thread {
+            0 => "without what the program takes".to_owned(),
+            thread => format!("{} a thread", bytes(thread)),
+        };
+        let available =
+            available.map_or_else(String::new, |there| format!("; {} are available", bytes(there)));
+        format!(
+            "memory: up to {} ({} of the log, {} of neighbours{others}, {thread}){available}",
+            bytes(total),
+            bytes(log),
+            bytes(tables),
+        )
+    }
+}
+
+/// Bytes of a log of decisions: states, times, and what belongs to a transition.
+fn log_bytes(log: &Decisions) -> u64 {
+    let set = log.settings().map_or(0, calib_control::Settings::columns);
+    (log.states().rows() * (4 * (log.states().columns() + set) + 8) + 24 * log.len()) as u64
+}
+
+/// Bytes of the tables of a model.
+fn tables_bytes(config: &ControlConfig, log: &Decisions) -> u64 {
+    ActionModel::bytes(log, log::start_rows(log, config.start).len(), &config.model)
+}
+
+/// Bytes that the folder of results grows by, beside the report.
+fn disk(config: &ControlConfig, log: &Decisions, is_model_kept: bool, runs: usize) -> u64 {
+    let run = RUN_BYTES + COLUMN_BYTES * log.states().columns();
+    // The lists of one action are there only while they are searched.
+    let levels = log.levels() as u64;
+    let tables = tables_bytes(config, log) / (levels + 1) * levels;
+    let model = if is_model_kept { 0 } else { tables.saturating_add(log_bytes(log)) };
+    model.saturating_add((runs * run) as u64)
+}
+
+impl ControlPlan {
+    /// Say what will be done, and what it takes.
+    pub(super) fn announce(&self, job: &Job, printer: &Printer) {
+        let Self { runs, left, threads, disk, .. } = *self;
+        let share =
+            job.policy().share.map_or_else(String::new, |share| format!(" of share {share}"));
+        printer.say(&format!(
+            "runs left to make{share}: {} of {}, on {threads} threads",
+            count(left),
+            count(runs)
+        ));
+        printer.say(&self.memory.line());
+        let disk = format!("up to {} on disk beside the report", bytes(disk));
+        let time = match &self.expected {
+            Some(expected) => format!(
+                "expecting about {} on {threads} threads ({})",
+                duration_of_secs(expected.secs),
+                expected.parts()
+            ),
+            None => {
+                let reason = self.unknown.as_deref().unwrap_or_default();
+                format!("how long it takes is not known: {reason}")
+            }
+        };
+        let represented = if self.is_represented {
+            "; training the representation comes before, and is not counted"
+        } else {
+            ""
+        };
+        printer.say(&format!("{time}; {disk}{represented}"));
+    }
+}
+
+impl Told for ControlPlan {
+    fn tell(&self, _job: &Job, printer: &Printer) -> Result<(), StepError> {
+        if printer.is_json() { printer.json(self) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::cost::KindCost;
+
+    #[test]
+    fn pieces_take_whole_rounds_and_as_long_as_the_longest() {
+        let equal = [Pieces { count: 3, secs: 2.0 }];
+        assert_eq!([1, 2, 3, 8].map(|threads| side_by_side(&equal, threads)), [6.0, 4.0, 2.0, 2.0]);
+        let unlike = [Pieces { count: 3, secs: 1.0 }, Pieces { count: 1, secs: 9.0 }];
+        assert_eq!(side_by_side(&unlike, 4), 9.0);
+        assert_eq!(side_by_side(&[Pieces { count: 0, secs: 5.0 }], 2), 0.0);
+    }
+
+    fn decisions() -> Decisions {
+        let rows = 101;
+        let states = vec![0.5; rows];
+        let states = calib_core::States::new(states, rows, 1).expect("valid");
+        let actions: Vec<Option<u16>> = (0..rows).map(|row| Some((row % 2) as u16)).collect();
+        let columns = calib_control::Columns {
+            actions: &actions,
+            rewards: &vec![0.0; rows],
+            endings: &vec![calib_control::Ending::Continues; rows],
+        };
+        let segments = calib_core::Segments::from_lengths([rows]).expect("valid");
+        Decisions::new(states, &segments, columns, 2).expect("a log")
+    }
+
+    /// Neighbours, and networks, in two members each.
+    fn work(extent: Extent, of_settings: [usize; 2], members: usize) -> WorkLeft {
+        let kinds = [ActionModelKind::Neighbors, ActionModelKind::Network].map(|kind| KindLeft {
+            kind,
+            of_settings: of_settings.to_vec(),
+            members,
+        });
+        WorkLeft { extent, runs: 8, kinds: kinds.into() }
+    }
+
+    #[test]
+    fn what_is_left_is_counted_once_by_its_parts() {
+        let agents = [1.0, 3.0]
+            .map(|step| AgentCost { beginning: 0.0, step, evaluated_transition: 0.5 })
+            .to_vec();
+        let kinds = vec![KindCost { making: 0.0, step: 1.0 }, KindCost { making: 7.0, step: 2.0 }];
+        let costs = MeasuredCosts { building: 5.0, neighbors_step: 1.0, kinds, agents };
+        let config = ControlConfig { steps: 10, runs: 1, ..ControlConfig::default() };
+        let log = decisions();
+        let time = |work: &WorkLeft| ControlTime::of(&costs, work, &config, &log, 1);
+        let all = time(&work(Extent::All, [2, 2], 2));
+        // The model, and two networks.
+        assert_eq!(all.models_secs, 5.0 + 2.0 * 7.0);
+        // Two runs of each setting, in steps of 2 and 4 seconds, and of 3 and 5.
+        assert_eq!(all.runs_secs, 10.0 * 2.0 * (2.0 + 4.0 + 3.0 + 5.0));
+        // Two constant actions and a random one in two members of both kinds; both agents by the log; one of them again.
+        let [constant, by_the_log, again] =
+            [10.0 * 6.0 * (1.0 + 2.0), 10.0 + 30.0 + 2.0 * 50.0, 30.0];
+        assert_eq!(all.other_secs, constant + by_the_log + again);
+        assert_eq!(all.secs, all.models_secs + all.runs_secs + all.other_secs);
+        let part = time(&work(Extent::Share, [1, 0], 1));
+        assert_eq!((part.models_secs, part.runs_secs), (12.0, 10.0 * (2.0 + 3.0)));
+        assert_eq!((part.other_secs, part.secs), (0.0, 62.0));
+        assert_eq!(part.parts(), "models 12 s, runs 50 s");
+        let none = time(&work(Extent::Share, [0, 0], 0));
+        assert_eq!((none.models_secs, none.runs_secs), (5.0, 0.0));
+    }
+
+    #[test]
+    fn a_model_that_is_there_takes_no_disk() {
+        let config = ControlConfig::default();
+        let log = decisions();
+        let runs = 3 * (1_000 + 50) as u64;
+        assert_eq!(disk(&config, &log, true, 3), runs);
+        // 100 transitions and the start, two actions, three neighbours, five members, eight bytes; and the log.
+        let tables = 101 * 2 * 3 * 5 * 8;
+        assert_eq!(disk(&config, &log, false, 3), runs + tables + 101 * 12 + 24 * 100);
+    }
+}

@@ -1,0 +1,84 @@
+//! What dry runs say of sweeps of agents that act.
+
+use serde_json::Value;
+
+use crate::{control, harness::Place};
+
+const STUDY: &str = "pole/study.toml";
+const FOLDER: &str = "pole";
+
+/// What a dry run says, with these arguments beside the study.
+fn told(place: &Place, command: &str, more: &[&str]) -> String {
+    let ran = place.calib(&[&[command, STUDY, "--dry-run", "--threads", "2"][..], more].concat());
+    assert_eq!(ran.succeeds(), "", "a plan is no result");
+    ran.stderr()
+}
+
+/// The same for machines.
+fn planned(place: &Place, more: &[&str]) -> Value {
+    let args = [&["control", STUDY, "--dry-run", "--json", "-q"][..], more].concat();
+    serde_json::from_str(&place.calib(&args).succeeds()).expect("JSON")
+}
+
+#[test]
+fn a_dry_run_says_what_a_sweep_takes() {
+    let place = control::place();
+    let before = place.content(FOLDER);
+    for command in ["control", "run"] {
+        let told = told(&place, command, &[]);
+        for part in [
+            "runs left to make: 18 of 18, on 2 threads",
+            "memory: up to ",
+            " of neighbours, ",
+            " of increments or networks, ",
+            " a thread",
+            "expecting about ",
+            " on 2 threads (models ",
+            ", constant actions and evaluations by the log alone ",
+            " on disk beside the report",
+            "dry run: nothing written to ",
+        ] {
+            assert!(told.contains(part), "{part} is missing in {told}");
+        }
+    }
+    let plan = planned(&place, &[]);
+    assert_eq!((&plan["runs"], &plan["left"]), (&18.into(), &18.into()), "{plan}");
+    let of_memory = |part: &str| plan["memory"][part].as_u64().expect("bytes");
+    assert!(of_memory("total") > of_memory("tables") + of_memory("thread"), "{plan}");
+    let expected = |part: &str| plan["expected"][part].as_f64().expect("seconds");
+    let parts = ["models_secs", "runs_secs", "other_secs"].map(expected);
+    assert!(parts.iter().all(|&secs| secs > 0.0), "{plan}");
+    assert!((expected("secs") - parts.iter().sum::<f64>()).abs() < 1e-6, "{plan}");
+    assert!(place.content(FOLDER) == before, "nothing is written");
+}
+
+#[test]
+fn a_dry_run_counts_what_is_left() {
+    let place = control::place();
+    let new = planned(&place, &[]);
+    // Two settings in three members of three kinds: 18 runs.
+    place.calib(&["control", STUDY, "--share", "0/3"]).succeeds();
+    let kept = place.content(FOLDER);
+    let rest = planned(&place, &[]);
+    assert_eq!((&rest["runs"], &rest["left"]), (&18.into(), &12.into()), "{rest}");
+    let disk = |plan: &Value| plan["disk"].as_u64().expect("bytes");
+    assert!(disk(&rest) < disk(&new), "the model is there: {rest}");
+    assert_eq!(planned(&place, &["--force"])["left"], 18);
+    let done = told(&place, "control", &["--share", "0/3"]);
+    assert!(done.contains("runs left to make of share 0/3: 0 of 6, on 2 threads"), "{done}");
+    assert!(done.contains("(models 0.0 s, runs 0.0 s)"), "{done}");
+    let other = told(&place, "control", &["--share", "1/3"]);
+    assert!(other.contains("runs left to make of share 1/3: 6 of 6, on 2 threads"), "{other}");
+    assert!(place.content(FOLDER) == kept, "nothing is written, and nothing goes");
+    place.calib(&["control", STUDY]).ends(&[1]);
+    let done = place.calib(&["control", STUDY, "--dry-run"]);
+    done.ends(&[1]);
+    assert!(!done.stderr().contains("runs left to make"), "{}", done.stderr());
+}
+
+#[test]
+fn more_runs_than_anybody_makes_are_not_counted() {
+    let place = control::place();
+    let told = told(&place, "control", &["--set", "control.runs=9000000000000000000"]);
+    assert!(told.contains("lower control.runs"), "{told}");
+}
