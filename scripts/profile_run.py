@@ -1,6 +1,6 @@
 """A profile of the whole: what each step takes of a week at 1 Hz (345,600 training states of 142 columns), and how near it is to its bound.
 
-    python3 scripts/profile.py [CALIB] [--days 7] [--channels 480] [--keep DIR]
+    python3 scripts/profile_run.py [CALIB] [--days 7] [--channels 480] [--keep DIR]
 
 Processor time, wall time, peak memory, and bytes that each step leaves on the disk. The log is read by `build-model`, the first
 step that needs it. Bounds: the products of the networks (multiplications of the paper's agents, against the rate of one
