@@ -110,7 +110,9 @@ struct KindLeft {
 impl KindLeft {
     fn of(kind: ActionModelKind, left: &[RunId], settings: usize, members: usize) -> Self {
         let mut of_settings = vec![0; settings];
-        left.iter().for_each(|run| of_settings[run.candidate] += 1);
+        for run in left {
+            of_settings[run.candidate] += 1;
+        }
         Self { kind, of_settings, members }
     }
 
@@ -383,16 +385,15 @@ impl ControlPlan {
         ));
         printer.say(&self.memory.line());
         let disk = format!("up to {} on disk beside the report", bytes(disk));
-        let time = match &self.expected {
-            Some(expected) => format!(
+        let time = if let Some(expected) = &self.expected {
+            format!(
                 "expecting about {} on {threads} threads ({})",
                 duration_of_secs(expected.secs),
                 expected.parts()
-            ),
-            None => {
-                let reason = self.unknown.as_deref().unwrap_or_default();
-                format!("how long it takes is not known: {reason}")
-            }
+            )
+        } else {
+            let reason = self.unknown.as_deref().unwrap_or_default();
+            format!("how long it takes is not known: {reason}")
         };
         let represented = if self.is_represented {
             "; training the representation comes before, and is not counted"
