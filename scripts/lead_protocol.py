@@ -295,6 +295,15 @@ def report(plants: list[dict]) -> None:
             cells.append(f"{percent(mean)} ({percent(low)} to {percent(high)})")
         label = name if length == "12 months" else f"{name}, {length}"
         print(f"| {label} | " + " | ".join(cells) + " |")
+    cells = []
+    for lead in LEADS:
+        own = [
+            [regrets(plant["half_truth"][str(lead)][sensor])[smallest(plant["half"][sensor])] for sensor in range(len(SENSORS))]
+            for plant in plants
+        ]
+        mean, low, high = interval([sum(values) / len(values) for values in own])
+        cells.append(f"{percent(mean)} ({percent(low)} to {percent(high)})")
+    print("| agent of the first half, log replay of the second (its own regret) | " + " | ".join(cells) + " |")
 
     print("\nQuotients of errors (95 % over plants):\n")
     print("| | " + " | ".join(f"{lead} days" for lead in LEADS) + " |")

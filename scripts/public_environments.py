@@ -3,6 +3,7 @@
     pip install calib-rl[gym,frames,tune] pcgym gymchem box2d bsm2-python
     python3 scripts/public_environments.py DIR [--environments cstr,lunar] [--logs FIRST END]
     python3 scripts/public_environments.py DIR --report
+    python3 scripts/public_environments.py DIR --fitted-q
     python3 scripts/public_environments.py DIR --random-actions wastewater-7,four_tank-1
 
 For each environment and each number of a log: a rule of the plant acts, a quarter of its actions are at random, and what
@@ -16,6 +17,11 @@ default, and the setting that is best in the other environments, with 95 % inter
 weighted equally. Runs of a truth have common seeds, so how well it tells settings apart
 is known: the share of the variance between settings that is not noise. Averages are given twice, over all environments and
 over those where that share is at least RELIABLE.
+
+--fitted-q makes the logs again, and chooses by fitted Q evaluation instead, which needs no model: each setting learns from as many
+recorded transitions, in their order, as its agent has steps. What its policy would get then is estimated by 200 passes of ridge
+regression on the features of the agent itself (Le, Voloshin and Yue 2019). It needs only the logs, and keeps the values of all
+settings in DIR/fitted-q.json; --report has a row of it. It was added after the choices of calib were known.
 
 --agent dqn is the same question for Stable-Baselines3's DQN with its usual network, in the first five logs of pc-gym's reactor and
 four tanks, whose settings the linear agent told apart. It has eight settings. Before its runs it was decided: the choice is better
@@ -43,6 +49,8 @@ STEPS = 5_000
 RUNS = 5
 LENGTHS = [1_000, 2_000, 5_000, 10_000, 20_000]
 RANDOM_SHARE = 0.25
+GAMMA = 0.97
+PASSES = 200
 GRID = {"learning_rate": [0.003, 0.03, 0.1, 0.5], "epsilon": [0.02, 0.1, 0.3, 0.8]}
 DEFAULT = {"learning_rate": 0.1, "epsilon": 0.1}
 SETTINGS = [{"learning_rate": rate, "epsilon": epsilon} for rate in GRID["learning_rate"] for epsilon in GRID["epsilon"]]
@@ -247,7 +255,7 @@ class Agent:
             action = int(self.rng.integers(len(values)) if explores else values.argmax())
             seen, reward, terminated, truncated, _ = self.env.step(action)
             after, over = self.features(seen), terminated or truncated
-            target = reward + (0.0 if terminated else 0.97 * (self.weights @ after).max())
+            target = reward + (0.0 if terminated else GAMMA * (self.weights @ after).max())
             self.weights[action] += self.learning_rate * (target - values[action]) * here
             here = after
 
@@ -452,6 +460,74 @@ def beside_random_actions(log, folder):
     )
 
 
+def fitted_q(name, number):
+    """The value of each setting's policy in the states in which episodes begin, from the log alone."""
+    frame, columns = log_of(name, number)
+    env = ENVIRONMENTS[name][0]()
+    limit = env.limit
+    states = frame.select(columns).to_numpy()
+    taken = frame["action"].to_numpy()
+    here = np.flatnonzero(np.isfinite(taken))
+    actions = taken[here].astype(int)
+    rewards = frame["reward"].to_numpy()[here + 1].astype(float)
+    goes_on = frame["terminal"].to_numpy()[here + 1] == 0
+    begins = np.flatnonzero(~np.isfinite(frame["reward"].to_numpy().astype(float)))
+    values = []
+    for setting in SETTINGS:
+        agent = Agent(Spaces(states.shape[1], len(env.levels)), **setting)
+        features = np.cos(states @ agent.directions.T + agent.offsets) * 0.14
+        before, after = features[here], features[here + 1]
+        for update in range(STEPS):
+            at = update % len(here)
+            target = rewards[at] + (GAMMA * (agent.weights @ after[at]).max() if goes_on[at] else 0.0)
+            agent.weights[actions[at]] += agent.learning_rate * (target - agent.weights[actions[at]] @ before[at]) * before[at]
+        values.append(policy_value(agent, before, after, actions, rewards, goes_on, features[begins], limit))
+    return values
+
+
+class Spaces:
+    """The sizes of an environment that is not there."""
+
+    def __init__(self, columns, actions):
+        self.observation_space = type("Box", (), {"shape": (columns,)})
+        self.action_space = type("Discrete", (), {"n": actions})
+
+
+def policy_value(agent, before, after, actions, rewards, goes_on, begins, limit):
+    """What the agent's policy gets from `begins` on, in the mean: passes of least squares, whose targets are what an episode can get."""
+    count, width = agent.weights.shape
+    if not np.isfinite(agent.weights).all():
+        return -np.inf
+
+    def policy(features):
+        probabilities = np.full((len(features), count), agent.epsilon / count)
+        probabilities[np.arange(len(features)), (features @ agent.weights.T).argmax(1)] += 1.0 - agent.epsilon
+        return probabilities
+
+    low, high = min(rewards.min(), limit * rewards.min()), max(rewards.max(), limit * rewards.max())
+    probabilities, discount = policy(after), GAMMA * goes_on
+    rows = [np.flatnonzero(actions == action) for action in range(count)]
+    solvers = [np.linalg.solve(before[own].T @ before[own] + np.eye(width), before[own].T) for own in rows]
+    weights = np.zeros((count, width))
+    for _ in range(PASSES):
+        targets = (rewards + discount * (probabilities * (after @ weights.T)).sum(1)).clip(low, high)
+        weights = np.array([solver @ targets[own] for solver, own in zip(solvers, rows)])
+    return float((policy(begins) * (begins @ weights.T)).sum(1).mean())
+
+
+def make_fitted_q(args, folder):
+    path = folder / "fitted-q.json"
+    found = json.loads(path.read_text()) if path.exists() else {}
+    names = args.environments.split(",") if args.environments else list(ENVIRONMENTS)
+    for name in names:
+        for number in range(*(args.logs or [0, 10])):
+            log = f"{name}-{number}"
+            if log not in found:
+                found[log] = [round(value, 4) for value in fitted_q(name, number)]
+                write(path, found)
+                print(f"{log}: fitted Q is done", file=sys.stderr, flush=True)
+
+
 def make(args, folder, agent):
     folder.mkdir(parents=True, exist_ok=True)
     names = args.environments.split(",") if args.environments else agent.environments
@@ -528,6 +604,10 @@ def report(folder, agent):
     default = agent.settings.index(agent.default)
     labels = ["choice", "what calib advises", "choice if ahead of the default", "default", "best of the other environments"]
     rows = {row: {} for row in [*labels, *(f"default less {label}" for label in labels[:3])]}
+    path = folder / "fitted-q.json"
+    values = json.loads(path.read_text()) if path.exists() and not agent.suffix else {}
+    if values:
+        rows |= {"by fitted Q": {}, "by fitted Q, less the choice": {}}
     correlations, groups = {}, {"calib says to deploy the choice": {}, "it is only ahead of the default": {}, "neither": {}}
     agreements = {}
     print("| environment | logs | random | best | told apart | choice: regret | advice: regret | default: regret | best of the others: regret | Spearman | kinds agree | deploy, keep, nothing |")
@@ -545,6 +625,11 @@ def report(folder, agent):
         rows["default"][name] = [regret(name, default)] * len(found)
         rows["best of the other environments"][name] = [regret(name, fixed)] * len(found)
         is_ahead = [not NOT_AHEAD & set(one["reasons"]) for one in found]
+        if values:
+            by_values = [values[path.stem] for path in sorted(folder.glob(f"{name}-[0-9]*.json"))]
+            rows["by fitted Q"][name] = [regret(name, own.index(max(own))) for own in by_values]
+            rows["by fitted Q, less the choice"][name] = [one - other for one, other in zip(rows["by fitted Q"][name], chosen)]
+            print(f"(by fitted Q {name}: {statistics.fmean(rows['by fitted Q'][name]):.1f} %, worst {max(rows['by fitted Q'][name]):.0f})")
         rows["choice if ahead of the default"][name] = [one if ahead else regret(name, default) for one, ahead in zip(chosen, is_ahead)]
         for label in labels[:3]:
             rows[f"default less {label}"][name] = [regret(name, default) - one for one in rows[label][name]]
@@ -586,10 +671,13 @@ def main():
     parser.add_argument("--agent", choices=list(AGENTS), default="linear")
     parser.add_argument("--report", action="store_true")
     parser.add_argument("--random-actions", metavar="LOG,LOG")
+    parser.add_argument("--fitted-q", action="store_true")
     args = parser.parse_args()
     if args.random_actions:
         for log in args.random_actions.split(","):
             print(beside_random_actions(log, args.folder), flush=True)
+    elif args.fitted_q:
+        make_fitted_q(args, args.folder)
     elif args.report:
         report(args.folder, AGENTS[args.agent])
     else:
