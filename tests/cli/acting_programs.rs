@@ -26,8 +26,7 @@ const PROGRAM: &str = "[agent]\nkind = \"external\"\ncommand = [\"sh\", \"agent.
 fn pump_of_a_program(script: &str) -> Place {
     let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
     place.write("agent.sh", script);
-    let study = fs::read_to_string(place.path().join("study.toml")).expect("written");
-    place.write("study.toml", &format!("{study}timeout = 20\n{PROGRAM}"));
+    place.extend_study(&format!("timeout = 20\n{PROGRAM}"));
     place
 }
 
@@ -43,9 +42,7 @@ fn agents_of_a_program_act_and_are_judged() {
     assert!(again.stderr().contains("up to date"), "{}", again.stderr());
     place.calib(&["control", "study.toml", "--force", "--threads", "1"]).ends(&[0, 1]);
     assert!(place.content("study-results/control") == first, "the same bytes on one thread");
-    let json: serde_json::Value =
-        serde_json::from_str(&place.calib(&[&args[..], &["--json"]].concat()).ends(&[0, 1]))
-            .expect("JSON");
+    let json = place.calib(&[&args[..], &["--json"]].concat()).json(&[0, 1]);
     assert_eq!(json["choice"], serde_json::json!({ "parameters": { "action": 0 } }));
     assert_eq!(json["verdict"]["default"], 1);
     // What a program gets that never changes its action is what calib finds for that action, to the bit.
@@ -86,7 +83,7 @@ fn a_program_is_told_what_its_actions_led_to() {
     assert_eq!((&begin["steps"], &begin["timeout"]), (&50.into(), &20.into()));
     assert_eq!(begin["gamma"], 0.99);
     let pole = place();
-    let study = fs::read_to_string(pole.path().join("pole/study.toml")).expect("written");
+    let study = pole.read("pole/study.toml");
     let (study, _) = study.split_once("[control.grid]").expect("a grid");
     let agent = format!("{study}{PROGRAM}").replace("steps = 1500", "steps = 200");
     fs::write(pole.path().join("pole/study.toml"), agent).expect("writable");
@@ -182,12 +179,10 @@ fn a_sweep_of_a_program_goes_on() {
     // It answered everything, and ends badly every time.
     let bad = pump_of_a_program(&format!("{ALWAYS}\nexit 4"));
     for _ in 0..2 {
-        let told = bad.calib(&args).fails(2);
-        assert!(told.contains("exit status: 4 after its last answer"), "{told}");
+        bad.calib(&args).fails_with(2, &["exit status: 4 after its last answer"]);
     }
     let more = pump_of_a_program(&ALWAYS.replace("$action}\"", "$action}\"; echo more"));
-    let told = more.calib(&args).fails(2);
-    assert!(told.contains("`sh agent.sh` ") && told.contains("\"more"), "{told}");
+    more.calib(&args).fails_with(2, &["`sh agent.sh` ", "\"more"]);
 }
 
 #[test]
@@ -216,15 +211,10 @@ fn a_program_that_cannot_act_is_told() {
         refusal_of(&ALWAYS.replace("*'\"ends\"'*) echo '{\"ready\": 1}'", "*'\"ends\"'*) exit 3"));
     assert!(told.contains("exit status: 3 before it had answered the end of an episode"), "{told}");
     let own = pump_of_a_program(ALWAYS);
-    let told =
-        own.calib(&["control", "study.toml", "--set", "control.agent.step_size=0.5"]).fails(2);
-    assert!(
-        told.contains("[control.agent] and [control.grid] are of calib's own agents"),
-        "{told}"
-    );
-    let told =
-        own.calib(&["control", "study.toml", "--set", "sweep.grid={ speed = [1, 2] }"]).fails(2);
-    assert!(told.contains("[agent.parameters]"), "{told}");
+    own.calib(&["control", "study.toml", "--set", "control.agent.step_size=0.5"])
+        .fails_with(2, &["[control.agent] and [control.grid] are of calib's own agents"]);
+    own.calib(&["control", "study.toml", "--set", "sweep.grid={ speed = [1, 2] }"])
+        .fails_with(2, &["[agent.parameters]"]);
 }
 
 /// What is said of a program that cannot act.
@@ -239,9 +229,7 @@ fn an_agent_of_a_program_may_diverge() {
         "echo \"{\\\"action\\\": $action}\"",
         "[ $action = 1 ] && action=null; echo \"{\\\"action\\\": $action}\"",
     ));
-    let json: serde_json::Value =
-        serde_json::from_str(&place.calib(&["control", "study.toml", "--json"]).ends(&[0, 1]))
-            .expect("JSON");
+    let json = place.calib(&["control", "study.toml", "--json"]).json(&[0, 1]);
     assert_eq!(json["verdict"]["chosen"], 0);
     assert_eq!(json["verdict"]["selection"]["mean_errors"][1], "-inf");
 }
@@ -255,15 +243,14 @@ fn a_program_may_fail_with_one_setting() {
     );
     let place = pump_of_a_program(&failing);
     let told = place.calib(&["control", "study.toml", "--threads", "1", "--json"]);
-    let json: serde_json::Value = serde_json::from_str(&told.ends(&[0, 1])).expect("JSON");
+    let json = told.json(&[0, 1]);
     assert_eq!(json["verdict"]["chosen"], 0);
     assert_eq!(json["failures"][0]["candidate"], 1);
     // It was the default, without which nothing is supported.
     assert!(told.stderr().contains("the program failed with the default"), "{}", told.stderr());
     assert_eq!((told.code(), &json["is_ahead_of_default"]), (1, &false.into()));
     assert!(told.stderr().contains("a run with action = 1: no such valve"), "{}", told.stderr());
-    let report = fs::read_to_string(place.path().join("study-results/control/report.html"));
-    let report = report.expect("written");
+    let report = place.read("study-results/control/report.html");
     assert!(report.contains("the program failed with action = 1"));
     // In the table of settings, and beside the figure as the mean and the best of the value.
     assert!(report.matches(">failed<").count() >= 3);

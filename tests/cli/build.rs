@@ -8,7 +8,9 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
-use crate::harness::Place;
+#[cfg(unix)]
+use crate::harness::send;
+use crate::harness::{Place, assert_same};
 
 /// A log of a third of a million states, which are searched in five parts.
 fn long_study() -> Place {
@@ -22,8 +24,7 @@ fn long_study() -> Place {
 
 fn start(place: &Place, output: &str) -> Child {
     let args = ["build-model", "study.toml", "--output", output, "--threads", "1"];
-    let mut command = place.command(&args);
-    command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("calib runs")
+    place.start(&args, Stdio::piped())
 }
 
 fn parts(directory: &Path) -> usize {
@@ -85,12 +86,7 @@ fn a_build_killed_ten_times_gives_the_same_bytes() {
     }
     assert!(killed >= 10, "killed {killed} times");
     place.calib(&["build-model", "study.toml", "--output", "killed", "--verify", "5"]).succeeds();
-    let whole = place.content("whole");
-    let killed = place.content("killed");
-    assert_eq!(whole.keys().collect::<Vec<_>>(), killed.keys().collect::<Vec<_>>());
-    for (path, content) in &whole {
-        assert!(killed[path] == *content, "{} differs", path.display());
-    }
+    assert_same(&place.content("whole"), &place.content("killed"));
 }
 
 #[cfg(unix)]
@@ -100,8 +96,7 @@ fn ctrl_c_keeps_the_parts_and_the_next_build_uses_them() {
     let directory = place.path().join("stopped");
     let mut child = start(&place, "stopped");
     assert!(wait_for_parts(&mut child, &directory, 1));
-    let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(kill.expect("kill runs").success());
+    send("-INT", &child);
     let output = child.wait_with_output().expect("it ends");
     let told = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{told}");
@@ -179,8 +174,7 @@ fn parts_that_are_left_go_with_the_next_command_unless_another_calib_is_there() 
     fs::write(&part, "of a build that began a moment ago").expect("writable");
     let lock = fs::File::open(model.join(".lock")).expect("it was claimed");
     lock.lock().expect("nobody has it");
-    let refused = build().fails(2);
-    assert!(refused.contains("another calib is writing to"), "{refused}");
+    build().fails_with(2, &["another calib is writing to"]);
     assert!(part.exists(), "it is another's");
     drop(lock);
     assert!(build().succeeds().contains("up to date"));
@@ -192,14 +186,12 @@ fn parts_that_are_left_go_with_the_next_command_unless_another_calib_is_there() 
 fn too_little_memory_is_refused_with_advice() {
     let place = Place::with_study();
     let run = |args: &[&str]| place.calib(&[&["build-model", "study.toml"], args].concat());
-    let error = run(&["--memory", "100MiB"]).fails(2);
-    assert!(error.contains("takes") && error.contains("100.0 MiB is there"), "{error}");
-    assert!(error.contains("preprocess.subsample") && error.contains("--memory"), "{error}");
+    run(&["--memory", "100MiB"])
+        .fails_with(2, &["takes", "100.0 MiB is there", "preprocess.subsample", "--memory"]);
     assert!(!place.path().join("study-results/model").exists(), "refused before anything is done");
-    let error = run(&["--memory", "lots"]).fails(2);
-    assert!(error.contains("16GiB"), "{error}");
+    run(&["--memory", "lots"]).fails_with(2, &["16GiB"]);
     let told = run(&["--memory", "4GiB", "--dry-run", "--json"]);
-    let plan: serde_json::Value = serde_json::from_str(&told.succeeds()).expect("JSON on stdout");
+    let plan = told.json(&[0]);
     assert_eq!(plan["available_bytes"], 4_u64 << 30);
     assert_eq!((&plan["spill"], &plan["members"]), (&"nothing".into(), &3.into()));
     assert!(plan["memory_bytes"].as_u64().expect("a number") > 300 << 20, "{plan}");
@@ -228,8 +220,7 @@ fn approximate_tables_say_how_good_they_are() {
         );
         assert!(built.stderr().contains("on 90 rows"), "{}", built.stderr());
         assert!(built.stderr().contains("the lists of 90 rows have"), "{}", built.stderr());
-        let manifest: serde_json::Value =
-            serde_json::from_str(&run(&["--json"]).succeeds()).expect("JSON on stdout");
+        let manifest = run(&["--json"]).json(&[0]);
         assert_eq!(manifest["recall"]["rows"], 300);
         let (recall, interval) = (&manifest["recall"]["recall"], &manifest["recall"]["interval"]);
         assert!(number(&interval[0]) <= number(recall) && number(recall) <= number(&interval[1]));
@@ -254,15 +245,13 @@ fn what_cannot_be_built_leaves_the_model_that_is_there() {
         ("model.components=500", "fewer than the"),
         ("model.members=4000", "transitions cannot be split"),
     ] {
-        let error = place.calib(&["build-model", "study.toml", "--set", set]).fails(2);
-        assert!(error.contains(told), "{error}");
+        place.calib(&["build-model", "study.toml", "--set", set]).fails_with(2, &[told]);
         assert_eq!(place.content("study-results"), before);
         let dry = place.calib(&["build-model", "study.toml", "--set", set, "--dry-run"]).fails(2);
         assert!(dry.contains(told), "a plan of what is refused: {dry}");
     }
     let args = ["build-model", "study.toml", "--force", "--index", "kd-tree"];
-    let error = place.calib(&args).fails(2);
-    assert!(error.contains("at most 8 columns"), "{error}");
+    place.calib(&args).fails_with(2, &["at most 8 columns"]);
     assert_eq!(place.content("study-results"), before);
 }
 
@@ -293,6 +282,5 @@ fn structures_and_places_do_not_change_the_model() {
         let other = ["rollout", "study.toml", "--output", output, "--set", "model.index=join"];
         place.calib(&other).succeeds();
     }
-    let error = build("tree", &["--index", "kd_tree"]).fails(2);
-    assert!(error.contains("at most 8 columns"), "{error}");
+    build("tree", &["--index", "kd_tree"]).fails_with(2, &["at most 8 columns"]);
 }

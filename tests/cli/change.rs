@@ -1,42 +1,26 @@
 //! A simulated plant that changes: told, left beside its log, and no part of it.
 
-use std::fs;
+use crate::harness::{Place, Ran};
 
-use serde_json::Value;
-
-use crate::harness::Place;
-
-const CHANGING: [&str; 14] = [
-    "--days",
-    "12",
-    "--channels",
-    "12",
-    "--period",
-    "600",
-    "--change",
-    "1.5",
-    "--feeds-per-year",
-    "50",
-    "--settings-per-year",
-    "50",
-    "--sensors-per-year",
-    "20",
+const CHANGING: [&str; 7] = [
+    "--days=12",
+    "--channels=12",
+    "--period=600",
+    "--change=1.5",
+    "--feeds-per-year=50",
+    "--settings-per-year=50",
+    "--sensors-per-year=20",
 ];
 
-fn changing(place: &Place, name: &str, more: &[&str]) -> String {
-    place.calib(&[&["simulate", name][..], &CHANGING, more].concat()).succeeds()
-}
-
-fn read(place: &Place, path: &str) -> Value {
-    let text = fs::read_to_string(place.path().join(path)).expect("written");
-    serde_json::from_str(&text).expect("JSON")
+fn changing(place: &Place, name: &str, more: &[&str]) -> Ran {
+    place.calib(&[&["simulate", name][..], &CHANGING, more].concat())
 }
 
 #[test]
 fn changes_are_told_and_lie_beside_the_log() {
     let place = Place::new();
-    let told = changing(&place, "data", &[]);
-    let file = read(&place, "data/changes.json");
+    let told = changing(&place, "data", &[]).succeeds();
+    let file = place.read_json("data/changes.json");
     let changes = file["changes"].as_array().expect("a list");
     assert!(changes.len() > 5 && file["format"] == 1, "{file}");
     let line = format!("{} changes from 2022-11-", changes.len());
@@ -51,12 +35,10 @@ fn changes_are_told_and_lie_beside_the_log() {
     assert_eq!(kinds("feed") + kinds("settings") + kinds("sensor"), changes.len());
     assert!(changes.iter().any(|change| change["gain"].is_number()), "sizes are numbers too");
 
-    let json: Value =
-        serde_json::from_str(&changing(&place, "data", &["--json"])).expect("JSON on stdout");
+    let json = changing(&place, "data", &["--json"]).json(&[0]);
     assert_eq!(json["changes"], file["changes"]);
     assert_eq!(json["written"], 0);
-    let inspected = place.calib(&["inspect", "data", "--json"]).succeeds();
-    let inspected: Value = serde_json::from_str(&inspected).expect("JSON");
+    let inspected = place.calib(&["inspect", "data", "--json"]).json(&[0]);
     assert_eq!(inspected["files"], 12, "what is no log is not read as one");
 }
 
@@ -67,12 +49,12 @@ fn a_plant_that_does_not_change_has_no_changes_beside_it() {
     let told = place.calib(&plain).succeeds();
     assert!(!told.contains("changes"), "{told}");
     assert!(!place.path().join("data/changes.json").exists());
-    let options = &read(&place, "data/simulation.json")["options"];
+    let options = &place.read_json("data/simulation.json")["options"];
     assert!(options.get("change").is_none(), "as it was written before there were any: {options}");
 
     let message = place.calib(&[&plain[..], &["--change", "1"]].concat()).fails(2);
     assert!(message.contains("holds another simulation"), "{message}");
-    changing(&place, "data", &["--force"]);
+    changing(&place, "data", &["--force"]).succeeds();
     assert!(place.path().join("data/changes.json").is_file());
     place.calib(&[&plain[..], &["--force"]].concat()).succeeds();
     assert!(!place.path().join("data/changes.json").exists(), "those of another plant are gone");
@@ -90,7 +72,6 @@ fn a_study_may_ask_for_change() {
     let ran = place.calib(&["run", "study.toml", "-v"]);
     ran.succeeds();
     assert!(ran.stderr().contains(" changes from 2022-11-0"), "{}", ran.stderr());
-    let report = place.path().join("study-results/report.html");
-    let report = fs::read_to_string(report).expect("written");
+    let report = place.read("study-results/report.html");
     assert!(report.contains("feeds_per_year = 50"), "the study says how its log was made");
 }

@@ -1,7 +1,6 @@
 //! Work divided between processes: the bytes of one, whatever the division and whatever happens to the processes.
 
 use std::{
-    collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
     process::Stdio,
@@ -12,9 +11,7 @@ use std::{
 use calib_files::{Fingerprinter, read_sealed_json, write_sealed_json};
 use serde_json::Value;
 
-use crate::harness::Place;
-
-type Content = BTreeMap<PathBuf, Vec<u8>>;
+use crate::harness::{Content, Place, Ran, assert_same};
 
 /// A study with its model, and what one process makes of its sweep, which is gone again.
 fn alone(place: &Place) -> Content {
@@ -36,11 +33,11 @@ fn forget(place: &Place) {
 
 fn plan(place: &Place, name: &str, shards: &str) -> usize {
     let args = ["cluster", "plan", "study.toml", "--shards", shards, "-o", name, "--json"];
-    let told: Value = serde_json::from_str(&place.calib(&args).succeeds()).expect("JSON");
+    let told = place.calib(&args).json(&[0]);
     told["shards"].as_u64().expect("a number") as usize
 }
 
-fn run(place: &Place, plan: &str, shard: usize) -> crate::harness::Ran {
+fn run(place: &Place, plan: &str, shard: usize) -> Ran {
     place.calib(&["cluster", "run", plan, "--shard", &shard.to_string(), "--threads", "1"])
 }
 
@@ -50,7 +47,7 @@ fn results(place: &Place, plan: &str, shard: usize) -> PathBuf {
 
 fn status(place: &Place, plan: &str) -> (i32, Value) {
     let ran = place.calib(&["cluster", "status", plan, "--json"]);
-    (ran.code(), serde_json::from_str(&ran.stdout()).expect("JSON"))
+    (ran.code(), ran.json(&[0, 4]))
 }
 
 #[test]
@@ -79,8 +76,7 @@ fn any_number_of_shards_in_any_order_gives_the_bytes_of_one_process() {
         assert_eq!(status(&place, &name).0, 0);
         place.calib(&["cluster", "merge", &name]).succeeds();
         assert!(place.content("study-results") == alone, "{shards} shards");
-        let again = place.calib(&["cluster", "merge", &name]).succeeds();
-        assert!(again.contains("up to date"), "{again}");
+        place.calib(&["cluster", "merge", &name]).succeeds_with(&["up to date"]);
         forget(&place);
     }
 }
@@ -133,8 +129,7 @@ fn a_plan_takes_no_folder_of_somebody() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     for more in [&["--dry-run"][..], &["--force"], &[]] {
         let args = [&["cluster", "plan", "study.toml", "-o", "."], more].concat();
-        let refused = place.calib(&args).fails(2);
-        assert!(refused.contains("which calib did not write"), "{refused}");
+        place.calib(&args).fails_with(2, &["which calib did not write"]);
         assert!(place.content("inputs") == log, "the log is what it was");
     }
     assert!(!place.path().join(".lock").exists());
@@ -161,11 +156,7 @@ fn a_killed_planning_is_gone_on_with_and_leaves_what_is_not_its_own() {
     place.calib(&args).succeeds();
     fs::remove_file(place.path().join("plan/plan.json")).expect("there");
     place.write("plan/inputs/notes.txt", "somebody's");
-    let refused = place.calib(&args).fails(2);
-    assert!(
-        refused.contains("plan holds inputs/notes.txt, which calib did not write"),
-        "{refused}"
-    );
+    place.calib(&args).fails_with(2, &["plan holds inputs/notes.txt, which calib did not write"]);
     assert_eq!(fs::read(place.path().join("plan/inputs/notes.txt")).expect("there"), b"somebody's");
 }
 
@@ -207,8 +198,7 @@ fn stages_of_a_race_follow_from_one_another() {
     let alone = alone(&place);
     let count = plan(&place, "plan", "3");
     assert_eq!(count, 9, "three stages of three shards");
-    let early = run(&place, "plan", 8).fails(4);
-    assert!(early.contains("follows from shard 0, which is not done"), "{early}");
+    run(&place, "plan", 8).fails_with(4, &["follows from shard 0, which is not done"]);
     for shard in 0..count {
         run(&place, "plan", shard).succeeds();
     }
@@ -222,8 +212,8 @@ fn models_and_deployments_are_parts_of_one_plan_and_agents_start_where_they_shou
     place.edit_study("train_fraction = 0.7", "train = { end = 2022-11-03 }");
     place.edit_study("steps = 800", "steps = 300");
     place.edit_study("[sweep]", "[pretrain]\nepochs = 2\n\n[sweep]");
-    let text = fs::read_to_string(place.path().join("study.toml")).expect("readable");
-    let parts = "
+    place.extend_study(
+        "
 [models.neighbours]
 [models.network.model]
 kind = \"nn\"
@@ -236,11 +226,9 @@ end = 2022-11-03T12:00:00
 [deployments.far]
 start = 2022-11-03T12:00:00
 end = 2022-11-04
-";
-    place.write("study.toml", &format!("{text}{parts}"));
-    for command in ["pretrain", "build-model", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+",
+    );
+    place.run_steps(&["pretrain", "build-model", "sweep"]);
     let alone = place.content("study-results");
     for part in ["neighbours", "network"] {
         for deployment in ["near", "far"] {
@@ -254,11 +242,7 @@ end = 2022-11-04
         run(&place, "plan", shard).succeeds();
     }
     place.calib(&["cluster", "merge", "plan"]).succeeds();
-    let merged = place.content("study-results");
-    for (path, content) in &alone {
-        assert!(merged.get(path) == Some(content), "{} differs", path.display());
-    }
-    assert_eq!(merged.len(), alone.len());
+    assert_same(&alone, &place.content("study-results"));
 }
 
 #[test]
@@ -272,9 +256,7 @@ fn shards_that_are_killed_a_hundred_times_give_the_same_bytes() {
     while killed < 100 && attempts < 600 {
         let shard = attempts as usize % count;
         let args = ["cluster", "run", "plan", "--shard", &shard.to_string(), "--threads", "1"];
-        let mut command = place.command(&args);
-        let mut child =
-            command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("calib runs");
+        let mut child = place.start(&args, Stdio::null());
         thread::sleep(Duration::from_millis(4 + attempts * 7 % 61));
         if child.try_wait().expect("a status").is_none() {
             child.kill().expect("it runs");
@@ -306,6 +288,7 @@ fn is_unfinished(path: &Path) -> bool {
 #[cfg(unix)]
 #[test]
 fn a_shard_that_is_asked_to_stop_says_so_and_goes_on() {
+    use crate::harness::{send, wait_until};
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
     place.edit_study("online_runs = 3", "online_runs = 400");
@@ -317,15 +300,8 @@ fn a_shard_that_is_asked_to_stop_says_so_and_goes_on() {
         .stderr(Stdio::piped())
         .spawn()
         .expect("calib runs");
-    for _ in 0..600 {
-        if results(&place, "plan", 0).exists() {
-            break;
-        }
-        thread::sleep(Duration::from_millis(10));
-    }
-    let asked =
-        std::process::Command::new("kill").args(["-USR1", &child.id().to_string()]).status();
-    assert!(asked.expect("kill runs").success());
+    wait_until(|| results(&place, "plan", 0).exists());
+    send("-USR1", &child);
     let output = child.wait_with_output().expect("it ends");
     assert_eq!(output.status.code(), Some(75), "{}", String::from_utf8_lossy(&output.stderr));
     let (code, told) = status(&place, "plan");
@@ -482,7 +458,7 @@ fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
     let submit = |more: &[&str]| {
         let args = [&["cluster", "submit", "plan", "--engine", "slurm"], more].concat();
         place.calib_with(&args, &[("PATH", &path)]).succeeds();
-        let asked = fs::read_to_string(place.path().join("asked")).expect("asked");
+        let asked = place.read("asked");
         fs::remove_file(place.path().join("asked")).expect("there");
         asked.replace(&*place.path().to_string_lossy(), "PLACE")
     };
@@ -510,8 +486,7 @@ fn slurm_is_told_stage_by_stage_and_only_what_is_missing() {
     }
     place.write("cluster.toml", "thread = 4\n");
     let args = ["cluster", "submit", "plan", "--engine", "slurm", "--config", "cluster.toml"];
-    let error = place.calib(&args).fails(2);
-    assert!(error.contains("thread") && error.contains("cluster.toml"), "{error}");
+    place.calib(&args).fails_with(2, &["thread", "cluster.toml"]);
 }
 
 /// Where the script of a stage is, as it is shown.

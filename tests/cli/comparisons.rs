@@ -11,11 +11,6 @@ use crate::harness::Place;
 /// Quantiles of Student's t at 0.975 for 2 and 3 degrees of freedom.
 const T: [f64; 2] = [4.302_652_729_749_464, 3.182_446_305_284_263];
 
-fn json(place: &Place, path: &str) -> Value {
-    let text = fs::read_to_string(place.path().join(path)).expect("readable");
-    serde_json::from_str(&text).expect("JSON")
-}
-
 /// The symmetric2 distances of a sensor: by start state, member by member.
 fn distances(place: &Place, directory: &str, sensor: &str) -> BTreeMap<Timestamp, Vec<f64>> {
     let table = read_parquet(&place.path().join(directory).join("dtw.parquet")).expect("readable");
@@ -57,10 +52,10 @@ fn members_that_start_from_one_state_are_one_observation() {
     let place = Place::with_study();
     place.edit_study("rollouts = 2", "rollouts = 4\nstart = \"nearest\"");
     place.calib(&["build-model", "study.toml"]).succeeds();
-    let shown = place.calib(&["rollout", "study.toml"]).succeeds();
-    assert!(shown.contains("over 12 rollouts of"), "{shown}");
-    assert!(shown.contains("steps from 4 start states"), "{shown}");
-    let manifest = json(&place, "study-results/rollout/manifest.json");
+    place
+        .calib(&["rollout", "study.toml"])
+        .succeeds_with(&["over 12 rollouts of", "steps from 4 start states"]);
+    let manifest = place.read_json("study-results/rollout/manifest.json");
     let comparison = &manifest["comparison"];
     assert_eq!((&comparison["rollouts"], &comparison["start_states"]), (&12.into(), &4.into()));
     let written = &comparison["sensors"][0]["dtw"][0]["distance"];
@@ -71,14 +66,14 @@ fn members_that_start_from_one_state_are_one_observation() {
 
     let one = place.calib(&["rollout", "study.toml", "--set", "rollout.rollouts=1"]).succeeds();
     assert!(one.contains("from 1 start state, too few for an interval"), "{one}");
-    let manifest = json(&place, "study-results/rollout/manifest.json");
+    let manifest = place.read_json("study-results/rollout/manifest.json");
     let of_sensor = &manifest["comparison"]["sensors"][0];
     assert_eq!(of_sensor["dtw"][0]["distance"]["interval"], Value::Null);
     assert_eq!(of_sensor["measures"][0]["value"]["interval"], Value::Null);
 
     let random = place.calib(&["rollout", "study.toml", "--set", "rollout.start=random"]);
     random.succeeds();
-    let comparison = &json(&place, "study-results/rollout/manifest.json")["comparison"];
+    let comparison = &place.read_json("study-results/rollout/manifest.json")["comparison"];
     assert_eq!(comparison["start_states"], comparison["rollouts"], "each member has its own");
 }
 
@@ -86,17 +81,13 @@ fn members_that_start_from_one_state_are_one_observation() {
 fn models_are_compared_start_by_start() {
     let place = Place::with_study();
     place.edit_study("rollouts = 2", "rollouts = 3\nstart = \"nearest\"");
-    let text = fs::read_to_string(place.path().join("study.toml")).expect("readable");
-    place
-        .write("study.toml", &format!("{text}\n[models.one.model]\nneighbors = 1\n[models.two]\n"));
-    for command in ["build-model", "rollout", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.extend_study("\n[models.one.model]\nneighbors = 1\n[models.two]\n");
+    place.run_steps(&["build-model", "rollout", "sweep"]);
     let compared = place.calib(&["evaluate", "study.toml"]);
     assert!(compared.stdout().contains("models two by two"), "{}", compared.stdout());
     assert!(compared.stdout().contains("one − two"), "{}", compared.stdout());
 
-    let summary = json(&place, "study-results/evaluate/summary.json");
+    let summary = place.read_json("study-results/evaluate/summary.json");
     let of_models = &summary["comparisons"]["rollouts"];
     assert_eq!(of_models.as_array().expect("a list").len(), 1);
     assert_eq!(of_models[0]["models"], serde_json::json!(["one", "two"]));
@@ -113,8 +104,7 @@ fn models_are_compared_start_by_start() {
     assert_eq!(ratio["blocks"], 16);
     assert!(ratio["ratio"].as_f64().expect("a number") > 0.0);
 
-    let report =
-        fs::read_to_string(place.path().join("study-results/report.html")).expect("readable");
+    let report = place.read("study-results/report.html");
     for text in [
         "Models two by two",
         "One-step error, models two by two",
@@ -127,8 +117,7 @@ fn models_are_compared_start_by_start() {
     let path = place.path().join("study-results/models/one/rollout/dtw.parquet");
     let before = fs::read(&path).expect("readable");
     fs::remove_file(&path).expect("there");
-    let missing = place.calib(&["evaluate", "study.toml"]).fails(2);
-    assert!(missing.contains("dtw.parquet"), "{missing}");
+    place.calib(&["evaluate", "study.toml"]).fails_with(2, &["dtw.parquet"]);
     place.calib(&["rollout", "study.toml"]).succeeds();
     assert!(fs::read(&path).expect("made again") == before);
 }

@@ -8,16 +8,7 @@ use crate::harness::Place;
 
 /// Cart-pole as a random policy acts in it, and two agents.
 pub(crate) fn place() -> Place {
-    let place = Place::new();
-    let args = ["simulate", "pole", "--task", "cart-pole", "--policy", "random"];
-    place.calib(&[&args[..], &["--transitions", "1500"]].concat()).succeeds();
-    let path = place.path().join("pole/study.toml");
-    let text = fs::read_to_string(&path).expect("a study is written beside the log");
-    let (before, _) = text.split_once("[control.grid]").expect("a grid");
-    let small = before.replace("steps = 15000", "steps = 1500");
-    let grid = "[control.model]\nmembers = 3\n\n[control.grid]\nstep_size = [0.03, 0.3]\n";
-    fs::write(&path, format!("{small}{grid}")).expect("writable");
-    place
+    Place::with_pole(1500, 1500, 3)
 }
 
 #[test]
@@ -52,8 +43,7 @@ fn a_log_of_decisions_becomes_a_verdict() {
     fs::remove_file(&report).expect("a report");
     place.calib(&["control", study]).ends(&[1]);
     assert!(place.content(results) == first, "the report is back");
-    let json: serde_json::Value =
-        serde_json::from_str(&place.calib(&["control", study, "--json"]).ends(&[1])).expect("JSON");
+    let json = place.calib(&["control", study, "--json"]).json(&[1]);
     assert_eq!(json["transitions"], 1500);
     let decision = &json["decision"];
     assert_eq!(
@@ -104,18 +94,14 @@ fn the_model_is_made_once_and_a_killed_sweep_goes_on() {
     child.kill().expect("it was running, or has ended");
     child.wait().expect("a status");
     let status = ["status", study, "--set", "control.runs=3"];
-    let told = place.calib(&status).succeeds();
-    assert!(told.contains("settings: ") && told.contains(" of 54 runs"), "{told}");
+    place.calib(&status).succeeds_with(&["settings: ", " of 54 runs"]);
     let again = place.calib(&args);
     again.ends(&[1]);
-    let status: serde_json::Value =
-        serde_json::from_str(&place.calib(&[&status[..], &["--json"]].concat()).succeeds())
-            .expect("JSON");
+    let status = place.calib(&[&status[..], &["--json"]].concat()).json(&[0]);
     let ranking = &status["control"];
     assert_eq!(ranking["runs"], serde_json::json!([54, 54]));
     assert_eq!(ranking["members"], 9);
-    let verdict = fs::read(results.join("control/verdict.json")).expect("a verdict");
-    let verdict: serde_json::Value = serde_json::from_slice(&verdict).expect("JSON");
+    let verdict = place.read_json("pole/study-results/control/verdict.json");
     let chosen = verdict["verdict"]["chosen"].as_u64().expect("a number") as usize;
     assert_eq!(
         ranking["settings"][0]["mean_rank"],
@@ -143,8 +129,7 @@ fn what_the_log_does_not_support_is_refused() {
     let place = place();
     let study = "pole/study.toml";
     let strict = ["control", study, "--set", "control.fewest_terminals=100000"];
-    let ran = place.calib(&strict).fails(1);
-    assert!(ran.contains("end in a terminal"), "{ran}");
+    place.calib(&strict).fails_with(1, &["end in a terminal"]);
 }
 
 /// More neighbours than there are transitions are all of them; what takes more memory than there is names the key.
@@ -159,8 +144,7 @@ fn neighbours_without_bound_take_no_memory_without_bound() {
         place.calib(&args)
     };
     with("1000000000", "3").succeeds();
-    let refused = with("1000000000", "1000000").fails(2);
-    assert!(refused.contains("control.model.neighbors"), "{refused}");
+    with("1000000000", "1000000").fails_with(2, &["control.model.neighbors"]);
 }
 
 /// A pump of two speeds, forty rows: on in every other one, from the first.
@@ -225,8 +209,8 @@ fn what_is_not_told_apart_from_the_default_is_not_deployed() {
     ] {
         assert!(ran.stderr().contains(reason), "{reason} is missing in {}", ran.stderr());
     }
-    let page = fs::read_to_string(place.path().join("study-results/control/report.html"));
-    assert!(page.expect("a page").contains("Random actions get 35.9"));
+    let page = place.read("study-results/control/report.html");
+    assert!(page.contains("Random actions get 35.9"));
 }
 
 /// Five steps in a row lead to the goal, each by the other action than the one before; a wrong one leads back to the first place. Every third
@@ -264,8 +248,7 @@ fn a_choice_that_the_log_supports_ends_with_0() {
         let default = format!("--set=control.agent.temperature={default}");
         let ran = place.calib(&["control", "study.toml", "--json", &default]);
         let told = format!("{}{}", ran.stdout(), ran.stderr());
-        assert_eq!(ran.code(), 0, "{told}");
-        let json: serde_json::Value = serde_json::from_str(&ran.stdout()).expect("JSON");
+        let json = ran.json(&[0]);
         let decision = &json["decision"];
         assert_eq!(decision["support"], "supported", "{told}");
         let said = decision["headline"].as_str().expect("a sentence");
@@ -282,7 +265,7 @@ fn the_exit_code_says_whether_anything_speaks_against_the_first_setting() {
     for default in ["0.03", "0.3"] {
         let default = format!("--set=control.agent.step_size={default}");
         let ran = place.calib(&[&TWO_STEP_SIZES[..], &[reward, &default, "--json"]].concat());
-        let json: serde_json::Value = serde_json::from_str(&ran.ends(&[0, 1])).expect("JSON");
+        let json = ran.json(&[0, 1]);
         let is_supported = json["decision"]["support"] == "supported";
         assert_eq!(ran.code(), i32::from(!is_supported), "{}", json["decision"]);
         assert!(is_supported || ran.stderr().contains("warning: "), "{}", ran.stderr());
@@ -299,8 +282,7 @@ fn a_constant_action_that_gets_more_is_named() {
     assert!(told.contains("Best constant action: always pump=0 gets "), "{told}");
     assert!(ran.stderr().contains("warning: always taking pump=0 gets "), "{}", ran.stderr());
     let json = [&TWO_STEP_SIZES[..], &["--json"]].concat();
-    let json: serde_json::Value =
-        serde_json::from_str(&place.calib(&json).ends(&[1])).expect("JSON");
+    let json = place.calib(&json).json(&[1]);
     let constant = &json["verdict"]["constant"];
     assert_eq!(constant["action"], 0);
     assert!(constant["mean_return"].as_f64().expect("a number").abs() < 0.01, "{constant}");
@@ -324,11 +306,10 @@ fn neighbours_can_be_near_in_a_representation() {
     control(&["--force", "--threads", "1"]).ends(&[0, 1]);
     assert!(place.content("pole/study-results/control") == first, "the same bytes on one thread");
     assert!(place.content(representation) == psi, "and the same representation");
-    let inspected = place.calib(&[&["inspect", study, "--json"][..], &set].concat()).succeeds();
-    let json: serde_json::Value = serde_json::from_str(&inspected).expect("JSON");
+    let json = place.calib(&[&["inspect", study, "--json"][..], &set].concat()).json(&[0]);
     assert_eq!(json["control"]["distance"], "laplacian", "what was trained is used");
-    let page = fs::read_to_string(place.path().join("pole/study-results/control/report.html"));
-    assert!(page.expect("a page").contains("Representations"));
+    let page = place.read("pole/study-results/control/report.html");
+    assert!(page.contains("Representations"));
     place.calib(&["check", "pole/study-results"]).succeeds();
     // Another representation is another verdict.
     let other = control(&["--set", "representation.steps=301", "--dry-run"]);
@@ -379,18 +360,15 @@ fn a_torque_is_chosen_among_levels_of_its_range() {
     let few = ["--set", "control.steps=400", "--set", "control.model.members=2"];
     let grid = ["--set", "control.grid={ step_size = [0.03, 0.3] }"];
     let args = [&["control", study, "--json"][..], &few, &grid].concat();
-    let json: serde_json::Value =
-        serde_json::from_str(&place.calib(&args).ends(&[0, 1])).expect("JSON");
+    let json = place.calib(&args).json(&[0, 1]);
     assert_eq!(json["actions"].as_array().map(Vec::len), Some(7));
     assert_eq!(json["settings"][0]["column"], "torque");
     let heavier = [&args[..], &["--set", "control.model.action_weight=3"]].concat();
-    let other: serde_json::Value =
-        serde_json::from_str(&place.calib(&heavier).ends(&[0, 1])).expect("JSON");
+    let other = place.calib(&heavier).json(&[0, 1]);
     assert_ne!(json["verdict"]["members"], other["verdict"]["members"], "the weight counts");
-    let text = fs::read_to_string(place.path().join(study)).expect("a study");
+    let text = place.read(study);
     place.write(study, &text.replace("levels = 7", "most_actions = 64"));
-    let told = place.calib(&["control", study]).fails(2);
-    assert!(told.contains("control.levels"), "{told}");
+    place.calib(&["control", study]).fails_with(2, &["control.levels"]);
 }
 
 #[test]
@@ -416,13 +394,11 @@ fn mistakes_in_the_section_say_what_to_do() {
     assert!(told.contains("control.probability") && told.contains("up to 1"), "{told}");
     let told = refused("control.agent.temperature=0");
     assert!(told.contains("temperature"), "{told}");
-    let told = place.calib(&["simulate", "pole", "--task", "cart-pole"]).fails(2);
-    assert!(told.contains("--force"), "{told}");
+    place.calib(&["simulate", "pole", "--task", "cart-pole"]).fails_with(2, &["--force"]);
     let told = place.calib(&["simulate", "x", "--task", "acrobot", "--days", "3"]).fails(2);
     assert!(told.contains("of the plant"), "{told}");
     place.write("plain.toml", "[data]\npath = \"pole/log.parquet\"\n");
-    let told = place.calib(&["control", "plain.toml"]).fails(2);
-    assert!(told.contains("[control]"), "{told}");
+    place.calib(&["control", "plain.toml"]).fails_with(2, &["[control]"]);
 }
 
 #[test]
@@ -442,8 +418,7 @@ fn a_plant_that_somebody_operates_is_logged_and_inspected() {
     ] {
         assert!(told.contains(part), "{part} is missing in {told}");
     }
-    let json: serde_json::Value =
-        serde_json::from_str(&place.calib(&["inspect", study, "--json"]).succeeds()).expect("JSON");
+    let json = place.calib(&["inspect", study, "--json"]).json(&[0]);
     let control = &json["control"];
     assert_eq!(control["actions"].as_array().map(Vec::len), Some(8));
     assert_eq!(control["columns"].as_array().map(Vec::len), Some(4), "accounts are no state");
@@ -451,8 +426,7 @@ fn a_plant_that_somebody_operates_is_logged_and_inspected() {
     let set = "control.grid={ algorithm = ['expected_sarsa', 'deep_q_learning'] }";
     let few = ["--set", "control.steps=600", "--set", "control.model.members=2"];
     place.calib(&[&["control", study, "--set", set][..], &few].concat()).ends(&[0, 1]);
-    let page = fs::read_to_string(place.path().join("plant/study-results/control/report.html"))
-        .expect("a page");
+    let page = place.read("plant/study-results/control/report.html");
     assert!(page.contains("Where along TURBIDITY_NTU actions are known"));
     assert!(!page.contains("src=\"http"), "loads nothing");
     let told = place.calib(&["simulate", "x", "--task", "acrobot", "--policy", "rule"]).fails(2);

@@ -65,8 +65,7 @@ fn a_simulated_log_is_checked_when_it_is_read_and_not_again() {
     let day = logs(&place).pop().expect("a day");
     let bytes = fs::read(&day).expect("there");
     fs::write(&day, [&bytes[..100], &[1; 100], &bytes[200..]].concat()).expect("writable");
-    let refused = run(&place).fails(2);
-    assert!(refused.contains("is not what was simulated"), "{refused}");
+    run(&place).fails_with(2, &["is not what was simulated"]);
 }
 
 #[test]
@@ -108,20 +107,7 @@ fn another_log_of_the_same_size_and_time_is_another_log() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
     let before = place.content("study-results/model");
-    place
-        .calib(&[
-            "simulate",
-            "other",
-            "--days",
-            "3",
-            "--channels",
-            "12",
-            "--period",
-            "60",
-            "--seed",
-            "9",
-        ])
-        .succeeds();
+    place.simulate_other("other");
     for log in logs(&place) {
         let time = fs::metadata(&log).and_then(|metadata| metadata.modified()).expect("known");
         let other = place.path().join("other").join(log.file_name().expect("has one"));
@@ -180,8 +166,7 @@ fn a_run_says_what_is_up_to_date_and_what_is_to_do() {
     let place = Place::with_study();
     let plan = |args: &[&str]| {
         let args = [&["run", "study.toml", "--dry-run", "--json"], args].concat();
-        let told: serde_json::Value =
-            serde_json::from_str(&place.calib(&args).succeeds()).expect("JSON");
+        let told = place.calib(&args).json(&[0]);
         let steps = told["steps"].as_array().expect("steps").clone();
         let to_do = steps.iter().filter(|step| step["state"] == "to_do");
         to_do.map(|step| step["step"].as_str().expect("a name").to_owned()).collect::<Vec<_>>()

@@ -1,7 +1,5 @@
 //! Logs of decisions: which actions, rewards and episodes calib reads in them.
 
-use std::fs;
-
 use crate::control::{place, pump};
 
 /// An action whose name would be a pattern of the only channel of the states.
@@ -9,22 +7,17 @@ use crate::control::{place, pump};
 fn names_of_actions_are_no_patterns() {
     let place =
         pump(|row| format!("2024-03-01 06:{row:02}:00,{},{}\n", 10 + row * row % 7, row % 2));
-    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
-    place.write("log.csv", &log.replace("level,pump", "V1,V[1]"));
-    let study = fs::read_to_string(place.path().join("study.toml")).expect("written");
+    place.edit("log.csv", "level,pump", "V1,V[1]");
+    let study = place.read("study.toml");
     place.write("study.toml", &study.replace("\"pump\"", "\"V[1]\""));
-    let told = place.calib(&["inspect", "study.toml", "--json"]);
-    told.ends(&[0, 1]);
-    let told: serde_json::Value = serde_json::from_str(&told.stdout()).expect("JSON");
+    let told = place.calib(&["inspect", "study.toml", "--json"]).json(&[0, 1]);
     assert_eq!(told["control"]["columns"][0], "V1", "{}", told["control"]["columns"]);
 }
 
 #[test]
 fn an_action_costs_in_the_step_that_it_was_taken_in() {
     let place = pump(|row| format!("2024-03-01 00:{row:02}:00,{},{}\n", row % 7, (row + 1) % 2));
-    let told = place.calib(&["control", "study.toml", "--json"]);
-    told.ends(&[0, 1]);
-    let json: serde_json::Value = serde_json::from_str(&told.stdout()).expect("JSON");
+    let json = place.calib(&["control", "study.toml", "--json"]).json(&[0, 1]);
     assert_eq!(json["transitions"], 39);
     // In the steps from rows 0, 2, …, 38: 39 of the 50 steps that agents live.
     let mean = &json["verdict"]["behaviour"]["mean"];
@@ -32,8 +25,7 @@ fn an_action_costs_in_the_step_that_it_was_taken_in() {
     // What leaving the log is worth is what an episode of agents can have got, not what the whole log did.
     assert_eq!(json["worst_return"], *mean);
     let short = ["control", "study.toml", "--json", "--set", "control.timeout=2"];
-    let json: serde_json::Value =
-        serde_json::from_str(&place.calib(&short).stdout()).expect("JSON");
+    let json = place.calib(&short).json(&[0, 1]);
     assert_eq!(json["worst_return"], -1.0);
 }
 
@@ -45,8 +37,7 @@ fn an_action_may_stand_in_a_later_row() {
         let lag = format!("control.lag={lag}");
         let args =
             ["control", "study.toml", "--json", "--set", "control.timeout=39", "--set", &lag];
-        let told = place.calib(&args).ends(&[0, 1]);
-        let json: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+        let json = place.calib(&args).json(&[0, 1]);
         assert_eq!(json["transitions"], 39);
         json["verdict"]["behaviour"]["mean"].clone()
     };
@@ -63,8 +54,7 @@ fn an_agent_may_decide_in_every_third_row() {
     });
     let every = ["inspect", "study.toml", "--set", "control.every=3"];
     let ran = place.calib(&every);
-    let told = ran.succeeds();
-    assert!(told.contains("for agents that act: 13 transitions in 1 episode"), "{told}");
+    ran.succeeds_with(&["for agents that act: 13 transitions in 1 episode"]);
     let told = ran.stderr();
     for part in [
         "13 decisions of 3 rows (3 min): steps and timeouts count decisions",
@@ -76,8 +66,7 @@ fn an_agent_may_decide_in_every_third_row() {
     let args = ["control", "study.toml", "--json", "--set", "control.every=3", "--set"];
     let few = ["control.timeout=13", "--set", "control.models=['neighbors']"];
     let args = [&args[..], &few].concat();
-    let json: serde_json::Value =
-        serde_json::from_str(&place.calib(&args).ends(&[0, 1])).expect("JSON");
+    let json = place.calib(&args).json(&[0, 1]);
     assert_eq!(json["transitions"], 13);
     assert_eq!(json["verdict"]["behaviour"]["mean"], -25.0, "7 times 1, and 6 times 3");
     let told = place.calib(&["inspect", "study.toml", "--set", "control.every=40"]).fails(2);
@@ -93,12 +82,10 @@ fn a_set_point_is_a_tag() {
         let target = if row < 20 { 2 } else { 5 };
         format!("2024-03-01 00:{row:02}:00,{},{target},{}\n", target + 1, row % 2)
     });
-    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
-    place.write("log.csv", &log.replace("level,pump", "level,LIC101.SP,pump"));
+    place.edit("log.csv", "level,pump", "level,LIC101.SP,pump");
     let reward = "control.reward=[{ column = \"level\", set_point = \"LIC101.SP\", weight = -2 }]";
     let args = ["control", "study.toml", "--json", "--set", reward, "--set", "control.timeout=39"];
-    let told = place.calib(&args).ends(&[0, 1]);
-    let json: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    let json = place.calib(&args).json(&[0, 1]);
     assert_eq!(json["verdict"]["behaviour"]["mean"], -78.0, "2 in each of 39 steps");
     assert_eq!(json["columns"], serde_json::json!(["level", "LIC101.SP"]));
 }
@@ -122,11 +109,9 @@ fn actions_are_numbers_that_somebody_set() {
     });
     // One column of words and one of numbers might be a long table.
     let wide = ["control", "study.toml", "--set", "data.shape=wide"];
-    let words = place.calib(&wide).fails(2);
-    assert!(words.contains("pump is of type text, such as \"high\""), "{words}");
+    place.calib(&wide).fails_with(2, &["pump is of type text, such as \"high\""]);
     let mean = ["--set", "data.resample=mean", "--set", "data.period_secs=300"];
-    let invented = place.calib(&[&wide[..], &mean].concat()).fails(2);
-    assert!(invented.contains("data.resample = \"last\""), "{invented}");
+    place.calib(&[&wide[..], &mean].concat()).fails_with(2, &["data.resample = \"last\""]);
 }
 
 #[test]
@@ -135,8 +120,7 @@ fn actions_that_contradict_each_other_are_refused() {
         let line = |pump: usize| format!("2024-03-01 00:{row:02}:00,{},{pump}\n", row % 7);
         if row == 20 { line(0) + &line(1) } else { line((row + 1) % 2) }
     });
-    let refused = place.calib(&["control", "study.toml"]).fails(2);
-    assert!(refused.contains("pump is 0 and 1"), "{refused}");
+    place.calib(&["control", "study.toml"]).fails_with(2, &["pump is 0 and 1"]);
     let first = place.calib(&["control", "study.toml", "--set", "data.contradictions=first"]);
     first.ends(&[0, 1]);
 }
@@ -148,12 +132,8 @@ fn an_empty_reward_ends_an_episode_and_is_told_with_its_time() {
         let gain = if row == 20 { String::new() } else { (row % 3).to_string() };
         format!("2024-03-01 00:{row:02}:00,{},{gain},{}\n", row % 7, (row + 1) % 2)
     });
-    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
-    place.write("log.csv", &log.replace("level,pump", "level,gain,pump"));
-    let study = fs::read_to_string(place.path().join("study.toml")).expect("written");
-    let reward = "[{ column = \"pump\", weight = -1 }]";
-    assert!(study.contains(reward), "{study}");
-    place.write("study.toml", &study.replace(reward, "\"gain\""));
+    place.edit("log.csv", "level,pump", "level,gain,pump");
+    place.edit_study("[{ column = \"pump\", weight = -1 }]", "\"gain\"");
     let inspected = place.calib(&["inspect", "study.toml"]);
     let told = inspected.stderr();
     assert!(
@@ -162,8 +142,7 @@ fn an_empty_reward_ends_an_episode_and_is_told_with_its_time() {
         ),
         "{told}"
     );
-    let told = inspected.succeeds();
-    assert!(told.contains("38 transitions in 2 episodes"), "{told}");
+    inspected.succeeds_with(&["38 transitions in 2 episodes"]);
     place.calib(&["control", "study.toml"]).ends(&[0, 1]);
     let weight = "--set=control.reward=[{ column = \"gain\", weight = 1e39 }]";
     let told = place.calib(&["inspect", "study.toml", weight]).stderr();
@@ -186,8 +165,7 @@ fn text_among_actions_is_told() {
         ),
         "{told}"
     );
-    let told = inspected.succeeds();
-    assert!(told.contains("37 transitions in 2 episodes"), "{told}");
+    inspected.succeeds_with(&["37 transitions in 2 episodes"]);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::fs;
 
 use insta::assert_snapshot;
 
-use crate::harness::Place;
+use crate::harness::{Place, assert_same};
 
 const NEAR: &str = "{ start = 2022-11-03, end = 2022-11-03T12:00:00 }";
 const DEPLOYMENTS: &str = "
@@ -24,14 +24,8 @@ fn place(start: &str, more: &str) -> Place {
     // Shorter than both windows, so that streams are as long in both.
     place.edit_study("steps = 800", "steps = 500");
     place.edit_study("rollouts = 2", &format!("rollouts = 3\nstart = \"{start}\""));
-    let text = fs::read_to_string(place.path().join("study.toml")).expect("readable");
-    place.write("study.toml", &format!("{text}{DEPLOYMENTS}{more}"));
+    place.extend_study(&format!("{DEPLOYMENTS}{more}"));
     place
-}
-
-fn json(place: &Place, path: &str) -> serde_json::Value {
-    let text = fs::read_to_string(place.path().join(path)).expect("readable");
-    serde_json::from_str(&text).expect("JSON")
 }
 
 /// Run `calib`; what it printed.
@@ -68,7 +62,7 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     assert_eq!(run(&place, &["rollout", "study.toml"]).matches("up to date").count(), 2);
 
     // In the order of time, with its window and what to deploy.
-    let summary = json(&place, "study-results/evaluate/summary.json");
+    let summary = place.read_json("study-results/evaluate/summary.json");
     assert_eq!(summary["deployments"][0]["deployment"], "near");
     assert_eq!(summary["deployments"][0]["window"], "2022-11-03 .. 2022-11-03T12:00:00");
     assert_eq!(
@@ -81,8 +75,7 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
         assert_told(&choice["chosen"], &choice["values"]);
     }
     assert_told(&deploy["for_all"], &deploy["for_all_values"]);
-    let report =
-        fs::read_to_string(place.path().join("study-results/report.html")).expect("readable");
+    let report = place.read("study-results/report.html");
     for text in [
         "What to deploy",
         "PIT300 (near)",
@@ -99,17 +92,16 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     assert!(
         place.path().join("study-results/evaluate/figures/sensitivity-PIT300-near.svg").is_file()
     );
-    let own = place.path().join("study-results/deployments/near/report.html");
-    let own = fs::read_to_string(own).expect("readable");
+    let own = place.read("study-results/deployments/near/report.html");
     assert!(own.contains(" of near, 2022-11-03 00:00:00 to"));
-    let manifest = json(&place, "study-results/deployments/near/rollout/manifest.json");
+    let manifest = place.read_json("study-results/deployments/near/rollout/manifest.json");
     let starts = &manifest["members"][0]["starts"];
     assert_eq!(starts["starts"], 3);
     let distance = |name: &str| starts[name].as_f64().expect("there is one");
     assert!(distance("largest_distance") >= distance("mean_distance"), "{starts}");
 
     // The same study with that window held out is the same to the byte.
-    let text = fs::read_to_string(place.path().join("study.toml")).expect("readable");
+    let text = place.read("study.toml");
     let held_out = format!("train = {{ end = 2022-11-03 }}\nheld_out = {NEAR}");
     let alone = text.replace(DEPLOYMENTS, "").replace("train = { end = 2022-11-03 }", &held_out);
     place.write("study.toml", &alone);
@@ -118,11 +110,7 @@ fn a_deployment_is_a_study_in_which_it_is_held_out() {
     }
     for part in ["rollout", "sweep"] {
         let one = place.content(&format!("study-results/deployments/near/{part}"));
-        let other = place.content(&format!("alone/{part}"));
-        assert!(one.keys().eq(other.keys()));
-        for (path, content) in &one {
-            assert!(*content == other[path], "{part}/{} differs", path.display());
-        }
+        assert_same(&one, &place.content(&format!("alone/{part}")));
     }
 }
 
@@ -155,8 +143,7 @@ fn what_does_not_depend_on_the_deployment_is_run_once() {
     let verdict = run(&place, &["evaluate", "study.toml", "-q"]);
     // All models choose the same everywhere; but so short a run learns nothing that a line does not know.
     assert!(verdict.contains("what to deploy") && verdict.contains("no agent: "), "{verdict}");
-    let report =
-        fs::read_to_string(place.path().join("study-results/report.html")).expect("readable");
+    let report = place.read("study-results/report.html");
     assert!(report.contains("year, worst rank") && report.contains("narrow, worst rank"));
     assert!(report.contains("calib pretrain study.toml"));
     // One deployment, both models.
@@ -192,7 +179,7 @@ fn one_command_runs_them_all() {
     for model in ["knn", "network"] {
         for part in ["near", "far"] {
             let directory = format!("study-results/models/{model}/deployments/{part}");
-            let manifest = json(&place, &format!("{directory}/rollout/manifest.json"));
+            let manifest = place.read_json(&format!("{directory}/rollout/manifest.json"));
             assert_eq!(manifest["comparison"]["against"], "deployment");
             assert!(place.path().join(directory).join("report.html").is_file());
         }
@@ -208,23 +195,13 @@ fn recent_states_and_months_are_of_each_deployment() {
     let recent = place.calib(&["rollout", "study.toml"]).succeeds();
     assert!(recent.contains("3 of 3 start states lie in the block that it leaves out"), "{recent}");
     // All training data is before both, so the streams of members are the same.
-    let swept = place.calib(&["sweep", "study.toml"]).succeeds();
-    assert!(
-        swept.contains("22 training runs made") && swept.contains("6 training runs made"),
-        "{swept}"
-    );
+    place
+        .calib(&["sweep", "study.toml"])
+        .succeeds_with(&["22 training runs made", "6 training runs made"]);
     let month = ["rollout", "study.toml", "--set", "rollout.start=calendar_month"];
     assert_snapshot!("no_earlier_year", place.calib(&month).fails(2));
-    let later = [
-        "rollout",
-        "study.toml",
-        "--set",
-        "rollout.start=calendar_month",
-        "--set",
-        "rollout.month=7",
-    ];
-    let none = place.calib(&later).fails(2);
-    assert!(none.contains("no rows in month 7 of a year before 2022"), "{none}");
+    let later = [&month[..], &["--set", "rollout.month=7"]].concat();
+    place.calib(&later).fails_with(2, &["no rows in month 7 of a year before 2022"]);
 }
 
 #[test]

@@ -122,7 +122,7 @@ fn the_path_is_written() {
     let place = place();
     let args = ["dtw", "q.csv:flow", "r.csv", "--step-pattern", "symmetric2", "--path", "path.csv"];
     place.calib(&args).succeeds();
-    let path = fs::read_to_string(place.path().join("path.csv")).expect("written");
+    let path = place.read("path.csv");
     assert_eq!(path, "query,reference\n0,0\n0,1\n1,2\n2,3\n3,4\n");
     let message = place.calib(&["dtw", "q.csv:flow", "r.csv", "--path", "other.csv"]).fails(2);
     assert!(message.contains("exactly one --step-pattern, got 4"), "{message}");
@@ -137,10 +137,8 @@ fn a_path_replaces_only_the_file_that_is_named_with_force_and_never_what_is_read
         let args = ["dtw", "q.csv:flow", "r.csv", "--step-pattern", "symmetric2", "--path", path];
         place.calib(&[&args[..], force].concat())
     };
-    let kept = align("mine.csv", &[]).fails(2);
-    assert!(kept.contains("mine.csv is there already; --force replaces it"), "{kept}");
-    let own = align("q.csv", &["--force"]).fails(2);
-    assert!(own.contains("q.csv is what is read"), "{own}");
+    align("mine.csv", &[]).fails_with(2, &["mine.csv is there already; --force replaces it"]);
+    align("q.csv", &["--force"]).fails_with(2, &["q.csv is what is read"]);
     assert_eq!(fs::read(place.path().join("q.csv")).expect("there"), read);
     assert_eq!(fs::read(place.path().join("mine.csv")).expect("there"), b"years of work");
     align("mine.csv", &["--force"]).succeeds();
@@ -224,7 +222,7 @@ fn rollouts_are_compared_with_what_was_recorded() {
 
     // Other settings are other results; without steps there is nothing to compare.
     let fewer = ["rollout", "study.toml", "--set", "rollout.dtw_steps=50", "--json"];
-    let json: Value = serde_json::from_str(&place.calib(&fewer).succeeds()).expect("JSON");
+    let json = place.calib(&fewer).json(&[0]);
     assert_eq!(json["comparison"]["most_steps"], 50);
     assert_eq!(json["comparison"]["sensors"][1]["dtw"][3]["distance"]["runs"], 6);
     place.calib(&["rollout", "study.toml", "--set", "rollout.dtw_steps=0"]).succeeds();

@@ -13,47 +13,25 @@ fn a_misspelt_key_is_named_with_its_neighbour() {
     assert_snapshot!(place.calib(&["build-model", "study.toml"]).fails(2));
 }
 
+/// Each by the name of its snapshot.
 #[test]
-fn a_misspelt_override_is_named() {
+fn mistakes_in_what_is_set_are_named() {
     let place = Place::with_study();
-    assert_snapshot!(place.calib(&["sweep", "study.toml", "--set", "agent.gama=0.5"]).fails(2));
-}
-
-#[test]
-fn a_value_out_of_range_is_named() {
-    let place = Place::with_study();
-    assert_snapshot!(place.calib(&["sweep", "study.toml", "--set", "agent.gamma=1.5"]).fails(2));
+    for (name, command, set) in [
+        ("a_misspelt_override_is_named", "sweep", "agent.gama=0.5"),
+        ("a_value_out_of_range_is_named", "sweep", "agent.gamma=1.5"),
+        ("no_files", "build-model", "data.path=nowhere/*.parquet"),
+        ("a_wrong_timestamp_column", "build-model", "data.timestamp=when"),
+        ("a_sensor_that_is_not_there", "build-model", "sweep.sensors=[\"PIT30\"]"),
+        ("more_neighbours_than_a_member_has", "build-model", "model.neighbors=100000"),
+    ] {
+        assert_snapshot!(name, place.calib(&[command, "study.toml", "--set", set]).fails(2));
+    }
 }
 
 #[test]
 fn a_study_that_does_not_exist() {
     assert_snapshot!(Place::new().calib(&["sweep", "nowhere.toml"]).fails(2));
-}
-
-#[test]
-fn no_files() {
-    let place = Place::with_study();
-    assert_snapshot!(
-        place
-            .calib(&["build-model", "study.toml", "--set", "data.path=nowhere/*.parquet"])
-            .fails(2)
-    );
-}
-
-#[test]
-fn a_wrong_timestamp_column() {
-    let place = Place::with_study();
-    assert_snapshot!(
-        place.calib(&["build-model", "study.toml", "--set", "data.timestamp=when"]).fails(2)
-    );
-}
-
-#[test]
-fn a_sensor_that_is_not_there() {
-    let place = Place::with_study();
-    assert_snapshot!(
-        place.calib(&["build-model", "study.toml", "--set", "sweep.sensors=[\"PIT30\"]"]).fails(2)
-    );
 }
 
 #[test]
@@ -67,59 +45,29 @@ fn a_truncated_file() {
 }
 
 #[test]
-fn more_neighbours_than_a_member_has() {
-    let place = Place::with_study();
-    assert_snapshot!(
-        place.calib(&["build-model", "study.toml", "--set", "model.neighbors=100000"]).fails(2)
-    );
-}
-
-#[test]
-fn a_held_out_range_outside_the_data() {
-    let place = Place::with_study();
-    place.edit_study(
-        "train_fraction = 0.7",
-        "train = { start = 2022-11-01, end = 2022-11-03 }\nheld_out = { start = 2031-01-01, end = 2031-02-01 }",
-    );
-    assert_snapshot!(place.calib(&["build-model", "study.toml"]).fails(2));
-}
-
-#[test]
-fn ranges_that_overlap() {
-    let place = Place::with_study();
-    place.edit_study(
-        "train_fraction = 0.7",
-        "train = { start = 2022-11-01, end = 2022-11-03 }\nheld_out = { start = 2022-11-02, end = 2022-11-04 }",
-    );
-    assert_snapshot!(place.calib(&["build-model", "study.toml"]).fails(2));
+fn ranges_that_do_not_fit_are_named() {
+    for (name, held_out) in [
+        ("a_held_out_range_outside_the_data", "{ start = 2031-01-01, end = 2031-02-01 }"),
+        ("ranges_that_overlap", "{ start = 2022-11-02, end = 2022-11-04 }"),
+    ] {
+        let place = Place::with_study();
+        let train = "train = { start = 2022-11-01, end = 2022-11-03 }";
+        place.edit_study("train_fraction = 0.7", &format!("{train}\nheld_out = {held_out}"));
+        assert_snapshot!(name, place.calib(&["build-model", "study.toml"]).fails(2));
+    }
 }
 
 #[test]
 fn a_model_of_other_data() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
-    place
-        .calib(&[
-            "simulate",
-            "other",
-            "--days",
-            "3",
-            "--channels",
-            "12",
-            "--period",
-            "60",
-            "--seed",
-            "9",
-        ])
-        .succeeds();
+    place.simulate_other("other");
     let elsewhere = ["sweep", "study.toml", "--set", "data.path=other"];
-    let message = place.calib(&elsewhere).fails(2);
-    assert!(message.contains("other data") && message.contains("build-model"), "{message}");
+    place.calib(&elsewhere).fails_with(2, &["other data", "build-model"]);
     // The same path with other content.
     fs::remove_dir_all(place.path().join("data")).expect("there");
     fs::rename(place.path().join("other"), place.path().join("data")).expect("there");
-    let message = place.calib(&["sweep", "study.toml"]).fails(2);
-    assert!(message.contains("other data") && message.contains("build-model"), "{message}");
+    place.calib(&["sweep", "study.toml"]).fails_with(2, &["other data", "build-model"]);
 }
 
 #[test]
@@ -133,8 +81,7 @@ fn a_model_of_other_settings_is_not_rolled_out() {
     let place = Place::with_study();
     place.calib(&["build-model", "study.toml"]).succeeds();
     let other = ["rollout", "study.toml", "--set", "preprocess.subsample=2"];
-    let message = place.calib(&other).fails(2);
-    assert!(message.contains("preprocess.subsample = 1, now 2"), "{message}");
+    place.calib(&other).fails_with(2, &["preprocess.subsample = 1, now 2"]);
 }
 
 #[test]
@@ -146,8 +93,7 @@ fn a_changed_file_of_the_model_is_found_and_made_again() {
     let last = states.len() - 4;
     states[last..].copy_from_slice(&0.25_f32.to_le_bytes());
     fs::write(&path, states).expect("writable");
-    let message = place.calib(&["rollout", "study.toml"]).fails(2);
-    assert!(message.contains("states.npy is not what was written"), "{message}");
+    place.calib(&["rollout", "study.toml"]).fails_with(2, &["states.npy is not what was written"]);
     let again = place.calib(&["build-model", "study.toml", "--verify", "5"]).succeeds();
     assert!(again.starts_with("wrote"), "{again}");
 }
@@ -179,11 +125,9 @@ fn a_damaged_model() {
     let path = place.path().join("study-results/model/members/1/neighbors.npy");
     let whole = fs::read(&path).expect("readable");
     fs::write(&path, &whole[..whole.len() - 7]).expect("writable");
-    let message = place.calib(&["rollout", "study.toml"]).fails(2);
-    assert!(
-        message.contains("members/1/neighbors.npy is not what was written")
-            && message.contains("run `calib build-model study.toml`"),
-        "{message}"
+    place.calib(&["rollout", "study.toml"]).fails_with(
+        2,
+        &["members/1/neighbors.npy is not what was written", "run `calib build-model study.toml`"],
     );
 }
 
@@ -205,9 +149,7 @@ fn a_sweep_that_was_not_run() {
 #[test]
 fn a_sweep_of_another_study() {
     let place = Place::with_study();
-    for command in ["build-model", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["build-model", "sweep"]);
     assert_snapshot!(place.calib(&["evaluate", "study.toml", "--set", "agent.gamma=0.8"]).fails(2));
 }
 
@@ -227,8 +169,7 @@ fn streams_that_are_too_short_to_score() {
     // The whole chain knows it before it builds anything.
     let place = Place::with_study();
     place.edit_study("train_fraction = 0.7", "train_fraction = 0.996");
-    let message = place.calib(&["run", "study.toml"]).fails(2);
-    assert!(message.contains("is too short for gamma"), "{message}");
+    place.calib(&["run", "study.toml"]).fails_with(2, &["is too short for gamma"]);
     assert!(!place.path().join("study-results/model").exists(), "nothing was built");
 }
 
@@ -239,8 +180,7 @@ fn a_directory_with_other_files_is_not_simulated_into() {
     let message = place.calib(&["simulate", "data", "--days", "1"]).fails(2);
     assert!(message.contains("another simulation") && message.contains("--force"), "{message}");
     fs::remove_file(place.path().join("data/simulation.json")).expect("there");
-    let message = place.calib(&["simulate", "data", "--days", "1"]).fails(2);
-    assert!(message.contains("did not simulate"), "{message}");
+    place.calib(&["simulate", "data", "--days", "1"]).fails_with(2, &["did not simulate"]);
 }
 
 #[test]
@@ -251,8 +191,7 @@ fn two_commands_do_not_write_to_one_place() {
     fs::remove_file(model.join("manifest.json")).expect("there");
     let lock = fs::File::open(model.join(".lock")).expect("there");
     lock.lock().expect("nobody else has it");
-    let message = place.calib(&["build-model", "study.toml"]).fails(2);
-    assert!(message.contains("another calib is writing"), "{message}");
+    place.calib(&["build-model", "study.toml"]).fails_with(2, &["another calib is writing"]);
     drop(lock);
     place.calib(&["build-model", "study.toml"]).succeeds();
 }
@@ -272,8 +211,7 @@ fn wrong_usage() {
 fn a_log_is_no_study_and_a_workbook_no_log() {
     let place = Place::new();
     place.write("plant.csv", "time,a\n2024-01-01,1\n");
-    let error = place.calib(&["run", "plant.csv"]).fails(2);
-    assert!(error.contains("`calib init plant.csv` writes one"), "{error}");
+    place.calib(&["run", "plant.csv"]).fails_with(2, &["`calib init plant.csv` writes one"]);
     fs::create_dir(place.path().join("sheets")).expect("created");
     place.write("sheets/plant.xlsx", "PK");
     let error = place.calib(&["init", "sheets", "study.toml"]).fails(2);
@@ -294,7 +232,6 @@ fn a_folder_in_the_place_of_a_study_is_told_which_file_to_give() {
         ("elsewhere", "such as elsewhere/a.toml"),
         ("logs", "if it holds a log, `calib init logs` writes one"),
     ] {
-        let refused = place.calib(&["evaluate", folder]).fails(2);
-        assert!(refused.contains("this is a folder") && refused.contains(told), "{refused}");
+        place.calib(&["evaluate", folder]).fails_with(2, &["this is a folder", told]);
     }
 }

@@ -1,7 +1,5 @@
 //! Discount factors of single sensors.
 
-use std::fs;
-
 use calib_data::table::{Table, read_parquet};
 use serde_json::Value;
 
@@ -15,8 +13,7 @@ fn run(place: &Place, output: &str, set: &str) {
 }
 
 fn summary(place: &Place, output: &str) -> Value {
-    let text = fs::read(place.path().join(output).join("evaluate/summary.json")).expect("written");
-    serde_json::from_slice(&text).expect("JSON")
+    place.read_json(&format!("{output}/evaluate/summary.json"))
 }
 
 /// A column of the table of runs, where it is of the sensor.
@@ -61,7 +58,7 @@ fn a_sensor_is_predicted_as_in_a_study_of_its_own_gamma() {
         "{near}"
     );
     assert!(far.contains("gamma = 0.8"), "{far}");
-    let report = fs::read_to_string(place.path().join("both/report.html")).expect("written");
+    let report = place.read("both/report.html");
     assert!(report.contains("Agents for TIT101 predict"));
 }
 
@@ -86,8 +83,7 @@ fn a_race_orders_the_streams_of_each_gamma() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     let race = ["--set", "sweep.race=halving", "--set", BOTH];
     place.calib(&[&["sweep", "study.toml"][..], &race].concat()).succeeds();
-    let again = place.calib(&[&["sweep", "study.toml"][..], &race].concat()).succeeds();
-    assert!(again.contains("up to date"), "{again}");
+    place.calib(&[&["sweep", "study.toml"][..], &race].concat()).succeeds_with(&["up to date"]);
 }
 
 #[test]

@@ -4,8 +4,12 @@ use std::{
     collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
-    process::{Command, Output, Stdio},
+    process::{Child, Command, Output, Stdio},
+    thread,
+    time::Duration,
 };
+
+use serde_json::Value;
 
 #[path = "schema.rs"]
 pub(crate) mod schema;
@@ -75,19 +79,29 @@ impl Place {
 
     /// Simulate a small plant into `name`.
     pub(crate) fn simulate(&self, name: &str) {
-        let args = [
-            "simulate",
-            name,
-            "--days",
-            "3",
-            "--channels",
-            "12",
-            "--period",
-            "60",
-            "--gaps-per-day",
-            "2",
-        ];
-        self.calib(&args).succeeds();
+        let sizes = ["--days", "3", "--channels", "12", "--period", "60", "--gaps-per-day", "2"];
+        self.calib(&[&["simulate", name][..], &sizes].concat()).succeeds();
+    }
+
+    /// Simulate another plant, of another seed, into `name`.
+    pub(crate) fn simulate_other(&self, name: &str) {
+        let sizes = ["--days", "3", "--channels", "12", "--period", "60", "--seed", "9"];
+        self.calib(&[&["simulate", name][..], &sizes].concat()).succeeds();
+    }
+
+    /// Cart-pole as a random policy acts in it, in `pole/`, with a study of two agents.
+    pub(crate) fn with_pole(transitions: usize, steps: usize, members: usize) -> Self {
+        let place = Self::new();
+        let args = ["simulate", "pole", "--task", "cart-pole", "--policy", "random"];
+        let transitions = ["--transitions", &transitions.to_string()];
+        place.calib(&[&args[..], &transitions].concat()).succeeds();
+        let text = place.read("pole/study.toml");
+        let (before, _) = text.split_once("[control.grid]").expect("a grid");
+        let small = before.replace("steps = 15000", &format!("steps = {steps}"));
+        let model = format!("[control.model]\nmembers = {members}\n\n");
+        let grid = "[control.grid]\nstep_size = [0.03, 0.3]\n";
+        place.write("pole/study.toml", &format!("{small}{model}{grid}"));
+        place
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -98,12 +112,31 @@ impl Place {
         fs::write(self.path().join(name), text).expect("writable");
     }
 
+    /// The text of a file.
+    pub(crate) fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.path().join(name)).expect("readable")
+    }
+
+    /// The content of a file of JSON.
+    pub(crate) fn read_json(&self, name: &str) -> Value {
+        serde_json::from_str(&self.read(name)).expect("JSON")
+    }
+
     /// `study.toml` with `from` replaced by `to`.
     pub(crate) fn edit_study(&self, from: &str, to: &str) {
-        let path = self.path().join("study.toml");
-        let text = fs::read_to_string(&path).expect("readable");
-        assert!(text.contains(from), "the study has no {from}");
-        fs::write(path, text.replacen(from, to, 1)).expect("writable");
+        self.edit("study.toml", from, to);
+    }
+
+    /// A file with `from` replaced by `to`, where it stands first.
+    pub(crate) fn edit(&self, name: &str, from: &str, to: &str) {
+        let text = self.read(name);
+        assert!(text.contains(from), "{name} has no {from}");
+        self.write(name, &text.replacen(from, to, 1));
+    }
+
+    /// `study.toml` with `more` at its end.
+    pub(crate) fn extend_study(&self, more: &str) {
+        self.write("study.toml", &(self.read("study.toml") + more));
     }
 
     pub(crate) fn command(&self, args: &[&str]) -> Command {
@@ -127,8 +160,20 @@ impl Place {
         Ran { args: args.join(" "), output, directory: self.path().to_owned() }
     }
 
+    /// Run these commands on `study.toml`, one after the other.
+    pub(crate) fn run_steps(&self, commands: &[&str]) {
+        for command in commands {
+            self.calib(&[*command, "study.toml"]).succeeds();
+        }
+    }
+
+    /// Start `calib` with these arguments, and do not wait for it.
+    pub(crate) fn start(&self, args: &[&str], stderr: Stdio) -> Child {
+        self.command(args).stdout(Stdio::null()).stderr(stderr).spawn().expect("calib runs")
+    }
+
     /// Everything below `name`, but wall times and what the file system said of the log: relative path → content.
-    pub(crate) fn content(&self, name: &str) -> BTreeMap<PathBuf, Vec<u8>> {
+    pub(crate) fn content(&self, name: &str) -> Content {
         let root = self.path().join(name);
         let mut content = BTreeMap::new();
         let mut pending = vec![root.clone()];
@@ -146,6 +191,36 @@ impl Place {
         }
         content
     }
+}
+
+/// Files by their paths.
+pub(crate) type Content = BTreeMap<PathBuf, Vec<u8>>;
+
+/// Assert that there are the same files, to the byte, and name one that differs.
+#[track_caller]
+pub(crate) fn assert_same(one: &Content, other: &Content) {
+    assert_eq!(one.keys().collect::<Vec<_>>(), other.keys().collect::<Vec<_>>());
+    for (path, content) in one {
+        assert!(other[path] == *content, "{} differs", path.display());
+    }
+}
+
+/// Send a process a signal, such as `-INT`.
+#[cfg(unix)]
+pub(crate) fn send(signal: &str, process: &Child) {
+    let sent = Command::new("kill").args([signal, &process.id().to_string()]).status();
+    assert!(sent.expect("kill runs").success());
+}
+
+/// Wait until something is so, or twelve seconds; whether it is.
+pub(crate) fn wait_until(mut is_so: impl FnMut() -> bool) -> bool {
+    for _ in 0..1200 {
+        if is_so() {
+            return true;
+        }
+        thread::sleep(Duration::from_millis(10));
+    }
+    false
 }
 
 /// What a command prints for machines is what the schema of it says.
@@ -191,6 +266,23 @@ impl Ran {
         self.stdout()
     }
 
+    /// Assert that it exits with 0, and that what it printed has these parts.
+    #[track_caller]
+    pub(crate) fn succeeds_with(&self, parts: &[&str]) {
+        assert_parts(&self.succeeds(), parts);
+    }
+
+    /// Assert that it exits with `code`, and that its error message has these parts.
+    #[track_caller]
+    pub(crate) fn fails_with(&self, code: i32, parts: &[&str]) {
+        assert_parts(&self.fails(code), parts);
+    }
+
+    /// Assert that it exits with one of `codes`, and return the JSON that it printed.
+    pub(crate) fn json(&self, codes: &[i32]) -> Value {
+        serde_json::from_str(&self.ends(codes)).expect("JSON")
+    }
+
     /// Assert that it exits with `code`, and return its error message.
     pub(crate) fn fails(&self, code: i32) -> String {
         assert_eq!(self.code(), code, "calib {}\n{}{}", self.args, self.stdout(), self.stderr());
@@ -215,5 +307,12 @@ impl Ran {
     fn clean(&self, bytes: &[u8]) -> String {
         let text = String::from_utf8_lossy(bytes).into_owned();
         text.replace(&*self.directory.to_string_lossy(), "PLACE")
+    }
+}
+
+#[track_caller]
+fn assert_parts(text: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(text.contains(part), "{part} is missing in {text}");
     }
 }

@@ -7,8 +7,6 @@ use std::{
     process::{Command, Output, Stdio},
 };
 
-use serde_json::Value;
-
 use crate::harness::Place;
 
 /// What follows from a run in every respect in which commands can be told to be of one.
@@ -72,11 +70,6 @@ fn follow(place: &Place, line: &str) -> Vec<String> {
     }
 }
 
-fn json(place: &Place, path: &str) -> Value {
-    let text = fs::read_to_string(place.path().join(path)).expect("there");
-    serde_json::from_str(&text).expect("JSON")
-}
-
 /// A study with a plant, a profile, two models, two deployments, pre-training and representations.
 fn everything() -> Place {
     let place = Place::with_plant();
@@ -102,7 +95,7 @@ fn errors_say_what_to_run_with_all_that_was_given() {
     }
     // Nothing was made anywhere else, and of nothing else.
     assert!(!place.path().join("study-results").exists());
-    let sweep = json(&place, "it's here/models/b/deployments/late/sweep/manifest.json");
+    let sweep = place.read_json("it's here/models/b/deployments/late/sweep/manifest.json");
     assert_eq!(sweep["study"]["agent"]["gamma"], 0.8);
     assert!(!place.path().join("it's here/models/a").exists());
     // What was made otherwise is told with the same flags.
@@ -165,12 +158,7 @@ fn told_of_the_same(text: &str) -> bool {
 #[test]
 fn a_study_that_is_edited_during_a_run_is_not_mixed_with_itself() {
     let place = Place::with_study();
-    let mut child = place
-        .command(&["run", "study.toml"])
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("calib runs");
+    let mut child = place.start(&["run", "study.toml"], Stdio::piped());
     let mut lines = BufReader::new(child.stderr.take().expect("piped"));
     let mut line = String::new();
     while lines.read_line(&mut line).expect("readable") > 0
@@ -186,12 +174,11 @@ fn a_study_that_is_edited_during_a_run_is_not_mixed_with_itself() {
     let status = child.wait().expect("a status");
     assert!(status.success(), "{rest}");
     for step in ["model", "rollout", "sweep"] {
-        let manifest = json(&place, &format!("study-results/{step}/manifest.json"));
+        let manifest = place.read_json(&format!("study-results/{step}/manifest.json"));
         let study = &manifest["study"];
         assert_eq!(study["agent"]["gamma"], 0.9, "{step}");
         assert_eq!(study["model"]["members"], 3, "{step}");
     }
     // The next command is of the study as it is now, and says so.
-    let message = place.calib(&["evaluate", "study.toml"]).fails(2);
-    assert!(message.contains("run `calib sweep study.toml` again"), "{message}");
+    place.calib(&["evaluate", "study.toml"]).fails_with(2, &["run `calib sweep study.toml` again"]);
 }

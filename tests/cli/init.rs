@@ -36,29 +36,23 @@ fn log_of(rows: u32) -> String {
     text
 }
 
-fn read(place: &Place, name: &str) -> String {
-    fs::read_to_string(place.path().join(name)).expect("readable")
-}
-
 #[test]
 fn a_study_is_proposed_and_runs_to_a_verdict() {
     let place = Place::new();
     place.write("log.csv", &log());
     let init = ["init", "log.csv", "--within", "5s", "--sensor", "LIT100", "--horizon", "20m"];
-    let said = place.calib(&init).succeeds();
-    assert!(said.contains("3 of 5 channels"), "{said}");
-    let study = read(&place, "study.toml");
+    place.calib(&init).succeeds_with(&["3 of 5 channels"]);
+    let study = place.read("study.toml");
     for line in
         ["FQ300", "a total: it moves one way only", "XV400", "never changes", "[sweep.grid]"]
     {
         assert!(study.contains(line), "{line} in {study}");
     }
     assert!(study.contains("gamma = 0.9 "), "ten states of two minutes: {study}");
-    let again = place.calib(&init).fails(2);
-    assert!(again.contains("--force"), "{again}");
+    place.calib(&init).fails_with(2, &["--force"]);
     let ran = place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
     assert!(ran.contains("LIT100"), "{ran}");
-    let page = read(&place, "study-results/report.html");
+    let page = place.read("study-results/report.html");
     assert!(page.contains("LIT100 (kPa)"), "the unit of the header stands along the axis");
     assert!(!page.contains("physical unit)"), "and nothing where there is none");
 }
@@ -67,19 +61,12 @@ fn a_study_is_proposed_and_runs_to_a_verdict() {
 fn what_was_given_holds_for_the_study() {
     let place = Place::new();
     place.write("log.csv", &log());
-    let json = place.calib(&[
-        "init",
-        "log.csv",
-        "plant.toml",
-        "--within=1s",
-        "--set=data.time_zone=Europe/Paris",
-        "--set=data.exclude=[\"FIT*\", \"FQ*\"]",
-        "--json",
-    ]);
-    let json: serde_json::Value = serde_json::from_str(&json.succeeds()).expect("JSON");
+    let given = ["--set=data.time_zone=Europe/Paris", "--set=data.exclude=[\"FIT*\", \"FQ*\"]"];
+    let init = ["init", "log.csv", "plant.toml", "--within=1s", "--json"];
+    let json = place.calib(&[&init[..], &given].concat()).json(&[0]);
     assert_eq!(json["channels"], 2);
     assert_eq!(json["study"], "plant.toml");
-    let study = read(&place, "plant.toml");
+    let study = place.read("plant.toml");
     assert!(study.contains("time_zone = \"Europe/Paris\"  # given"), "{study}");
     // What calib leaves out stays out.
     let exclude = "exclude = [\"FIT*\", \"FQ*\", \"XV400\"]  # given";
@@ -106,16 +93,14 @@ fn names_of_channels_are_nothing_but_names() {
         header.replace(plain, &format!("\"{}\"", odd.replace('"', "\"\"")))
     });
     place.write("log.csv", &format!("{header}\n{rows}"));
-    let said = place.calib(&["init", "log.csv", "--within=1s", "--json"]).succeeds();
-    let said: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+    let said = place.calib(&["init", "log.csv", "--within=1s", "--json"]).json(&[0]);
     assert_eq!(said["channels"], 3, "a pattern leaves out no other: {said}");
-    let study: toml::Table = toml::from_str(&read(&place, "study.toml")).expect("TOML");
+    let study: toml::Table = toml::from_str(&place.read("study.toml")).expect("TOML");
     assert_eq!(study["seed"].as_integer(), Some(0));
     let judged: Vec<&str> =
         study["evaluate"].as_table().expect("a section").keys().map(String::as_str).collect();
     assert_eq!(judged, ["rule"]);
-    let shown = place.calib(&["inspect", "study.toml", "--json"]).succeeds();
-    let shown: serde_json::Value = serde_json::from_str(&shown).expect("JSON");
+    let shown = place.calib(&["inspect", "study.toml", "--json"]).json(&[0]);
     assert_eq!(shown["unused_excludes"], serde_json::json!([]));
     let kept: Vec<&str> = shown["channels"]
         .as_array()
@@ -141,11 +126,9 @@ fn what_is_no_log_is_told_at_once() {
         ("two.csv", b"time,a\n2024-01-01,1\n2024-01-02,2\n", "the log has 2 rows"),
     ] {
         fs::write(place.path().join(name), content).expect("written");
-        let error = place.calib(&["init", name, "study.toml"]).fails(2);
-        assert!(error.contains(expected), "{error}");
+        place.calib(&["init", name, "study.toml"]).fails_with(2, &[expected]);
         if name != "two.csv" {
-            let error = place.calib(&["import", name, "wide.parquet"]).fails(2);
-            assert!(error.contains(expected), "{error}");
+            place.calib(&["import", name, "wide.parquet"]).fails_with(2, &[expected]);
         }
     }
     let left: Vec<_> = fs::read_dir(place.path()).expect("readable").collect();
@@ -188,8 +171,7 @@ fn a_log_without_a_sensor_says_so() {
         writeln!(text, "2024-03-13 {:02}:{:02}:00,5", row / 60, row % 60).expect("memory");
     }
     place.write("log.csv", &text);
-    let error = place.calib(&["init", "log.csv"]).fails(2);
-    assert!(error.contains("A never changes"), "{error}");
+    place.calib(&["init", "log.csv"]).fails_with(2, &["A never changes"]);
     assert!(!place.path().join("study.toml").exists());
     let unknown = place.calib(&["init", "log.csv", "--within", "soon"]).fails(2);
     assert!(unknown.contains("expected a time with a unit, such as 90s"), "{unknown}");
@@ -218,16 +200,12 @@ fn few_contradictions_are_told_as_they_are_resolved() {
     );
     init.succeeds();
     twice(200);
-    let shown = place.calib(&["inspect", "log.csv"]).fails(1);
-    assert!(
-        shown.contains("would be refused") && shown.contains("up to 1 % of the rows"),
-        "{shown}"
-    );
-    let init = place.calib(&["init", "log.csv", "--within=1s", "--force"]).fails(2);
-    assert!(
-        init.contains("at most 1 % of the rows contradict another; here there are more"),
-        "{init}"
-    );
+    place
+        .calib(&["inspect", "log.csv"])
+        .fails_with(1, &["would be refused", "up to 1 % of the rows"]);
+    place
+        .calib(&["init", "log.csv", "--within=1s", "--force"])
+        .fails_with(2, &["at most 1 % of the rows contradict another; here there are more"]);
 }
 
 /// A building that was off for a day soon after the logger began: the sensors are whole in all but a small part of the log.
@@ -258,7 +236,7 @@ fn few_windows_and_short_horizons_are_told() {
     let init = |more: &[&str]| {
         let run = place.calib(&[&["init", "log.csv", "--force", "--within=1s"][..], more].concat());
         run.succeeds();
-        (run.stderr(), read(&place, "study.toml"))
+        (run.stderr(), place.read("study.toml"))
     };
     let (told, study) = init(&["--horizon", "8m"]);
     assert!(!told.contains("held-out windows"), "{told}");
@@ -310,15 +288,8 @@ fn steps_back_and_rows_without_values_are_said() {
     });
     let rows: String = rows.collect();
     place.write("late.csv", &format!("time;A;B\n{rows}"));
-    let ran = place.calib(&[
-        "init",
-        "late.csv",
-        "late.toml",
-        "--within",
-        "5s",
-        "--set",
-        "data.contradictions=first",
-    ]);
+    let late = ["init", "late.csv", "late.toml", "--within=5s", "--set=data.contradictions=first"];
+    let ran = place.calib(&late);
     let warned = ran.stderr();
     assert!(warned.contains("times go back 8 times, first in"), "{warned}");
     assert!(warned.contains("from 2024-03-01 23:45:00 to 2024-03-01 00:00:00"), "{warned}");

@@ -1,6 +1,6 @@
 //! `calib init` for agents that act, and numbers of such agents that do not fit a log.
 
-use std::{fmt::Write as _, fs};
+use std::fmt::Write as _;
 
 use crate::{
     control,
@@ -55,8 +55,7 @@ fn init(place: &Place, args: &[&str]) -> Ran {
 }
 
 fn study(place: &Place) -> toml::Table {
-    let text = fs::read_to_string(place.path().join("study.toml")).expect("written");
-    toml::from_str(&text).expect("TOML")
+    toml::from_str(&place.read("study.toml")).expect("TOML")
 }
 
 const POLE: [&str; 9] = [
@@ -128,10 +127,8 @@ fn a_log_of_decisions_becomes_a_study_that_runs() {
     assert!(verdict.contains("default"), "it is one of the settings: {verdict}");
     assert!(!ran.stderr().contains("the spread of the recorded returns"), "{}", ran.stderr());
     // A study that is there stays, unless it may be replaced.
-    let refused = init(&place, &POLE[..8]).fails(2);
-    assert!(refused.contains("--force"), "{refused}");
-    let json = init(&place, &[&POLE[..], &["--json"]].concat()).succeeds();
-    let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    init(&place, &POLE[..8]).fails_with(2, &["--force"]);
+    let json = init(&place, &[&POLE[..], &["--json"]].concat()).json(&[0]);
     assert_eq!(json["transitions"], 2000);
     assert_eq!(json["actions"].as_array().map(Vec::len), Some(2));
     assert_eq!(json["gamma"], 1.0);
@@ -156,8 +153,8 @@ fn agents_that_are_given_are_proposed_what_they_use() {
     let control = with("control.agent.algorithm=\"deep_q_learning\"");
     assert_eq!(control["agent"]["step_size"].as_float(), Some(0.001));
     assert!(control["agent"].get("temperature").is_none(), "{control:?}");
-    let whole = init(&place, &[&POLE[..], &["--set=control={ timeout = 9 }"]].concat()).fails(2);
-    assert!(whole.contains("give each key by itself"), "{whole}");
+    init(&place, &[&POLE[..], &["--set=control={ timeout = 9 }"]].concat())
+        .fails_with(2, &["give each key by itself"]);
 }
 
 #[test]
@@ -166,8 +163,7 @@ fn a_torque_of_any_number_gets_levels() {
     let simulate = ["simulate", "swing", "--task=pendulum", "--policy=random"];
     place.calib(&[&simulate[..], &["--transitions=600"]].concat()).succeeds();
     let torque = ["swing/log.parquet", "study.toml", "--action=torque", "--reward=reward"];
-    let said = init(&place, &torque).succeeds();
-    assert!(said.contains("nearest level"), "{said}");
+    init(&place, &torque).succeeds_with(&["nearest level"]);
     let table = study(&place);
     assert_eq!(table["control"]["levels"].as_integer(), Some(7));
     assert_eq!(table["control"]["agent"]["gamma"].as_float(), Some(0.99));
@@ -243,12 +239,10 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
 #[test]
 fn what_speaks_against_a_choice_is_told_at_once() {
     let place = plant(1);
-    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
-    place.write("log.csv", &log.replacen(",flow,", ",Last_Action,", 1));
+    place.edit("log.csv", ",flow,", ",Last_Action,");
     let columns = ["--action=pump", "--reward=gain", "--terminal=stopped"];
     let ran = init(&place, &[&PLANT[..], &columns].concat());
-    let said = ran.succeeds();
-    assert!(said.contains("state: level, Last_Action, a1, "), "{said}");
+    ran.succeeds_with(&["state: level, Last_Action, a1, "]);
     let told = ran.stderr();
     assert!(told.contains("the state has Last_Action, which may be what an agent does"), "{told}");
     assert!(told.contains("1 action was hardly ever taken: pump=2 (3 of 3"), "{told}");
@@ -260,7 +254,7 @@ fn what_speaks_against_a_choice_is_told_at_once() {
 #[test]
 fn text_among_many_actions_is_told_once() {
     let place = plant(1);
-    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    let log = place.read("log.csv");
     let column = log.lines().next().expect("a header").split(',').position(|name| name == "a1");
     let lines: Vec<String> = log
         .lines()
@@ -286,7 +280,7 @@ fn text_among_many_actions_is_told_once() {
 fn a_day_of_thinned_decisions_has_fewer_steps() {
     let place = plant(15);
     let columns = ["--action=pump", "--reward=gain", "--set=control.every=2"];
-    let said = init(&place, &[&PLANT[..], &columns].concat()).succeeds();
-    assert!(said.contains("episodes of at most 48 steps: a day"), "{said}");
+    init(&place, &[&PLANT[..], &columns].concat())
+        .succeeds_with(&["episodes of at most 48 steps: a day"]);
     assert_eq!(study(&place)["control"]["timeout"].as_integer(), Some(48));
 }

@@ -4,17 +4,13 @@ use std::{fs, path::Path};
 
 use crate::harness::Place;
 
-/// All steps of the study.
-fn run(place: &Place) {
-    for command in ["build-model", "rollout", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
-}
+/// All steps of the study before the verdict.
+const STEPS: [&str; 3] = ["build-model", "rollout", "sweep"];
 
 #[test]
 fn what_changes_no_byte_changes_no_key() {
     let place = Place::with_study();
-    run(&place);
+    place.run_steps(&STEPS);
     let before = place.content("study-results");
     let scan = |command: &str| place.calib(&[command, "study.toml", "--set", "model.index=scan"]);
     for command in ["build-model", "rollout"] {
@@ -38,7 +34,7 @@ fn what_changes_no_byte_changes_no_key() {
 #[test]
 fn a_log_is_known_by_what_it_holds() {
     let place = Place::with_study();
-    run(&place);
+    place.run_steps(&STEPS);
     let at = |command: &str, path: &str| {
         place.calib(&[command, "study.toml", "--set", &format!("data.path={path}")])
     };
@@ -53,15 +49,9 @@ fn a_log_is_known_by_what_it_holds() {
     judged.ends(&[0, 1]);
     assert!(!judged.stdout().contains("other settings"), "{}", judged.stdout());
     // Another log, in a folder that has any name.
-    let other =
-        ["simulate", "other", "--days", "3", "--channels", "12", "--period", "60", "--seed", "9"];
-    place.calib(&other).succeeds();
+    place.simulate_other("other");
     for command in ["rollout", "sweep", "evaluate"] {
-        let message = at(command, "other").fails(2);
-        assert!(
-            message.contains("other data") && message.contains("'data.path=other'"),
-            "{message}"
-        );
+        at(command, "other").fails_with(2, &["other data", "'data.path=other'"]);
     }
 }
 
@@ -72,12 +62,10 @@ fn a_variable_may_mean_another_log() {
     let at = |command: &str, plant: &str| {
         place.calib_with(&[command, "study.toml"], &[("PLANT", plant)])
     };
-    for command in ["build-model", "rollout", "sweep"] {
+    for command in STEPS {
         at(command, "data").succeeds();
     }
-    let other =
-        ["simulate", "other", "--days", "3", "--channels", "12", "--period", "60", "--seed", "9"];
-    place.calib(&other).succeeds();
+    place.simulate_other("other");
     for command in ["rollout", "evaluate"] {
         let message = at(command, "other").fails(2);
         assert!(message.contains("other data"), "{command}: {message}");
@@ -94,7 +82,7 @@ fn a_variable_may_mean_another_log() {
 #[test]
 fn the_keys_that_differ_are_named_with_both_values() {
     let place = Place::with_study();
-    run(&place);
+    place.run_steps(&STEPS);
     let refused =
         |command: &str, set: &str| place.calib(&[command, "study.toml", "--set", set]).fails(2);
     let message = refused("evaluate", "agent.gamma=0.8");

@@ -2,18 +2,18 @@
 
 use std::{process::Stdio, thread, time::Duration};
 
-use crate::{harness::Place, represent::LAPLACIAN};
+#[cfg(unix)]
+use crate::harness::send;
+use crate::{
+    harness::{Place, assert_same, wait_until},
+    represent::LAPLACIAN,
+};
 
 /// Start `calib`, kill it after some milliseconds, again and again with more time, then let it finish.
 fn kill_and_rerun(place: &Place, args: &[&str]) {
     let mut killed = 0;
     for milliseconds in [5, 15, 30, 60, 100, 160, 250, 400, 600, 900] {
-        let mut child = place
-            .command(args)
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("calib runs");
+        let mut child = place.start(args, Stdio::null());
         thread::sleep(Duration::from_millis(milliseconds));
         if child.try_wait().expect("a status").is_some() {
             break;
@@ -26,22 +26,12 @@ fn kill_and_rerun(place: &Place, args: &[&str]) {
     place.calib(args).succeeds();
 }
 
-/// What was made at once and what was made in pieces are the same files, to the byte.
-fn same(place: &Place, command: &str) {
-    let whole = place.content("whole");
-    let killed = place.content("killed");
-    assert_eq!(whole.keys().collect::<Vec<_>>(), killed.keys().collect::<Vec<_>>());
-    for (path, content) in &whole {
-        assert!(killed[path] == *content, "{command}: {} differs", path.display());
-    }
-}
-
 #[test]
 fn a_killed_simulation_goes_on() {
     let place = Place::new();
     place.calib(&simulation("whole")).succeeds();
     kill_and_rerun(&place, &simulation("killed"));
-    assert!(place.content("whole") == place.content("killed"));
+    assert_same(&place.content("whole"), &place.content("killed"));
 }
 
 /// What simulates a plant into a folder.
@@ -57,7 +47,7 @@ fn a_killed_study_goes_on() {
     for command in ["pretrain", "build-model", "rollout", "sweep"] {
         place.calib(&[command, "study.toml", "--output", "whole"]).succeeds();
         kill_and_rerun(&place, &[command, "study.toml", "--output", "killed"]);
-        same(&place, command);
+        assert_same(&place.content("whole"), &place.content("killed"));
     }
 }
 
@@ -67,7 +57,7 @@ fn a_killed_training_goes_on() {
     place.edit_study("[model]", &LAPLACIAN.replace("steps = 300", "steps = 4000"));
     place.calib(&["represent", "study.toml", "--output", "whole"]).succeeds();
     kill_and_rerun(&place, &["represent", "study.toml", "--output", "killed"]);
-    same(&place, "represent");
+    assert_same(&place.content("whole"), &place.content("killed"));
 }
 
 #[test]
@@ -96,12 +86,7 @@ fn a_killed_training_by_force_is_not_up_to_date() {
     let whole = place.content("study-results");
     let manifest = place.path().join("study-results/representation/manifest.json");
     let mut child = place.command(&[&args[..], &["--force"]].concat()).spawn().expect("calib runs");
-    for _ in 0..2000 {
-        if !manifest.exists() {
-            break;
-        }
-        thread::sleep(Duration::from_millis(5));
-    }
+    wait_until(|| !manifest.exists());
     child.kill().expect("it runs");
     child.wait().expect("a status");
     assert!(!manifest.exists(), "what is made again does not count meanwhile");
@@ -112,23 +97,11 @@ fn a_killed_training_by_force_is_not_up_to_date() {
 /// Start a sweep, wait until it has results of a sensor, send it this signal as often, and return how it ended.
 #[cfg(unix)]
 fn signalled(place: &Place, signal: &str, times: usize) -> std::process::Output {
-    let child = place
-        .command(&["sweep", "study.toml", "--threads", "1"])
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("calib runs");
+    let child = place.start(&["sweep", "study.toml", "--threads", "1"], Stdio::piped());
     let units = place.path().join("study-results/sweep/units");
-    for _ in 0..600 {
-        if units.join("PIT300").is_dir() {
-            break;
-        }
-        thread::sleep(Duration::from_millis(20));
-    }
+    wait_until(|| units.join("PIT300").is_dir());
     for _ in 0..times {
-        let id = child.id().to_string();
-        let sent = std::process::Command::new("kill").args([signal, &id]).status();
-        assert!(sent.expect("kill runs").success());
+        send(signal, &child);
     }
     child.wait_with_output().expect("it ends")
 }
@@ -177,32 +150,11 @@ fn the_program_of_an_agent_does_not_outlive_calib() {
     );
     place.edit_study("learning_rate = [1e-5, 1e-3, 1e-2]", "rate = [1, 2]");
     for signal in ["-KILL", "-TERM", "-INT"] {
-        let mut child = place
-            .command(&["sweep", "study.toml"])
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("calib runs");
-        let until = |there: bool| {
-            for _ in 0..600 {
-                if (living(&word) > 0) == there {
-                    return;
-                }
-                thread::sleep(Duration::from_millis(20));
-            }
-            panic!("{signal}: {} processes are there", living(&word));
-        };
-        until(true);
-        let id = child.id().to_string();
-        assert!(
-            std::process::Command::new("kill")
-                .args([signal, &id])
-                .status()
-                .expect("sent")
-                .success()
-        );
+        let mut child = place.start(&["sweep", "study.toml"], Stdio::null());
+        assert!(wait_until(|| living(&word) > 0), "{signal}: no process is there");
+        send(signal, &child);
         child.wait().expect("it ends");
-        until(false);
+        assert!(wait_until(|| living(&word) == 0), "{signal}: {} are there", living(&word));
     }
 }
 
@@ -217,23 +169,11 @@ fn a_step_that_never_ends_is_ended_and_a_dry_run_says_what_it_takes() {
     let told = dry.stderr();
     assert!(told.contains("expecting about") && told.contains("days"), "{told}");
     for (signal, status) in [("-TERM", 75), ("-INT", 130), ("-USR1", 75)] {
-        let child = place
-            .command(&["sweep", "study.toml"])
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("calib runs");
+        let child = place.start(&["sweep", "study.toml"], Stdio::piped());
         let claimed = place.path().join("study-results/sweep/.lock");
-        for _ in 0..600 {
-            if claimed.exists() {
-                break;
-            }
-            thread::sleep(Duration::from_millis(20));
-        }
+        wait_until(|| claimed.exists());
         thread::sleep(Duration::from_millis(300));
-        let id = child.id().to_string();
-        let sent = std::process::Command::new("kill").args([signal, &id]).status();
-        assert!(sent.expect("kill runs").success());
+        send(signal, &child);
         let output = child.wait_with_output().expect("it ends");
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(status), "{signal}: {told}");

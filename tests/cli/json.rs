@@ -43,8 +43,7 @@ fn commands(help: &str) -> Vec<String> {
 #[test]
 fn what_is_not_in_the_schema_is_found() {
     let place = Place::with_study();
-    let printed = place.calib(&["inspect", "data", "--json"]).succeeds();
-    let good: Value = serde_json::from_str(&printed).expect("JSON");
+    let good = place.calib(&["inspect", "data", "--json"]).json(&[0]);
     let schema = schema::of("inspect");
     assert_eq!(schema::problem(&schema, &good), None);
     let mut other = good.clone();
@@ -69,8 +68,7 @@ fn what_is_not_in_the_schema_is_found() {
 #[test]
 fn a_choice_is_a_structure() {
     let place = Place::with_study();
-    let printed = place.calib(&["run", "study.toml", "--json", "-q"]).ends(&[0, 1]);
-    let verdict: Value = serde_json::from_str(&printed).expect("JSON");
+    let verdict = place.calib(&["run", "study.toml", "--json", "-q"]).json(&[0, 1]);
     let choices = verdict["choices"].as_array().expect("a list");
     assert_eq!(choices.len(), 2);
     for (choice, judged) in choices.iter().zip(verdict["verdicts"].as_array().expect("a list")) {

@@ -17,17 +17,14 @@ steps = 200
 
 fn place() -> Place {
     let place = Place::with_study();
-    let text = std::fs::read_to_string(place.path().join("study.toml")).expect("readable");
-    place.write("study.toml", &format!("{text}{MODELS}"));
+    place.extend_study(MODELS);
     place
 }
 
 #[test]
 fn models_are_compared_in_one_report() {
     let place = place();
-    for command in ["represent", "build-model", "rollout"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["represent", "build-model", "rollout"]);
     place.calib(&["sweep", "study.toml", "--model", "euclidean"]).succeeds();
     let sweep = place.calib(&["sweep", "study.toml", "--model", "laplacian"]);
     // Two sensors in three members with two runs each; Online and log replay are shared.
@@ -40,7 +37,7 @@ fn models_are_compared_in_one_report() {
     for file in ["report.html", "models/euclidean/report.html", "models/laplacian/report.html"] {
         assert!(results.join(file).is_file(), "{file} is missing");
     }
-    let report = std::fs::read_to_string(results.join("report.html")).expect("readable");
+    let report = place.read("study-results/report.html");
     assert!(report.contains("Representations of laplacian"));
     assert!(report.contains("euclidean, worst rank") && report.contains("laplacian, worst rank"));
     // No model is preferred but for what held-out data says, and curves say whose they are.
@@ -58,12 +55,10 @@ fn models_are_compared_in_one_report() {
         report.contains("calib represent study.toml\ncalib build-model study.toml\ncalib rollout")
     );
     assert!(report.contains("[models.laplacian.representation]"), "the study has all models");
-    let own =
-        std::fs::read_to_string(results.join("models/laplacian/report.html")).expect("readable");
+    let own = place.read("study-results/models/laplacian/report.html");
     assert!(own.contains("calib represent study.toml --model laplacian"));
     assert!(own.contains("[models.laplacian.representation]"), "the study has all models");
-    let json = place.calib(&["evaluate", "study.toml", "--json", "-q"]).stdout();
-    let summary: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
+    let summary = place.calib(&["evaluate", "study.toml", "--json", "-q"]).json(&[0, 1]);
     assert_eq!(summary["models"]["laplacian"]["verdicts"].as_array().expect("a list").len(), 2);
     // A model by itself is the same as in a study of its own.
     place.edit_study("[models.laplacian.representation]", "[representation]");
@@ -90,16 +85,12 @@ fn a_model_is_chosen_by_name() {
     let missing = place.calib(&["build-model", "study.toml", "--model", "laplacian"]).fails(2);
     assert!(missing.contains("calib represent study.toml --model laplacian"), "{missing}");
     place.edit_study("dimension = 8", "dimensions = 8");
-    let key = place.calib(&["represent", "study.toml"]).fails(2);
-    assert!(key.contains("did you mean `dimension`"), "{key}");
+    place.calib(&["represent", "study.toml"]).fails_with(2, &["did you mean `dimension`"]);
     place.edit_study("dimensions = 8", "dimension = 8");
     place.edit_study("[models.euclidean]", "[models.euclidean]\nseed = 9");
-    let other = place.calib(&["represent", "study.toml"]).fails(2);
-    assert!(
-        other.contains("[models.euclidean]: seed cannot differ from model to model"),
-        "{other}"
-    );
+    place
+        .calib(&["represent", "study.toml"])
+        .fails_with(2, &["[models.euclidean]: seed cannot differ from model to model"]);
     place.edit_study("[models.euclidean]\nseed = 9", "[models.\"a/b\"]");
-    let name = place.calib(&["represent", "study.toml"]).fails(2);
-    assert!(name.contains("names have ASCII letters"), "{name}");
+    place.calib(&["represent", "study.toml"]).fails_with(2, &["names have ASCII letters"]);
 }

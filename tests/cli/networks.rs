@@ -6,7 +6,7 @@ use calib_files::{
     fingerprint_file, read_sealed_json, read_tensors, write_sealed_json, write_tensors,
 };
 
-use crate::harness::Place;
+use crate::harness::{Place, assert_same};
 
 /// The study of the other tests with a small network for a model.
 fn place() -> Place {
@@ -19,29 +19,25 @@ fn place() -> Place {
 }
 
 fn json(place: &Place, file: &str) -> serde_json::Value {
-    let text = fs::read(place.path().join("study-results").join(file)).expect("written");
-    serde_json::from_slice(&text).expect("JSON")
+    place.read_json(&format!("study-results/{file}"))
 }
 
 #[test]
 fn a_network_goes_through_the_chain() {
     let place = place();
-    let built = place.calib(&["build-model", "study.toml"]).succeeds();
-    assert!(built.contains("of 15, one-step validation loss"), "{built}");
+    place.calib(&["build-model", "study.toml"]).succeeds_with(&["of 15, one-step validation loss"]);
     let training = &json(&place, "model/manifest.json")["training"];
     let loss = |name: &str| training[name].as_f64().expect("a number");
     assert!(loss("validation_loss") < 2.0 * loss("persistence_loss"), "{training}");
     assert_eq!(json(&place, "model/training.json")["epochs"].as_array().expect("list").len(), 15);
     assert!(!place.path().join("study-results/model/checkpoint.safetensors").exists());
 
-    let rolled = place.calib(&["rollout", "study.toml"]).succeeds();
-    assert!(rolled.contains("member 0: predictions") && rolled.contains("symmetric2"), "{rolled}");
+    place.calib(&["rollout", "study.toml"]).succeeds_with(&["member 0: predictions", "symmetric2"]);
     let collapse = &json(&place, "rollout/manifest.json")["collapse"];
     assert_eq!(collapse["rollouts"], 2);
     assert_eq!(collapse["sensors"].as_array().expect("a list").len(), 2);
     place.calib(&["sweep", "study.toml"]).succeeds();
-    let verdict = place.calib(&["evaluate", "study.toml", "--why"]).succeeds();
-    assert!(verdict.contains("NN ranks it"), "{verdict}");
+    place.calib(&["evaluate", "study.toml", "--why"]).succeeds_with(&["NN ranks it"]);
     assert!(place.path().join("study-results/report.html").is_file());
     assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("up to date"));
 }
@@ -52,11 +48,9 @@ fn another_seed_is_another_network() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     place.edit_study("seed = ", "seed = 1");
     for command in ["rollout", "sweep"] {
-        let refused = place.calib(&[command, "study.toml"]).fails(2);
-        assert!(
-            refused.contains("made with seed = ") && refused.contains("run `calib build-model"),
-            "{refused}"
-        );
+        place
+            .calib(&[command, "study.toml"])
+            .fails_with(2, &["made with seed = ", "run `calib build-model"]);
     }
     assert!(place.calib(&["build-model", "study.toml"]).succeeds().contains("wrote"));
     place.calib(&["rollout", "study.toml"]).succeeds();
@@ -93,12 +87,7 @@ fn networks_are_the_same_bytes_for_any_number_of_threads() {
             place.calib(&args).succeeds();
         }
     }
-    let one = place.content("one");
-    let four = place.content("four");
-    assert_eq!(one.keys().collect::<Vec<_>>(), four.keys().collect::<Vec<_>>());
-    for (path, content) in &one {
-        assert!(four[path] == *content, "{} differs", path.display());
-    }
+    assert_same(&place.content("one"), &place.content("four"));
 }
 
 #[test]
@@ -137,20 +126,16 @@ fn other_settings_are_another_model() {
     let place = place();
     place.calib(&["build-model", "study.toml"]).succeeds();
     let set = ["--set", "dynamics.learning_rate=1e-2"];
-    let error = place.calib(&[&["rollout", "study.toml"], &set[..]].concat()).fails(2);
-    assert!(
-        error.contains("dynamics.learning_rate = ") && error.contains("build-model"),
-        "{error}"
-    );
+    place
+        .calib(&[&["rollout", "study.toml"], &set[..]].concat())
+        .fails_with(2, &["dynamics.learning_rate = ", "build-model"]);
     // What the kind does not use changes nothing.
     let set = ["--set", "dynamics.sequence_length=7"];
     let built = place.calib(&[&["build-model", "study.toml"], &set[..]].concat()).succeeds();
     assert!(built.contains("up to date"), "{built}");
-    let error = place.calib(&["build-model", "study.toml", "--verify", "5"]).fails(2);
-    assert!(error.contains("--verify"), "{error}");
+    place.calib(&["build-model", "study.toml", "--verify", "5"]).fails_with(2, &["--verify"]);
     let epochs = ["build-model", "study.toml", "--set", "dynamics.epochs=0"];
-    let error = place.calib(&epochs).fails(2);
-    assert!(error.contains("`epochs` must be a whole number from 1"), "{error}");
+    place.calib(&epochs).fails_with(2, &["`epochs` must be a whole number from 1"]);
 }
 
 #[cfg(not(feature = "torch"))]
@@ -163,15 +148,14 @@ fn what_wants_libtorch_says_how_to_get_it() {
     let wanting: [&[&str]; 2] = [&["--set", "model.kind=torchscript"], &["--device", "auto"]];
     for args in wanting {
         let args = [&["build-model", "study.toml"], args, &script].concat();
-        let error = place.calib(&args).fails(2);
-        assert!(error.contains("bash scripts/libtorch.sh cargo build"), "{error}");
-        assert!(error.contains("--features torch"), "{error}");
+        place
+            .calib(&args)
+            .fails_with(2, &["bash scripts/libtorch.sh cargo build", "--features torch"]);
     }
     let mlp = ["--set", "agent.value_function=mlp", "--set", "model.kind=knn"];
     for command in ["sweep", "run"] {
         let args = [&[command, "study.toml", "--device", "cpu"], &mlp[..]].concat();
-        let error = place.calib(&args).fails(2);
-        assert!(error.contains("--device wants libtorch"), "{error}");
+        place.calib(&args).fails_with(2, &["--device wants libtorch"]);
     }
     assert!(place.content("study-results") == before, "nothing was touched");
 }
@@ -182,10 +166,8 @@ fn a_gru_goes_through_the_chain() {
     let small = "dynamics.sequence_stride=7";
     let set = ["--set", "model.kind=gru", "--set", small, "--set", "dynamics.epochs=4"];
     let run = |command: &str| place.calib(&[&[command, "study.toml"], &set[..]].concat());
-    let built = run("build-model").succeeds();
-    assert!(built.contains("of 4, one-step validation loss"), "{built}");
-    let rolled = run("rollout").succeeds();
-    assert!(rolled.contains("member 0: predictions"), "{rolled}");
+    run("build-model").succeeds_with(&["of 4, one-step validation loss"]);
+    run("rollout").succeeds_with(&["member 0: predictions"]);
     run("sweep").succeeds();
     let args = [&["evaluate", "study.toml", "--why"], &set[..]].concat();
     assert!(place.calib(&args).succeeds().contains("GRU ranks it"));
@@ -223,9 +205,7 @@ fn native_and_libtorch_training_agree_about_the_model() {
     let build = |output: &str, more: &[&str]| {
         let args = ["build-model", "study.toml", "--output", output];
         place.calib(&[&args[..], more].concat()).succeeds();
-        let path = place.path().join(output).join("model/manifest.json");
-        let text = fs::read(path).expect("written");
-        serde_json::from_slice::<serde_json::Value>(&text).expect("JSON")
+        place.read_json(&format!("{output}/model/manifest.json"))
     };
     let native = build("native", &[]);
     let torch = build("torch", &["--device", "cpu"]);
@@ -243,14 +223,8 @@ fn validation_loss(manifest: &serde_json::Value) -> f64 {
 
 /// A study of neighbours, whose agents are networks.
 #[cfg(feature = "torch")]
-const NEIGHBOURS: [&str; 6] = [
-    "--set",
-    "model.kind=knn",
-    "--set",
-    "agent.value_function=mlp",
-    "--set",
-    "agent.hidden_units=8",
-];
+const NEIGHBOURS: [&str; 3] =
+    ["--set=model.kind=knn", "--set=agent.value_function=mlp", "--set=agent.hidden_units=8"];
 
 #[cfg(feature = "torch")]
 #[test]
@@ -265,11 +239,10 @@ fn agents_that_libtorch_trains_are_results_of_their_own() {
     assert_eq!(json(&place, "sweep/manifest.json")["arithmetic"], "libtorch-cpu");
     assert!(calib("sweep", &device).succeeds().contains("up to date"));
     // The verdict is the device's, and says so.
-    let ended = calib("evaluate", &["--json"]);
-    let summary: serde_json::Value = serde_json::from_str(&ended.stdout()).expect("JSON");
+    let summary = calib("evaluate", &["--json"]).json(&[0, 1]);
     assert!(summary["choices"].as_array().is_some_and(|choices| !choices.is_empty()), "{summary}");
     assert!(summary.to_string().contains("libtorch-cpu"), "{summary}");
-    let page = fs::read_to_string(place.path().join("study-results/report.html")).expect("a page");
+    let page = place.read("study-results/report.html");
     assert!(page.contains("--device cpu"), "the report says how it was made");
     // Natively they are others, and those of the device stay.
     assert!(calib("sweep", &[]).succeeds().contains("training runs made in"));
@@ -286,9 +259,9 @@ fn agents_that_libtorch_trains_are_results_of_their_own() {
 fn what_a_device_cannot_train_is_refused_before_anything_is_made() {
     let place = place();
     let refused = |more: &[&str]| {
-        let error =
-            place.calib(&[&["run", "study.toml", "--device", "cpu"], more].concat()).fails(2);
-        assert!(error.contains("are not trained side by side; leave --device out"), "{error}");
+        place
+            .calib(&[&["run", "study.toml", "--device", "cpu"], more].concat())
+            .fails_with(2, &["are not trained side by side; leave --device out"]);
     };
     refused(&["--set", "model.kind=knn", "--set", "agent.value_function=linear"]);
     let rounded = ["agent.value_function=mlp", "agent.precision=bf16"];

@@ -55,8 +55,7 @@ fn the_week_runs_to_one_report_on_its_models() {
     for model in ["euclidean", "laplacian", "nn", "gru"] {
         assert!(verdict.contains(model), "{verdict}");
     }
-    let results = place.path().join("one-week-results/tiny");
-    let report = fs::read_to_string(results.join("report.html")).expect("written");
+    let report = place.read("one-week-results/tiny/report.html");
     assert!(report.contains("Four models of one week"), "the title");
     // What is there can be looked at again, and a dry run looks into every step.
     let dry = place.calib(&[&tiny[..], &["--dry-run"]].concat());

@@ -36,8 +36,7 @@ fn a_sweep_starts_from_what_was_pre_trained() {
         let path = place.path().join("study-results/pretrain").join(file);
         assert!(path.is_file(), "{file} is missing");
     }
-    let report = fs::read_to_string(place.path().join("study-results/report.html"));
-    assert!(report.expect("readable").contains("calib pretrain"));
+    assert!(place.read("study-results/report.html").contains("calib pretrain"));
 
     // Another sensor is one more agent, and the two that are there stay as they are.
     let before = place.content("study-results/pretrain");
@@ -56,8 +55,7 @@ fn a_sweep_starts_from_what_was_pre_trained() {
     run(&["sweep"]);
     let dry = |set: &str| place.calib(&["sweep", "study.toml", "--dry-run", "--set", set]);
     assert!(dry("pretrain.moments=keep").stderr().contains("all runs are left"));
-    let other = dry("pretrain.fraction=0.3").fails(2);
-    assert!(other.contains("pretrain.fraction = 0.4, now 0.3"), "{other}");
+    dry("pretrain.fraction=0.3").fails_with(2, &["pretrain.fraction = 0.4, now 0.3"]);
     assert!(dry("pretrain.epochs=7").fails(2).contains(", now 7; run `calib pretrain"));
 }
 
@@ -65,7 +63,7 @@ fn a_sweep_starts_from_what_was_pre_trained() {
 fn agents_of_another_study_can_be_taken() {
     let place = place();
     place.calib(&["pretrain", "study.toml"]).succeeds();
-    let study = fs::read_to_string(place.path().join("study.toml")).expect("readable");
+    let study = place.read("study.toml");
     let other = study.replace("epochs = 6\n", "checkpoint = \"study-results/pretrain\"\n");
     place.write("other.toml", &other);
     for study in ["study.toml", "other.toml"] {
@@ -75,8 +73,7 @@ fn agents_of_another_study_can_be_taken() {
     }
     let units = |study: &str| place.content(&format!("{study}-results/sweep/units"));
     assert!(units("study") == units("other"));
-    let nothing = place.calib(&["pretrain", "other.toml"]).fails(2);
-    assert!(nothing.contains("there is nothing to pre-train"), "{nothing}");
+    place.calib(&["pretrain", "other.toml"]).fails_with(2, &["there is nothing to pre-train"]);
 }
 
 #[test]
@@ -89,10 +86,8 @@ fn what_does_not_fit_is_refused() {
     let overlap = [
         "pretrain",
         "study.toml",
-        "--set",
-        "pretrain.period={ start = 2022-11-01, end = 2022-11-02 }",
-        "--set",
-        "model.period={ start = 2022-11-01T18:00:00, end = 2022-11-03 }",
+        "--set=pretrain.period={ start = 2022-11-01, end = 2022-11-02 }",
+        "--set=model.period={ start = 2022-11-01T18:00:00, end = 2022-11-03 }",
     ];
     assert_snapshot!("overlapping_periods", place.calib(&overlap).fails(2));
     place.calib(&["build-model", "study.toml"]).succeeds();
@@ -126,8 +121,7 @@ fn early_stopping_keeps_the_best_epoch() {
     let place = place();
     let set = ["--set", "pretrain.epochs=400", "--set", "pretrain.patience=2"];
     let args = [&["pretrain", "study.toml", "--json", "-q"], set.as_slice()].concat();
-    let json = place.calib(&args).succeeds();
-    let manifest: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
+    let manifest = place.calib(&args).json(&[0]);
     for agent in manifest["agents"].as_array().expect("a list") {
         let epoch = &agent["epoch"];
         let epochs = agent["curve"].as_array().expect("a list").len();

@@ -58,9 +58,7 @@ fn logged(place: &Place, sensor: &str, from: Timestamp, to: Timestamp) -> Range 
 #[test]
 fn a_sweep_keeps_the_extremes_of_what_was_recorded_in_physical_units() {
     let place = Place::with_study();
-    for command in ["build-model", "sweep", "evaluate"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["build-model", "sweep", "evaluate"]);
     let mut before: Option<Timestamp> = None;
     for period in ["training", "held-out"] {
         for sensor in ["PIT300", "TIT101"] {
@@ -80,12 +78,11 @@ fn a_sweep_keeps_the_extremes_of_what_was_recorded_in_physical_units() {
         }
     }
     let results = place.path().join("study-results");
-    let report = fs::read_to_string(results.join("report.html")).expect("written");
+    let report = place.read("study-results/report.html");
     for text in ["id=\"recorded\"", "training: 2022-11-01 00:00 to ", "held out: 2022-11-03 "] {
         assert!(report.contains(text), "{text} is missing");
     }
-    let svg = results.join("evaluate/figures/recorded-TIT101.svg");
-    let svg = fs::read_to_string(svg).expect("written");
+    let svg = place.read("study-results/evaluate/figures/recorded-TIT101.svg");
     assert!(svg.contains("<desc") && svg.contains("held out: 2022-11-03 "), "{svg}");
 
     // What is lost is told, and made again.

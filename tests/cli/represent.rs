@@ -24,11 +24,6 @@ fn laplacian() -> Place {
     place
 }
 
-fn manifest(place: &Place) -> Value {
-    let path = place.path().join("study-results/representation/manifest.json");
-    serde_json::from_slice(&std::fs::read(path).expect("readable")).expect("JSON")
-}
-
 #[test]
 fn a_grid_is_trained_and_the_best_is_searched_in() {
     let place = laplacian();
@@ -36,7 +31,7 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     assert!(missing.contains("run `calib represent study.toml` first"), "{missing}");
     let trained = place.calib(&["represent", "study.toml"]).succeeds();
     assert!(trained.contains("awareness") && trained.contains("chosen"), "{trained}");
-    let manifest = manifest(&place);
+    let manifest = place.read_json("study-results/representation/manifest.json");
     let candidates = manifest["candidates"].as_array().expect("a list");
     let chosen = manifest["chosen"].as_u64().expect("one qualifies") as usize;
     let best = candidates.iter().map(awareness).fold(0.0, f64::max);
@@ -54,9 +49,7 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     assert_eq!(encoder.expect("weights").get("4.weight").expect("a layer").shape, [8, 32]);
 
     assert!(place.calib(&["represent", "study.toml"]).succeeds().contains("up to date"));
-    for command in ["build-model", "rollout", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["build-model", "rollout", "sweep"]);
     let verified = place.calib(&["build-model", "study.toml", "--verify", "20"]);
     verified.succeeds();
     assert!(verified.stderr().contains("verified: 60 rows agree"), "{}", verified.stderr());
@@ -85,7 +78,7 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
     assert_eq!((psi.rows(), psi.columns()), (states.rows(), 8));
     let verdict = place.calib(&["evaluate", "study.toml", "--why"]);
     assert!(verdict.stdout().contains("Laplacian kNN"), "{}", verdict.stdout());
-    let report = std::fs::read_to_string(results.join("report.html")).expect("a report");
+    let report = place.read("study-results/report.html");
     assert!(report.contains("Representations") && report.contains("dynamics awareness"));
 
     // Start states of the deployment go through the encoder.
@@ -94,11 +87,9 @@ fn a_grid_is_trained_and_the_best_is_searched_in() {
 
     // Another representation is another model; a grid that grows keeps what is trained.
     place.edit_study("[1e-3, 3e-3]", "[1e-3, 3e-3, 1e-2]");
-    let stale = place.calib(&["rollout", "study.toml"]).fails(2);
-    assert!(
-        stale.contains("representation.learning_rate = [0.001,0.003], now [0.001,0.003,0.01]"),
-        "{stale}"
-    );
+    place
+        .calib(&["rollout", "study.toml"])
+        .fails_with(2, &["representation.learning_rate = [0.001,0.003], now [0.001,0.003,0.01]"]);
     let before = place.content("study-results/representation/candidates");
     place.calib(&["represent", "study.toml"]).succeeds();
     let after = place.content("study-results/representation/candidates");
@@ -132,11 +123,9 @@ fn what_tells_too_little_apart_or_diverges_is_not_chosen() {
     let message = none.fails(1);
     assert!(none.stdout().contains("diverged"), "{}", none.stdout());
     assert!(message.contains("no representation tells more than 95 %"), "{message}");
-    let refused = place.calib(&["build-model", "study.toml"]).fails(2);
-    assert!(refused.contains("no representation tells"), "{refused}");
+    place.calib(&["build-model", "study.toml"]).fails_with(2, &["no representation tells"]);
     place.edit_study("kind = \"laplacian\"", "kind = \"none\"");
-    let nothing = place.calib(&args).fails(2);
-    assert!(nothing.contains("there is nothing to train"), "{nothing}");
+    place.calib(&args).fails_with(2, &["there is nothing to train"]);
 }
 
 /// A study with a model among the states themselves, and what `[representation]` is then set to.
@@ -163,14 +152,12 @@ fn an_imported_representation_is_searched_in() {
     let place = importing("path = \"psi.npy\"");
     let (psi, rows) = psi(&place);
     write_npy(&place.path().join("psi.npy"), &psi, rows, 4).expect("written");
-    let read = place.calib(&["represent", "study.toml"]).succeeds();
-    assert!(read.contains("chosen"), "{read}");
+    place.calib(&["represent", "study.toml"]).succeeds_with(&["chosen"]);
     let built = place.calib(&["build-model", "study.toml", "--verify", "20"]);
     assert!(built.succeeds().contains("wrote"));
     assert!(built.stderr().contains("agree with brute force"));
     let nearest = ["rollout", "study.toml", "--set", "rollout.start=nearest"];
-    let refused = place.calib(&nearest).fails(2);
-    assert!(refused.contains("imported without an encoder"), "{refused}");
+    place.calib(&nearest).fails_with(2, &["imported without an encoder"]);
     place.calib(&["rollout", "study.toml"]).succeeds();
 
     // Another content of the same file is another representation.
@@ -189,18 +176,15 @@ fn what_depends_on_coordinates_waits_until_they_are_known() {
     let dry = [&tree[..], &["--dry-run"]].concat();
     // There are eight, though they are yet to be trained, and the states have more.
     place.calib(&dry).succeeds();
-    let asked = place.calib(&tree).fails(2);
-    assert!(asked.contains("run `calib represent study.toml` first"), "{asked}");
+    place.calib(&tree).fails_with(2, &["run `calib represent study.toml` first"]);
     place.edit_study("dimension = 8", "dimension = 9");
     for args in [&dry[..], &tree[..]] {
-        let refused = place.calib(args).fails(2);
-        assert!(refused.contains("at most 8 columns, got 9"), "{refused}");
+        place.calib(args).fails_with(2, &["at most 8 columns, got 9"]);
     }
     // Of these, either may be chosen.
     place.edit_study("dimension = 9", "dimension = [8, 9]");
     place.calib(&dry).succeeds();
-    let asked = place.calib(&tree).fails(2);
-    assert!(asked.contains("run `calib represent study.toml` first"), "{asked}");
+    place.calib(&tree).fails_with(2, &["run `calib represent study.toml` first"]);
 }
 
 #[test]
@@ -210,18 +194,15 @@ fn a_stale_representation_says_nothing_of_the_next_one() {
     write_npy(&place.path().join("psi.npy"), &psi, rows, 4).expect("written");
     place.calib(&["represent", "study.toml"]).succeeds();
     let before = place.content("study-results");
-    let refused = place.calib(&built_with("model.components=4")).fails(2);
-    assert!(refused.contains("fewer than the"), "{refused}");
+    place.calib(&built_with("model.components=4")).fails_with(2, &["fewer than the"]);
     assert!(place.content("study-results") == before, "the model is still there");
     // Five components of four coordinates there are none, but the next ones are eight.
     let twice: Vec<f32> = psi.chunks_exact(4).flat_map(|row| [row, row].concat()).collect();
     write_npy(&place.path().join("wide.npy"), &twice, rows, 8).expect("written");
     place.edit_study("psi.npy", "wide.npy");
-    let stale = place.calib(&built_with("model.components=5")).fails(2);
-    assert!(
-        stale.contains("run `calib represent study.toml --set 'model.components=5'` again"),
-        "{stale}"
-    );
+    place
+        .calib(&built_with("model.components=5"))
+        .fails_with(2, &["run `calib represent study.toml --set 'model.components=5'` again"]);
 }
 
 /// What builds the model with something set.
@@ -258,9 +239,7 @@ fn imports_that_do_not_fit_are_refused() {
     sidecar(&Value::from("00".repeat(32)));
     let foreign = refused();
     assert!(foreign.contains("was made for other data"), "{foreign}");
-    let manifest = place.path().join("study-results/model/manifest.json");
-    let manifest: Value =
-        serde_json::from_slice(&std::fs::read(manifest).expect("readable")).expect("JSON");
+    let manifest = place.read_json("study-results/model/manifest.json");
     sidecar(&manifest["data"]);
     place.calib(&["represent", "study.toml"]).succeeds();
     place.edit_study("psi.npy", "psi.txt");

@@ -1,20 +1,16 @@
 //! From logs to a verdict, and the same bytes every time.
 
-use crate::harness::Place;
+use crate::harness::{Place, assert_same};
 
 #[test]
 fn the_chain_ends_with_a_verdict_and_a_report() {
     let place = Place::with_study();
-    let inspected = place.calib(&["inspect", "study.toml"]).succeeds();
-    assert!(inspected.contains("PIT300") && inspected.contains("transitions"), "{inspected}");
+    place.calib(&["inspect", "study.toml"]).succeeds_with(&["PIT300", "transitions"]);
     let built = place.calib(&["build-model", "study.toml", "--verify", "50"]);
     assert!(built.succeeds().contains("member 2"));
     assert!(built.stderr().contains("verified: 150 rows agree"), "{}", built.stderr());
-    place.calib(&["rollout", "study.toml"]).succeeds();
-    place.calib(&["sweep", "study.toml"]).succeeds();
-    let verdict = place.calib(&["evaluate", "study.toml"]).succeeds();
-    assert!(verdict.contains("PIT300") && verdict.contains("TIT101"), "{verdict}");
-    assert!(verdict.contains("held-out data"), "{verdict}");
+    place.run_steps(&["rollout", "sweep"]);
+    place.calib(&["evaluate", "study.toml"]).succeeds_with(&["PIT300", "TIT101", "held-out data"]);
     for file in [
         "model/manifest.json",
         "model/states.npy",
@@ -33,8 +29,7 @@ fn the_chain_ends_with_a_verdict_and_a_report() {
     ] {
         assert!(place.path().join("study-results").join(file).is_file(), "{file} is missing");
     }
-    let json = place.calib(&["evaluate", "study.toml", "--json", "-q"]).succeeds();
-    let summary: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
+    let summary = place.calib(&["evaluate", "study.toml", "--json", "-q"]).json(&[0]);
     assert_eq!(summary["verdicts"].as_array().expect("a list").len(), 2);
 }
 
@@ -48,12 +43,7 @@ fn results_are_the_same_bytes_for_any_number_of_threads() {
                 .succeeds();
         }
     }
-    let one = place.content("one");
-    let four = place.content("four");
-    assert_eq!(one.keys().collect::<Vec<_>>(), four.keys().collect::<Vec<_>>());
-    for (path, content) in &one {
-        assert!(four[path] == *content, "{} differs", path.display());
-    }
+    assert_same(&place.content("one"), &place.content("four"));
 }
 
 #[test]
@@ -109,9 +99,7 @@ fn deleted_results_are_made_again() {
 #[test]
 fn a_study_runs_from_anywhere() {
     let place = Place::with_study();
-    for command in ["build-model", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["build-model", "sweep"]);
     let path = place.path().join("study.toml");
     let mut elsewhere = place.command(&["evaluate"]);
     let output = elsewhere.arg(&path).current_dir("/").output().expect("calib runs");
@@ -135,9 +123,7 @@ fn any_agent_field_can_be_swept() {
         "learning_rate = [1e-5, 1e-3, 1e-2]",
         "optimiser = [\"adam\", \"sgd\"]\nbatch_size = [16, 32]",
     );
-    for command in ["build-model", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["build-model", "sweep"]);
     let verdict = place.calib(&["evaluate", "study.toml", "--why"]);
     let told = verdict.stdout();
     assert!(told.contains("of 4 settings"), "{told}");
@@ -147,9 +133,7 @@ fn any_agent_field_can_be_swept() {
 fn without_a_held_out_range_there_is_a_choice_but_no_regret() {
     let place = Place::with_study();
     place.edit_study("train_fraction = 0.7", "train_fraction = 1.0");
-    for command in ["build-model", "rollout", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["build-model", "rollout", "sweep"]);
     let verdict = place.calib(&["evaluate", "study.toml", "--why"]).stdout();
     assert!(verdict.contains("No data was held out"), "{verdict}");
 }

@@ -1,15 +1,10 @@
 //! Work that several processes divide among them: the bytes of one.
 
-use std::{collections::BTreeMap, path::PathBuf};
-
-use crate::{control, harness::Place, represent::LAPLACIAN};
-
-/// Everything but what says how long it took.
-fn results(place: &Place, folder: &str) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut content = place.content(folder);
-    content.retain(|path, _| !path.ends_with("timings.json"));
-    content
-}
+use crate::{
+    control,
+    harness::{Content, Place},
+    represent::LAPLACIAN,
+};
 
 #[test]
 fn a_grid_of_representations_in_shares_is_that_of_one_process() {
@@ -19,17 +14,14 @@ fn a_grid_of_representations_in_shares_is_that_of_one_process() {
     let share = |part: &str| shared.calib(&["represent", "study.toml", "--share", part]);
     // In any order, and one twice; of one nothing is left to do.
     assert!(share("1/2").succeeds().contains("share 1/2: 1 representation trained, of 3"));
-    let early = shared.calib(&["build-model", "study.toml"]).fails(2);
-    assert!(early.contains("represent"), "{early}");
+    shared.calib(&["build-model", "study.toml"]).fails_with(2, &["represent"]);
     share("0/2").succeeds();
     share("1/2").succeeds();
-    let put_together = shared.calib(&["represent", "study.toml"]).succeeds();
-    assert!(put_together.contains("wrote"), "{put_together}");
+    shared.calib(&["represent", "study.toml"]).succeeds_with(&["wrote"]);
     let folder = "study-results/representation";
-    assert!(results(&alone, folder) == results(&shared, folder));
+    assert!(alone.content(folder) == shared.content(folder));
     for (wrong, said) in [("2/2", "there is no share 2 of 2"), ("one", "such as 0/8 or auto/8")] {
-        let told = share(wrong).fails(2);
-        assert!(told.contains(said), "{told}");
+        share(wrong).fails_with(2, &[said]);
     }
     let forced = shared.calib(&["represent", "study.toml", "--share", "0/2", "--force"]).fails(2);
     assert!(forced.contains("--force makes everything again"), "{forced}");
@@ -58,7 +50,7 @@ fn agents_that_shares_pre_train_are_those_of_one_process() {
     assert!(put_together.stderr().contains("0 of 3 agents left"), "{}", put_together.stderr());
     assert!(put_together.succeeds().contains("wrote"));
     let folder = "study-results/pretrain";
-    assert!(results(&alone, folder) == results(&shared, folder));
+    assert!(alone.content(folder) == shared.content(folder));
     assert!(shared.calib(&["pretrain", "study.toml"]).succeeds().contains("up to date"));
 }
 
@@ -74,7 +66,7 @@ fn with_three_agents() -> Place {
 }
 
 /// The runs that shares of the study of [`control::place`] have kept: name → content.
-fn kept_runs(place: &Place) -> BTreeMap<PathBuf, Vec<u8>> {
+fn kept_runs(place: &Place) -> Content {
     let mut content = place.content(UNITS);
     content.retain(|path, _| path.to_string_lossy().starts_with("run-"));
     content
@@ -104,7 +96,7 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
         let next = format!("all runs are made; next: `calib control {study}`");
         assert!(status.contains(&next) && status.contains("by 18 of 18 runs"), "{status}");
         shared.calib(&["control", study]).ends(&[1]);
-        assert!(results(&alone, folder) == results(&shared, folder), "{count} shares");
+        assert!(alone.content(folder) == shared.content(folder), "{count} shares");
         let last = shared.calib(&["control", study, "--share", "0/2"]).succeeds();
         assert!(!last.contains("share 0/2"), "nothing is left to make: {last}");
     }
@@ -147,8 +139,7 @@ fn shares_of_two_studies_in_one_folder_keep_their_runs() {
     }
     for (set, own, others) in [("1500", 1, 1), ("1400", 1, 1), ("1300", 0, 2)] {
         let set = format!("--set=control.steps={set}");
-        let told = place.calib(&["status", "pole/study.toml", &set, "--json"]).succeeds();
-        let status: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+        let status = place.calib(&["status", "pole/study.toml", &set, "--json"]).json(&[0]);
         assert_eq!(status["control"]["runs"], serde_json::json!([own, 18]), "{status}");
         assert_eq!(status["control"]["other_runs"], others, "{status}");
     }
@@ -171,8 +162,7 @@ fn a_share_that_ends_after_the_verdict_does_not_hide_it() {
     for (name, content) in late {
         std::fs::write(place.path().join(UNITS).join(name), content).expect("writable");
     }
-    let status = place.calib(&["status", study, "--json"]).succeeds();
-    let status: serde_json::Value = serde_json::from_str(&status).expect("JSON");
+    let status = place.calib(&["status", study, "--json"]).json(&[0]);
     assert_eq!(status["control"]["runs"], serde_json::json!([18, 18]), "{status}");
     let again = place.calib(&["control", study]);
     again.ends(&[1]);
@@ -202,7 +192,7 @@ fn shares_whose_neighbours_are_near_in_a_representation_run_side_by_side() {
     shared.calib(&args).ends(&[0, 1]);
     for folder in ["control", "control-representation"] {
         let folder = format!("pole/study-results/{folder}");
-        assert!(results(&alone, &folder) == results(&shared, &folder), "{folder}");
+        assert!(alone.content(&folder) == shared.content(&folder), "{folder}");
     }
 }
 

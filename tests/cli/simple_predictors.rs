@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::Value;
 
-use crate::harness::Place;
+use crate::harness::{Place, assert_same};
 
 const GRID: &str = "[1e-5, 1e-3, 1e-2]";
 
@@ -17,12 +17,9 @@ fn place(baseline: &str) -> Place {
 }
 
 fn summary(place: &Place) -> Value {
-    for command in ["build-model", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["build-model", "sweep"]);
     place.calib(&["evaluate", "study.toml"]).succeeds();
-    let text = fs::read(place.path().join("study-results/evaluate/summary.json")).expect("written");
-    serde_json::from_slice(&text).expect("JSON")
+    place.read_json("study-results/evaluate/summary.json")
 }
 
 #[test]
@@ -56,8 +53,7 @@ fn every_choice_says_what_to_do() {
     let text = summary["advice"].to_string();
     assert!(text.contains("NRMSE of simple predictors"), "{text}");
     // Whoever reads the page is told the same grades.
-    let page = place.path().join("study-results/report.html");
-    let page = fs::read_to_string(page).expect("a report");
+    let page = place.read("study-results/report.html");
     let shown: Vec<&str> = page
         .split("<article class=\"card ")
         .skip(1)
@@ -83,8 +79,7 @@ fn pre_trained_agents_keep_their_baseline() {
         "[pretrain]\nepochs = 2\nlearning_rate = 1e-4\nfraction = 0.4\n\n[sweep]",
     );
     place.calib(&["pretrain", "study.toml"]).succeeds();
-    let manifest = fs::read(place.path().join("study-results/pretrain/manifest.json"));
-    let manifest: Value = serde_json::from_slice(&manifest.expect("written")).expect("JSON");
+    let manifest = place.read_json("study-results/pretrain/manifest.json");
     assert_eq!(manifest["agents"][0]["baseline"]["form"], "affine");
     summary(&place);
     let other = place.calib(&["sweep", "study.toml", "--set", "agent.baseline=\"line\""]).fails(2);
@@ -94,8 +89,7 @@ fn pre_trained_agents_keep_their_baseline() {
 #[test]
 fn shards_fit_the_baselines_of_one_process() {
     let place = place("ridge");
-    place.calib(&["build-model", "study.toml"]).succeeds();
-    place.calib(&["sweep", "study.toml"]).succeeds();
+    place.run_steps(&["build-model", "sweep"]);
     let alone = place.content("study-results/sweep");
     fs::remove_dir_all(place.path().join("study-results/sweep")).expect("there");
     place.calib(&["cluster", "plan", "study.toml", "--shards", "3", "-o", "plan"]).succeeds();
@@ -103,17 +97,13 @@ fn shards_fit_the_baselines_of_one_process() {
         place.calib(&["cluster", "run", "plan", "--shard", shard]).succeeds();
     }
     place.calib(&["cluster", "merge", "plan"]).succeeds();
-    let merged = place.content("study-results/sweep");
-    assert!(alone.keys().eq(merged.keys()));
-    for (path, content) in alone.iter().filter(|(path, _)| !path.ends_with("timings.json")) {
-        assert!(*content == merged[path], "{} differs", path.display());
-    }
+    assert_same(&alone, &place.content("study-results/sweep"));
 }
 
 #[test]
 fn an_unknown_baseline_is_refused_with_the_known_ones() {
     let place = Place::with_study();
-    let refused =
-        place.calib(&["sweep", "study.toml", "--set", "agent.baseline=\"last\""]).fails(2);
-    assert!(refused.contains("baseline") && refused.contains("persistence"), "{refused}");
+    place
+        .calib(&["sweep", "study.toml", "--set", "agent.baseline=\"last\""])
+        .fails_with(2, &["baseline", "persistence"]);
 }

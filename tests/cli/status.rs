@@ -4,7 +4,7 @@ use std::{
     fs,
     io::{BufRead as _, BufReader, Read as _, Write as _},
     net::{SocketAddr, TcpStream},
-    process::{Child, Command, Stdio},
+    process::{Child, Stdio},
     thread,
     time::Duration,
 };
@@ -23,8 +23,7 @@ fn long() -> Place {
 }
 
 fn status(place: &Place, path: &str) -> Value {
-    let told = place.calib(&["status", path, "--json"]).succeeds();
-    serde_json::from_str(&told).expect("JSON")
+    place.calib(&["status", path, "--json"]).json(&[0])
 }
 
 /// Ends a process however a test ends.
@@ -38,8 +37,7 @@ impl Drop for Ends {
 }
 
 fn begin(place: &Place, args: &[&str]) -> Ends {
-    let mut command = place.command(args);
-    Ends(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("calib runs"))
+    Ends(place.start(args, Stdio::null()))
 }
 
 /// Look until `is_there` is so.
@@ -97,9 +95,11 @@ fn a_finished_study_is_done_and_its_settings_are_ranked() {
     }
     let folder = status(&place, "study-results");
     assert_eq!(folder["rankings"], after["rankings"], "by the folder of its results");
-    let told = place.calib(&["status", "study.toml", "--watch"]).succeeds();
-    assert!(told.contains("study.toml: every step is done"), "{told}");
-    assert!(told.contains("PIT300: by 33 of 33 runs") && told.contains("report: "), "{told}");
+    place.calib(&["status", "study.toml", "--watch"]).succeeds_with(&[
+        "study.toml: every step is done",
+        "PIT300: by 33 of 33 runs",
+        "report: ",
+    ]);
     assert!(place.content("study-results") == content, "nothing is written");
 
     // One setting more is to do.
@@ -112,8 +112,7 @@ fn a_finished_study_is_done_and_its_settings_are_ranked() {
 
 /// Sensors that `calib status` ranks settings for, and why the sweep is to do again.
 fn ranked(place: &Place, set: &str) -> (Vec<String>, String) {
-    let told = place.calib(&["status", "study.toml", "--json", "--set", set]).succeeds();
-    let standing: Value = serde_json::from_str(&told).expect("JSON");
+    let standing = place.calib(&["status", "study.toml", "--json", "--set", set]).json(&[0]);
     let rankings = standing["rankings"].as_array().expect("rankings").iter();
     let sensors = rankings.filter_map(|ranking| ranking["sensor"].as_str().map(str::to_owned));
     let steps = standing["steps"].as_array().expect("steps").iter();
@@ -151,15 +150,12 @@ fn what_is_no_study_is_refused_with_what_to_do() {
     let refused = place.calib(&["status", "nowhere"]).fails(2);
     assert!(refused.contains("nowhere does not exist; give a study file"), "{refused}");
     fs::create_dir(place.path().join("empty")).expect("made");
-    let refused = place.calib(&["status", "empty"]).fails(2);
-    assert!(
-        refused.contains("empty holds no study") && refused.contains("calib status STUDY"),
-        "{refused}"
-    );
+    place
+        .calib(&["status", "empty"])
+        .fails_with(2, &["empty holds no study", "calib status STUDY"]);
     place.write("study.toml", "[modl]\n");
     place.calib(&["status", "study.toml"]).fails(2);
-    let refused = place.calib(&["status", "study.toml", "--serve", "here"]).fails(2);
-    assert!(refused.contains("--serve"), "{refused}");
+    place.calib(&["status", "study.toml", "--serve", "here"]).fails_with(2, &["--serve"]);
 }
 
 #[test]
@@ -184,8 +180,7 @@ fn a_study_can_be_looked_at_while_it_runs_and_after_a_kill() {
     );
     let (stored, all) = runs(&during["rankings"][0]);
     assert!(stored < all, "{stored} of {all}");
-    let told = place.calib(&["status", "study.toml"]).succeeds();
-    assert!(told.contains("provisional, by ") && told.contains(" left"), "{told}");
+    place.calib(&["status", "study.toml"]).succeeds_with(&["provisional, by ", " left"]);
 
     run.0.kill().expect("killed");
     run.0.wait().expect("gone");
@@ -193,16 +188,14 @@ fn a_study_can_be_looked_at_while_it_runs_and_after_a_kill() {
     assert_eq!(killed["state"], "killed", "{killed}");
     assert_eq!(killed["commands"][0]["standing"], "killed");
     assert!(killed["secs_left"].is_null() && states(&killed, "sweep") == ["to_do"], "{killed}");
-    let told = place.calib(&["status", "study.toml"]).succeeds();
-    assert!(told.contains("was killed"), "{told}");
+    place.calib(&["status", "study.toml"]).succeeds_with(&["was killed"]);
 
     // The next command removes what the killed one has left, and goes on.
     let smaller = ["--set", "sweep.member_runs=1", "--set", "sweep.log_replay_runs=1"];
     place.calib(&[&["run", "study.toml"][..], &smaller].concat());
     assert!(!place.path().join("study-results/.progress").exists());
     let again =
-        place.calib(&[&["status", "study.toml", "--json"][..], &smaller].concat()).succeeds();
-    let again: Value = serde_json::from_str(&again).expect("JSON");
+        place.calib(&[&["status", "study.toml", "--json"][..], &smaller].concat()).json(&[0]);
     assert_eq!((&again["state"], &again["commands"]), (&"done".into(), &Value::Array(vec![])));
 }
 
@@ -219,8 +212,13 @@ fn shards_of_a_cluster_are_ranked_as_far_as_they_are() {
     let rankings = after["rankings"].as_array().expect("rankings");
     let stored: u64 = rankings.iter().map(|ranking| runs(ranking).0).sum();
     assert!(stored > 0 && stored < 66, "{stored}");
-    let told = place.calib(&["status", "plan"]).succeeds();
-    assert!(told.contains("1 of 3 shards done") && told.contains("provisional"), "{told}");
+    place.calib(&["status", "plan"]).succeeds_with(&["1 of 3 shards done", "provisional"]);
+}
+
+/// What a page says of its study.
+fn told(address: SocketAddr) -> Value {
+    let (_, told) = ask(address, "GET /status.json", &address.to_string());
+    serde_json::from_str(&told).expect("JSON")
 }
 
 /// Ask a page for something: the status and headers, and the body.
@@ -239,8 +237,7 @@ fn serving(
     place: &Place,
     args: &[&str],
 ) -> (Ends, SocketAddr, BufReader<std::process::ChildStderr>) {
-    let mut command: Command = place.command(args);
-    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("runs");
+    let mut child = place.start(args, Stdio::piped());
     let mut said = BufReader::new(child.stderr.take().expect("piped"));
     let ends = Ends(child);
     let mut line = String::new();
@@ -263,8 +260,7 @@ fn a_page_shows_a_study_to_this_machine_alone_and_changes_nothing() {
     let (head, page) = ask(address, "GET /", &host);
     assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
     assert!(head.contains("default-src 'none'") && page.contains("status.json"), "{head}");
-    let (_, told) = ask(address, "GET /status.json", &host);
-    let told: Value = serde_json::from_str(&told).expect("JSON");
+    let told = told(address);
     assert_eq!(told["state"], "done");
     assert_eq!(schema::problem(&schema::of("status"), &told), None);
     let (head, report) = ask(address, "GET /report", &format!("localhost:{}", address.port()));
@@ -279,8 +275,7 @@ fn a_page_shows_a_study_to_this_machine_alone_and_changes_nothing() {
         assert!(head.starts_with(&format!("HTTP/1.1 {expected}")), "{request}: {head}");
     }
     // The address is taken.
-    let refused = place.calib(&["status", "study.toml", "--serve", &host]).fails(2);
-    assert!(refused.contains("give another port"), "{refused}");
+    place.calib(&["status", "study.toml", "--serve", &host]).fails_with(2, &["give another port"]);
     drop(ends);
     assert!(place.content("study-results") == content, "nothing is written");
 }
@@ -291,8 +286,7 @@ fn the_page_of_a_run_answers_while_all_threads_train() {
     let (ends, address, _said) =
         serving(&place, &["run", "study.toml", "--threads", "1", "--serve", "127.0.0.1:0"]);
     let shown = wait_for("a stored run", || {
-        let (_, told) = ask(address, "GET /status.json", &address.to_string());
-        let told: Value = serde_json::from_str(&told).expect("JSON");
+        let told = told(address);
         assert_ne!(told["state"], "done", "the page waited for the run");
         let (stored, _) = told["rankings"].as_array()?.first().map(runs)?;
         (stored > 0 && told["secs_left"].is_number()).then_some(told)
@@ -306,8 +300,7 @@ fn a_run_shows_its_page_as_long_as_it_runs() {
     let place = Place::with_plant();
     let (mut ends, address, mut said) =
         serving(&place, &["run", "study.toml", "--serve", "127.0.0.1:0"]);
-    let (_, told) = ask(address, "GET /status.json", &address.to_string());
-    let told: Value = serde_json::from_str(&told).expect("JSON");
+    let told = told(address);
     assert!(told["steps"].is_array(), "{told}");
     let mut rest = String::new();
     said.read_to_string(&mut rest).expect("readable");

@@ -38,8 +38,7 @@ fn one_command_runs_a_study_from_its_plant_to_the_verdict() {
     fewer.succeeds();
     assert_eq!(fewer.stderr().matches("up to date").count(), 3, "{}", fewer.stderr());
     assert!(fewer.stderr().contains("wrote study-results/rollout"), "{}", fewer.stderr());
-    let json = place.calib(&["run", "study.toml", "--json", "-q", "--force"]).succeeds();
-    let summary: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
+    let summary = place.calib(&["run", "study.toml", "--json", "-q", "--force"]).json(&[0]);
     assert_eq!(summary["verdicts"].as_array().expect("a list").len(), 2);
 }
 
@@ -82,18 +81,15 @@ fn a_plant_that_is_not_there_is_simulated_first() {
     let day = place.path().join("data/2022-11-02.parquet");
     let whole = std::fs::read(&day).expect("readable");
     std::fs::remove_file(&day).expect("there");
-    let message = place.calib(&["build-model", "study.toml"]).fails(2);
-    assert!(message.contains("is not in data"), "{message}");
+    place.calib(&["build-model", "study.toml"]).fails_with(2, &["is not in data"]);
     assert!(place.calib(&["simulate", "study.toml"]).succeeds().contains("1 written"));
     assert!(std::fs::read(&day).expect("readable") == whole);
 
     // Another plant is not taken for it, nor written over it.
     let other = ["--set", "simulate.seed=9"];
-    let message = place.calib(&["sweep", "study.toml", other[0], other[1]]).fails(2);
-    assert!(
-        message.contains("calib simulate study.toml --set 'simulate.seed=9' --force"),
-        "{message}"
-    );
+    place
+        .calib(&["sweep", "study.toml", other[0], other[1]])
+        .fails_with(2, &["calib simulate study.toml --set 'simulate.seed=9' --force"]);
     let message = place.calib(&["run", "study.toml", other[0], other[1]]).fails(2);
     assert!(message.contains("holds another simulation"), "{message}");
 }
@@ -127,8 +123,7 @@ fn mistakes_about_the_plant_are_named() {
     let message = place.calib(&["simulate", "study.toml", "--days", "2"]).fails(2);
     assert!(message.contains("--set simulate.days=2"), "{message}");
     place.edit_study("path = \"data\"", "path = \"data/*.parquet\"");
-    let message = place.calib(&["simulate", "study.toml"]).fails(2);
-    assert!(message.contains("one plain folder"), "{message}");
+    place.calib(&["simulate", "study.toml"]).fails_with(2, &["one plain folder"]);
     let message = place.calib(&["simulate", "logs", "--set", "seed=1"]).fails(2);
     assert!(message.contains("--set and --profile change a study"), "{message}");
 }
@@ -149,10 +144,8 @@ fn a_model_that_needs_libtorch_is_left_out_aloud() {
         )
     );
     assert!(ran.stdout().contains("knn"), "{}", ran.stdout());
-    let report = place.path().join("study-results/report.html");
-    assert!(std::fs::read_to_string(report).expect("written").contains("model script is left out"));
-    let only = place.calib(&["run", "study.toml", "--model", "script"]).fails(2);
-    assert!(only.contains("wants libtorch"), "{only}");
+    assert!(place.read("study-results/report.html").contains("model script is left out"));
+    place.calib(&["run", "study.toml", "--model", "script"]).fails_with(2, &["wants libtorch"]);
 }
 
 #[test]
@@ -167,13 +160,11 @@ fn a_profile_is_the_study_at_another_size_with_results_of_its_own() {
     assert!(message.contains("run `calib simulate study.toml --profile tiny` first"), "{message}");
     place.calib(&["simulate", "study.toml", "--profile", "tiny"]).succeeds();
     assert!(place.path().join("small/2022-11-02.parquet").is_file());
-    let inspected = place.calib(&["inspect", "study.toml", "--profile", "tiny"]).succeeds();
-    assert!(inspected.contains("2022-11-02 1"), "{inspected}");
+    place.calib(&["inspect", "study.toml", "--profile", "tiny"]).succeeds_with(&["2022-11-02 1"]);
     let ran = place.calib(&["run", "study.toml", "--profile", "tiny"]);
     ran.succeeds();
     assert!(ran.stderr().contains("of 200 steps"), "{}", ran.stderr());
-    let report = place.path().join("study-results/tiny/report.html");
-    let report = std::fs::read_to_string(report).expect("written");
+    let report = place.read("study-results/tiny/report.html");
     assert!(report.contains("calib sweep study.toml --profile tiny"), "how to make it again");
     assert!(!place.path().join("study-results/model").exists());
 
@@ -190,7 +181,7 @@ fn a_profile_is_the_study_at_another_size_with_results_of_its_own() {
 #[test]
 fn mistakes_in_profiles_are_named_before_they_are_chosen() {
     let place = Place::with_plant();
-    let study = std::fs::read_to_string(place.path().join("study.toml")).expect("readable");
+    let study = place.read("study.toml");
     let refused = |profiles: &str, args: &[&str]| {
         place.write("study.toml", &format!("{study}\n{profiles}\n"));
         place.calib(&[&["simulate", "study.toml"], args].concat()).fails(2)
@@ -222,11 +213,8 @@ fn models_of_a_part_of_the_range_have_the_units_of_all_of_it() {
         "[models.day.model.period]\nstart = 2022-11-02\n[models.all]\n\n[rollout]",
     );
     place.calib(&["run", "study.toml"]).succeeds();
-    let manifest = |model: &str| -> serde_json::Value {
-        let path = format!("study-results/models/{model}/model/manifest.json");
-        let text = std::fs::read(place.path().join(path)).expect("written");
-        serde_json::from_slice(&text).expect("JSON")
-    };
+    let manifest =
+        |model: &str| place.read_json(&format!("study-results/models/{model}/model/manifest.json"));
     let all = manifest("all");
     let day = manifest("day");
     assert_eq!(all["normaliser"], day["normaliser"]);
@@ -256,9 +244,7 @@ fn models_that_differ_in_their_rollouts_share_tables() {
     );
     let verified = ["build-model", "study.toml", "--model", "near", "--verify", "5"];
     place.calib(&verified).succeeds();
-    for command in ["rollout", "sweep", "evaluate"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["rollout", "sweep", "evaluate"]);
     // Each is the same to the byte as alone.
     let alone = ["build-model", "study.toml", "--model", "near", "--output", "alone"];
     place.calib(&alone).succeeds();

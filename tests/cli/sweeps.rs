@@ -1,11 +1,9 @@
 //! What is swept: every field of the agent, lists, ranges, samples; and what it takes.
 
-use std::{collections::BTreeMap, path::PathBuf};
-
 use calib_data::table::{Table, read_parquet};
 use insta::assert_snapshot;
 
-use crate::harness::Place;
+use crate::harness::{Content, Place};
 
 /// A small plant with its model, and runs as short as they can be.
 fn place() -> Place {
@@ -78,18 +76,14 @@ fn a_dry_run_lists_the_values_and_what_they_take() {
         "sweep",
         "study.toml",
         "--dry-run",
-        "--set",
-        "sweep.sampling=sobol",
-        "--set",
-        "sweep.samples=4",
-        "--set",
-        "sweep.grid={ learning_rate = { from = 1e-5, to = 1e-1, scale = \"log\" }, batch_size = [16, 32] }",
+        "--set=sweep.sampling=sobol",
+        "--set=sweep.samples=4",
+        "--set=sweep.grid={ learning_rate = { from = 1e-5, to = 1e-1, scale = \"log\" }, batch_size = [16, 32] }",
     ];
     let listed = place.calib(&sampled);
     assert_snapshot!(listed.succeeds());
     assert!(listed.stderr().contains("memory: up to "), "{}", listed.stderr());
-    let json = place.calib(&[&sampled[..], &["--json"]].concat()).succeeds();
-    let plan: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    let plan = place.calib(&[&sampled[..], &["--json"]].concat()).json(&[0]);
     assert_eq!(plan["candidates"].as_array().map(Vec::len), Some(5), "{plan}");
     assert!(plan["memory"]["total"].as_u64() > plan["memory"]["data"].as_u64());
     let other = place.calib(&[&sampled[..], &["--set", "seed=4"]].concat());
@@ -126,8 +120,7 @@ fn a_sweep_that_does_not_fit_is_refused_with_advice() {
     let sets = ["agent.value_function=mlp", "agent.hidden_units=16384", "agent.hidden_layers=16"];
     let mut args = vec!["sweep", "study.toml", "--dry-run"];
     args.extend(sets.iter().flat_map(|set| ["--set", set]));
-    let error = place.calib(&args).fails(2);
-    assert!(error.contains("of memory and") && error.contains("hidden_units"), "{error}");
+    place.calib(&args).fails_with(2, &["of memory and", "hidden_units"]);
 }
 
 #[test]
@@ -135,9 +128,7 @@ fn a_halving_chooses_from_a_part_of_the_runs_and_says_so() {
     let place = Place::with_study();
     place.edit_study("member_runs = 2", "member_runs = 4");
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-4, 1e-3, 1e-2, 1e38]");
-    for command in ["build-model", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["build-model", "sweep"]);
     let whole = chosen(&place);
     let all = runs_made(&place);
     place.edit_study("member_runs = 4", "member_runs = 4\nrace = \"halving\"");
@@ -153,8 +144,7 @@ fn a_halving_chooses_from_a_part_of_the_runs_and_says_so() {
 
 /// The chosen candidates, sensor by sensor.
 fn chosen(place: &Place) -> Vec<u64> {
-    let told = place.calib(&["evaluate", "study.toml", "--json"]).stdout();
-    let verdict: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    let verdict = place.calib(&["evaluate", "study.toml", "--json"]).json(&[0, 1]);
     verdict["verdicts"]
         .as_array()
         .expect("a list")
@@ -173,9 +163,7 @@ fn a_race_drops_what_diverges_says_so_and_resumes() {
     let place = Place::with_study();
     place.edit_study("member_runs = 2", "member_runs = 3\nrace = \"halving\"");
     place.edit_study("[1e-5, 1e-3, 1e-2]", "[1e-5, 1e-3, 1e-2, 1e38]");
-    for command in ["build-model", "sweep"] {
-        place.calib(&[command, "study.toml"]).succeeds();
-    }
+    place.run_steps(&["build-model", "sweep"]);
     let table = runs(&place);
     let environment = table.column::<String>("environment").expect("there");
     let candidate = table.column::<u32>("candidate").expect("there");
@@ -203,8 +191,7 @@ fn a_race_drops_what_diverges_says_so_and_resumes() {
             "unknown key `race_error_rate`: the race by certainty is gone",
         ),
     ] {
-        let refused = place.calib(&["sweep", "study.toml", "--set", set]).fails(2);
-        assert!(refused.contains(told), "{refused}");
+        place.calib(&["sweep", "study.toml", "--set", set]).fails_with(2, &[told]);
     }
 }
 
@@ -270,7 +257,7 @@ fn one_more_value_in_the_grid_trains_that_value_alone() {
 }
 
 /// What a sweep left but for its units.
-fn without_units(mut content: BTreeMap<PathBuf, Vec<u8>>) -> BTreeMap<PathBuf, Vec<u8>> {
+fn without_units(mut content: Content) -> Content {
     content.retain(|path, _| !path.starts_with("sweep/units"));
     content
 }

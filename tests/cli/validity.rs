@@ -69,10 +69,6 @@ fn method(json: &Value, name: &str) -> Value {
     all.iter().find(|method| method["method"] == name).expect("it is there").clone()
 }
 
-fn parsed(text: &str) -> Value {
-    serde_json::from_str(text).expect("JSON")
-}
-
 #[test]
 fn a_folder_of_studies_is_run_and_judged() {
     let place = place();
@@ -88,7 +84,7 @@ fn a_folder_of_studies_is_run_and_judged() {
     assert!(!place.path().join("plants/validity-results").exists());
 
     let judged = place.calib(&["validity", "plants", "--json", "-q"]);
-    let json = parsed(&judged.succeeds());
+    let json = judged.json(&[0]);
     let score = &json["scores"][0];
     assert_eq!((&score["part"], &score["pairs"]), (&"whole_run".into(), &4.into()));
     assert_eq!(score["plants"], json!(["north", "south"]));
@@ -117,12 +113,12 @@ fn a_folder_of_studies_is_run_and_judged() {
     assert_eq!((&accuracy["pairs"], &accuracy["models"]), (&4.into(), &8.into()));
     // What one study says is what the judgement says of it.
     let own = place.calib(&["evaluate", "plants/north.toml", "--model", "near", "--json", "-q"]);
-    let own = parsed(&own.stdout());
+    let own = own.json(&[0, 1]);
     let regret = |sensor: usize| {
         own["verdicts"][sensor]["truth"]["choice"]["regret"]["value"].as_f64().expect("finite")
     };
     let one = ["validity", "plants/north.toml", "--judge-only", "--output", "one", "--json", "-q"];
-    let one = method(&parsed(&place.calib(&one).succeeds()), "model:near");
+    let one = method(&place.calib(&one).json(&[0]), "model:near");
     let mean = one["mean"].as_f64().expect("finite");
     assert!((mean - f64::midpoint(regret(0), regret(1))).abs() < 1e-12, "{one}");
 
@@ -151,12 +147,9 @@ fn what_cannot_be_judged_is_refused() {
     let unfinished = place.calib(&["validity", "plants/north.toml", "--judge-only"]).fails(2);
     assert!(unfinished.contains("run `calib") && unfinished.contains("north.toml"), "{unfinished}");
     std::fs::create_dir(place.path().join("empty")).expect("a folder");
-    let empty = place.calib(&["validity", "empty"]).fails(2);
-    assert!(empty.contains("empty has no study (*.toml)"), "{empty}");
-    let twice = place.calib(&["validity", "plants", "plants/north.toml"]).fails(2);
-    assert!(twice.contains("both called north"), "{twice}");
-    let draw = place.calib(&["validity", "plants", "--draw", "2"]).fails(2);
-    assert!(draw.contains("--draw is for protocols"), "{draw}");
+    place.calib(&["validity", "empty"]).fails_with(2, &["empty has no study (*.toml)"]);
+    place.calib(&["validity", "plants", "plants/north.toml"]).fails_with(2, &["both called north"]);
+    place.calib(&["validity", "plants", "--draw", "2"]).fails_with(2, &["--draw is for protocols"]);
 
     let blind = STUDY.replace("train_fraction = 0.7", "train_fraction = 1").replace("SEED", "1");
     place.write("plants/north.toml", &blind);
@@ -215,15 +208,14 @@ const VALIDITY: [&str; 4] = ["validity", "protocol.toml", "--json", "-q"];
 #[test]
 fn a_protocol_draws_plants_and_goes_on_where_it_was() {
     let place = protocol();
-    let dry = place.calib(&["validity", "protocol.toml", "--dry-run"]).succeeds();
-    assert!(
-        dry.contains("plant-02") && dry.contains("left out: CALIB_NOWHERE is not set"),
-        "{dry}"
-    );
-    assert!(dry.contains("3 of 4 plants are to be run"), "{dry}");
+    place.calib(&["validity", "protocol.toml", "--dry-run"]).succeeds_with(&[
+        "plant-02",
+        "left out: CALIB_NOWHERE is not set",
+        "3 of 4 plants are to be run",
+    ]);
     assert!(!place.path().join("validity-results").exists(), "nothing is written");
 
-    let json = parsed(&place.calib(&VALIDITY).succeeds());
+    let json = place.calib(&VALIDITY).json(&[0]);
     assert_eq!(json["protocol"], json!({"file": "protocol.toml", "seed": 5}));
     assert_eq!(json["scores"][0]["plants"], json!(["plant-01", "plant-02"]));
     let left_out = json["left_out"].as_array().expect("a list");
@@ -241,7 +233,7 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
 
     // Each drawn study is one like any other.
     let study = "validity-results/draw-5/studies/plant-01.toml";
-    let text = std::fs::read_to_string(place.path().join(study)).expect("written");
+    let text = place.read(study);
     assert!(text.contains("with the seed 5") && text.contains("#     simulate.drift = "), "{text}");
     let again = place.calib(&["sweep", study]);
     again.succeeds();
@@ -267,14 +259,12 @@ fn a_protocol_draws_plants_and_goes_on_where_it_was() {
 #[test]
 fn another_draw_confirms_and_leaves_the_first_as_it_is() {
     let place = protocol();
-    let refused = place.calib(&["validity", "protocol.toml", "--judge-only"]).fails(2);
-    assert!(
-        refused.contains("no plant is left to judge (plant-01: it has not been run"),
-        "{refused}"
-    );
-    let first = parsed(&place.calib(&VALIDITY).succeeds());
+    place
+        .calib(&["validity", "protocol.toml", "--judge-only"])
+        .fails_with(2, &["no plant is left to judge (plant-01: it has not been run"]);
+    let first = place.calib(&VALIDITY).json(&[0]);
     let results = place.content("validity-results/draw-5");
-    let other = parsed(&place.calib(&[&VALIDITY[..], &["--draw", "6"]].concat()).succeeds());
+    let other = place.calib(&[&VALIDITY[..], &["--draw", "6"]].concat()).json(&[0]);
     assert_eq!(other["protocol"]["seed"], 6);
     assert_ne!(first["plants"], other["plants"], "other tasks");
     assert!(place.content("validity-results/draw-5") == results);
@@ -282,12 +272,12 @@ fn another_draw_confirms_and_leaves_the_first_as_it_is() {
     let folder = place.path().join("validity-results/draw-6/studies/plant-02-results");
     std::fs::remove_dir_all(folder).expect("it was there");
     let so_far = [&VALIDITY[..], &["--draw", "6", "--judge-only"]].concat();
-    let so_far = parsed(&place.calib(&so_far).succeeds());
+    let so_far = place.calib(&so_far).json(&[0]);
     assert_eq!(so_far["scores"][0]["plants"], json!(["plant-01"]));
     // A protocol that draws otherwise draws its own plants anew.
     let drift = "{ from = 0.3, to = 3, scale = \"log\" }";
     place.write("protocol.toml", &PROTOCOL.replace(drift, "[0.7, 0.8]"));
-    let redrawn = parsed(&place.calib(&VALIDITY).succeeds());
+    let redrawn = place.calib(&VALIDITY).json(&[0]);
     assert_eq!(redrawn["plants"], first["plants"], "the tasks stay");
     assert_ne!(redrawn["scores"][0]["methods"], first["scores"][0]["methods"]);
 }
@@ -297,15 +287,11 @@ fn a_protocol_is_told_from_studies() {
     let place = protocol();
     let run = place.calib(&["run", "protocol.toml"]).fails(2);
     assert!(run.contains("is a protocol of several studies; run it with `calib validity"), "{run}");
-    let both = place.calib(&["validity", "protocol.toml", "plant.toml"]).fails(2);
-    assert!(
-        both.contains("is a protocol, which draws its own studies: name nothing beside it"),
-        "{both}"
-    );
+    place
+        .calib(&["validity", "protocol.toml", "plant.toml"])
+        .fails_with(2, &["is a protocol, which draws its own studies: name nothing beside it"]);
     // In a folder the protocol is what is meant, and the studies beside it are what it draws from.
-    let folder = place.calib(&["validity", ".", "--dry-run"]).succeeds();
-    assert!(folder.contains("plant-01"), "{folder}");
+    place.calib(&["validity", ".", "--dry-run"]).succeeds_with(&["plant-01"]);
     place.write("protocol.toml", &PROTOCOL.replace("agent.gamma", "agent.gama"));
-    let key = place.calib(&["validity", "protocol.toml"]).fails(2);
-    assert!(key.contains("did you mean `gamma`"), "{key}");
+    place.calib(&["validity", "protocol.toml"]).fails_with(2, &["did you mean `gamma`"]);
 }

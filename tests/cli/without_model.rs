@@ -2,8 +2,6 @@
 
 use std::fs;
 
-use serde_json::Value;
-
 use crate::harness::{Place, Ran};
 
 const NONE: [&str; 2] = ["--set", "model.kind=none"];
@@ -67,7 +65,7 @@ fn the_replayed_log_decides_alone_from_the_log_to_the_report() {
     for absent in ["model", "rollout", "representation"] {
         assert!(!results.join(absent).exists(), "{absent} was made");
     }
-    let page = fs::read_to_string(results.join("report.html")).expect("a report");
+    let page = place.read("study-results/report.html");
     let words = words_of(&page);
     assert_eq!(said_of_models(&words), Vec::<String>::new());
     assert!(words.contains("windows of the replayed log"), "the log decided: {words}");
@@ -79,8 +77,7 @@ fn the_replayed_log_decides_alone_from_the_log_to_the_report() {
     let why = calib(&place, &["evaluate"], &["--why"]).ends(&[0, 1]);
     assert!(why.contains("as a geometric mean over 2 windows of the replayed log."), "{why}");
     assert_eq!(said_of_models(&why), Vec::<String>::new());
-    let json = calib(&place, &["evaluate"], &["--json", "-q"]).ends(&[0, 1]);
-    let summary: Value = serde_json::from_str(&json).expect("JSON");
+    let summary = calib(&place, &["evaluate"], &["--json", "-q"]).json(&[0, 1]);
     for verdict in summary["verdicts"].as_array().expect("a list") {
         assert_eq!(verdict["rule"], "log_replay");
         assert_eq!(verdict["members"], serde_json::json!([]));
@@ -102,13 +99,11 @@ fn the_choice_is_that_of_log_replay_beside_a_model() {
     let place = Place::with_study();
     let rule = ["--set", "evaluate.rule=log_replay"];
     calib(&place, &["run"], &rule).ends(&[0, 1]);
-    let judged = |more: &[&str]| -> Value {
-        let json = calib(&place, &["evaluate"], &[more, &["--json", "-q"]].concat()).ends(&[0, 1]);
-        serde_json::from_str(&json).expect("JSON")
+    let judged = |more: &[&str]| {
+        calib(&place, &["evaluate"], &[more, &["--json", "-q"]].concat()).json(&[0, 1])
     };
     let beside = judged(&rule);
-    let stale = calib(&place, &["evaluate"], &NONE).fails(2);
-    assert!(stale.contains("model.kind = \"knn\", now \"none\""), "{stale}");
+    calib(&place, &["evaluate"], &NONE).fails_with(2, &["model.kind = \"knn\", now \"none\""]);
     let swept = calib(&place, &["sweep"], &NONE).succeeds();
     assert!(swept.contains("up to date"), "no run is left to make: {swept}");
     let alone = judged(&NONE);
@@ -136,17 +131,12 @@ fn steps_of_a_model_say_that_there_is_none() {
         ("evaluate.rule=worst_rank", "evaluate.rule = \"worst_rank\" counts runs in a model"),
         ("sweep.log_replay_runs=0", "nothing would decide"),
     ] {
-        let error = calib(&place, &["sweep"], &[&NONE[..], &["--set", key]].concat()).fails(2);
-        assert!(error.contains(told), "{error}");
+        calib(&place, &["sweep"], &[&NONE[..], &["--set", key]].concat()).fails_with(2, &[told]);
     }
     let windows = ["--set", "data.train_fraction=0.02", "--set", "agent.gamma=0.99"];
     let short = calib(&place, &["run"], &[&NONE[..], &windows].concat());
-    let short = short.fails(2);
-    assert!(short.contains("no window of the training range can be replayed"), "{short}");
-    place.write(
-        "validity.toml",
-        &fs::read_to_string(place.path().join("study.toml")).expect("there"),
-    );
+    short.fails_with(2, &["no window of the training range can be replayed"]);
+    place.write("validity.toml", &place.read("study.toml"));
     let refused = place.calib(&[&["validity", "validity.toml"], &NONE[..]].concat()).fails(2);
     assert!(refused.contains("validity compares the choices of models"), "{refused}");
 }
@@ -172,13 +162,11 @@ fn pretraining_deployments_and_races_need_no_model() {
     assert!(ran.stderr().contains("[2/3] sweep"), "{}", ran.stderr());
     assert_eq!(said_of_models(&verdict), Vec::<String>::new());
     assert_eq!(said_of_models(&ran.stderr()), Vec::<String>::new());
-    let results = place.path().join("study-results");
     for page in ["report.html", "deployments/first/report.html"] {
-        let page = fs::read_to_string(results.join(page)).expect("a report");
+        let page = place.read(&format!("study-results/{page}"));
         assert_eq!(said_of_models(&words_of(&page)), Vec::<String>::new());
     }
-    let again = calib(&place, &["evaluate"], &["--json", "-q"]).ends(&[0, 1]);
-    let summary: Value = serde_json::from_str(&again).expect("JSON");
+    let summary = calib(&place, &["evaluate"], &["--json", "-q"]).json(&[0, 1]);
     assert_eq!(summary["deployments"].as_array().map(Vec::len), Some(2));
 }
 
@@ -193,8 +181,7 @@ fn shards_and_killed_sweeps_give_the_bytes_of_one_process() {
     fs::remove_file(sweep.join("manifest.json")).expect("there");
     fs::remove_file(sweep.join("units/PIT300/log-replay/run-0001.json")).expect("there");
     fs::remove_file(sweep.join("profile.json")).expect("there");
-    let went_on = calib(&place, &["sweep"], &[]).succeeds();
-    assert!(went_on.contains("1 training run made"), "{went_on}");
+    calib(&place, &["sweep"], &[]).succeeds_with(&["1 training run made"]);
     assert!(place.content("study-results") == alone);
 
     fs::remove_dir_all(&sweep).expect("there");

@@ -6,7 +6,6 @@
 //!     CALIB_DAMAGES=2000 CALIB_SEED=7 cargo test --release --test torture damage -- --nocapture
 
 use std::{
-    collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
 };
@@ -14,7 +13,7 @@ use std::{
 use crate::{
     campaign::{Draws, everything, number, on_all_cores},
     faults::copied,
-    harness::Place,
+    harness::{Content, Place},
 };
 
 /// Ways to damage a file.
@@ -22,8 +21,6 @@ const KINDS: [&str; 8] =
     ["bit", "cut", "swap", "zeros", "longer", "empty", "gone", "another study's"];
 /// Damages with the other tests.
 const SLICE: u64 = 32;
-
-type Content = BTreeMap<PathBuf, Vec<u8>>;
 
 /// `whole` with one damage; the same where that changes nothing, such as zeros over zeros. None: no file any more.
 fn damaged(

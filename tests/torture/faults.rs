@@ -5,11 +5,14 @@
 //!
 //!     CALIB_FAULTS=all cargo test --release --test torture faults -- --nocapture
 
-use std::{collections::BTreeMap, fs, path::Path, path::PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use crate::{
     campaign::{everything, neighbours, on_all_cores},
-    harness::{Place, Ran},
+    harness::{Content, Place, Ran},
 };
 
 /// What goes wrong.
@@ -44,8 +47,6 @@ impl Job {
         text.lines().map(str::to_owned).collect()
     }
 }
-
-type Content = BTreeMap<PathBuf, Vec<u8>>;
 
 /// Everything in a place, but locks and wall times, and what a kill leaves beside a file that the user named: nobody else
 /// knows whether another process still writes it.
@@ -226,16 +227,7 @@ fn what_is_made_anew() {
 fn what_stands_alone() {
     campaign(&Job { args: &["man", "made"], place: Place::new });
     campaign(&Job {
-        args: &[
-            "dtw",
-            "a.csv",
-            "b.csv",
-            "--step-pattern",
-            "symmetric2",
-            "--path",
-            "made.csv",
-            "--force",
-        ],
+        args: &["dtw", "a.csv", "b.csv", "--step-pattern=symmetric2", "--path=made.csv", "--force"],
         place: || {
             let place = Place::new();
             place.write("a.csv", "1\n2\n3\n");

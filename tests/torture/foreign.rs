@@ -64,6 +64,8 @@ const MODEL: &[&str] = &["build-model", "study.toml", "-q", "--output", "results
 const SHARD: &[&str] = &["cluster", "run", "out", "--shard", "0", "-q"];
 const OTHER_SHARD: &[&str] = &["cluster", "run", "out", "--shard", "1", "-q"];
 
+const SERIES: &str = "data/2022-11-01.parquet:PIT300";
+
 fn acts() -> Vec<Act> {
     vec![
         Act::of(RUN, &[]),
@@ -77,18 +79,7 @@ fn acts() -> Vec<Act> {
         Act::of(&["represent", "study.toml", "-q", "--output", "out", "--share", "0/2"], &[LOGS]),
         Act::of(&["simulate", "out", "--days", "2", "--channels", "3", "--period", "600"], &[]),
         Act::of(
-            &[
-                "simulate",
-                "out",
-                "--days",
-                "2",
-                "--channels",
-                "3",
-                "--period",
-                "600",
-                "--change",
-                "2",
-            ],
+            &["simulate", "out", "--days=2", "--channels=3", "--period=600", "--change=2"],
             &[],
         ),
         Act::of(&["simulate", "out", "--task", "acrobot", "--transitions", "300"], &[]),
@@ -96,15 +87,7 @@ fn acts() -> Vec<Act> {
         Act::of(&["init", "data", "out/new.toml", "--within", "5s"], &[LOGS])
             .naming("out/new.toml"),
         Act::of(
-            &[
-                "dtw",
-                "data/2022-11-01.parquet:PIT300",
-                "data/2022-11-01.parquet:PIT300",
-                "--step-pattern",
-                "symmetric2",
-                "--path",
-                "out/path.csv",
-            ],
+            &["dtw", SERIES, SERIES, "--step-pattern=symmetric2", "--path=out/path.csv"],
             &[LOGS],
         )
         .naming("out/path.csv"),
@@ -135,16 +118,7 @@ fn acts() -> Vec<Act> {
 
 /// A log of decisions, and a study of it.
 fn with_decisions() -> Place {
-    let place = Place::new();
-    let args = ["simulate", "pole", "--task", "cart-pole", "--policy", "random"];
-    place.calib(&[&args[..], &["--transitions", "400"]].concat()).succeeds();
-    let path = place.path().join("pole/study.toml");
-    let text = fs::read_to_string(&path).expect("a study is written beside the log");
-    let (before, _) = text.split_once("[control.grid]").expect("a grid");
-    let small = before.replace("steps = 15000", "steps = 200");
-    let grid = "[control.model]\nmembers = 2\n\n[control.grid]\nstep_size = [0.03, 0.3]\n";
-    fs::write(&path, format!("{small}{grid}")).expect("writable");
-    place
+    Place::with_pole(400, 200, 2)
 }
 
 /// A study, and a table of runs that another program made.

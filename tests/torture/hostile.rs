@@ -162,9 +162,9 @@ impl Bases {
                 let profile = "\n[profiles.small]\nbase = \"tiny\"\nsweep = { steps = 40 }\n\n[profiles.tiny]\nseed = 4\n\
                                [profiles.tiny.agent]\ngamma = 0.5\n";
                 let text = if target == "profile" {
-                    [study(&place).as_bytes(), &edited(profile, draws)].concat()
+                    [place.read("study.toml").as_bytes(), &edited(profile, draws)].concat()
                 } else {
-                    edited(&(study(&place) + profile), draws)
+                    edited(&(place.read("study.toml") + profile), draws)
                 };
                 fs::write(place.path().join("study.toml"), text).expect("writable");
                 let args = ["run", "study.toml", "--profile", "small", "--dry-run"];
@@ -212,11 +212,6 @@ fn is_json(name: &str) -> bool {
     Path::new(name).extension().is_some_and(|kind| kind == "json")
 }
 
-/// The text of the study in a place.
-fn study(place: &Place) -> String {
-    fs::read_to_string(place.path().join("study.toml")).expect("readable")
-}
-
 /// ψ from a file whose bytes were changed.
 fn import(base: &Place, draws: &mut Draws) -> (String, Ended) {
     let place = copied(base);
@@ -232,14 +227,8 @@ fn import(base: &Place, draws: &mut Draws) -> (String, Ended) {
         bytes[place] = draws.next() as u8;
     }
     fs::write(&path, bytes).expect("writable");
-    let args = [
-        "represent",
-        "study.toml",
-        "--set",
-        "representation.kind=import",
-        "--set",
-        "representation.path=psi.npy",
-    ];
+    let import = ["--set=representation.kind=import", "--set=representation.path=psi.npy"];
+    let args = ["represent", "study.toml", import[0], import[1]];
     (args.join(" "), run(&place, &args, &["psi.npy", "representation"]))
 }
 

@@ -28,10 +28,8 @@ const COMMANDS: [&[&str]; 8] = [
     &[
         "run",
         "study.toml",
-        "--set",
-        "preprocess.missing=\"linear\"",
-        "--set",
-        "preprocess.normalise=\"standard\"",
+        "--set=preprocess.missing=\"linear\"",
+        "--set=preprocess.normalise=\"standard\"",
     ],
     &["dtw", "logs/a.parquet:P", "series.csv"],
 ];

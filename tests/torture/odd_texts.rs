@@ -82,7 +82,7 @@ fn difference(place: &Place, kind: &Kind, log: &Log) -> Option<String> {
 
 /// What is wrong with a study that was proposed.
 fn injected(place: &Place) -> Option<String> {
-    let text = fs::read_to_string(place.path().join("study.toml")).expect("written");
+    let text = place.read("study.toml");
     let study: toml::Table = match toml::from_str(&text) {
         Ok(study) => study,
         Err(error) => return Some(format!("the study is no TOML: {error}")),
@@ -294,12 +294,9 @@ fn small_logs_that_become_large() {
             2 => &[
                 "inspect",
                 "logs",
-                "--set",
-                "data.resample=last",
-                "--set",
-                "data.period_secs=0.001",
-                "--set",
-                "data.max_age_secs=1e7",
+                "--set=data.resample=last",
+                "--set=data.period_secs=0.001",
+                "--set=data.max_age_secs=1e7",
             ],
             3 => &["init", "logs", "study.toml", "--within", "1s"],
             _ => &["inspect", "logs"],

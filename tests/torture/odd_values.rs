@@ -113,22 +113,16 @@ const WORK: [&[&str]; 3] = [
     &[
         "run",
         "study.toml",
-        "--set",
-        "model.kind=nn",
-        "--set",
-        "dynamics.epochs=1",
-        "--set",
-        "dynamics.hidden_units=4",
+        "--set=model.kind=nn",
+        "--set=dynamics.epochs=1",
+        "--set=dynamics.hidden_units=4",
     ],
     &[
         "run",
         "study.toml",
-        "--set",
-        "agent.value_function=mlp",
-        "--set",
-        "agent.hidden_units=4",
-        "--set",
-        "pretrain.epochs=1",
+        "--set=agent.value_function=mlp",
+        "--set=agent.hidden_units=4",
+        "--set=pretrain.epochs=1",
     ],
 ];
 
@@ -165,7 +159,7 @@ impl Bases {
         let control = Place::new();
         let simulate = ["simulate", ".", "--task", "puddle-world", "--policy", "random"];
         control.calib(&[&simulate[..], &["--transitions", "600"]].concat()).succeeds();
-        let text = std::fs::read_to_string(control.path().join("study.toml")).expect("written");
+        let text = control.read("study.toml");
         let small = text.lines().map(|line| match line.split_once(" = ") {
             Some(("steps", _)) => "steps = 300\n".to_owned(),
             _ => format!("{line}\n"),

@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 
-use super::read;
 use crate::harness::Place;
 
 /// A log as loggers write it: dates and times in two columns, decimal commas, -200 for "no value", a clock that starts anew at midnight, the
@@ -58,9 +57,9 @@ fn loggers() -> String {
 fn what_a_logger_wrote_goes_to_a_verdict_with_what_was_said() {
     let place = Place::new();
     place.write("log.csv", &loggers());
-    let damaged = place.calib(&["init", "log.csv", "--within=1s"]).fails(2);
-    assert!(damaged.contains("log.csv, line 702: 2 cells"), "{damaged}");
-    assert!(damaged.contains("data.bad_rows = \"skip\""), "{damaged}");
+    place
+        .calib(&["init", "log.csv", "--within=1s"])
+        .fails_with(2, &["log.csv, line 702: 2 cells", "data.bad_rows = \"skip\""]);
     let skip = "--set=data.bad_rows=skip";
     let shown = place.calib(&["inspect", "log.csv", skip]);
     assert!(shown.stdout().contains("1: lines that cannot be read (left out), such as"));
@@ -70,7 +69,7 @@ fn what_a_logger_wrote_goes_to_a_verdict_with_what_was_said() {
     assert!(init.stderr().contains("-200 stands 81 times"), "{}", init.stderr());
     assert!(init.stderr().contains("angles: Wind (a turn is 360)"), "{}", init.stderr());
     assert!(init.stdout().contains("5 of 7 channels"), "both count: {}", init.stdout());
-    let study = read(&place, "study.toml");
+    let study = place.read("study.toml");
     for line in [
         "missing_values = [-200]",
         "bad_rows = \"skip\"  # given",
@@ -99,20 +98,16 @@ fn what_was_asked_for_is_taken_or_refused() {
     let said = late.stderr();
     assert!(said.contains("Late complete from 2024-03-14"), "{said}");
     assert!(said.contains("data.train and data.held_out take this stretch"), "{said}");
-    let study = read(&place, "study.toml");
+    let study = place.read("study.toml");
     assert!(study.contains("sensors = [\"Late\"]") && study.contains("Named with --sensor"));
     assert!(study.contains("as asked for with --horizon"), "{study}");
-    let clock = init(&["--sensor", "NSM"]).fails(2);
-    assert!(clock.contains("NSM: a clock: it counts on evenly, so it cannot be"), "{clock}");
-    let wind = init(&["--sensor", "Wind"]).fails(2);
-    assert!(
-        wind.contains(
-            "--sensor Wind: it is an angle; data.angles makes Wind_sin and Wind_cos of it: name one"
-        ),
-        "{wind}"
+    init(&["--sensor", "NSM"])
+        .fails_with(2, &["NSM: a clock: it counts on evenly, so it cannot be"]);
+    init(&["--sensor", "Wind"]).fails_with(
+        2,
+        &["--sensor Wind: it is an angle; data.angles makes Wind_sin and Wind_cos of it: name one"],
     );
-    let fraction = init(&["--set=data.train_fraction=0.5"]).fails(2);
-    assert!(fraction.contains("has no effect on `calib init`"), "{fraction}");
+    init(&["--set=data.train_fraction=0.5"]).fails_with(2, &["has no effect on `calib init`"]);
     let fraction = place.calib(&["run", "study.toml", "--set=data.train_fraction=0.5"]).fails(2);
     assert!(fraction.contains("has no effect, because data.train says"), "{fraction}");
 }
@@ -125,9 +120,8 @@ fn an_angle_becomes_its_sine_and_its_cosine() {
     let skip = "--set=data.bad_rows=skip";
     let init = |more: &[&str]| {
         let args = ["init", "log.csv", "--force", "--json", "--within=1s", skip];
-        let said = place.calib(&[&args, more].concat()).succeeds();
-        let said: serde_json::Value = serde_json::from_str(&said).expect("JSON");
-        let study: toml::Table = toml::from_str(&read(&place, "study.toml")).expect("TOML");
+        let said = place.calib(&[&args, more].concat()).json(&[0]);
+        let study: toml::Table = toml::from_str(&place.read("study.toml")).expect("TOML");
         (said, study)
     };
     let (said, study) = init(&[]);
@@ -135,12 +129,11 @@ fn an_angle_becomes_its_sine_and_its_cosine() {
     assert_eq!(study["data"]["angles"]["Wind"].as_integer(), Some(360));
     let sensors = said["sensors"].as_array().expect("sensors");
     assert!(sensors.iter().all(|name| !name.as_str().unwrap_or("Wind").starts_with("Wind")));
-    assert!(!read(&place, "study.toml").contains("could be as well: \"Wind"));
-    let shown = place.calib(&["inspect", "study.toml"]).succeeds();
-    assert!(shown.contains("Wind_sin: sine of Wind (recorded from "), "{shown}");
-    assert!(shown.contains(", a turn is 360)"), "{shown}");
-    let shown = place.calib(&["inspect", "study.toml", "--json"]).succeeds();
-    let shown: serde_json::Value = serde_json::from_str(&shown).expect("JSON");
+    assert!(!place.read("study.toml").contains("could be as well: \"Wind"));
+    place
+        .calib(&["inspect", "study.toml"])
+        .succeeds_with(&["Wind_sin: sine of Wind (recorded from ", ", a turn is 360)"]);
+    let shown = place.calib(&["inspect", "study.toml", "--json"]).json(&[0]);
     let cosine = shown["channels"].as_array().expect("channels").iter();
     let cosine = cosine.filter(|channel| channel["name"] == "Wind_cos").collect::<Vec<_>>()[0];
     assert_eq!(
