@@ -34,7 +34,7 @@ pub use error::ReportError;
 pub use figures::{
     Dimension, ErrorCurve, ErrorSource, Figure, LearningCurve, LearningCurves, MAX_POINTS,
     PeriodUse, RankCurve, RecordedFigure, RecordedPeriod, RolloutFigure, RolloutGrid, RolloutRow,
-    Samples, Score, Sensitivity, Trajectory,
+    Samples, Sensitivity, Trajectory,
 };
 pub use number::{count, duration, number, percent, setting};
 pub use overview::{Decision, Overview, OverviewFigure, Support};

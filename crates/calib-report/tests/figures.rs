@@ -8,7 +8,6 @@ use calib_report::{
     Dash, Figure, LearningEnvironment, ReportError, RolloutFigure, ScaleKind, Sensitivity, Setting,
     Side,
 };
-use calib_stats::Direction;
 use fixture::{grid, learning, recorded, rollout, sensitivity};
 
 /// Width and height from the header of a PNG file.
@@ -89,23 +88,6 @@ fn small_svg() {
 </g>
 </svg>
 "##);
-}
-
-/// Where the best and the worst rank stand on their axis.
-fn rank_ends(direction: Direction) -> (f64, f64) {
-    let mut figure = sensitivity("PIT300");
-    figure.score.direction = direction;
-    let chart = figure.figure().unwrap().chart().clone();
-    let scale = &chart.right.as_ref().unwrap().scale;
-    (scale.fraction(1.0), scale.fraction(4.0))
-}
-
-#[test]
-fn better_is_on_the_same_side_of_both_axes() {
-    let (best, worst) = rank_ends(Direction::LowerIsBetter);
-    assert!(best < worst);
-    let (best, worst) = rank_ends(Direction::HigherIsBetter);
-    assert!(best > worst);
 }
 
 #[test]

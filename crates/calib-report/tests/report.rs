@@ -3,7 +3,10 @@
 
 mod fixture;
 
-use calib_report::{ChoiceBaseline, Reason, Report};
+use calib_report::{
+    ChoiceBaseline, LearningCurves, Reason, RecordedFigure, Report, RolloutFigure, RolloutGrid,
+    Sensitivity,
+};
 use fixture::{HOSTILE, report};
 
 /// Elements that have no end tag.
@@ -45,21 +48,16 @@ fn assert_balanced(markup: &str) {
 
 #[test]
 fn every_element_is_closed() {
-    assert_balanced(&report().html().unwrap());
-    for figure in report().sensitivities {
-        assert_balanced(&figure.figure().unwrap().svg());
-    }
-    for figure in report().learning {
-        assert_balanced(&figure.figure().unwrap().svg());
-    }
-    for figure in report().recorded {
-        assert_balanced(&figure.figure().unwrap().svg());
-    }
-    for figure in report().rollouts {
-        assert_balanced(&figure.figure().unwrap().svg());
-    }
-    for figure in report().rollout_grids {
-        assert_balanced(&figure.figure().unwrap().svg());
+    let report = report();
+    assert_balanced(&report.html().unwrap());
+    let sensitivities = report.sensitivities.iter().map(Sensitivity::figure);
+    let learning = report.learning.iter().map(LearningCurves::figure);
+    let recorded = report.recorded.iter().map(RecordedFigure::figure);
+    let rollouts = report.rollouts.iter().map(RolloutFigure::figure);
+    let grids = report.rollout_grids.iter().map(RolloutGrid::figure);
+    let all = sensitivities.chain(learning).chain(recorded).chain(rollouts).chain(grids);
+    for figure in all {
+        assert_balanced(&figure.unwrap().svg());
     }
 }
 
@@ -221,17 +219,11 @@ fn a_report_without_held_out_data_says_so_and_shows_ranks() {
 
 #[test]
 fn an_empty_report_is_still_a_page() {
-    let mut report = report();
-    report.verdicts.clear();
-    report.decision = None;
-    report.sensitivities.clear();
-    report.learning.clear();
-    report.rollouts.clear();
-    report.rollout_grids.clear();
-    report.recorded.clear();
-    report.jumps.clear();
-    report.tables.clear();
-    report.data = None;
+    let report = Report {
+        title: "Nothing".to_owned(),
+        reproduction: report().reproduction,
+        ..Report::default()
+    };
     let html = report.html().unwrap();
     assert!(html.contains("There is no verdict"));
     assert_balanced(&html);

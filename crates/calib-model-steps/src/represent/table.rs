@@ -9,7 +9,6 @@ use calib_base::{
 use calib_data::table::Table;
 use calib_report::{Best, Cell, Table as ReportTable};
 use calib_represent::{LEAST_UNIQUENESS, LaplacianConfig, RepresentationKind};
-use calib_stats::Direction;
 
 use super::{Candidate, RepresentationManifest};
 
@@ -212,7 +211,7 @@ pub fn report_table(manifest: &RepresentationManifest) -> ReportTable {
         ),
         columns: columns.map(str::to_owned).collect(),
         rows: rows.collect(),
-        best: Some(Best::OfColumn(Direction::HigherIsBetter)),
+        best: Some(Best::LargestOfColumn),
     }
     .without_empty_columns()
 }

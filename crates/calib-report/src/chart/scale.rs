@@ -17,7 +17,7 @@ pub enum ScaleKind {
     Names(Vec<String>),
 }
 
-/// Range and spacing of an axis. `min` < `max`, except upside down; both are positive on a logarithmic scale.
+/// Range and spacing of an axis. `min` < `max`; both are positive on a logarithmic scale.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scale {
     /// Spacing.
@@ -93,12 +93,6 @@ impl Scale {
         let worst = worst.max(2) as f64;
         let margin = 0.07 * (worst - 1.0);
         Self { kind: ScaleKind::Whole, min: 1.0 - margin, max: worst + margin }
-    }
-
-    /// The same range with its ends exchanged.
-    #[must_use]
-    pub fn upside_down(self) -> Self {
-        Self { kind: self.kind, min: self.max, max: self.min }
     }
 
     /// Whether values are spaced by their logarithm.

@@ -12,5 +12,5 @@ pub use learning::{LearningCurve, LearningCurves};
 pub use recorded::{PeriodUse, RecordedFigure, RecordedPeriod};
 pub use rollout::{MAX_POINTS, RolloutFigure, Trajectory};
 pub use rollout_grid::{RolloutGrid, RolloutRow};
-pub use sensitivity::{Dimension, ErrorCurve, ErrorSource, RankCurve, Samples, Score, Sensitivity};
-pub(crate) use sensitivity::{Heat, HeatCell};
+pub use sensitivity::{Dimension, ErrorCurve, ErrorSource, RankCurve, Samples, Sensitivity};
+pub(crate) use sensitivity::{Heat, HeatCell, NRMSE};

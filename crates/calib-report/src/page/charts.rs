@@ -8,6 +8,7 @@ use super::figure::{Drawn, Numbers, still};
 use super::tables::number_cell;
 use super::{Section, SectionEntry, several, text::prose};
 use crate::chart::Detail;
+use crate::figures::NRMSE;
 use crate::number::count;
 use crate::{
     Cell, Chart, ErrorSource, Report, ReportError, RolloutFigure, Samples, Sensitivity, Table,
@@ -177,23 +178,17 @@ fn shown(chart: &Chart) -> usize {
 
 impl Sensitivity {
     fn caption(&self) -> String {
-        let Self { score, field, .. } = self;
-        let field = if self.is_of_several() { "setting" } else { field.as_str() };
+        let field = if self.is_of_several() { "setting" } else { self.field.as_str() };
         if self.errors.is_empty() {
             return format!(
                 "Worst rank of each {field} of the grid over the ensemble members of each calibration model. No data was held out to compare it with."
             );
         }
         let mut caption = format!(
-            "Mean {} of the predictions over {}, with 95 % t-intervals, for each {field} of the grid.{}",
-            score.name,
+            "Mean {NRMSE} of the predictions over {}, with 95 % t-intervals, for each {field} of the grid. \
+             {NRMSE} is the error divided by the standard deviation of the return in the training range: 1 is that of predicting \
+             the mean.",
             self.samples(),
-            if score.name == "NRMSE" {
-                " NRMSE is the error divided by the standard deviation of the return in the training range: 1 is that of predicting \
-                 the mean."
-            } else {
-                ""
-            },
         );
         if self.errors.iter().any(|curve| curve.source == ErrorSource::Evidence) {
             caption.push_str(if self.worst_ranks.is_empty() {
@@ -257,7 +252,7 @@ impl RolloutFigure {
 fn sensitivity_table(sensitivity: &Sensitivity) -> Table {
     let mut columns = vec![sensitivity.field.clone()];
     for curve in &sensitivity.errors {
-        columns.push(format!("{}: mean {}", curve.label, sensitivity.score.name));
+        columns.push(format!("{}: mean {NRMSE}", curve.label));
         columns.extend(["95 % from", "to", curve.over.name(), "diverged"].map(ToOwned::to_owned));
     }
     columns

@@ -92,7 +92,7 @@ fn card(verdict: &Verdict, report: &Report) -> Markup {
             }
             details.why open[report.verdicts.len() == 1] {
                 summary { "Why" }
-                ul { @for reason in verdict.reasons(&report.score) { li { (prose(&reason)) } } }
+                ul { @for reason in verdict.reasons() { li { (prose(&reason)) } } }
             }
         }
     }
@@ -219,9 +219,8 @@ fn comparison(report: &Report) -> Table {
     Table {
         title: "All verdicts".to_owned(),
         caption: format!(
-            "Held-out error is the mean {} of the choice over the held-out windows. NRMSE divides by the spread of returns in the training range: 1 is \
+            "Held-out error is the mean NRMSE of the choice over the held-out windows. NRMSE divides by the spread of returns in the training range: 1 is \
              the error of their mean. Skill compares with another mean, that of each held-out window, which is only known afterwards: 0 is as good as that. Regret is how much worse the choice is than the best setting of each window, with its upper bound over windows. Stability is the share of resamples (of {}) that would choose the same setting, or one next to it on the grid. Another log of the same plant agrees less often.",
-            report.score.name,
             if report.has_models() {
                 "models, runs and windows of this log"
             } else {

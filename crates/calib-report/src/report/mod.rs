@@ -22,12 +22,11 @@ pub use verdict::{
 };
 
 use crate::{
-    LearningCurves, RecordedFigure, ReportError, RolloutFigure, RolloutGrid, Score, Sensitivity,
-    page,
+    LearningCurves, RecordedFigure, ReportError, RolloutFigure, RolloutGrid, Sensitivity, page,
 };
 
 /// Everything the report shows. Empty lists and `None` leave their section out.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Report {
     /// Name of the study.
     pub title: String,
@@ -35,8 +34,6 @@ pub struct Report {
     pub subtitle: Option<String>,
     /// What agents predict, and how far ahead.
     pub predicts: Option<String>,
-    /// What runs are judged by.
-    pub score: Score,
     /// What to deploy where there are several deployments: a choice for each, and one for all.
     pub decision: Option<Table>,
     /// What to deploy, sensor by sensor. Several on one sensor, from several models, stand beside each other:

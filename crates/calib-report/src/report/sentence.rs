@@ -4,7 +4,7 @@ use calib_stats::{Bounded, Estimate, Interval};
 
 use super::{Alternative, ChoiceBaseline, Grade, HeldOutResult, Reason, Separation, Verdict};
 use crate::number::{number, percent};
-use crate::{Score, Setting};
+use crate::{Setting, figures::NRMSE};
 
 mod words;
 
@@ -133,24 +133,24 @@ impl Verdict {
 
     /// The reasons, one sentence each: how it was chosen, ties, stability, Online, alternatives, agreement. Of a choice that is
     /// not to be used no more than what it was, and how it did. What is in `notes` is told elsewhere.
-    pub fn reasons(&self, score: &Score) -> Vec<String> {
+    pub fn reasons(&self) -> Vec<String> {
         let mut reasons = if self.grade == Grade::NotLearnt && self.evidence == Separation::Apart {
             vec![format!("The choice of {} is {}.", self.model, self.assigned())]
         } else {
-            self.reasons_of_choice(score)
+            self.reasons_of_choice()
         };
         match &self.online {
             None => reasons.push(
                 "No data was held out, so regret and agreement with the held-out period are unknown."
                     .to_owned(),
             ),
-            Some(online) => reasons.extend(self.reasons_of_online(online, score)),
+            Some(online) => reasons.extend(self.reasons_of_online(online)),
         }
         reasons
     }
 
     /// How it was chosen.
-    fn reasons_of_choice(&self, score: &Score) -> Vec<String> {
+    fn reasons_of_choice(&self) -> Vec<String> {
         if self.values == 1 {
             return vec!["There is no other setting to choose from.".to_owned()];
         }
@@ -159,7 +159,7 @@ impl Verdict {
         }
         let mut reasons = vec![self.reason_sentence()];
         if self.reason == Reason::WorstRank {
-            reasons.extend(self.tie_sentence(score));
+            reasons.extend(self.tie_sentence());
         } else if self.has_model() {
             reasons.push(self.worst_rank_sentence());
         }
@@ -168,8 +168,8 @@ impl Verdict {
     }
 
     /// How it did on held-out data, beside other ways to choose.
-    fn reasons_of_online(&self, online: &HeldOutResult, score: &Score) -> Vec<String> {
-        let mut reasons = vec![online_sentence(self, online, score)];
+    fn reasons_of_online(&self, online: &HeldOutResult) -> Vec<String> {
+        let mut reasons = vec![online_sentence(self, online)];
         if online.stands_still || self.has_all_diverged() {
             return reasons;
         }
@@ -256,7 +256,7 @@ impl Verdict {
         }
     }
 
-    fn tie_sentence(&self, score: &Score) -> Option<String> {
+    fn tie_sentence(&self) -> Option<String> {
         let others: Vec<String> = self
             .tie_set
             .iter()
@@ -267,9 +267,8 @@ impl Verdict {
             return None;
         }
         Some(format!(
-            "It ties with {} on worst rank; mean rank, then mean {}, then the order of the grid decided.",
-            listed(&others),
-            score.name
+            "It ties with {} on worst rank; mean rank, then mean {NRMSE}, then the order of the grid decided.",
+            listed(&others)
         ))
     }
 
@@ -408,10 +407,9 @@ pub(super) fn with_interval(regret: Bounded) -> String {
     )
 }
 
-fn online_sentence(verdict: &Verdict, online: &HeldOutResult, score: &Score) -> String {
+fn online_sentence(verdict: &Verdict, online: &HeldOutResult) -> String {
     let Verdict { sensor, chosen, values, .. } = verdict;
     let error = number(online.chosen_error);
-    let name = &score.name;
     let on = format!("{} of {}", online.part, windows(online));
     match online.regret {
         _ if online.stands_still => {
@@ -419,27 +417,27 @@ fn online_sentence(verdict: &Verdict, online: &HeldOutResult, score: &Score) -> 
                 "On held-out data ({on}) {sensor} is constant: there is nothing to predict, and errors say nothing."
             )
         }
-        Some(_) if *values == 1 => format!("On held-out data ({on}) its {name} is {error}."),
+        Some(_) if *values == 1 => format!("On held-out data ({on}) its {NRMSE} is {error}."),
         Some(_) if online.values == Separation::Alike => format!(
-            "On held-out data ({on}) all {values} settings have the same error ({name} {error}), so it shows no difference between them."
+            "On held-out data ({on}) all {values} settings have the same error ({NRMSE} {error}), so it shows no difference between them."
         ),
         None => format!("On held-out data ({on}) every setting diverged, so there is no best one."),
         Some(regret) if regret.value.is_infinite() => format!(
-            "On held-out data ({on}) it diverged. The best setting was {} ({name} {}).",
+            "On held-out data ({on}) it diverged. The best setting was {} ({NRMSE} {}).",
             online.best,
             number(online.best_error)
         ),
         Some(regret) if regret.value == 0.0 => {
             format!(
-                "On held-out data ({on}) it is the best setting in every window ({name} {error})."
+                "On held-out data ({on}) it is the best setting in every window ({NRMSE} {error})."
             )
         }
         Some(regret) if online.best == *chosen => format!(
-            "On held-out data ({on}) it is the best setting over all windows ({name} {error}). Its regret against the best of each is {}.",
+            "On held-out data ({on}) it is the best setting over all windows ({NRMSE} {error}). Its regret against the best of each is {}.",
             with_interval(regret)
         ),
         Some(regret) => format!(
-            "On held-out data ({on}) its regret is {}. The best setting over all windows is {} ({name} {} against {error}).",
+            "On held-out data ({on}) its regret is {}. The best setting over all windows is {} ({NRMSE} {} against {error}).",
             with_interval(regret),
             online.best,
             number(online.best_error)

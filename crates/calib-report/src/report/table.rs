@@ -1,7 +1,5 @@
 //! A table of any content.
 
-use calib_stats::Direction;
-
 /// Rows and columns with a title; the first column names the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
@@ -40,10 +38,8 @@ pub enum Best {
     /// These cells are bold, as (row, column): the best ones and those that cannot be told apart from them, say. The caption
     /// says what bold means.
     Cells(Vec<(usize, usize)>),
-    /// The best number of each row is bold.
-    OfRow(Direction),
-    /// The best number of each column is bold.
-    OfColumn(Direction),
+    /// The largest number of each column is bold.
+    LargestOfColumn,
 }
 
 impl Cell {
@@ -57,22 +53,15 @@ impl Cell {
 }
 
 impl Table {
-    /// Whether cell (`row`, `column`) is bold: the best of its row or column, ties being all best, or one of those listed.
+    /// Whether cell (`row`, `column`) is bold: the largest of its column, ties being all largest, or one of those listed.
     pub fn is_best(&self, row: usize, column: usize) -> bool {
-        if let Some(Best::Cells(cells)) = &self.best {
-            return cells.contains(&(row, column));
-        }
-        let Some(own) = self.cell(row, column).and_then(Cell::score) else { return false };
-        let better = |direction: Direction, other: Option<&Cell>| {
-            other.and_then(Cell::score).is_some_and(|other| direction.compare(other, own).is_lt())
-        };
-        match self.best {
-            None | Some(Best::Cells(_)) => false,
-            Some(Best::OfRow(direction)) => {
-                !(0..self.columns.len()).any(|other| better(direction, self.cell(row, other)))
-            }
-            Some(Best::OfColumn(direction)) => {
-                !(0..self.rows.len()).any(|other| better(direction, self.cell(other, column)))
+        match &self.best {
+            None => false,
+            Some(Best::Cells(cells)) => cells.contains(&(row, column)),
+            Some(Best::LargestOfColumn) => {
+                let score = |row: usize| self.cell(row, column).and_then(Cell::score);
+                let mut all = (0..self.rows.len()).filter_map(score);
+                score(row).is_some_and(|own| all.all(|other| other <= own))
             }
         }
     }
@@ -139,16 +128,14 @@ mod tests {
     }
 
     #[test]
-    fn the_best_of_a_row_or_column_is_found_and_ties_share() {
+    fn the_largest_of_a_column_are_found_and_ties_share() {
         let mut table = Table {
             columns: vec![String::new(); 3],
-            rows: vec![row([1.0, 2.0, 1.0]), row([f64::NAN, 0.5, 3.0])],
-            best: Some(Best::OfRow(Direction::LowerIsBetter)),
+            rows: vec![row([1.0, 2.0, 3.0]), row([f64::NAN, 0.5, 3.0])],
+            best: Some(Best::LargestOfColumn),
             ..Table::default()
         };
-        assert_eq!(best(&table), [(0, 0), (0, 2), (1, 1)]);
-        table.best = Some(Best::OfColumn(Direction::HigherIsBetter));
-        assert_eq!(best(&table), [(0, 0), (0, 1), (1, 2)]);
+        assert_eq!(best(&table), [(0, 0), (0, 1), (0, 2), (1, 2)]);
         table.best = Some(Best::Cells(vec![(1, 0)]));
         assert_eq!(best(&table), [(1, 0)]);
         table.best = None;

@@ -4,15 +4,15 @@ use std::{collections::BTreeSet, io::Write as _, path::Path};
 
 use calib_base::{
     Context as _, StepError,
-    artefact::{Below, DirectoryLock, TOOL},
+    artefact::{Below, DirectoryLock},
     ensure,
 };
-use calib_core::{Period, Seed};
+use calib_core::Period;
 use calib_files::{Fingerprint, fingerprint_file, write_atomically, write_json};
 use calib_model_steps::rollouts::figures;
-use calib_report::{Report, Reproduction, Score, caveats};
+use calib_report::{Report, Reproduction};
 use calib_study::Study;
-use calib_sweep::{Candidate, EnvironmentId, Judging, Rule, Span, UnitResult, verdict};
+use calib_sweep::{Candidate, EnvironmentId, Rule, Span, UnitResult, verdict};
 
 use super::read::{Runs, read};
 use crate::{
@@ -21,9 +21,9 @@ use crate::{
         simple::{self, SimpleErrors},
     },
     verdict::{
-        evaluate::{self, Judgement, Summary},
+        evaluate::{Judgement, Summary, judging},
         report::{FIGURES, SUMMARY},
-        verdict_rows::{self, sensitivity, verdict_row},
+        verdict_rows::{sensitivity, verdict_row},
     },
 };
 
@@ -37,16 +37,7 @@ pub fn run(path: &Path, study: &Study, output: Option<&Path>) -> Result<Judgemen
     let Runs { sensors, candidates, results } = read(path, part)?;
     let mut sweep = manifest(study, candidates);
     sweep.simple = simple_beside(path)?;
-    let judging = Judging {
-        part,
-        rule: study.evaluate.rule,
-        top_k: study.evaluate.top_k,
-        scales: &[],
-        simple: &sweep.simple.scores,
-        stands_still: false,
-        resamples: study.evaluate.resamples,
-        seed: Seed::new(study.seed).child("verdict"),
-    };
+    let judging = judging(study, part, &sweep, false);
     let mut verdicts = Vec::new();
     for sensor in &sensors {
         check_evidence(sensor, &results, judging.rule)
@@ -57,22 +48,10 @@ pub fn run(path: &Path, study: &Study, output: Option<&Path>) -> Result<Judgemen
         .iter()
         .map(|verdict| verdict_row(verdict, None, &sweep, study, study.model_name()))
         .collect();
-    let title = study.evaluate.title.clone();
-    let summary = Summary {
-        format: 2,
-        tool: TOOL,
-        title: title.unwrap_or_else(|| {
-            path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
-        }),
-        choices: evaluate::choices(&verdicts, &rows, &sweep.candidates),
-        advice: rows.iter().map(verdict_rows::advice).collect(),
-        predicts: None,
-        plain: rows.iter().map(calib_report::Verdict::plain).collect(),
-        caveats: caveats(&rows),
-        candidates: sweep.candidates.iter().map(Candidate::label).collect(),
-        verdicts,
-        notes: Vec::new(),
-    };
+    let title = study.evaluate.title.clone().unwrap_or_else(|| {
+        path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+    });
+    let summary = Summary::new(title, verdicts, &rows, &sweep.candidates);
     if let Some(directory) = output {
         let report = report(&summary, rows, &sweep, study, path)?;
         write(directory, &summary, &report)?;
@@ -125,22 +104,12 @@ fn report(
     Ok(Report {
         title: summary.title.clone(),
         subtitle: Some(format!("Runs of {}, which calib did not make.", path.display())),
-        predicts: None,
-        score: Score::nrmse(),
-        decision: None,
         verdicts,
-        warnings: Vec::new(),
         sensitivities: verdicts_of_sensors
             .map(|verdict| sensitivity(verdict, sweep, study.model_name()))
             .collect(),
-        learning: Vec::new(),
-        recorded: Vec::new(),
-        rollouts: Vec::new(),
-        rollout_grids: Vec::new(),
-        jumps: Vec::new(),
-        tables: Vec::new(),
-        data: None,
         reproduction: reproduction(path, study)?,
+        ..Report::default()
     })
 }
 

@@ -86,8 +86,31 @@ impl SensorChoice {
     }
 }
 
-/// The choices of these verdicts, whose numbers count `candidates`; `rows` are the same verdicts in words.
-pub(crate) fn choices(
+impl Summary {
+    /// Of these verdicts, whose numbers count `candidates`; `rows` are the same verdicts in words.
+    pub(crate) fn new(
+        title: String,
+        verdicts: Vec<SensorVerdict>,
+        rows: &[calib_report::Verdict],
+        candidates: &[Candidate],
+    ) -> Self {
+        Self {
+            format: 2,
+            tool: TOOL,
+            title,
+            predicts: None,
+            choices: choices(&verdicts, rows, candidates),
+            advice: rows.iter().map(verdict_rows::advice).collect(),
+            plain: rows.iter().map(calib_report::Verdict::plain).collect(),
+            candidates: candidates.iter().map(Candidate::label).collect(),
+            verdicts,
+            caveats: caveats(rows),
+            notes: Vec::new(),
+        }
+    }
+}
+
+fn choices(
     verdicts: &[SensorVerdict],
     rows: &[calib_report::Verdict],
     candidates: &[Candidate],
@@ -259,17 +282,9 @@ pub fn judge(job: &Job, context: &RunContext, monitor: &dyn Monitor) -> Result<J
         })
         .collect();
     let summary = Summary {
-        format: 2,
-        tool: TOOL,
-        title: job.title(),
-        choices: choices(&verdicts, &rows, &manifest.candidates),
-        advice: rows.iter().map(verdict_rows::advice).collect(),
         predicts: Some(predicts(study, profile.sampled_period_secs)),
-        plain: rows.iter().map(calib_report::Verdict::plain).collect(),
-        caveats: caveats(&rows),
-        candidates: manifest.candidates.iter().map(Candidate::label).collect(),
-        verdicts,
         notes: [manifest.notes.clone(), stale_rollouts(job, manifest.model.as_deref())?].concat(),
+        ..Summary::new(job.title(), verdicts, &rows, &manifest.candidates)
     };
     Ok(Judged { job: job.clone(), manifest, results, summary, recorded: kept, rows })
 }
@@ -314,21 +329,32 @@ pub fn verdict_of(
     manifest: &SweepFacts,
     results: &[UnitResult],
 ) -> Result<SensorVerdict, SweepError> {
-    let judging = Judging {
-        part,
-        rule: study.evaluate.rule,
-        top_k: study.evaluate.top_k,
-        scales: &manifest.scales,
-        simple: &manifest.simple.scores,
-        stands_still: manifest.standing_still.iter().any(|still| still == sensor),
-        resamples: study.evaluate.resamples,
-        seed: Seed::new(study.seed).child("verdict"),
-    };
+    let stands_still = manifest.standing_still.iter().any(|still| still == sensor);
+    let judging = judging(study, part, manifest, stands_still);
     let mut verdict = verdict(sensor, &manifest.candidates, results, &judging)?;
     if study.has_model() && study.sweep_starts().start == StartKind::Nearest {
         verdict.warnings.insert(0, LOOKED_AHEAD.to_owned());
     }
     Ok(verdict)
+}
+
+/// What a sensor is judged by, if it `stands_still` or not.
+pub(crate) fn judging<'a>(
+    study: &Study,
+    part: Part,
+    sweep: &'a SweepFacts,
+    stands_still: bool,
+) -> Judging<'a> {
+    Judging {
+        part,
+        rule: study.evaluate.rule,
+        top_k: study.evaluate.top_k,
+        scales: &sweep.scales,
+        simple: &sweep.simple.scores,
+        stands_still,
+        resamples: study.evaluate.resamples,
+        seed: Seed::new(study.seed).child("verdict"),
+    }
 }
 
 /// What a choice is that was made from rollouts that start at the nearest states to those of the deployment.

@@ -25,9 +25,7 @@ use calib_model_steps::{
         trajectory_columns::Columns,
     },
 };
-use calib_report::{
-    Cell, JumpStatistics, Report, Reproduction, RolloutFigure, Score, Sensitivity, Table,
-};
+use calib_report::{Cell, JumpStatistics, Report, Reproduction, RolloutFigure, Sensitivity, Table};
 use calib_represent::RepresentationKind;
 use calib_study::{Job, Layout, StepKind, Study};
 use calib_sweep::Rule;
@@ -161,7 +159,6 @@ fn assembled(judged: &Judged) -> Result<Report, StepError> {
         title: summary.title.clone(),
         subtitle: Some(subtitle(&learned, judged)),
         predicts: summary.predicts.clone(),
-        score: Score::nrmse(),
         decision: None,
         verdicts: judged.rows.clone(),
         warnings: [summary.notes.clone(), warnings_of_model(study, model)].concat(),

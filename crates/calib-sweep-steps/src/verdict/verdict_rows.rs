@@ -3,7 +3,7 @@
 use calib_agent::{Part, SimplePredictor};
 use calib_report::{
     Alternative, Dimension, ErrorCurve, ErrorSource, HeldOutResult, PartRow, RankCurve, Reason,
-    Samples, Score, Sensitivity, Separation, Setting, SimpleRow, Simpler, Sources, TopK, Verdict,
+    Samples, Sensitivity, Separation, Setting, SimpleRow, Simpler, Sources, TopK, Verdict,
 };
 use calib_stats::Summary;
 use calib_study::Study;
@@ -31,7 +31,7 @@ pub(crate) fn setting(candidate: &Candidate) -> Setting {
 
 /// The verdict on one sensor in words: what to deploy, then the reasons.
 pub(crate) fn advice(verdict: &Verdict) -> Vec<String> {
-    [verdict.headline()].into_iter().chain(verdict.reasons(&Score::nrmse())).collect()
+    [verdict.headline()].into_iter().chain(verdict.reasons()).collect()
 }
 
 /// What the report says of a sensor, of which this share of held-out values is `outside_training`.
@@ -245,7 +245,6 @@ pub(crate) fn sensitivity(verdict: &SensorVerdict, sweep: &SweepFacts, model: &s
     Sensitivity {
         sensor: verdict.sensor.clone(),
         field: field(candidates),
-        score: Score::nrmse(),
         values: candidates.iter().map(setting).collect(),
         errors,
         worst_ranks: verdict

@@ -1,8 +1,8 @@
 //! Axes of a sensitivity figure, and its description.
 
-use calib_stats::{Direction, Summary};
+use calib_stats::Summary;
 
-use super::Sensitivity;
+use super::{NRMSE, Sensitivity};
 use crate::chart::{Axis, Scale, extent};
 
 impl Sensitivity {
@@ -26,7 +26,7 @@ impl Sensitivity {
         Axis { label: self.field.clone(), scale }
     }
 
-    /// Mean scores that can be drawn, and their intervals.
+    /// Mean errors that can be drawn, and their intervals.
     fn drawn_summaries(&self) -> impl Iterator<Item = &Summary> + Clone {
         let summaries = self.errors.iter().flat_map(|curve| curve.summaries.iter().flatten());
         summaries.filter(|summary| summary.mean.is_finite())
@@ -49,7 +49,7 @@ impl Sensitivity {
         ends.any(|ends| ends.low < least || ends.high > greatest)
     }
 
-    pub(super) fn score_axis(&self) -> Axis {
+    pub(super) fn error_axis(&self) -> Axis {
         let mut values: Vec<f64> = self.drawn_summaries().map(|summary| summary.mean).collect();
         if let Some((least, greatest)) = self.room_of_intervals() {
             let ends = self.drawn_summaries().filter_map(|summary| summary.interval);
@@ -57,23 +57,18 @@ impl Sensitivity {
         }
         let scale = Scale::around(&values);
         let spacing = if scale.is_log() { " (log scale)" } else { "" };
-        Axis { label: format!("mean {}{spacing}", self.score.name), scale }
+        Axis { label: format!("mean {NRMSE}{spacing}"), scale }
     }
 
-    /// Ranks run so that better is where better scores are.
     pub(super) fn rank_axis(&self) -> Axis {
         // A slice of a grid has the ranks of all of it.
         let worst = self.worst_ranks.iter().flat_map(|curve| &curve.worst_ranks).copied().max();
-        let ranks = Scale::ranks(worst.unwrap_or(0).max(self.values.len()));
-        let scale = match self.score.direction {
-            Direction::HigherIsBetter if !self.errors.is_empty() => ranks.upside_down(),
-            _ => ranks,
-        };
+        let scale = Scale::ranks(worst.unwrap_or(0).max(self.values.len()));
         Axis { label: "worst rank (1 = best)".to_owned(), scale }
     }
 
     pub(super) fn description(&self) -> String {
-        let Self { sensor, field, score, .. } = self;
+        let Self { sensor, field, .. } = self;
         if self.errors.is_empty() {
             return format!("Worst rank of each {field} in each calibration model, for {sensor}.");
         }
@@ -82,6 +77,6 @@ impl Sensitivity {
         } else {
             ", and on the right axis the worst rank in each calibration model; compare shapes and order, not heights"
         };
-        format!("Mean {} of {sensor} for each {field}{right}.", score.name)
+        format!("Mean {NRMSE} of {sensor} for each {field}{right}.")
     }
 }

@@ -1,9 +1,9 @@
 //! Several hyperparameters: how much each matters, and the two that matter most against each other.
 
-use calib_stats::{Direction, importance};
+use calib_stats::importance;
 
-use super::{Dimension, Sensitivity};
-use crate::Setting;
+use super::{Dimension, LOWER, NRMSE, Sensitivity};
+use crate::{Setting, chart::extent};
 
 /// A number of each combination of two hyperparameters: the best over all others.
 pub(crate) struct Heat {
@@ -39,25 +39,22 @@ pub(crate) struct Importances {
 struct Surface {
     label: String,
     values: Vec<f64>,
-    direction: Direction,
 }
 
 impl Sensitivity {
     /// What combinations are compared by: each curve of errors, or ranks where there is none.
     fn surfaces(&self) -> Vec<Surface> {
         let errors = self.errors.iter().map(|curve| Surface {
-            label: format!("{}, mean {}", curve.label, self.score.name),
+            label: format!("{}, mean {NRMSE}", curve.label),
             values: curve
                 .summaries
                 .iter()
                 .map(|summary| summary.map_or(f64::NAN, |summary| summary.mean))
                 .collect(),
-            direction: self.score.direction,
         });
         let ranks = self.worst_ranks.iter().map(|curve| Surface {
             label: curve.label.clone(),
             values: curve.worst_ranks.iter().map(|&rank| rank as f64).collect(),
-            direction: Direction::LowerIsBetter,
         });
         let all: Vec<Surface> =
             if self.errors.is_empty() { ranks.collect() } else { errors.collect() };
@@ -116,7 +113,7 @@ impl Surface {
         let finite = || values.iter().copied().filter(|value| value.is_finite());
         let positive = finite().all(|value| value > 0.0);
         let scaled = |value: f64| if positive { value.ln() } else { value };
-        let worst = finite().map(scaled).max_by(|a, b| self.direction.compare(*a, *b))?;
+        let worst = finite().map(scaled).max_by(|a, b| LOWER.compare(*a, *b))?;
         let values: Vec<f64> = values
             .iter()
             .map(|&value| if value.is_finite() { scaled(value) } else { worst })
@@ -134,7 +131,7 @@ impl Surface {
                 cells.map(|cell| self.best_in(&cell_of, cell)).collect()
             })
             .collect();
-        let places = Places::of(values.iter().flatten().flatten().copied(), self.direction);
+        let places = Places::of(values.iter().flatten().flatten().copied());
         let chosen_cell = chosen.map(|candidate| cell_of[candidate]);
         let cells = values.iter().enumerate().map(|(row, row_values)| {
             let row_values = row_values.iter().enumerate();
@@ -168,7 +165,7 @@ impl Surface {
     fn best_in(&self, cell_of: &[(usize, usize)], cell: (usize, usize)) -> Option<f64> {
         let own = (0..self.values.len()).filter(|&place| cell_of[place] == cell);
         let known = own.map(|place| self.values[place]).filter(|value| !value.is_nan());
-        known.min_by(|a, b| self.direction.compare(*a, *b))
+        known.min_by(|a, b| LOWER.compare(*a, *b))
     }
 }
 
@@ -192,15 +189,11 @@ struct Places {
 }
 
 impl Places {
-    fn of(values: impl Iterator<Item = f64>, direction: Direction) -> Self {
+    fn of(values: impl Iterator<Item = f64>) -> Self {
         let finite: Vec<f64> = values.filter(|value| value.is_finite()).collect();
         let logarithmic = finite.iter().all(|value| *value > 0.0);
-        let end = |best: bool| {
-            let values = finite.iter().copied();
-            let compare = |a: &f64, b: &f64| direction.compare(*a, *b);
-            if best { values.min_by(compare) } else { values.max_by(compare) }.unwrap_or(f64::NAN)
-        };
-        Self { best: end(true), worst: end(false), logarithmic }
+        let (best, worst) = extent(&finite).unwrap_or((f64::NAN, f64::NAN));
+        Self { best, worst, logarithmic }
     }
 
     fn place(&self, value: f64) -> Option<f64> {
@@ -222,7 +215,7 @@ mod tests {
     use calib_stats::summarise;
 
     use super::*;
-    use crate::{ErrorCurve, ErrorSource, RankCurve, Samples, Score};
+    use crate::{ErrorCurve, ErrorSource, RankCurve, Samples};
 
     /// The rate and the batch of each setting of [`grid`].
     fn grid_places() -> impl Iterator<Item = (usize, usize)> {
@@ -245,7 +238,6 @@ mod tests {
         Sensitivity {
             sensor: "A".to_owned(),
             field: "learning_rate, batch_size".to_owned(),
-            score: Score::nrmse(),
             values: grid_places()
                 .map(|(rate, batch)| Setting::Name(format!("{rate} {batch}")))
                 .collect(),

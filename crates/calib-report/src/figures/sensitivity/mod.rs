@@ -13,33 +13,22 @@ use crate::{Figure, ReportError, Setting};
 
 pub(crate) use heat::{Heat, HeatCell};
 
-/// What runs are judged by.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Score {
-    /// Its name: "NRMSE".
-    pub name: String,
-    /// Which way it improves.
-    pub direction: Direction,
-}
+/// What runs are judged by: RMSE relative to the standard deviation of the training returns.
+pub(crate) const NRMSE: &str = "NRMSE";
 
-impl Score {
-    /// RMSE relative to the standard deviation of the training returns; lower is better.
-    pub fn nrmse() -> Self {
-        Self { name: "NRMSE".to_owned(), direction: Direction::LowerIsBetter }
-    }
-}
+/// Smaller errors are better.
+const LOWER: Direction = Direction::LowerIsBetter;
 
 /// One sensitivity figure, for one sensor.
 ///
 /// ```
-/// use calib_report::{ErrorCurve, ErrorSource, RankCurve, Samples, Score, Sensitivity, Setting};
+/// use calib_report::{ErrorCurve, ErrorSource, RankCurve, Samples, Sensitivity, Setting};
 /// use calib_stats::summarise;
 ///
 /// let online = [[0.31, 0.33], [0.20, 0.22], [0.41, 0.38]];
 /// let figure = Sensitivity {
 ///     sensor: "PIT300".to_owned(),
 ///     field: "learning_rate".to_owned(),
-///     score: Score::nrmse(),
 ///     values: [1e-5, 1e-4, 1e-3].map(Setting::from).to_vec(),
 ///     errors: vec![ErrorCurve {
 ///         label: "Online".to_owned(),
@@ -61,11 +50,9 @@ pub struct Sensitivity {
     pub sensor: String,
     /// The swept hyperparameter, as in the study file: "`learning_rate`".
     pub field: String,
-    /// What runs are judged by.
-    pub score: Score,
     /// The grid, in its order.
     pub values: Vec<Setting>,
-    /// Mean score and interval, read on the left axis.
+    /// Mean error and interval, read on the left axis.
     pub errors: Vec<ErrorCurve>,
     /// Worst rank of each calibration model, read on the right axis.
     pub worst_ranks: Vec<RankCurve>,
@@ -86,7 +73,7 @@ pub struct Dimension {
     pub values: Vec<Setting>,
 }
 
-/// Score against hyperparameter in one environment.
+/// Error against hyperparameter in one environment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ErrorCurve {
     /// Name in the legend.
@@ -99,7 +86,7 @@ pub struct ErrorCurve {
     pub summaries: Vec<Option<Summary>>,
 }
 
-/// Environments whose score is shown.
+/// Environments whose error is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorSource {
     /// Held-out data, replayed: the truth the choice is judged by.
@@ -146,10 +133,9 @@ pub struct RankCurve {
 }
 
 impl Sensitivity {
-    /// Draws the figure: a logarithmic horizontal axis where all values are positive numbers, mean score with
-    /// 95 % whiskers on the left, worst rank on the right (on the left if there are no scores).
-    /// Diverged values are crosses at the upper edge. Better is down on both axes if lower scores are better,
-    /// and up on both if higher ones are, so that shapes can be compared.
+    /// Draws the figure: a logarithmic horizontal axis where all values are positive numbers, mean error with
+    /// 95 % whiskers on the left, worst rank on the right (on the left if there are no errors).
+    /// Diverged values are crosses at the upper edge. Better is down on both axes, so that shapes can be compared.
     ///
     /// Of several hyperparameters there is a plot each: a [slice](Self::slices) through the choice.
     ///
@@ -174,15 +160,15 @@ impl Sensitivity {
             description: self.description(),
             title,
             x: self.horizontal_axis(&positions),
-            // Without scores, ranks are all there is: they get the left axis.
-            left: if self.errors.is_empty() { self.rank_axis() } else { self.score_axis() },
+            // Without errors, ranks are all there is: they get the left axis.
+            left: if self.errors.is_empty() { self.rank_axis() } else { self.error_axis() },
             right: self.has_two_axes().then(|| self.rank_axis()),
             series: self.curves(&positions),
             rules: self.rules(&positions),
         }
     }
 
-    /// Whether scores and ranks share the figure, on two axes.
+    /// Whether errors and ranks share the figure, on two axes.
     pub(crate) fn has_two_axes(&self) -> bool {
         !self.errors.is_empty() && !self.worst_ranks.is_empty()
     }

@@ -1,6 +1,6 @@
 //! Several hyperparameters: one plot each, through the choice.
 
-use super::{Dimension, ErrorCurve, RankCurve, Sensitivity};
+use super::{Dimension, ErrorCurve, LOWER, RankCurve, Sensitivity};
 use crate::chart::{Axis, GridCell};
 use crate::{Figure, ReportError, Setting};
 
@@ -66,14 +66,13 @@ impl Sensitivity {
 
     /// The best combination by the first curve of errors, or else of ranks.
     pub(super) fn best(&self) -> Option<usize> {
-        let direction = self.score.direction;
         let places = 0..self.values.len();
         match (self.errors.first(), self.worst_ranks.first()) {
             (Some(curve), _) => {
                 let known =
                     places.filter_map(|place| Some((place, curve.summaries[place].as_ref()?.mean)));
                 let known = known.filter(|(_, mean)| !mean.is_nan());
-                known.min_by(|a, b| direction.compare(a.1, b.1)).map(|(place, _)| place)
+                known.min_by(|a, b| LOWER.compare(a.1, b.1)).map(|(place, _)| place)
             }
             (None, Some(curve)) => places.min_by_key(|&place| curve.worst_ranks[place]),
             (None, None) => None,
@@ -95,7 +94,6 @@ impl Sensitivity {
         Self {
             sensor: self.sensor.clone(),
             field,
-            score: self.score.clone(),
             values,
             errors: errors.collect(),
             worst_ranks: ranks.collect(),
@@ -159,7 +157,7 @@ impl Sensitivity {
             }
         }
         all.worst_ranks.clone_from(&self.worst_ranks);
-        let left = if all.errors.is_empty() { self.rank_axis() } else { all.score_axis() };
+        let left = if all.errors.is_empty() { self.rank_axis() } else { all.error_axis() };
         (left, self.has_two_axes().then(|| self.rank_axis()))
     }
 }

@@ -66,7 +66,7 @@ pub(in crate::report) fn verdict() -> Verdict {
 
 fn text(verdict: &Verdict) -> String {
     let mut lines = vec![verdict.headline()];
-    lines.extend(verdict.reasons(&Score::nrmse()));
+    lines.extend(verdict.reasons());
     lines.join("\n")
 }
 
@@ -197,7 +197,7 @@ fn a_default_that_is_better_is_kept() {
         verdict.headline(),
         "Keep the default, learning_rate = 1e-3, for PIT300: 1e-4 is worse."
     );
-    let reasons = verdict.reasons(&Score::nrmse()).join("\n");
+    let reasons = verdict.reasons().join("\n");
     assert!(
         reasons.contains("10 % more error than the default, 1e-3 (95 %: 5 % to 20 % more)."),
         "{reasons}"
@@ -221,7 +221,7 @@ fn nothing_learnt_is_said() {
         worse.headline(),
         "No setting of learning_rate learns PIT300: do not deploy on this evidence."
     );
-    let reasons = verdict.reasons(&Score::nrmse()).join("\n");
+    let reasons = verdict.reasons().join("\n");
     assert!(
         reasons.contains("no better than the mean return of each window, which is only known afterwards. The best setting's is -0.02."),
         "{reasons}"
@@ -255,7 +255,7 @@ fn one_window_cannot_be_compared() {
     verdict
         .alternatives
         .retain(|alternative| alternative.baseline != ChoiceBaseline::AnotherWindow);
-    let reasons = verdict.reasons(&Score::nrmse()).join("\n");
+    let reasons = verdict.reasons().join("\n");
     assert!(reasons.contains("cannot be judged: only one window was held out."), "{reasons}");
 }
 
@@ -335,7 +335,7 @@ fn a_sensor_that_stands_still_checks_nothing() {
 #[test]
 fn one_value_is_no_choice() {
     let verdict = Verdict { values: 1, worst_rank: 1, ..verdict() };
-    let reasons = verdict.reasons(&Score::nrmse()).join("\n");
+    let reasons = verdict.reasons().join("\n");
     assert!(
         reasons.starts_with("There is no other setting to choose from.\nOn held-out"),
         "{reasons}"
