@@ -1,4 +1,5 @@
 //! What is done through libtorch, and what is said where it is not there.
+#![cfg_attr(not(feature = "torch"), expect(unused_variables, reason = "libtorch uses them"))]
 
 use calib_agent::Accelerator;
 use calib_core::{Monitor, Seed};
@@ -20,8 +21,8 @@ pub fn require(what: &str) -> Result<(), StepError> {
 /// A trainer of a network on a device, going on from a checkpoint if there is one, and what it computes with.
 ///
 /// # Errors
-/// If the device is not there, the checkpoint is of another network, or such a model is not trained.
-#[cfg(feature = "torch")]
+/// [`StepError::Unavailable`] without libtorch; or the device is not there, the checkpoint is of another network, or such
+/// a model is not trained.
 pub fn trainer(
     kind: ModelKind,
     data: &Transitioning<'_>,
@@ -30,64 +31,51 @@ pub fn trainer(
     device: Device,
     checkpoint: Option<&Tensors>,
 ) -> Result<(Box<dyn Trainer>, String), StepError> {
-    use calib_torch::{FeedForwardTrainer, RecurrentTrainer};
-    let device = calib_torch::device(choice(device))?;
-    let trainer: Box<dyn Trainer> = match (kind, checkpoint) {
-        (ModelKind::Nn, None) => Box::new(FeedForwardTrainer::new(data, config, seed, device)),
-        (ModelKind::Nn, Some(found)) => {
-            Box::new(FeedForwardTrainer::resume(data, config, seed, device, found)?)
-        }
-        (ModelKind::Gru, None) => Box::new(RecurrentTrainer::new(data, config, seed, device)?),
-        (ModelKind::Gru, Some(found)) => {
-            Box::new(RecurrentTrainer::resume(data, config, seed, device, found)?)
-        }
-        _ => {
-            return Err(StepError::message("such a model is not trained"));
-        }
-    };
-    let device = if device.is_cuda() { "GPU" } else { "processor" };
-    Ok((trainer, format!("libtorch on the {device}")))
-}
-
-/// A trainer of a network on a device: not without libtorch.
-///
-/// # Errors
-/// [`StepError::Unavailable`].
-#[cfg(not(feature = "torch"))]
-pub fn trainer(
-    _kind: ModelKind,
-    _data: &Transitioning<'_>,
-    _config: &DynamicsConfig,
-    _seed: Seed,
-    _device: Device,
-    _checkpoint: Option<&Tensors>,
-) -> Result<(Box<dyn Trainer>, String), StepError> {
-    Err(StepError::Unavailable("such training".to_owned()))
+    #[cfg(feature = "torch")]
+    {
+        use calib_torch::{FeedForwardTrainer, RecurrentTrainer};
+        let device = calib_torch::device(choice(device))?;
+        let trainer: Box<dyn Trainer> = match (kind, checkpoint) {
+            (ModelKind::Nn, None) => Box::new(FeedForwardTrainer::new(data, config, seed, device)),
+            (ModelKind::Nn, Some(found)) => {
+                Box::new(FeedForwardTrainer::resume(data, config, seed, device, found)?)
+            }
+            (ModelKind::Gru, None) => Box::new(RecurrentTrainer::new(data, config, seed, device)?),
+            (ModelKind::Gru, Some(found)) => {
+                Box::new(RecurrentTrainer::resume(data, config, seed, device, found)?)
+            }
+            _ => {
+                return Err(StepError::message("such a model is not trained"));
+            }
+        };
+        let device = if device.is_cuda() { "GPU" } else { "processor" };
+        Ok((trainer, format!("libtorch on the {device}")))
+    }
+    #[cfg(not(feature = "torch"))]
+    {
+        Err(StepError::Unavailable("such training".to_owned()))
+    }
 }
 
 /// What trains agents side by side on a device.
 ///
 /// # Errors
-/// If the device is not there.
-#[cfg(feature = "torch")]
+/// [`StepError::Unavailable`] without libtorch; or the device is not there.
 pub fn accelerator(device: Device) -> Result<Box<dyn Accelerator>, StepError> {
-    Ok(Box::new(calib_torch::Populations::new(calib_torch::device(choice(device))?)))
-}
-
-/// What trains agents side by side on a device: not without libtorch.
-///
-/// # Errors
-/// [`StepError::Unavailable`].
-#[cfg(not(feature = "torch"))]
-pub fn accelerator(_device: Device) -> Result<Box<dyn Accelerator>, StepError> {
-    Err(StepError::Unavailable("--device".to_owned()))
+    #[cfg(feature = "torch")]
+    {
+        Ok(Box::new(calib_torch::Populations::new(calib_torch::device(choice(device))?)))
+    }
+    #[cfg(not(feature = "torch"))]
+    {
+        Err(StepError::Unavailable("--device".to_owned()))
+    }
 }
 
 /// Train an encoder on a device, going on from a checkpoint if there is one.
 ///
 /// # Errors
-/// If the device is not there, training fails, or the monitor asks to stop.
-#[cfg(feature = "torch")]
+/// [`StepError::Unavailable`] without libtorch; or the device is not there, training fails, or the monitor asks to stop.
 pub fn represent(
     config: &LaplacianConfig,
     task: Task<'_>,
@@ -95,45 +83,31 @@ pub fn represent(
     device: Device,
     monitor: &dyn Monitor,
 ) -> Result<Trained, StepError> {
-    let device = calib_torch::device(choice(device))?;
-    let mut training = calib_torch::LaplacianTraining::new(config, task, device)?;
-    Ok(calib_represent::train_with(&mut training, config, task, Some(checkpoint), monitor)?)
-}
-
-/// Train an encoder on a device: not without libtorch.
-///
-/// # Errors
-/// [`StepError::Unavailable`].
-#[cfg(not(feature = "torch"))]
-pub fn represent(
-    _config: &LaplacianConfig,
-    _task: Task<'_>,
-    _checkpoint: &Unfinished,
-    _device: Device,
-    _monitor: &dyn Monitor,
-) -> Result<Trained, StepError> {
-    Err(StepError::Unavailable("such training".to_owned()))
+    #[cfg(feature = "torch")]
+    {
+        let device = calib_torch::device(choice(device))?;
+        let mut training = calib_torch::LaplacianTraining::new(config, task, device)?;
+        Ok(calib_represent::train_with(&mut training, config, task, Some(checkpoint), monitor)?)
+    }
+    #[cfg(not(feature = "torch"))]
+    {
+        Err(StepError::Unavailable("such training".to_owned()))
+    }
 }
 
 /// A model that was exported from PyTorch, for states of `columns` values; it runs on the processor.
 ///
 /// # Errors
-/// If it cannot be read, or is for other states.
-#[cfg(feature = "torch")]
+/// [`StepError::Unavailable`] without libtorch; or it cannot be read, or is for other states.
 pub fn open_script(path: &std::path::Path, columns: usize) -> Result<Box<dyn Dynamics>, StepError> {
-    Ok(Box::new(calib_torch::Script::open(path, columns, calib_torch::Device::Cpu)?))
-}
-
-/// A model that was exported from PyTorch: not without libtorch.
-///
-/// # Errors
-/// [`StepError::Unavailable`].
-#[cfg(not(feature = "torch"))]
-pub fn open_script(
-    _path: &std::path::Path,
-    _columns: usize,
-) -> Result<Box<dyn Dynamics>, StepError> {
-    Err(StepError::Unavailable("model.kind = \"torchscript\"".to_owned()))
+    #[cfg(feature = "torch")]
+    {
+        Ok(Box::new(calib_torch::Script::open(path, columns, calib_torch::Device::Cpu)?))
+    }
+    #[cfg(not(feature = "torch"))]
+    {
+        Err(StepError::Unavailable("model.kind = \"torchscript\"".to_owned()))
+    }
 }
 
 #[cfg(feature = "torch")]

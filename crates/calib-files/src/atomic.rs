@@ -75,7 +75,8 @@ pub fn check_output(path: &Path, existing: ExistingFile) -> Result<(), FileError
     temporary_in(directory).map(drop).map_err(|source| FileError::io("write", path, source))
 }
 
-fn temporary_in(directory: &Path) -> io::Result<tempfile::NamedTempFile> {
+/// A file in `directory` that gets its name once it is whole.
+pub(crate) fn temporary_in(directory: &Path) -> io::Result<tempfile::NamedTempFile> {
     tempfile::Builder::new()
         .prefix(&prefix())
         .suffix(suffix())

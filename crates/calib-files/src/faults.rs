@@ -7,7 +7,7 @@ use std::{
     io::{self, Write as _},
     path::Path,
     sync::{
-        Mutex, OnceLock, PoisonError,
+        OnceLock,
         atomic::{AtomicU64, Ordering},
     },
 };
@@ -46,33 +46,17 @@ pub enum Fault {
     Lockless,
 }
 
-#[derive(Debug)]
-enum Armed {
-    Fail(u64),
-    Full(u64),
-    Kill(u64),
-    List(Mutex<File>),
-    Lockless,
-}
-
-static ARMED: OnceLock<Armed> = OnceLock::new();
+static ARMED: OnceLock<Fault> = OnceLock::new();
 static REACHED: AtomicU64 = AtomicU64::new(0);
 
 /// Let this go wrong in this process. A second fault is ignored.
 pub fn arm(fault: Fault) {
-    let armed = match fault {
-        Fault::Fail(at) => Armed::Fail(at),
-        Fault::Full(at) => Armed::Full(at),
-        Fault::Kill(at) => Armed::Kill(at),
-        Fault::List(file) => Armed::List(Mutex::new(file)),
-        Fault::Lockless => Armed::Lockless,
-    };
-    let _ = ARMED.set(armed);
+    let _ = ARMED.set(fault);
 }
 
 /// Whether locks are to fail.
 pub(crate) fn have_no_locks() -> bool {
-    matches!(ARMED.get(), Some(Armed::Lockless))
+    matches!(ARMED.get(), Some(Fault::Lockless))
 }
 
 /// Announce an operation on `path`: an error if it is to fail.
@@ -89,21 +73,22 @@ pub(crate) fn reach_or_half(
     let Some(armed) = ARMED.get() else { return Ok(()) };
     let number = REACHED.fetch_add(1, Ordering::Relaxed) + 1;
     match armed {
-        Armed::Fail(at) if number == *at => {
+        Fault::Fail(at) if number == *at => {
             half();
             Err(io::Error::other("a failure on purpose"))
         }
-        Armed::Full(at) if number >= *at && operation.grows() => {
+        Fault::Full(at) if number >= *at && operation.grows() => {
             half();
             Err(io::ErrorKind::StorageFull.into())
         }
-        Armed::Kill(at) if number == *at => {
+        Fault::Kill(at) if number == *at => {
             half();
             std::process::abort()
         }
-        Armed::List(list) => {
-            let mut list = list.lock().unwrap_or_else(PoisonError::into_inner);
-            writeln!(list, "{operation:?} {}", path.display())
+        // In one piece: several threads may write theirs.
+        Fault::List(list) => {
+            let mut list: &File = list;
+            list.write_all(format!("{operation:?} {}\n", path.display()).as_bytes())
         }
         _ => Ok(()),
     }

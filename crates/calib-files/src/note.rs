@@ -6,7 +6,7 @@ use std::{
     path::Path,
 };
 
-use crate::{atomic::default_permissions, disk::directory_of, writer::suffix};
+use crate::{atomic::temporary_in, disk::directory_of};
 
 /// Write a note in place of the one before, as a whole. Unlike a result it is not synced: a crash of the machine may lose
 /// it. Nor can it be made to fail on purpose: when it is written depends on the clock.
@@ -16,11 +16,7 @@ use crate::{atomic::default_permissions, disk::directory_of, writer::suffix};
 pub fn write_note(path: &Path, text: &[u8]) -> io::Result<()> {
     let directory = directory_of(path);
     fs::create_dir_all(directory)?;
-    let mut temporary = tempfile::Builder::new()
-        .prefix(&crate::writer::prefix())
-        .suffix(suffix())
-        .permissions(default_permissions())
-        .tempfile_in(directory)?;
+    let mut temporary = temporary_in(directory)?;
     temporary.write_all(text)?;
     temporary.persist(path).map_err(|failed| failed.error)?;
     Ok(())

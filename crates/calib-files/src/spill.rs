@@ -1,11 +1,4 @@
-use std::{
-    fs::File,
-    io::{Read as _, Seek as _, SeekFrom, Write as _},
-    path::PathBuf,
-    sync::{Mutex, PoisonError},
-};
-
-use crate::{FileError, ScratchPlace, create_directory};
+use crate::{FileError, ScratchFile, ScratchPlace};
 
 /// Bytes that are appended once and read back from anywhere, in memory or in a nameless file: what is too much
 /// for the memory, and of no use to anybody later.
@@ -18,7 +11,7 @@ pub struct Spill {
 #[derive(Debug)]
 enum Storage {
     Heap(Vec<u8>),
-    Disk { file: Mutex<File>, directory: PathBuf },
+    Disk(ScratchFile<u8>),
 }
 
 impl Spill {
@@ -29,12 +22,7 @@ impl Spill {
     pub fn new(place: &ScratchPlace) -> Result<Self, FileError> {
         let storage = match place {
             ScratchPlace::Memory => Storage::Heap(Vec::new()),
-            ScratchPlace::Disk(directory) => {
-                create_directory(directory)?;
-                let file = tempfile::tempfile_in(directory)
-                    .map_err(|source| FileError::io("make a working file in", directory, source))?;
-                Storage::Disk { file: Mutex::new(file), directory: directory.clone() }
-            }
+            ScratchPlace::Disk(directory) => Storage::Disk(ScratchFile::new(0, directory)?),
         };
         Ok(Self { storage, bytes: 0 })
     }
@@ -47,12 +35,7 @@ impl Spill {
         let at = self.bytes;
         match &mut self.storage {
             Storage::Heap(all) => all.extend_from_slice(bytes),
-            Storage::Disk { file, directory } => {
-                let file = file.get_mut().unwrap_or_else(PoisonError::into_inner);
-                file.seek(SeekFrom::Start(at)).and_then(|_| file.write_all(bytes)).map_err(
-                    |source| FileError::io("write a working file in", directory, source),
-                )?;
-            }
+            Storage::Disk(file) => file.write(at as usize, bytes)?,
         }
         self.bytes += bytes.len() as u64;
         Ok(at)
@@ -73,12 +56,7 @@ impl Spill {
                 bytes.copy_from_slice(&all[start..start + bytes.len()]);
                 Ok(())
             }
-            Storage::Disk { file, directory } => {
-                let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
-                file.seek(SeekFrom::Start(at))
-                    .and_then(|_| file.read_exact(bytes))
-                    .map_err(|source| FileError::io("read a working file in", directory, source))
-            }
+            Storage::Disk(file) => file.read(at as usize, bytes),
         }
     }
 }

@@ -67,12 +67,25 @@ fn agents() -> Vec<AgentConfig> {
     ]
 }
 
+fn learner(config: &AgentConfig, cumulant: usize) -> Learner<'_> {
+    Learner { config, cumulant, start: None, baseline: None }
+}
+
+/// A learner of each.
+fn learners(agents: &[AgentConfig], cumulant: usize) -> Vec<Learner<'_>> {
+    agents.iter().map(|config| learner(config, cumulant)).collect()
+}
+
 fn run(stream: &dyn Stream, steps: usize, seed: u64) -> Run<'_> {
     Run { stream, steps, curve: CurveRule { windows: 12 }, seed: Seed::new(seed) }
 }
 
 fn alone(run: Run<'_>, learners: &[Learner<'_>]) -> Vec<RunOutcome> {
     train_learners(run, learners, &NoKeeper, &Silent).expect("trains")
+}
+
+fn trained_together(runs: &[Run<'_>], learners: &[Learner<'_>]) -> Vec<Vec<RunOutcome>> {
+    train_together(runs, learners, &populations(), &Silent).expect("trains")
 }
 
 fn assert_close(what: &str, native: &RunOutcome, torch: &RunOutcome) {
@@ -102,19 +115,8 @@ fn runs_side_by_side_are_what_they_are_alone() {
     let streams = [waves(1, &[150, 90]), waves(2, &[240]), waves(3, &[60, 100, 40])];
     let runs = [run(&streams[0], 200, 1), run(&streams[1], 220, 2), run(&streams[2], 180, 3)];
     let agents = agents();
-    let learners: Vec<_> = [0, 2]
-        .iter()
-        .flat_map(|&cumulant| {
-            agents.iter().map(move |config| Learner {
-                config,
-                cumulant,
-                start: None,
-                baseline: None,
-            })
-        })
-        .collect();
-    let together =
-        train_together(&runs, &learners, &populations(), &Silent).expect("libtorch is there");
+    let learners = [learners(&agents, 0), learners(&agents, 2)].concat();
+    let together = trained_together(&runs, &learners);
     for (number, (run, outcomes)) in runs.iter().zip(&together).enumerate() {
         for ((learner, native), torch) in learners.iter().zip(alone(*run, &learners)).zip(outcomes)
         {
@@ -141,16 +143,11 @@ fn a_checkpoint_is_where_learning_starts() {
     let learners: Vec<_> = configs
         .iter()
         .flat_map(|config| {
-            [None, Some(&bare), Some(&whole)].map(|start| Learner {
-                config,
-                cumulant: 1,
-                start,
-                baseline: None,
-            })
+            [None, Some(&bare), Some(&whole)].map(|start| Learner { start, ..learner(config, 1) })
         })
         .collect();
     let run = run(&stream, 190, 5);
-    let torch = train_together(&[run], &learners, &populations(), &Silent).expect("trains");
+    let torch = trained_together(&[run], &learners);
     for (number, (native, torch)) in alone(run, &learners).iter().zip(&torch[0]).enumerate() {
         assert_close(&format!("learner {number}"), native, torch);
     }
@@ -160,12 +157,9 @@ fn a_checkpoint_is_where_learning_starts() {
 fn what_diverges_does_so_at_about_the_same_step_and_alone() {
     let stream = waves(5, &[200]);
     let agents = [sgd(1e8), sgd(0.01), sgd(30.0)];
-    let learners: Vec<_> = agents
-        .iter()
-        .map(|config| Learner { config, cumulant: 0, start: None, baseline: None })
-        .collect();
+    let learners = learners(&agents, 0);
     let run = run(&stream, 190, 6);
-    let torch = train_together(&[run], &learners, &populations(), &Silent).expect("trains");
+    let torch = trained_together(&[run], &learners);
     let native = alone(run, &learners);
     for (native, torch) in native.iter().zip(&torch[0]) {
         let steps = [native, torch].map(|outcome| outcome.diverged.unwrap_or(190) as f64);
@@ -182,14 +176,10 @@ fn who_does_not_learn_does_not_diverge() {
     let states = States::new(values, 300, 3).expect("finite");
     let stream = RowStream::replay(states, &Segments::from_lengths([300]).expect("one"));
     let frozen = AgentConfig { learning_rate: 0.0, ..network() };
-    let learners = [Learner { config: &frozen, cumulant: 1, start: None, baseline: None }];
+    let learners = [learner(&frozen, 1)];
     let run = run(&stream, 250, 7);
-    let torch = train_together(&[run], &learners, &populations(), &Silent).expect("trains");
+    let torch = trained_together(&[run], &learners);
     assert_eq!((torch[0][0].diverged, alone(run, &learners)[0].diverged), (None, None));
-}
-
-fn trained_together(runs: &[Run<'_>], learners: &[Learner<'_>]) -> Vec<Vec<RunOutcome>> {
-    train_together(runs, learners, &populations(), &Silent).expect("trains")
 }
 
 #[test]
@@ -197,10 +187,7 @@ fn a_network_does_not_depend_on_its_company() {
     let streams = [waves(1, &[200]), waves(2, &[200]), waves(3, &[200])];
     let runs = [1, 2, 3].map(|seed| run(&streams[seed - 1], 190, seed as u64));
     let agents = agents();
-    let learners: Vec<_> = agents
-        .iter()
-        .map(|config| Learner { config, cumulant: 1, start: None, baseline: None })
-        .collect();
+    let learners = learners(&agents, 1);
     let all = trained_together(&runs, &learners);
     for (number, run) in runs.iter().enumerate() {
         assert!(trained_together(&[*run], &learners)[0] == all[number], "other runs beside it");
@@ -214,10 +201,7 @@ fn a_network_does_not_depend_on_its_company() {
 #[test]
 fn more_runs_than_fit_are_fewer_side_by_side() {
     let agents = agents();
-    let learners: Vec<_> = agents
-        .iter()
-        .map(|config| Learner { config, cumulant: 0, start: None, baseline: None })
-        .collect();
+    let learners = learners(&agents, 0);
     let processor = Populations::new(device(DeviceChoice::Cpu).expect("always there"));
     let side_by_side = |states| runs_together(&processor, &learners, (states, 3));
     assert_eq!(side_by_side(200), 64);
@@ -230,8 +214,7 @@ fn more_runs_than_fit_are_fewer_side_by_side() {
 fn what_no_accelerator_trains_is_refused() {
     let stream = waves(6, &[100]);
     let train = |config: &AgentConfig, monitor: &dyn Monitor| {
-        let learner = Learner { config, cumulant: 0, start: None, baseline: None };
-        train_together(&[run(&stream, 90, 1)], &[learner], &populations(), monitor)
+        train_together(&[run(&stream, 90, 1)], &[learner(config, 0)], &populations(), monitor)
     };
     let linear = AgentConfig { value_function: ValueFunction::Linear, ..network() };
     let error = train(&linear, &Silent).expect_err("refused").to_string();
@@ -243,7 +226,7 @@ fn what_no_accelerator_trains_is_refused() {
     assert!(matches!(train(&rounded, &Silent), Err(AgentError::NotAccelerated(_))));
     let long = run(&stream, 100, 1);
     let config = network();
-    let learner = Learner { config: &config, cumulant: 0, start: None, baseline: None };
+    let learner = learner(&config, 0);
     let error = train_together(&[long], &[learner], &populations(), &Silent);
     assert!(matches!(error, Err(AgentError::ShortStream { .. })));
     assert_eq!(train(&network(), &Stopped), Err(Cancelled.into()));

@@ -118,10 +118,6 @@ impl Printer {
     /// # Errors
     /// If it cannot be passed on.
     pub fn result(&self, text: &str) -> std::result::Result<(), StepError> {
-        if self.results == Results::Talk {
-            self.detail(text);
-            return Ok(());
-        }
         self.pass(Result::Line(text.trim_end_matches('\n')))
     }
 
@@ -130,12 +126,7 @@ impl Printer {
     /// # Errors
     /// If they cannot be passed on.
     pub fn lines(&self, text: &str) -> std::result::Result<(), StepError> {
-        let text = text.trim_end_matches('\n');
-        if self.results == Results::Talk {
-            self.detail(text);
-            return Ok(());
-        }
-        self.pass(Result::Lines(text))
+        self.pass(Result::Lines(text.trim_end_matches('\n')))
     }
 
     /// The result for machines; whatever it is has a schema.
@@ -146,12 +137,7 @@ impl Printer {
         &self,
         value: &(impl Serialize + JsonSchema),
     ) -> std::result::Result<(), StepError> {
-        let text = serde_json::to_string_pretty(value)?;
-        if self.results == Results::Talk {
-            self.detail(&text);
-            return Ok(());
-        }
-        self.pass(Result::Json(&text))
+        self.pass(Result::Json(&serde_json::to_string_pretty(value)?))
     }
 
     /// What calib is doing; silent with `-q`.
@@ -234,6 +220,11 @@ impl Printer {
     }
 
     fn pass(&self, result: Result<'_>) -> std::result::Result<(), StepError> {
+        if self.results == Results::Talk {
+            let (Result::Line(text) | Result::Lines(text) | Result::Json(text)) = result;
+            self.detail(text);
+            return Ok(());
+        }
         self.observer.result(result).context("cannot write to stdout")
     }
 }
