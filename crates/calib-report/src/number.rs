@@ -57,6 +57,12 @@ pub(crate) fn time_unit(secs: f64) -> (f64, &'static str) {
     }
 }
 
+/// The whole number next to `value`, with thousands separators.
+pub(crate) fn whole(value: f64) -> String {
+    let whole = count(value.abs().round() as u64);
+    if value < 0.0 { format!("-{whole}") } else { whole }
+}
+
 fn significant(value: f64, smallest_plain: f64) -> String {
     if !value.is_finite() {
         return "diverged".to_owned();
@@ -73,8 +79,7 @@ fn significant(value: f64, smallest_plain: f64) -> String {
         return format!("{}e{exponent}", trimmed(mantissa.to_owned()));
     }
     if exponent >= 3 {
-        let whole = count(value.abs().round() as u64);
-        return if value < 0.0 { format!("-{whole}") } else { whole };
+        return whole(value);
     }
     let decimals = (2 - exponent).max(0) as usize;
     trimmed(format!("{value:.decimals$}"))

@@ -20,10 +20,10 @@ use calib_base::{
     outcome::{Freshness, Outcome, StepResult},
     output::Printer,
 };
-use calib_core::{Seed, Silent, States, Transitions};
+use calib_core::{Frames, Seed, Silent, States, Transitions};
 use calib_data::Dataset;
 use calib_files::{ScratchPlace, write_json};
-use calib_knn::{KnnModel, ModelConfig, Parts, Workplace, closed_classes};
+use calib_knn::{Ends, KnnModel, ModelConfig, Parts, Recurrence, Workplace, closed_classes};
 use calib_model::{JumpStatistics, ModelFamily, StartSource, rollout, start_states};
 use calib_study::{Job, Study};
 use rayon::prelude::*;
@@ -250,10 +250,7 @@ fn build(
         .into_par_iter()
         .map(|member: usize| {
             let (classes, ends) = (built.recurrence[member].clone(), &built.ends[member]);
-            let weights = study.model.weights()?;
-            let (frames, seed) = (&dataset.train, study.seed);
-            let walks = MemberRecurrence::new(&knn, member, classes, ends, frames, weights, seed);
-            summary(study, &knn, member, walks)
+            summary(study, &knn, member, &dataset.train, (classes, ends))
         })
         .collect::<Result<_, _>>()?;
     let recall = recall_of(study, &knn, &printer.progress())?;
@@ -319,10 +316,7 @@ fn refresh(
                 classes.before = now.clone();
             }
             classes.after = now;
-            let frames = &dataset.train;
-            let seed = study.seed;
-            let walks = MemberRecurrence::new(&knn, member, classes, &ends, frames, weights, seed);
-            summary(study, &knn, member, walks)
+            summary(study, &knn, member, &dataset.train, (classes, &ends))
         })
         .collect::<Result<Vec<MemberSummary>, StepError>>()?;
     manifest.study = study.clone();
@@ -351,12 +345,15 @@ fn summary(
     study: &Study,
     knn: &KnnModel,
     member: usize,
-    recurrence: MemberRecurrence,
+    frames: &Frames,
+    (classes, ends): (Recurrence, &Ends),
 ) -> Result<MemberSummary, StepError> {
+    let weights = study.model.weights()?;
+    let recurrence = MemberRecurrence::new(knn, member, classes, ends, frames, weights, study.seed);
     let tables = knn.member(member);
     let seed = Seed::new(study.seed).child("jump probe").number(member as u64);
     let starts = start_states(&tables, StartSource::Random, 1, seed)?;
-    let probe = rollout(&tables, &starts[0], PROBE_STEPS, study.model.weights()?, seed);
+    let probe = rollout(&tables, &starts[0], PROBE_STEPS, weights, seed);
     let jumps = Some(JumpStatistics::of([probe.rows()]));
     Ok(MemberSummary { transitions: tables.len(), jumps, recurrence: Some(recurrence) })
 }

@@ -273,14 +273,12 @@ pub fn report_table(model: &ModelManifest) -> Option<Table> {
                 sizes_cell(after),
                 Cell::Number(100.0 * *left_out as f64 / (*candidates).max(1) as f64),
                 Cell::Count(*exits as u64),
-                number_cell(recurrence.covered(member.transitions).map(
-                    |share| match after.count {
-                        0 | 1 => 100.0 * share,
-                        _ => rounded(100.0 * share, 1),
-                    },
-                )),
-                number_cell(recurrence.walks.mixing_steps.map(|steps| steps as f64)),
-                number_cell(recurrence.walks.steps_to_end),
+                Cell::from(recurrence.covered(member.transitions).map(|share| match after.count {
+                    0 | 1 => 100.0 * share,
+                    _ => rounded(100.0 * share, 1),
+                })),
+                Cell::from(recurrence.walks.mixing_steps.map(|steps| steps as f64)),
+                Cell::from(recurrence.walks.steps_to_end),
                 Cell::Count(recurrence.walks.trapped as u64),
             ])
         })
@@ -316,10 +314,6 @@ fn sizes_cell(classes: &ClosedClasses) -> Cell {
     let sizes: Vec<String> = classes.largest.iter().take(5).map(|&size| count(size)).collect();
     let more = if classes.count > 5 { ", …" } else { "" };
     Cell::Text(format!("{} ({}{more})", classes.count, sizes.join("; ")))
-}
-
-fn number_cell(value: Option<f64>) -> Cell {
-    value.map_or(Cell::Missing, Cell::Number)
 }
 
 #[cfg(test)]

@@ -7,3 +7,28 @@ pub mod one_step;
 pub mod rollout;
 pub mod trajectory_columns;
 pub(crate) mod truth;
+
+use calib_base::StepError;
+
+/// Every two of these, in their order.
+fn every_two<T>(all: &[T]) -> impl Iterator<Item = (&T, &T)> {
+    let each = all.iter().enumerate();
+    each.flat_map(move |(place, one)| all[place + 1..].iter().map(move |other| (one, other)))
+}
+
+/// Of what has these numbers the places of the smallest, and of every other that cannot be told apart from it: `is_told`
+/// says whether one place can, from another.
+fn not_worse(
+    numbers: &[(usize, f64)],
+    is_told: impl Fn(usize, usize) -> Result<bool, StepError>,
+) -> Result<Vec<usize>, StepError> {
+    let smallest = numbers.iter().min_by(|(_, one), (_, other)| one.total_cmp(other));
+    let Some(&(best, _)) = smallest else { return Ok(Vec::new()) };
+    let mut all = Vec::new();
+    for &(place, _) in numbers {
+        if place == best || !is_told(place, best)? {
+            all.push(place);
+        }
+    }
+    Ok(all)
+}

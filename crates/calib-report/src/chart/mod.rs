@@ -57,6 +57,13 @@ const NARROW_CURVES: usize = 4;
 const FEWEST_NARROW_POINTS: usize = 120;
 
 impl Chart {
+    /// Curves alone, without title, right axis and marks.
+    pub(crate) const fn of(x: Axis, left: Axis, series: Vec<Series>) -> Self {
+        let title = String::new();
+        let description = String::new();
+        Self { title, description, x, left, right: None, series, rules: Vec::new() }
+    }
+
     /// The chart with fewer points in its dense curves, which a narrow picture could not show; peaks stay.
     pub(crate) fn thinned(&self) -> Self {
         let shared = NARROW_CURVES * NARROW_POINTS / self.series.len().max(1);

@@ -4,7 +4,7 @@ use super::{
     Scale, ScaleKind,
     dates::{dates, dates_apart},
 };
-use crate::number::{count, number, setting};
+use crate::number::{number, setting, whole};
 
 /// One mark on an axis; minor ones have no label.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,8 +123,7 @@ fn label(value: f64, step: f64) -> String {
         return number(value);
     }
     if decimals == 0 && value.abs() >= 1e3 {
-        let whole = count(value.abs() as u64);
-        return if value < 0.0 { format!("-{whole}") } else { whole };
+        return whole(value);
     }
     let text = format!("{value:.decimals$}");
     if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {

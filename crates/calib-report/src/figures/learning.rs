@@ -81,18 +81,13 @@ impl LearningCurves {
             series.iter().flat_map(|series| series.points.iter().map(|point| point.y)).collect();
         let scale = around(&means);
         let spacing = if scale.is_log() { ", log scale" } else { "" };
-        Ok(Figure::new(Chart {
-            description: format!(
-                "Error of the predictions of {} against step, for each {}, {}.",
-                self.sensor, self.field, self.environment
-            ),
-            title,
-            x: Axis { label: "step".to_owned(), scale: Scale::linear(0.0, self.steps as f64) },
-            left: Axis { label: format!("RMSE (normalised{spacing})"), scale },
-            right: None,
-            series,
-            rules: Vec::new(),
-        }))
+        let description = format!(
+            "Error of the predictions of {} against step, for each {}, {}.",
+            self.sensor, self.field, self.environment
+        );
+        let x = Axis { label: "step".to_owned(), scale: Scale::linear(0.0, self.steps as f64) };
+        let left = Axis { label: format!("RMSE (normalised{spacing})"), scale };
+        Ok(Figure::new(Chart { title, description, ..Chart::of(x, left, series) }))
     }
 }
 

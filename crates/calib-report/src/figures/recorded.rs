@@ -89,15 +89,10 @@ impl RecordedFigure {
             .collect();
         let ranges: Vec<String> =
             shown.iter().map(|(period, extent)| period.heading(extent)).collect();
-        let head = Chart {
-            title,
-            description: format!("{label}. {}.", ranges.join("; ")),
-            x: Axis { label: String::new(), scale: Scale::linear(0.0, 1.0) },
-            left: Axis { label, scale },
-            right: None,
-            series: Vec::new(),
-            rules: Vec::new(),
-        };
+        let description = format!("{label}. {}.", ranges.join("; "));
+        let x = Axis { label: String::new(), scale: Scale::linear(0.0, 1.0) };
+        let left = Axis { label, scale };
+        let head = Chart { title, description, ..Chart::of(x, left, Vec::new()) };
         Ok(Figure::with_grid(head, rows, HEIGHT))
     }
 }
@@ -150,15 +145,9 @@ impl RecordedPeriod {
             marker: None,
             points: self.broken_points(),
         };
-        Chart {
-            title: String::new(),
-            description: String::new(),
-            x: Axis { label: String::new(), scale: self.dates(extent) },
-            left: Axis { label: String::new(), scale: scale.clone() },
-            right: None,
-            series: vec![series],
-            rules: self.cuts(),
-        }
+        let x = Axis { label: String::new(), scale: self.dates(extent) };
+        let left = Axis { label: String::new(), scale: scale.clone() };
+        Chart { rules: self.cuts(), ..Chart::of(x, left, vec![series]) }
     }
 
     /// All points, and a break where a gap is cut out.

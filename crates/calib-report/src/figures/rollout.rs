@@ -58,18 +58,13 @@ impl RolloutFigure {
         let series: Vec<Series> = truth.chain(rollouts).collect();
         let scale = scale_around(self.truth.iter(), self.rollouts.iter());
         let label = axis_label(&self.sensor, self.unit.as_deref());
-        let chart = Chart {
-            description: self.description(length),
-            title,
-            x: Axis {
-                label: format!("time since start ({unit_name})"),
-                scale: Scale::linear(0.0, length / unit_secs),
-            },
-            left: Axis { label, scale },
-            right: None,
-            series,
-            rules: Vec::new(),
+        let x = Axis {
+            label: format!("time since start ({unit_name})"),
+            scale: Scale::linear(0.0, length / unit_secs),
         };
+        let description = self.description(length);
+        let left = Axis { label, scale };
+        let chart = Chart { title, description, ..Chart::of(x, left, series) };
         let panels = self.panels(&chart);
         Ok(Figure::with_panels(chart, panels))
     }

@@ -74,20 +74,15 @@ impl RolloutGrid {
             })
             .collect();
         let label = axis_label(&self.sensor, self.unit.as_deref());
-        let head = Chart {
-            description: format!(
-                "{label} over {} from {} starts: what was recorded beside {}.",
-                duration(length),
-                self.rows.len(),
-                self.models.join(", ")
-            ),
-            title,
-            x: Axis { label: String::new(), scale: Scale::linear(0.0, length / unit_secs) },
-            left: Axis { label, scale: scale.clone() },
-            right: None,
-            series: Vec::new(),
-            rules: Vec::new(),
-        };
+        let description = format!(
+            "{label} over {} from {} starts: what was recorded beside {}.",
+            duration(length),
+            self.rows.len(),
+            self.models.join(", ")
+        );
+        let x = Axis { label: String::new(), scale: Scale::linear(0.0, length / unit_secs) };
+        let left = Axis { label, scale: scale.clone() };
+        let head = Chart { title, description, ..Chart::of(x, left, Vec::new()) };
         Ok(Figure::with_grid(head, rows, HEIGHT))
     }
 
@@ -110,13 +105,5 @@ fn cell_chart(
     unit_secs: f64,
 ) -> Chart {
     let colour = if column == 0 { Colour::Ink } else { Colour::Curve(column) };
-    Chart {
-        title: String::new(),
-        description: String::new(),
-        x,
-        left,
-        right: None,
-        series: vec![trajectory.series(unit_secs, POINTS, colour, 1.0)],
-        rules: Vec::new(),
-    }
+    Chart::of(x, left, vec![trajectory.series(unit_secs, POINTS, colour, 1.0)])
 }

@@ -5,7 +5,6 @@ use std::fmt::Write;
 use maud::{Markup, html};
 
 use super::figure::{Drawn, Numbers, still};
-use super::tables::number_cell;
 use super::{Section, SectionEntry, several, text::prose};
 use crate::chart::Detail;
 use crate::figures::NRMSE;
@@ -268,8 +267,8 @@ fn sensitivity_table(sensitivity: &Sensitivity) -> Table {
                         None => row.extend([const { Cell::Missing }; 5]),
                         Some(summary) => {
                             row.push(Cell::Number(summary.mean));
-                            row.push(number_cell(summary.interval.map(|interval| interval.low)));
-                            row.push(number_cell(summary.interval.map(|interval| interval.high)));
+                            row.push(summary.interval.map(|interval| interval.low).into());
+                            row.push(summary.interval.map(|interval| interval.high).into());
                             row.push(Cell::Count(summary.runs as u64));
                             row.push(Cell::Count(summary.diverged as u64));
                         }

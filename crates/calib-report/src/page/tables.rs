@@ -135,11 +135,6 @@ fn fact(name: &str, value: &str) -> Markup {
     html! { div { dt { (name) } dd { (value) } } }
 }
 
-/// The number, if there is one.
-pub(super) fn number_cell(value: Option<f64>) -> Cell {
-    value.map_or(Cell::Missing, Cell::Number)
-}
-
 fn channels(channels: &[Channel]) -> Table {
     let columns = ["Channel", "Unit", "Smallest", "Largest", "Missing", "Use"];
     Table {
@@ -156,8 +151,8 @@ fn channel_row(channel: &Channel) -> Vec<Cell> {
     vec![
         Cell::Text(channel.name.clone()),
         channel.unit.clone().map_or(Cell::Missing, Cell::Text),
-        number_cell(channel.min),
-        number_cell(channel.max),
+        channel.min.into(),
+        channel.max.into(),
         Cell::Percent(channel.missing),
         Cell::Text(match &channel.status {
             ChannelStatus::Kept => "kept".to_owned(),

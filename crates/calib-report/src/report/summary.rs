@@ -134,7 +134,7 @@ fn agreed(sensor: &str, own: &[&Verdict]) -> Option<String> {
 
 /// " (2 % regret, fair)": what a choice costs, and how far it can be relied on.
 fn standing(verdict: &Verdict) -> String {
-    let Some(regret) = regret(verdict) else { return String::new() };
+    let Some(regret) = verdict.regret() else { return String::new() };
     let word = verdict.grade.word();
     if verdict.has_costs() {
         format!(" ({} regret, {word})", percent(regret))
@@ -152,10 +152,10 @@ fn differing(sensor: &str, own: &[&Verdict]) -> String {
         })
         .collect();
     let all = listed(&all);
-    let smallest = own.iter().filter_map(|verdict| regret(verdict)).reduce(f64::min);
+    let smallest = own.iter().filter_map(|verdict| verdict.regret()).reduce(f64::min);
     let told = own.iter().any(|verdict| verdict.has_costs());
     let Some(smallest) = smallest.filter(|_| told) else { return format!("{sensor}: {all}.") };
-    let best = own.iter().filter(|verdict| regret(verdict) == Some(smallest));
+    let best = own.iter().filter(|verdict| verdict.regret() == Some(smallest));
     let best: Vec<String> = best.map(|verdict| verdict.model.clone()).collect();
     if best.len() == own.len() {
         format!("{sensor}: {all}. On held-out data these choices are equally good.")
@@ -183,10 +183,6 @@ impl Verdict {
 
 fn sensors(verdicts: &[&Verdict]) -> String {
     listed(&verdicts.iter().map(|verdict| verdict.sensor.clone()).collect::<Vec<_>>())
-}
-
-fn regret(verdict: &Verdict) -> Option<f64> {
-    verdict.regret()
 }
 
 /// "`learning_rate` = 1e-4 for PIT300 and 3e-5 for TIT101".

@@ -52,6 +52,12 @@ impl Cell {
     }
 }
 
+impl From<Option<f64>> for Cell {
+    fn from(number: Option<f64>) -> Self {
+        number.map_or(Self::Missing, Self::Number)
+    }
+}
+
 impl Table {
     /// Whether cell (`row`, `column`) is bold: the largest of its column, ties being all largest, or one of those listed.
     pub fn is_best(&self, row: usize, column: usize) -> bool {

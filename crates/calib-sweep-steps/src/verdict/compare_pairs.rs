@@ -121,32 +121,24 @@ pub(crate) fn pooled(deployments: &[Vec<&JudgedModel>]) -> Result<Vec<Pooled>, S
     Ok(all)
 }
 
+fn within<T>(deployments: &[String], compared: Vec<T>) -> impl Iterator<Item = In<T>> {
+    compared.into_iter().map(|compared| In { deployments: deployments.to_vec(), compared })
+}
+
 /// Every two models in every group, and in all deployments where there are several groups.
 pub(crate) fn comparisons(deployments: &[Vec<&JudgedModel>]) -> Result<Comparisons, StepError> {
     let mut all = Comparisons::default();
     let groups = groups(deployments);
     for group in &groups {
-        all.rollouts.extend(
-            comparison::all_pairs(&group.compared())?
-                .into_iter()
-                .map(|compared| In { deployments: group.deployments.clone(), compared }),
-        );
-        all.one_step.extend(
-            one_step::all_pairs(&group.predicting())?
-                .into_iter()
-                .map(|compared| In { deployments: group.deployments.clone(), compared }),
-        );
+        all.rollouts.extend(within(&group.deployments, comparison::all_pairs(&group.compared())?));
+        all.one_step.extend(within(&group.deployments, one_step::all_pairs(&group.predicting())?));
     }
     if groups.len() > 1 {
         let pooled = pooled(deployments)?;
         let models: Vec<ComparedModel<'_>> = pooled.iter().map(Pooled::compared).collect();
         let names: Vec<String> =
             groups.iter().flat_map(|group| group.deployments.clone()).collect();
-        all.rollouts.extend(
-            comparison::all_pairs(&models)?
-                .into_iter()
-                .map(|compared| In { deployments: names.clone(), compared }),
-        );
+        all.rollouts.extend(within(&names, comparison::all_pairs(&models)?));
     }
     Ok(all)
 }

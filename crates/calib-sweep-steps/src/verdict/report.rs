@@ -223,8 +223,8 @@ pub(crate) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Ta
             Cell::Text(format!("ensemble member {member}")),
             Cell::Count(starts.starts as u64),
             Cell::Count(starts.replaced as u64),
-            number_cell(starts.mean_distance),
-            number_cell(starts.largest_distance),
+            starts.mean_distance.into(),
+            starts.largest_distance.into(),
         ]
     });
     let columns = ["", "start states", "in the block left out", "mean distance", "largest"];
@@ -237,11 +237,6 @@ pub(crate) fn starts_table(model: &str, rollouts: &RolloutManifest) -> Option<Ta
         rows: rows.collect(),
         best: None,
     })
-}
-
-/// The number, if there is one.
-fn number_cell(value: Option<f64>) -> Cell {
-    value.map_or(Cell::Missing, Cell::Number)
 }
 
 /// The representations that could be used, if the study has any.

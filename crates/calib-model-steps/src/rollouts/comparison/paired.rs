@@ -14,7 +14,7 @@ use super::{
     Comparison, MEASURES,
     pair::{Distance, Pair},
 };
-use crate::STEP_PATTERNS;
+use crate::{STEP_PATTERNS, rollouts::every_two};
 
 /// A start state and how many steps were compared from it on: in two models the same stretch, if both are.
 type Stretch = (Timestamp, u32);
@@ -119,10 +119,8 @@ impl<'a> ComparedModel<'a> {
 /// If an interval cannot be computed.
 pub fn all_pairs(models: &[ComparedModel<'_>]) -> Result<Vec<PairedModels>, StepError> {
     let mut all = Vec::new();
-    for (place, one) in models.iter().enumerate() {
-        for other in &models[place + 1..] {
-            all.extend(two(one, other)?);
-        }
+    for (one, other) in every_two(models) {
+        all.extend(two(one, other)?);
     }
     Ok(all)
 }

@@ -33,7 +33,7 @@ pub(crate) fn show(comparison: &Comparison, printer: &Printer) -> Result<(), Ste
                 .dtw
                 .iter()
                 .map(|pattern| pattern.normalized_distance.as_ref().or(Some(&pattern.distance)));
-            normalised.map(mean_and_half).collect::<Vec<_>>()
+            normalised.map(summary_text).collect::<Vec<_>>()
         },
         printer,
     )?;
@@ -44,7 +44,7 @@ pub(crate) fn show(comparison: &Comparison, printer: &Printer) -> Result<(), Ste
         &header,
         |sensor: &SensorComparison| {
             let values = sensor.measures.iter().map(|measure| measure.value.as_ref());
-            values.map(mean_and_half).collect::<Vec<_>>()
+            values.map(summary_text).collect::<Vec<_>>()
         },
         printer,
     )
@@ -113,10 +113,14 @@ pub(super) fn plus_minus(interval: Interval) -> String {
     format!("± {}", significant((interval.high - interval.low) / 2.0))
 }
 
-fn mean_and_half(summary: Option<&ClusterSummary>) -> String {
-    let Some(summary) = summary else { return "–".to_owned() };
-    let half = summary.interval.map(|interval| format!(" {}", plus_minus(interval)));
-    format!("{}{}", significant(summary.mean), half.unwrap_or_default())
+/// A mean, with half the width of its interval where there is one.
+pub(super) fn mean_and_half(mean: f64, interval: Option<Interval>) -> String {
+    let half = interval.map(|interval| format!(" {}", plus_minus(interval)));
+    format!("{}{}", significant(mean), half.unwrap_or_default())
+}
+
+fn summary_text(summary: Option<&ClusterSummary>) -> String {
+    summary.map_or_else(|| "–".to_owned(), |told| mean_and_half(told.mean, told.interval))
 }
 
 /// Every two models by their warping distance with the first step pattern, sensor by sensor; nothing where there are no two.
@@ -132,8 +136,7 @@ pub fn show_pairs(pairs: &[&PairedModels], printer: &Printer) -> Result<(), Step
             let known =
                 pattern.and_then(|pattern| pattern.normalized_distance.or(pattern.distance));
             let Some(difference) = known else { continue };
-            let half = difference.interval.map(|interval| format!(" {}", plus_minus(interval)));
-            let mean = format!("{}{}", significant(difference.mean), half.unwrap_or_default());
+            let mean = mean_and_half(difference.mean, difference.interval);
             let nearer = difference.smaller.map(|[one, other]| format!("{one} : {other}"));
             let nearer = nearer.unwrap_or_else(|| "–".to_owned());
             rows.push(vec![sensor.sensor.clone(), format!("{one} − {other}"), mean, nearer]);

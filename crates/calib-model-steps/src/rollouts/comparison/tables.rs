@@ -1,6 +1,6 @@
 //! The comparison in the report.
 
-use calib_base::{StepError, output::significant};
+use calib_base::StepError;
 use calib_report::{Best, Cell, Table};
 use calib_stats::{ClusterSummary, Difference};
 
@@ -8,9 +8,12 @@ use super::{
     MEASURES, SensorComparison,
     pair::Distance,
     paired::ComparedModel,
-    show::{basis, left_out, plus_minus},
+    show::{basis, left_out, mean_and_half, plus_minus},
 };
-use crate::STEP_PATTERNS;
+use crate::{
+    STEP_PATTERNS,
+    rollouts::{self, every_two},
+};
 
 /// Columns before those of the models, in the table of warping distances and in that of the others.
 const OF_WARPING: [&str; 3] = ["sensor", "step pattern", "distance"];
@@ -110,25 +113,16 @@ fn not_worse(
     sensor: &str,
     distance: Distance,
 ) -> Result<Vec<usize>, StepError> {
-    let known = || {
-        summaries.iter().enumerate().filter_map(|(model, summary)| Some((model, (*summary)?.mean)))
-    };
-    let best = known().min_by(|(_, one), (_, other)| one.total_cmp(other));
-    let Some((best, _)) = best.filter(|_| known().count() > 1 && are_alike(models)) else {
+    let own = summaries.iter().enumerate();
+    let known = own.filter_map(|(model, summary)| Some((model, (*summary)?.mean)));
+    let known: Vec<(usize, f64)> = known.collect();
+    if known.len() < 2 || !are_alike(models) {
         return Ok(Vec::new());
-    };
-    let mut all = Vec::new();
-    for (model, _) in known() {
-        let apart = if model == best {
-            None
-        } else {
-            models[model].minus(&models[best], sensor, distance)?
-        };
-        if !apart.is_some_and(|difference| difference.is_told()) {
-            all.push(model);
-        }
     }
-    Ok(all)
+    rollouts::not_worse(&known, |model, best| {
+        let difference = models[model].minus(&models[best], sensor, distance)?;
+        Ok(difference.is_some_and(|difference| difference.is_told()))
+    })
 }
 
 /// A model that is held to its own past has an easier task than one that is held to a deployment.
@@ -193,13 +187,8 @@ fn two_by_two(
     models: &[ComparedModel<'_>],
     sensors: &[SensorComparison],
 ) -> Result<Option<Table>, StepError> {
-    let pairs = models.iter().enumerate().flat_map(|(place, one)| {
-        models[place + 1..]
-            .iter()
-            .filter(|other| one.is_held_to_the_record_of(other))
-            .map(move |other| (one, other))
-    });
-    let pairs: Vec<(&ComparedModel<'_>, &ComparedModel<'_>)> = pairs.collect();
+    let alike = every_two(models).filter(|(one, other)| one.is_held_to_the_record_of(other));
+    let pairs: Vec<(&ComparedModel<'_>, &ComparedModel<'_>)> = alike.collect();
     let mut rows = Rows::default();
     for sensor in sensors {
         for distance in Distance::shown() {
@@ -235,11 +224,7 @@ fn two_by_two(
 
 fn of_two(difference: Option<Difference>) -> [Cell; 2] {
     let Some(difference) = difference else { return [Cell::Missing, Cell::Missing] };
-    let half = difference
-        .interval
-        .map(|interval| format!(" {}", plus_minus(interval)))
-        .unwrap_or_default();
     let nearer = difference.smaller.map(|[one, other]| Cell::Text(format!("{one} : {other}")));
-    let mean = Cell::Text(format!("{}{half}", significant(difference.mean)));
+    let mean = Cell::Text(mean_and_half(difference.mean, difference.interval));
     [mean, nearer.unwrap_or(Cell::Missing)]
 }

@@ -11,6 +11,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{OneStep, PredictionError, read, steps::SquaredErrors};
+use crate::rollouts::{self, every_two};
 
 /// A model whose one-step errors are known.
 pub struct OneStepModel {
@@ -80,7 +81,7 @@ fn range(interval: Interval) -> String {
 /// # Errors
 /// If an interval cannot be computed.
 pub fn all_pairs(models: &[&OneStepModel]) -> Result<Vec<PairedErrors>, StepError> {
-    two_by_two(models)
+    every_two(models)
         .map(|(one, other)| {
             let sensors = one.one_step.sensors.iter().map(|predicted| {
                 let ratio = one.steps.beside(&other.steps, Some(&predicted.sensor))?;
@@ -93,15 +94,6 @@ pub fn all_pairs(models: &[&OneStepModel]) -> Result<Vec<PairedErrors>, StepErro
             })
         })
         .collect()
-}
-
-fn two_by_two<'a>(
-    models: &'a [&OneStepModel],
-) -> impl Iterator<Item = (&'a OneStepModel, &'a OneStepModel)> {
-    models
-        .iter()
-        .enumerate()
-        .flat_map(move |(place, &one)| models[place + 1..].iter().map(move |&other| (one, other)))
 }
 
 /// Tables for the report: the models side by side, with the best of a row and all that cannot be told apart from it in bold where
@@ -166,42 +158,25 @@ impl OneStepModel {
 fn cells(error: Option<&PredictionError>) -> [Cell; 3] {
     let interval = error.and_then(|error| error.relative_interval);
     [
-        number_cell(error.and_then(|error| error.rmse)),
-        number_cell(error.and_then(|error| error.relative)),
+        error.and_then(|error| error.rmse).into(),
+        error.and_then(|error| error.relative).into(),
         interval.map_or(Cell::Missing, |interval| Cell::Text(range(interval))),
     ]
 }
 
-fn number_cell(value: Option<f64>) -> Cell {
-    value.map_or(Cell::Missing, Cell::Number)
-}
-
 /// The model with the smallest error, and all that cannot be told apart from it.
 fn not_worse(models: &[&OneStepModel], sensor: Option<&str>) -> Result<Vec<usize>, StepError> {
-    let known = || {
-        let own = models.iter().enumerate();
-        own.filter_map(|(place, model)| Some((place, model.error(sensor)?.rmse?)))
-    };
-    let Some((best, _)) = known().min_by(|(_, one), (_, other)| one.total_cmp(other)) else {
-        return Ok(Vec::new());
-    };
-    let mut all = Vec::new();
-    for (place, _) in known() {
-        let ratio = if place == best {
-            None
-        } else {
-            models[place].steps.beside(&models[best].steps, sensor)?
-        };
-        if !ratio.is_some_and(|ratio| ratio.is_told()) {
-            all.push(place);
-        }
-    }
-    Ok(all)
+    let own = models.iter().enumerate();
+    let known = own.filter_map(|(place, model)| Some((place, model.error(sensor)?.rmse?)));
+    rollouts::not_worse(&known.collect::<Vec<_>>(), |place, best| {
+        let ratio = models[place].steps.beside(&models[best].steps, sensor)?;
+        Ok(ratio.is_some_and(|ratio| ratio.is_told()))
+    })
 }
 
 /// Quotients of the errors of every two models, if there are several.
 fn quotients(models: &[&OneStepModel]) -> Result<Option<Table>, StepError> {
-    let pairs: Vec<(&OneStepModel, &OneStepModel)> = two_by_two(models).collect();
+    let pairs: Vec<(&&OneStepModel, &&OneStepModel)> = every_two(models).collect();
     let Some((first, _)) = pairs.first() else { return Ok(None) };
     let mut rows = Vec::new();
     let mut bold = Vec::new();

@@ -65,9 +65,7 @@ pub(in crate::report) fn verdict() -> Verdict {
 }
 
 fn text(verdict: &Verdict) -> String {
-    let mut lines = vec![verdict.headline()];
-    lines.extend(verdict.reasons());
-    lines.join("\n")
+    [vec![verdict.headline()], verdict.reasons()].concat().join("\n")
 }
 
 #[test]
