@@ -11,7 +11,7 @@ use calib_pipeline::{
 };
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::interrupts::is_asked_to_stop;
+use super::{interrupts::is_asked_to_stop, terminal::eprint_line};
 
 /// What keeps a line in a file.
 pub(crate) type KeepLine = Box<dyn Fn(&str) + Send + Sync>;
@@ -130,7 +130,7 @@ impl ProgressMonitor {
 
     fn tell_lines(&self) {
         if let Some(line) = self.plain.as_ref().and_then(|lines| self.line(lines)) {
-            eprintln_quietly(&format!("  {line}"));
+            eprint_line(&format!("  {line}"));
         }
         if let Some((lines, keep)) = &self.kept
             && let Some(line) = self.line(lines)
@@ -138,11 +138,6 @@ impl ProgressMonitor {
             keep(&line);
         }
     }
-}
-
-fn eprintln_quietly(text: &str) {
-    use std::io::Write as _;
-    let _ = writeln!(std::io::stderr().lock(), "{text}");
 }
 
 impl Monitor for ProgressMonitor {

@@ -90,7 +90,7 @@ pub(crate) fn excerpt(excerpt: &str) {
     }
 }
 
-fn eprint_line(text: &str) {
+pub(super) fn eprint_line(text: &str) {
     // A closed stderr is no reason to stop working.
     let _ = writeln!(io::stderr().lock(), "{text}");
 }

@@ -1,8 +1,13 @@
 //! How a step ended, and what it came to.
 
+use std::{path::Path, time::Duration};
+
 use calib_study::Job;
 
-use crate::{StepError, output::Printer};
+use crate::{
+    StepError,
+    output::{Printer, duration},
+};
 
 /// How a step ended that did what it should.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,11 +119,12 @@ pub enum Freshness {
 }
 
 impl Freshness {
-    /// The words before the place of a result.
-    pub fn verb(self) -> &'static str {
-        match self {
+    /// Where a result is, and what it took.
+    pub fn line(self, directory: &Path, took: Duration) -> String {
+        let verb = match self {
             Self::Kept => "up to date:",
             Self::Made => "wrote",
-        }
+        };
+        format!("{verb} {} in {}", directory.display(), duration(took))
     }
 }

@@ -16,16 +16,6 @@ pub enum StudyError {
         /// What the system says.
         source: io::Error,
     },
-    /// A folder was named.
-    #[error(
-        "{} is a folder, not a study; if it holds logs, start with `calib init {}`",
-        path.display(),
-        path.display()
-    )]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-    },
     /// Something that stands in the file.
     #[error("{place}: {message}")]
     Written {

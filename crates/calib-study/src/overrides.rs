@@ -16,11 +16,6 @@ use crate::{
 /// # Errors
 /// A key that does not exist, or a value that is not valid.
 pub fn of_data(path: &Path, overrides: &[String]) -> Result<Study, StudyError> {
-    checked(path, overrides).map_err(|problem| StudyError::Value(problem.to_string()))
-}
-
-/// The same, or what is wrong with the overrides.
-fn checked(path: &Path, overrides: &[String]) -> Result<Study, Problem> {
     let mut table = Table::new();
     overrides.iter().try_for_each(|text| apply(&mut table, text))?;
     without_model::check(&table, std::slice::from_ref(&table))?;

@@ -157,8 +157,7 @@ impl Study {
 
     /// Which part of a run is scored.
     pub fn part(&self) -> Part {
-        let tuned = self.pretrain.epochs > 0 || self.pretrain.checkpoint.is_some();
-        self.sweep.part(if tuned { Beginning::Pretrained } else { Beginning::Scratch })
+        self.sweep.part(if self.pretrain.is_on() { Beginning::Pretrained } else { Beginning::Scratch })
     }
 
     /// What the model is called in figures and tables, or what chooses in its place.

@@ -52,8 +52,7 @@ impl WrittenStudy {
         let ChosenProfile { results, laid_over } =
             chosen.map_err(|problem| written.locate(&problem))?;
         written.results = results;
-        let given = written.lay_over();
-        let given = given.map_err(|problem| StudyError::Value(problem.to_string()))?;
+        let given = written.lay_over()?;
         finite(&written.table, "")
             .and_then(|()| models::check(&written.table))
             .and_then(|()| without_model::check(&written.table, &[file, laid_over, given]))
@@ -234,10 +233,7 @@ pub(crate) fn text_of(path: &Path) -> Result<String, StudyError> {
         Err(FileError::Io { source, .. }) => Err(source),
         Err(other) => Err(io::Error::other(other)),
     };
-    text.map_err(|source| match path.to_owned() {
-        path if path.is_dir() => StudyError::Folder { path },
-        path => StudyError::Unreadable { path, source },
-    })
+    text.map_err(|source| StudyError::Unreadable { path: path.to_owned(), source })
 }
 
 /// The study file `path` as a table, with all its models and without its profiles.

@@ -254,20 +254,11 @@ fn build(
         })
         .collect::<Result<_, _>>()?;
     let recall = recall_of(study, &knn, &printer.progress())?;
+    let transitions = knn.transitions().len();
     let facts = ModelFacts {
-        key: how.key.clone(),
-        study: study.clone(),
-        data: dataset.fingerprint.clone(),
-        period: dataset.period,
-        rows: dataset.train.rows(),
-        transitions: knn.transitions().len(),
-        segments: dataset.train.segments().len(),
-        times: model_files::first_and_last(&dataset.train),
-        normaliser: dataset.normaliser.clone(),
         search: Some(built.choice.without_share()),
         recall,
-        members,
-        training: None,
+        ..ModelFacts::of(how.key.clone(), study, &dataset, transitions, members)
     };
     write_json(
         &directory.join("timings.json"),

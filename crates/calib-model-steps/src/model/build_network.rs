@@ -93,21 +93,9 @@ fn build(
     model_files::write_states(directory, &dataset.train, states)?;
     model_files::write(directory, dataset, None)?;
     let transitions = Transitions::new(dataset.train.segments().clone()).len();
-    let facts = ModelFacts {
-        key,
-        study: study.clone(),
-        data: dataset.fingerprint.clone(),
-        period: dataset.period,
-        rows: dataset.train.rows(),
-        transitions,
-        segments: dataset.train.segments().len(),
-        times: model_files::first_and_last(&dataset.train),
-        normaliser: dataset.normaliser.clone(),
-        search: None,
-        recall: None,
-        members: vec![MemberSummary { transitions, jumps: None, recurrence: None }],
-        training,
-    };
+    let members = vec![MemberSummary { transitions, jumps: None, recurrence: None }];
+    let facts =
+        ModelFacts { training, ..ModelFacts::of(key, study, dataset, transitions, members) };
     let timings = Timings {
         reading_secs: read.as_secs_f64(),
         training_secs: trained.saturating_sub(read).as_secs_f64(),

@@ -69,6 +69,33 @@ pub struct ModelFacts {
     pub(crate) training: Option<TrainingSummary>,
 }
 
+impl ModelFacts {
+    /// What is told of any model that was built from the training states of `dataset`.
+    pub(crate) fn of(
+        key: String,
+        study: &Study,
+        dataset: &Dataset,
+        transitions: usize,
+        members: Vec<MemberSummary>,
+    ) -> Self {
+        Self {
+            key,
+            study: study.clone(),
+            data: dataset.fingerprint.clone(),
+            period: dataset.period,
+            rows: dataset.train.rows(),
+            transitions,
+            segments: dataset.train.segments().len(),
+            times: first_and_last(&dataset.train),
+            normaliser: dataset.normaliser.clone(),
+            search: None,
+            recall: None,
+            members,
+            training: None,
+        }
+    }
+}
+
 /// Times of the first and the last row.
 pub fn first_and_last(frames: &Frames) -> Option<[Timestamp; 2]> {
     let times = frames.timestamps();

@@ -1,7 +1,7 @@
 use calib_base::{
     StepError,
     outcome::{Outcome, Told},
-    output::{Printer, count, duration},
+    output::{Printer, count},
 };
 use calib_model::ModelFamily;
 use calib_study::{Job, StepKind};
@@ -32,10 +32,7 @@ impl Told for BuiltModel {
         if printer.is_json() {
             printer.json(manifest)?;
         } else {
-            let verb = freshness.verb();
-            let place = directory.display();
-            let time = duration(*took);
-            printer.result(&format!("{verb} {place} in {time}"))?;
+            printer.result(&freshness.line(directory, *took))?;
             if let Some(recall) = &manifest.recall {
                 let line = recall_line(recall, manifest.study.model.neighbors);
                 printer.result(&format!("  {line}"))?;

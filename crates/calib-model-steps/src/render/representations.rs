@@ -1,7 +1,7 @@
 use calib_base::{
     StepError,
     outcome::{Outcome, Told},
-    output::{Printer, duration},
+    output::Printer,
 };
 use calib_study::{Job, StepKind};
 
@@ -17,10 +17,7 @@ impl Told for Representations {
         if printer.is_json() {
             printer.json(manifest)?;
         } else {
-            let verb = freshness.verb();
-            let place = directory.display();
-            let time = duration(*took);
-            printer.result(&format!("{verb} {place} in {time}"))?;
+            printer.result(&freshness.line(directory, *took))?;
             represent::show(manifest, printer)?;
         }
         if self.chosen().is_some() {

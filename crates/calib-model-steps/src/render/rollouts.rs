@@ -1,8 +1,4 @@
-use calib_base::{
-    StepError,
-    outcome::Told,
-    output::{Printer, duration},
-};
+use calib_base::{StepError, outcome::Told, output::Printer};
 use calib_study::{Job, StepKind};
 
 use crate::{
@@ -19,10 +15,7 @@ impl Told for Rollouts {
         if printer.is_json() {
             printer.json(manifest)?;
         } else {
-            let verb = freshness.verb();
-            let place = directory.display();
-            let time = duration(*took);
-            printer.result(&format!("{verb} {place} in {time}"))?;
+            printer.result(&freshness.line(directory, *took))?;
             show(manifest, job, printer)?;
             if let Some(one_step) = one_step {
                 one_step::show(one_step, printer)?;

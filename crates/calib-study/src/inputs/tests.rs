@@ -6,10 +6,16 @@ fn study(text: &str) -> Study {
     job.study().clone()
 }
 
-/// The keys in which a result of the default study is another one of `text`.
-fn changed(result: StepKind, text: &str) -> Vec<String> {
-    let all = study(text).differences(result, &study(""));
-    all.into_iter().map(|difference| difference.key).collect()
+/// The keys in which a result of the study `made` is another one of the study `now`.
+fn changed(result: StepKind, made: &str, now: &str) -> String {
+    let all = study(now).differences(result, &study(made));
+    all.into_iter().map(|difference| difference.key).collect::<Vec<_>>().join(" ")
+}
+
+/// The same keys with both values.
+fn told(result: StepKind, made: &str, now: &str) -> String {
+    let all = study(now).differences(result, &study(made));
+    all.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
 #[test]
@@ -31,7 +37,7 @@ fn what_changes_no_byte_is_no_input() {
         "[representation]\nbeta = 2\n",
     ] {
         for result in all {
-            let own = changed(result, text);
+            let own = changed(result, "", text);
             // A representation is made of its section, whatever its kind.
             let of_itself = result == StepKind::Represent && text.starts_with("[representation]");
             assert!(own.is_empty() || of_itself, "{result:?}: {own:?}");
@@ -39,12 +45,9 @@ fn what_changes_no_byte_is_no_input() {
     }
 }
 
-fn keys(result: StepKind, text: &str) -> String {
-    changed(result, text).join(" ")
-}
-
 #[test]
 fn a_result_follows_from_its_own_keys_alone() {
+    let keys = |result, text: &str| changed(result, "", text);
     let gamma = "[agent]\ngamma = 0.5\n";
     assert_eq!(keys(StepKind::BuildModel, gamma), "");
     assert_eq!(keys(StepKind::Rollout, gamma), "");
@@ -71,10 +74,7 @@ fn a_result_follows_from_its_own_keys_alone() {
 #[test]
 fn a_verdict_about_agents_that_act_follows_from_what_they_learn_in() {
     let acting = "[control]\nactions = [\"valve\"]\n";
-    let changed = |before: &str, after: &str| {
-        let all = study(after).differences(StepKind::Control, &study(before));
-        all.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
-    };
+    let changed = |before: &str, after: &str| told(StepKind::Control, before, after);
     let other = |keys: &str| changed(acting, &format!("{acting}{keys}"));
     assert_eq!(other("steps = 100\n"), "control.steps = 15000, now 100");
     assert_eq!(other("[evaluate]\nresamples = 7\n"), "evaluate.resamples = 2000, now 7");
@@ -87,14 +87,9 @@ fn a_verdict_about_agents_that_act_follows_from_what_they_learn_in() {
     assert_eq!(gamma, "agent.gamma = 0.99, now 0.5");
 }
 
-/// The keys in which the models of two studies differ.
-fn differ(one: &str, other: &str) -> String {
-    let all = study(other).differences(StepKind::BuildModel, &study(one));
-    all.into_iter().map(|difference| difference.key).collect::<Vec<_>>().join(" ")
-}
-
 #[test]
 fn a_network_follows_from_what_its_kind_uses() {
+    let differ = |one: &str, other: &str| changed(StepKind::BuildModel, one, other);
     let nn = "[model]\nkind = \"nn\"\n";
     assert_eq!(differ(nn, &format!("{nn}neighbors = 9\n[dynamics]\nsequence_length = 9\n")), "");
     assert_eq!(
@@ -122,15 +117,10 @@ fn without_a_model_nothing_follows_from_the_keys_of_one() {
     assert_ne!(swept(of_a_model, &[]), swept("", &[]));
 }
 
-/// How the sweep of a study differs from that of the default one, in words.
-fn told_differences(text: &str) -> Vec<String> {
-    let all = study(text).differences(StepKind::Sweep, &study(""));
-    all.iter().map(ToString::to_string).collect()
-}
-
 #[test]
 fn a_difference_says_both_values() {
-    assert_eq!(told_differences("[agent]\ngamma = 0.5\n"), ["agent.gamma = 0.99, now 0.5"]);
-    let period = told_differences("[model]\nperiod = { end = 2022-01-01 }\n");
-    assert_eq!(period, ["model.period.end = nothing, now \"2022-01-01\""]);
+    let gamma = told(StepKind::Sweep, "", "[agent]\ngamma = 0.5\n");
+    assert_eq!(gamma, "agent.gamma = 0.99, now 0.5");
+    let period = told(StepKind::Sweep, "", "[model]\nperiod = { end = 2022-01-01 }\n");
+    assert_eq!(period, "model.period.end = nothing, now \"2022-01-01\"");
 }

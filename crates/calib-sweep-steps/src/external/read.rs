@@ -468,19 +468,15 @@ mod tests {
     #[test]
     fn mistakes_are_located() {
         let fine = [1.0; 4];
-        let far = table(["member:0", "member:0", "member:1", "membre:1"], [0, 1, 0, 1], fine);
-        assert!(refused(&far).contains("row 3: environment is \"membre:1\""), "{}", refused(&far));
-        let twice = table(MEMBERS, [0, 0, 0, 1], fine);
-        assert!(
-            refused(&twice).contains("row 1: candidate 0 has another row"),
-            "{}",
-            refused(&twice)
-        );
-        let holes = table(MEMBERS, [0, 2, 0, 2], fine);
-        assert!(refused(&holes).contains("candidate 1 of 3 has no row"), "{}", refused(&holes));
-        let nan = table(MEMBERS, [0, 1, 0, 1], [1.0, f64::NAN, 1.0, 1.0]);
-        assert!(refused(&nan).contains("row 1: rmse is NaN"), "{}", refused(&nan));
-        let none = Table::new().with("environment", vec![String::new()]);
-        assert!(refused(&none).contains("sensor"), "{}", refused(&none));
+        let strange = ["member:0", "member:0", "member:1", "membre:1"];
+        for (bad, told) in [
+            (table(strange, [0, 1, 0, 1], fine), "row 3: environment is \"membre:1\""),
+            (table(MEMBERS, [0, 0, 0, 1], fine), "row 1: candidate 0 has another row"),
+            (table(MEMBERS, [0, 2, 0, 2], fine), "candidate 1 of 3 has no row"),
+            (table(MEMBERS, [0, 1, 0, 1], [1.0, f64::NAN, 1.0, 1.0]), "row 1: rmse is NaN"),
+            (Table::new().with("environment", vec![String::new()]), "sensor"),
+        ] {
+            assert!(refused(&bad).contains(told), "{told}: {}", refused(&bad));
+        }
     }
 }

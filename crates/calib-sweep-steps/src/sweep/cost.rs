@@ -185,9 +185,9 @@ fn timeable(all: Vec<Agent<'_>>, width: usize) -> Vec<Agent<'_>> {
     let every = all.len().div_ceil(MOST_AGENTS).max(1);
     let mut all: Vec<Agent<'_>> = all.into_iter().step_by(every).collect();
     let most = MOST_WORK / all.len().max(1) as u64;
-    for Agent { config, cumulant, start } in &mut all {
-        let learner = Learner { config, cumulant: *cumulant, start: *start, baseline: None };
-        let of_update = learner.work_per_update(width);
+    for agent in &mut all {
+        let of_update = agent.learner().work_per_update(width);
+        let config = &mut agent.config;
         let updates = usize::try_from(most / of_update).unwrap_or(usize::MAX).max(1);
         config.updates_per_step = config.updates_per_step.min(updates);
         let parts = usize::try_from(of_update.div_ceil(most.max(1))).unwrap_or(usize::MAX);
