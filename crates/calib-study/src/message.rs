@@ -120,13 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_key_is_named() {
-        let message = "unknown field `learning_rat`, expected one of `learning_rate`, `gamma`";
-        let told = friendly(message);
-        assert!(
-            told.starts_with("unknown key `learning_rat`; did you mean `learning_rate`?"),
-            "{told}"
-        );
+    fn messages_are_told_in_words() {
         let far = friendly("unknown field `zzz`, expected `gamma` or `beta1`");
         assert_eq!(far, "unknown key `zzz` (known keys: gamma, beta1)");
         assert_eq!(friendly("invalid type: string"), "invalid type: string");
@@ -135,11 +129,6 @@ mod tests {
         assert_eq!(
             friendly("invalid type: map, expected a string"),
             "expected text, got a section"
-        );
-        let value = friendly("unknown variant `adm`, expected `adam` or `sgd`");
-        assert_eq!(
-            value,
-            "unknown value \"adm\"; did you mean \"adam\"? (known values: \"adam\", \"sgd\")"
         );
     }
 }

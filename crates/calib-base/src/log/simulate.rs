@@ -299,14 +299,10 @@ fn own(
     Ok(Files::new())
 }
 
-fn parquet_files(directory: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
-    let paths = entries.map(|entry| entry.path());
-    paths.filter(|path| path.extension().is_some_and(|extension| extension == "parquet")).collect()
-}
-
 fn has_parquet(directory: &Path) -> bool {
-    !parquet_files(directory).is_empty()
+    let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
+    let mut paths = entries.map(|entry| entry.path());
+    paths.any(|path| path.extension().is_some_and(|extension| extension == "parquet"))
 }
 
 /// Remove the days of the simulation that is being replaced; other Parquet files stay.
