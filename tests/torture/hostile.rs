@@ -12,10 +12,10 @@ use calib_files::{read_json, write_npy, write_sealed_json};
 use serde_json::{Value, json};
 
 use crate::{
-    campaign::{Draws, everything, neighbours, number, on_all_cores},
+    campaign::{Draws, everything, neighbours, number},
     faults::copied,
     harness::Place,
-    limits::{Ended, Tally, run},
+    limits::{Ended, run, run_cases},
 };
 
 /// Cases with the other tests.
@@ -235,17 +235,9 @@ fn import(base: &Place, draws: &mut Draws) -> (String, Ended) {
 #[test]
 fn hostile() {
     let bases = Bases::new();
-    let cases = number("CALIB_CASES", SLICE) as usize;
-    let seed = number("CALIB_SEED", 1);
-    let ended = on_all_cores(cases, |case| {
-        let mut draws = Draws(seed << 32 | 3 << 30 | case as u64);
-        bases.case(TARGETS[case % TARGETS.len()], &mut draws)
+    run_cases("hostile", number("CALIB_CASES", SLICE), 3 << 30, |case, draws| {
+        let target = TARGETS[case % TARGETS.len()];
+        let (told, ended) = bases.case(target, draws);
+        (format!("hostile: {target}"), told.chars().take(1500).collect(), ended)
     });
-    let mut tally = Tally::default();
-    for (case, (told, ended)) in ended.into_iter().enumerate() {
-        let told =
-            format!("case {case} of seed {seed}: {}", told.chars().take(1500).collect::<String>());
-        tally.add(&format!("hostile: {}", TARGETS[case % TARGETS.len()]), &told, ended);
-    }
-    tally.close("hostile");
 }

@@ -8,7 +8,10 @@ use std::{
     time::Duration,
 };
 
-use crate::{campaign::number, harness::Place};
+use crate::{
+    campaign::{Draws, number, on_all_cores},
+    harness::Place,
+};
 
 /// How a command may end, and how it may not.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -144,9 +147,29 @@ const REMEDIES: [&str; 49] = [
     "is not a channel",
 ];
 
+/// Do so many cases on all cores, with draws that follow from the seed, the number of the case, and a number that sets
+/// these cases `apart` from others. Each says what kind it was of, what was done and how that ended. Print the counts, and fail
+/// if something was wrong.
+pub(crate) fn run_cases(
+    title: &str,
+    cases: u64,
+    apart: u64,
+    case: impl Fn(usize, &mut Draws) -> (String, String, Ended) + Sync,
+) {
+    let seed = number("CALIB_SEED", 1);
+    let ended = on_all_cores(cases as usize, |number| {
+        case(number, &mut Draws(seed << 32 | apart | number as u64))
+    });
+    let mut tally = Tally::default();
+    for (number, (kind, told, ended)) in ended.into_iter().enumerate() {
+        tally.add(&kind, &format!("case {number} of seed {seed}, {told}"), ended);
+    }
+    tally.close(title);
+}
+
 /// Counts by kind, and what must not be.
 #[derive(Default)]
-pub(crate) struct Tally {
+struct Tally {
     counts: BTreeMap<String, [usize; 3]>,
     /// The first case of each kind of fault, and how many there are.
     wrong: BTreeMap<String, (String, usize)>,
@@ -155,7 +178,7 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    pub(crate) fn add(&mut self, kind: &str, case: &str, ended: Ended) {
+    fn add(&mut self, kind: &str, case: &str, ended: Ended) {
         let counts = self.counts.entry(kind.to_owned()).or_default();
         match ended {
             Ended::Done => counts[0] += 1,
@@ -178,7 +201,7 @@ impl Tally {
 
     /// Print the table, and fail if something was wrong.
     #[expect(clippy::print_stdout, reason = "a campaign by hand says what it counted")]
-    pub(crate) fn close(self, title: &str) {
+    fn close(self, title: &str) {
         let all = |place: usize| self.counts.values().map(|counts| counts[place]).sum::<usize>();
         println!("{title:<40} {:>8} {:>8} {:>8}", "done", "refused", "wrong");
         for (kind, [done, refused, wrong]) in &self.counts {

@@ -6,9 +6,9 @@
 use std::fs;
 
 use crate::{
-    campaign::{Draws, STUDY, number, on_all_cores},
+    campaign::{Draws, STUDY, number},
     harness::Place,
-    limits::{Ended, Tally, run},
+    limits::{Ended, run, run_cases},
     shapes::{FILES, Shape},
     times::TIMES,
     types::{CONTENTS, KINDS},
@@ -72,15 +72,13 @@ fn place(shape: &Shape, draws: &mut Draws) -> Place {
 
 #[test]
 fn odd_logs() {
-    let cases = number("CALIB_CASES", SLICE) as usize;
-    let seed = number("CALIB_SEED", 1);
+    let cases = number("CALIB_CASES", SLICE);
     // With the other tests the shapes alone are drawn from as well.
     let shapes = KINDS.len() + CONTENTS.len() + TIMES.len() + FILES.len();
-    let ended = on_all_cores(cases, |case| {
-        let mut draws = Draws(seed << 32 | case as u64);
-        let which = if cases < shapes { draws.below(2 * shapes) } else { case };
-        let shape = shape(which, &mut draws);
-        let place = place(&shape, &mut draws);
+    run_cases("odd logs", cases, 0, |case, draws| {
+        let which = if cases < shapes as u64 { draws.below(2 * shapes) } else { case };
+        let shape = shape(which, draws);
+        let place = place(&shape, draws);
         let args = *draws.of(&COMMANDS);
         let ended = run(
             &place,
@@ -96,10 +94,6 @@ fn odd_logs() {
                 "values",
             ],
         );
-        (shape, args.join(" "), ended)
-    });
-    let mut tally = Tally::default();
-    for (case, (shape, args, ended)) in ended.into_iter().enumerate() {
         let kind = if shape.files != "one" {
             "files"
         } else if shape.times != "us" {
@@ -109,10 +103,8 @@ fn odd_logs() {
         } else {
             "contents"
         };
-        let told = format!("case {case} of seed {seed}, {shape:?}, calib {args}");
-        tally.add(&format!("odd logs: {kind}"), &told, ended);
-    }
-    tally.close("odd logs");
+        (format!("odd logs: {kind}"), format!("{shape:?}, calib {}", args.join(" ")), ended)
+    });
 }
 
 /// What an address space too small for the log is answered with.

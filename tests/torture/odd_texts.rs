@@ -9,9 +9,9 @@ use calib_core::Timestamp;
 use calib_data::table::read_parquet;
 
 use crate::{
-    campaign::{Draws, number, on_all_cores},
+    campaign::{Draws, number},
     harness::Place,
-    limits::{Ended, Tally, run},
+    limits::{Ended, run, run_cases},
     texts::{Kind, Log},
 };
 
@@ -121,21 +121,12 @@ fn case(kind: &Kind, log: &Log, draws: &mut Draws) -> (String, Ended) {
 
 #[test]
 fn odd_texts() {
-    let cases = number("CALIB_CASES", SLICE) as usize;
-    let seed = number("CALIB_SEED", 1);
-    let ended = on_all_cores(cases, |case_number| {
-        let mut draws = Draws(seed << 32 | 1 << 29 | case_number as u64);
-        let kind = Kind::drawn(&mut draws);
-        let log = Log::of(&kind, &mut draws);
-        let (args, ended) = case(&kind, &log, &mut draws);
-        (kind, args, ended)
+    run_cases("odd texts", number("CALIB_CASES", SLICE), 1 << 29, |_, draws| {
+        let kind = Kind::drawn(draws);
+        let log = Log::of(&kind, draws);
+        let (args, ended) = case(&kind, &log, draws);
+        (format!("odd texts: {}", kind.shape), format!("{kind:?}, calib {args}"), ended)
     });
-    let mut tally = Tally::default();
-    for (case, (kind, args, ended)) in ended.into_iter().enumerate() {
-        let told = format!("case {case} of seed {seed}, {kind:?}, calib {args}");
-        tally.add(&format!("odd texts: {}", kind.shape), &told, ended);
-    }
-    tally.close("odd texts");
 }
 
 /// Bytes that are no log, by the names of logs.
@@ -170,26 +161,19 @@ fn noise(draws: &mut Draws) -> Vec<u8> {
 
 #[test]
 fn noise_by_the_names_of_logs() {
-    let cases = number("CALIB_CASES", SLICE) as usize;
-    let seed = number("CALIB_SEED", 1);
-    let ended = on_all_cores(cases, |case| {
-        let mut draws = Draws(seed << 32 | 1 << 28 | case as u64);
+    run_cases("noise", number("CALIB_CASES", SLICE), 1 << 28, |_, draws| {
         let place = Place::new();
         let name =
             *draws.of(&["logs.csv", "logs.tsv", "logs.csv.gz", "logs.csv.zst", "logs.parquet"]);
-        fs::write(place.path().join(name), noise(&mut draws)).expect("writable");
+        fs::write(place.path().join(name), noise(draws)).expect("writable");
         let args: &[&str] = match draws.below(3) {
             0 => &["inspect", name],
             1 => &["import", name, "wide.parquet"],
             _ => &["init", name, "study.toml", "--within", "1s"],
         };
-        (args.join(" "), run(&place, args, &NAMES))
+        let told = format!("calib {}", args.join(" "));
+        ("noise".to_owned(), told, run(&place, args, &NAMES))
     });
-    let mut tally = Tally::default();
-    for (case, (args, ended)) in ended.into_iter().enumerate() {
-        tally.add("noise", &format!("case {case} of seed {seed}, calib {args}"), ended);
-    }
-    tally.close("noise");
 }
 
 /// Logs that are small on a disk, and large once they are read.
@@ -280,13 +264,11 @@ fn time(second: usize) -> String {
 
 #[test]
 fn small_logs_that_become_large() {
-    let cases = number("CALIB_CASES", LARGE.len() as u64 * 50) as usize / 50;
-    let seed = number("CALIB_SEED", 1);
-    let ended = on_all_cores(cases, |case| {
-        let mut draws = Draws(seed << 32 | 3 << 28 | case as u64);
+    let cases = number("CALIB_CASES", LARGE.len() as u64 * 50) / 50;
+    run_cases("small logs that become large", cases, 3 << 28, |case, draws| {
         let kind = LARGE[case % LARGE.len()];
-        let log =
-            Log { files: large(kind, &mut draws), truth: Vec::new(), never: 0, sets: Vec::new() };
+        let files = large(kind, draws);
+        let log = Log { files, truth: Vec::new(), never: 0, sets: Vec::new() };
         let place = place(&log);
         let args: &[&str] = match draws.below(5) {
             0 => &["import", "logs", "wide.parquet"],
@@ -301,11 +283,7 @@ fn small_logs_that_become_large() {
             3 => &["init", "logs", "study.toml", "--within", "1s"],
             _ => &["inspect", "logs"],
         };
-        (kind, args.join(" "), run(&place, args, &NAMES))
+        let told = format!("{kind}, calib {}", args.join(" "));
+        (kind.to_owned(), told, run(&place, args, &NAMES))
     });
-    let mut tally = Tally::default();
-    for (case, (kind, args, ended)) in ended.into_iter().enumerate() {
-        tally.add(kind, &format!("case {case} of seed {seed}, {kind}, calib {args}"), ended);
-    }
-    tally.close("small logs that become large");
 }

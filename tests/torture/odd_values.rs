@@ -3,10 +3,10 @@
 //!     CALIB_CASES=10000 CALIB_SEED=7 cargo test --release --test torture odd_ -- --nocapture
 
 use crate::{
-    campaign::{Draws, neighbours, number, on_all_cores},
+    campaign::{Draws, neighbours, number},
     faults::copied,
     harness::Place,
-    limits::{Ended, Tally, run},
+    limits::{Ended, run, run_cases},
 };
 
 /// Cases with the other tests.
@@ -193,22 +193,10 @@ fn odd_values() {
     let bases = Bases::new();
     let keys = keys();
     assert!(keys.len() > 120, "{keys:?}");
-    let cases = number("CALIB_CASES", SLICE) as usize;
-    let seed = number("CALIB_SEED", 1);
-    let ended = on_all_cores(cases, |case| {
-        let mut draws = Draws(seed << 32 | 1 << 31 | case as u64);
-        let key = draws.of(&keys).clone();
-        let (args, ended) = bases.case(&key, &mut draws);
-        (key, args, ended)
-    });
-    let mut tally = Tally::default();
-    for (case, (key, args, ended)) in ended.into_iter().enumerate() {
+    run_cases("odd values", number("CALIB_CASES", SLICE), 1 << 31, |_, draws| {
+        let key = draws.of(&keys);
+        let (args, ended) = bases.case(key, draws);
         let section = key.split_once('.').map_or("top", |(section, _)| section);
-        tally.add(
-            &format!("odd values: [{section}]"),
-            &format!("case {case} of seed {seed}, calib {args}"),
-            ended,
-        );
-    }
-    tally.close("odd values");
+        (format!("odd values: [{section}]"), format!("calib {args}"), ended)
+    });
 }

@@ -157,7 +157,8 @@ impl Study {
 
     /// Which part of a run is scored.
     pub fn part(&self) -> Part {
-        self.sweep.part(if self.pretrain.is_on() { Beginning::Pretrained } else { Beginning::Scratch })
+        let tuned = self.pretrain.is_on();
+        self.sweep.part(if tuned { Beginning::Pretrained } else { Beginning::Scratch })
     }
 
     /// What the model is called in figures and tables, or what chooses in its place.
