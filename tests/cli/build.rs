@@ -97,10 +97,7 @@ fn ctrl_c_keeps_the_parts_and_the_next_build_uses_them() {
     let mut child = start(&place, "stopped");
     assert!(wait_for_parts(&mut child, &directory, 1));
     send("-INT", &child);
-    let output = child.wait_with_output().expect("it ends");
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(130), "{told}");
-    assert!(told.contains("run the same command again to go on"), "{told}");
+    place.ended("build-model", child).fails_with(130, &["run the same command again to go on"]);
     assert!(parts(&directory) >= 1);
     assert!(!directory.join("model/manifest.json").exists());
     place.calib(&["build-model", "study.toml", "--output", "stopped"]).succeeds();

@@ -166,21 +166,15 @@ fn of_several_plannings_of_one_folder_one_succeeds() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     for fault in ["", "lockless"] {
         let plan = format!("plan-{fault}");
-        let all: Vec<_> = ["1", "2", "3"]
-            .iter()
-            .map(|shards| {
-                let args = ["cluster", "plan", "study.toml", "--shards", shards, "-o", &plan];
-                let mut command = place.command(&args);
-                command.env("CALIB_FAULT", fault).stdout(Stdio::null()).stderr(Stdio::piped());
-                command.spawn().expect("calib runs")
-            })
-            .collect();
-        let ended = all.into_iter().map(|child| child.wait_with_output().expect("it ends"));
-        let (done, refused): (Vec<_>, Vec<_>) = ended.partition(|output| output.status.success());
+        let all = ["1", "2", "3"].map(|shards| {
+            let args = ["cluster", "plan", "study.toml", "--shards", shards, "-o", &plan];
+            place.start_with(&args, &[("CALIB_FAULT", fault)])
+        });
+        let ended = all.into_iter().map(|child| place.ended(&plan, child));
+        let (done, refused): (Vec<_>, Vec<_>) = ended.partition(|ran| ran.code() == 0);
         assert_eq!(done.len(), 1, "{fault}");
-        for output in refused {
-            let told = String::from_utf8_lossy(&output.stderr).into_owned();
-            assert_eq!(output.status.code(), Some(2), "{told}");
+        for ran in refused {
+            let told = ran.fails(2);
             let is_told = told.contains("is a plan already") || told.contains("another calib");
             // Without locks, what one writes may be what another one has just removed.
             let is_gone = fault == "lockless" && told.contains("plan-lockless/inputs");
@@ -293,17 +287,11 @@ fn a_shard_that_is_asked_to_stop_says_so_and_goes_on() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     place.edit_study("online_runs = 3", "online_runs = 400");
     plan(&place, "plan", "1");
-    let child = place
-        .command(&["cluster", "run", "plan", "--shard", "auto", "--threads", "1"])
-        .env("SLURM_ARRAY_TASK_ID", "0")
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("calib runs");
+    let args = ["cluster", "run", "plan", "--shard", "auto", "--threads", "1"];
+    let child = place.start_with(&args, &[("SLURM_ARRAY_TASK_ID", "0")]);
     wait_until(|| results(&place, "plan", 0).exists());
     send("-USR1", &child);
-    let output = child.wait_with_output().expect("it ends");
-    assert_eq!(output.status.code(), Some(75), "{}", String::from_utf8_lossy(&output.stderr));
+    place.ended("cluster run", child).fails(75);
     let (code, told) = status(&place, "plan");
     let shard = &told["shards"][0];
     assert_eq!((code, shard["state"].as_str()), (4, Some("begun")));

@@ -172,6 +172,19 @@ impl Place {
         self.command(args).stdout(Stdio::null()).stderr(stderr).spawn().expect("calib runs")
     }
 
+    /// As [`start`](Self::start), with something in the environment; what it says is kept until it has [`ended`](Self::ended).
+    pub(crate) fn start_with(&self, args: &[&str], environment: &[(&str, &str)]) -> Child {
+        let mut command = self.command(args);
+        command.envs(environment.iter().copied()).stdout(Stdio::null()).stderr(Stdio::piped());
+        command.spawn().expect("calib runs")
+    }
+
+    /// Wait for the end of a command that was started; `told` is what a failed assertion calls it.
+    pub(crate) fn ended(&self, told: &str, child: Child) -> Ran {
+        let output = child.wait_with_output().expect("it ends");
+        Ran { args: told.to_owned(), output, directory: self.path().to_owned() }
+    }
+
     /// Everything below `name`, but wall times and what the file system said of the log: relative path → content.
     pub(crate) fn content(&self, name: &str) -> Content {
         let root = self.path().join(name);

@@ -3,7 +3,7 @@
 use std::{process::Stdio, thread, time::Duration};
 
 #[cfg(unix)]
-use crate::harness::send;
+use crate::harness::{Ran, send};
 use crate::{
     harness::{Place, assert_same, wait_until},
     represent::LAPLACIAN,
@@ -96,14 +96,14 @@ fn a_killed_training_by_force_is_not_up_to_date() {
 
 /// Start a sweep, wait until it has results of a sensor, send it this signal as often, and return how it ended.
 #[cfg(unix)]
-fn signalled(place: &Place, signal: &str, times: usize) -> std::process::Output {
+fn signalled(place: &Place, signal: &str, times: usize) -> Ran {
     let child = place.start(&["sweep", "study.toml", "--threads", "1"], Stdio::piped());
     let units = place.path().join("study-results/sweep/units");
     wait_until(|| units.join("PIT300").is_dir());
     for _ in 0..times {
         send(signal, &child);
     }
-    child.wait_with_output().expect("it ends")
+    place.ended(&format!("sweep, {signal}"), child)
 }
 
 #[cfg(unix)]
@@ -114,10 +114,7 @@ fn what_a_batch_system_ends_is_to_be_tried_again_and_gives_the_same_bytes() {
     // Long enough that the signals arrive in the middle.
     place.edit_study("online_runs = 3", "online_runs = 120");
     for signal in ["-TERM", "-USR1", "-USR2"] {
-        let output = signalled(&place, signal, 2);
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(75), "{signal}: {told}");
-        assert!(told.contains("run the same command again"), "{told}");
+        signalled(&place, signal, 2).fails_with(75, &["run the same command again"]);
         let sweep = place.path().join("study-results/sweep");
         assert!(!sweep.join("manifest.json").exists());
         place.calib(&["sweep", "study.toml"]).succeeds();
@@ -174,10 +171,8 @@ fn a_step_that_never_ends_is_ended_and_a_dry_run_says_what_it_takes() {
         wait_until(|| claimed.exists());
         thread::sleep(Duration::from_millis(300));
         send(signal, &child);
-        let output = child.wait_with_output().expect("it ends");
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(status), "{signal}: {told}");
-        assert!(told.contains("run the same command again"), "{told}");
+        let ran = place.ended(&format!("sweep, {signal}"), child);
+        ran.fails_with(status, &["run the same command again"]);
     }
 }
 
@@ -189,15 +184,11 @@ fn where_there_are_no_locks_two_sweeps_of_one_folder_end_well() {
     place.calib(&["sweep", "study.toml"]).succeeds();
     let alone = place.content("study-results/sweep");
     std::fs::remove_dir_all(place.path().join("study-results/sweep")).expect("there");
-    let start = || {
-        let mut command = place.command(&["sweep", "study.toml", "--threads", "1"]);
-        let command = command.env("CALIB_FAULT", "lockless");
-        command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("calib runs")
-    };
-    let both = [start(), start(), start()];
-    for child in both {
-        let output = child.wait_with_output().expect("it ends");
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let args = ["sweep", "study.toml", "--threads", "1"];
+    let start = || place.start_with(&args, &[("CALIB_FAULT", "lockless")]);
+    let all = [start(), start(), start()];
+    for child in all {
+        place.ended("sweep", child).succeeds();
     }
     assert!(place.content("study-results/sweep") == alone);
 }
@@ -209,9 +200,7 @@ fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
     place.calib(&["build-model", "study.toml"]).succeeds();
     // Long enough that the signal arrives in the middle.
     place.edit_study("online_runs = 3", "online_runs = 4000");
-    let output = signalled(&place, "-INT", 1);
-    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("run the same command again"));
+    signalled(&place, "-INT", 1).fails_with(130, &["run the same command again"]);
     assert!(!place.path().join("study-results/sweep/manifest.json").exists());
     place.edit_study("online_runs = 4000", "online_runs = 3");
     place.calib(&["sweep", "study.toml"]).succeeds();
