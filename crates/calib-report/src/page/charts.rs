@@ -153,7 +153,7 @@ pub(super) fn rollouts(report: &Report) -> Result<Section, ReportError> {
     let mut stills = Vec::new();
     for (index, grid) in report.rollout_grids.iter().enumerate() {
         let id = format!("grid-{index}");
-        stills.push(still(&grid.figure()?, &id, ""));
+        stills.push(still(&grid.figure()?, &id));
         parts.push(SectionEntry { id, title: format!("{}, start by start", grid.sensor) });
     }
     let body = html! {

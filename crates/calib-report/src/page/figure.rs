@@ -76,16 +76,13 @@ impl Drawn<'_> {
     }
 }
 
-/// A figure that is only looked at: many small plots, with a `caption` that says how to read them.
-pub(super) fn still(figure: &Figure, id: &str, caption: &str) -> Markup {
+/// A figure that is only looked at: many small plots.
+pub(super) fn still(figure: &Figure, id: &str) -> Markup {
     let title = &figure.chart().title;
     html! {
         figure.still id=(id) {
             div.figure-head {
-                figcaption {
-                    h3 { (title) }
-                    (caption_line(caption))
-                }
+                figcaption { h3 { (title) } }
                 (still_tools(title))
             }
             (still_plot(figure, id))

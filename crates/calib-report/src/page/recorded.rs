@@ -17,7 +17,7 @@ pub(super) fn recorded(report: &Report) -> Result<Section, ReportError> {
     for (index, recorded) in report.recorded.iter().enumerate() {
         let figure = recorded.figure()?;
         let id = format!("recorded-{index}");
-        stills.push(still(&figure, &id, ""));
+        stills.push(still(&figure, &id));
         parts.push(SectionEntry { id, title: recorded.sensor.clone() });
     }
     let body = html! {
