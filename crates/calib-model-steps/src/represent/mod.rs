@@ -8,7 +8,6 @@ mod table;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
-    sync::Arc,
     time::Duration,
 };
 
@@ -17,7 +16,7 @@ use calib_base::{
     artefact::{self, Artefact, Below, DirectoryLock, Facts, Files},
     bail,
     clock::Stopwatch,
-    ensure,
+    ensure, frames,
     log::{context::RunContext, partition},
     memory,
     options::Device,
@@ -451,7 +450,7 @@ fn read(
     let used = used.filter_map(|name| Some((name.to_owned(), manifest.files.get(name)?.clone())));
     let used: Files = used.collect();
     artefact::check_files(directory, &used, command)?;
-    let psi = mapped(&directory.join(PSI)).with_context(again)?;
+    let psi = frames::map_states(&directory.join(PSI)).with_context(again)?;
     let encoder = manifest
         .files
         .contains_key(ENCODER)
@@ -510,14 +509,7 @@ pub(crate) fn of_model(
     files: &Files,
 ) -> Result<(Option<States>, Option<Mlp>), StepError> {
     let has = |name: &str| files.contains_key(name).then(|| directory.join(name));
-    let psi = has(PSI).map(|path| mapped(&path)).transpose()?;
+    let psi = has(PSI).map(|path| frames::map_states(&path)).transpose()?;
     let encoder = has(ENCODER).map(|path| read_encoder(&path)).transpose()?;
     Ok((psi, encoder))
-}
-
-fn mapped(path: &Path) -> Result<States, StepError> {
-    let mapped = map_npy::<f32>(path)?;
-    let rows = mapped.rows();
-    let columns = mapped.columns();
-    Ok(States::from_shared(Arc::new(mapped), rows, columns)?)
 }
