@@ -89,7 +89,6 @@ pub unsafe fn write_arrow_stream(
     Ok(taken)
 }
 
-/// The columns of a table's stream.
 fn fields_of(stream: &Field) -> pl::PolarsResult<Vec<Field>> {
     match stream.dtype() {
         ArrowDataType::Struct(fields) if !fields.is_empty() => Ok(fields.clone()),

@@ -119,7 +119,6 @@ pub fn import(
     Ok(imported)
 }
 
-/// Rows of a row group.
 fn group_rows(columns: usize) -> usize {
     (GROUP_BYTES / ((columns + 1) * size_of::<f64>())).clamp(1, GROUP_ROWS)
 }

@@ -16,7 +16,6 @@ const MODES: usize = 64;
 
 /// The mode of every row of the log.
 pub(crate) struct Modes {
-    /// The channel.
     pub(crate) channel: usize,
     /// The modes of the training range: numbers in order, then text in order.
     pub(crate) labels: Vec<String>,

@@ -59,7 +59,6 @@ impl Samples {
         self.starts.iter().map(|&start| log[start as usize + last]).collect()
     }
 
-    /// The value of a column of the log in row `row`.
     pub(crate) fn value(&self, column: &[f64], row: usize) -> f64 {
         let start = self.starts[row] as usize;
         if self.width == 1 {

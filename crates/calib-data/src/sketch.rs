@@ -269,7 +269,6 @@ impl Look<'_> {
     }
 }
 
-/// A value of a channel.
 struct Sample {
     stretch: usize,
     row: usize,

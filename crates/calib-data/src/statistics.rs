@@ -77,7 +77,6 @@ pub(crate) fn verify(
 struct Extent {
     read: [String; 2],
     said: [String; 2],
-    /// Whether they are the same.
     is_same: bool,
     /// Whether what was read lies within what is said.
     is_within: bool,

@@ -50,7 +50,6 @@ pub(crate) struct Sensor {
     pub(crate) fences: Option<Fences>,
 }
 
-/// The rows of one range.
 pub(crate) struct RangeSamples {
     pub(crate) runs: Vec<Range<usize>>,
     pub(crate) samples: Samples,
@@ -130,7 +129,6 @@ impl Survey {
     }
 }
 
-/// The period of the states.
 pub(crate) fn sampled_period(period: Period, preprocess: &PreprocessConfig) -> Period {
     let every = i64::try_from(preprocess.subsample).unwrap_or(i64::MAX);
     Period::from_micros(period.as_micros().saturating_mul(every)).unwrap_or(period)
@@ -149,7 +147,6 @@ struct Scan<'a> {
     contradictions: Mutex<BTreeMap<usize, Contradicting>>,
 }
 
-/// What a scan found.
 struct Scanned {
     /// Of all channels.
     channels: Vec<ChannelProfile>,

@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-/// Bits of a word.
 const WORD: usize = u64::BITS as usize;
 
 /// A set of numbers below a length; an empty one may have no length at all.
@@ -18,7 +17,6 @@ impl Bits {
         Self { words: vec![0; len.div_ceil(WORD)], len }
     }
 
-    /// Whether `number` is in the set.
     pub(crate) fn contains(&self, number: u32) -> bool {
         let word = self.words.get(number as usize / WORD);
         word.is_some_and(|word| word >> (number as usize % WORD) & 1 == 1)
@@ -41,7 +39,6 @@ impl Bits {
         self.words.iter().map(|word| word.count_ones() as usize).sum()
     }
 
-    /// Whether nothing is in the set.
     pub(crate) fn is_empty(&self) -> bool {
         self.words.iter().all(|&word| word == 0)
     }

@@ -18,12 +18,10 @@ impl<'a> CandidateMask<'a> {
         Self { blocks, left_out }
     }
 
-    /// Number of members.
     pub(crate) fn members(self) -> usize {
         self.blocks.members()
     }
 
-    /// Whether queries of `member` can find `transition`.
     pub(crate) fn contains(self, member: usize, transition: u32) -> bool {
         self.blocks.contains(member, TransitionIndex(transition))
             && !self.left_out.get(member).is_some_and(|left_out| left_out.contains(transition))

@@ -35,7 +35,6 @@ impl Candidates<'_> {
         }
     }
 
-    /// The candidate of this number.
     pub(crate) fn nth(self, number: u32) -> u32 {
         match self {
             Self::Every(every) => number * every,
@@ -43,7 +42,6 @@ impl Candidates<'_> {
         }
     }
 
-    /// Whether `transition` can be a neighbour.
     pub(crate) fn contains(self, transition: u32) -> bool {
         match self {
             Self::Every(every) => transition.is_multiple_of(every),

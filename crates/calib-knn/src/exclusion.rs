@@ -33,7 +33,6 @@ pub enum SelfMatch {
 }
 
 impl Exclusion {
-    /// The most sources that are forbidden to any query.
     pub(crate) fn most_forbidden(self) -> u64 {
         match (self.theiler, self.self_match) {
             (0, SelfMatch::Allowed) => 0,

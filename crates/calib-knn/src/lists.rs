@@ -37,7 +37,6 @@ pub(crate) struct MemberLists {
 }
 
 impl MemberLists {
-    /// Empty lists.
     pub(crate) fn new(members: usize, k: usize) -> Self {
         Self {
             k,

@@ -51,7 +51,6 @@ impl Parts {
         Self { queries: queries.max(1), ..self }
     }
 
-    /// Queries of a part.
     pub(crate) fn queries(&self) -> usize {
         self.queries
     }
@@ -147,7 +146,6 @@ impl Open {
         )
     }
 
-    /// Write part `number`.
     pub(crate) fn write(&self, number: usize, found: &NeighborLists) -> Result<(), FileError> {
         let (neighbors, distances) = found.cells();
         let neighbors: &[u8] = bytemuck::cast_slice(neighbors);

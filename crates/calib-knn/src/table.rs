@@ -36,7 +36,6 @@ impl NeighborTable {
         Self { neighbors, distances, k }
     }
 
-    /// A table of no rows.
     pub(crate) fn empty(k: usize) -> Self {
         Self { neighbors: Arc::new(Vec::new()), distances: Arc::new(Vec::new()), k }
     }

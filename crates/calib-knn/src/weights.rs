@@ -62,7 +62,6 @@ impl Weights {
         self.unnormalised(distances).map(|weight| weight > 0.0)
     }
 
-    /// Whether a step can draw each of the neighbours at `distances`.
     pub(crate) fn draws_all(self, distances: &[f32]) -> bool {
         self.possible(distances).all(|possible| possible)
     }

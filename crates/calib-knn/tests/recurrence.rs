@@ -39,7 +39,6 @@ struct Naive<'a> {
     exits: BTreeMap<u32, BTreeSet<u32>>,
 }
 
-/// The sizes of `classes`, in their order.
 fn sizes(classes: &[BTreeSet<u32>]) -> Vec<usize> {
     classes.iter().map(BTreeSet::len).collect()
 }

@@ -72,7 +72,6 @@ impl Case {
         if fewest < self.k { Err(fewest) } else { Ok(lists) }
     }
 
-    /// Whether a search from `query` must not find `source`.
     fn forbids(&self, transitions: &Transitions, query: RowIndex, source: RowIndex) -> bool {
         let segment = |row: RowIndex| transitions.segments().position_of(row.get());
         let near = self.exclusion.theiler > 0

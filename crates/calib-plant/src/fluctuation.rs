@@ -23,7 +23,6 @@ impl Fluctuation {
         self.value
     }
 
-    /// The value now.
     pub(crate) fn value(&self) -> f64 {
         self.value
     }

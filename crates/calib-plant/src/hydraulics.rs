@@ -139,7 +139,6 @@ impl Hydraulics {
         self.feed.value
     }
 
-    /// One step towards `demand`.
     pub(crate) fn step(&mut self, demand: &Demand, rng: &mut Rng) {
         let h = self.step_secs;
         let swing = 1.0 + self.feed_pump.pulsation * self.feed_swing.step(rng);

@@ -44,7 +44,6 @@ impl Membrane {
         *self = Self { cake, pores, ..*self };
     }
 
-    /// A mode begins.
     pub(crate) fn enter(&mut self, mode: Mode, rng: &mut Rng) {
         if mode == Mode::BackPulse {
             self.residue = self.cake * rng.uniform(0.08, 0.3);

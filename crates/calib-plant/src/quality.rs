@@ -81,7 +81,6 @@ impl Quality {
         }
     }
 
-    /// A mode begins.
     pub(crate) fn enter(&mut self, mode: Mode, rng: &mut Rng) {
         match mode {
             Mode::Production => self.flush.value = rng.uniform(0.02, 0.08),

@@ -44,7 +44,6 @@ impl Schedule {
         schedule
     }
 
-    /// The mode in force.
     pub(crate) fn mode(&self) -> Mode {
         self.mode
     }
@@ -54,7 +53,6 @@ impl Schedule {
         self.began
     }
 
-    /// When it ends.
     pub(crate) fn ends(&self) -> f64 {
         self.ends
     }

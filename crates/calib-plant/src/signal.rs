@@ -109,7 +109,6 @@ signals! {
 }
 
 impl Signal {
-    /// Number of signals.
     pub(crate) const COUNT: usize = SIGNALS.len();
 
     #[cfg(test)]

@@ -23,7 +23,6 @@ pub(crate) struct Weather {
     start_secs: f64,
 }
 
-/// The weather at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Conditions {
     /// River temperature, °C.

@@ -34,7 +34,6 @@ struct Sample {
     /// Where each cell ends in the text, and each row in these.
     cells: Vec<u32>,
     rows: Vec<u32>,
-    /// The line of each row.
     lines: Vec<u64>,
 }
 
@@ -54,7 +53,6 @@ impl Sample {
         sample
     }
 
-    /// The rows, each with its cells.
     fn rows(&self) -> Vec<Vec<String>> {
         let mut rows = Vec::with_capacity(self.rows.len());
         let mut cell = 0;
@@ -352,7 +350,6 @@ fn with_row_names(names: &[String]) -> Result<Vec<TextColumn>, String> {
     named(&all)
 }
 
-/// Whether each cell of a row that is not empty is the name of some column.
 fn are_all_names(cells: &[String], columns: &[TextColumn]) -> bool {
     let mut cells = cells.iter().map(|cell| cell.trim()).filter(|cell| !cell.is_empty());
     cells.all(|cell| columns.iter().any(|column| column.name == cell))

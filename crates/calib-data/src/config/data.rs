@@ -311,7 +311,6 @@ impl DataConfig {
         Ok(())
     }
 
-    /// Check what concerns text files.
     fn check_text(&self) -> Result<(), DataError> {
         if let Some(separator) = self.separator
             && (!separator.is_ascii()

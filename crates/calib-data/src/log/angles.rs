@@ -119,7 +119,6 @@ impl Channel {
         std::iter::once(self.name.as_str()).chain(angle)
     }
 
-    /// What the files call it.
     pub(crate) fn recorded_name(&self) -> &str {
         self.angle.as_ref().map_or(&self.name, |angle| &angle.channel)
     }

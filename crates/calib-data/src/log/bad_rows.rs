@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::{BadRows, DataConfig, DataError};
 
-/// Lines that are shown.
 const SHOWN: usize = 5;
 /// The largest share of the lines that `data.bad_rows = "skip"` leaves out. More are a log that is read wrongly.
 const MOST: f64 = 0.01;

@@ -19,7 +19,6 @@ use crate::DataError;
 
 /// A log is of at most so many plants.
 const PLANTS: usize = 200;
-/// Values that are named.
 const NAMED: usize = 4;
 /// The share of the rows of the same time that a cause has to explain.
 const EXPLAINED: f64 = 0.9;
@@ -201,7 +200,6 @@ fn may_name_plants(channel: &Channel) -> bool {
         && (channel.type_name.contains("text") || names_plants(&channel.name))
 }
 
-/// Whether a column is called as columns are that name plants.
 pub(super) fn names_plants(column: &str) -> bool {
     let name = plain(column);
     TAGS.contains(&name.as_str())

@@ -152,7 +152,6 @@ pub(crate) fn notations(
         .collect()
 }
 
-/// Whether a notation reads more than half of the cells.
 fn reads_most(notation: &Notation, cells: &[&str]) -> bool {
     2 * cells.iter().filter(|cell| notation.read(cell).is_some()).count() > cells.len()
 }

@@ -36,7 +36,6 @@ pub(crate) struct Seen {
     pub(crate) words: Words,
     /// What they show of how fractions are written, beyond what the first rows told.
     signs: Signs,
-    /// Lines that are no rows.
     pub(crate) bad_rows: BadRowsFound,
 }
 

@@ -16,7 +16,6 @@ pub(crate) struct Contradiction {
 }
 
 impl Contradiction {
-    /// It in words.
     pub(crate) fn told(&self, channel: &str) -> String {
         let at = format_time(Timestamp::from_micros(self.time));
         format!("at {at} {channel} is {} and {}", self.values[0], self.values[1])
@@ -32,7 +31,6 @@ pub(crate) fn agree(one: f64, other: f64, angle: Option<&AngleOf>) -> bool {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Contradicting {
     pub(crate) count: u64,
-    /// The first of them.
     pub(crate) first: Vec<Contradiction>,
 }
 

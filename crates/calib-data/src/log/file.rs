@@ -58,7 +58,6 @@ struct Parquet {
 }
 
 impl Parquet {
-    /// Rows of each row group.
     fn group_rows(&self) -> Vec<usize> {
         let mut rows = Vec::with_capacity(self.metadata.row_groups.len());
         for group in &self.metadata.row_groups {
@@ -74,7 +73,6 @@ impl std::fmt::Debug for Parquet {
     }
 }
 
-/// A column of the file.
 #[derive(Clone, Debug)]
 pub(crate) struct Field {
     pub(crate) name: String,

@@ -80,7 +80,6 @@ fn length((from, to): (Timestamp, Timestamp)) -> i64 {
     to.micros_since(from)
 }
 
-/// The parts of the stretches that lie inside `part`.
 pub(crate) fn inside(stretches: &[Range<usize>], part: &Range<usize>) -> Vec<Range<usize>> {
     stretches
         .iter()

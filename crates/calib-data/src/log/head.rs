@@ -20,7 +20,6 @@ pub(crate) enum Head {
     Annotated(PartitionedFile, u64),
 }
 
-/// A column by its header.
 #[derive(Clone, Debug)]
 pub(crate) struct HeadColumn {
     pub(crate) name: String,

@@ -64,7 +64,6 @@ pub(crate) struct Log {
     pub(crate) files: Vec<FileSummary>,
     pub(crate) shape: Shape,
     origin: Origin,
-    /// The rows of the log.
     pub(crate) rows: Rows,
     /// The rows as they were recorded, where those of the log are others.
     recorded: Option<Rows>,
@@ -90,13 +89,10 @@ pub(crate) struct Log {
     pub(crate) period: Period,
     pub(crate) period_was_detected: bool,
     pub(crate) steps: Steps,
-    /// Rows of the training range.
     pub(crate) train: Range<usize>,
-    /// Rows of the held-out range.
     pub(crate) held_out: Option<Range<usize>>,
 }
 
-/// A file of the log.
 #[derive(Clone, Debug)]
 pub(crate) struct FileSummary {
     pub(crate) path: PathBuf,
@@ -223,7 +219,6 @@ impl Log {
         Err(DataError::Contradictions { count, examples, cause })
     }
 
-    /// Steps back in time inside a file.
     pub(crate) fn backward_steps(&self) -> BackwardSteps {
         let irregular = &self.recorded().irregularities;
         BackwardSteps {
@@ -245,7 +240,6 @@ impl Log {
         self.contradictions
     }
 
-    /// The rows as they were recorded.
     pub(crate) fn recorded(&self) -> &Rows {
         self.recorded.as_ref().unwrap_or(&self.rows)
     }

@@ -49,12 +49,10 @@ impl Bridged {
 pub(crate) struct Coverage(Union<(i64, i64)>);
 
 impl Coverage {
-    /// No rows.
     pub(crate) fn new() -> Self {
         Self(Union::new(join))
     }
 
-    /// Number of rows.
     pub(crate) fn rows(&mut self) -> u64 {
         self.runs().iter().map(|(from, to)| from.abs_diff(*to)).sum()
     }
@@ -88,7 +86,6 @@ impl Grid {
         Self { max_age, ..self.clone() }
     }
 
-    /// The same rows, each with the last value.
     pub(crate) fn of_last_values(&self) -> Self {
         Self { resample: Resample::Last, ..self.clone() }
     }

@@ -45,7 +45,6 @@ pub(crate) struct Tag {
     pieces: Vec<(u64, usize)>,
     times: Vec<i64>,
     cells: Vec<u64>,
-    /// Whether one of them is a number.
     pub(crate) has_numbers: bool,
     has_words: bool,
     first: i64,

@@ -68,7 +68,6 @@ pub(crate) fn time_column(head: &Head, columns: &[HeadColumn], data: &DataConfig
     }
 }
 
-/// Tell what the files are.
 pub(crate) fn recognise(
     heads: &[Head],
     times: &[usize],
@@ -240,7 +239,6 @@ fn unnamed_roles(
     })
 }
 
-/// The column of quality codes, if there is one.
 fn quality_column(
     head: &Head,
     columns: &[HeadColumn],

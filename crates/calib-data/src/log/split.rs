@@ -77,7 +77,6 @@ impl Split {
     }
 }
 
-/// The rows whose times lie in `range`.
 pub(crate) fn rows_in(timestamps: &[Timestamp], range: &Range<i64>) -> Range<usize> {
     let before = |limit: i64| timestamps.partition_point(|time| time.as_micros() < limit);
     before(range.start)..before(range.end)

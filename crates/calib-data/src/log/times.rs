@@ -389,7 +389,6 @@ pub(crate) struct Read {
     pub(crate) left_out: u64,
 }
 
-/// The timestamps of all rows.
 pub(crate) fn read_timestamps(
     file: &LogFile,
     field: usize,

@@ -88,7 +88,6 @@ pub(crate) fn cells_to_numbers(
     }
 }
 
-/// The values of `column` as cells.
 pub(crate) fn to_cells(column: &RawColumn, words: &mut Words) -> pl::PolarsResult<Vec<u64>> {
     use pl::DataType as D;
     let column = match column {

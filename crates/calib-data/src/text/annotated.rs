@@ -37,7 +37,6 @@ pub(crate) fn is_annotated(path: &Path) -> Result<bool, DataError> {
 /// What tells a series apart: columns of the key and their values.
 pub(crate) type Key = BTreeMap<String, String>;
 
-/// A value of a series.
 pub(crate) struct Sample<'a> {
     pub(crate) key: &'a Key,
     pub(crate) time: Option<ParsedTime>,

@@ -11,7 +11,6 @@ use crate::DataError;
 const BLOCK: usize = 16 << 20;
 const LONGEST_RECORD: usize = 256 << 20;
 
-/// A text file that is read block by block.
 pub(crate) struct Blocks {
     input: Input,
     path: PathBuf,
@@ -189,7 +188,6 @@ mod tests {
         assert!(blocks(b"", 8, 2).is_empty());
     }
 
-    /// The cells of each record.
     fn records(text: &str) -> Vec<Vec<Vec<u8>>> {
         let mut reader = RecordReader::new(text.as_bytes(), MARKS);
         let mut all = Vec::new();

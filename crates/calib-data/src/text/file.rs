@@ -95,7 +95,6 @@ impl TextFile {
         &self.dialect.columns
     }
 
-    /// Rows that there probably are.
     pub(crate) fn estimated_rows(&self) -> u64 {
         (self.bytes as f64 / self.row_bytes) as u64
     }
@@ -313,12 +312,10 @@ impl Records<'_> {
         decode(self.reader.cell(column))
     }
 
-    /// The file that they are in.
     pub(crate) fn path(&self) -> &Path {
         &self.file.path
     }
 
-    /// An error of this record.
     pub(crate) fn refused(&self, reason: String) -> DataError {
         DataError::Record {
             path: self.file.path.clone(),

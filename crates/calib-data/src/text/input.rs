@@ -13,7 +13,6 @@ use crate::DataError;
 /// A text file that is being read.
 pub(crate) type Input = Box<dyn Read + Send>;
 
-/// How a file is compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compression {
     Plain,

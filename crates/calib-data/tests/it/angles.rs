@@ -149,7 +149,6 @@ fn entries_of_include_and_exclude_may_name_the_angle_or_one_of_its_two() {
     assert_eq!(chosen(&[], &["*_sin"]), "Windrichtung_cos Windgeschwindigkeit");
 }
 
-/// The same samples in every shape that a log can have.
 #[test]
 fn all_shapes_give_the_same_states() {
     let mut wide = String::from("time,speed,wind\n");

@@ -85,7 +85,6 @@ pub(crate) fn optional(values: &[f64]) -> Vec<Option<f64>> {
     values.collect()
 }
 
-/// Seconds of the rows of the training range.
 pub(crate) fn train_seconds(dataset: &Dataset) -> Vec<f64> {
     let timestamps = dataset.train.timestamps().iter();
     timestamps.map(|time| time.as_micros() as f64 / 1e6).collect()

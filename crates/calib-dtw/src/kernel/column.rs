@@ -12,13 +12,11 @@ use super::shapes::Shape;
 /// Each has `halo + height` packs.
 pub(crate) type Columns = Vec<Box<[Pack]>>;
 
-/// The inputs of the local distances of one column.
 pub(crate) struct LocalInput<'a> {
     /// Query samples of the strip, channel after channel, as many packs each as `out`.
     pub(crate) query: &'a [Pack],
     /// Reference samples of the sixteen lanes, one array a channel.
     pub(crate) reference: &'a [&'a [f64; LANES]],
-    /// The distances.
     pub(crate) out: &'a mut [Pack],
 }
 
@@ -41,7 +39,6 @@ pub(crate) struct ColumnInput<'a> {
     pub(crate) cumulated: &'a mut Columns,
     /// Rows of `cumulated` above the lane's own.
     pub(crate) halo: usize,
-    /// Local distances.
     pub(crate) local: &'a Columns,
     /// Rows of `local` above the lane's own.
     pub(crate) local_halo: usize,

@@ -9,7 +9,6 @@
 //! present: the one place that calls them is a function with the matching `target_feature`,
 //! and [`super::dispatch`] hands those out after run-time detection only.
 
-/// Number of lanes.
 pub(crate) const LANES: usize = 16;
 
 /// Sixteen values in memory, one a lane, aligned for any register.

@@ -27,14 +27,11 @@ const COLUMNS_PER_LOOK: usize = 1 << 13;
 /// Whether nobody waits for the result any more.
 pub(crate) type Stop<'a> = Option<&'a dyn Fn() -> bool>;
 
-/// What a sweep is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// Distances.
     Distance,
     /// Distances, unless they turn out to exceed a bound.
     Bounded,
-    /// Paths.
     Path,
 }
 
@@ -172,12 +169,10 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// Number of strips.
     pub(crate) fn strips(&self) -> usize {
         self.query.len().div_ceil(LANES * self.height)
     }
 
-    /// The strip of this number.
     pub(crate) fn strip(&self, number: usize) -> Strip {
         Strip { first: number * LANES * self.height, height: self.height, query: self.query.len() }
     }

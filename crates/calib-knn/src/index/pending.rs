@@ -51,7 +51,6 @@ pub(super) struct Pool<'a> {
 }
 
 impl<'a> Pool<'a> {
-    /// The state of a group.
     #[inline(always)]
     pub(super) fn state(&self, group: u32) -> &'a [f32] {
         self.sources.states().row(self.groups.row(group as usize))
@@ -116,7 +115,6 @@ impl<'a> Pending<'a> {
         self.lists.radius() < f64::INFINITY
     }
 
-    /// States that were looked at.
     pub(super) fn looked(&self) -> u64 {
         self.looked
     }

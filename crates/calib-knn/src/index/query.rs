@@ -71,7 +71,6 @@ impl<'a> Sources<'a> {
         self.measured
     }
 
-    /// Which sources can be neighbours.
     pub(crate) fn candidates(&self) -> Candidates<'a> {
         self.candidates
     }
@@ -202,7 +201,6 @@ impl<'a> Queries<'a> {
         }
     }
 
-    /// Members of the ensemble.
     pub(crate) fn members(&self) -> usize {
         self.sources.blocks.members()
     }
@@ -246,7 +244,6 @@ impl<'a> Queries<'a> {
         self.sources.measured()
     }
 
-    /// The row of the source of a transition.
     fn source_row(&self, transition: u32) -> usize {
         self.sources.transitions.sources()[transition as usize] as usize
     }

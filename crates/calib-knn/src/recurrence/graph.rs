@@ -7,10 +7,8 @@ use crate::{KnnError, NeighborTable, Weights, bits::Bits};
 
 /// Sweeps through a set after which what is still missing is looked for in another way.
 const SWEEPS: usize = 64;
-/// Bits of a word of a set.
 const WORD: usize = u64::BITS as usize;
 
-/// The order of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sweep {
     Forwards,
@@ -96,7 +94,6 @@ impl<'a> Graph<'a> {
         Bits::of(self.len(), (0..self.dropped.start).chain(self.dropped.end..len))
     }
 
-    /// Whether the member has this transition.
     pub(crate) fn has(&self, node: u32) -> bool {
         (node as usize) < self.len() && !self.dropped.contains(&node)
     }
@@ -107,12 +104,10 @@ impl<'a> Graph<'a> {
         if position < self.dropped.start { position } else { position + self.dropped.len() as u32 }
     }
 
-    /// How a neighbour is drawn.
     pub(crate) fn weights(&self) -> Weights {
         self.weights
     }
 
-    /// Row `node` of the table.
     pub(crate) fn row(&self, node: u32) -> &'a [u32] {
         &self.neighbors[node as usize * self.k..][..self.k]
     }

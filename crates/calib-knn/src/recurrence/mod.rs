@@ -84,7 +84,6 @@ pub struct Recurrence {
 enum Halt {
     /// Too many candidates are lost, some query has too few left, or too many exits do not lead out.
     Lost,
-    /// Something else.
     Error(KnnError),
 }
 

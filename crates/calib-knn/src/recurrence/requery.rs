@@ -18,7 +18,6 @@ pub(super) struct Requery<'a> {
     pub(super) monitor: &'a dyn Monitor,
 }
 
-/// What distances are wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Distances {
     /// Those that were searched by, lists in their order.

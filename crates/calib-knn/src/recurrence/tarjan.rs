@@ -26,7 +26,6 @@ pub(super) trait Shrinking {
     /// Put what `node` leads to now into `edges`; nothing that is left out.
     fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt>;
 
-    /// Whether `node` is left out by now.
     fn is_left_out(&self, node: u32) -> bool;
 
     /// Decide on a closed class; what is to be left out is left out from here on.

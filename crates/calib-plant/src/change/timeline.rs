@@ -29,7 +29,6 @@ impl<T: Copy> Timeline<T> {
         after.checked_sub(1).map(|place| self.0[place])
     }
 
-    /// All events.
     pub(crate) fn events(&self) -> &[Dated<T>] {
         &self.0
     }

@@ -56,7 +56,6 @@ pub(super) struct Limit {
 
 /// What is known about the queries of a block while leaves are visited.
 struct Block<'a> {
-    /// The leaf that they lie in.
     leaf: usize,
     one: Vec<One<'a>>,
     /// Images `[query, coordinate]`.
@@ -180,7 +179,6 @@ impl WithSimd for Band<'_> {
     }
 }
 
-/// The largest reach of the blocks.
 fn farthest_reach(blocks: &[Block<'_>]) -> f32 {
     blocks.iter().map(|block| block.reach).fold(-1.0, f32::max)
 }

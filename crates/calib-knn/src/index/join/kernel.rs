@@ -174,7 +174,6 @@ impl Places {
         Self(only).chain(Self(self.0 ^ only))
     }
 
-    /// How many there are.
     pub(super) fn len(&self) -> usize {
         self.0.count_ones() as usize
     }

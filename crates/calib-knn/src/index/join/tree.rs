@@ -44,7 +44,6 @@ pub(super) struct Tree {
     nodes: Vec<Node>,
     /// Lower, then upper bounds of each node.
     boxes: Vec<f32>,
-    /// The node of each leaf.
     leaf_nodes: Vec<u32>,
 }
 
@@ -153,7 +152,6 @@ impl Tree {
         number
     }
 
-    /// Number of leaves.
     pub(super) fn leaves(&self) -> usize {
         self.starts.len() - 1
     }
@@ -172,7 +170,6 @@ impl Tree {
         (leaf, place - self.starts[leaf] as usize)
     }
 
-    /// The places of a leaf.
     pub(super) fn places(&self, leaf: usize) -> Range<u32> {
         self.starts[leaf]..self.starts[leaf + 1]
     }
@@ -201,7 +198,6 @@ impl Tree {
         self.boxes[2 * node * self.width..][..2 * self.width].split_at(self.width)
     }
 
-    /// The node of a leaf.
     pub(super) fn node_of(&self, leaf: usize) -> usize {
         self.leaf_nodes[leaf] as usize
     }
@@ -235,12 +231,9 @@ impl Tree {
     }
 }
 
-/// What is below a node.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Below {
-    /// A leaf.
     Leaf(usize),
-    /// Two nodes.
     Nodes([usize; 2]),
 }
 

@@ -51,7 +51,6 @@ impl<'a> Scan<'a> {
         Ok(Self::of(sources, Groups::new(&sources, monitor)?))
     }
 
-    /// A scan of these groups of the sources.
     pub(super) fn of(sources: Sources<'a>, groups: Groups) -> Self {
         let centre = centre(&sources);
         let margin = Margin::new(sources.columns());
@@ -86,7 +85,6 @@ fn centre(sources: &Sources<'_>) -> Vec<f32> {
 struct Block<'a> {
     scan: &'a Scan<'a>,
     queries: &'a Queries<'a>,
-    /// Which queries.
     order: &'a [u32],
     k: usize,
     /// Told of every tile of sources; asked whether to go on.
