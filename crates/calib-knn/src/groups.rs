@@ -28,12 +28,12 @@ impl Groups {
     /// # Errors
     /// If the monitor interrupts.
     pub(crate) fn new(sources: &Sources<'_>, monitor: &dyn Monitor) -> Result<Self, KnnError> {
-        let states = sources.states().as_slice();
+        let states = sources.states.as_slice();
         let columns = sources.columns();
-        let rows = sources.transitions().sources();
+        let rows = sources.transitions.sources();
         let state =
             |transition: u32| &states[rows[transition as usize] as usize * columns..][..columns];
-        let candidates = sources.candidates();
+        let candidates = sources.candidates;
         let mut hashed = vec![(0, 0); sources.candidates_len()];
         hashed.par_chunks_mut(CHUNK).enumerate().for_each(|(number, chunk)| {
             if monitor.interrupted() {
@@ -76,9 +76,9 @@ impl Groups {
     /// Each transition by itself, where nothing is gained from knowing equal states.
     pub(crate) fn singletons(sources: &Sources<'_>) -> Self {
         let count = sources.candidates_len() as u32;
-        let candidates = sources.candidates();
+        let candidates = sources.candidates;
         let transitions = (0..count).map(|number| candidates.nth(number)).collect();
-        Self::with_rows(transitions, (0..=count).collect(), sources.transitions().sources())
+        Self::with_rows(transitions, (0..=count).collect(), sources.transitions.sources())
     }
 
     fn with_rows(transitions: Vec<u32>, starts: Vec<u32>, sources: &[u32]) -> Self {

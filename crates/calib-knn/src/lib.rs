@@ -74,7 +74,7 @@ pub use points::{PointNeighbors, Points};
 pub use recall::{Recall, recall};
 pub use recurrence::{ClosedClasses, Ends, Recurrence, closed_classes};
 pub use store::{open_table, write_table};
-pub use table::{NeighborTable, Workplace, build_tables, build_tables_in};
+pub use table::{NeighborTable, Workplace, build_tables};
 pub use table_check::{Fault, faults};
 pub use verify::{Verification, verify};
 pub use weights::Weights;

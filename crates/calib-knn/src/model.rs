@@ -70,7 +70,7 @@ impl KnnModel {
     /// As [`build`](Self::build), in `workplace`; says also what was found out.
     ///
     /// # Errors
-    /// As [`Blocks::new`] and [`build_tables_in`](crate::build_tables_in).
+    /// As [`Blocks::new`] and [`build_tables`](crate::build_tables), or if a file cannot be written.
     pub fn build_in(
         states: States,
         transitions: Transitions,
@@ -86,7 +86,7 @@ impl KnnModel {
             .then(|| leading_components(&states, shortcuts.components, monitor))
             .transpose()?;
         let sources = Sources::new(reduced.as_ref().unwrap_or(&states), &transitions, &blocks)?;
-        let sources = if reduced.is_some() { sources.measured_in(&states) } else { sources };
+        let sources = Sources { measured: reduced.as_ref().map(|_| &states), ..sources };
         let chosen = match shortcuts.prototype_kind {
             PrototypeKind::KCentre if shortcuts.prototypes > 1 => {
                 Some(covering(&sources, shortcuts.prototypes, monitor)?)
@@ -95,7 +95,7 @@ impl KnnModel {
         };
         let candidates =
             chosen.as_deref().map_or(Candidates::Every(shortcuts.prototypes), Candidates::Chosen);
-        let sources = sources.with_candidates(candidates).with_leaf_budget(shortcuts.leaf_budget);
+        let sources = Sources { candidates, leaf_budget: shortcuts.leaf_budget, ..sources };
         let k = config.neighbors;
         let weights = config.weights()?;
         let (mut tables, planned) =

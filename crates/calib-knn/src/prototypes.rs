@@ -34,9 +34,9 @@ pub(crate) fn covering(
     monitor.begin("prototypes", sources.len() as u64);
     let groups = Groups::new(sources, monitor)?;
     let reduced = if sources.columns() > COMPONENTS {
-        &leading_components(sources.states(), COMPONENTS, monitor)?
+        &leading_components(sources.states, COMPONENTS, monitor)?
     } else {
-        sources.states()
+        sources.states
     };
     let width = reduced.columns();
     let mut points = Vec::with_capacity(groups.len() * width);

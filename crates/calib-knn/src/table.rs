@@ -9,7 +9,7 @@ use calib_files::{Scratch, ScratchPlace};
 use rayon::prelude::*;
 
 use crate::{
-    Blocks, Exclusion, IndexChoice, IndexKind, KnnError, Parts,
+    Blocks, Exclusion, IndexKind, KnnError, Parts,
     candidates::Candidates,
     index::{NeighborLists, Planned, Queries, Sources},
     parts::PART_QUERIES,
@@ -90,7 +90,8 @@ pub struct Workplace {
 /// threads.
 ///
 /// # Errors
-/// As [`build_tables_in`].
+/// `k` is zero or exceeds the candidates of some query, the parts disagree about the number of rows, the
+/// k-d tree is asked for more columns than it supports, or the monitor interrupts.
 pub fn build_tables(
     states: &States,
     transitions: &Transitions,
@@ -101,28 +102,12 @@ pub fn build_tables(
     monitor: &dyn Monitor,
 ) -> Result<Vec<NeighborTable>, KnnError> {
     let sources = Sources::new(states, transitions, blocks)?;
-    let tables = build_tables_in(&sources, k, exclusion, kind, &Workplace::default(), monitor)?;
-    Ok(tables.0)
+    let workplace = Workplace::default();
+    let (tables, _) = find_tables(&sources, k, exclusion, kind, &workplace, monitor)?;
+    Ok(finished(tables, k))
 }
 
-/// Build the tables of all members in one search, and say with which structure.
-///
-/// # Errors
-/// `k` is zero or exceeds the candidates of some query, the parts disagree about the number of rows, the
-/// k-d tree is asked for more columns than it supports, a file cannot be written, or the monitor interrupts.
-pub fn build_tables_in(
-    sources: &Sources<'_>,
-    k: usize,
-    exclusion: Exclusion,
-    kind: IndexKind,
-    workplace: &Workplace,
-    monitor: &dyn Monitor,
-) -> Result<(Vec<NeighborTable>, IndexChoice), KnnError> {
-    let (tables, planned) = find_tables(sources, k, exclusion, kind, workplace, monitor)?;
-    Ok((finished(tables, k), planned.choice))
-}
-
-/// As [`build_tables_in`]: the tables, which can still be changed, and the structure that found them.
+/// As [`build_tables`], in `workplace`: the tables, which can still be changed, and the structure that found them.
 pub(crate) fn find_tables<'a>(
     sources: &Sources<'a>,
     k: usize,
@@ -131,9 +116,9 @@ pub(crate) fn find_tables<'a>(
     workplace: &Workplace,
     monitor: &dyn Monitor,
 ) -> Result<(Vec<Filling>, Planned<'a>), KnnError> {
-    let transitions = sources.transitions();
-    let blocks = sources.blocks();
-    check_candidates(transitions, blocks, sources.candidates(), k, exclusion)?;
+    let transitions = sources.transitions;
+    let blocks = sources.blocks;
+    check_candidates(transitions, blocks, sources.candidates, k, exclusion)?;
     let queries = Queries::next_states(sources, exclusion);
     let planned = sources.index(kind, &queries, k, &workplace.scratch, monitor)?;
     let tables = fill(&planned, &queries, k, workplace, monitor)?;

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use calib_core::{RowIndex, Seed, Segments, Silent, States, TransitionIndex, Transitions};
 use calib_files::ScratchPlace;
 use calib_knn::{
-    IndexKind, KnnError, KnnModel, MemoryNeed, ModelConfig, PrototypeKind, recall, verify,
+    IndexKind, KnnError, KnnModel, Member, MemoryNeed, ModelConfig, PrototypeKind, recall, verify,
 };
 
 fn walk(lengths: &[usize], columns: usize, seed: u64) -> (States, Transitions) {
@@ -26,6 +26,23 @@ fn walk(lengths: &[usize], columns: usize, seed: u64) -> (States, Transitions) {
 fn model(config: &ModelConfig) -> KnnModel {
     let (states, transitions) = walk(&[150, 1, 90, 200], 5, 7);
     KnnModel::build(states, transitions, config, &Silent).expect("built")
+}
+
+/// The `count` sources of a member that are nearest to `query`, by the definition.
+fn nearest_by_definition(member: Member<'_>, query: &[f32], count: usize) -> Vec<(f64, u32)> {
+    let model = member.model();
+    let mut all: Vec<(f64, u32)> = (0..member.len())
+        .map(|position| member.nth(position))
+        .filter(|j| !model.left_out(0).contains(j.0))
+        .map(|j| {
+            let source = model.states().row(model.transitions().source(j).get());
+            let pairs = query.iter().zip(source);
+            (pairs.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum(), j.0)
+        })
+        .collect();
+    all.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
+    all.truncate(count);
+    all
 }
 
 #[test]
@@ -101,19 +118,10 @@ fn external_states_find_their_nearest_sources() {
     let few = States::new(queries.as_slice()[..25].to_vec(), 5, 5).expect("valid");
     assert_eq!(member.nearest_sources(&few, 3, &Silent).expect("same columns"), many[..5]);
     for (query, found) in many.iter().enumerate().step_by(50) {
-        let mut expected: Vec<(f64, u32)> = (0..member.len())
-            .map(|position| member.nth(position))
-            .filter(|j| !model.left_out(0).contains(j.0))
-            .map(|j| {
-                let source = model.states().row(model.transitions().source(j).get());
-                let squared = queries.row(query).iter().zip(source);
-                (squared.map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum(), j.0)
-            })
-            .collect();
-        expected.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
-        let got: Vec<(f32, u32)> = found.iter().map(|n| (n.distance, n.transition.0)).collect();
+        let expected = nearest_by_definition(member, queries.row(query), 3).into_iter();
         let expected: Vec<(f32, u32)> =
-            expected[..3].iter().map(|&(squared, j)| (squared.sqrt() as f32, j)).collect();
+            expected.map(|(squared, j)| (squared.sqrt() as f32, j)).collect();
+        let got: Vec<(f32, u32)> = found.iter().map(|n| (n.distance, n.transition.0)).collect();
         assert_eq!(got, expected);
     }
     let narrow = States::new(vec![0.0; 4], 1, 4).expect("valid");
@@ -151,20 +159,8 @@ fn states_far_outside_the_data_find_their_nearest_sources_too() {
     let queries = States::new(values, 400, 5).expect("finite");
     let found = member.nearest_sources(&queries, 2, &Silent).expect("same columns");
     for (query, found) in found.iter().enumerate() {
-        let mut expected: Vec<(f64, u32)> = (0..member.len())
-            .map(|position| member.nth(position))
-            .filter(|j| !model.left_out(0).contains(j.0))
-            .map(|j| {
-                let source = model.states().row(model.transitions().source(j).get());
-                let mut squared = 0.0;
-                for (&a, &b) in queries.row(query).iter().zip(source) {
-                    squared += (f64::from(a) - f64::from(b)).powi(2);
-                }
-                (squared, j.0)
-            })
-            .collect();
-        expected.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
-        let expected: Vec<u32> = expected[..2].iter().map(|pair| pair.1).collect();
+        let expected = nearest_by_definition(member, queries.row(query), 2);
+        let expected: Vec<u32> = expected.into_iter().map(|(_, j)| j).collect();
         let got: Vec<u32> = found.iter().map(|near| near.transition.0).collect();
         assert_eq!(got, expected, "query {query}");
     }

@@ -70,7 +70,7 @@ impl<'a> Sources<'a> {
         let scan = |scan: Scan<'a>, reason| Planned::new(scan, queries, IndexKind::Scan, reason);
         let tree =
             |tree: KdTree<'a>, reason| Planned::new(tree, queries, IndexKind::KdTree, reason);
-        let budget = self.leaf_budget();
+        let budget = self.leaf_budget;
         // A budget is the join's, so that the tables do not depend on what else could be taken.
         let kind = if budget > 0 { IndexKind::Join } else { kind };
         match kind {

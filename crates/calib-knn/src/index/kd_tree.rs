@@ -76,7 +76,7 @@ impl<'a> KdTree<'a> {
             given += found.len();
             for &(_, group) in &found {
                 let source = self.groups.row(group as usize);
-                let squared = squared(state, self.sources.states().row(source));
+                let squared = squared(state, self.sources.states.row(source));
                 self.groups.offer(group as usize, squared, &forbidden, &mut lists, findable);
             }
             // The tree computes in f64 without cancellation: far less than this relative error.
@@ -135,7 +135,7 @@ impl<const K: usize> Fixed<K> {
         Self: Tree + 'static,
     {
         let points: Vec<[f32; K]> =
-            (0..groups.len()).map(|group| pad(sources.states().row(groups.row(group)))).collect();
+            (0..groups.len()).map(|group| pad(sources.states.row(groups.row(group)))).collect();
         let tree = ImmutableKdTree::new_from_slice(&points)
             .expect("different points can be split, and transitions are counted in 32 bits");
         Box::new(Self(tree))

@@ -201,12 +201,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn covariance_is_the_formula() {
-        let sample: [&[f32]; 4] = [&[0.0, 1.0], &[2.0, 1.0], &[0.0, 3.0], &[2.0, 3.0]];
-        let (mean, covariance) = covariance(&sample, 2);
-        assert_eq!(mean, [1.0, 2.0]);
-        assert_eq!(covariance, [1.0, 0.0, 0.0, 1.0]);
-    }
 }

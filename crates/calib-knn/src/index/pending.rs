@@ -53,7 +53,7 @@ pub(super) struct Pool<'a> {
 impl<'a> Pool<'a> {
     #[inline(always)]
     pub(super) fn state(&self, group: u32) -> &'a [f32] {
-        self.sources.states().row(self.groups.row(group as usize))
+        self.sources.states.row(self.groups.row(group as usize))
     }
 }
 

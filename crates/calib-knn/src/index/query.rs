@@ -10,12 +10,14 @@ use crate::{
 /// What is searched: the source state of every transition.
 #[derive(Clone, Copy, Debug)]
 pub struct Sources<'a> {
-    states: &'a States,
-    transitions: &'a Transitions,
-    blocks: &'a Blocks,
-    candidates: Candidates<'a>,
-    leaf_budget: usize,
-    measured: Option<&'a States>,
+    pub(crate) states: &'a States,
+    pub(crate) transitions: &'a Transitions,
+    pub(crate) blocks: &'a Blocks,
+    pub(crate) candidates: Candidates<'a>,
+    /// Most leaves that a join visits; 0 for as many as it takes.
+    pub(crate) leaf_budget: usize,
+    /// What the distances of tables are measured in, if not in these states.
+    pub(crate) measured: Option<&'a States>,
 }
 
 impl<'a> Sources<'a> {
@@ -45,44 +47,12 @@ impl<'a> Sources<'a> {
     /// The same sources, of which only these transitions, ascending, can be neighbours: those with one action, say.
     #[must_use]
     pub fn among(self, chosen: &'a [u32]) -> Self {
-        self.with_candidates(Candidates::Chosen(chosen))
-    }
-
-    /// The same sources, of which only some can be neighbours.
-    #[must_use]
-    pub(crate) fn with_candidates(self, candidates: Candidates<'a>) -> Self {
-        Self { candidates, ..self }
-    }
-
-    /// The same sources for a join that visits at most so many leaves; 0 for as many as it takes.
-    #[must_use]
-    pub(crate) fn with_leaf_budget(self, leaf_budget: usize) -> Self {
-        Self { leaf_budget, ..self }
-    }
-
-    /// The same sources for tables whose distances are those of `states` instead of those searched by.
-    #[must_use]
-    pub(crate) fn measured_in(self, states: &'a States) -> Self {
-        Self { measured: Some(states), ..self }
-    }
-
-    /// What the distances of tables are measured in, if not in these states.
-    pub(crate) fn measured(&self) -> Option<&'a States> {
-        self.measured
-    }
-
-    pub(crate) fn candidates(&self) -> Candidates<'a> {
-        self.candidates
+        Self { candidates: Candidates::Chosen(chosen), ..self }
     }
 
     /// Number of sources that can be neighbours.
     pub(crate) fn candidates_len(&self) -> usize {
         self.candidates.before(self.len() as u32) as usize
-    }
-
-    /// Most leaves that a join visits; 0 for as many as it takes.
-    pub(crate) fn leaf_budget(&self) -> usize {
-        self.leaf_budget
     }
 
     /// Number of sources, one a transition.
@@ -98,11 +68,6 @@ impl<'a> Sources<'a> {
     /// Number of columns of a state.
     pub fn columns(&self) -> usize {
         self.states.columns()
-    }
-
-    /// The states.
-    pub fn states(&self) -> &'a States {
-        self.states
     }
 
     /// The source state of `transition`.
@@ -127,15 +92,16 @@ pub struct Queries<'a> {
     states: &'a States,
     sources: Sources<'a>,
     kind: Kind<'a>,
+    exclusion: Exclusion,
     left_out: &'a [Bits],
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Kind<'a> {
     /// Query `i` is the next state of transition `i`, wanted by every member that contains it.
-    NextStates(&'a Transitions, Exclusion),
+    NextStates,
     /// Recorded rows, wanted by one member.
-    Rows(&'a [RowIndex], &'a Transitions, Exclusion, usize),
+    Rows(&'a [RowIndex], usize),
     /// States from elsewhere, wanted by one member or by all.
     External(Option<usize>),
 }
@@ -143,12 +109,7 @@ enum Kind<'a> {
 impl<'a> Queries<'a> {
     /// The next state of every transition, for the tables of all members.
     pub fn next_states(sources: &Sources<'a>, exclusion: Exclusion) -> Self {
-        Self {
-            states: sources.states,
-            sources: *sources,
-            kind: Kind::NextStates(sources.transitions, exclusion),
-            left_out: &[],
-        }
+        Self::with_kind(sources, Kind::NextStates, exclusion)
     }
 
     /// Recorded `rows`, for one member.
@@ -158,12 +119,11 @@ impl<'a> Queries<'a> {
         member: usize,
         exclusion: Exclusion,
     ) -> Self {
-        Self {
-            states: sources.states,
-            sources: *sources,
-            kind: Kind::Rows(rows, sources.transitions, exclusion, member),
-            left_out: &[],
-        }
+        Self::with_kind(sources, Kind::Rows(rows, member), exclusion)
+    }
+
+    fn with_kind(sources: &Sources<'a>, kind: Kind<'a>, exclusion: Exclusion) -> Self {
+        Self { states: sources.states, sources: *sources, kind, exclusion, left_out: &[] }
     }
 
     /// States that were not recorded with the sources, for one member, or for all. Nothing is forbidden.
@@ -178,7 +138,8 @@ impl<'a> Queries<'a> {
         if states.columns() != sources.columns() {
             return Err(KnnError::Columns { expected: sources.columns(), got: states.columns() });
         }
-        Ok(Self { states, sources: *sources, kind: Kind::External(member), left_out: &[] })
+        let kind = Kind::External(member);
+        Ok(Self { states, ..Self::with_kind(sources, kind, Exclusion::default()) })
     }
 
     /// The same queries, which must not find what each member leaves out.
@@ -195,8 +156,8 @@ impl<'a> Queries<'a> {
     /// Number of queries.
     pub fn len(&self) -> usize {
         match self.kind {
-            Kind::NextStates(transitions, _) => transitions.len(),
-            Kind::Rows(rows, ..) => rows.len(),
+            Kind::NextStates => self.sources.len(),
+            Kind::Rows(rows, _) => rows.len(),
             Kind::External(_) => self.states.rows(),
         }
     }
@@ -212,11 +173,7 @@ impl<'a> Queries<'a> {
 
     /// The row of query `query` in [`states`](Self::states).
     pub(crate) fn row(&self, query: usize) -> usize {
-        match self.kind {
-            Kind::NextStates(transitions, _) => transitions.next(TransitionIndex::new(query)).get(),
-            Kind::Rows(rows, ..) => rows[query].get(),
-            Kind::External(_) => query,
-        }
+        self.recorded(query).map_or(query, RowIndex::get)
     }
 
     /// The states that the queries are rows of.
@@ -226,10 +183,11 @@ impl<'a> Queries<'a> {
 
     /// Put the distances that tables hold in place of those that `found`, what was found for the queries `order`, was searched by.
     pub(crate) fn measure(&self, order: &[u32], found: &mut NeighborLists) {
-        if let Some(states) = self.measured() {
+        if let Some(states) = self.sources.measured {
+            let sources = self.sources.transitions.sources();
             found.measure_again(|place, source| {
                 let row = self.row(order[place] as usize);
-                squared(states.row(row), states.row(self.source_row(source)))
+                squared(states.row(row), states.row(sources[source as usize] as usize))
             });
         }
     }
@@ -239,49 +197,34 @@ impl<'a> Queries<'a> {
         !self.left_out.is_empty()
     }
 
-    /// What the distances of tables are measured in, if not by what they were searched.
-    fn measured(&self) -> Option<&'a States> {
-        self.sources.measured()
-    }
-
-    fn source_row(&self, transition: u32) -> usize {
-        self.sources.transitions.sources()[transition as usize] as usize
-    }
-
     /// The sources that query `query` must not find.
     pub(crate) fn forbidden(&self, query: usize) -> Range<u32> {
-        match self.kind {
-            Kind::NextStates(transitions, exclusion) => {
-                exclusion.forbidden(transitions, transitions.next(TransitionIndex::new(query)))
-            }
-            Kind::Rows(rows, transitions, exclusion, _) => {
-                exclusion.forbidden(transitions, rows[query])
-            }
-            Kind::External(_) => 0..0,
+        match self.recorded(query) {
+            Some(row) => self.exclusion.forbidden(self.sources.transitions, row),
+            None => 0..0,
         }
     }
 
-    /// The recorded row that query `query` is, and the transitions of the data.
-    fn recorded(&self, query: usize) -> Option<(RowIndex, &'a Transitions)> {
+    /// The recorded row that query `query` is.
+    fn recorded(&self, query: usize) -> Option<RowIndex> {
         match self.kind {
-            Kind::NextStates(transitions, _) => {
-                Some((transitions.next(TransitionIndex::new(query)), transitions))
-            }
-            Kind::Rows(rows, transitions, ..) => Some((rows[query], transitions)),
+            Kind::NextStates => Some(self.sources.transitions.next(TransitionIndex::new(query))),
+            Kind::Rows(rows, _) => Some(rows[query]),
             Kind::External(_) => None,
         }
     }
 
     /// The transition that starts from the query's row, if it can be a neighbour.
     pub(crate) fn own_source(&self, query: usize) -> Option<u32> {
-        let (row, transitions) = self.recorded(query)?;
-        let own = transitions.starting_at(row).map(|TransitionIndex(transition)| transition);
+        let own = self.sources.transitions.starting_at(self.recorded(query)?);
+        let own = own.map(|TransitionIndex(transition)| transition);
         own.filter(|&transition| self.sources.candidates.contains(transition))
     }
 
     /// The transition that starts from the query's row, or else the one that ends there.
     pub(crate) fn own_transition(&self, query: usize) -> Option<u32> {
-        let (row, transitions) = self.recorded(query)?;
+        let row = self.recorded(query)?;
+        let transitions = self.sources.transitions;
         let own = transitions.starting_at(row).or_else(|| transitions.ending_in(row));
         own.map(|TransitionIndex(transition)| transition)
     }
@@ -315,9 +258,9 @@ impl<'a> Queries<'a> {
     pub(crate) fn wanted(&self, query: usize) -> impl Iterator<Item = usize> + use<'a> {
         let blocks = self.sources.blocks;
         let (members, query) = match self.kind {
-            Kind::NextStates(..) => (0..blocks.members(), Some(TransitionIndex::new(query))),
+            Kind::NextStates => (0..blocks.members(), Some(TransitionIndex::new(query))),
             Kind::External(None) => (0..blocks.members(), None),
-            Kind::Rows(.., member) | Kind::External(Some(member)) => (member..member + 1, None),
+            Kind::Rows(_, member) | Kind::External(Some(member)) => (member..member + 1, None),
         };
         members.filter(move |&member| query.is_none_or(|query| blocks.contains(member, query)))
     }

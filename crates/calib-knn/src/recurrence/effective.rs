@@ -74,7 +74,7 @@ impl<'a> Effective<'a> {
     fn searched_again(&mut self, node: u32) -> Result<Vec<(f32, u32)>, Halt> {
         let again = self.again;
         let row = again.next(node);
-        let k = self.graph.k();
+        let k = self.graph.k;
         let mut apart = Lists::default();
         let nearest = if self.exits.contains_key(&node) {
             let left_out = again.of_member(left_out_of(node, self.gone(), self.exits));
@@ -89,7 +89,7 @@ impl<'a> Effective<'a> {
         if nearest.len() < k {
             return Err(Halt::Lost);
         }
-        let Some(states) = again.measured() else {
+        let Some(states) = again.sources.measured else {
             return Ok(nearest.into_iter().map(|(to, distance)| (distance, to)).collect());
         };
         let mut list: Vec<(f64, u32)> = nearest
@@ -111,7 +111,7 @@ impl Shrinking for Effective<'_> {
         }
         let (distances, nearest): (Vec<f32>, Vec<u32>) =
             self.searched_again(node)?.into_iter().unzip();
-        let drawn = nearest.into_iter().zip(self.graph.weights().possible(&distances));
+        let drawn = nearest.into_iter().zip(self.graph.weights.possible(&distances));
         edges.clear();
         edges.extend(drawn.filter(|(_, possible)| *possible).map(|(to, _)| to));
         Ok(())

@@ -77,7 +77,7 @@ impl Leading<'_> {
     fn search(&mut self, node: u32) -> Result<(), Halt> {
         let left_out = self.again.of_member(left_out_of(node, self.left_out, &self.exits));
         let row = [self.again.next(node)];
-        let k = self.graph.k();
+        let k = self.graph.k;
         let exclusion = self.again.exclusion;
         let mut found = (Vec::new(), Vec::new());
         self.again.nearest(&row, k, exclusion, &left_out, Distances::Stored, |_, to, far| {
@@ -102,7 +102,7 @@ fn nearer(a: Option<(f32, u32)>, b: Option<(f32, u32)>) -> Option<(f32, u32)> {
 impl Shrinking for Leading<'_> {
     fn edges(&mut self, node: u32, edges: &mut Vec<u32>) -> Result<(), Halt> {
         if let Some((neighbors, distances)) = self.rows.get(&node) {
-            let drawn = neighbors.iter().zip(self.graph.weights().possible(distances));
+            let drawn = neighbors.iter().zip(self.graph.weights.possible(distances));
             edges.clear();
             edges.extend(drawn.filter(|(_, possible)| *possible).map(|(&to, _)| to));
         } else {

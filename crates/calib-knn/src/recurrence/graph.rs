@@ -3,7 +3,7 @@ use std::ops::Range;
 use calib_core::Monitor;
 use rayon::prelude::*;
 
-use crate::{KnnError, NeighborTable, Weights, bits::Bits};
+use crate::{KnnError, Weights, bits::Bits};
 
 /// Sweeps through a set after which what is still missing is looked for in another way.
 const SWEEPS: usize = 64;
@@ -32,9 +32,10 @@ impl Sweep {
 pub(crate) struct Graph<'a> {
     neighbors: &'a [u32],
     distances: &'a [f32],
-    k: usize,
+    /// Neighbours of a row.
+    pub(super) k: usize,
     dropped: Range<u32>,
-    weights: Weights,
+    pub(super) weights: Weights,
     /// Rows with a neighbour that is never drawn.
     doubtful: Bits,
 }
@@ -68,11 +69,6 @@ impl<'a> Graph<'a> {
         Self { neighbors, distances, k, dropped, weights, doubtful }
     }
 
-    /// The graph of a member with this table.
-    pub(crate) fn of(table: &'a NeighborTable, dropped: Range<u32>, weights: Weights) -> Self {
-        Self::new(table.neighbors(), table.distances(), table.k(), dropped, weights)
-    }
-
     /// Number of transitions of the data.
     pub(crate) fn len(&self) -> usize {
         self.neighbors.len() / self.k
@@ -81,11 +77,6 @@ impl<'a> Graph<'a> {
     /// Number of transitions of the member.
     pub(crate) fn nodes(&self) -> usize {
         self.len() - self.dropped.len()
-    }
-
-    /// Neighbours of a row.
-    pub(crate) fn k(&self) -> usize {
-        self.k
     }
 
     /// All transitions of the member.
@@ -102,10 +93,6 @@ impl<'a> Graph<'a> {
     pub(crate) fn at(&self, share: f64) -> u32 {
         let position = (share * self.nodes() as f64) as u32;
         if position < self.dropped.start { position } else { position + self.dropped.len() as u32 }
-    }
-
-    pub(crate) fn weights(&self) -> Weights {
-        self.weights
     }
 
     pub(crate) fn row(&self, node: u32) -> &'a [u32] {

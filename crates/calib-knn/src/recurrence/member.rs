@@ -49,7 +49,7 @@ impl<'a> Member<'a> {
     }
 
     fn graph<'t>(&self, table: &'t Filling) -> Graph<'t> {
-        let dropped = self.search.sources.blocks().dropped(self.again.member);
+        let dropped = self.search.sources.blocks.dropped(self.again.member);
         Graph::new(&table.0, &table.1, self.search.k, dropped, self.search.weights)
     }
 

@@ -28,7 +28,7 @@ mod requery;
 mod shapes;
 mod tarjan;
 
-use calib_core::{Cancelled, Monitor, TransitionIndex};
+use calib_core::{Monitor, TransitionIndex};
 use calib_files::{Scratch, ScratchPlace};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -87,20 +87,8 @@ enum Halt {
     Error(KnnError),
 }
 
-impl From<KnnError> for Halt {
-    fn from(error: KnnError) -> Self {
-        Self::Error(error)
-    }
-}
-
-impl From<Cancelled> for Halt {
-    fn from(cancelled: Cancelled) -> Self {
-        Self::Error(cancelled.into())
-    }
-}
-
-impl From<calib_files::FileError> for Halt {
-    fn from(error: calib_files::FileError) -> Self {
+impl<E: Into<KnnError>> From<E> for Halt {
+    fn from(error: E) -> Self {
         Self::Error(error.into())
     }
 }
@@ -213,7 +201,9 @@ pub fn closed_classes(
     candidates: usize,
     monitor: &dyn Monitor,
 ) -> Result<(ClosedClasses, Ends), KnnError> {
-    let graph = Graph::of(model.table(member), model.blocks().dropped(member), weights);
+    let table = model.table(member);
+    let dropped = model.blocks().dropped(member);
+    let graph = Graph::new(table.neighbors(), table.distances(), table.k(), dropped, weights);
     let enough = candidates.div_ceil(SHARE);
     let place = ScratchPlace::Memory;
     let anchor = Anchor::find(&graph, enough, &place, monitor)?;

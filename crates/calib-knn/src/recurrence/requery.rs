@@ -1,4 +1,4 @@
-use calib_core::{Monitor, RowIndex, States, TransitionIndex};
+use calib_core::{Monitor, RowIndex, TransitionIndex};
 
 use crate::{
     Exclusion, KnnError, PART_QUERIES,
@@ -42,37 +42,32 @@ impl Monitor for Quiet<'_> {
 impl Requery<'_> {
     /// What is left out of this member, as searches are told.
     pub(super) fn of_member(&self, left_out: Bits) -> Vec<Bits> {
-        let mut all = vec![Bits::default(); self.sources.blocks().members()];
+        let mut all = vec![Bits::default(); self.sources.blocks.members()];
         all[self.member] = left_out;
         all
     }
 
     /// The row that transition `node` leads to.
     pub(super) fn next(&self, node: u32) -> RowIndex {
-        self.sources.transitions().next(TransitionIndex(node))
+        self.sources.transitions.next(TransitionIndex(node))
     }
 
     /// The row that transition `node` starts from.
     pub(super) fn source(&self, node: u32) -> RowIndex {
-        self.sources.transitions().source(TransitionIndex(node))
+        self.sources.transitions.source(TransitionIndex(node))
     }
 
     /// The state that is searched for from `row`.
     pub(super) fn state(&self, row: RowIndex) -> &[f32] {
-        self.sources.states().row(row.get())
-    }
-
-    /// What the distances of tables are measured in, if not in the states that are searched.
-    pub(super) fn measured(&self) -> Option<&States> {
-        self.sources.measured()
+        self.sources.states.row(row.get())
     }
 
     /// Whether what was recorded after `node` can be found by queries of the member.
     pub(super) fn goes_on(&self, node: u32, left_out: &Bits) -> bool {
-        let transitions = self.sources.transitions();
+        let transitions = self.sources.transitions;
         transitions.starting_at(self.next(node)).is_some_and(|next| {
-            self.sources.blocks().contains(self.member, next)
-                && self.sources.candidates().contains(next.0)
+            self.sources.blocks.contains(self.member, next)
+                && self.sources.candidates.contains(next.0)
                 && !left_out.contains(next.0)
         })
     }
@@ -92,7 +87,7 @@ impl Requery<'_> {
 
     /// Number of the member's candidates.
     pub(super) fn candidates(&self) -> usize {
-        self.sources.blocks().admissible(self.member, &(0..0), self.sources.candidates())
+        self.sources.blocks.admissible(self.member, &(0..0), self.sources.candidates)
     }
 
     /// Show `each` of the rows by its number, and the `k` nearest to it of what is not left out: their transitions and distances. Lists are

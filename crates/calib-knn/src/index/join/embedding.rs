@@ -55,7 +55,7 @@ impl Embedding {
         let stride = groups.len().div_ceil(most).max(1);
         let sample: Vec<&[f32]> = (0..groups.len())
             .step_by(stride)
-            .map(|group| sources.states().row(groups.row(group)))
+            .map(|group| sources.states.row(groups.row(group)))
             .collect();
         let (sample, usual) = without_far(sample, columns, Far::most(groups.len()) / stride);
         let (mean, covariance) = covariance(&sample, columns);

@@ -134,7 +134,7 @@ impl<'a> Join<'a> {
     fn place(&self, queries: &Queries<'_>, query: usize) -> u32 {
         if let Some(transition) = queries.own_transition(query) {
             // A transition that cannot be a neighbour lies near the last one that can.
-            let transition = self.sources.candidates().near(transition);
+            let transition = self.sources.candidates.near(transition);
             let place = self.place_of[transition as usize];
             if self.tree.has(place) {
                 return place;
@@ -171,7 +171,7 @@ impl<'a> Join<'a> {
 
     fn limit(&self, queries: &Queries<'_>) -> Limit {
         // What is searched again must not depend on its company.
-        let leaves = match self.sources.leaf_budget() {
+        let leaves = match self.sources.leaf_budget {
             0 => usize::MAX,
             _ if queries.are_asked_again() => usize::MAX,
             budget => budget,
@@ -238,7 +238,7 @@ fn map(
         let images = chunk.chunks_exact_mut(width);
         let count = images.len() as u64;
         for (group, image) in (number * CHUNK..).zip(images) {
-            let own = embedding.map(sources.states().row(groups.row(group)), image);
+            let own = embedding.map(sources.states.row(groups.row(group)), image);
             if own > embedding.far() {
                 far.push((own, group as u32));
             } else {
