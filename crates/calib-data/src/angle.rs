@@ -175,14 +175,6 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_of_359_and_1_is_0() {
-        let mean = mean_direction(&[359.0, 1.0]);
-        assert!(mean.min(360.0 - mean) < 1e-9, "{mean}");
-        assert!((mean_direction(&[350.0, 20.0]) - 5.0).abs() < 1e-9);
-        assert!((mean_direction(&[170.0, 190.0]) - 180.0).abs() < 1e-9);
-    }
-
-    #[test]
     fn directions_are_the_same_whole_turns_apart() {
         let wind = degrees(AnglePart::Sine);
         for (one, other) in [(0.0, 360.0), (-90.0, 270.0), (370.0, 10.0), (0.1 + 0.2, 360.3)] {

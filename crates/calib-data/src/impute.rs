@@ -105,26 +105,6 @@ mod tests {
     }
 
     #[test]
-    fn forward_fill_stops_at_its_limit() {
-        let (values, left, count) =
-            filled(&[NAN, 1.0, NAN, NAN, NAN, 2.0], from_ref(&(0..6)), Missing::ForwardFill, 2);
-        assert_eq!(values[1..4], [1.0, 1.0, 1.0]);
-        assert_eq!((left, count), (vec![0, 4], 2));
-    }
-
-    #[test]
-    fn linear_fills_short_runs_whole() {
-        let (values, left, count) = filled(
-            &[0.0, NAN, NAN, 3.0, NAN, NAN, NAN, 0.0, NAN],
-            from_ref(&(0..9)),
-            Missing::Linear,
-            2,
-        );
-        assert_eq!(values[..4], [0.0, 1.0, 2.0, 3.0]);
-        assert_eq!((left, count), (vec![4, 5, 6, 8], 2));
-    }
-
-    #[test]
     fn linear_interpolates_in_time() {
         let timestamps = [0, 10, 40].map(Timestamp::from_micros);
         let mut values = [0.0, NAN, 4.0];

@@ -68,24 +68,3 @@ impl Samples {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rows_are_counted_from_the_start_of_each_run() {
-        let kept = Samples::of(&[0..7, 8..9, 10..13], 3, Reduce::Keep).expect("valid");
-        assert_eq!(kept.starts, [0, 3, 6, 8, 10]);
-        assert_eq!(kept.segments, Segments::from_lengths([3, 1, 1]).expect("valid"));
-        assert_eq!(kept.transitions(), 2);
-        let mean = Samples::of(&[0..7, 8..9, 10..13], 3, Reduce::Mean).expect("valid");
-        assert_eq!(mean.starts, [0, 3, 10], "incomplete groups are left out");
-        let log: Vec<Timestamp> = (0..13).map(Timestamp::from_micros).collect();
-        let times: Vec<i64> = mean.timestamps(&log).iter().map(|time| time.as_micros()).collect();
-        assert_eq!(times, [2, 5, 12]);
-        let column: Vec<f64> = (0..13).map(f64::from).collect();
-        assert_eq!(mean.value(&column, 1), 4.0);
-        assert_eq!(kept.value(&column, 1), 3.0);
-    }
-}

@@ -141,26 +141,6 @@ mod tests {
         fit(values, Moments::of(values), false, preprocess)
     }
 
-    #[test]
-    fn bounds_come_from_the_training_rows_only() {
-        let values = [100.0, 1.0, 3.0, 5.0, -100.0];
-        let preprocess = PreprocessConfig::default();
-        let bounds = fitted(&values, 1..4, &preprocess).expect("kept");
-        assert_eq!(bounds, Bounds { offset: 1.0, scale: 4.0 });
-        let standard =
-            PreprocessConfig { normalise: Normalisation::Standard, ..preprocess.clone() };
-        let bounds = fitted(&values, 1..4, &standard).expect("kept");
-        assert_eq!(bounds.offset, 3.0);
-        assert!((bounds.scale - (8.0_f64 / 3.0).sqrt()).abs() < 1e-15);
-        let quantile = PreprocessConfig {
-            normalise: Normalisation::Quantile,
-            quantiles: [0.25, 0.75],
-            ..preprocess
-        };
-        let bounds = fitted(&values, 1..4, &quantile).expect("kept");
-        assert_eq!(bounds, Bounds { offset: 2.0, scale: 2.0 });
-    }
-
     fn told(value: f64) -> String {
         DropReason::Constant { value }.to_string()
     }

@@ -1,15 +1,18 @@
 //! Channels that are angles: two channels each, whatever the shape of the log.
 
-use std::{collections::BTreeMap, f64::consts::TAU, fmt::Write as _, fs};
+use std::{collections::BTreeMap, f64::consts::TAU, fmt::Write as _};
 
 use calib_core::Silent;
 use calib_data::{
-    AnglePart, Contradictions, DataConfig, PreprocessConfig, Profile, Resample, format_time,
-    import, inspect, load, sketch, survey, table::Table,
+    AnglePart, Contradictions, DataConfig, PreprocessConfig, Resample, format_time, import, load,
+    sketch, survey, table::Table,
 };
 use calib_files::ExistingFile;
 
-use crate::support::{Folder, load_with, log, log_at, optional, refused, seconds, train_values};
+use crate::support::{
+    Folder, assert_refused, assert_refused_with, kept, load_with, log, log_at, optional, profile,
+    refusal, refused, seconds, train_values,
+};
 
 const ROWS: u32 = 300;
 
@@ -29,23 +32,6 @@ fn of(turns: &[(&str, f64)]) -> BTreeMap<String, f64> {
 
 fn with(folder: &Folder, turns: &[(&str, f64)]) -> DataConfig {
     DataConfig { angles: of(turns), ..folder.data() }
-}
-
-fn profile(data: &DataConfig) -> Profile {
-    inspect(data, &PreprocessConfig::default(), &Silent).expect("a log")
-}
-
-fn kept(profile: &Profile) -> Vec<&str> {
-    profile.kept().map(|channel| channel.name.as_str()).collect()
-}
-
-fn told(data: &DataConfig) -> String {
-    refused(data, &PreprocessConfig::default()).to_string()
-}
-
-fn write(folder: &Folder, name: &str, text: &str) {
-    fs::create_dir_all(folder.path()).expect("created");
-    fs::write(folder.file(name), text).expect("written");
 }
 
 /// Physical values of the training range, to four digits.
@@ -74,7 +60,7 @@ fn station() -> String {
 #[test]
 fn a_station_has_the_sine_and_the_cosine_of_its_wind() {
     let folder = Folder::new();
-    write(&folder, "station.csv", &station());
+    folder.write_file("station.csv", &station());
     let data =
         DataConfig { missing_values: vec![-999.0], ..with(&folder, &[("Windrichtung", 360.0)]) };
     let found = profile(&data);
@@ -110,7 +96,7 @@ fn a_station_has_the_sine_and_the_cosine_of_its_wind() {
 #[test]
 fn a_log_without_angles_is_as_it_was() {
     let folder = Folder::new();
-    write(&folder, "station.csv", &station());
+    folder.write_file("station.csv", &station());
     let without = load_with(&folder.data(), &PreprocessConfig::default());
     let study = toml::Table::try_from(folder.data()).expect("TOML");
     assert!(study.get("angles").is_none(), "no new key in what results follow from");
@@ -132,7 +118,7 @@ fn owned(names: &[&str]) -> Vec<String> {
 #[test]
 fn entries_of_include_and_exclude_may_name_the_angle_or_one_of_its_two() {
     let folder = Folder::new();
-    write(&folder, "station.csv", &station());
+    folder.write_file("station.csv", &station());
     let chosen = |include: &[&str], exclude: &[&str]| {
         let data = DataConfig {
             include: owned(include),
@@ -169,10 +155,10 @@ fn all_shapes_give_the_same_states() {
     }
     let folders = [(); 4].map(|()| Folder::new());
     let angles = [("wind", 360.0)];
-    write(&folders[0], "log.csv", &wide);
-    write(&folders[1], "log.csv", &long);
-    write(&folders[2], "speed.csv", &files[0]);
-    write(&folders[2], "wind.csv", &files[1]);
+    folders[0].write_file("log.csv", &wide);
+    folders[1].write_file("log.csv", &long);
+    folders[2].write_file("speed.csv", &files[0]);
+    folders[2].write_file("wind.csv", &files[1]);
     let parquet = log_at(table.0, &[("speed", &table.1), ("wind", &table.2)]);
     folders[3].write("log.parquet", &parquet);
     let datasets = folders
@@ -279,7 +265,7 @@ fn samples(again: &[(i64, f64)], is_long: bool) -> Folder {
             let time = format_time(calib_core::Timestamp::from_micros(1_000_000 * second));
             writeln!(text, "{time},wind,{wind}\n{time},x,{second}").expect("memory");
         }
-        write(&folder, "log.csv", &text);
+        folder.write_file("log.csv", &text);
     } else {
         let times = all.iter().map(|sample| sample.0);
         let wind: Vec<f64> = all.iter().map(|sample| sample.1).collect();
@@ -298,7 +284,7 @@ fn the_same_direction_is_no_contradiction_and_another_is_told_once() {
         assert_eq!(profile(&same.data()).contradictions.count, 3, "as numbers they differ");
         let other = samples(&[(0, 360.0), (2, 190.0)], is_long);
         let mut data = with(&other, &[("wind", 360.0)]);
-        let error = told(&data);
+        let error = refusal(&data);
         assert!(
             error.contains("in 1 values: at 1970-01-01 00:00:02 wind is 10 and 190."),
             "{error}"
@@ -341,8 +327,7 @@ fn entries_that_make_no_two_channels_are_refused() {
         ),
         (&[("seen", 360.0)], "data.angles, \"seen\": it is of type datetime, expected numbers"),
     ] {
-        let error = told(&with(&folder, turns));
-        assert!(error.contains(expected), "{error}\n{expected}");
+        assert_refused(&with(&folder, turns), &[expected]);
     }
     // What the study leaves out need not be numbers.
     let left_out = DataConfig {
@@ -367,8 +352,7 @@ fn whoever_names_the_angle_is_told_of_the_two() {
     assert_eq!(error, format!("sensor \"wind\" is not a channel of the log; {hint}"));
     let error = refused(&data, &modes("wind")).to_string();
     assert!(error.ends_with(hint), "{error}");
-    let error = refused(&data, &modes("wind_sin")).to_string();
-    assert!(error.contains("of the angle wind, which has no modes"), "{error}");
+    assert_refused_with(&data, &modes("wind_sin"), &["of the angle wind, which has no modes"]);
     let surveyed = survey(&data, &PreprocessConfig::default(), &Silent).expect("a log");
     let error =
         surveyed.recorded(&["wind".to_owned()], &Silent).expect_err("no column").to_string();

@@ -1,19 +1,14 @@
 //! Duplicates, steps back, gaps and missing values.
 
-use calib_core::Silent;
 use calib_data::{Contradictions, DataConfig, Missing, PreprocessConfig, Resample};
 
 use crate::support::{
-    Folder, NAN, load_with, log, log_at, refused, seconds, segment_lengths, train_seconds,
-    train_values,
+    Folder, NAN, assert_refused, load_with, log, log_at, profile, refused, seconds,
+    segment_lengths, train_seconds, train_values,
 };
 
 fn load_keeping_the_first(folder: &Folder) -> calib_data::Dataset {
-    assert!(
-        refused(&folder.data(), &PreprocessConfig::default())
-            .to_string()
-            .contains("contradict each other")
-    );
+    assert_refused(&folder.data(), &["contradict each other"]);
     let data = DataConfig { contradictions: Contradictions::First, ..folder.data() };
     load_with(&data, &PreprocessConfig::default())
 }
@@ -98,7 +93,7 @@ fn a_clock_that_is_not_as_meant_is_doubted() {
     folder.write("a.parquet", &log_at(seconds, &[("x", &values)]));
     let doubts = |period_secs| {
         let data = DataConfig { period_secs, ..folder.data() };
-        calib_data::inspect(&data, &PreprocessConfig::default(), &Silent).unwrap().clock_doubts()
+        profile(&data).clock_doubts()
     };
     assert_eq!(doubts(None), Vec::<String>::new());
     assert_eq!(doubts(Some(10.0)), Vec::<String>::new());

@@ -1,37 +1,18 @@
 //! Files as loggers and people write them, damage and all.
 
-use std::{fmt::Write as _, fs};
+use std::fmt::Write as _;
 
 use calib_core::Silent;
 use calib_data::{
-    BadRows, ContradictionCause, Contradictions, DataConfig, PreprocessConfig, Profile,
-    format_time, inspect, load, sketch, table::Table,
+    BadRows, ContradictionCause, Contradictions, DataConfig, format_time, sketch, table::Table,
 };
 
-use crate::support::{Folder, log_at, seconds};
+use crate::support::{Folder, assert_refused, kept, log_at, profile, refusal, seconds};
 
 const ROWS: u32 = 300;
 
-fn profile(data: &DataConfig) -> Profile {
-    inspect(data, &PreprocessConfig::default(), &Silent).expect("a log")
-}
-
-fn refused(data: &DataConfig) -> String {
-    load(data, &PreprocessConfig::default(), &Silent).expect_err("refused").to_string()
-}
-
-fn write(folder: &Folder, name: &str, text: &str) {
-    let path = folder.file(name);
-    fs::create_dir_all(path.parent().expect("has one")).expect("created");
-    fs::write(path, text).expect("written");
-}
-
 fn wave(row: u32, length: f64, low: f64, high: f64) -> f64 {
     low + (high - low) * (0.5 + 0.5 * (f64::from(row) / length).sin())
-}
-
-fn kept(profile: &Profile) -> Vec<&str> {
-    profile.kept().map(|channel| channel.name.as_str()).collect()
 }
 
 /// Day and hour of a row, of a log with a row an hour.
@@ -61,7 +42,7 @@ fn air_quality() -> String {
 #[test]
 fn numbers_for_no_value_are_found_and_taken_out() {
     let folder = Folder::new();
-    write(&folder, "air.csv", &air_quality());
+    folder.write_file("air.csv", &air_quality());
     let mut data = folder.data();
     let found = profile(&data);
     let [sentinel] = &found.sentinels[..] else { panic!("one: {:?}", found.sentinels) };
@@ -87,7 +68,7 @@ fn numbers_for_no_value_are_found_and_taken_out() {
 #[test]
 fn dates_and_times_in_two_columns_are_one_time() {
     let folder = Folder::new();
-    write(&folder, "air.csv", &air_quality());
+    folder.write_file("air.csv", &air_quality());
     let found = profile(&folder.data());
     assert_eq!(kept(&found), ["CO(GT)", "PT08.S1(CO)", "T"], "the time of day is no channel");
     assert!(found.channel("Time").is_err());
@@ -113,8 +94,8 @@ fn days_without_leading_zeros_are_read_from_txt() {
         )
         .expect("memory");
     }
-    write(&folder, "household_power_consumption.txt", &text);
-    write(&folder, "README.txt", "A meter, read every minute.\n");
+    folder.write_file("household_power_consumption.txt", &text);
+    folder.write_file("README.txt", "A meter, read every minute.\n");
     let found = profile(&folder.data());
     assert_eq!((found.rows, found.files), (300, 1));
     assert_eq!(format_time(found.start), "2007-01-22 00:00:00");
@@ -141,7 +122,7 @@ fn damaged(folder: &Folder, rows: u32) {
             let values = values.replace('.', ",");
             writeln!(text, "{day}.03.2024 {hour:02}:{minute:02};{values}").expect("memory");
         }
-        write(folder, &format!("202403{day}.csv"), &text);
+        folder.write_file(&format!("202403{day}.csv"), &text);
     }
 }
 
@@ -150,7 +131,7 @@ fn damaged_lines_are_told_together_and_left_out() {
     let folder = Folder::new();
     damaged(&folder, 600);
     let mut data = folder.data();
-    let told = refused(&data);
+    let told = refusal(&data);
     assert!(told.starts_with("6 of 1206 lines cannot be read: "), "{told}");
     assert!(
         told.contains("20240313.csv, line 5: 1 cells") || told.contains("20240313.csv, line 5: "),
@@ -166,17 +147,15 @@ fn damaged_lines_are_told_together_and_left_out() {
     let few = Folder::new();
     damaged(&few, 61);
     let data = DataConfig { bad_rows: BadRows::Skip, ..few.data() };
-    let told = refused(&data);
-    assert!(told.contains("more than one line in a hundred"), "{told}");
+    assert_refused(&data, &["more than one line in a hundred"]);
 }
 
 #[test]
 fn a_damaged_time_among_the_first_rows_has_a_line() {
     let folder = Folder::new();
     let text = "time;a\n01.03.2024 00:00;1\n13.03.2024 0x:01;2\n14.03.2024 00:02;3\n";
-    write(&folder, "a.csv", text);
-    let told = refused(&folder.data());
-    assert!(told.contains("line 3") && told.contains("13.03.2024 0x:01"), "{told}");
+    folder.write_file("a.csv", text);
+    assert_refused(&folder.data(), &["line 3", "13.03.2024 0x:01"]);
 }
 
 /// Four turbines in one table.
@@ -208,12 +187,11 @@ fn turbines(by_time: bool) -> String {
 fn one_of_several_plants_in_a_table_is_chosen() {
     for by_time in [true, false] {
         let folder = Folder::new();
-        write(&folder, "wind.csv", &turbines(by_time));
+        folder.write_file("wind.csv", &turbines(by_time));
         let mut data = folder.data();
         let expected = "They are of 4 different \"Wind_turbine_name\" (R80711, R80721, R80736, R80790): choose one with data.where, \
                         on the command line as --set 'data.where={ \"Wind_turbine_name\" = \"R80711\" }'";
-        let told = refused(&data);
-        assert!(told.contains(expected), "{told}");
+        assert_refused(&data, &[expected]);
         let told = sketch(&data, &Silent).expect_err("refused").to_string();
         assert!(told.contains(expected) && told.contains("P_avg is"), "{told}");
         assert!(matches!(
@@ -228,8 +206,7 @@ fn one_of_several_plants_in_a_table_is_chosen() {
         );
         assert_eq!(kept(&found), ["P_avg", "Ws_avg", "Wa_avg"]);
         data.only.insert("Turbine".to_owned(), "1".to_owned());
-        let told = refused(&data);
-        assert!(told.contains("no column \"Turbine\", which data.where names"), "{told}");
+        assert_refused(&data, &["no column \"Turbine\", which data.where names"]);
     }
 }
 
@@ -242,7 +219,7 @@ fn one_of_several_plants_in_parquet_is_chosen() {
         (0..200).map(|row| f64::from(row % 2) * 50.0 + wave(row / 2, 9.0, 1.0, 4.0)).collect();
     folder.write("log.parquet", &log_at(times, &[("unit", &unit), ("flow", &flow)]));
     let mut data = folder.data();
-    assert!(refused(&data).contains("'data.where={ \"unit\" = \"1\" }'"));
+    assert_refused(&data, &["'data.where={ \"unit\" = \"1\" }'"]);
     data.only.insert("unit".to_owned(), "2".to_owned());
     let found = profile(&data);
     assert_eq!((found.rows, found.null_timestamps, found.duplicates.identical), (100, 0, 0));
@@ -273,12 +250,13 @@ fn files_of_rooms_with_the_same_columns_are_told_apart_by_name() {
         ["kitchen_2024-03-01.csv", "bath_2024-03-01.csv"],
     ] {
         let folder = Folder::new();
-        write(&folder, names[0], &room(1.0));
-        write(&folder, names[1], &room(3.0));
+        folder.write_file(names[0], &room(1.0));
+        folder.write_file(names[1], &room(3.0));
         let mut data = folder.data();
-        let told = refused(&data);
-        assert!(told.contains("files with the same columns (bath, kitchen)"), "{told}");
-        assert!(told.contains("data.file_as_prefix = true"), "{told}");
+        assert_refused(
+            &data,
+            &["files with the same columns (bath, kitchen)", "data.file_as_prefix = true"],
+        );
         data.file_as_prefix = true;
         let found = profile(&data);
         let channels = ["bath temperature", "bath co2", "kitchen temperature", "kitchen co2"];
@@ -290,13 +268,13 @@ fn files_of_rooms_with_the_same_columns_are_told_apart_by_name() {
 #[test]
 fn columns_of_several_files_are_merged_and_no_duplicates() {
     let folder = Folder::new();
-    write(&folder, "a.csv", &room(1.0));
-    write(&folder, "b.csv", &room(3.0).replace("temperature,co2", "level,flow"));
+    folder.write_file("a.csv", &room(1.0));
+    folder.write_file("b.csv", &room(3.0).replace("temperature,co2", "level,flow"));
     let found = profile(&folder.data());
     assert_eq!((found.duplicates.identical, found.merged_rows), (0, 300));
     // A row that is there twice is a duplicate.
     let twice = room(1.0) + "2024-03-13 12:00,18.00,400\n2024-03-13 12:00,18.00,400\n";
-    write(&folder, "a.csv", &twice);
+    folder.write_file("a.csv", &twice);
     let found = profile(&folder.data());
     assert_eq!((found.duplicates.identical, found.merged_rows), (1, 300));
 }
@@ -310,10 +288,10 @@ fn a_log_without_times_has_numbered_rows_if_the_period_is_given() {
             writeln!(text, "{:.2},{:.2}", wave(row, 9.0, 0.0, 1.0), wave(row, 5.0, 2.0, 7.0))
                 .expect("memory");
         });
-        write(&folder, name, &text);
+        folder.write_file(name, &text);
     }
     let mut data = folder.data();
-    let told = refused(&data);
+    let told = refusal(&data);
     let hint = "if the log has no times, say how far its rows are apart, such as --set data.period_secs=60";
     assert!(told.contains(hint), "{told}");
     data.period_secs = Some(10.0);
@@ -323,9 +301,8 @@ fn a_log_without_times_has_numbered_rows_if_the_period_is_given() {
     let [doubt] = &found.clock_doubts()[..] else { panic!("one: {:?}", found.clock_doubts()) };
     assert!(doubt.contains("NO COLUMN OF TIMES") && doubt.contains("10 s apart"), "{doubt}");
     // A file without times among others is none of the log.
-    write(&folder, "c.csv", &room(1.0));
-    let told = refused(&folder.data());
-    assert!(told.contains("1 other file has one: leave this file out of data.path"), "{told}");
+    folder.write_file("c.csv", &room(1.0));
+    assert_refused(&folder.data(), &["1 other file has one: leave this file out of data.path"]);
 }
 
 /// What R's write.table makes of a room's sensors: the names of the rows have none themselves.
@@ -340,7 +317,7 @@ fn names_of_rows_are_left_out() {
         writeln!(text, "\"{}\",\"2015-02-{day:02} {hour:02}:00:00\",{t:.2},{co2:.1}", row + 140)
             .expect("memory");
     }
-    write(&folder, "datatest.txt", &text);
+    folder.write_file("datatest.txt", &text);
     let data = DataConfig { path: folder.file("datatest.txt").into(), ..folder.data() };
     let found = profile(&data);
     assert_eq!(kept(&found), ["Temperature", "CO2"]);
@@ -367,7 +344,7 @@ fn times_in_parts(header: &str, hours: bool) -> String {
 #[test]
 fn times_in_parts_are_joined() {
     let folder = Folder::new();
-    write(&folder, "PRSA.csv", &times_in_parts("No,year,month,day,hour,DEWP,cbwd", true));
+    folder.write_file("PRSA.csv", &times_in_parts("No,year,month,day,hour,DEWP,cbwd", true));
     let data = DataConfig { path: folder.file("PRSA.csv").into(), ..folder.data() };
     let found = profile(&data);
     assert_eq!(found.period_secs, 3_600.0);
@@ -376,16 +353,15 @@ fn times_in_parts_are_joined() {
     assert_eq!(kept(&found), ["No", "DEWP"], "no part of the time is a channel");
     let told = found.clock_doubts().join("; ");
     assert!(told.contains("joined from the columns year, month, day, hour"), "{told}");
-    write(&folder, "daily.csv", &times_in_parts("No,Year,Month,Day,DEWP,cbwd", false));
+    folder.write_file("daily.csv", &times_in_parts("No,Year,Month,Day,DEWP,cbwd", false));
     let data = DataConfig { path: folder.file("daily.csv").into(), ..folder.data() };
     assert_eq!(profile(&data).period_secs, 86_400.0);
-    write(
-        &folder,
+    folder.write_file(
         "short.csv",
         &times_in_parts("No,year,month,day,hour,DEWP,cbwd", true).replace("2010", "10"),
     );
     let data = DataConfig { path: folder.file("short.csv").into(), ..folder.data() };
-    let error = refused(&data);
+    let error = refusal(&data);
     assert!(error.contains("The columns year to hour look like parts of a date"), "{error}");
     assert!(error.contains("--set data.timestamp=NAME") && !error.contains("DEWP"), "{error}");
 }
@@ -410,12 +386,11 @@ fn without_seconds() -> String {
 #[test]
 fn rows_whose_seconds_were_lost_are_spread() {
     let folder = Folder::new();
-    write(&folder, "plant.csv", &without_seconds());
+    folder.write_file("plant.csv", &without_seconds());
     let mut data = folder.data();
     let expected = "About 3 rows share each time, and times are 60 s apart. If the export cut the times, data.contradictions = \"spread\" puts these rows 20 s apart \
                     (on the command line, --set data.contradictions=spread)";
-    let told = refused(&data);
-    assert!(told.contains(expected), "{told}");
+    assert_refused(&data, &[expected]);
     let told = sketch(&data, &Silent).expect_err("refused").to_string();
     assert!(told.contains(expected), "{told}");
     data.contradictions = Contradictions::Spread;
@@ -432,9 +407,8 @@ fn rows_whose_seconds_were_lost_are_spread() {
 
     // What repeats without a rhythm is refused as before.
     let twice = "date,flow\n2017-03-10 00:00,1\n2017-03-10 00:01,2\n2017-03-10 00:01,3\n2017-03-10 00:02,4\n";
-    write(&folder, "plant.csv", twice);
-    let told = refused(&data);
-    assert!(told.contains("contradict each other in 1 values"), "{told}");
+    folder.write_file("plant.csv", twice);
+    assert_refused(&data, &["contradict each other in 1 values"]);
 }
 
 /// A long table of a room in which two devices measure the same, ten times each.
@@ -452,7 +426,7 @@ fn tags_of_several_devices_are_told() {
             sources.push((row, source.to_owned(), property.to_owned()));
         }
     }
-    write(&folder, "room.csv", &text);
+    folder.write_file("room.csv", &text);
     let mut data = folder.data();
     data.tag = Some("property".to_owned());
     let told = "co2, temp have samples of several \"source\", such as bms and meter: if these are different devices, choose one with \

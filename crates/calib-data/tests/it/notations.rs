@@ -1,13 +1,12 @@
 //! Times and numbers that can be read in several ways.
 
-use std::{fmt::Write as _, fs};
+use std::fmt::Write as _;
 
-use calib_core::Silent;
-use calib_data::{DataConfig, Dataset, PreprocessConfig, TimestampUnit, inspect, table::Table};
+use calib_data::{DataConfig, Dataset, PreprocessConfig, TimestampUnit, table::Table};
 
 use crate::{
-    formats::{message, text},
-    support::{Folder, load_with, train_seconds, train_values},
+    formats::text,
+    support::{Folder, assert_refused, load_with, profile, train_seconds, train_values},
 };
 
 /// A row a day, written with the month first.
@@ -19,63 +18,53 @@ fn days_of_march(days: std::ops::Range<u32>) -> String {
 #[test]
 fn a_day_that_may_be_a_month_is_asked_for() {
     let folder = text("a.csv", &days_of_march(1..9));
-    let error = message(&folder, |_| {});
-    assert!(
-        error.contains("2024-01-03 10:00:00 with data.timestamp_format = \"%d/%m/%Y %H:%M\""),
-        "{error}"
-    );
-    assert!(
-        error.contains("2024-03-01 10:00:00 with data.timestamp_format = \"%m/%d/%Y %H:%M\""),
-        "{error}"
+    assert_refused(
+        &folder.data(),
+        &[
+            "2024-01-03 10:00:00 with data.timestamp_format = \"%d/%m/%Y %H:%M\"",
+            "2024-03-01 10:00:00 with data.timestamp_format = \"%m/%d/%Y %H:%M\"",
+        ],
     );
     let data = DataConfig { timestamp_format: Some("%m/%d/%Y %H:%M".to_owned()), ..folder.data() };
     assert_eq!(load_with(&data, &PreprocessConfig::default()).profile.gaps.count, 0);
     // Another file, or a later row, tells.
-    fs::write(folder.file("b.csv"), days_of_march(9..20)).expect("written");
+    folder.write_file("b.csv", &days_of_march(9..20));
     let dataset = folder.load();
     assert_eq!((dataset.train.rows(), dataset.period.as_secs()), (19, 86_400.0));
 }
 
-fn error_of(content: &str) -> String {
-    message(&text("a.csv", content), |_| {})
-}
-
 #[test]
 fn what_text_leaves_open_is_refused_with_the_line() {
-    let short = error_of("time,a,b\n2024-01-01,1,2\n2024-01-02,1\n");
-    assert!(short.contains("a.csv, line 3: 2 cells, and the header names 3 columns"), "{short}");
-    let late = error_of("time,a\n2024-01-01,1\n2024-01-02,2\nsoon,3\n");
-    assert!(late.contains("soon"), "{late}");
-    let decimal = error_of("time;a\n2024-01-01;1,234\n2024-01-02;2,345\n");
-    assert!(decimal.contains("data.decimal"), "{decimal}");
-    let header = error_of("2024-01-01,1,2\n2024-01-02,1,2\n");
-    assert!(header.contains("such as time,channel_1,channel_2"), "{header}");
-    let several = "Date;On;Off;a\n13.03.2024;06:00;07:00;1\n13.03.2024;07:00;08:00;2\n";
-    let apart = error_of(several);
-    assert!(
-        apart.contains("column \"Date\"")
-            && apart.contains("several columns have times of day (On, Off)"),
-        "{apart}"
-    );
-    let no_time = error_of("a,b\n1.5,x\n2.5,y\n");
-    assert!(no_time.contains("has no column \"timestamp\""), "{no_time}");
+    let cases: [(&str, &[&str]); 6] = [
+        (
+            "time,a,b\n2024-01-01,1,2\n2024-01-02,1\n",
+            &["a.csv, line 3: 2 cells, and the header names 3 columns"],
+        ),
+        ("time,a\n2024-01-01,1\n2024-01-02,2\nsoon,3\n", &["soon"]),
+        ("time;a\n2024-01-01;1,234\n2024-01-02;2,345\n", &["data.decimal"]),
+        ("2024-01-01,1,2\n2024-01-02,1,2\n", &["such as time,channel_1,channel_2"]),
+        (
+            "Date;On;Off;a\n13.03.2024;06:00;07:00;1\n13.03.2024;07:00;08:00;2\n",
+            &["column \"Date\"", "several columns have times of day (On, Off)"],
+        ),
+        ("a,b\n1.5,x\n2.5,y\n", &["has no column \"timestamp\""]),
+    ];
+    for (content, parts) in cases {
+        assert_refused(&text("a.csv", content).data(), parts);
+    }
 }
 
 #[test]
 fn the_decimal_sign_is_that_of_the_whole_log() {
     let folder =
         text("a.csv", "Zeit;a;b\n13.01.2024 00:00;1.210,5;1\n13.01.2024 00:01;1.215,5;2\n");
-    fs::write(folder.file("b.csv"), "Zeit;a;b\n13.01.2024 00:02;1310;3\n13.01.2024 00:03;1320;4\n")
-        .expect("written");
+    folder.write_file("b.csv", "Zeit;a;b\n13.01.2024 00:02;1310;3\n13.01.2024 00:03;1320;4\n");
     assert_eq!(train_values(&folder.load(), "a"), [1210.5, 1215.5, 1310.0, 1320.0]);
-    fs::write(
-        folder.file("b.csv"),
-        "Zeit;a;b\n13.01.2024 00:02;1.310;3\n13.01.2024 00:03;1.320;4\n",
-    )
-    .expect("written");
-    let error = message(&folder, |_| {});
-    assert!(error.contains("b.csv") && error.contains("it has 1.310 and"), "{error}");
-    assert!(error.contains("a.csv has 1.210,5") && error.contains("data.decimal"), "{error}");
+    folder.write_file("b.csv", "Zeit;a;b\n13.01.2024 00:02;1.310;3\n13.01.2024 00:03;1.320;4\n");
+    assert_refused(
+        &folder.data(),
+        &["b.csv", "it has 1.310 and", "a.csv has 1.210,5", "data.decimal"],
+    );
     let data = DataConfig { decimal: Some(','), ..folder.data() };
     let told = load_with(&data, &PreprocessConfig::default());
     assert_eq!(train_values(&told, "a"), [1210.5, 1215.5, 1310.0, 1320.0]);
@@ -87,31 +76,32 @@ fn the_decimal_sign_is_that_of_the_whole_log() {
         |cell: &str, row: i32| format!("time;a;b\n{whole}{};{cell};2\n", 1_704_067_700 + row);
     let folder = text("a.csv", &late("1.210,5", 0));
     assert_eq!(train_values(&folder.load(), "a")[500], 1210.5);
-    fs::write(folder.file("b.csv"), late("1.310", 1).replace(&whole, "")).expect("written");
-    assert!(message(&folder, |_| {}).contains("data.decimal"));
+    folder.write_file("b.csv", &late("1.310", 1).replace(&whole, ""));
+    assert_refused(&folder.data(), &["data.decimal"]);
     let both = late("1.310", 0) + "1704067801;1.210,5;3\n";
-    assert!(message(&text("a.csv", &both), |_| {}).contains("data.decimal"));
+    assert_refused(&text("a.csv", &both).data(), &["data.decimal"]);
 }
 
 #[test]
 fn a_notation_that_two_files_contradict_is_not_guessed() {
     let folder = text("a.csv", "time,a\n13/04/2024 10:00,1\n14/04/2024 10:00,2\n");
-    fs::write(folder.file("b.csv"), "time,a\n04/15/2024 10:00,3\n04/16/2024 10:00,4\n")
-        .expect("written");
+    folder.write_file("b.csv", "time,a\n04/15/2024 10:00,3\n04/16/2024 10:00,4\n");
     assert_eq!(folder.load().train.rows(), 4, "each tells its own");
-    fs::write(folder.file("c.csv"), "time,a\n05/06/2024 10:00,5\n05/07/2024 10:00,6\n")
-        .expect("written");
-    let error = message(&folder, |_| {});
-    assert!(error.contains("c.csv") && error.contains("data.timestamp_format"), "{error}");
+    folder.write_file("c.csv", "time,a\n05/06/2024 10:00,5\n05/07/2024 10:00,6\n");
+    assert_refused(&folder.data(), &["c.csv", "data.timestamp_format"]);
 }
 
 #[test]
 fn numbers_that_fit_two_notations_are_refused_with_both() {
     let days = "time,a\n45292.5,1\n45292.75,2\n45293,3\n";
     let folder = text("a.csv", days);
-    let error = message(&folder, |_| {});
-    assert!(error.contains("2024-01-01 12:00:00 with data.timestamp_unit = \"excel\""), "{error}");
-    assert!(error.contains("1970-01-01 12:34:52.5 with data.timestamp_unit = \"s\""), "{error}");
+    assert_refused(
+        &folder.data(),
+        &[
+            "2024-01-01 12:00:00 with data.timestamp_unit = \"excel\"",
+            "1970-01-01 12:34:52.5 with data.timestamp_unit = \"s\"",
+        ],
+    );
     let read = |unit, zone: Option<&str>| {
         let data = DataConfig {
             timestamp_unit: Some(unit),
@@ -129,7 +119,7 @@ fn numbers_that_fit_two_notations_are_refused_with_both() {
     let column = vec![45_292.5, 45_292.75, 45_293.0];
     let wide = Table::new().with("timestamp", column.clone()).with("a", vec![1.0, 2.0, 3.0]);
     folder.write("a.parquet", &wide);
-    assert!(message(&folder, |_| {}).contains("\"excel\""));
+    assert_refused(&folder.data(), &["\"excel\""]);
     let data = DataConfig { timestamp_unit: Some(TimestampUnit::Excel), ..folder.data() };
     let dataset = load_with(&data, &PreprocessConfig::default());
     assert_eq!((train_seconds(&dataset)[0], dataset.profile.utc), (1_704_110_400.0, false));
@@ -137,22 +127,25 @@ fn numbers_that_fit_two_notations_are_refused_with_both() {
     let long =
         Table::new().with("timestamp", column).with("tag", tag).with("value", vec![1.0, 2.0, 3.0]);
     folder.write("a.parquet", &long);
-    assert!(message(&folder, |_| {}).contains("\"excel\""));
+    assert_refused(&folder.data(), &["\"excel\""]);
     assert_eq!(train_seconds(&load_with(&data, &PreprocessConfig::default()))[0], 1_704_110_400.0);
     // Milliseconds of December 1969 are seconds of 1937.
     let before = text("a.csv", "time,a\n-1036800000,1\n-1036740000,2\n-1036680000,3\n");
-    let error = message(&before, |_| {});
-    assert!(error.contains("1969-12-20 00:00:00 with data.timestamp_unit = \"ms\""), "{error}");
-    assert!(error.contains("1937-02-23 00:00:00 with data.timestamp_unit = \"s\""), "{error}");
+    assert_refused(
+        &before.data(),
+        &[
+            "1969-12-20 00:00:00 with data.timestamp_unit = \"ms\"",
+            "1937-02-23 00:00:00 with data.timestamp_unit = \"s\"",
+        ],
+    );
     let integers = Table::new()
         .with("timestamp", vec![-1_036_800_000_i64, -1_036_740_000])
         .with("a", vec![1.0, 2.0]);
     folder.write("a.parquet", &integers);
-    assert!(message(&folder, |_| {}).contains("\"ms\""));
+    assert_refused(&folder.data(), &["\"ms\""]);
     // What calib does not read at all.
     let matlab = text("a.csv", "time,a\n739252.5,1\n739252.75,2\n");
-    let error = message(&matlab, |_| {});
-    assert!(error.contains("a.csv") && error.contains("MATLAB"), "{error}");
+    assert_refused(&matlab.data(), &["a.csv", "MATLAB"]);
 }
 
 /// A log of these times of 2014-10-26: clocks in Moscow go from 2:00 back to 1:00, at 22:00 UTC of the day before.
@@ -192,7 +185,7 @@ fn rows_of_an_hour_that_comes_twice_are_placed_or_dropped_and_counted() {
     );
     let long = text("a.csv", &format!("time,tag,value\n{rows}"));
     let data = DataConfig { time_zone: Some("Europe/Moscow".to_owned()), ..long.data() };
-    let profile = inspect(&data, &PreprocessConfig::default(), &Silent).expect("a log");
+    let profile = profile(&data);
     let missing = |name: &str| profile.channel(name).expect("a channel").missing;
     assert_eq!((profile.undecided_times, missing("often"), missing("seldom")), (1, 0, 6));
 }

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use calib_core::Silent;
-use calib_data::{DataConfig, PreprocessConfig, Profile, inspect, load};
+use calib_data::{DataConfig, PreprocessConfig, Profile, load};
+
+use crate::support::{assert_refused, profile};
 
 #[expect(clippy::print_stderr, reason = "a skipped test must say so")]
 fn folder(name: &str) -> Option<PathBuf> {
@@ -13,10 +15,6 @@ fn folder(name: &str) -> Option<PathBuf> {
         eprintln!("skipped: set CALIB_DATA to a folder that holds {name}");
     }
     found
-}
-
-fn profile(data: &DataConfig) -> Profile {
-    inspect(data, &PreprocessConfig::default(), &Silent).expect("a log")
 }
 
 fn whole(path: PathBuf) -> DataConfig {
@@ -103,7 +101,5 @@ fn one_well_of_several() {
 #[test]
 fn wells_do_not_mix() {
     let Some(path) = folder("3w-wells") else { return };
-    let error =
-        inspect(&whole(path), &PreprocessConfig::default(), &Silent).expect_err("two wells");
-    assert!(error.to_string().contains("partitions = { well ="), "{error}");
+    assert_refused(&whole(path), &["partitions = { well ="]);
 }

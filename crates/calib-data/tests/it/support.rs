@@ -1,6 +1,9 @@
 //! Small logs.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use calib_core::{Silent, Timestamp};
 use calib_data::{
@@ -31,18 +34,29 @@ impl Folder {
         self
     }
 
+    /// Write a file that is not Parquet, in a folder below this one too.
+    pub(crate) fn write_file(&self, name: &str, text: &str) {
+        let path = self.file(name);
+        fs::create_dir_all(path.parent().expect("has one")).expect("created");
+        fs::write(path, text).expect("written");
+    }
+
     /// The whole folder as one training range.
     pub(crate) fn data(&self) -> DataConfig {
         DataConfig { train_fraction: 1.0, ..DataConfig::at(self.path()) }
     }
 
     pub(crate) fn inspect(&self) -> Profile {
-        inspect(&self.data(), &PreprocessConfig::default(), &Silent).expect("a log")
+        profile(&self.data())
     }
 
     pub(crate) fn load(&self) -> Dataset {
         load_with(&self.data(), &PreprocessConfig::default())
     }
+}
+
+pub(crate) fn profile(data: &DataConfig) -> Profile {
+    inspect(data, &PreprocessConfig::default(), &Silent).expect("a log")
 }
 
 /// The log, which is the same in memory and on a disk.
@@ -60,6 +74,34 @@ pub(crate) fn load_with(data: &DataConfig, preprocess: &PreprocessConfig) -> Dat
 
 pub(crate) fn refused(data: &DataConfig, preprocess: &PreprocessConfig) -> DataError {
     load(data, preprocess, &Silent).expect_err("refused")
+}
+
+/// Why the log is refused under the default preprocessing.
+pub(crate) fn refusal(data: &DataConfig) -> String {
+    refused(data, &PreprocessConfig::default()).to_string()
+}
+
+/// The log is refused under the default preprocessing, with a message that has these parts.
+#[track_caller]
+pub(crate) fn assert_refused(data: &DataConfig, parts: &[&str]) {
+    assert_refused_with(data, &PreprocessConfig::default(), parts);
+}
+
+#[track_caller]
+pub(crate) fn assert_refused_with(
+    data: &DataConfig,
+    preprocess: &PreprocessConfig,
+    parts: &[&str],
+) {
+    let told = refused(data, preprocess).to_string();
+    for part in parts {
+        assert!(told.contains(part), "{told}\n{part}");
+    }
+}
+
+/// Names of the channels that are sensors.
+pub(crate) fn kept(profile: &Profile) -> Vec<&str> {
+    profile.kept().map(|channel| channel.name.as_str()).collect()
 }
 
 pub(crate) fn seconds(seconds: impl IntoIterator<Item = i64>) -> Vec<Timestamp> {
