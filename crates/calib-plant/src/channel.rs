@@ -66,6 +66,7 @@ pub(crate) enum Recipe {
     Difference(Signal, Signal),
     /// a / b, and 0 where b is below the last number.
     Ratio(Signal, Signal, f32),
+    /// Always this.
     Constant(f32),
 }
 
