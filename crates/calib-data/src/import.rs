@@ -159,13 +159,7 @@ fn spill_columns(
                 Some(labels)
             } else {
                 if has_words {
-                    let found = values.not_numbers.words.iter();
-                    let mut found: Vec<(String, u64)> =
-                        found.map(|(word, times)| (word.clone(), *times)).collect();
-                    found.sort_by(|left, right| {
-                        right.1.cmp(&left.1).then_with(|| left.0.cmp(&right.0))
-                    });
-                    imported.words.insert(name.clone(), found);
+                    imported.words.insert(name.clone(), values.not_numbers.by_frequency());
                 }
                 None
             };

@@ -44,6 +44,7 @@ mod checksums;
 mod config;
 mod dataset;
 mod describe;
+mod doubts;
 mod error;
 mod features;
 mod import;
@@ -77,6 +78,7 @@ pub use config::{
     PreprocessConfig, Reduce, Resample, Shape, TimeRange,
 };
 pub use dataset::{Dataset, Surveyed, inspect, load, survey};
+pub use doubts::{long_gap, many_gaps, period_too_short, without_times};
 pub use error::DataError;
 pub use import::{Dropped, Imported, import};
 pub use log::{BadRowsFound, ContradictionCause, Declared, log_files, text_left_alone};
@@ -84,8 +86,7 @@ pub use names::{entry_of, hint, nearest_names};
 pub use outliers::Fences;
 pub use profile::{
     BackwardStep, BackwardSteps, BridgedStops, ChannelProfile, ContradictionsFound, Description,
-    Duplicates, FEW_CONTRADICT, FarOut, Gaps, PartProfile, Profile, ValueProfile, long_gap,
-    many_gaps, period_too_short, without_times,
+    Duplicates, FEW_CONTRADICT, FarOut, Gaps, PartProfile, Profile, ValueProfile,
 };
 pub use recorded::{RecordedColumns, TextFound};
 pub use select::DropReason;

@@ -1,7 +1,6 @@
 //! What `calib inspect` shows.
 
 use calib_core::Timestamp;
-use calib_text::format_time;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -209,7 +208,7 @@ impl Description {
 }
 
 /// One channel of the log.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ChannelProfile {
     /// Its name.
     pub name: String,
@@ -345,165 +344,7 @@ impl PartProfile {
     }
 }
 
-/// A gap that is longer is said.
-/// So many widths of the training range beyond it are no state of a plant. Our choice.
-const ABSURD: f64 = 1_000.0;
-const YEAR_SECS: f64 = 365.0 * 86_400.0;
-
-/// What is said of a gap of years, of so many microseconds from `from` on.
-pub fn long_gap(from: Timestamp, micros: i64) -> String {
-    let years = micros as f64 / 1e6 / YEAR_SECS;
-    let to = Timestamp::from_micros(from.as_micros().saturating_add(micros));
-    format!(
-        "nothing was recorded for {years:.1} years, from {} to {}: if one of these times is wrong, correct or leave out its rows; else data.train and data.held_out \
-         say which part is meant",
-        format_time(from),
-        format_time(to)
-    )
-}
-
-/// What is said of a log in which more than a tenth of the steps in time are gaps: its period is not what it seems. `devices` names a
-/// column by which one of several devices may be kept.
-pub fn many_gaps(
-    gaps: u64,
-    steps: u64,
-    period_secs: f64,
-    remedy: &str,
-    devices: &str,
-) -> Option<String> {
-    (10 * gaps > steps).then(|| {
-        format!(
-            "{gaps} of {steps} steps in time are longer than the sample period of {period_secs} s, and there is no transition across them: \
-             if several devices write in turn, keep one with data.where{devices}; else {remedy} data.period_secs"
-        )
-    })
-}
-
-/// What is said of a log whose rows are further apart than the period that the study gives.
-pub fn period_too_short(period_secs: f64, recorded_secs: f64) -> String {
-    format!(
-        "the rows are recorded every {recorded_secs} s, and data.period_secs asks for one every {period_secs} s: \
-         set data.period_secs = {recorded_secs}, or set data.resample to put them on the other clock"
-    )
-}
-
-/// What is said of a log without times.
-pub fn without_times(period_secs: f64, files: usize) -> String {
-    let between = if files > 1 { ", with a gap before each further file" } else { "" };
-    format!(
-        "THE LOG HAS NO COLUMN OF TIMES: its rows are taken to be {period_secs} s apart, from 1970-01-01 00:00:00 on{between}, as data.period_secs has it. \
-         If a column has the times, name it with data.timestamp"
-    )
-}
-
 impl Profile {
-    /// What in the log's clock is probably not as meant, in sentences; empty for a good log.
-    ///
-    /// A given period that most steps contradict makes segments of one row or runs rows together,
-    /// and a numeric sensor taken for the timestamp lies in the first weeks of 1970. Both are
-    /// possible readings of a log, so they are no errors.
-    pub fn clock_doubts(&self) -> Vec<String> {
-        /// 1990-01-01, before plants logged to Parquet.
-        const EARLY: Timestamp = Timestamp::from_micros(631_152_000_000_000);
-        let steps = self.rows.saturating_sub(1);
-        let mut doubts = self.read_as.clone();
-        let remedy = if self.period_was_detected { "set" } else { "correct or remove" };
-        doubts.extend(match self.recorded_period_secs {
-            Some(recorded) => Some(period_too_short(self.period_secs, recorded)),
-            None => many_gaps(self.gaps.count, steps, self.period_secs, remedy, ""),
-        });
-        if self.short_steps * 2 > steps {
-            doubts.push(format!(
-                "{} of {steps} steps in time are shorter than the sample period of {} s, and they count as whole samples: {remedy} data.period_secs",
-                self.short_steps, self.period_secs,
-            ));
-        }
-        if let Some((from, to)) = self.gaps.examples.first()
-            && self.gaps.longest_secs > YEAR_SECS
-        {
-            doubts.push(long_gap(*from, to.micros_since(*from)));
-        }
-        if self.without_times {
-            doubts.push(without_times(self.period_secs, self.files));
-        } else if self.start < EARLY {
-            doubts.push(format!(
-                "the log starts at {}: is data.timestamp the column of the time, and data.timestamp_unit its unit?",
-                format_time(self.start)
-            ));
-        }
-        doubts
-    }
-
-    /// What is said of numbers that probably stand for a missing value; none where there are none.
-    pub fn sentinel_doubt(&self) -> Option<String> {
-        let values: Vec<String> =
-            self.sentinels.iter().map(|sentinel| sentinel.value.to_string()).collect();
-        let told: Vec<String> = self.sentinels.iter().map(Sentinel::told).collect();
-        (!told.is_empty()).then(|| {
-            format!(
-                "{}: if that stands for a missing value, as loggers write it, set data.missing_values = [{}] (on the command line, --set data.missing_values=[{}])",
-                told.join("; "),
-                values.join(", "),
-                values.join(",")
-            )
-        })
-    }
-
-    /// What in the values of the kept channels spoils a model or a verdict: channels, each with sentences; empty for a good
-    /// log.
-    pub fn value_doubts(&self) -> Vec<(&str, String)> {
-        let mut doubts = Vec::new();
-        let mut doubted: Vec<&str> = Vec::new();
-        for channel in self.kept() {
-            if let Some(angle) = &channel.angle
-                && !doubted.contains(&angle.channel.as_str())
-            {
-                doubted.push(&angle.channel);
-                doubts.extend(angle.doubt().map(|doubt| (channel.name.as_str(), doubt)));
-            }
-            let FarOut { spikes, held_out, furthest, .. } = channel.far_out;
-            let name = channel.name.as_str();
-            let BridgedStops { count, longest_secs, usual_secs } = channel.bridged;
-            if count > 0 {
-                let times = if count == 1 { "once".to_owned() } else { format!("{count} times") };
-                doubts.push((name, format!(
-                    "{name} was not recorded {times}, for up to {longest_secs} s where it usually is every {usual_secs} s, and its last value stands in: \
-                     lower its age, data.max_age_secs = {{ default = …, {name:?} = … }}, if it was not what the plant did"
-                )));
-            }
-            if spikes > 0 {
-                let example = channel.far_out.examples.first();
-                let example = example.map_or_else(String::new, |(time, value)| {
-                    format!(" (such as {value} at {})", format_time(*time))
-                });
-                let spikes =
-                    if spikes == 1 { "a spike".to_owned() } else { format!("{spikes} spikes") };
-                doubts.push((name, format!(
-                    "{name} has {spikes}{example}: preprocess.outliers says what becomes of them"
-                )));
-            }
-            if held_out > 0 {
-                let side = if furthest < 0.0 { "below" } else { "above" };
-                let lost_sign = if furthest.abs() > ABSURD {
-                    ". Was the decimal sign of some values lost, or their unit changed?"
-                } else {
-                    ""
-                };
-                let values = if held_out == 1 {
-                    "a held-out value".to_owned()
-                } else {
-                    format!("{held_out} held-out values")
-                };
-                doubts.push((name, format!(
-                    "{name} has {values} far outside of its training range, up to {:.0} of its widths {side} it: \
-                     no model of the training range knows them{lost_sign}",
-                    furthest.abs(),
-                )));
-            }
-        }
-        doubts
-    }
-
     /// The channel called `name`.
     ///
     /// # Errors

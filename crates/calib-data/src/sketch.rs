@@ -132,7 +132,7 @@ pub fn sketch(data: &DataConfig, monitor: &dyn Monitor) -> Result<Sketch, DataEr
         channels.extend(sketched.collect::<Vec<_>>());
     }
     let found = log.contradictions_of(&contradicting);
-    if found.count > 0 && log.keeps().refuses() {
+    if found.count > 0 && log.contradictions.refuses() {
         let cause = log.cause_of_contradictions(monitor)?;
         let found = ContradictionsFound { cause, ..found };
         // Exports that overlap may differ in a few rows.
@@ -202,7 +202,7 @@ impl Look<'_> {
             }),
             spikes,
             contradicting: channel.contradictions.count,
-            bridged: channel.bridged.told(),
+            bridged: channel.bridged.clone(),
             thinned: values.iter().step_by(self.every).copied().collect(),
             missing_run: missing_run(there),
             own_period_secs: own_period(

@@ -14,15 +14,12 @@ use calib_core::{Bounds, Monitor, Period, Timestamp};
 use rayon::prelude::*;
 
 use crate::{
-    AngleOf, BridgedStops, ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason,
-    FarOut, Fences, PartProfile, PreprocessConfig, Profile, ValueProfile,
+    AngleOf, ChannelProfile, ContradictionsFound, DataConfig, DataError, DropReason, FarOut,
+    Fences, PartProfile, PreprocessConfig, Profile, ValueProfile,
     channel::{Moments, Movement, is_same},
     describe::describe_rows,
     impute::{clean, impute},
-    log::{
-        Batch, Channel, ChannelValues, Contradicting, EXAMPLES, Log, Neighbourhood, NotNumbers,
-        Seldom,
-    },
+    log::{Batch, Channel, ChannelValues, Contradicting, EXAMPLES, Log, Neighbourhood, Seldom},
     modes::Modes,
     names::Names,
     sample::Samples,
@@ -287,9 +284,9 @@ impl Scan<'_> {
             missing_fraction: looked.missing_fraction,
             non_finite: channel.not_numbers.non_finite,
             stood_for_missing: channel.stood_for_missing,
-            words: frequent_words(&channel.not_numbers),
+            words: channel.not_numbers.by_frequency().into_iter().take(EXAMPLES).collect(),
             far_out: looked.far_out,
-            bridged: channel.bridged.told(),
+            bridged: channel.bridged.clone(),
             imputed,
             unfilled,
             ..profile
@@ -438,24 +435,8 @@ fn unread(channel: &Channel, dropped: Option<DropReason>) -> ChannelProfile {
         angle: channel.angle.clone(),
         description: channel.description.clone(),
         dropped,
-        values: None,
-        missing: 0,
-        missing_fraction: 0.0,
-        non_finite: 0,
-        stood_for_missing: 0,
-        words: Vec::new(),
-        far_out: FarOut::default(),
-        bridged: BridgedStops::default(),
-        imputed: 0,
-        unfilled: 0,
+        ..ChannelProfile::default()
     }
-}
-
-fn frequent_words(not_numbers: &NotNumbers) -> Vec<(String, u64)> {
-    let mut words: Vec<(String, u64)> = not_numbers.words.clone().into_iter().collect();
-    words.sort_by(|left, right| right.1.cmp(&left.1).then_with(|| left.0.cmp(&right.0)));
-    words.truncate(EXAMPLES);
-    words
 }
 
 fn flags(count: usize) -> Vec<AtomicBool> {

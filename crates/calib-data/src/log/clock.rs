@@ -13,17 +13,13 @@ use crate::{
 /// How the times of a file are read.
 #[derive(Clone, Debug)]
 pub(crate) struct Clock {
-    notation: Notation,
+    pub(super) notation: Notation,
     zone: Option<Zone>,
 }
 
 impl Clock {
     pub(crate) fn new(notation: Notation, data: &DataConfig) -> Self {
         Self { notation, zone: data.time_zone.as_deref().and_then(Zone::new) }
-    }
-
-    pub(crate) fn notation(&self) -> &Notation {
-        &self.notation
     }
 
     pub(crate) fn has_zone(&self) -> bool {

@@ -10,7 +10,6 @@ use super::{
     bad_rows::BadRowsFound,
     clock::{Clock, Fractions, Instants},
     room::Room,
-    rows::NO_TIME,
 };
 use crate::{
     DataConfig, DataError,
@@ -131,7 +130,7 @@ pub(crate) fn import(
     };
     let mut instants = clock.rows();
     file.read_parts(
-        |records| WideChunk::read(records, width, time, clock.notation(), fractions),
+        |records| WideChunk::read(records, width, time, &clock.notation, fractions),
         |part| imported.add(part, &mut instants, store),
         monitor,
     )?;
@@ -279,14 +278,7 @@ pub(crate) fn cell(
 #[derive(Debug)]
 pub(crate) struct Stored {
     pub(crate) columns: Columns,
+    /// Instants of its rows, [`NO_TIME`](super::rows::NO_TIME) where there is none.
     pub(crate) times: Vec<i64>,
     pub(crate) store: Arc<Store>,
-}
-
-impl Stored {
-    /// Instants of its rows, [`NO_TIME`] where there is none.
-    pub(crate) fn times(&self) -> Vec<i64> {
-        debug_assert!(self.times.len() == self.columns.rows || self.times.contains(&NO_TIME));
-        self.times.clone()
-    }
 }

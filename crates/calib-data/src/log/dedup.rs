@@ -128,23 +128,6 @@ mod tests {
     }
 
     #[test]
-    fn the_same_direction_is_no_contradiction() {
-        let wind = AngleOf {
-            channel: "wind".to_owned(),
-            turn: 360.0,
-            part: crate::AnglePart::Cosine,
-            recorded: None,
-        };
-        let cells =
-            [0.0, 360.0, -90.0, 270.0, 10.0, 190.0].map(|number| Cell::Number(number).encode());
-        let placed = |angle| place(&[1, 1, 2, 2, 3, 3], &cells, angle, Contradictions::First);
-        let found = placed(Some(&wind));
-        assert_eq!((found.repeated, found.contradictions.count), (2, 1));
-        assert_eq!(found.contradictions.first[0].values, [10.0, 190.0]);
-        assert_eq!(placed(None).contradictions.count, 3);
-    }
-
-    #[test]
     fn of_two_words_the_first_or_the_last_is_kept() {
         let words = [3, 3, 4].map(|word| Cell::Word(word).encode());
         let placed = |keep| place(&[7, 7, 7], &words, None, keep);

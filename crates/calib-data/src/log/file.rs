@@ -42,7 +42,6 @@ pub(crate) struct LogFile {
 }
 
 /// Where its columns are.
-#[derive(Debug)]
 enum Content {
     Parquet(Parquet),
     /// They were text, and lie in a store.
@@ -55,22 +54,6 @@ struct Parquet {
     metadata: Arc<pl::FileMetadata>,
     /// Fields whose pages have been checked.
     checked: Mutex<BTreeSet<usize>>,
-}
-
-impl Parquet {
-    fn group_rows(&self) -> Vec<usize> {
-        let mut rows = Vec::with_capacity(self.metadata.row_groups.len());
-        for group in &self.metadata.row_groups {
-            rows.push(group.num_rows());
-        }
-        rows
-    }
-}
-
-impl std::fmt::Debug for Parquet {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Parquet").finish_non_exhaustive()
-    }
 }
 
 #[derive(Clone, Debug)]
@@ -154,7 +137,7 @@ impl LogFile {
     pub(crate) fn stored_times(&self) -> Option<Vec<i64>> {
         match &self.content {
             Content::Parquet(_) => None,
-            Content::Stored(stored) => Some(stored.times()),
+            Content::Stored(stored) => Some(stored.times.clone()),
         }
     }
 
@@ -196,7 +179,9 @@ impl LogFile {
     /// Slices of whole row groups that cover `rows`, cut to `rows`.
     pub(crate) fn slices(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
         let groups: Vec<usize> = match &self.content {
-            Content::Parquet(parquet) => parquet.group_rows(),
+            Content::Parquet(parquet) => {
+                parquet.metadata.row_groups.iter().map(|group| group.num_rows()).collect()
+            }
             Content::Stored(_) => (0..self.rows)
                 .step_by(SLICE_ROWS)
                 .map(|from| SLICE_ROWS.min(self.rows - from))

@@ -97,7 +97,7 @@ pub(crate) fn stream_text(
 ) -> Result<(), DataError> {
     let mut pouring = Pouring::new(clock, sink);
     file.read_parts(
-        |records| LongChunk::read(records, roles, clock.notation(), fractions),
+        |records| LongChunk::read(records, roles, &clock.notation, fractions),
         |part| part.pour(roles, &mut pouring),
         monitor,
     )?;

@@ -50,7 +50,6 @@ pub(crate) use self::{
     room::Room,
     rows::EXAMPLES,
     seldom::{Neighbourhood, Seldom},
-    values::NotNumbers,
 };
 use self::{dedup::SHOWN, file::LogFile, resample::Grid, rows::Rows, series::Series, split::Split};
 use crate::{
@@ -70,7 +69,8 @@ pub(crate) struct Log {
     grid: Option<Grid>,
     /// How long the values of each channel stand in rows of the grid, in microseconds; nothing without a grid.
     max_ages: Vec<i64>,
-    contradictions: Contradictions,
+    /// What happens to contradictions.
+    pub(crate) contradictions: Contradictions,
     /// Numbers that stand for a missing value.
     missing_values: Vec<f64>,
     /// Whether times are UTC rather than what some clock showed.
@@ -233,11 +233,6 @@ impl Log {
                 })
                 .collect(),
         }
-    }
-
-    /// What happens to contradictions.
-    pub(crate) fn keeps(&self) -> Contradictions {
-        self.contradictions
     }
 
     pub(crate) fn recorded(&self) -> &Rows {

@@ -9,14 +9,14 @@ use super::{
     Log, Origin,
     dedup::{Contradicting, agree},
     file::LogFile,
-    resample::{Bridged, Grid},
+    resample::Grid,
     rows::{LEFT_OUT, RowMap, Rows},
     seldom::Seldom,
     series::Series,
     values::{NotNumbers, RawColumn, cells_to_numbers, each_label, to_numbers, with_label},
 };
 use crate::{
-    AngleOf, Contradictions, DataError, format_time,
+    AngleOf, BridgedStops, Contradictions, DataError, format_time,
     sentinels::{Extremes, make_missing, stands_for_missing},
 };
 
@@ -48,7 +48,7 @@ pub(crate) struct ChannelValues {
     /// Samples that another one of their tag and time took in.
     pub(crate) repeated: u64,
     /// Stops of its recording that the last value stood in for.
-    pub(crate) bridged: Bridged,
+    pub(crate) bridged: BridgedStops,
     pub(crate) contradictions: Contradicting,
     /// Duplicates of the recorded rows that contradict the row that is kept.
     pub(crate) conflicts: Vec<u32>,
@@ -57,18 +57,13 @@ pub(crate) struct ChannelValues {
 impl ChannelValues {
     /// Forget everything, and have room for `rows` and `duplicates`.
     fn clear(&mut self, rows: usize, duplicates: usize) {
-        self.seldom = None;
-        self.values.clear();
-        self.values.resize(rows, f64::NAN);
-        self.duplicates.clear();
-        self.duplicates.resize(duplicates, f64::NAN);
-        self.not_numbers = NotNumbers::default();
-        self.extremes = Extremes::default();
-        self.stood_for_missing = 0;
-        self.repeated = 0;
-        self.bridged = Bridged::default();
-        self.contradictions = Contradicting::default();
-        self.conflicts.clear();
+        let mut cleared = std::mem::take(self);
+        cleared.values.clear();
+        cleared.values.resize(rows, f64::NAN);
+        cleared.duplicates.clear();
+        cleared.duplicates.resize(duplicates, f64::NAN);
+        self.values = cleared.values;
+        self.duplicates = cleared.duplicates;
     }
 
     /// Rows of the same time become one: the first that has a value gives it. Values are of `angle`, if they are of one.

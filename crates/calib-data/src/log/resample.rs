@@ -24,27 +24,6 @@ pub(crate) struct Grid {
 /// A channel that has no value for longer than so many of its usual steps, and of the periods of the rows, has stopped.
 const STOP: i64 = 10;
 
-/// Stops of a channel over which values stood.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Bridged {
-    pub(crate) count: u64,
-    /// The longest, in microseconds.
-    pub(crate) longest: i64,
-    /// The usual step of the channel, in microseconds.
-    pub(crate) usual: i64,
-}
-
-impl Bridged {
-    /// As a profile has them.
-    pub(crate) fn told(self) -> BridgedStops {
-        BridgedStops {
-            count: self.count,
-            longest_secs: self.longest as f64 / 1e6,
-            usual_secs: self.usual as f64 / 1e6,
-        }
-    }
-}
-
 /// Rows that were chosen: the first and the one after the last of runs of them, in periods since 1970.
 pub(crate) struct Coverage(Union<(i64, i64)>);
 
@@ -138,8 +117,8 @@ impl Grid {
 
     /// Stops of a channel, recorded at `times`, over which values stand: each is longer than [`STOP`] of its usual steps, and
     /// no longer than `max_age`.
-    pub(crate) fn bridged(&self, times: &[i64]) -> Bridged {
-        let mut bridged = Bridged::default();
+    pub(crate) fn bridged(&self, times: &[i64]) -> BridgedStops {
+        let mut bridged = BridgedStops::default();
         for range in &self.ranges {
             let times = inside(times, range);
             let steps = || times.windows(2).map(|pair| pair[1] - pair[0]);
@@ -152,8 +131,8 @@ impl Grid {
             let least = usual.max(self.period).saturating_mul(STOP);
             for stop in steps().filter(|step| *step > least && *step <= self.max_age) {
                 bridged.count += 1;
-                bridged.longest = bridged.longest.max(stop);
-                bridged.usual = bridged.usual.max(usual);
+                bridged.longest_secs = bridged.longest_secs.max(stop as f64 / 1e6);
+                bridged.usual_secs = bridged.usual_secs.max(usual as f64 / 1e6);
             }
         }
         bridged
@@ -262,17 +241,6 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_may_have_another_age_in_the_same_rows() {
-        let all = grid(Resample::Last, 10, 20, from_ref(&(0..60)));
-        let rows = rows(&all, &[3, 12, 50]);
-        let of_age = |max_age: i64| all.with_max_age(max_age).values(&[3, 12], &[1.0, 2.0], &rows);
-        // Rows are 10, 20, 30 and 50.
-        assert_eq!(of_age(40), [1.0, 2.0, 2.0, 2.0]);
-        assert_eq!(of_age(10)[..2], [1.0, 2.0]);
-        assert!(of_age(10)[2..].iter().all(|value| value.is_nan()));
-    }
-
-    #[test]
     fn nothing_crosses_from_one_range_to_another() {
         let samples = [(5, 1.0), (25, 2.0)];
         for resample in [Resample::Last, Resample::Mean, Resample::Linear] {
@@ -287,19 +255,20 @@ mod tests {
         assert_eq!(late, [(10, 1.0), (30, 2.0)], "20 is before the first sample of its range");
     }
 
-    fn bridged(times: &[i64], max_age: i64) -> Bridged {
+    fn bridged(times: &[i64], max_age: i64) -> BridgedStops {
         grid(Resample::Last, 10, max_age, from_ref(&(0..4_000))).bridged(times)
     }
 
     #[test]
     fn stops_that_values_stand_over_are_counted() {
         let often: Vec<i64> = (0..100).chain(1_300..1_400).chain(3_000..3_100).collect();
-        assert_eq!(bridged(&often, 1_250), Bridged { count: 1, longest: 1_201, usual: 1 });
+        let one = BridgedStops { count: 1, longest_secs: 1_201e-6, usual_secs: 1e-6 };
+        assert_eq!(bridged(&often, 1_250), one);
         assert_eq!(bridged(&often, 1_800).count, 2);
-        assert_eq!(bridged(&often, 100), Bridged::default(), "missing there");
+        assert_eq!(bridged(&often, 100), BridgedStops::default(), "missing there");
         let seldom: Vec<i64> = (0..40).map(|step| step * 100).collect();
-        assert_eq!(bridged(&seldom, 3_000), Bridged::default(), "its usual step");
-        assert_eq!(bridged(&[], 3_000), Bridged::default());
+        assert_eq!(bridged(&seldom, 3_000), BridgedStops::default(), "its usual step");
+        assert_eq!(bridged(&[], 3_000), BridgedStops::default());
     }
 
     #[test]

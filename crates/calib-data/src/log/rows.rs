@@ -13,7 +13,7 @@ pub(crate) use calib_text::NO_TIME;
 pub(crate) const EXAMPLES: usize = 10;
 
 /// Rows in time order.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Rows {
     pub(crate) timestamps: Vec<Timestamp>,
     /// For each file, where its rows go.
@@ -87,14 +87,7 @@ pub(crate) struct Irregularities {
 impl Rows {
     /// Rows that come from no file's rows.
     pub(crate) fn of(timestamps: Vec<Timestamp>, irregularities: Irregularities) -> Self {
-        Self {
-            timestamps,
-            maps: Vec::new(),
-            duplicates: Vec::new(),
-            repeats: Vec::new(),
-            breaks: Vec::new(),
-            irregularities,
-        }
+        Self { timestamps, irregularities, ..Self::default() }
     }
 
     /// Put the rows of all files in time order. Equal times keep the row of the file that starts
@@ -107,12 +100,10 @@ impl Rows {
         let order = file_order(files);
         note_overlaps(files, &order, &mut irregularities);
         let mut rows = Self {
-            timestamps: Vec::new(),
             maps: files.iter().map(|_| RowMap::Contiguous { file: 0..0, first: 0 }).collect(),
-            duplicates: Vec::new(),
             repeats: vec![0..0; files.len()],
-            breaks: Vec::new(),
             irregularities,
+            ..Self::default()
         };
         if increasing(files, &order) {
             rows.append(files, &order, window);
@@ -284,14 +275,6 @@ mod tests {
         assert_eq!(rows.irregularities, Irregularities::default());
     }
 
-    #[test]
-    fn a_window_leaves_rows_out() {
-        let rows = Rows::plan(&[vec![1, 2, 3], vec![4, 5, 6]], &(3..5));
-        assert_eq!(micros(&rows), [3, 4]);
-        assert_eq!(rows.maps[0], RowMap::Contiguous { file: 2..3, first: 0 });
-        assert_eq!(rows.irregularities.outside, 4);
-    }
-
     fn repeat(file_row: u32, row: u32) -> Duplicate {
         Duplicate { file: 0, file_row, row }
     }
@@ -320,14 +303,6 @@ mod tests {
         assert!(Rows::plan(&[vec![4, 5, 6, 1, 2, 3]], &ALL).breaks.is_empty());
         assert!(Rows::plan(&[vec![1, 3, 2, 4]], &ALL).breaks.is_empty());
         assert!(Rows::plan(&[vec![1, 2, 3], vec![2, 3, 4]], &ALL).breaks.is_empty());
-    }
-
-    #[test]
-    fn missing_timestamps_are_counted() {
-        let rows = Rows::plan(&[vec![NO_TIME, 1, NO_TIME, 2]], &ALL);
-        assert_eq!(micros(&rows), [1, 2]);
-        assert_eq!(rows.irregularities.null_timestamps, 2);
-        assert_eq!(rows.irregularities.backward_steps, 0);
     }
 
     #[test]

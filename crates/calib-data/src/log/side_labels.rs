@@ -114,34 +114,3 @@ pub(crate) fn mixed<'a>(
         })
         .collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What is said of two tags with these labels.
-    fn told(labels: &SideLabels) -> Vec<String> {
-        let sides = BTreeMap::from([("source".to_owned(), labels.clone())]);
-        mixed([("co2", &sides), ("temp", &sides)].into_iter())
-    }
-
-    #[test]
-    fn tags_of_several_devices_are_told() {
-        let mut one = SideLabels::default();
-        let mut two = SideLabels::default();
-        for word in ["bms", "bms", " "] {
-            one.add(word);
-        }
-        two.add("meter");
-        assert!(one.knows(b"bms") && !one.knows(b"meter"));
-        assert!(told(&one).is_empty());
-        one.merge(&two);
-        assert!(one.knows(b"anything"));
-        assert_eq!(
-            told(&one),
-            [
-                "co2, temp have samples of several \"source\", such as bms and meter: if these are different devices, choose one with data.where = { \"source\" = \"bms\" }"
-            ]
-        );
-    }
-}

@@ -117,15 +117,6 @@ const LEAST_SHARE: f64 = 0.01;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Moment;
-
-    fn moment(text: &str) -> Option<Moment> {
-        (!text.is_empty()).then(|| Moment::new(text).expect("a time"))
-    }
-
-    fn range(start: &str, end: &str) -> TimeRange {
-        TimeRange { start: moment(start), end: moment(end) }
-    }
 
     const DAY: i64 = 86_400_000_000;
 
@@ -161,42 +152,5 @@ mod tests {
         let early = divided(&times, 1).expect_err("1970");
         assert!(early.contains("1970-01-01"), "{early}");
         assert_eq!(divided(&times, 500), Ok(()), "two periods far apart");
-    }
-
-    #[test]
-    fn ranges_are_half_open_and_may_be_open_ended() {
-        let data = DataConfig {
-            train: Some(range("", "1970-01-03")),
-            held_out: Some(range("1970-01-03", "")),
-            ..DataConfig::default()
-        };
-        let split = Split::new(&data, DAY, 4 * DAY).expect("valid");
-        assert_eq!(split.train, DAY..2 * DAY);
-        assert_eq!(split.held_out, Some(2 * DAY..4 * DAY + 1));
-    }
-
-    fn message(data: &DataConfig) -> String {
-        let error = Split::new(data, DAY, 3 * DAY).expect_err("refused");
-        error.to_string()
-    }
-
-    #[test]
-    fn overlaps_and_ranges_outside_the_data_are_refused() {
-        let mut data = DataConfig {
-            train: Some(range("1970-01-02", "1970-01-04")),
-            held_out: Some(range("1970-01-03T12:00:00", "1970-01-05")),
-            ..DataConfig::default()
-        };
-        let overlap = message(&data);
-        assert!(
-            overlap.contains("(1970-01-02 .. 1970-01-04)")
-                && overlap.contains("(1970-01-03T12:00:00 .. 1970-01-05)"),
-            "{overlap}"
-        );
-        data.held_out = Some(range("1971-01-01", ""));
-        assert_eq!(
-            message(&data),
-            "data.held_out (1971-01-01 .. end of the log) holds no rows: the log runs from 1970-01-02 00:00:00 to 1970-01-04 00:00:00"
-        );
     }
 }

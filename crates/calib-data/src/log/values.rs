@@ -23,6 +23,13 @@ pub(crate) struct NotNumbers {
 }
 
 impl NotNumbers {
+    /// The words and how often each occurs, the most frequent first.
+    pub(crate) fn by_frequency(&self) -> Vec<(String, u64)> {
+        let mut words: Vec<(String, u64)> = self.words.clone().into_iter().collect();
+        words.sort_by_key(|(_, times)| std::cmp::Reverse(*times));
+        words
+    }
+
     fn word(&mut self, word: &str) {
         let word = shown(word);
         if let Some(count) = self.words.get_mut(word) {
@@ -262,19 +269,6 @@ mod tests {
 
     fn same(left: &[f64], right: &[f64]) -> bool {
         bits(left) == bits(right)
-    }
-
-    #[test]
-    fn numbers_are_finite_or_missing() {
-        let values = [Some(1.5_f32), None, Some(f32::NAN), Some(f32::NEG_INFINITY)];
-        let column = pl::Float32Chunked::from_slice_options("a".into(), &values).into_column();
-        let (values, not_numbers) = numbers(&column);
-        assert!(same(&values, &[1.5, f64::NAN, f64::NAN, f64::NAN]));
-        assert_eq!(not_numbers.non_finite, 2);
-        let column = pl::BooleanChunked::from_slice("a".into(), &[true, false]).into_column();
-        assert!(same(&numbers(&column).0, &[1.0, 0.0]));
-        let column = pl::UInt8Chunked::from_slice("a".into(), &[200]).into_column();
-        assert!(same(&numbers(&column).0, &[200.0]));
     }
 
     #[test]
