@@ -73,47 +73,33 @@ impl BestEnd<'_> {
 /// Outcome of [`distances`] for one pattern.
 pub(crate) enum Outcome {
     Found(Distance),
-    /// Every path is longer than the bound.
-    Above,
     NoPath,
     /// Nobody waits for it any more.
     Stopped,
 }
 
-/// Distances of a checked pair; gives up when every pattern is certain to exceed `bound`.
+/// Distances of a checked pair.
 pub(crate) fn distances(
     set: InstructionSet,
     patterns: &[StepPattern],
     settings: Settings,
     query: Series<'_>,
     reference: Series<'_>,
-    bound: f64,
     stop: Stop<'_>,
 ) -> Vec<Outcome> {
     let m = reference.len();
-    let purpose = if bound < f64::INFINITY { Purpose::Bounded } else { Purpose::Distance };
-    let mut sweep = Sweep::new(set, patterns, settings, query, reference, purpose, stop);
+    let mut sweep = Sweep::new(set, patterns, settings, query, reference, Purpose::Distance, stop);
     for track in &mut sweep.patterns {
         track.input = entry(settings, track.halo, m);
     }
     for number in 0..sweep.strips() - 1 {
         sweep.run(number, m, |_, _| {});
-        if purpose == Purpose::Bounded
-            && sweep.patterns.iter().all(|track| track.halo > 0 && track.input.least() > bound)
-        {
-            return patterns.iter().map(|_| Outcome::Above).collect();
-        }
     }
     let best = finish(&mut sweep, patterns).into_iter();
     if sweep.is_stopped {
         return patterns.iter().map(|_| Outcome::Stopped).collect();
     }
-    best.map(|best| match best {
-        Some(distance) if distance.raw > bound => Outcome::Above,
-        Some(distance) => Outcome::Found(distance),
-        None => Outcome::NoPath,
-    })
-    .collect()
+    best.map(|best| best.map_or(Outcome::NoPath, Outcome::Found)).collect()
 }
 
 /// Sweeps the last strip, and finds the best end of each pattern.
@@ -153,7 +139,7 @@ pub(crate) fn found(
 ) -> Result<Distance, NoPath> {
     match outcome {
         Outcome::Found(distance) => Ok(*distance),
-        Outcome::Above | Outcome::NoPath | Outcome::Stopped => {
+        Outcome::NoPath | Outcome::Stopped => {
             Err(NoPath::new(pattern, settings.window, query, reference))
         }
     }

@@ -2,9 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::distance::{Outcome, check, distances, found};
+use crate::distance::{Outcome, check, distances};
 use crate::kernel::dispatch::InstructionSet;
-use crate::kernel::sweep::Stop;
 use crate::path::{Aligned, align, bytes as path_bytes};
 use crate::{
     Distance, DtwError, Ends, LocalDistance, NoPath, Series, Settings, StepPattern, Window,
@@ -103,20 +102,6 @@ impl Dtw {
         check(std::slice::from_ref(&self.pattern), self.settings, query, reference)
     }
 
-    fn outcome(
-        &self,
-        query: Series<'_>,
-        reference: Series<'_>,
-        bound: f64,
-        stop: Stop<'_>,
-    ) -> Result<Outcome, DtwError> {
-        self.check(query, reference)?;
-        let patterns = std::slice::from_ref(&self.pattern);
-        let mut outcomes =
-            distances(self.instruction_set, patterns, self.settings, query, reference, bound, stop);
-        Ok(outcomes.pop().unwrap_or(Outcome::NoPath))
-    }
-
     fn no_path(&self, query: Series<'_>, reference: Series<'_>) -> NoPath {
         NoPath::new(&self.pattern, self.settings.window, query.len(), reference.len())
     }
@@ -146,32 +131,14 @@ impl Dtw {
     ) -> Result<Distance, DtwError> {
         let query = query.into();
         let reference = reference.into();
-        let outcome = self.outcome(query, reference, f64::INFINITY, Some(stop))?;
-        if matches!(outcome, Outcome::Stopped) {
-            return Err(DtwError::Stopped);
-        }
-        let n = query.len();
-        let m = reference.len();
-        Ok(found(&outcome, &self.pattern, self.settings, n, m)?)
-    }
-
-    /// The distance of a pair if the raw distance is `bound` at most, otherwise `None`, found out
-    /// early: for searches that already know something better.
-    ///
-    /// # Errors
-    /// As [`Dtw::distance`]; an inadmissible pair may also return `None`.
-    pub fn distance_within<'a>(
-        &self,
-        query: impl Into<Series<'a>>,
-        reference: impl Into<Series<'a>>,
-        bound: f64,
-    ) -> Result<Option<Distance>, DtwError> {
-        let query = query.into();
-        let reference = reference.into();
-        match self.outcome(query, reference, bound, None)? {
-            Outcome::Found(distance) => Ok(Some(distance)),
-            Outcome::Above => Ok(None),
-            Outcome::NoPath | Outcome::Stopped => Err(self.no_path(query, reference).into()),
+        self.check(query, reference)?;
+        let patterns = std::slice::from_ref(&self.pattern);
+        let set = self.instruction_set;
+        let mut outcomes = distances(set, patterns, self.settings, query, reference, Some(stop));
+        match outcomes.pop() {
+            Some(Outcome::Found(distance)) => Ok(distance),
+            Some(Outcome::Stopped) => Err(DtwError::Stopped),
+            Some(Outcome::NoPath) | None => Err(self.no_path(query, reference).into()),
         }
     }
 

@@ -63,9 +63,10 @@ impl PatternSet {
         let set = InstructionSet::best();
         let n = query.len();
         let m = reference.len();
-        let outcomes = self.patterns.chunks(together).flat_map(|patterns| {
-            distances(set, patterns, self.settings, query, reference, f64::INFINITY, None)
-        });
+        let outcomes = self
+            .patterns
+            .chunks(together)
+            .flat_map(|patterns| distances(set, patterns, self.settings, query, reference, None));
         Ok(outcomes
             .zip(&self.patterns)
             .map(|(outcome, pattern)| found(&outcome, pattern, self.settings, n, m))

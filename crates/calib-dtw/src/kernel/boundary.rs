@@ -51,11 +51,4 @@ impl Boundary {
     pub(crate) fn above_mut(&mut self, column: usize) -> &mut [f64] {
         &mut self.values[column * self.halo..][..self.halo]
     }
-
-    /// The least cumulated distance of all cells.
-    pub(crate) fn least(&self) -> f64 {
-        let range = self.columns.start * self.halo..self.columns.end * self.halo;
-        let values = self.values.get(range).unwrap_or_default();
-        values.iter().copied().fold(f64::INFINITY, f64::min)
-    }
 }

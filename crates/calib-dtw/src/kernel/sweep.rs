@@ -18,9 +18,6 @@ const DISTANCE_HEIGHT: usize = 64;
 /// Most rows of a lane where cells of a strip are kept for a while.
 const PATH_HEIGHT: usize = 16;
 
-/// How often a bounded distance is compared with the bound on its way, about.
-const LOOKS: usize = 8;
-
 /// Columns between two looks whether to stop: some milliseconds.
 const COLUMNS_PER_LOOK: usize = 1 << 13;
 
@@ -30,8 +27,6 @@ pub(crate) type Stop<'a> = Option<&'a dyn Fn() -> bool>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
     Distance,
-    /// Distances, unless they turn out to exceed a bound.
-    Bounded,
     Path,
 }
 
@@ -123,7 +118,6 @@ impl<'a> Sweep<'a> {
         let most = match purpose {
             Purpose::Distance => DISTANCE_HEIGHT.min(COLUMN_BYTES / (packs * size_of::<Pack>())),
             Purpose::Path => PATH_HEIGHT,
-            Purpose::Bounded => DISTANCE_HEIGHT.min(query.len() / (LANES * LOOKS)),
         };
         let n = query.len();
         let m = reference.len();
