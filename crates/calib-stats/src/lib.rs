@@ -25,7 +25,7 @@
 //!   beside warping; [`collapse_step`]: where a trajectory stops moving.
 //!
 //! Infinities are results, not mistakes: a diverged run has the error +∞ and ranks last.
-//! NaN is a mistake, and always an error; see [`Direction::or_worst`].
+//! NaN is a mistake, and always an error.
 //!
 //! ```
 //! use calib_stats::{Direction, Losses, select};

@@ -73,19 +73,6 @@ mod tests {
     const INF: f64 = f64::INFINITY;
 
     #[test]
-    fn ties_share_the_best_rank_and_diverged_values_the_last() {
-        let ranks = competition_ranks(&[0.2, 0.1, 0.2, INF, 0.3, INF], Direction::LowerIsBetter);
-        assert_eq!(ranks.unwrap(), [2, 1, 2, 5, 4, 5]);
-        let ranks = competition_ranks(&[5.0, -INF, 7.0, 5.0], Direction::HigherIsBetter);
-        assert_eq!(ranks.unwrap(), [2, 4, 1, 2]);
-    }
-
-    #[test]
-    fn average_ranks_share_the_middle() {
-        assert_eq!(average_ranks(&[3.0, 1.0, 3.0, INF, INF]).unwrap(), [2.5, 1.0, 2.5, 4.5, 4.5]);
-    }
-
-    #[test]
     fn ranks_of_nothing_are_an_error() {
         assert_eq!(
             competition_ranks(&[], Direction::LowerIsBetter),
