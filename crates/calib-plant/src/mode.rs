@@ -4,22 +4,22 @@
 /// name for the chemical clean, which the published month does not contain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
-    /// 1: stopped.
-    Stopped,
-    /// 3: restarting after a stop.
-    Restart,
-    /// 4: standby.
-    Standby,
-    /// 13: production; the permeate pump draws through the membrane and fouling builds up.
-    Production,
-    /// 31: back-pulse; permeate is pushed back through the membrane.
-    BackPulse,
-    /// 33: the membrane tank is drained and filled again.
-    DrainAndRefill,
-    /// 45: integrity test; the membrane holds air pressure.
-    IntegrityTest,
-    /// 61: chemical clean.
-    ChemicalClean,
+    /// Stopped.
+    Stopped = 1,
+    /// Restarting after a stop.
+    Restart = 3,
+    /// Standby.
+    Standby = 4,
+    /// Production; the permeate pump draws through the membrane and fouling builds up.
+    Production = 13,
+    /// Back-pulse; permeate is pushed back through the membrane.
+    BackPulse = 31,
+    /// The membrane tank is drained and filled again.
+    DrainAndRefill = 33,
+    /// Integrity test; the membrane holds air pressure.
+    IntegrityTest = 45,
+    /// Chemical clean.
+    ChemicalClean = 61,
 }
 
 impl Mode {
@@ -42,15 +42,6 @@ impl Mode {
 
     /// The number in the channel `MODE`.
     pub const fn number(self) -> u8 {
-        match self {
-            Self::Stopped => 1,
-            Self::Restart => 3,
-            Self::Standby => 4,
-            Self::Production => 13,
-            Self::BackPulse => 31,
-            Self::DrainAndRefill => 33,
-            Self::IntegrityTest => 45,
-            Self::ChemicalClean => 61,
-        }
+        self as u8
     }
 }

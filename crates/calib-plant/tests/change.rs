@@ -6,15 +6,24 @@ use calib_plant::{
 };
 use proptest::prelude::*;
 
-/// Nothing ever changes.
-const STILL: ChangeOptions = ChangeOptions {
-    strength: 1.0,
-    membranes_per_year: 0.0,
-    feeds_per_year: 0.0,
-    sensors_per_year: 0.0,
-    settings_per_year: 0.0,
-    pumps_per_year: 0.0,
-};
+/// Everything changes as often.
+const fn all(per_year: f64) -> ChangeOptions {
+    ChangeOptions {
+        strength: 1.0,
+        membranes_per_year: per_year,
+        feeds_per_year: per_year,
+        sensors_per_year: per_year,
+        settings_per_year: per_year,
+        pumps_per_year: per_year,
+    }
+}
+
+const STILL: ChangeOptions = all(0.0);
+
+/// A mode as a log has it.
+fn number(mode: Mode) -> f32 {
+    f32::from(mode.number())
+}
 
 fn options(days: f64, period_secs: f64, change: ChangeOptions) -> PlantOptions {
     PlantOptions {
@@ -84,14 +93,7 @@ fn a_plant_whose_rates_are_zero_is_the_plant_without_change() {
 
 #[test]
 fn the_log_before_the_first_change_is_that_of_the_plant_without() {
-    let often = ChangeOptions {
-        membranes_per_year: 10.0,
-        feeds_per_year: 10.0,
-        sensors_per_year: 2.0,
-        settings_per_year: 10.0,
-        pumps_per_year: 10.0,
-        ..STILL
-    };
+    let often = ChangeOptions { sensors_per_year: 2.0, ..all(10.0) };
     for seed in 0..4 {
         let changing = PlantOptions { seed: Seed::new(seed), ..options(40.0, 60.0, often) };
         let same = PlantOptions { change: ChangeOptions::default(), ..changing.clone() };
@@ -212,8 +214,7 @@ fn membranes_and_pumps_are_exchanged_while_the_plant_stands_still() {
         let modes = column(&with, mode);
         let rows = differing(&with, &without, channel);
         let seen = *rows.first().expect("it is seen");
-        let stands = [Mode::Stopped, Mode::Standby, Mode::ChemicalClean]
-            .map(|mode| f32::from(mode.number()));
+        let stands = [Mode::Stopped, Mode::Standby, Mode::ChemicalClean].map(number);
         assert!(
             (first..=seen).any(|row| stands.contains(&modes[row])),
             "{name}, {first} to {seen}"
@@ -242,7 +243,7 @@ fn settings_change_the_schedule_and_the_flow() {
     let mut began = rows.start;
     for row in rows.start + 1..rows.end {
         if modes[row] != modes[row - 1] {
-            if modes[row] == f32::from(Mode::BackPulse.number()) && began > rows.start {
+            if modes[row] == number(Mode::BackPulse) && began > rows.start {
                 lengths.push(row - began);
             }
             began = row;
@@ -256,14 +257,7 @@ fn settings_change_the_schedule_and_the_flow() {
 
 #[test]
 fn a_changing_day_is_the_same_whether_or_not_the_days_before_it_were_made() {
-    let often = ChangeOptions {
-        membranes_per_year: 50.0,
-        feeds_per_year: 50.0,
-        sensors_per_year: 20.0,
-        settings_per_year: 50.0,
-        pumps_per_year: 50.0,
-        ..STILL
-    };
+    let often = ChangeOptions { sensors_per_year: 20.0, ..all(50.0) };
     let changing = options(12.5, 60.0, often);
     let whole = log(&changing);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("threads");
@@ -302,7 +296,7 @@ fn error_after(log: &[DayLog], known: usize, channel: usize, mode: usize) -> f64
     let means: std::collections::BTreeMap<u32, f64> = Mode::ALL
         .iter()
         .map(|mode| {
-            let mode = f32::from(mode.number()).to_bits();
+            let mode = number(*mode).to_bits();
             let own: Vec<f64> =
                 learnt.iter().filter(|row| row.0 == mode).map(|row| row.1).collect();
             (mode, if own.is_empty() { whole } else { mean(&own) })
@@ -318,14 +312,7 @@ fn error_after(log: &[DayLog], known: usize, channel: usize, mode: usize) -> f64
 
 #[test]
 fn what_was_learnt_before_is_wrong_after() {
-    let often = ChangeOptions {
-        strength: 1.0,
-        membranes_per_year: 12.0,
-        feeds_per_year: 12.0,
-        sensors_per_year: 6.0,
-        settings_per_year: 12.0,
-        pumps_per_year: 12.0,
-    };
+    let often = ChangeOptions { sensors_per_year: 6.0, ..all(12.0) };
     // The same weather with and without change: what differs is change.
     let half = 45;
     let mut errors = [0.0; 2];
@@ -353,14 +340,7 @@ proptest! {
     fn a_plant_that_changes_stays_a_plant(
         seed: u64, strength in 0.0_f64..2.0, per_year in 0.0_f64..50.0, channels in 3_usize..480
     ) {
-        let change = ChangeOptions {
-            strength,
-            membranes_per_year: per_year,
-            feeds_per_year: per_year,
-            sensors_per_year: per_year,
-            settings_per_year: per_year,
-            pumps_per_year: per_year,
-        };
+        let change = ChangeOptions { strength, ..all(per_year) };
         let options =
             PlantOptions { channels, seed: Seed::new(seed), ..options(40.0, 600.0, change) };
         let plant = plant(&options);
