@@ -328,13 +328,12 @@ fn time_pattern(time: &str) -> Option<String> {
     let (clock, mut rest) = time.split_at(end);
     let seconds = match clock.split(':').count() {
         2 => "",
-        3 => ":%S",
+        3 => ":%S%.f",
         _ => return None,
     };
     if let Some(fraction) = rest.strip_prefix(['.', ',']) {
         rest = fraction.trim_start_matches(|c: char| c.is_ascii_digit());
     }
-    let seconds = if seconds.is_empty() { "" } else { ":%S%.f" };
     let space = rest.len() - rest.trim_start().len();
     let (gap, rest) = rest.split_at(space);
     let upper = rest.trim_end().to_ascii_uppercase();

@@ -12,10 +12,9 @@ fn close(ours: f64, theirs: f64) -> bool {
     (ours - theirs).abs() <= 1e-9 * theirs.abs().max(1e-12)
 }
 
-#[test]
-fn distances_agree_with_the_reference_package() {
-    let golden: Value = serde_json::from_str(include_str!("../golden/distances.json")).unwrap();
-    let mut compared = 0;
+/// Check each result of each case: what was compared, the query, the reference, and what the package found.
+fn check_each(golden: &str, mut check: impl FnMut(Dtw, &[f64], &[f64], &Value)) {
+    let golden: Value = serde_json::from_str(golden).unwrap();
     for case in golden["cases"].as_array().unwrap() {
         let query = numbers(&case["query"]);
         let reference = numbers(&case["reference"]);
@@ -27,60 +26,57 @@ fn distances_agree_with_the_reference_package() {
                 ..Settings::default()
             };
             let pattern: StepPattern = text(0).parse().unwrap();
-            for set in InstructionSet::available() {
-                let dtw = Dtw::with_settings(pattern.clone(), settings);
-                let dtw = dtw.instruction_set(set).unwrap();
-                let ours = dtw.distance(&query, &reference);
-                let what = format!("{result} by {set}: {ours:?}");
-                compared += 1;
-                let Some(raw) = result[3].as_f64() else {
-                    assert!(ours.is_err(), "{what}");
-                    continue;
-                };
-                let ours = ours.expect(&what);
-                assert!(close(ours.raw, raw), "{what}");
-                match result[4].as_f64() {
-                    Some(normalised) => {
-                        assert!(close(ours.normalised.expect(&what), normalised), "{what}");
-                    }
-                    None => assert_eq!(ours.normalised, None, "{what}"),
-                }
-            }
+            check(Dtw::with_settings(pattern, settings), &query, &reference, result);
         }
     }
+}
+
+#[test]
+fn distances_agree_with_the_reference_package() {
+    let mut compared = 0;
+    let golden = include_str!("../golden/distances.json");
+    check_each(golden, |dtw, query, reference, result| {
+        for set in InstructionSet::available() {
+            let dtw = dtw.clone().instruction_set(set).unwrap();
+            let ours = dtw.distance(query, reference);
+            let what = format!("{result} by {set}: {ours:?}");
+            compared += 1;
+            let Some(raw) = result[3].as_f64() else {
+                assert!(ours.is_err(), "{what}");
+                continue;
+            };
+            let ours = ours.expect(&what);
+            assert!(close(ours.raw, raw), "{what}");
+            match result[4].as_f64() {
+                Some(normalised) => {
+                    assert!(close(ours.normalised.expect(&what), normalised), "{what}");
+                }
+                None => assert_eq!(ours.normalised, None, "{what}"),
+            }
+        }
+    });
     assert!(compared >= 1404);
 }
 
 #[test]
 fn paths_agree_with_the_reference_package() {
-    let golden: Value = serde_json::from_str(include_str!("../golden/paths.json")).unwrap();
     let mut paths = 0;
     let mut impossible = 0;
-    for case in golden["cases"].as_array().unwrap() {
-        let query = numbers(&case["query"]);
-        let reference = numbers(&case["reference"]);
-        for result in case["results"].as_array().unwrap() {
-            let text = |n: usize| result[n].as_str().unwrap();
-            let settings = Settings {
-                window: text(1).parse().unwrap(),
-                ends: text(2).parse().unwrap(),
-                ..Settings::default()
-            };
-            let pattern: StepPattern = text(0).parse().unwrap();
-            let ours = Dtw::with_settings(pattern, settings).align(&query, &reference);
-            let what = format!("{result}: {ours:?}");
-            let Some(raw) = result[3].as_f64() else {
-                assert!(matches!(ours, Err(DtwError::NoPath(_))), "{what}");
-                impossible += 1;
-                continue;
-            };
-            let ours = ours.expect(&what);
-            assert!(close(ours.distance.raw, raw), "{what}");
-            let theirs = numbers(&result[5]).into_iter().zip(numbers(&result[6]));
-            let theirs: Vec<_> = theirs.map(|(i, j)| (i as usize, j as usize)).collect();
-            assert_eq!(ours.path, theirs, "{what}");
-            paths += 1;
-        }
-    }
+    let golden = include_str!("../golden/paths.json");
+    check_each(golden, |dtw, query, reference, result| {
+        let ours = dtw.align(query, reference);
+        let what = format!("{result}: {ours:?}");
+        let Some(raw) = result[3].as_f64() else {
+            assert!(matches!(ours, Err(DtwError::NoPath(_))), "{what}");
+            impossible += 1;
+            return;
+        };
+        let ours = ours.expect(&what);
+        assert!(close(ours.distance.raw, raw), "{what}");
+        let theirs = numbers(&result[5]).into_iter().zip(numbers(&result[6]));
+        let theirs: Vec<_> = theirs.map(|(i, j)| (i as usize, j as usize)).collect();
+        assert_eq!(ours.path, theirs, "{what}");
+        paths += 1;
+    });
     assert!(paths > 500 && impossible > 3, "{paths} {impossible}");
 }

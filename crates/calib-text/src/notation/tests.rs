@@ -54,7 +54,6 @@ fn notations_are_told_by_their_cells() {
     assert_eq!(notation(&["20240301", "99991231", "20240303"]), ["%Y%m%d"]);
     let one_is_none = Candidates::of(&["0", "20240301", "20240302", "20240303"], None);
     assert_eq!(unreadable(&one_is_none), "0");
-    assert_eq!(notation(&["1709272800", "1709272860"]), ["numbers of seconds"]);
     let unit = Some(TimestampUnit::Seconds);
     let told = Candidates::of(&["20240301"], unit).left;
     assert_eq!(told, [Notation::Number(TimestampUnit::Seconds)], "as the study says");
