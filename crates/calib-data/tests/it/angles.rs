@@ -59,8 +59,7 @@ fn station() -> String {
 
 #[test]
 fn a_station_has_the_sine_and_the_cosine_of_its_wind() {
-    let folder = Folder::new();
-    folder.write_file("station.csv", &station());
+    let folder = Folder::of_text("station.csv", &station());
     let data =
         DataConfig { missing_values: vec![-999.0], ..with(&folder, &[("Windrichtung", 360.0)]) };
     let found = profile(&data);
@@ -95,8 +94,7 @@ fn a_station_has_the_sine_and_the_cosine_of_its_wind() {
 
 #[test]
 fn a_log_without_angles_is_as_it_was() {
-    let folder = Folder::new();
-    folder.write_file("station.csv", &station());
+    let folder = Folder::of_text("station.csv", &station());
     let without = load_with(&folder.data(), &PreprocessConfig::default());
     let study = toml::Table::try_from(folder.data()).expect("TOML");
     assert!(study.get("angles").is_none(), "no new key in what results follow from");
@@ -117,8 +115,7 @@ fn owned(names: &[&str]) -> Vec<String> {
 
 #[test]
 fn entries_of_include_and_exclude_may_name_the_angle_or_one_of_its_two() {
-    let folder = Folder::new();
-    folder.write_file("station.csv", &station());
+    let folder = Folder::of_text("station.csv", &station());
     let chosen = |include: &[&str], exclude: &[&str]| {
         let data = DataConfig {
             include: owned(include),
@@ -185,9 +182,8 @@ fn all_shapes_give_the_same_states() {
 /// The mean of 359° and 1° is 0°, and so is what lies halfway between them.
 #[test]
 fn angles_are_resampled_as_directions() {
-    let folder = Folder::new();
     let wind = [359.0, 1.0, 359.0, 1.0, 170.0, 190.0, 350.0, 10.0, 90.0];
-    folder.write("log.parquet", &log_at((0..9).map(|row| 30 * row), &[("wind", &wind)]));
+    let folder = Folder::of("log.parquet", &log_at((0..9).map(|row| 30 * row), &[("wind", &wind)]));
     let resampled = |resample: Resample, period: f64| {
         let data = DataConfig {
             resample: Some(resample),
@@ -210,10 +206,9 @@ fn angles_are_resampled_as_directions() {
 
 #[test]
 fn means_over_states_and_filled_values_are_of_directions() {
-    let folder = Folder::new();
     let mut wind = [359.0, 1.0, 180.0, 180.0, 90.0, 90.0, 0.0, 0.0, 300.0, 240.0];
     wind[5] = f64::NAN;
-    folder.write("log.parquet", &log(0, &[("wind", &wind)]));
+    let folder = Folder::of("log.parquet", &log(0, &[("wind", &wind)]));
     let preprocess = PreprocessConfig {
         subsample: 2,
         reduce: calib_data::Reduce::Mean,
@@ -228,7 +223,6 @@ fn means_over_states_and_filled_values_are_of_directions() {
 
 #[test]
 fn values_outside_of_a_turn_and_other_turns_are_fine() {
-    let folder = Folder::new();
     let around: Vec<f64> = (0..40).map(|row| f64::from(row) * 31.0).collect();
     let turned = |turns: f64, by: f64| -> Vec<f64> {
         around.iter().map(|angle| angle.rem_euclid(360.0) / 360.0 * turns + by).collect()
@@ -242,7 +236,7 @@ fn values_outside_of_a_turn_and_other_turns_are_fine() {
     ];
     let columns: Vec<(&str, &[f64])> =
         columns.iter().map(|(name, values)| (*name, values.as_slice())).collect();
-    folder.write("log.parquet", &log(0, &columns));
+    let folder = Folder::of("log.parquet", &log(0, &columns));
     let turns = [("*d*", 360.0), ("radians", TAU), ("hours", 24.0)];
     // `radians` is matched by a pattern of another turn, and has an entry of its own.
     let dataset = load_with(&with(&folder, &turns), &PreprocessConfig::default());
@@ -302,13 +296,12 @@ fn the_same_direction_is_no_contradiction_and_another_is_told_once() {
 
 #[test]
 fn entries_that_make_no_two_channels_are_refused() {
-    let folder = Folder::new();
     let values: Vec<f64> = (0..20).map(f64::from).collect();
     let words: Vec<String> = (0..20).map(|row| ["N", "NNE", "N"][row % 3].to_owned()).collect();
     let table = log(0, &[("wind", &values), ("yaw", &values), ("yaw_cos", &values)])
         .with("compass", words)
         .with("seen", seconds(0..20));
-    folder.write("log.parquet", &table);
+    let folder = Folder::of("log.parquet", &table);
     for (turns, expected) in [
         (&[("wnid", 360.0)][..], "data.angles, \"wnid\": it names no channel; did you mean wind?"),
         (&[("w*", 0.0)], "data.angles.w* = 0: expected a positive number: a full turn"),
@@ -343,9 +336,8 @@ fn modes(name: &str) -> PreprocessConfig {
 
 #[test]
 fn whoever_names_the_angle_is_told_of_the_two() {
-    let folder = Folder::new();
     let wind: Vec<f64> = (0..40).map(direction).collect();
-    folder.write("log.parquet", &log(0, &[("wind", &wind)]));
+    let folder = Folder::of("log.parquet", &log(0, &[("wind", &wind)]));
     let data = with(&folder, &[("wind", 360.0)]);
     let hint = "data.angles makes wind_sin and wind_cos of it: name one of these";
     let error = profile(&data).require_sensor("wind").expect_err("no channel").to_string();
@@ -371,8 +363,7 @@ fn directions(first: u32) -> Vec<f64> {
 
 #[test]
 fn angles_of_several_files_are_called_after_both() {
-    let folder = Folder::new();
-    folder.write("north.parquet", &log(0, &[("wind", &directions(0))]));
+    let folder = Folder::of("north.parquet", &log(0, &[("wind", &directions(0))]));
     folder.write("south.parquet", &log(0, &[("wind", &directions(9))]));
     let data = DataConfig { file_as_prefix: true, ..with(&folder, &[("* wind", 360.0)]) };
     let expected = ["north wind_sin", "north wind_cos", "south wind_sin", "south wind_cos"];
@@ -381,14 +372,13 @@ fn angles_of_several_files_are_called_after_both() {
 
 #[test]
 fn a_row_is_chosen_by_what_was_recorded() {
-    let folder = Folder::new();
     let wind: Vec<f64> = (0..40).map(|row| 45.0 * f64::from(row % 8)).collect();
     let units: Vec<String> = (0..40).map(|row| ["A", "B"][row / 20].to_owned()).collect();
     let table = Table::new()
         .with("timestamp", seconds((0..20).chain(0..20)))
         .with("unit", units)
         .with_optional("wind", optional(&wind));
-    folder.write("log.parquet", &table);
+    let folder = Folder::of("log.parquet", &table);
     let mut data = with(&folder, &[("wind", 360.0)]);
     data.only = BTreeMap::from([("unit".to_owned(), "B".to_owned())]);
     let dataset = load(&data, &PreprocessConfig::default(), &Silent).expect("a log");

@@ -15,9 +15,8 @@ fn load_keeping_the_first(folder: &Folder) -> calib_data::Dataset {
 
 #[test]
 fn repeated_rows_keep_the_first() {
-    let folder = Folder::new();
     let times = [0, 1, 1, 2, 2, 3];
-    folder.write(
+    let folder = Folder::of(
         "a.parquet",
         &log_at(
             times,
@@ -34,11 +33,10 @@ fn repeated_rows_keep_the_first() {
 
 #[test]
 fn the_end_of_daylight_saving_is_merged_and_reported() {
-    let folder = Folder::new();
     // The clock goes from 5 back to 3; the hour is logged again.
     let times = [0, 1, 2, 3, 4, 5, 3, 4, 5, 6, 7];
     let values: Vec<f64> = (0..11_u8).map(f64::from).collect();
-    folder.write("a.parquet", &log_at(times, &[("a", &values)]));
+    let folder = Folder::of("a.parquet", &log_at(times, &[("a", &values)]));
     let dataset = load_keeping_the_first(&folder);
     assert_eq!(train_values(&dataset, "a"), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 9.0, 10.0]);
     let profile = &dataset.profile;
@@ -55,8 +53,7 @@ fn the_end_of_daylight_saving_is_merged_and_reported() {
 
 #[test]
 fn overlapping_files_are_merged_by_time() {
-    let folder = Folder::new();
-    folder.write("a.parquet", &log(0, &[("a", &[0.0, 1.0, 2.0, 3.0])]));
+    let folder = Folder::of("a.parquet", &log(0, &[("a", &[0.0, 1.0, 2.0, 3.0])]));
     folder.write("b.parquet", &log(2, &[("a", &[2.0, 30.0, 4.0, 5.0])]));
     let dataset = load_keeping_the_first(&folder);
     assert_eq!(train_values(&dataset, "a"), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
@@ -67,9 +64,8 @@ fn overlapping_files_are_merged_by_time() {
 
 #[test]
 fn gaps_end_segments() {
-    let folder = Folder::new();
     let values: Vec<f64> = (0..7_u8).map(f64::from).collect();
-    folder.write("a.parquet", &log_at([0, 1, 2, 4, 5, 60, 61], &[("a", &values)]));
+    let folder = Folder::of("a.parquet", &log_at([0, 1, 2, 4, 5, 60, 61], &[("a", &values)]));
     let dataset = folder.load();
     assert_eq!(segment_lengths(&dataset), [3, 2, 2]);
     let gaps = &dataset.profile.gaps;
@@ -88,9 +84,8 @@ fn gaps_end_segments() {
 fn a_clock_that_is_not_as_meant_is_doubted() {
     let start = 1_700_000_000;
     let values: Vec<f64> = (0..20).map(f64::from).collect();
-    let folder = Folder::new();
     let seconds = (0..20).map(|row| start + 10 * row);
-    folder.write("a.parquet", &log_at(seconds, &[("x", &values)]));
+    let folder = Folder::of("a.parquet", &log_at(seconds, &[("x", &values)]));
     let doubts = |period_secs| {
         let data = DataConfig { period_secs, ..folder.data() };
         profile(&data).clock_doubts()
@@ -111,8 +106,7 @@ fn a_clock_that_is_not_as_meant_is_doubted() {
     let [long] = &doubts(Some(60.0))[..] else { panic!("one doubt") };
     assert!(long.starts_with("19 of 19 steps in time are shorter than the sample period of 60 s"));
 
-    let sensor = Folder::new();
-    sensor.write("a.parquet", &log_at(0..20, &[("x", &values)]));
+    let sensor = Folder::of("a.parquet", &log_at(0..20, &[("x", &values)]));
     let [early] = &sensor.inspect().clock_doubts()[..] else { panic!("one doubt") };
     assert!(early.starts_with("the log starts at 1970-01-01"), "{early}");
 }
@@ -125,12 +119,11 @@ fn counts(dataset: &calib_data::Dataset) -> (u64, u64, u64) {
 
 #[test]
 fn missing_values_are_filled_or_split() {
-    let folder = Folder::new();
     let a: Vec<f64> = (0..30_i32)
         .map(|i| if (5..8).contains(&i) || (15..20).contains(&i) { NAN } else { f64::from(i) })
         .collect();
     let b: Vec<f64> = (0..30_i32).map(|i| f64::from(i % 4)).collect();
-    folder.write("a.parquet", &log(0, &[("a", &a), ("b", &b)]));
+    let folder = Folder::of("a.parquet", &log(0, &[("a", &a), ("b", &b)]));
     let with = |missing: Missing, fill_limit: usize| {
         let preprocess = PreprocessConfig {
             max_missing: 0.5,
@@ -155,8 +148,7 @@ fn missing_values_are_filled_or_split() {
 
 #[test]
 fn nothing_is_filled_across_a_gap() {
-    let folder = Folder::new();
-    folder.write(
+    let folder = Folder::of(
         "a.parquet",
         &log_at([0, 1, 2, 3, 50, 51, 52], &[("a", &[1.0, 2.0, 3.0, NAN, NAN, 5.0, 6.0])]),
     );
@@ -174,10 +166,9 @@ fn nothing_is_filled_across_a_gap() {
 
 #[test]
 fn a_log_of_which_nothing_is_left_is_refused_with_the_channels_to_blame() {
-    let folder = Folder::new();
     let a = [1.0, NAN, 2.0, NAN, 3.0, NAN];
     let b = [NAN, 1.0, NAN, 2.0, NAN, 3.0];
-    folder.write("a.parquet", &log(0, &[("a", &a), ("b", &b)]));
+    let folder = Folder::of("a.parquet", &log(0, &[("a", &a), ("b", &b)]));
     let preprocess = PreprocessConfig {
         max_missing: 0.9,
         missing: Missing::DropRow,

@@ -17,7 +17,6 @@ fn rising(rows: u8) -> Vec<f64> {
 
 #[test]
 fn every_dropped_channel_has_its_reason() {
-    let folder = Folder::new();
     let mut gappy = rising(10);
     gappy[3..6].fill(NAN);
     let channels: [(&str, &[f64]); 6] = [
@@ -28,7 +27,7 @@ fn every_dropped_channel_has_its_reason() {
         ("gappy", &gappy),
         ("other", &rising(10)),
     ];
-    folder.write("a.parquet", &log(0, &channels));
+    let folder = Folder::of("a.parquet", &log(0, &channels));
     let data = DataConfig {
         include: ["FIT*", "constant", "dead", "gappy"].map(str::to_owned).to_vec(),
         exclude: ["*2", "nothing"].map(str::to_owned).to_vec(),
@@ -65,12 +64,11 @@ fn every_dropped_channel_has_its_reason() {
 
 #[test]
 fn selection_and_bounds_come_from_the_training_range() {
-    let folder = Folder::new();
     let mut late = vec![1.0; 8];
     late.extend([5.0, 6.0]);
     let mut spike = rising(8);
     spike.extend([100.0, -100.0]);
-    folder.write("a.parquet", &log(0, &[("late", &late), ("spike", &spike)]));
+    let folder = Folder::of("a.parquet", &log(0, &[("late", &late), ("spike", &spike)]));
     let data = DataConfig { train_fraction: 0.8, ..folder.data() };
     let dataset = load_with(&data, &PreprocessConfig::default());
     let late = dataset.profile.channel("late").expect("a channel");
@@ -88,8 +86,7 @@ fn selection_and_bounds_come_from_the_training_range() {
 
 #[test]
 fn normalisation_has_three_forms() {
-    let folder = Folder::new();
-    folder.write("a.parquet", &log(0, &[("a", &rising(11))]));
+    let folder = Folder::of("a.parquet", &log(0, &[("a", &rising(11))]));
     let with = |normalise, quantiles| {
         let preprocess = PreprocessConfig { normalise, quantiles, ..PreprocessConfig::default() };
         load_with(&folder.data(), &preprocess).normaliser.columns()[0].bounds
@@ -105,9 +102,8 @@ fn normalisation_has_three_forms() {
 
 #[test]
 fn stuck_and_quantised_channels_show() {
-    let folder = Folder::new();
     let a = [0.0, 0.25, 0.25, 0.25, 0.25, 0.5, 0.25, 0.0, 0.5, 0.5];
-    folder.write("a.parquet", &log_at([0, 1, 2, 3, 4, 5, 6, 7, 50, 51], &[("a", &a)]));
+    let folder = Folder::of("a.parquet", &log_at([0, 1, 2, 3, 4, 5, 6, 7, 50, 51], &[("a", &a)]));
     let profile = folder.inspect();
     let values = profile.channel("a").expect("a channel").values.clone().expect("values");
     assert_eq!(values.longest_stuck_secs, 3.0);
@@ -119,10 +115,9 @@ fn stuck_and_quantised_channels_show() {
 
 #[test]
 fn features_follow_the_sensors() {
-    let folder = Folder::new();
     let table = log_at([0, 1, 2, 60, 61, 62], &[("a", &[0.0, 4.0, 4.0, 2.0, 4.0, 4.0])])
         .with("mode", vec![13_i64, 31, 13, 13, 4, 13]);
-    folder.write("a.parquet", &table);
+    let folder = Folder::of("a.parquet", &table);
     let preprocess = PreprocessConfig {
         traces: vec![0.5],
         time_of_day: true,
@@ -147,13 +142,12 @@ fn features_follow_the_sensors() {
 
 #[test]
 fn modes_may_be_text_missing_or_new() {
-    let folder = Folder::new();
     let modes = ["run", "run", "", "stop", "run", "stop", "run", "run", "clean", "clean"];
     let table = Table::new()
         .with("timestamp", seconds(0..10))
         .with("a", rising(10))
         .with("mode", modes.map(str::to_owned).to_vec());
-    folder.write("a.parquet", &table);
+    let folder = Folder::of("a.parquet", &table);
     let preprocess =
         PreprocessConfig { one_hot: Some("mode".to_owned()), ..PreprocessConfig::default() };
     let data = DataConfig { train_fraction: 0.8, ..folder.data() };
@@ -175,8 +169,7 @@ fn modes(modes: [&str; 6]) -> Table {
 
 #[test]
 fn modes_may_lie_in_a_file_of_their_own_and_contradict_each_other() {
-    let folder = Folder::new();
-    folder.write("a.parquet", &log(0, &[("a", &rising(6))]));
+    let folder = Folder::of("a.parquet", &log(0, &[("a", &rising(6))]));
     folder.write("b.parquet", &modes(["run", "run", "stop", "", "run", "run"]));
     let preprocess =
         PreprocessConfig { one_hot: Some("mode".to_owned()), ..PreprocessConfig::default() };
@@ -196,8 +189,8 @@ fn modes_may_lie_in_a_file_of_their_own_and_contradict_each_other() {
 
 #[test]
 fn modes_that_are_numbers_contradict_each_other_as_well() {
-    let folder = Folder::new();
-    folder.write("a.parquet", &log(0, &[("a", &rising(4)), ("mode", &[1.0, 1.0, 2.0, 2.0])]));
+    let folder =
+        Folder::of("a.parquet", &log(0, &[("a", &rising(4)), ("mode", &[1.0, 1.0, 2.0, 2.0])]));
     folder.write("b.parquet", &log(0, &[("mode", &[1.0, NAN, 1.0, 2.0])]));
     let preprocess =
         PreprocessConfig { one_hot: Some("mode".to_owned()), ..PreprocessConfig::default() };
@@ -213,17 +206,15 @@ fn modes_that_are_numbers_contradict_each_other_as_well() {
     assert_eq!(twos(Contradictions::First), [0.0, 0.0, 1.0, 1.0]);
     assert_eq!(twos(Contradictions::Last), [0.0, 0.0, 0.0, 1.0]);
     // Of samples too.
-    let folder = Folder::new();
     let long = "time,tag,value\n2024-01-01,a,1\n2024-01-01,mode,1\n2024-01-01,mode,2\n2024-01-02,a,3\n2024-01-02,mode,2\n";
-    folder.write_file("a.csv", long);
+    let folder = Folder::of_text("a.csv", long);
     assert_refused_with(&folder.data(), &preprocess, &["mode is \"1\" and \"2\""]);
 }
 
 #[test]
 fn sub_sampling_counts_from_each_segment() {
-    let folder = Folder::new();
     let times: Vec<i64> = (0..7).chain(20..22).chain(30..35).collect();
-    folder.write("a.parquet", &log_at(times, &[("a", &rising(14))]));
+    let folder = Folder::of("a.parquet", &log_at(times, &[("a", &rising(14))]));
     let with = |subsample, reduce| {
         let preprocess = PreprocessConfig { subsample, reduce, ..PreprocessConfig::default() };
         load_with(&folder.data(), &preprocess)
@@ -241,7 +232,6 @@ fn sub_sampling_counts_from_each_segment() {
 
 #[test]
 fn wide_logs_are_read_in_batches() {
-    let folder = Folder::new();
     let columns: Vec<Vec<f64>> = (0..150_u32)
         .map(|column| (0..40_u32).map(|row| f64::from((row * (column + 3)) % 41)).collect())
         .collect();
@@ -251,7 +241,7 @@ fn wide_logs_are_read_in_batches() {
         .zip(&columns)
         .map(|(name, values)| (name.as_str(), values.as_slice()))
         .collect();
-    folder.write("a.parquet", &log(0, &channels));
+    let folder = Folder::of("a.parquet", &log(0, &channels));
     let dataset = folder.load();
     assert_eq!(dataset.normaliser.len(), 150 - 3, "c038, c079 and c120 are constant");
     for (name, values) in channels {

@@ -110,15 +110,9 @@ fn bad_quality_is_missing_and_counted() {
     assert!(words.as_ref().is_some_and(|values| values.min > 0.0), "-9999 was bad");
 }
 
-pub(crate) fn text(name: &str, text: &str) -> Folder {
-    let folder = Folder::new();
-    folder.write_file(name, text);
-    folder
-}
-
 #[test]
 fn a_clock_of_more_rows_than_memory_holds_is_refused() {
-    let folder = text(
+    let folder = Folder::of_text(
         "a.csv",
         "time,a\n2024-01-01 00:00:00,1\n2024-01-20 00:00:00,2\n2024-02-18 00:00:00,3\n",
     );
@@ -138,7 +132,7 @@ fn a_clock_of_more_rows_than_memory_holds_is_refused() {
         writeln!(long, "2024-01-01 00:00:00,t{tag},1\n2024-01-01 02:00:00,t{tag},2")
             .expect("memory");
     }
-    let long = text("a.csv", &long);
+    let long = Folder::of_text("a.csv", &long);
     let many = DataConfig { path: long.data().path, ..fine(all, 1 << 40) };
     assert_refused(&many, &["3600000500 values of 1000 that were recorded"]);
     let few = DataConfig {
@@ -157,7 +151,7 @@ fn words_take_no_more_memory_than_is_kept_of_them() {
     for row in 0..9_000 {
         writeln!(rows, "{},{row:08000}x,{},{row}", 1_704_067_200 + row, row % 7).expect("memory");
     }
-    let folder = text("a.csv", &rows);
+    let folder = Folder::of_text("a.csv", &rows);
     let profile = folder.inspect();
     let words = &profile.channel("a").expect("a channel").words;
     assert!(words.iter().all(|(word, _)| word.chars().count() <= 100), "{words:?}");
@@ -177,7 +171,7 @@ fn stops_that_the_last_value_bridges_are_told() {
     for minute in (0..40).step_by(10) {
         writeln!(rows, "{},slow,{minute}", 1_704_067_200 + minute * 60).expect("memory");
     }
-    let folder = text("a.csv", &rows);
+    let folder = Folder::of_text("a.csv", &rows);
     let with = |max_age_secs| {
         let data = DataConfig {
             resample: Some(Resample::Last),
@@ -217,8 +211,7 @@ fn one_file_per_tag_never_loses_tags() {
     assert_eq!(names, ["a", "b", "c"]);
     assert_eq!(train_values(&dataset, "c"), twenty(3.0));
     // The same as columns of one name each, on clocks of their own.
-    let folder = Folder::new();
-    folder.write("x.parquet", &log_at(0..10, &[("a", &twenty(1.0)[..10])]));
+    let folder = Folder::of("x.parquet", &log_at(0..10, &[("a", &twenty(1.0)[..10])]));
     folder.write("y.parquet", &log_at(5..15, &[("b", &twenty(2.0)[..10])]));
     let profile = folder.inspect();
     assert_eq!((profile.shape, profile.rows), (Shape::FilePerTag, 15));
@@ -227,10 +220,9 @@ fn one_file_per_tag_never_loses_tags() {
 
 #[test]
 fn wide_files_of_different_channels_are_merged_by_column() {
-    let folder = Folder::new();
     let values: Vec<f64> = (0..20_u8).map(f64::from).collect();
     let more: Vec<f64> = values.iter().map(|value| value * 2.0).collect();
-    folder.write("x.parquet", &log_at(0..20, &[("a", &values), ("b", &more)]));
+    let folder = Folder::of("x.parquet", &log_at(0..20, &[("a", &values), ("b", &more)]));
     folder.write("y.parquet", &log_at(0..20, &[("c", &more), ("d", &values)]));
     let dataset = folder.load();
     assert_eq!(train_values(&dataset, "c"), more);
@@ -241,8 +233,7 @@ fn wide_files_of_different_channels_are_merged_by_column() {
 
 #[test]
 fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
-    let folder = Folder::new();
-    folder.write(
+    let folder = Folder::of(
         "a.parquet",
         &log_at(
             [0, 1, 1, 2, 2, 3, 3, 4, 4],
@@ -264,7 +255,10 @@ fn rows_that_contradict_each_other_are_refused_with_three_of_them() {
     assert_eq!(keep(Contradictions::First), [0.0, 1.0, 2.0, 3.0, 4.0]);
     assert_eq!(keep(Contradictions::Last), [0.0, 1.5, 2.5, 3.5, 4.5]);
     // Of samples too.
-    let long = text("a.csv", "time,tag,value\n2024-01-01,a,1\n2024-01-01,a,2\n2024-01-02,a,3\n");
+    let long = Folder::of_text(
+        "a.csv",
+        "time,tag,value\n2024-01-01,a,1\n2024-01-01,a,2\n2024-01-02,a,3\n",
+    );
     assert_refused(&long.data(), &["a is 1 and 2"]);
 }
 
@@ -275,12 +269,11 @@ fn rising(from: i64, value: i64) -> Vec<f64> {
 
 #[test]
 fn of_several_files_the_one_that_starts_last_comes_last() {
-    let folder = Folder::new();
     // Their names are not in the order in which they start.
     let a = rising(5, 10);
     let b = rising(3, 20);
     let c = rising(1, 30);
-    folder.write("a.parquet", &log_at(5..60, &[("a", &a), ("b", &a)]));
+    let folder = Folder::of("a.parquet", &log_at(5..60, &[("a", &a), ("b", &a)]));
     folder.write("b.parquet", &log_at(3..60, &[("a", &b), ("b", &b)]));
     folder.write("c.parquet", &log_at(1..60, &[("a", &c), ("c", &c)]));
     let last = |contradictions, channel: &str| {
@@ -296,14 +289,14 @@ fn of_several_files_the_one_that_starts_last_comes_last() {
 #[test]
 fn a_channel_may_be_called_as_qualities_are() {
     let wide = "time,flow,level,status\n2024-01-01,1,2,0\n2024-01-02,2,3,1\n2024-01-03,4,4,2\n";
-    let profile = text("a.csv", wide).inspect();
+    let profile = Folder::of_text("a.csv", wide).inspect();
     assert_eq!((profile.shape, profile.channels.len()), (Shape::Wide, 3));
     let two = "time,flow,status\n2024-01-01,1,0\n2024-01-02,2,1\n2024-01-03,4,2\n";
-    let profile = text("a.csv", two).inspect();
+    let profile = Folder::of_text("a.csv", two).inspect();
     assert_eq!((profile.shape, profile.channels.len()), (Shape::Wide, 2));
     // Codes of a file of one tag are still asked for.
     let one = "time,value,status\n2024-01-01,1,0\n2024-01-02,2,1\n";
-    let folder = text("a.csv", one);
+    let folder = Folder::of_text("a.csv", one);
     let data = DataConfig { shape: Some(Shape::FilePerTag), ..folder.data() };
     assert_refused(&data, &["data.good_quality"]);
 }
@@ -314,7 +307,7 @@ fn the_newest_rows_may_come_first() {
     let shown = ["04:00", "03:30", "03:00", "02:30", "02:00", "02:30", "02:00", "01:30"];
     let rows: Vec<String> =
         shown.iter().enumerate().map(|(at, time)| format!("2024-10-27 {time},{at}\n")).collect();
-    let folder = text("a.csv", &format!("time,a\n{}", rows.concat()));
+    let folder = Folder::of_text("a.csv", &format!("time,a\n{}", rows.concat()));
     let data = DataConfig { time_zone: Some("Europe/Paris".to_owned()), ..folder.data() };
     let dataset = load_with(&data, &PreprocessConfig::default());
     assert_eq!(train_values(&dataset, "a"), [7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0]);
@@ -324,7 +317,7 @@ fn the_newest_rows_may_come_first() {
 #[test]
 fn a_long_table_is_never_one_channel() {
     // Names say it, whatever the clocks.
-    let named = text(
+    let named = Folder::of_text(
         "a.csv",
         "time;Tag Name;Value\n2024-01-01 00:00:00;b;1,5\n2024-01-01 00:00:30;a;2\n2024-01-01 00:01:00;b;3\n2024-01-01 00:01:30;a;4\n",
     );
@@ -337,7 +330,7 @@ fn a_long_table_is_never_one_channel() {
         writeln!(rows, "2024-01-01 00:00:{row:02},{},{row}", ["x", "y", "z"][row % 3])
             .expect("memory");
     }
-    let unnamed = text("a.csv", &format!("when,what,how much\n{rows}"));
+    let unnamed = Folder::of_text("a.csv", &format!("when,what,how much\n{rows}"));
     let data = DataConfig { timestamp: "when".to_owned(), ..unnamed.data() };
     assert_eq!(profile(&data).shape, Shape::Long);
     // Words that seldom change are modes, or a tag that speaks seldom: that must be said.
@@ -345,17 +338,20 @@ fn a_long_table_is_never_one_channel() {
     for row in 0..40 {
         writeln!(rows, "2024-01-01 00:00:{row:02},{},{row}", ["x", "y"][row / 20]).expect("memory");
     }
-    let unclear = text("a.csv", &format!("when,what,how much\n{rows}"));
+    let unclear = Folder::of_text("a.csv", &format!("when,what,how much\n{rows}"));
     let data = DataConfig { timestamp: "when".to_owned(), ..unclear.data() };
     assert_refused(&data, &["data.tag = \"what\"", "data.shape = \"wide\""]);
     // A wide table with numbers beside what looks like a sample.
-    let both = text("a.csv", "time,sensor,value,pressure\n2024-01-01,x,1,2\n2024-01-02,x,1,3\n");
+    let both = Folder::of_text(
+        "a.csv",
+        "time,sensor,value,pressure\n2024-01-01,x,1,2\n2024-01-02,x,1,3\n",
+    );
     assert_refused(&both.data(), &["data.shape = \"long\" or \"wide\""]);
 }
 
 #[test]
 fn tags_may_be_numbers() {
-    let folder = text(
+    let folder = Folder::of_text(
         "sqlt_data_1_2024_03.csv",
         "tagid,intvalue,floatvalue,stringvalue,datevalue,dataintegrity,t_stamp\n\
          17,,1.5,,,192,1710286200000\n18,3,,,,192,1710286200000\n\
@@ -374,10 +370,8 @@ fn samples_of(times: [i64; 7], tags: [(&str, [f64; 7]); 2]) -> Folder {
         let there = times.iter().zip(values).filter(|(_, value)| !value.is_nan());
         there.map(move |(time, value)| format!("{time},{tag},{value}\n"))
     });
-    let folder = Folder::new();
     let text = format!("time,tag,value\n{}", samples.collect::<String>());
-    folder.write_file("a.csv", &text);
-    folder
+    Folder::of_text("a.csv", &text)
 }
 
 #[test]
@@ -385,8 +379,7 @@ fn changes_are_resampled_to_a_clock() {
     let times = [0, 3, 10, 25, 31, 60, 61];
     let a = [1.0, NAN, 2.0, 3.0, NAN, 4.0, NAN];
     let b = [NAN, 5.0, NAN, NAN, 6.0, NAN, 7.0];
-    let folder = Folder::new();
-    folder.write("a.parquet", &log_at(times, &[("a", &a), ("b", &b)]));
+    let folder = Folder::of("a.parquet", &log_at(times, &[("a", &a), ("b", &b)]));
     let with = |resample| {
         let data = DataConfig {
             resample: Some(resample),
@@ -425,8 +418,7 @@ fn a_tag_may_have_an_age_of_its_own() {
     let times = [0, 3, 10, 25, 31, 60, 61];
     let a = [1.0, NAN, 2.0, 3.0, NAN, 4.0, NAN];
     let b = [NAN, 5.0, NAN, NAN, 6.0, NAN, 7.0];
-    let wide = Folder::new();
-    wide.write("a.parquet", &log_at(times, &[("a", &a), ("b", &b)]));
+    let wide = Folder::of("a.parquet", &log_at(times, &[("a", &a), ("b", &b)]));
     let long = samples_of(times, [("a", a), ("b", b)]);
     let with = |folder: &Folder, ages: &[(&str, f64)]| {
         let ages = ages.iter().map(|&(entry, secs)| (entry.to_owned(), secs));
@@ -462,8 +454,7 @@ fn a_tag_may_have_an_age_of_its_own() {
 
 #[test]
 fn text_beside_parquet_is_left_alone() {
-    let folder = Folder::new();
-    folder.write("a.parquet", &log_at(0..5, &[("a", &[1.0, 2.0, 3.0, 4.0, 5.0])]));
+    let folder = Folder::of("a.parquet", &log_at(0..5, &[("a", &[1.0, 2.0, 3.0, 4.0, 5.0])]));
     folder.write_file("tags.csv", "tag,unit\na,kPa\n");
     assert_eq!(folder.inspect().files, 1);
 }

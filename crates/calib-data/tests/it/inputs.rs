@@ -26,8 +26,7 @@ fn channel() -> pl::Column {
 
 #[test]
 fn files_are_ordered_by_time_whatever_their_names() {
-    let folder = Folder::new();
-    folder.write("b/late.parquet", &log(4, &[("a", &[5.0, 6.0])]));
+    let folder = Folder::of("b/late.parquet", &log(4, &[("a", &[5.0, 6.0])]));
     folder.write("z.parquet", &log(0, &[("a", A)]));
     let dataset = folder.load();
     assert_eq!(train_seconds(&dataset), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
@@ -40,8 +39,7 @@ fn files_are_ordered_by_time_whatever_their_names() {
 
 #[test]
 fn hive_folders_are_a_filter_and_do_not_mix() {
-    let folder = Folder::new();
-    folder.write("well=W-1/x.parquet", &log(0, &[("a", A)]));
+    let folder = Folder::of("well=W-1/x.parquet", &log(0, &[("a", A)]));
     folder.write("well=W-2/x.parquet", &log(2, &[("a", A)]));
     let mut data = folder.data();
     assert_refused(&data, &["partitions = { well = \"W-1\" }"]);
@@ -55,16 +53,14 @@ fn hive_folders_are_a_filter_and_do_not_mix() {
 
 #[test]
 fn hive_folders_that_follow_each_other_are_one_log() {
-    let folder = Folder::new();
-    folder.write("month=1/x.parquet", &log(0, &[("a", A)]));
+    let folder = Folder::of("month=1/x.parquet", &log(0, &[("a", A)]));
     folder.write("month=2/x.parquet", &log(4, &[("a", A)]));
     assert_eq!(folder.load().train.rows(), 8);
 }
 
 #[test]
 fn damaged_files_are_named() {
-    let folder = Folder::new();
-    folder.write("a.parquet", &log(0, &[("a", A)]));
+    let folder = Folder::of("a.parquet", &log(0, &[("a", A)]));
     folder.write("b.parquet", &log(4, &[("a", A)]));
     let whole = fs::read(folder.file("b.parquet")).expect("readable");
     for bytes in [&whole[..whole.len() / 2], &b"time,a\n0,1\n"[..], &[]] {
@@ -75,9 +71,8 @@ fn damaged_files_are_named() {
 
 #[test]
 fn damage_anywhere_is_an_error_or_harmless() {
-    let folder = Folder::new();
     let values: Vec<f64> = (0..200_i32).map(f64::from).collect();
-    folder.write("a.parquet", &log(0, &[("a", &values), ("b", &values)]));
+    let folder = Folder::of("a.parquet", &log(0, &[("a", &values), ("b", &values)]));
     let whole = fs::read(folder.file("a.parquet")).expect("readable");
     let mut refused = 0;
     for seed in 0..300 {
@@ -98,9 +93,8 @@ fn damage_anywhere_is_an_error_or_harmless() {
 
 #[test]
 fn a_missing_timestamp_column_is_explained() {
-    let folder = Folder::new();
     let table = Table::new().with("TagTime", seconds(0..4)).with("a", A.to_vec());
-    folder.write("a.parquet", &table);
+    let folder = Folder::of("a.parquet", &table);
     let error = refused(&folder.data(), &PreprocessConfig::default()).to_string();
     assert!(
         error.ends_with(
@@ -121,9 +115,8 @@ fn a_missing_timestamp_column_is_explained() {
 
 #[test]
 fn a_timestamp_column_of_another_type_is_explained() {
-    let folder = Folder::new();
     let flags = Table::new().with("timestamp", vec![true, false]).with("a", vec![1.0, 2.0]);
-    folder.write("a.parquet", &flags);
+    let folder = Folder::of("a.parquet", &flags);
     assert_refused(&folder.data(), &["does not hold timestamps: it is of type bool; expected"]);
     let text = Table::new()
         .with("timestamp", vec!["1970-01-01".to_owned(), "noon".to_owned()])
@@ -232,12 +225,11 @@ fn dates_are_midnights() {
 
 #[test]
 fn rows_without_a_timestamp_are_counted_and_dropped() {
-    let folder = Folder::new();
     let mut times: Vec<_> = seconds(0..4).into_iter().map(Some).collect();
     times.insert(2, None);
     let table =
         Table::new().with_optional("timestamp", times).with("a", vec![1.0, 2.0, 99.0, 3.0, 4.0]);
-    folder.write("a.parquet", &table);
+    let folder = Folder::of("a.parquet", &table);
     let dataset = folder.load();
     assert_eq!(dataset.profile.null_timestamps, 1);
     assert_eq!(train_values(&dataset, "a"), A);
@@ -245,8 +237,7 @@ fn rows_without_a_timestamp_are_counted_and_dropped() {
 
 #[test]
 fn a_channel_that_a_file_lacks_is_missing_there() {
-    let folder = Folder::new();
-    folder.write("a.parquet", &log(0, &[("a", A)]));
+    let folder = Folder::of("a.parquet", &log(0, &[("a", A)]));
     folder.write("b.parquet", &log(4, &[("b", A), ("a", A)]));
     let preprocess = PreprocessConfig { max_missing: 0.5, ..PreprocessConfig::default() };
     let dataset = load_with(&folder.data(), &preprocess);
@@ -308,14 +299,13 @@ fn other_number_types_are_read() {
 
 #[test]
 fn quality_words_are_missing_and_listed() {
-    let folder = Folder::new();
     let text = ["1", "Bad", "2", "Scan Timeout", "Bad", "3"].map(str::to_owned);
     let table = Table::new()
         .with("timestamp", seconds(0..6))
         .with("a", text.to_vec())
         .with("b", ["x", "y", "x", "y", "x", "y"].map(str::to_owned).to_vec())
         .with("c", vec![1.0, f64::INFINITY, 2.0, NAN, 4.0, f64::NEG_INFINITY]);
-    folder.write("a.parquet", &table);
+    let folder = Folder::of("a.parquet", &table);
     let profile = inspect(
         &folder.data(),
         &PreprocessConfig { max_missing: 0.5, ..PreprocessConfig::default() },
@@ -334,9 +324,8 @@ fn quality_words_are_missing_and_listed() {
 
 #[test]
 fn columns_that_hold_no_numbers_are_dropped() {
-    let folder = Folder::new();
     let table = log(0, &[("a", A)]).with("since", seconds(0..4));
-    folder.write("a.parquet", &table);
+    let folder = Folder::of("a.parquet", &table);
     let profile = folder.inspect();
     let reason = profile.channel("since").expect("a channel").dropped.clone();
     let expected = DropReason::WrongType { type_name: "datetime".to_owned() };
@@ -345,8 +334,7 @@ fn columns_that_hold_no_numbers_are_dropped() {
 
 #[test]
 fn empty_files_are_no_rows() {
-    let folder = Folder::new();
-    folder.write("empty.parquet", &log(0, &[("a", &[])]));
+    let folder = Folder::of("empty.parquet", &log(0, &[("a", &[])]));
     assert_refused(&folder.data(), &["has no rows: of 1 file "]);
     folder.write("full.parquet", &log(0, &[("a", A)]));
     assert_eq!(folder.load().train.rows(), 4);
@@ -354,8 +342,7 @@ fn empty_files_are_no_rows() {
 
 #[test]
 fn one_row_needs_a_period() {
-    let folder = Folder::new();
-    folder.write("a.parquet", &log(5, &[("a", &[1.0])]));
+    let folder = Folder::of("a.parquet", &log(5, &[("a", &[1.0])]));
     assert_refused(&folder.data(), &["one row at 1970-01-01 00:00:05 does not tell"]);
     let data = DataConfig { period_secs: Some(1.0), ..folder.data() };
     let profile = profile(&data);
@@ -366,10 +353,9 @@ fn one_row_needs_a_period() {
 
 #[test]
 fn row_groups_do_not_matter() {
-    let folder = Folder::new();
     let values: Vec<f64> = (0..1_000_i32).map(|i| f64::from(i % 37)).collect();
     let table = log(0, &[("a", &values)]);
-    folder.write("a.parquet", &table);
+    let folder = Folder::of("a.parquet", &table);
     let whole = folder.load();
     let times: Vec<i64> = (0..1_000).map(|second| second * 1_000_000).collect();
     let columns = vec![

@@ -41,8 +41,7 @@ fn air_quality() -> String {
 
 #[test]
 fn numbers_for_no_value_are_found_and_taken_out() {
-    let folder = Folder::new();
-    folder.write_file("air.csv", &air_quality());
+    let folder = Folder::of_text("air.csv", &air_quality());
     let mut data = folder.data();
     let found = profile(&data);
     let [sentinel] = &found.sentinels[..] else { panic!("one: {:?}", found.sentinels) };
@@ -67,8 +66,7 @@ fn numbers_for_no_value_are_found_and_taken_out() {
 
 #[test]
 fn dates_and_times_in_two_columns_are_one_time() {
-    let folder = Folder::new();
-    folder.write_file("air.csv", &air_quality());
+    let folder = Folder::of_text("air.csv", &air_quality());
     let found = profile(&folder.data());
     assert_eq!(kept(&found), ["CO(GT)", "PT08.S1(CO)", "T"], "the time of day is no channel");
     assert!(found.channel("Time").is_err());
@@ -79,7 +77,6 @@ fn dates_and_times_in_two_columns_are_one_time() {
 /// A meter of a household: days and months without leading zeros, question marks, a text file.
 #[test]
 fn days_without_leading_zeros_are_read_from_txt() {
-    let folder = Folder::new();
     let mut text = String::from("Date;Time;Global_active_power;Voltage\n");
     for row in 0..ROWS {
         let (day, hour) = day_and_hour(row + 20 * 24);
@@ -94,7 +91,7 @@ fn days_without_leading_zeros_are_read_from_txt() {
         )
         .expect("memory");
     }
-    folder.write_file("household_power_consumption.txt", &text);
+    let folder = Folder::of_text("household_power_consumption.txt", &text);
     folder.write_file("README.txt", "A meter, read every minute.\n");
     let found = profile(&folder.data());
     assert_eq!((found.rows, found.files), (300, 1));
@@ -152,9 +149,8 @@ fn damaged_lines_are_told_together_and_left_out() {
 
 #[test]
 fn a_damaged_time_among_the_first_rows_has_a_line() {
-    let folder = Folder::new();
     let text = "time;a\n01.03.2024 00:00;1\n13.03.2024 0x:01;2\n14.03.2024 00:02;3\n";
-    folder.write_file("a.csv", text);
+    let folder = Folder::of_text("a.csv", text);
     assert_refused(&folder.data(), &["line 3", "13.03.2024 0x:01"]);
 }
 
@@ -186,8 +182,7 @@ fn turbines(by_time: bool) -> String {
 #[test]
 fn one_of_several_plants_in_a_table_is_chosen() {
     for by_time in [true, false] {
-        let folder = Folder::new();
-        folder.write_file("wind.csv", &turbines(by_time));
+        let folder = Folder::of_text("wind.csv", &turbines(by_time));
         let mut data = folder.data();
         let expected = "They are of 4 different \"Wind_turbine_name\" (R80711, R80721, R80736, R80790): choose one with data.where, \
                         on the command line as --set 'data.where={ \"Wind_turbine_name\" = \"R80711\" }'";
@@ -212,12 +207,11 @@ fn one_of_several_plants_in_a_table_is_chosen() {
 
 #[test]
 fn one_of_several_plants_in_parquet_is_chosen() {
-    let folder = Folder::new();
     let times = (0..200_i64).map(|row| row / 2 * 60);
     let unit: Vec<f64> = (0..200).map(|row| f64::from(row % 2 + 1)).collect();
     let flow: Vec<f64> =
         (0..200).map(|row| f64::from(row % 2) * 50.0 + wave(row / 2, 9.0, 1.0, 4.0)).collect();
-    folder.write("log.parquet", &log_at(times, &[("unit", &unit), ("flow", &flow)]));
+    let folder = Folder::of("log.parquet", &log_at(times, &[("unit", &unit), ("flow", &flow)]));
     let mut data = folder.data();
     assert_refused(&data, &["'data.where={ \"unit\" = \"1\" }'"]);
     data.only.insert("unit".to_owned(), "2".to_owned());
@@ -249,8 +243,7 @@ fn files_of_rooms_with_the_same_columns_are_told_apart_by_name() {
         ["kitchen/log.csv", "bath/log.csv"],
         ["kitchen_2024-03-01.csv", "bath_2024-03-01.csv"],
     ] {
-        let folder = Folder::new();
-        folder.write_file(names[0], &room(1.0));
+        let folder = Folder::of_text(names[0], &room(1.0));
         folder.write_file(names[1], &room(3.0));
         let mut data = folder.data();
         assert_refused(
@@ -267,8 +260,7 @@ fn files_of_rooms_with_the_same_columns_are_told_apart_by_name() {
 
 #[test]
 fn columns_of_several_files_are_merged_and_no_duplicates() {
-    let folder = Folder::new();
-    folder.write_file("a.csv", &room(1.0));
+    let folder = Folder::of_text("a.csv", &room(1.0));
     folder.write_file("b.csv", &room(3.0).replace("temperature,co2", "level,flow"));
     let found = profile(&folder.data());
     assert_eq!((found.duplicates.identical, found.merged_rows), (0, 300));
@@ -308,7 +300,6 @@ fn a_log_without_times_has_numbered_rows_if_the_period_is_given() {
 /// What R's write.table makes of a room's sensors: the names of the rows have none themselves.
 #[test]
 fn names_of_rows_are_left_out() {
-    let folder = Folder::new();
     let mut text = String::from("\"date\",\"Temperature\",\"CO2\"\n");
     for row in 0..ROWS {
         let t = wave(row, 9.0, 19.0, 24.4);
@@ -317,7 +308,7 @@ fn names_of_rows_are_left_out() {
         writeln!(text, "\"{}\",\"2015-02-{day:02} {hour:02}:00:00\",{t:.2},{co2:.1}", row + 140)
             .expect("memory");
     }
-    folder.write_file("datatest.txt", &text);
+    let folder = Folder::of_text("datatest.txt", &text);
     let data = DataConfig { path: folder.file("datatest.txt").into(), ..folder.data() };
     let found = profile(&data);
     assert_eq!(kept(&found), ["Temperature", "CO2"]);
@@ -343,8 +334,8 @@ fn times_in_parts(header: &str, hours: bool) -> String {
 
 #[test]
 fn times_in_parts_are_joined() {
-    let folder = Folder::new();
-    folder.write_file("PRSA.csv", &times_in_parts("No,year,month,day,hour,DEWP,cbwd", true));
+    let folder =
+        Folder::of_text("PRSA.csv", &times_in_parts("No,year,month,day,hour,DEWP,cbwd", true));
     let data = DataConfig { path: folder.file("PRSA.csv").into(), ..folder.data() };
     let found = profile(&data);
     assert_eq!(found.period_secs, 3_600.0);
@@ -385,8 +376,7 @@ fn without_seconds() -> String {
 
 #[test]
 fn rows_whose_seconds_were_lost_are_spread() {
-    let folder = Folder::new();
-    folder.write_file("plant.csv", &without_seconds());
+    let folder = Folder::of_text("plant.csv", &without_seconds());
     let mut data = folder.data();
     let expected = "About 3 rows share each time, and times are 60 s apart. If the export cut the times, data.contradictions = \"spread\" puts these rows 20 s apart \
                     (on the command line, --set data.contradictions=spread)";
@@ -414,7 +404,6 @@ fn rows_whose_seconds_were_lost_are_spread() {
 /// A long table of a room in which two devices measure the same, ten times each.
 #[test]
 fn tags_of_several_devices_are_told() {
-    let folder = Folder::new();
     let mut text = String::from("source,timestamp,property,value,unit\n");
     let mut sources = Vec::new();
     for row in 0..20_i64 {
@@ -426,7 +415,7 @@ fn tags_of_several_devices_are_told() {
             sources.push((row, source.to_owned(), property.to_owned()));
         }
     }
-    folder.write_file("room.csv", &text);
+    let folder = Folder::of_text("room.csv", &text);
     let mut data = folder.data();
     data.tag = Some("property".to_owned());
     let told = "co2, temp have samples of several \"source\", such as bms and meter: if these are different devices, choose one with \
@@ -438,13 +427,12 @@ fn tags_of_several_devices_are_told() {
     assert_eq!((one.rows, one.read_as.len()), (10, 0));
 
     // The same as Parquet, of which rows are chosen behind the reader.
-    let folder = Folder::new();
     let table = Table::new()
         .with("timestamp", seconds(sources.iter().map(|(row, ..)| 60 * row)))
         .with("source", sources.iter().map(|(_, source, _)| source.clone()).collect::<Vec<_>>())
         .with("property", sources.iter().map(|(_, _, tag)| tag.clone()).collect::<Vec<_>>())
         .with("value", sources.iter().map(|(row, ..)| *row).collect::<Vec<i64>>());
-    folder.write("room.parquet", &table);
+    let folder = Folder::of("room.parquet", &table);
     let mut data = folder.data();
     data.tag = Some("property".to_owned());
     assert_eq!(profile(&data).read_as, [told]);

@@ -4,10 +4,7 @@ use std::fmt::Write as _;
 
 use calib_data::{DataConfig, Dataset, PreprocessConfig, TimestampUnit, table::Table};
 
-use crate::{
-    formats::text,
-    support::{Folder, assert_refused, load_with, profile, train_seconds, train_values},
-};
+use crate::support::{Folder, assert_refused, load_with, profile, train_seconds, train_values};
 
 /// A row a day, written with the month first.
 fn days_of_march(days: std::ops::Range<u32>) -> String {
@@ -17,7 +14,7 @@ fn days_of_march(days: std::ops::Range<u32>) -> String {
 
 #[test]
 fn a_day_that_may_be_a_month_is_asked_for() {
-    let folder = text("a.csv", &days_of_march(1..9));
+    let folder = Folder::of_text("a.csv", &days_of_march(1..9));
     assert_refused(
         &folder.data(),
         &[
@@ -50,14 +47,16 @@ fn what_text_leaves_open_is_refused_with_the_line() {
         ("a,b\n1.5,x\n2.5,y\n", &["has no column \"timestamp\""]),
     ];
     for (content, parts) in cases {
-        assert_refused(&text("a.csv", content).data(), parts);
+        assert_refused(&Folder::of_text("a.csv", content).data(), parts);
     }
 }
 
 #[test]
 fn the_decimal_sign_is_that_of_the_whole_log() {
-    let folder =
-        text("a.csv", "Zeit;a;b\n13.01.2024 00:00;1.210,5;1\n13.01.2024 00:01;1.215,5;2\n");
+    let folder = Folder::of_text(
+        "a.csv",
+        "Zeit;a;b\n13.01.2024 00:00;1.210,5;1\n13.01.2024 00:01;1.215,5;2\n",
+    );
     folder.write_file("b.csv", "Zeit;a;b\n13.01.2024 00:02;1310;3\n13.01.2024 00:03;1320;4\n");
     assert_eq!(train_values(&folder.load(), "a"), [1210.5, 1215.5, 1310.0, 1320.0]);
     folder.write_file("b.csv", "Zeit;a;b\n13.01.2024 00:02;1.310;3\n13.01.2024 00:03;1.320;4\n");
@@ -74,17 +73,17 @@ fn the_decimal_sign_is_that_of_the_whole_log() {
     let whole = rows.concat();
     let late =
         |cell: &str, row: i32| format!("time;a;b\n{whole}{};{cell};2\n", 1_704_067_700 + row);
-    let folder = text("a.csv", &late("1.210,5", 0));
+    let folder = Folder::of_text("a.csv", &late("1.210,5", 0));
     assert_eq!(train_values(&folder.load(), "a")[500], 1210.5);
     folder.write_file("b.csv", &late("1.310", 1).replace(&whole, ""));
     assert_refused(&folder.data(), &["data.decimal"]);
     let both = late("1.310", 0) + "1704067801;1.210,5;3\n";
-    assert_refused(&text("a.csv", &both).data(), &["data.decimal"]);
+    assert_refused(&Folder::of_text("a.csv", &both).data(), &["data.decimal"]);
 }
 
 #[test]
 fn a_notation_that_two_files_contradict_is_not_guessed() {
-    let folder = text("a.csv", "time,a\n13/04/2024 10:00,1\n14/04/2024 10:00,2\n");
+    let folder = Folder::of_text("a.csv", "time,a\n13/04/2024 10:00,1\n14/04/2024 10:00,2\n");
     folder.write_file("b.csv", "time,a\n04/15/2024 10:00,3\n04/16/2024 10:00,4\n");
     assert_eq!(folder.load().train.rows(), 4, "each tells its own");
     folder.write_file("c.csv", "time,a\n05/06/2024 10:00,5\n05/07/2024 10:00,6\n");
@@ -94,7 +93,7 @@ fn a_notation_that_two_files_contradict_is_not_guessed() {
 #[test]
 fn numbers_that_fit_two_notations_are_refused_with_both() {
     let days = "time,a\n45292.5,1\n45292.75,2\n45293,3\n";
-    let folder = text("a.csv", days);
+    let folder = Folder::of_text("a.csv", days);
     assert_refused(
         &folder.data(),
         &[
@@ -115,10 +114,9 @@ fn numbers_that_fit_two_notations_are_refused_with_both() {
     assert_eq!(read(TimestampUnit::Excel, Some("Europe/Paris")), (1_704_106_800.0, true));
     assert_eq!(read(TimestampUnit::Seconds, None), (45_292.5, true));
     // As Parquet, and as samples of it.
-    let folder = Folder::new();
     let column = vec![45_292.5, 45_292.75, 45_293.0];
     let wide = Table::new().with("timestamp", column.clone()).with("a", vec![1.0, 2.0, 3.0]);
-    folder.write("a.parquet", &wide);
+    let folder = Folder::of("a.parquet", &wide);
     assert_refused(&folder.data(), &["\"excel\""]);
     let data = DataConfig { timestamp_unit: Some(TimestampUnit::Excel), ..folder.data() };
     let dataset = load_with(&data, &PreprocessConfig::default());
@@ -130,7 +128,7 @@ fn numbers_that_fit_two_notations_are_refused_with_both() {
     assert_refused(&folder.data(), &["\"excel\""]);
     assert_eq!(train_seconds(&load_with(&data, &PreprocessConfig::default()))[0], 1_704_110_400.0);
     // Milliseconds of December 1969 are seconds of 1937.
-    let before = text("a.csv", "time,a\n-1036800000,1\n-1036740000,2\n-1036680000,3\n");
+    let before = Folder::of_text("a.csv", "time,a\n-1036800000,1\n-1036740000,2\n-1036680000,3\n");
     assert_refused(
         &before.data(),
         &[
@@ -144,7 +142,7 @@ fn numbers_that_fit_two_notations_are_refused_with_both() {
     folder.write("a.parquet", &integers);
     assert_refused(&folder.data(), &["\"ms\""]);
     // What calib does not read at all.
-    let matlab = text("a.csv", "time,a\n739252.5,1\n739252.75,2\n");
+    let matlab = Folder::of_text("a.csv", "time,a\n739252.5,1\n739252.75,2\n");
     assert_refused(&matlab.data(), &["a.csv", "MATLAB"]);
 }
 
@@ -152,7 +150,7 @@ fn numbers_that_fit_two_notations_are_refused_with_both() {
 fn load_of_moscow(times: &[&str]) -> Dataset {
     let rows: Vec<String> =
         times.iter().enumerate().map(|(row, time)| format!("2014-10-26 {time},{row}\n")).collect();
-    let folder = text("a.csv", &format!("time,a\n{}", rows.concat()));
+    let folder = Folder::of_text("a.csv", &format!("time,a\n{}", rows.concat()));
     let data = DataConfig {
         time_zone: Some("Europe/Moscow".to_owned()),
         period_secs: Some(1_800.0),
@@ -183,7 +181,7 @@ fn rows_of_an_hour_that_comes_twice_are_placed_or_dropped_and_counted() {
     rows.push_str(
         "2014-10-26 00:00,seldom,1\n2014-10-26 01:30,seldom,2\n2014-10-26 02:30,seldom,3\n",
     );
-    let long = text("a.csv", &format!("time,tag,value\n{rows}"));
+    let long = Folder::of_text("a.csv", &format!("time,tag,value\n{rows}"));
     let data = DataConfig { time_zone: Some("Europe/Moscow".to_owned()), ..long.data() };
     let profile = profile(&data);
     let missing = |name: &str| profile.channel(name).expect("a channel").missing;
@@ -193,7 +191,7 @@ fn rows_of_an_hour_that_comes_twice_are_placed_or_dropped_and_counted() {
 #[test]
 fn rows_of_the_year_9999_are_dropped_in_every_form() {
     for never in ["9999-12-31 23:59:59", "9999-12-31T23:59:59Z", "9999-01-01"] {
-        let folder = text(
+        let folder = Folder::of_text(
             "a.csv",
             &format!("time,a\n2024-01-01,1\n2024-01-02,2\n{never},3\n2024-01-03,4\n"),
         );

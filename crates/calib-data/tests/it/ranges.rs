@@ -10,10 +10,8 @@ use crate::support::{
 };
 
 fn folder() -> Folder {
-    let folder = Folder::new();
     let values: Vec<f64> = (0..100_i32).map(|i| f64::from(i % 7)).collect();
-    folder.write("a.parquet", &log(0, &[("a", &values), ("b", &values)]));
-    folder
+    Folder::of("a.parquet", &log(0, &[("a", &values), ("b", &values)]))
 }
 
 fn configured(folder: &Folder, toml: &str) -> DataConfig {
@@ -103,10 +101,8 @@ fn a_range_of_one_row_has_no_transition() {
 #[test]
 fn the_fingerprint_is_of_what_a_model_sees() {
     let values: Vec<f64> = (0..60_i32).map(|i| f64::from(i % 7)).collect();
-    let one = Folder::new();
-    one.write("all.parquet", &log(0, &[("a", &values)]));
-    let many = Folder::new();
-    many.write("2.parquet", &log(0, &[("a", &values[..20])]));
+    let one = Folder::of("all.parquet", &log(0, &[("a", &values)]));
+    let many = Folder::of("2.parquet", &log(0, &[("a", &values[..20])]));
     many.write("1/1.parquet", &log(20, &[("a", &values[20..])]));
     let fingerprint = one.load().fingerprint;
     assert_eq!(many.load().fingerprint, fingerprint);

@@ -127,12 +127,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn any_shape_of_the_same_data_gives_the_same_states((times, channels) in tables()) {
-        let folder = Folder::new();
         let seconds = times.iter().map(|&second| Timestamp::from_micros(second * 1_000_000)).collect();
         let wide = NAMES.iter().zip(&channels).fold(Table::new().with::<Timestamp>("timestamp", seconds), |table, (name, values)| {
             table.with_optional(*name, optional(values))
         });
-        folder.write("wide.parquet", &wide);
+        let folder = Folder::of("wide.parquet", &wide);
         let expected = fingerprints(&folder.file("wide.parquet"));
         for path in write_shapes(&folder, &times, &channels) {
             let got = fingerprints(&path);
@@ -187,12 +186,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
     fn channels_with_few_values_are_told_by_them_as_by_all_rows((times, channels) in seldom(), max_missing in prop::sample::select(vec![0.5, 0.99, 1.0])) {
-        let folder = Folder::new();
         let seconds = times.iter().map(|&second| Timestamp::from_micros(second * 1_000_000)).collect();
         let wide = NAMES.iter().zip(&channels).fold(Table::new().with::<Timestamp>("timestamp", seconds), |table, (name, values)| {
             table.with_optional(*name, optional(values))
         });
-        folder.write("wide.parquet", &wide);
+        let folder = Folder::of("wide.parquet", &wide);
         let long = write_shapes(&folder, &times, &channels).into_iter().find(|path| path.ends_with("long")).expect("made");
         let preprocess = PreprocessConfig { max_missing, ..PreprocessConfig::default() };
         let inspect = |path: &Path| inspect(&data_at(path), &preprocess, &Silent).expect("a log");

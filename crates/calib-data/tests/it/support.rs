@@ -21,6 +21,20 @@ impl Folder {
         Self(tempfile::tempdir().expect("a folder"))
     }
 
+    /// Of one file.
+    pub(crate) fn of(name: &str, table: &Table) -> Self {
+        let folder = Self::new();
+        folder.write(name, table);
+        folder
+    }
+
+    /// Of one file that is not Parquet.
+    pub(crate) fn of_text(name: &str, text: &str) -> Self {
+        let folder = Self::new();
+        folder.write_file(name, text);
+        folder
+    }
+
     pub(crate) fn path(&self) -> &Path {
         self.0.path()
     }
