@@ -29,13 +29,13 @@ impl MaxAge {
     }
 
     /// The entries that name channels, with their seconds.
-    pub(crate) fn entries(&self) -> Vec<(&str, f64)> {
+    pub(crate) fn entries(&self) -> Vec<(&String, f64)> {
         match self {
             Self::All(_) => Vec::new(),
             Self::Channels(entries) => entries
                 .iter()
                 .filter(|(entry, _)| *entry != DEFAULT)
-                .map(|(entry, secs)| (entry.as_str(), *secs))
+                .map(|(entry, secs)| (entry, *secs))
                 .collect(),
         }
     }
@@ -116,7 +116,8 @@ mod tests {
         let some = read("{ default = 60, \"LAB*\" = 86400 }").expect("a table");
         some.check().expect("valid");
         let some = some.max_age_secs.expect("given");
-        assert_eq!((some.default_secs(), some.entries()), (Some(60.0), vec![("LAB*", 86_400.0)]));
+        assert_eq!(some.default_secs(), Some(60.0));
+        assert_eq!(some.entries(), [(&"LAB*".to_owned(), 86_400.0)]);
         let written = toml::Value::try_from(&some).expect("a table");
         assert_eq!(written["LAB*"].as_float(), Some(86_400.0));
         let lab = read("{ LAB01 = 5 }").expect("a table").max_age_secs.expect("given");

@@ -1,13 +1,9 @@
 //! In the place of each channel that `data.angles` names: a channel of its sine, and one of its cosine.
 
-use std::{collections::HashSet, slice::from_ref};
+use std::{collections::HashSet, iter::once};
 
-use super::Channel;
-use crate::{
-    AngleOf, DataConfig, DataError,
-    angle::AnglePart,
-    names::{Chosen, Names, hint},
-};
+use super::{Channel, entries::Entries};
+use crate::{AngleOf, DataConfig, DataError, angle::AnglePart, names::Chosen};
 
 /// The channels of a log in which angles are two channels each.
 ///
@@ -21,17 +17,23 @@ pub(super) fn with_angles(
     if data.angles.is_empty() {
         return Ok(channels);
     }
-    let entries: Vec<String> = data.angles.keys().cloned().collect();
-    let names = || channels.iter().map(|channel| channel.name.as_str());
-    if let Some(&entry) = Names::new(&entries).unused(&names()).first() {
-        let reason = format!("it names no channel{}", hint(entry, names()));
+    let turns = Entries::new(data.angles.iter().map(|(entry, turn)| (entry, *turn)));
+    let names = channels.iter().map(|channel| channel.name.as_str());
+    if let Some((entry, reason)) = turns.unused(names) {
         return Err(DataError::angle(entry, reason));
     }
-    let turns: Vec<Entry<'_>> = data.angles.iter().map(Entry::of).collect();
     let chosen = Chosen::of(data);
     let mut all: Vec<Channel> = Vec::with_capacity(channels.len());
     for channel in &channels {
-        let Some(turn) = turn_of(&channel.name, &turns, data)? else {
+        let name = channel.name.as_str();
+        let turn = turns.number(once(name)).map_err(|[first, other]| {
+            let reason = format!(
+                "{name} has a turn of {} by this entry and of {} by {:?}; give {name} an entry of its own",
+                first.number, other.number, other.written
+            );
+            DataError::angle(first.written, reason)
+        })?;
+        let Some(turn) = turn else {
             all.push(channel.clone());
             continue;
         };
@@ -47,36 +49,6 @@ pub(super) fn with_angles(
     }
     refuse_taken(&all)?;
     Ok(all)
-}
-
-/// An entry of `data.angles`.
-struct Entry<'a> {
-    written: &'a str,
-    names: Names<'a>,
-    turn: f64,
-}
-
-impl<'a> Entry<'a> {
-    fn of((entry, turn): (&'a String, &f64)) -> Self {
-        Self { written: entry, names: Names::new(from_ref(entry)), turn: *turn }
-    }
-}
-
-/// The turn of a channel, if it is an angle. An entry that is its name says so; else all patterns that match it have to agree.
-fn turn_of(name: &str, turns: &[Entry<'_>], data: &DataConfig) -> Result<Option<f64>, DataError> {
-    if let Some(&turn) = data.angles.get(name) {
-        return Ok(Some(turn));
-    }
-    let mut matching = turns.iter().filter(|turn| turn.names.matching(name).is_some());
-    let Some(first) = matching.next() else { return Ok(None) };
-    if let Some(other) = matching.find(|other| other.turn != first.turn) {
-        let reason = format!(
-            "{name} has a turn of {} by this entry and of {} by {:?}; give {name} an entry of its own",
-            first.turn, other.turn, other.written
-        );
-        return Err(DataError::angle(first.written, reason));
-    }
-    Ok(Some(first.turn))
 }
 
 /// Refuse names that two channels would have.
@@ -116,7 +88,7 @@ impl Channel {
     /// What entries of `data.include` and `data.exclude` may call it: its name, and what the files call the angle that it is of.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> + Clone {
         let angle = self.angle.as_ref().map(|angle| angle.channel.as_str());
-        std::iter::once(self.name.as_str()).chain(angle)
+        once(self.name.as_str()).chain(angle)
     }
 
     pub(crate) fn recorded_name(&self) -> &str {

@@ -9,6 +9,7 @@ mod clock_resets;
 mod column_aliases;
 mod columns;
 mod dedup;
+mod entries;
 mod file;
 mod filename_tag;
 mod gaps;
