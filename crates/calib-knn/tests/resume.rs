@@ -1,6 +1,9 @@
 //! Builds that are interrupted and continued, in memory and on disk, give the bytes of undisturbed ones.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::{
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicU64, Ordering},
+};
 
 use calib_core::{Monitor, Seed, Segments, Silent, States, Transitions};
 use calib_files::{Fingerprint, ScratchPlace};
@@ -70,6 +73,12 @@ fn bytes(model: &KnnModel) -> Vec<(Vec<u32>, Vec<u32>)> {
         .collect()
 }
 
+/// In memory, with parts of 300 queries in a folder.
+fn in_parts(folder: &Path) -> Workplace {
+    let parts = Parts::new(folder.to_owned(), "data").of_queries(300);
+    Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) }
+}
+
 #[test]
 fn a_build_that_is_interrupted_again_and_again_goes_on() {
     for (kind, columns) in [
@@ -105,8 +114,7 @@ fn a_build_that_is_interrupted_again_and_again_goes_on() {
 #[test]
 fn what_was_kept_is_not_searched_again() {
     let directory = tempfile::tempdir().expect("a directory");
-    let parts = Parts::new(directory.path().join("partial"), "data").of_queries(300);
-    let workplace = Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) };
+    let workplace = in_parts(&directory.path().join("partial"));
     let first = build(IndexKind::Join, 12, &workplace, &Silent).expect("built");
     let kept = std::fs::read_dir(directory.path().join("partial")).expect("readable").count();
     assert_eq!(kept, 10, "all of them, until the model is complete");
@@ -133,8 +141,7 @@ const HEAD: usize = 128;
 fn what_was_kept_is_what_the_tables_hold() {
     let directory = tempfile::tempdir().expect("a directory");
     let partial = directory.path().join("partial");
-    let parts = Parts::new(partial.clone(), "data").of_queries(300);
-    let workplace = Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) };
+    let workplace = in_parts(&partial);
     let stopped = build(IndexKind::Join, 12, &workplace, &StopsAt::new(1500));
     assert!(matches!(stopped, Err(KnnError::Cancelled(_))));
     // A part that was never searched like this, but is whole by its fingerprint: if it is put into the tables,
@@ -171,10 +178,7 @@ fn a_disk_without_room_is_an_error_and_no_panic() {
     let directory = tempfile::tempdir().expect("a directory");
     let file = directory.path().join("a file");
     std::fs::write(&file, "in the way").expect("writable");
-    let workplace = Workplace {
-        scratch: ScratchPlace::Memory,
-        parts: Some(Parts::new(file.join("partial"), "data").of_queries(300)),
-    };
+    let workplace = in_parts(&file.join("partial"));
     let error = build(IndexKind::Join, 12, &workplace, &Silent).expect_err("no directory");
     assert!(matches!(error, KnnError::File(_)), "{error}");
     let workplace = Workplace { scratch: ScratchPlace::Disk(file.join("scratch")), parts: None };
@@ -184,7 +188,7 @@ fn a_disk_without_room_is_an_error_and_no_panic() {
 
 /// Puts a directory where a part is to be written, once the search begins, and counts the queries.
 struct Obstacle {
-    path: std::path::PathBuf,
+    path: PathBuf,
     queries: AtomicU64,
 }
 
@@ -205,8 +209,7 @@ impl Monitor for Obstacle {
 fn a_part_that_cannot_be_written_ends_the_build() {
     let directory = tempfile::tempdir().expect("a directory");
     let partial = directory.path().join("partial");
-    let parts = Parts::new(partial.clone(), "data").of_queries(300);
-    let workplace = Workplace { scratch: ScratchPlace::Memory, parts: Some(parts) };
+    let workplace = in_parts(&partial);
     let obstacle = Obstacle { path: partial.join("00000001.part"), queries: 0.into() };
     let error = build(IndexKind::Join, 12, &workplace, &obstacle).expect_err("no room");
     assert!(matches!(error, KnnError::File(_)), "{error}");

@@ -1,7 +1,7 @@
 //! Approximate tables: what they leave out, and what is said about them.
 
 use calib_core::{Seed, Segments, Silent, States, Transitions};
-use calib_knn::{IndexKind, KnnModel, ModelConfig, PrototypeKind, recall};
+use calib_knn::{IndexKind, KnnError, KnnModel, ModelConfig, PrototypeKind, recall};
 
 const ROWS: usize = 4000;
 
@@ -19,9 +19,17 @@ fn data() -> (States, Transitions) {
     (states, Transitions::new(Segments::from_lengths([1500, ROWS - 1500]).expect("valid")))
 }
 
-fn build(config: ModelConfig) -> KnnModel {
+fn try_build(config: ModelConfig) -> Result<KnnModel, KnnError> {
     let (states, transitions) = data();
-    KnnModel::build(states, transitions, &config, &Silent).expect("built")
+    KnnModel::build(states, transitions, &config, &Silent)
+}
+
+fn build(config: ModelConfig) -> KnnModel {
+    try_build(config).expect("built")
+}
+
+fn squared(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum()
 }
 
 #[test]
@@ -78,9 +86,8 @@ fn prototypes_are_the_only_neighbours() {
                 .map(|position| member.nth(position))
                 .filter(|j| j.0 % 7 == 0 && !forbidden.contains(&j.0))
                 .map(|j| {
-                    let source = states.row(transitions.source(j).get());
-                    let squares = states.row(row.get()).iter().zip(source);
-                    (squares.map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum(), j.0)
+                    let source = transitions.source(j);
+                    (squared(states.row(row.get()), states.row(source.get())), j.0)
                 })
                 .collect();
             expected.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
@@ -92,8 +99,7 @@ fn prototypes_are_the_only_neighbours() {
     }
     assert!(tables.windows(2).all(|pair| pair[0] == pair[1]));
     let too_few = ModelConfig { prototypes: 2000, ..ModelConfig::default() };
-    let (states, transitions) = data();
-    let error = KnnModel::build(states, transitions, &too_few, &Silent).expect_err("two of them");
+    let error = try_build(too_few).expect_err("two of them");
     assert!(error.to_string().contains("possible neighbours"), "{error}");
 }
 
@@ -164,10 +170,8 @@ fn components_find_neighbours_whose_distances_are_true() {
                 assert!(distances.is_sorted());
                 for (&j, &distance) in neighbors.iter().zip(distances) {
                     let source = transitions.source(calib_core::TransitionIndex(j));
-                    let pairs = states.row(transitions.next(query).get()).iter();
-                    let squares = pairs.zip(states.row(source.get()));
-                    let squared: f64 =
-                        squares.map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+                    let next = transitions.next(query);
+                    let squared = squared(states.row(next.get()), states.row(source.get()));
                     assert_eq!(distance, squared.sqrt() as f32);
                 }
             }
@@ -177,8 +181,7 @@ fn components_find_neighbours_whose_distances_are_true() {
         last = found.recall;
     }
     assert!(last > 0.4, "seven of eight: {last}");
-    let (states, transitions) = data();
     let all = ModelConfig { components: 8, ..ModelConfig::default() };
-    let error = KnnModel::build(states, transitions, &all, &Silent).expect_err("all columns");
+    let error = try_build(all).expect_err("all columns");
     assert!(error.to_string().contains("fewer than the 8 columns"), "{error}");
 }

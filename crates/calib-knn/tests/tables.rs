@@ -80,17 +80,21 @@ impl Case {
         near || (self.exclusion.self_match == SelfMatch::Excluded && query == source)
     }
 
-    fn build(&self, kind: IndexKind) -> Result<Vec<NeighborTable>, KnnError> {
+    fn build(
+        &self,
+        kind: IndexKind,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<NeighborTable>, KnnError> {
         let states = self.states();
         let transitions = self.transitions();
         let blocks = Blocks::new(&transitions, self.members)?;
-        build_tables(&states, &transitions, &blocks, self.k, self.exclusion, kind, &Silent)
+        build_tables(&states, &transitions, &blocks, self.k, self.exclusion, kind, monitor)
     }
 
     fn check(&self) -> Result<(), TestCaseError> {
         let expected: Result<Vec<_>, usize> = (0..self.members).map(|m| self.expected(m)).collect();
         for kind in KINDS {
-            match (&expected, self.build(kind)) {
+            match (&expected, self.build(kind, &Silent)) {
                 (Ok(members), Ok(tables)) => {
                     for (expected, table) in members.iter().zip(&tables) {
                         compare(expected, table, self.k)?;
@@ -263,7 +267,7 @@ fn threads_do_not_change_a_byte() {
             for threads in [1, 4] {
                 let pool =
                     rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-                let tables = pool.install(|| case.build(kind)).expect("built");
+                let tables = pool.install(|| case.build(kind, &Silent)).expect("built");
                 let neighbors = tables.iter().flat_map(|t| t.neighbors().to_vec()).collect();
                 let distances =
                     tables.iter().flat_map(|t| t.distances().to_vec()).map(f32::to_bits).collect();
@@ -313,13 +317,9 @@ impl Monitor for Counting {
 #[test]
 fn work_ends_when_the_user_asks() {
     let case = sawtooth(8000, 4);
-    let states = case.states();
-    let transitions = case.transitions();
-    let blocks = Blocks::new(&transitions, 4).expect("valid");
     for kind in KINDS {
         let monitor = Counting::new(true, 0);
-        let stopped =
-            build_tables(&states, &transitions, &blocks, 3, case.exclusion, kind, &monitor);
+        let stopped = case.build(kind, &monitor);
         assert!(matches!(stopped, Err(KnnError::Cancelled(_))));
         assert!(monitor.progress.into_inner() < 31_992);
     }
@@ -328,15 +328,10 @@ fn work_ends_when_the_user_asks() {
 #[test]
 fn progress_reaches_its_end_and_a_scan_ends_inside_a_block() {
     let case = sawtooth(8000, 4);
-    let states = case.states();
-    let transitions = case.transitions();
-    let blocks = Blocks::new(&transitions, 4).expect("valid");
     let build = |kind, most| {
         let monitor = Counting::new(false, most);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
-        let built = pool.install(|| {
-            build_tables(&states, &transitions, &blocks, 3, case.exclusion, kind, &monitor)
-        });
+        let built = pool.install(|| case.build(kind, &monitor));
         (built.map(|tables| tables.len()), monitor.progress.into_inner())
     };
     for kind in KINDS {
@@ -352,10 +347,11 @@ fn progress_reaches_its_end_and_a_scan_ends_inside_a_block() {
 #[test]
 fn impossible_requests_are_refused_with_numbers() {
     let case = sawtooth(30, 2);
-    let few = Case { k: 30, ..case.clone() }.build(IndexKind::Auto).expect_err("30 neighbours");
+    let few =
+        Case { k: 30, ..case.clone() }.build(IndexKind::Auto, &Silent).expect_err("30 neighbours");
     let text = few.to_string();
     assert!(text.contains("fewer than `neighbors` = 30"), "{text}");
-    let none = Case { k: 0, ..case.clone() }.build(IndexKind::Auto);
+    let none = Case { k: 0, ..case.clone() }.build(IndexKind::Auto, &Silent);
     assert!(matches!(none, Err(KnnError::NoNeighbors)));
     let transitions = case.transitions();
     let blocks = Blocks::new(&transitions, 4).expect("valid");
