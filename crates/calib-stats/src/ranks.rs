@@ -8,7 +8,7 @@ use crate::{Direction, StatsError};
 /// Competition ranks of `scores` `[values]`: 1 is best, ties share the best rank ("1, 2, 2, 4").
 ///
 /// rank(i) = 1 + number of values that are strictly better than value i.
-/// Diverged values (see [`Direction::worst`]) rank behind every finite one and share that rank.
+/// Diverged values, which are infinite, rank behind every finite one and share that rank.
 /// Source: the paper ranks values in each member; the rule for ties is our choice.
 ///
 /// # Errors

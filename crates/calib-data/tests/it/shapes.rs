@@ -9,12 +9,12 @@ use std::{
 use calib_core::{Silent, Timestamp};
 use calib_data::{
     ChannelProfile, ChannelSketch, DataConfig, Paths, PreprocessConfig, ValueProfile, format_time,
-    inspect, load, sketch, table::Table,
+    inspect, load, sketch,
 };
 use calib_files::Fingerprint;
 use proptest::prelude::*;
 
-use crate::support::{Folder, NAN, optional};
+use crate::support::{Folder, NAN, log_at};
 
 fn quarters() -> impl Strategy<Value = f64> {
     (-1_000_i32..1_000).prop_map(|value| f64::from(value) / 4.0)
@@ -51,6 +51,13 @@ fn cell(value: f64, comma: bool) -> String {
         (_, false) => value.to_string(),
         (_, true) => format!("{value:?}").replace('.', ","),
     }
+}
+
+/// The table as wide Parquet.
+fn wide(times: &[i64], channels: &[Vec<f64>]) -> Folder {
+    let channels: Vec<(&str, &[f64])> =
+        NAMES.into_iter().zip(channels.iter().map(Vec::as_slice)).collect();
+    Folder::of("wide.parquet", &log_at(times.iter().copied(), &channels))
 }
 
 /// The table in every shape and notation that it can have, each in a folder of its own.
@@ -127,11 +134,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn any_shape_of_the_same_data_gives_the_same_states((times, channels) in tables()) {
-        let seconds = times.iter().map(|&second| Timestamp::from_micros(second * 1_000_000)).collect();
-        let wide = NAMES.iter().zip(&channels).fold(Table::new().with::<Timestamp>("timestamp", seconds), |table, (name, values)| {
-            table.with_optional(*name, optional(values))
-        });
-        let folder = Folder::of("wide.parquet", &wide);
+        let folder = wide(&times, &channels);
         let expected = fingerprints(&folder.file("wide.parquet"));
         for path in write_shapes(&folder, &times, &channels) {
             let got = fingerprints(&path);
@@ -186,11 +189,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
     fn channels_with_few_values_are_told_by_them_as_by_all_rows((times, channels) in seldom(), max_missing in prop::sample::select(vec![0.5, 0.99, 1.0])) {
-        let seconds = times.iter().map(|&second| Timestamp::from_micros(second * 1_000_000)).collect();
-        let wide = NAMES.iter().zip(&channels).fold(Table::new().with::<Timestamp>("timestamp", seconds), |table, (name, values)| {
-            table.with_optional(*name, optional(values))
-        });
-        let folder = Folder::of("wide.parquet", &wide);
+        let folder = wide(&times, &channels);
         let long = write_shapes(&folder, &times, &channels).into_iter().find(|path| path.ends_with("long")).expect("made");
         let preprocess = PreprocessConfig { max_missing, ..PreprocessConfig::default() };
         let inspect = |path: &Path| inspect(&data_at(path), &preprocess, &Silent).expect("a log");
