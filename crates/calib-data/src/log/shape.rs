@@ -122,29 +122,32 @@ fn recognise_apart(
     file_per_tag(heads, times, data)
 }
 
-fn refuse(reason: String) -> Result<Recognised, DataError> {
+fn refuse<T>(reason: String) -> Result<T, DataError> {
     Err(DataError::Shape { reason })
+}
+
+/// The column that `data.{key}` names.
+fn named(head: &Head, columns: &[HeadColumn], key: &str, name: &str) -> Result<usize, DataError> {
+    match columns.iter().position(|column| column.name == name) {
+        Some(column) => Ok(column),
+        None => refuse(format!(
+            "{} has no column {name:?}, which data.{key} names; give one of its columns",
+            head.path().display()
+        )),
+    }
 }
 
 /// The roles of the columns, if the file is a long table.
 fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Roles>, DataError> {
     let columns = head.columns();
-    let find = |key: &str, name: &str| {
-        columns.iter().position(|column| column.name == name).ok_or_else(|| DataError::Shape {
-            reason: format!(
-                "{} has no column {name:?}, which data.{key} names; give one of its columns",
-                head.path().display()
-            ),
-        })
-    };
     let others = || (0..columns.len()).filter(|&column| column != time);
     let is = |column: usize, known: &[&str]| known.contains(&plain(&columns[column].name).as_str());
     let values: Vec<usize> = match &data.value {
-        Some(name) => vec![find("value", name)?],
+        Some(name) => vec![named(head, &columns, "value", name)?],
         None => others().filter(|&column| is(column, &VALUES)).collect(),
     };
     let tag = match &data.tag {
-        Some(name) => Some(find("tag", name)?),
+        Some(name) => Some(named(head, &columns, "tag", name)?),
         None => others()
             .filter(|column| !values.contains(column))
             .find(|&column| names_tags(&columns[column])),
@@ -161,15 +164,13 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
             .map(|column| columns[column].name.as_str())
             .collect();
         if data.tag.is_none() && data.shape.is_none() && !rest.is_empty() {
-            return Err(DataError::Shape {
-                reason: format!(
-                    "{} may be a long table, with tags in {:?}, or a wide one, with channels such as {:?}; say which with data.shape = \"long\" or \"wide\". \
-                     If its rows are of several plants, it is wide, and data.where chooses one of them",
-                    head.path().display(),
-                    columns[tag].name,
-                    rest[0]
-                ),
-            });
+            return refuse(format!(
+                "{} may be a long table, with tags in {:?}, or a wide one, with channels such as {:?}; say which with data.shape = \"long\" or \"wide\". \
+                 If its rows are of several plants, it is wide, and data.where chooses one of them",
+                head.path().display(),
+                columns[tag].name,
+                rest[0]
+            ));
         }
         let quality = quality_of(head, quality_column(head, &columns, time, data)?, data)?;
         let mut known = vec![time, tag];
@@ -179,14 +180,12 @@ fn long_roles(head: &Head, time: usize, data: &DataConfig) -> Result<Option<Role
         return Ok(Some(Roles { time, tag: TagOf::Column(tag), values, quality, sides }));
     }
     if let Some(tag) = tag.filter(|_| data.tag.is_some()) {
-        return Err(DataError::Shape {
-            reason: format!(
-                "{} has tags in {:?}, and no column is known to hold their values; name it with data.value. If every other column is a channel, the rows are of several plants: \
-                 data.where chooses one of them, without data.tag",
-                head.path().display(),
-                columns[tag].name
-            ),
-        });
+        return refuse(format!(
+            "{} has tags in {:?}, and no column is known to hold their values; name it with data.value. If every other column is a channel, the rows are of several plants: \
+             data.where chooses one of them, without data.tag",
+            head.path().display(),
+            columns[tag].name
+        ));
     }
     unnamed_roles(head, &columns, time)
 }
@@ -227,16 +226,14 @@ fn unnamed_roles(
         let sides = Vec::new();
         return Ok(Some(Roles { time, tag, values: vec![value], quality: None, sides }));
     }
-    Err(DataError::Shape {
-        reason: format!(
-            "{} has one column of words, {:?}, and one of numbers, {:?}: if the words name what was measured, set data.tag = {:?} and data.value = {:?}; else data.shape = \"wide\"",
-            head.path().display(),
-            columns[words].name,
-            columns[value].name,
-            columns[words].name,
-            columns[value].name
-        ),
-    })
+    refuse(format!(
+        "{} has one column of words, {:?}, and one of numbers, {:?}: if the words name what was measured, set data.tag = {:?} and data.value = {:?}; else data.shape = \"wide\"",
+        head.path().display(),
+        columns[words].name,
+        columns[value].name,
+        columns[words].name,
+        columns[value].name
+    ))
 }
 
 fn quality_column(
@@ -251,13 +248,7 @@ fn quality_column(
                 .find(|&column| column != time && plain(&columns[column].name) == *known)
         }));
     };
-    let position = columns.iter().position(|column| column.name == *name);
-    position.map(Some).ok_or_else(|| DataError::Shape {
-        reason: format!(
-            "{} has no column {name:?}, which data.quality names; give one of its columns",
-            head.path().display()
-        ),
-    })
+    named(head, columns, "quality", name).map(Some)
 }
 
 /// What the codes in `column` mean. Only samples have such codes: a wide log may call its channels as it likes.
@@ -292,9 +283,7 @@ fn file_per_tag(
     let is_asked = data.shape == Some(Shape::FilePerTag);
     let Some(files) = single.into_iter().collect::<Option<Vec<Single>>>() else {
         if is_asked {
-            return Err(DataError::Shape {
-                reason: "data.shape is \"file_per_tag\", and a file has several columns of values; name the one to take with data.value".to_owned(),
-            });
+            return refuse("data.shape is \"file_per_tag\", and a file has several columns of values; name the one to take with data.value".to_owned());
         }
         return Ok(Recognised::Wide);
     };
