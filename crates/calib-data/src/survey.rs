@@ -383,12 +383,9 @@ impl<'a> Viewed<'a> {
         let log = scan.log;
         let train = near.positions(&log.train);
         let held_out = log.held_out.as_ref().map(|rows| near.positions(rows));
-        let mut parts: Vec<&Range<usize>> = [&train].into_iter().chain(&held_out).collect();
-        parts.sort_by_key(|part| part.start);
-        let cut = parts.into_iter().flat_map(|part| crate::log::inside(&near.stretches, part));
         Self {
             timestamps: near.rows.iter().map(|&row| log.rows.timestamps[row]).collect(),
-            cut: cut.collect(),
+            cut: crate::log::inside_both(&near.stretches, &train, held_out.as_ref()).into(),
             stretches: Cow::Borrowed(&near.stretches),
             values: &mut near.values,
             train,

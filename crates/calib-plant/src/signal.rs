@@ -110,11 +110,6 @@ signals! {
 
 impl Signal {
     pub(crate) const COUNT: usize = SIGNALS.len();
-
-    #[cfg(test)]
-    pub(crate) fn info(self) -> &'static SignalInfo {
-        &SIGNALS[self as usize]
-    }
 }
 
 /// All signals at one instant.
@@ -199,12 +194,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_follows_the_enumeration() {
-        for (position, info) in SIGNALS.iter().enumerate() {
-            assert_eq!(info.signal as usize, position);
-            assert_eq!(info.signal.info().tag, info.tag);
-            assert!(info.range.0 < info.range.1);
-        }
+    fn no_range_is_empty() {
+        assert!(SIGNALS.iter().all(|info| info.range.0 < info.range.1));
     }
 
     fn push_pressure(signals: &mut Signals, value: f64) {

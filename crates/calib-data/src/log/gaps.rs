@@ -88,6 +88,17 @@ pub(crate) fn inside(stretches: &[Range<usize>], part: &Range<usize>) -> Vec<Ran
         .collect()
 }
 
+/// The same of the training range and the held-out one, in order.
+pub(crate) fn inside_both(
+    stretches: &[Range<usize>],
+    train: &Range<usize>,
+    held_out: Option<&Range<usize>>,
+) -> Vec<Range<usize>> {
+    let mut parts: Vec<&Range<usize>> = [train].into_iter().chain(held_out).collect();
+    parts.sort_by_key(|part| part.start);
+    parts.into_iter().flat_map(|part| inside(stretches, part)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -46,7 +46,7 @@ pub(crate) use self::{
     column_aliases::{TAGS, plain},
     dedup::Contradicting,
     file::{FieldKind, classify},
-    gaps::{Steps, inside},
+    gaps::{Steps, inside, inside_both},
     read::{Batch, ChannelValues, Codes},
     room::Room,
     rows::EXAMPLES,
@@ -251,11 +251,7 @@ impl Log {
 
     /// Stretches without a gap, cut at the ends of the two ranges; rows outside both are left out.
     pub(crate) fn stretches(&self) -> Vec<Range<usize>> {
-        let mut parts: Vec<&Range<usize>> =
-            [&self.train].into_iter().chain(&self.held_out).collect();
-        parts.sort_by_key(|part| part.start);
-        let stretches = parts.into_iter().flat_map(|part| inside(&self.steps.stretches, part));
-        stretches.collect()
+        inside_both(&self.steps.stretches, &self.train, self.held_out.as_ref())
     }
 }
 

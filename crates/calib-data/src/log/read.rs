@@ -142,7 +142,8 @@ impl Log {
                         take_part(angle, &mut channel.values, &channel.not_numbers)?;
                     }
                     if let Some(grid) = self.grid_of(number) {
-                        let (times, values) = self.recorded_values(&channel.values);
+                        let times = rows.timestamps.iter().map(|time| time.as_micros());
+                        let (times, values) = present(times, &channel.values);
                         channel.bridged = grid.bridged(&times);
                         channel.values = grid.values(&times, &values, &self.rows.timestamps);
                     }
@@ -163,15 +164,6 @@ impl Log {
     /// The clock of a channel, if the log has one.
     fn grid_of(&self, channel: usize) -> Option<Grid> {
         self.grid.as_ref().map(|grid| grid.with_max_age(self.max_ages[channel]))
-    }
-
-    /// The recorded values of a channel, and their times.
-    fn recorded_values(&self, values: &[f64]) -> (Vec<i64>, Vec<f64>) {
-        let recorded = self.recorded().timestamps.iter().zip(values);
-        recorded
-            .filter(|(_, value)| !value.is_nan())
-            .map(|(time, value)| (time.as_micros(), *value))
-            .unzip()
     }
 
     fn read_tag(
@@ -196,8 +188,7 @@ impl Log {
             take_part(angle, &mut values, &channel.not_numbers)?;
         }
         if let Some(grid) = self.grid_of(number) {
-            let present = placed.times.iter().zip(&values).filter(|(_, value)| !value.is_nan());
-            let (times, values): (Vec<i64>, Vec<f64>) = present.unzip();
+            let (times, values) = present(placed.times, &values);
             channel.bridged = grid.bridged(&times);
             channel.values = grid.values(&times, &values, &self.rows.timestamps);
             return Ok(());
@@ -296,6 +287,12 @@ impl Log {
             duplicates[repeats.start + position] = read[all[position].file_row as usize - start];
         }
     }
+}
+
+/// The samples that have a value.
+fn present(times: impl IntoIterator<Item = i64>, values: &[f64]) -> (Vec<i64>, Vec<f64>) {
+    let samples = times.into_iter().zip(values.iter().copied());
+    samples.filter(|(_, value)| !value.is_nan()).unzip()
 }
 
 /// Put the sine or the cosine of each angle in its place.
@@ -410,8 +407,7 @@ impl Log {
         match last {
             None => self.put(&times, &codes, &mut placed),
             Some(grid) => {
-                let present = times.iter().zip(&codes).filter(|(_, code)| !code.is_nan());
-                let (times, codes): (Vec<i64>, Vec<f64>) = present.unzip();
+                let (times, codes) = present(times, &codes);
                 placed = grid.values(&times, &codes, &self.rows.timestamps);
             }
         }
