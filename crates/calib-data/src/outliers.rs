@@ -95,13 +95,11 @@ impl Fences {
 
     /// Do with the spikes of `values` what the study says.
     pub(crate) fn treat(&self, values: &mut [f64], stretches: &[Range<usize>], outliers: Outliers) {
-        let mut rows = Vec::new();
-        match outliers {
-            Outliers::Keep => return,
-            Outliers::Missing | Outliers::Clip => {
-                self.spikes(values, stretches, |row| rows.push(row));
-            }
+        if outliers == Outliers::Keep {
+            return;
         }
+        let mut rows = Vec::new();
+        self.spikes(values, stretches, |row| rows.push(row));
         for row in rows {
             values[row] = match outliers {
                 Outliers::Clip => values[row].clamp(self.low, self.high),

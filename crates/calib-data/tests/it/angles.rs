@@ -10,8 +10,8 @@ use calib_data::{
 use calib_files::ExistingFile;
 
 use crate::support::{
-    Folder, assert_refused, assert_refused_with, kept, load_with, log, log_at, optional, profile,
-    refusal, refused, seconds, train_values,
+    Folder, assert_refused, assert_refused_with, kept, load_with, log, log_at, one_hot, optional,
+    profile, refusal, refused, seconds, train_values,
 };
 
 const ROWS: u32 = 300;
@@ -330,10 +330,6 @@ fn entries_that_make_no_two_channels_are_refused() {
     assert_eq!(kept(&profile(&left_out)), ["wind_sin", "wind_cos", "yaw", "yaw_cos"]);
 }
 
-fn modes(name: &str) -> PreprocessConfig {
-    PreprocessConfig { one_hot: Some(name.to_owned()), ..Default::default() }
-}
-
 #[test]
 fn whoever_names_the_angle_is_told_of_the_two() {
     let wind: Vec<f64> = (0..40).map(direction).collect();
@@ -342,9 +338,9 @@ fn whoever_names_the_angle_is_told_of_the_two() {
     let hint = "data.angles makes wind_sin and wind_cos of it: name one of these";
     let error = profile(&data).require_sensor("wind").expect_err("no channel").to_string();
     assert_eq!(error, format!("sensor \"wind\" is not a channel of the log; {hint}"));
-    let error = refused(&data, &modes("wind")).to_string();
+    let error = refused(&data, &one_hot("wind")).to_string();
     assert!(error.ends_with(hint), "{error}");
-    assert_refused_with(&data, &modes("wind_sin"), &["of the angle wind, which has no modes"]);
+    assert_refused_with(&data, &one_hot("wind_sin"), &["of the angle wind, which has no modes"]);
     let surveyed = survey(&data, &PreprocessConfig::default(), &Silent).expect("a log");
     let error =
         surveyed.recorded(&["wind".to_owned()], &Silent).expect_err("no column").to_string();

@@ -7,7 +7,7 @@ use calib_data::{
 };
 
 use crate::support::{
-    Folder, NAN, assert_refused, assert_refused_with, load_with, log, log_at, seconds,
+    Folder, NAN, assert_refused, assert_refused_with, load_with, log, log_at, one_hot, seconds,
     segment_lengths, train_seconds, train_values,
 };
 
@@ -148,8 +148,7 @@ fn modes_may_be_text_missing_or_new() {
         .with("a", rising(10))
         .with("mode", modes.map(str::to_owned).to_vec());
     let folder = Folder::of("a.parquet", &table);
-    let preprocess =
-        PreprocessConfig { one_hot: Some("mode".to_owned()), ..PreprocessConfig::default() };
+    let preprocess = one_hot("mode");
     let data = DataConfig { train_fraction: 0.8, ..folder.data() };
     let dataset = load_with(&data, &preprocess);
     assert_eq!(train_values(&dataset, "mode=run"), [1.0, 1.0, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0]);
@@ -158,8 +157,7 @@ fn modes_may_be_text_missing_or_new() {
     let held_out = dataset.held_out.as_ref().expect("a held-out range");
     assert_eq!(held_out.states().row(0)[1..], [0.0, 0.0]);
 
-    let wrong = PreprocessConfig { one_hot: Some("mod".to_owned()), ..PreprocessConfig::default() };
-    assert_refused_with(&data, &wrong, &["not a channel of the log; did you mean mode?"]);
+    assert_refused_with(&data, &one_hot("mod"), &["not a channel of the log; did you mean mode?"]);
 }
 
 fn modes(modes: [&str; 6]) -> Table {
@@ -171,8 +169,7 @@ fn modes(modes: [&str; 6]) -> Table {
 fn modes_may_lie_in_a_file_of_their_own_and_contradict_each_other() {
     let folder = Folder::of("a.parquet", &log(0, &[("a", &rising(6))]));
     folder.write("b.parquet", &modes(["run", "run", "stop", "", "run", "run"]));
-    let preprocess =
-        PreprocessConfig { one_hot: Some("mode".to_owned()), ..PreprocessConfig::default() };
+    let preprocess = one_hot("mode");
     let data = |contradictions| DataConfig { contradictions, train_fraction: 1.0, ..folder.data() };
     let stops =
         |contradictions| train_values(&load_with(&data(contradictions), &preprocess), "mode=stop");
@@ -192,8 +189,7 @@ fn modes_that_are_numbers_contradict_each_other_as_well() {
     let folder =
         Folder::of("a.parquet", &log(0, &[("a", &rising(4)), ("mode", &[1.0, 1.0, 2.0, 2.0])]));
     folder.write("b.parquet", &log(0, &[("mode", &[1.0, NAN, 1.0, 2.0])]));
-    let preprocess =
-        PreprocessConfig { one_hot: Some("mode".to_owned()), ..PreprocessConfig::default() };
+    let preprocess = one_hot("mode");
     assert_refused_with(
         &folder.data(),
         &preprocess,

@@ -12,8 +12,8 @@ use calib_data::{
 };
 
 use crate::support::{
-    Folder, NAN, assert_refused, assert_refused_with, load_with, log_at, profile, train_seconds,
-    train_values,
+    Folder, NAN, assert_refused, assert_refused_with, load_with, log_at, one_hot, profile,
+    train_seconds, train_values,
 };
 
 fn golden(name: &str) -> PathBuf {
@@ -155,11 +155,7 @@ fn words_take_no_more_memory_than_is_kept_of_them() {
     let profile = folder.inspect();
     let words = &profile.channel("a").expect("a channel").words;
     assert!(words.iter().all(|(word, _)| word.chars().count() <= 100), "{words:?}");
-    assert_refused_with(
-        &folder.data(),
-        &PreprocessConfig { one_hot: Some("a".to_owned()), ..PreprocessConfig::default() },
-        &["different words"],
-    );
+    assert_refused_with(&folder.data(), &one_hot("a"), &["different words"]);
 }
 
 #[test]

@@ -73,6 +73,11 @@ pub(crate) fn profile(data: &DataConfig) -> Profile {
     inspect(data, &PreprocessConfig::default(), &Silent).expect("a log")
 }
 
+/// The default preprocessing, but for a channel of modes.
+pub(crate) fn one_hot(name: &str) -> PreprocessConfig {
+    PreprocessConfig { one_hot: Some(name.to_owned()), ..PreprocessConfig::default() }
+}
+
 /// The log, which is the same in memory and on a disk.
 pub(crate) fn load_with(data: &DataConfig, preprocess: &PreprocessConfig) -> Dataset {
     let dataset = load(data, preprocess, &Silent).expect("a log");
