@@ -120,7 +120,7 @@ fn agents_that_act_in_shares_are_judged_as_those_of_one_process() {
     assert!(ran.stderr().contains(trained), "{}", ran.stderr());
     // A network that was trained without the others gives the bytes that it gives with them.
     started.calib(&["control", study]).ends(&[1]);
-    assert!(results(&alone, folder) == results(&started, folder));
+    assert!(alone.content(folder) == started.content(folder));
     let json = started.calib(&["control", study, "--share", "1/20", "--json"]).fails(2);
     assert!(json.contains("--json"), "a share has no verdict to print: {json}");
 }
