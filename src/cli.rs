@@ -24,6 +24,8 @@ pub(crate) use {
     study::{CheckArgs, ControlArgs, EvaluateArgs, StudyArgs, ValidityArgs},
 };
 
+use crate::output::AfterInterruption;
+
 /// The heading of options about output.
 const OUTPUT: &str = "What is shown";
 
@@ -145,6 +147,36 @@ pub(crate) enum Command {
 }
 
 impl Command {
+    /// What the same command does after an interruption: steps of a study are kept, and parts of the long ones.
+    pub(crate) fn after_interruption(&self) -> AfterInterruption {
+        let goes_on = match self {
+            Self::Quickstart(_)
+            | Self::Run(_)
+            | Self::Represent(_)
+            | Self::BuildModel(_)
+            | Self::Pretrain(_)
+            | Self::Sweep(_)
+            | Self::Control(_)
+            | Self::Validity(_)
+            | Self::Cluster { command: ClusterCommand::Run { .. } } => true,
+            // The days of a plant are files of their own; the log of a task is one.
+            Self::Simulate(args) => args.task.task.is_none(),
+            Self::Init(_)
+            | Self::Inspect(_)
+            | Self::Import(_)
+            | Self::Rollout(_)
+            | Self::Evaluate(_)
+            | Self::Status(_)
+            | Self::Check(_)
+            | Self::Cluster { .. }
+            | Self::Dtw(_)
+            | Self::Explain { .. }
+            | Self::Completions { .. }
+            | Self::Man { .. } => false,
+        };
+        if goes_on { AfterInterruption::GoesOn } else { AfterInterruption::BeginsAnew }
+    }
+
     /// Whom the result is for.
     pub(crate) fn answer(&self) -> OutputFormat {
         let json = match self {

@@ -1,7 +1,7 @@
 use calib_pipeline::{Observer, Outcome, Remark, StepError};
 use calib_study::Place;
 
-use crate::output::{excerpt, is_to_be_tried_again};
+use crate::output::{excerpt, interrupted, is_to_be_tried_again};
 
 /// How a command ended; the number is the process's exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub enum ExitStatus {
     Internal = 3,
     /// A part of work that is spread over several machines is missing; what there is stays.
     Incomplete = 4,
-    /// TERM, USR1 or USR2 stopped it: the state is kept, and the same command goes on from it (`EX_TEMPFAIL`).
+    /// TERM, USR1 or USR2 stopped it: the same command goes on from what was kept, or begins anew (`EX_TEMPFAIL`).
     TryAgain = 75,
     /// The user stopped it.
     Interrupted = 130,
@@ -36,7 +36,9 @@ impl From<Outcome> for ExitStatus {
 
 /// Say what went wrong, and with which status to exit.
 pub(crate) fn report(error: &StepError, observer: &dyn Observer) -> ExitStatus {
-    observer.remark(Remark::Error(&error.to_string()));
+    let told = error.to_string();
+    let told = if error.was_cancelled() { interrupted() } else { told.as_str() };
+    observer.remark(Remark::Error(told));
     match error.exit_code() {
         130 if is_to_be_tried_again() => ExitStatus::TryAgain,
         130 => ExitStatus::Interrupted,

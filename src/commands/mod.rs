@@ -60,7 +60,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
     }
     // Warping has nothing to finish or to put aside: the system may end it at once.
     if !matches!(cli.command, Command::Dtw(_)) {
-        watch_for_interrupts();
+        watch_for_interrupts(cli.command.after_interruption());
     }
     let printer = &printer.in_format(cli.command.answer());
     Ok(match cli.command {

@@ -14,6 +14,8 @@ use crate::ExitStatus;
 static ASKED: AtomicBool = AtomicBool::new(false);
 /// It is to go on later.
 static FOR_NOW: AtomicBool = AtomicBool::new(false);
+/// The command keeps nothing of what it did before it is done.
+static KEEPS_NOTHING: AtomicBool = AtomicBool::new(false);
 
 /// How long work has to come to its next safe point. Some has none for long: inside an update of a large network, or in
 /// a library.
@@ -22,14 +24,22 @@ const GRACE: Duration = Duration::from_millis(1_500);
 const PUTTING_ASIDE: Duration = Duration::from_secs(10);
 /// Between two looks.
 const LOOK: Duration = Duration::from_millis(50);
-/// What is said where the work itself comes to nothing any more.
-const ENDED: &str = "error: interrupted; run the same command again to go on\n";
+
+/// What the same command does after an interruption.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum AfterInterruption {
+    /// It goes on from what was kept.
+    GoesOn,
+    /// It does everything again.
+    BeginsAnew,
+}
 
 /// From now on Ctrl-C asks the work to stop at its next safe point; a second Ctrl-C ends at once. So do TERM, USR1 and
 /// USR2, however often they come: batch systems send them to several processes of a task before its end. Where no safe
 /// point comes soon, the process ends: results are whole or absent after that as after any kill.
-pub(crate) fn watch_for_interrupts() {
+pub(crate) fn watch_for_interrupts(after: AfterInterruption) {
     static ONCE: Once = Once::new();
+    KEEPS_NOTHING.store(after == AfterInterruption::BeginsAnew, Ordering::Relaxed);
     ONCE.call_once(|| {
         // Without a handler Ctrl-C ends the process at once; that is safe too, only less polite.
         let _ = ctrlc::set_handler(|| {
@@ -62,10 +72,11 @@ fn end_in_time() {
 /// End at once. Whoever holds a lock, such as that of standard error, may be what does not end.
 #[cfg(unix)]
 fn end(status: ExitStatus) -> ! {
+    let told = format!("error: {}\n", interrupted());
     // SAFETY: the text is as long as is said, and nothing is run on the way out.
     #[expect(unsafe_code, reason = "a process is left at once in C")]
     unsafe {
-        libc::write(libc::STDERR_FILENO, ENDED.as_ptr().cast(), ENDED.len());
+        libc::write(libc::STDERR_FILENO, told.as_ptr().cast(), told.len());
         libc::_exit(status as i32)
     }
 }
@@ -96,6 +107,15 @@ extern "C" fn stop_for_now(_: libc::c_int) {
 /// Whether the work is to stop.
 pub(crate) fn is_asked_to_stop() -> bool {
     ASKED.load(Ordering::Relaxed)
+}
+
+/// What is said of an interruption, and of what the same command does after it.
+pub(crate) fn interrupted() -> &'static str {
+    if KEEPS_NOTHING.load(Ordering::Relaxed) {
+        "interrupted; nothing is kept, so the same command begins anew"
+    } else {
+        "interrupted; run the same command again to go on"
+    }
 }
 
 /// Whether it is to be tried again: what was asked to stop has kept its state.

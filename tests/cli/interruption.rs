@@ -1,5 +1,7 @@
 //! Killed at any moment, a command that is run again gives what it would have given undisturbed.
 
+#[cfg(unix)]
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::{process::Stdio, thread, time::Duration};
 
 #[cfg(unix)]
@@ -204,4 +206,31 @@ fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
     assert!(!place.path().join("study-results/sweep/manifest.json").exists());
     place.edit_study("online_runs = 4000", "online_runs = 3");
     place.calib(&["sweep", "study.toml"]).succeeds();
+}
+
+#[cfg(unix)]
+#[test]
+fn a_command_that_keeps_nothing_says_that_it_begins_anew() {
+    let place = Place::with_study();
+    let mut child = place
+        .command(&["init", "data", "proposed.toml", "--within=10m"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("calib runs");
+    let mut told = BufReader::new(child.stderr.take().expect("piped"));
+    let mut line = String::new();
+    while !line.contains("looking at") {
+        line.clear();
+        assert!(told.read_line(&mut line).expect("text") > 0, "it ended without a word");
+    }
+    let id = child.id().to_string();
+    let sent = std::process::Command::new("kill").args(["-INT", &id]).status();
+    assert!(sent.expect("kill runs").success());
+    let mut rest = String::new();
+    told.read_to_string(&mut rest).expect("text");
+    assert_eq!(child.wait().expect("it ends").code(), Some(130), "{rest}");
+    let anew = "error: interrupted; nothing is kept, so the same command begins anew";
+    assert!(rest.contains(anew) && !rest.contains("to go on"), "{rest}");
+    assert!(!place.path().join("proposed.toml").exists());
 }

@@ -104,9 +104,7 @@ impl StepError {
     /// What is told of the error itself, and of its causes.
     fn causes(&self) -> Vec<String> {
         let error: &dyn Error = match self {
-            Self::Cancelled => {
-                return vec!["interrupted; run the same command again to go on".to_owned()];
-            }
+            Self::Cancelled => return vec!["interrupted".to_owned()],
             Self::Incomplete(text) | Self::Stale(text) | Self::Unscorable(text) => {
                 return vec![text.clone()];
             }
@@ -346,7 +344,7 @@ mod tests {
         for error in cancelled {
             let error = Err::<(), _>(error).context("a model").expect_err("an error");
             assert_eq!((error.was_cancelled(), error.exit_code()), (true, 130));
-            assert!(error.to_string().starts_with("interrupted; "), "{error}");
+            assert_eq!(error.to_string(), "interrupted");
         }
         let incomplete = Err::<(), _>(StepError::Incomplete("a shard".to_owned())).context("plan");
         assert_eq!(incomplete.expect_err("an error").exit_code(), 4);
