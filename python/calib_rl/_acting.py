@@ -62,7 +62,7 @@ class Recorded(NamedTuple):
     """
 
     mean: float
-    """Mean return an episode."""
+    """Mean return an episode: all rewards divided by all episodes, of which a part counts as its share of the timeout. So it can lie beyond ``best`` and ``worst``."""
     best: float | None
     """The best whole episode. ``None`` where none is whole."""
     worst: float | None

@@ -9,7 +9,8 @@ use crate::{ControlError, Decisions, Ending};
 /// What the recorded behaviour got an episode, counted as the returns of agents are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RecordedReturn {
-    /// Mean return an episode: Σ rewards / Σ shares of an episode that were recorded.
+    /// Mean return an episode: Σ rewards / Σ shares of an episode that were recorded. It may lie beyond every whole episode, where terminals
+    /// end most of them and gaps cut others short.
     pub mean: f64,
     /// 95 % interval of the mean, over recorded episodes; none for one.
     pub interval: Option<Interval>,
@@ -159,6 +160,11 @@ pub(crate) mod tests {
         assert_near(recorded.mean, -125.0 / 2.25);
         assert_near(recorded.episodes, 2.25);
         assert_eq!((recorded.best, recorded.worst), (Some(-40.0), Some(-60.0)));
+        // Parts have the rewards of their steps, and are small shares of an episode that terminals end early.
+        let recorded =
+            log(&[(10, END), (12, END), (8, ON), (8, ON)]).recorded_return(100).expect("numbers");
+        assert_near(recorded.mean, -38.0 / 2.16);
+        assert!(recorded.worst.is_some_and(|worst| recorded.mean < worst), "{recorded:?}");
         // Less than an episode is not told as one.
         let recorded = log(&[(25, ON)]).recorded_return(100).expect("numbers");
         assert_near(recorded.mean, -100.0);

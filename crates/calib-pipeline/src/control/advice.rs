@@ -1,7 +1,9 @@
 //! What a verdict about agents that act tells to do, in words: the same for studies and for Python.
 
 use calib_base::output::{counted, percent, significant};
-use calib_control::{BestConstant, Doubt, KINDS_AGREE, RandomActions, ReturnVerdict};
+use calib_control::{
+    BestConstant, Doubt, KINDS_AGREE, RandomActions, RecordedReturn, ReturnVerdict,
+};
 use calib_report::{Decision, Support, listed};
 use calib_stats::{Difference, Interval, RankRule};
 
@@ -208,15 +210,7 @@ impl Advice<'_> {
         lines.extend(self.at_ends());
         lines.extend(verdict.constant.as_ref().map(|constant| self.beside_constant(constant)));
         lines.extend(verdict.random_actions.as_ref().map(beside_random_actions));
-        let recorded = verdict.behaviour;
-        lines.push(format!(
-            "Recorded episodes: mean return {}{}{}.",
-            significant(recorded.mean),
-            recorded.interval.map_or_else(String::new, interval),
-            recorded
-                .best
-                .map_or_else(String::new, |best| format!(", at most {}", significant(best)))
-        ));
+        lines.push(recorded_episodes(&verdict.behaviour));
         lines.push(format!(
             "Not covered by the log: {} of its steps in the model.",
             percent(verdict.coverage[verdict.chosen].uncovered())
@@ -402,6 +396,27 @@ impl Advice<'_> {
 /// The finite number that a value is, if it is one.
 fn finite(value: &str) -> Option<f64> {
     value.parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+/// What the recorded behaviour got. A mean beyond every whole episode would look like a mistake without its reason.
+fn recorded_episodes(recorded: &RecordedReturn) -> String {
+    let RecordedReturn { mean, interval: around, best, worst, .. } = *recorded;
+    let told = significant(mean);
+    // What is told alike is not beyond.
+    let is_beyond = |whole: f64, is_farther: bool| is_farther && significant(whole) != told;
+    let above = best.is_some_and(|best| is_beyond(best, mean > best));
+    let below = worst.is_some_and(|worst| is_beyond(worst, mean < worst));
+    format!(
+        "Recorded episodes: mean return {told}{}{}.{}",
+        around.map_or_else(String::new, interval),
+        best.map_or_else(String::new, |best| format!(", at most {}", significant(best))),
+        if above || below {
+            " The mean is beyond every whole episode, because it counts parts of episodes too: it is the sum of all rewards divided by the number of episodes, \
+             and a part counts there as its share of the timeout."
+        } else {
+            ""
+        }
+    )
 }
 
 /// What actions at random would get.

@@ -142,6 +142,27 @@ fn more_than_random_actions_get_is_told_with_its_interval() {
     assert!(alone.contains("that it learns anything of use is not shown; record"), "{alone}");
 }
 
+#[test]
+fn a_recorded_mean_beyond_every_whole_episode_has_its_reason() {
+    let told = |mean: f64, best: Option<f64>, worst: Option<f64>| {
+        let mut verdict = verdict(&json!([]));
+        verdict.behaviour = RecordedReturn { mean, best, worst, ..verdict.behaviour };
+        let settings = ["a=1", "a=2"].map(str::to_owned);
+        let found = advice_on(&verdict, &settings).findings();
+        found.into_iter().find(|line| line.starts_with("Recorded episodes: ")).expect("a line")
+    };
+    let above = told(120.0, Some(110.0), Some(20.0));
+    assert!(above.starts_with("Recorded episodes: mean return 120, at most 110."), "{above}");
+    assert!(above.contains("beyond every whole episode, because it counts parts"), "{above}");
+    let below = told(-120.0, Some(-20.0), Some(-110.0));
+    assert!(below.contains("beyond every whole episode, because it counts parts"), "{below}");
+    let within = told(90.0, Some(110.0), Some(20.0));
+    assert_eq!(within, "Recorded episodes: mean return 90.0, at most 110.");
+    let alike = told(110.000_000_1, Some(110.0), Some(110.0));
+    assert!(alike.ends_with("at most 110."), "a rounding: {alike}");
+    assert!(told(5.0, None, None).ends_with("mean return 5.00."));
+}
+
 /// What is said of the ends of a grid of these settings, of which number 1 is chosen.
 fn told_of_ends(settings: [&[(&str, &str)]; 4], doubts: &serde_json::Value) -> Vec<String> {
     let mut verdict = verdict(doubts);
