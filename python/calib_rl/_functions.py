@@ -91,7 +91,8 @@ def build_model(
             otherwise.
         reward: The column of the reward of the step that led to a row, or terms, such as ``[{"column": "flow", "weight": 1.0}]``.
         terminal: The column that is 1 where an episode ends, if there is one. An episode also ends where the log has a gap.
-        levels: Of actions that are numbers: how many levels of each column agents choose among. Every combination that was recorded is an action without it.
+        levels: Of actions that are numbers: how many levels of each column agents choose among. A few values far from all others count as missing.
+            Every combination that was recorded is an action without it.
         timeout: Steps after which an episode is cut.
         progress: Whether to print what is done, or an observer.
         sections: For tables and paths: sections of the study, such as ``model={"members": 5}, preprocess={"subsample": 10}``.

@@ -284,3 +284,33 @@ fn a_day_of_thinned_decisions_has_fewer_steps() {
         .succeeds_with(&["episodes of at most 48 steps: a day"]);
     assert_eq!(study(&place)["control"]["timeout"].as_integer(), Some(48));
 }
+
+/// A slip of the logger stretches no levels, neither those that are proposed nor those of a study.
+#[test]
+fn an_action_that_stands_out_makes_no_levels() {
+    let place = plant(1);
+    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    let column = log.lines().next().expect("a header").split(',').position(|name| name == "a1");
+    let lines: Vec<String> = log
+        .lines()
+        .enumerate()
+        .map(|(number, line)| {
+            let mut cells: Vec<&str> = line.split(',').collect();
+            if number == 61 {
+                cells[column.expect("a column")] = "1000000";
+            }
+            cells.join(",")
+        })
+        .collect();
+    place.write("log.csv", &lines.join("\n"));
+    let ran = init(&place, &[&PLANT[..], &["--action=a1", "--reward=gain"]].concat());
+    let said = ran.succeeds();
+    assert!(said.contains("a1=100") && !said.contains("a1=1000000"), "{said}");
+    let slip = "a1 (control.actions): 1000000 at 2024-03-13 01:00:00 stands out from all others, which lie from 0 to 100.";
+    assert_eq!(ran.stderr().matches(slip).count(), 1, "{}", ran.stderr());
+    assert!(!ran.stderr().contains("hardly ever taken"), "{}", ran.stderr());
+    let inspected = place.calib(&["inspect", "study.toml"]);
+    assert!(inspected.stderr().contains(slip), "{}", inspected.stderr());
+    let shown = inspected.succeeds();
+    assert!(shown.contains("a1=100") && !shown.contains("a1=1000000"), "{shown}");
+}

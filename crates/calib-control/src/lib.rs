@@ -21,6 +21,7 @@ mod levels;
 mod log;
 mod model;
 mod off_policy;
+mod outlying;
 mod proposed;
 mod recorded;
 mod reward;
@@ -52,6 +53,7 @@ pub use model::{
     open_action_model, write_action_model,
 };
 pub use off_policy::{OffPolicyValues, off_policy_bytes, off_policy_values};
+pub use outlying::OutlyingActions;
 pub use proposed::{PAIRED_COLUMNS, ProposedSettings, is_beyond_returns, is_random, two_digits};
 pub use recorded::RecordedReturn;
 pub use reward::{Reward, RewardColumns, SetPoint, Term};

@@ -2,11 +2,11 @@ use calib_base::{
     Context as _, StepError, ensure,
     log::plant_of_study::data_of,
     memory::{self, NoRoom},
-    output::{Printer, count, counted, percent, span},
+    output::{Printer, count, counted, percent, significant, span},
 };
 use calib_control::{
     ActionModel, ChangedDecisions, Columns, ControlConfig, ControlError, DecisionRows, Decisions,
-    Ending, Levels, RowsWithoutReward, Settings, StartRows, Starts,
+    Ending, Levels, OutlyingActions, RowsWithoutReward, Settings, StartRows, Starts,
 };
 use calib_core::{Bounds, Frames, Period, RowIndex, States};
 use calib_data::{DataConfig, DataError, Resample, Surveyed, TextFound, entry_of, format_time};
@@ -27,6 +27,8 @@ pub(crate) struct ActionLog {
     pub(super) times: Vec<i64>,
     /// Time from one decision to the next.
     pub(crate) period: Period,
+    /// Which actions count as missing, because their values stand out; in sentences.
+    pub(crate) outlying: Vec<String>,
 }
 
 /// What things are called, and their units.
@@ -71,11 +73,16 @@ pub(crate) fn read(
     let progress = printer.progress();
     let surveyed = calib_data::survey(&data, &study.preprocess, &progress)?;
     let names = config.columns();
-    let recorded = surveyed.recorded(&names, &progress).map_err(|error| named(config, error))?;
+    let mut recorded =
+        surveyed.recorded(&names, &progress).map_err(|error| named(config, error))?;
     require_memory(&surveyed)?;
     let dataset = surveyed.load(&ScratchPlace::Memory, &progress)?;
     let frames = &dataset.train;
     tell_texts(config, &recorded.texts, printer);
+    let outlying = without_outlying(config, frames, &mut recorded.values);
+    for told in &outlying {
+        printer.warn(told);
+    }
     let rows = DecisionRows::new(config, recorded.values, frames.segments())?;
     tell_missing_rewards(frames, &rows, printer);
     let period = decision_period(config, dataset.period);
@@ -113,7 +120,7 @@ pub(crate) fn read(
         ranges: rows.acted.iter().map(|values| range(values)).collect(),
     };
     let times = rows.rows.iter().map(|&row| frames.timestamps()[row].as_micros()).collect();
-    Ok(ActionLog { decisions, names, fingerprint, times, period })
+    Ok(ActionLog { decisions, names, fingerprint, times, period, outlying })
 }
 
 /// Time from one decision to the next, where no terminal comes before.
@@ -161,6 +168,43 @@ fn tell_texts(config: &ControlConfig, texts: &[TextFound], printer: &Printer) {
             counted(*rows as usize, "row")
         ));
     }
+}
+
+/// Take values of continuous actions that stand out for missing ones, and say which: levels that reach as far would be actions that nobody took.
+/// The columns of actions are the first of `recorded`.
+fn without_outlying(
+    config: &ControlConfig,
+    frames: &Frames,
+    recorded: &mut [Vec<f64>],
+) -> Vec<String> {
+    let Some(levels) = config.levels else { return Vec::new() };
+    let columns = config.actions.iter().zip(recorded);
+    let told = columns.filter_map(|(name, values)| {
+        let found = OutlyingActions::of_column(values, levels)?;
+        let told = outlying_told(name, &found, frames);
+        found.rows.iter().for_each(|&row| values[row] = f64::NAN);
+        Some(told)
+    });
+    told.collect()
+}
+
+/// What is said of values of a column that stand out.
+fn outlying_told(name: &str, found: &OutlyingActions, frames: &Frames) -> String {
+    let OutlyingActions { rows, range: [least, largest], others: [low, high] } = found;
+    let at = format_time(frames.timestamps()[rows[0]]);
+    let [low, high] = [*low, *high].map(significant);
+    let (values, remedy) = if rows.len() == 1 {
+        (format!("{least} at {at} stands"), format!(" or set data.missing_values = [{least}]"))
+    } else {
+        let values = counted(rows.len(), "value");
+        let from_to = format!("from {} to {}", significant(*least), significant(*largest));
+        (format!("{values} {from_to}, first at {at}, stand"), String::new())
+    };
+    format!(
+        "{name} (control.actions): {values} out from all others, which lie from {low} to {high}. calib takes that for missing, because levels \
+         (control.levels) that reach as far would be actions that were never taken. If it is a mistake of the log, correct it there{remedy}; if not, \
+         round the column to the values that agents are to choose among, and leave control.levels out"
+    )
 }
 
 /// Say where a reward is missing or infinite: no agent can learn from it, and episodes end before such rows.

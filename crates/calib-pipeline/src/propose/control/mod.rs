@@ -316,8 +316,9 @@ impl ControlDrafting<'_> {
         drop(read);
         let levels = (levels, why);
         let job = self.job(self.text(Some(&levels), None, SHORT, ""))?;
-        // What there is to say of the log was said: actions are counted after that.
+        // What there is to say of the log was said, except what follows from levels: actions are counted after that.
         let log = control::read_log(&job, section(&job)?, &printer.silent())?;
+        log.outlying.iter().for_each(|told| printer.warn(told));
         self.refuse_one_action(&log.decisions)?;
         Ok(ReadDecisions { log, levels: Some(levels) })
     }

@@ -1,0 +1,109 @@
+/// One row in so many may have a value that stands out. Our choice.
+const ROWS_TO_ONE: usize = 100;
+
+/// Values of a column of continuous actions that stand out from all others, as a slip of the logger does. Levels that reached as far would be
+/// the nearest to no row, and all others would be one level.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutlyingActions {
+    /// The rows that have them, ascending.
+    pub rows: Vec<usize>,
+    /// The least and the largest of these values.
+    pub range: [f64; 2],
+    /// The least and the largest of the others.
+    pub others: [f64; 2],
+}
+
+/// A value of a column, and how many rows have it.
+struct CountedValue {
+    value: f64,
+    rows: usize,
+}
+
+impl OutlyingActions {
+    /// Those of `column`, NaN being missing; none where nothing stands out, or where its own values are no more than `levels`. The least or the
+    /// largest value stands out if it is farther from the next one than all others are from each other. So does the next one, if the same holds
+    /// without it, up to one row in a hundred.
+    pub fn of_column(column: &[f64], levels: usize) -> Option<Self> {
+        let mut values: Vec<f64> =
+            column.iter().map(|value| value + 0.0).filter(|value| !value.is_nan()).collect();
+        values.sort_by(f64::total_cmp);
+        let counted: Vec<CountedValue> = values
+            .chunk_by(|a, b| a.total_cmp(b).is_eq())
+            .map(|alike| CountedValue { value: alike[0], rows: alike.len() })
+            .collect();
+        if counted.len() <= levels {
+            return None;
+        }
+        let mut others = &counted[..];
+        let mut left = (values.len() / ROWS_TO_ONE).max(1);
+        while let [least, inner @ .., largest] = others
+            && let [first, .., last] = inner
+        {
+            let spread = last.value - first.value;
+            if largest.rows <= left && largest.value - last.value > spread {
+                left -= largest.rows;
+                others = &others[..others.len() - 1];
+            } else if least.rows <= left && first.value - least.value > spread {
+                left -= least.rows;
+                others = &others[1..];
+            } else {
+                break;
+            }
+        }
+        let others = [others.first()?.value, others.last()?.value];
+        let stands_out = |value: f64| value < others[0] || value > others[1];
+        let rows: Vec<usize> = (0..column.len()).filter(|&row| stands_out(column[row])).collect();
+        let mut outlying = values.into_iter().filter(|&value| stands_out(value));
+        let least = outlying.next()?;
+        let largest = outlying.next_back().unwrap_or(least);
+        Some(Self { rows, range: [least, largest], others })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Doses of 0 to 99, over and over, with other values in some rows.
+    fn doses(rows: usize, others: &[(usize, f64)]) -> Vec<f64> {
+        let mut doses: Vec<f64> = (0..rows).map(|row| (row * 37 % 100) as f64).collect();
+        others.iter().for_each(|&(row, value)| doses[row] = value);
+        doses
+    }
+
+    #[test]
+    fn values_far_from_all_others_stand_out() {
+        let found = |others: &[(usize, f64)]| OutlyingActions::of_column(&doses(600, others), 7);
+        assert_eq!(found(&[]), None);
+        let one = found(&[(300, 1e6), (4, f64::NAN)]).expect("a slip");
+        assert_eq!((&one.rows[..], one.range, one.others), (&[300][..], [1e6; 2], [0.0, 99.0]));
+        let stuck = found(&[(7, 1e6), (8, 1e6)]).expect("a slip of two rows");
+        assert_eq!(stuck.rows, [7, 8]);
+        let several = found(&[(9, -1e5), (7, 1e6), (8, 2_000.0)]).expect("slips on both sides");
+        assert_eq!((&several.rows[..], several.range), (&[7, 8, 9][..], [-1e5, 1e6]));
+        assert_eq!(several.others, [0.0, 99.0]);
+        assert_eq!(found(&[(300, 190.0)]), None, "no farther than others are from each other");
+    }
+
+    #[test]
+    fn what_many_rows_have_does_not_stand_out() {
+        let often: Vec<(usize, f64)> = (0..20).map(|row| (row, 1e6)).collect();
+        assert_eq!(OutlyingActions::of_column(&doses(600, &often), 7), None, "20 rows of 600");
+        // One row in forty is more than one in a hundred, and may be a slip all the same.
+        assert!(OutlyingActions::of_column(&doses(40, &[(3, 1e6)]), 7).is_some());
+        // A pump that mostly stands still has other values too.
+        let rare: Vec<f64> = (0..600)
+            .map(|row| if row % 40 == 0 { 20.0 + (row / 40) as f64 } else { 0.0 })
+            .collect();
+        assert_eq!(OutlyingActions::of_column(&rare, 7), None);
+    }
+
+    #[test]
+    fn few_values_are_levels_of_their_own() {
+        let few: Vec<f64> =
+            (0..600).map(|row| if row == 5 { 1e6 } else { (row % 3) as f64 }).collect();
+        assert_eq!(OutlyingActions::of_column(&few, 7), None);
+        assert!(OutlyingActions::of_column(&few, 3).is_some());
+        assert_eq!(OutlyingActions::of_column(&[f64::NAN; 4], 2), None);
+    }
+}
