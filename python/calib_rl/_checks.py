@@ -49,7 +49,12 @@ def opened(study: Study | str | os.PathLike[str]) -> Study:
 
     Raises:
         StudyError: The file is no study.
+        TypeError: It is neither a study nor a path.
     """
     from ._study import Study
 
-    return study if isinstance(study, Study) else Study(study)
+    if isinstance(study, Study):
+        return study
+    if not isinstance(study, (str, os.PathLike)):
+        raise TypeError(f"a study is a calib_rl.Study or the path of its file; got {type(study).__name__}")
+    return Study(study)
