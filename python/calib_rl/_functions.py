@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,6 +20,29 @@ from ._progress import Observer, observer
 from ._study import Study
 
 Index = Literal["auto", "kd_tree", "join", "scan"]
+
+# What may stand at the top of a study.
+SECTIONS = (
+    "seed",
+    "output",
+    "simulate",
+    "data",
+    "profiles",
+    "compare",
+    "models",
+    "deployments",
+    "sensors",
+    "preprocess",
+    "representation",
+    "model",
+    "dynamics",
+    "rollout",
+    "agent",
+    "pretrain",
+    "control",
+    "sweep",
+    "evaluate",
+)
 
 
 class Warping(NamedTuple):
@@ -105,7 +130,8 @@ def build_model(
         CalibError: A value of an array is NaN or infinite. A log is wrong. ``folder/log.parquet`` is there, and calib did not write it.
         StudyError: A section is not valid. Nothing is written then.
         FileExistsError: ``folder/study.toml`` holds another study.
-        TypeError: The data is something else, or has no real numbers.
+        TypeError: The data is something else, or has no real numbers. There is no such argument.
+        ValueError: An argument is outside its range.
         MemoryError: There is no memory for a copy of an array.
 
     Examples:
@@ -115,7 +141,7 @@ def build_model(
         >>> calib_rl.build_model(states, segments=[300, 200], members=4, neighbors=2)
         <calib_rl.Model: 4 members of 498 transitions, 2 neighbours, 4 columns>
     """
-    acting = {"reward": reward, "terminal": terminal, "levels": levels, "timeout": timeout}
+    acting: dict[str, Any] = {"reward": reward, "terminal": terminal, "levels": levels, "timeout": timeout}
     if actions is None and (stray := [name for name, value in acting.items() if value is not None]):
         raise TypeError(f"{stray[0]} is for models with actions; name the columns of what was done with actions=")
     if isinstance(actions, str):
@@ -130,6 +156,11 @@ def build_model(
         return of_arrays(data, segments, sections, progress)
     if segments is not None:
         raise TypeError("segments are for arrays; those of a log follow from its times")
+    _refuse_unknown(sections, actions is not None)
+    if levels is not None:
+        acting["levels"] = whole(levels, "levels", 2)
+    if timeout is not None:
+        acting["timeout"] = whole(timeout, "timeout", 1)
     if folder is None:
         raise TypeError("folder says where the model of a log lies")
     folder = Path(folder)
@@ -145,6 +176,33 @@ def build_model(
     if stream is not None:
         _calib.write_log(stream(), os.fspath(folder / path))
     return study.build_model(progress=progress) if actions is None else study.build_control_model(progress=progress)
+
+
+def _refuse_unknown(sections: Mapping[str, Any], is_acting: bool) -> None:
+    """Refuse a keyword that is no section of a study, and name the nearest argument, section or key.
+
+    Raises:
+        TypeError: There is one.
+    """
+    unknown = next((name for name in sections if name not in SECTIONS), None)
+    if unknown is None:
+        return
+    arguments = ["reward", "terminal", "levels", "timeout"] if is_acting else ["segments"]
+    # What may be meant, and how it is given.
+    meant = {name: f"{name}=" for name in ["actions", *arguments, "folder", "progress", *SECTIONS]}
+    study: dict[str, Any] = {"data": {"path": "log.parquet"}, "control": {"actions": ["action"]}}
+    resolved = json.loads(_calib.Job("study.toml", _calib.to_toml(study)).json())
+    if is_acting:
+        for key in resolved["control"]:
+            meant.setdefault(key, f"control={{{key!r}: ...}}")
+        for key in resolved["control"]["model"]:
+            meant.setdefault(key, f"control={{'model': {{{key!r}: ...}}}}")
+    for section in ["data", "preprocess"] if is_acting else ["model", "data", "preprocess"]:
+        for key in resolved[section]:
+            meant.setdefault(key, f"{section}={{{key!r}: ...}}")
+    nearest = difflib.get_close_matches(unknown, meant, n=1, cutoff=0.7)
+    hint = f"did you mean {meant[nearest[0]]}?" if nearest else f"sections of a study are {', '.join(SECTIONS)}"
+    raise TypeError(f"build_model() got an unexpected argument {unknown!r}; {hint}")
 
 
 def knn_join(
@@ -239,7 +297,8 @@ def simulate(folder: str | os.PathLike[str], *, force: bool = False, progress: b
 
     Raises:
         CalibError: The folder holds other logs.
-        ValueError: An option is unknown or outside its range.
+        TypeError: There is no such option.
+        ValueError: An option is outside its range.
 
     Examples:
         >>> import calib_rl, pathlib, tempfile

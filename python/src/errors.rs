@@ -1,8 +1,9 @@
 //! Errors of calib as exceptions, with the same texts.
 
 use calib_pipeline::{StepError, StudyError};
+use calib_study::option_error;
 use pyo3::{
-    exceptions::{PyKeyboardInterrupt, PyValueError},
+    exceptions::{PyKeyboardInterrupt, PyTypeError, PyValueError},
     prelude::*,
     types::PyString,
 };
@@ -45,4 +46,12 @@ pub(crate) fn of_any(py: Python<'_>, error: &dyn std::error::Error) -> PyErr {
 /// What a caller got wrong.
 pub(crate) fn value(text: impl Into<String>) -> PyErr {
     PyValueError::new_err(text.into())
+}
+
+/// What is wrong with options that were given as keywords. One that is unknown is a `TypeError`, as it is of any function.
+pub(crate) fn of_options(error: &toml::de::Error) -> PyErr {
+    let text = error.to_string();
+    let is_unknown = text.starts_with("unknown field") && !text.contains("\nin `");
+    let told = option_error(&text);
+    if is_unknown { PyTypeError::new_err(told) } else { value(told) }
 }

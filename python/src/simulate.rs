@@ -22,9 +22,9 @@ pub(crate) fn simulate(
     force: bool,
     observer: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
-    let config: SimulateConfig = convert::table(options.as_any(), "simulate")?
+    let config: SimulateConfig = convert::table(options.as_any(), "")?
         .try_into()
-        .map_err(|error| errors::value(format!("simulate: {error}")))?;
+        .map_err(|error| errors::of_options(&error))?;
     let plant = config.plant().map_err(|error| errors::of_study(py, &error))?;
     let simulated = watched(py, Needs::Tables, observer, |watch: &Arc<Watch>| {
         let printer = Printer::new(Arc::new(Ears(Arc::clone(watch))));

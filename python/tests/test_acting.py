@@ -15,6 +15,7 @@ from gymnasium.utils.env_checker import check_env
 
 import calib_rl
 import calib_rl.gym
+from calib_rl._functions import SECTIONS
 from conftest import command_line
 
 polars = pytest.importorskip("polars")
@@ -181,6 +182,42 @@ def test_walks_that_leave_recorded_rows(acting: calib_rl.ActionModel, kind: Any)
             many.step(np.ones(4, int))
             seen = other[0]
     assert others > 20
+
+
+def test_arguments_of_a_model_with_actions_are_named_as_in_python(tmp_path: Path) -> None:
+    for given, told in {
+        "neighbours": "did you mean control={'model': {'neighbors': ...}}?",
+        "level": "did you mean levels=?",
+        "every": "did you mean control={'every': ...}?",
+        "preproces": "did you mean preprocess=?",
+        "zzz": "sections of a study are seed, output, ",
+    }.items():
+        sections: dict[str, Any] = {given: 3}
+        with pytest.raises(TypeError) as refused:
+            calib_rl.build_model(tank(60), tmp_path / "new", actions=["valve0"], reward="reward", **sections)
+        assert str(refused.value).startswith(f"build_model() got an unexpected argument '{given}'; {told}"), refused.value
+    of_predictions: dict[str, Any] = {"neighbours": 3}
+    with pytest.raises(TypeError, match="did you mean model={'neighbors': ...}"):
+        calib_rl.build_model(tank(60), tmp_path / "new", **of_predictions)
+    with pytest.raises(ValueError, match="^levels is 1, expected a whole number of at least 2"):
+        calib_rl.build_model(tank(60), tmp_path / "new", actions=["valve0"], reward="reward", levels=1)
+    with pytest.raises(TypeError, match="^timeout is 'x', expected a whole number"):
+        calib_rl.build_model(tank(60), tmp_path / "new", actions=["valve0"], reward="reward", timeout="x")
+    assert not (tmp_path / "new").exists()
+
+
+def test_sections_are_those_of_a_study(tmp_path: Path) -> None:
+    with pytest.raises(calib_rl.StudyError) as refused:
+        calib_rl.Study({"nosuch": 1}, path=tmp_path / "study.toml")
+    known = str(refused.value).partition("(known keys: ")[2].removesuffix(")").split(", ")
+    assert sorted(known) == sorted(SECTIONS)
+
+
+def test_an_action_that_stands_out_makes_no_levels(tmp_path: Path) -> None:
+    log = tank(600).with_columns(valve0=polars.Series([1e6 if row == 300 else row * 37 % 100 / 100 for row in range(600)]))
+    model = calib_rl.build_model(log, tmp_path, actions=["valve0"], reward="reward", levels=5, timeout=40)
+    assert model.action_columns == {"valve0": (0.0, 0.99)}
+    assert all(action.transitions > 20 for action in model.actions)
 
 
 def test_what_an_environment_refuses(acting: calib_rl.ActionModel, continuous: calib_rl.ActionModel) -> None:
@@ -526,3 +563,5 @@ def test_the_chosen_agent_comes_out(tmp_path: Path) -> None:
     assert calib_rl.ActionModel.of(path).columns == calib_rl.ActionModel.of(str(path)).columns == model.columns
     with pytest.raises(calib_rl.StudyError, match="nothing.toml"):
         calib_rl.ControlAgent.of(tmp_path / "nothing.toml")
+    with pytest.raises(TypeError, match="^a study is a calib_rl.Study or the path of its file; got ActionModel$"):
+        calib_rl.ControlAgent.of(model)  # type: ignore[arg-type]

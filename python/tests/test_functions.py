@@ -88,7 +88,7 @@ def test_dtw_is_that_of_the_definition() -> None:
 def test_plants_are_simulated(tmp_path: Path) -> None:
     told = calib_rl.simulate(tmp_path / "plant", days=0.1, channels=5, period_secs=60, seed=3)
     assert "5 channels" in told and list((tmp_path / "plant").glob("*.parquet"))
-    with pytest.raises(ValueError, match="unknown field `dais`"):
+    with pytest.raises(TypeError, match="^unknown argument `dais`; did you mean `days`"):
         calib_rl.simulate(tmp_path / "other", dais=3)
     with pytest.raises(ValueError):
         calib_rl.simulate(tmp_path / "other", channels=1)

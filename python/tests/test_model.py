@@ -184,8 +184,10 @@ def test_bad_arrays_are_refused() -> None:
         calib_rl.build_model(good, segments=[50, 0])
     with pytest.raises(calib_rl.CalibError, match="rows"):
         calib_rl.build_model(good, segments=[20])
-    with pytest.raises(ValueError, match="unknown field `neighbours`"):
+    with pytest.raises(TypeError, match=r"^unknown argument `neighbours`; did you mean `neighbors`\? \(known arguments: members, "):
         calib_rl.build_model(good, neighbours=3)
+    with pytest.raises(ValueError, match="^members: expected a whole number from 0 up, got the text \"x\"$"):
+        calib_rl.build_model(good, members="x")
 
 
 def test_out_of_memory_is_an_exception() -> None:

@@ -33,6 +33,24 @@ pub fn setting_error(error: &serde_json::Error) -> String {
         .replacen("(known keys:", "(known settings:", 1)
 }
 
+/// What is wrong with options of a function, as serde's TOML tells it: what it expected, and in a further line which option has another value.
+pub fn option_error(text: &str) -> String {
+    let text = text.trim_end();
+    let (message, option) = match text.rsplit_once("\nin `") {
+        Some((message, option)) => (message, option.strip_suffix('`')),
+        None => (text, None),
+    };
+    let told = friendly(message).replacen("unknown key", "unknown argument", 1).replacen(
+        "(known keys:",
+        "(known arguments:",
+        1,
+    );
+    match option {
+        Some(option) => format!("{option}: {told}"),
+        None => told,
+    }
+}
+
 fn friendly_variant(message: &str) -> String {
     if message == "duplicate key" {
         return "the key is there twice; remove one of them".to_owned();
@@ -117,6 +135,16 @@ mod tests {
         let start = "unknown setting `stepsize`; did you mean `step_size`? (known settings: ";
         assert!(unknown.starts_with(start) && unknown.ends_with(')'), "{unknown}");
         assert_eq!(told("{\"step_size\": \"a\"}"), "expected a number, got the text \"a\"");
+    }
+
+    #[test]
+    fn options_of_a_function_are_arguments() {
+        let unknown =
+            option_error("unknown field `neighbours`, expected one of `members`, `neighbors`\n");
+        let expected = "unknown argument `neighbours`; did you mean `neighbors`? (known arguments: members, neighbors)";
+        assert_eq!(unknown, expected);
+        let told = option_error("invalid type: string \"x\", expected usize\nin `members`\n");
+        assert_eq!(told, "members: expected a whole number from 0 up, got the text \"x\"");
     }
 
     #[test]
