@@ -222,10 +222,24 @@ fn an_outage_in_the_part_that_agents_are_tried_on_ends_nothing() {
         })
         .collect();
     place.write("log.csv", &(rows.join("\n") + "\n"));
-    let init = place.calib(&["init", "log.csv", "--within=1s"]);
+    let init = place.calib(&["init", "log.csv", "--within=30s"]);
     init.succeeds();
     assert!(!init.stderr().contains("could not be compared"), "{}", init.stderr());
     place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+}
+
+/// Whatever else could be said of such a log follows from the period.
+#[test]
+fn a_period_shorter_than_the_steps_of_the_log_is_named_first() {
+    let place = Place::new();
+    place.write("log.csv", &log());
+    let expected = "error: the rows are recorded every 120 s, and data.period_secs asks for one every 10 s: set data.period_secs = 120, or set data.resample";
+    let init = ["init", "log.csv", "--within=1s", "--set=data.period_secs=10"];
+    for columns in [&[][..], &["--action=XV400", "--reward=FIT300"]] {
+        let told = place.calib(&[&init[..], columns].concat()).fails(2);
+        assert!(told.starts_with(expected), "{told}");
+    }
+    assert!(!place.path().join("study.toml").exists());
 }
 
 /// A short log has four windows of short runs, or says what two of them can show; and no horizon is lengthened in silence.

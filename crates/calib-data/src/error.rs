@@ -345,6 +345,12 @@ pub enum DataError {
         /// How many were dropped for which reason.
         reasons: String,
     },
+    /// A period that is shorter than the steps of the log, so that no row of the training range follows another.
+    #[error("{told}")]
+    PeriodTooShort {
+        /// Both, and what to set, as [`period_too_short`](crate::period_too_short) says it.
+        told: String,
+    },
     /// Cleaning leaves no transition.
     #[error(
         "data.{key} has no two successive rows left: {rows} rows, {dropped} of them dropped for missing values, {segments} segments{culprits}"

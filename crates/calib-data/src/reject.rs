@@ -45,6 +45,13 @@ impl Survey {
             if let Some(part) = part
                 && part.transitions == 0
             {
+                // Whatever else is missing, the period has to be right first.
+                if let Some(recorded) = profile.recorded_period_secs
+                    && key == "train"
+                {
+                    let told = period_too_short(profile.period_secs, recorded);
+                    return Err(DataError::PeriodTooShort { told });
+                }
                 return Err(DataError::NoTransitions {
                     key,
                     rows: part.log_rows as usize,
