@@ -228,6 +228,22 @@ fn an_outage_in_the_part_that_agents_are_tried_on_ends_nothing() {
     place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
 }
 
+/// Reading the log takes longer than that, whatever the machine.
+#[test]
+fn nothing_is_compared_once_the_time_is_over() {
+    let place = Place::new();
+    place.write("log.csv", &log());
+    let init = place.calib(&["init", "log.csv", "--within=0.0001s"]);
+    init.succeeds();
+    let told = init.stderr();
+    let compared = "agents could not be compared on the training range (half of the time of --within is over): a linear agent is proposed";
+    assert!(told.contains(compared), "{told}");
+    assert!(told.contains("are not enough for the smallest study that says anything"), "{told}");
+    let study = read(&place, "study.toml");
+    assert!(study.contains("half of the time of --within is over"), "{study}");
+    place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
+}
+
 /// Whatever else could be said of such a log follows from the period.
 #[test]
 fn a_period_shorter_than_the_steps_of_the_log_is_named_first() {

@@ -1,7 +1,7 @@
 //! Which agent is proposed, by what was tried on the training range.
 
 use calib_base::{
-    StepError,
+    Context as _, StepError,
     output::{Printer, span},
 };
 use calib_propose::{Horizon, ProposedAgent, Sensors, Trial, choose_agent};
@@ -21,7 +21,10 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
-    /// Try agents at a `horizon` that is halved until something predicts at least one of the sensors better than its mean.
+    /// Try agents at a `horizon` that is halved until something predicts at least one of the sensors better than its mean, as long as there is time.
+    ///
+    /// # Errors
+    /// If not even the simplest agent could be tried.
     pub(super) fn gather(
         trials: &Trials<'_>,
         horizon: &mut Horizon,
@@ -29,7 +32,9 @@ impl Evidence {
     ) -> Result<Self, StepError> {
         let say = |words: &str| trials.context.say(words);
         say("comparing agents with simple predictors on the last third of the training range");
-        let mut predicted = trials.compare(horizon, |at| text(ProposedAgent::Linear, at))?;
+        let mut predicted = trials
+            .compare(horizon, |at| text(ProposedAgent::Linear, at))?
+            .context("half of the time of --within is over")?;
         let is_given = trials.args.horizon.is_some();
         let mut shorter = *horizon;
         while !predicted.iter().any(TrialPrediction::is_predicted)
@@ -37,7 +42,8 @@ impl Evidence {
             && shorter.states >= 4.0
         {
             shorter = halved(shorter);
-            let nearer = trials.compare(&mut shorter, |at| text(ProposedAgent::Linear, at))?;
+            let linear = trials.compare(&mut shorter, |at| text(ProposedAgent::Linear, at))?;
+            let Some(nearer) = linear else { break };
             if nearer.iter().any(TrialPrediction::is_predicted) {
                 say(&format!(
                     "nothing predicts {} ahead better than the mean does",
@@ -46,9 +52,13 @@ impl Evidence {
                 (predicted, *horizon) = (nearer, shorter);
             }
         }
-        let network = trials.compare(horizon, |at| text(ProposedAgent::Network, at))?;
-        let tried = [(ProposedAgent::Linear, &predicted), (ProposedAgent::Network, &network)];
-        let tried = tried.map(|(agent, sensors)| Trial { agent, ratio: typical(sensors) });
+        let mut nearer = *horizon;
+        let network = trials.compare(&mut nearer, |at| text(ProposedAgent::Network, at))?;
+        let mut tried = vec![Trial { agent: ProposedAgent::Linear, ratio: typical(&predicted) }];
+        if let Some(sensors) = &network {
+            *horizon = nearer;
+            tried.push(Trial { agent: ProposedAgent::Network, ratio: typical(sensors) });
+        }
         let chosen = choose_agent(&tried).unwrap_or(tried[0]);
         let errors = tried
             .iter()
@@ -71,7 +81,11 @@ impl Evidence {
                  sign; look at the smallest and largest ones with `calib inspect`",
             );
         }
-        if !predicted.iter().chain(&network).any(TrialPrediction::is_predicted) {
+        if network.is_none() {
+            reason.push_str("; half of the time of --within was over before a network was tried");
+        }
+        let mut sensors = predicted.iter().chain(network.iter().flatten());
+        if !sensors.any(TrialPrediction::is_predicted) {
             let warning = format!(
                 "nothing that calib tried predicts {} ahead better than the mean; try a shorter --horizon, or other sensors with --sensor",
                 span(horizon.secs)

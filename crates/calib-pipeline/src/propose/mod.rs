@@ -1,6 +1,7 @@
 //! A study of a log that nobody has looked at: everything that can be seen is looked at, and what cannot is tried.
 
 mod control;
+mod deadline;
 mod drafting;
 mod evidence;
 mod look;
@@ -35,11 +36,15 @@ use serde::Serialize;
 pub use self::control::ProposedControlStudy;
 pub(crate) use self::control::{ChosenControl, run as run_control};
 use self::{
+    deadline::Deadline,
     drafting::Drafting,
     evidence::Evidence,
     look::{ExaminedLog, bridged},
     trial::{StateSpacing, Trials},
 };
+
+/// The share of the time asked for after which agents are no longer compared: the rest is for the study. Our choice.
+const COMPARED: f64 = 0.5;
 
 /// What was chosen, for `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -252,11 +257,13 @@ impl Proposal {
         begun: Stopwatch,
         context: &RunContext,
     ) -> Result<Self, StepError> {
-        let left = || (args.within - begun.elapsed().as_secs_f64()).max(0.0);
+        let deadline = Deadline::new(begun, args.within);
         let sketch = &look.sketch;
         let place = TemporaryFolder::new()?;
         let model = ProposedModel::for_given(&args.set);
-        let trials = Trials { args, place: &place, model, context };
+        let comparing = Deadline::new(begun, COMPARED * args.within);
+        let stopping = comparing.stopping(context);
+        let trials = Trials { args, place: &place, model, context, deadline: comparing, stopping };
         let mut sensors = look.sensors.clone();
         let drafting = Drafting { args, path, look };
         let StateSpacing { spacing, why, cost } = chosen_spacing(&trials, &drafting)?;
@@ -267,16 +274,18 @@ impl Proposal {
         let agent = tried_agents(&trials, &drafting, spacing, &mut horizon)?;
         agent.reorder(&mut sensors, !args.sensors.is_empty());
         let all = look.cut.rows[0] / spacing;
-        let rows = trial::rows_within(left(), cost, all);
+        let rows = trial::rows_within(deadline.left_secs(), cost, all);
         let cut = if rows < all {
             look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing))
         } else {
             look.cut.clone()
         };
         let steps = drafting.most_steps(spacing, horizon);
+        // Without time left the study will be the smallest, which has one sensor.
+        let measured_sensors = if deadline.is_over() { 1 } else { sensors.proposed.len() };
         let measured = trials
             .costs(steps, &mut horizon, |steps: usize, horizon: Horizon| {
-                let size = Size::trial(agent.agent, model, steps, sensors.proposed.len());
+                let size = Size::trial(agent.agent, model, steps, measured_sensors);
                 (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
             })?
             .with_reading(look.read);
@@ -284,7 +293,7 @@ impl Proposal {
         // Looking and trying are of the time that was asked for.
         let tried = begun.elapsed().as_secs_f64();
         let predicted = sensors.proposed.len();
-        let size = Size::within(agent.agent, model, left(), costs, steps, predicted);
+        let size = Size::within(agent.agent, model, deadline.left_secs(), costs, steps, predicted);
         let expected_secs = size.secs(costs);
         let expected_processor_secs = measured.processors.map(|costs| size.secs(costs));
         let reason =
@@ -382,7 +391,7 @@ fn chosen_spacing(trials: &Trials<'_>, drafting: &Drafting<'_>) -> Result<StateS
     };
     let why = format!("states {} apart: {why}", span(sketch.period_secs * spacing as f64));
     trials.context.say(&why);
-    let cost = trials.cost_of_states(spacing, small(spacing))?;
+    let cost = trials.cost_of_states(spacing, cut.rows[0] / spacing, small(spacing))?;
     Ok(StateSpacing { spacing, why, cost })
 }
 

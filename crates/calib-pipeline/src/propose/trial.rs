@@ -11,6 +11,7 @@ use calib_base::{
     options::{BuildOptions, ProposeOptions},
     output::span,
 };
+use calib_core::Monitor as _;
 use calib_files::TemporaryFolder;
 use calib_model_steps::{
     model::{build_model, jumps, model_files::sensor_columns},
@@ -23,6 +24,8 @@ use calib_sweep_steps::{
     sweep::{self, plan::DryRunTally, simple::SimpleErrors},
     verdict::evaluate,
 };
+
+use super::deadline::Deadline;
 
 /// States of a trial model at most.
 pub(super) const ROWS: usize = 20_000;
@@ -134,6 +137,10 @@ pub(super) struct Trials<'a> {
     /// Whether the study has a model.
     pub(super) model: ProposedModel,
     pub(super) context: &'a RunContext,
+    /// When comparisons end, and nothing is tried that can be left out.
+    pub(super) deadline: Deadline,
+    /// What comparisons are watched by.
+    pub(super) stopping: RunContext,
 }
 
 impl Trials<'_> {
@@ -158,12 +165,20 @@ impl Trials<'_> {
         Ok(Job::of_text(request, text)?)
     }
 
-    /// What states that are `spacing` rows apart take.
+    /// What states that are `spacing` rows apart take, of which the training range has so many.
     pub(super) fn cost_of_states(
         &self,
         spacing: usize,
+        states: usize,
         text: String,
     ) -> Result<GrowingCosts, StepError> {
+        // A range that trials have whole is learned from whole, whatever it takes. Without time, no more is learned from than they have.
+        if states <= ROWS {
+            return Ok(GrowingCosts::Fits(0.0));
+        }
+        if self.deadline.is_over() {
+            return Ok(GrowingCosts::Fits(f64::INFINITY));
+        }
         if self.model == ProposedModel::Ensemble {
             return Ok(GrowingCosts::Model(self.built(spacing, text)?.secs));
         }
@@ -267,7 +282,7 @@ impl Trials<'_> {
         let mut more = sweep(length, horizon)?;
         let is_worth =
             |more: &MeasuredSweep| more.taken.secs - less.taken.secs >= WORTH * self.args.within;
-        while !is_worth(&more) && steps(LONGER * length) > length {
+        while !is_worth(&more) && steps(LONGER * length) > length && !self.deadline.is_over() {
             length = steps(LONGER * length);
             more = sweep(length, horizon)?;
         }
@@ -305,13 +320,31 @@ impl Trials<'_> {
     }
 
     /// What an agent and the simple predictors come to where only the training range is known, at a `horizon` that is halved
-    /// until some step can be scored.
+    /// until some step can be scored; none if the time is over before that is known.
     pub(super) fn compare(
         &self,
         horizon: &mut Horizon,
         text: impl Fn(Horizon) -> String,
+    ) -> Result<Option<Vec<TrialPrediction>>, StepError> {
+        if self.deadline.is_over() {
+            return Ok(None);
+        }
+        match self.compared(horizon, text) {
+            Err(reason)
+                if reason.was_cancelled() && !self.context.silent().progress().interrupted() =>
+            {
+                Ok(None)
+            }
+            compared => compared.map(Some),
+        }
+    }
+
+    fn compared(
+        &self,
+        horizon: &mut Horizon,
+        text: impl Fn(Horizon) -> String,
     ) -> Result<Vec<TrialPrediction>, StepError> {
-        let silent = &self.context.silent();
+        let silent = &self.stopping;
         let smallest = match self.model {
             ProposedModel::None => &[][..],
             ProposedModel::Ensemble => &SMALLEST_MODEL,
@@ -418,6 +451,7 @@ mod tests {
         assert_eq!(rows_within(10.0, Model(30.0), 1_000_000), ROWS, "what was tried is there");
         assert_eq!(rows_within(600.0, Fits(30.0), 1_000_000), 80_000, "in proportion");
         assert_eq!(rows_within(600.0, Fits(0.0), 1_000_000), 1_000_000);
+        assert_eq!(rows_within(600.0, Fits(f64::INFINITY), 1_000_000), ROWS, "no time to measure");
     }
 
     #[test]
