@@ -26,7 +26,7 @@ pub(super) fn with_angles(
     let mut all: Vec<Channel> = Vec::with_capacity(channels.len());
     for channel in &channels {
         let name = channel.name.as_str();
-        let turn = turns.number(once(name)).map_err(|[first, other]| {
+        let turn = turns.number(&once(name)).map_err(|[first, other]| {
             let reason = format!(
                 "{name} has a turn of {} by this entry and of {} by {:?}; give {name} an entry of its own",
                 first.number, other.number, other.written

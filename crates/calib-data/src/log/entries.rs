@@ -39,7 +39,7 @@ impl<'a> Entries<'a> {
     /// Two that do not agree.
     pub(super) fn number<'b>(
         &self,
-        names: impl Iterator<Item = &'b str> + Clone,
+        names: &(impl Iterator<Item = &'b str> + Clone),
     ) -> Result<Option<f64>, [&Entry<'a>; 2]> {
         let named = |name: &str| self.0.iter().find(|entry| entry.written == name);
         if let Some(own) = names.clone().find_map(named) {

@@ -180,7 +180,11 @@ impl LogFile {
     pub(crate) fn slices(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
         let groups: Vec<usize> = match &self.content {
             Content::Parquet(parquet) => {
-                parquet.metadata.row_groups.iter().map(|group| group.num_rows()).collect()
+                let mut groups = Vec::new();
+                for group in &parquet.metadata.row_groups {
+                    groups.push(group.num_rows());
+                }
+                groups
             }
             Content::Stored(_) => (0..self.rows)
                 .step_by(SLICE_ROWS)

@@ -23,7 +23,7 @@ pub(super) fn max_ages(
     channels
         .iter()
         .map(|channel| -> Result<i64, DataError> {
-            let secs = entries.number(channel.names()).map_err(|[first, other]| {
+            let secs = entries.number(&channel.names()).map_err(|[first, other]| {
                 let name = &channel.name;
                 let reason = format!(
                     "values of {name} hold for {} s by this entry and for {} s by {:?}; give {name} an entry of its own",

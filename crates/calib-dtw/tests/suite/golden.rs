@@ -14,18 +14,18 @@ fn close(ours: f64, theirs: f64) -> bool {
 
 /// Check each result of each case: what was compared, the query, the reference, and what the package found.
 fn check_each(golden: &str, mut check: impl FnMut(Dtw, &[f64], &[f64], &Value)) {
-    let golden: Value = serde_json::from_str(golden).unwrap();
-    for case in golden["cases"].as_array().unwrap() {
+    let golden: Value = serde_json::from_str(golden).expect("JSON");
+    for case in golden["cases"].as_array().expect("a list") {
         let query = numbers(&case["query"]);
         let reference = numbers(&case["reference"]);
-        for result in case["results"].as_array().unwrap() {
-            let text = |n: usize| result[n].as_str().unwrap();
+        for result in case["results"].as_array().expect("a list") {
+            let text = |n: usize| result[n].as_str().expect("text");
             let settings = Settings {
-                window: text(1).parse().unwrap(),
-                ends: text(2).parse().unwrap(),
+                window: text(1).parse().expect("its name"),
+                ends: text(2).parse().expect("its name"),
                 ..Settings::default()
             };
-            let pattern: StepPattern = text(0).parse().unwrap();
+            let pattern: StepPattern = text(0).parse().expect("its name");
             check(Dtw::with_settings(pattern, settings), &query, &reference, result);
         }
     }
