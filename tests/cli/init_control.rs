@@ -289,7 +289,7 @@ fn a_day_of_thinned_decisions_has_fewer_steps() {
 #[test]
 fn an_action_that_stands_out_makes_no_levels() {
     let place = plant(1);
-    let log = fs::read_to_string(place.path().join("log.csv")).expect("written");
+    let log = place.read("log.csv");
     let column = log.lines().next().expect("a header").split(',').position(|name| name == "a1");
     let lines: Vec<String> = log
         .lines()

@@ -67,7 +67,9 @@ mod tests {
     /// Doses of 0 to 99, over and over, with other values in some rows.
     fn doses(rows: usize, others: &[(usize, f64)]) -> Vec<f64> {
         let mut doses: Vec<f64> = (0..rows).map(|row| (row * 37 % 100) as f64).collect();
-        others.iter().for_each(|&(row, value)| doses[row] = value);
+        for &(row, value) in others {
+            doses[row] = value;
+        }
         doses
     }
 
@@ -93,7 +95,7 @@ mod tests {
         assert!(OutlyingActions::of_column(&doses(40, &[(3, 1e6)]), 7).is_some());
         // A pump that mostly stands still has other values too.
         let rare: Vec<f64> = (0..600)
-            .map(|row| if row % 40 == 0 { 20.0 + (row / 40) as f64 } else { 0.0 })
+            .map(|row| if row % 40 == 0 { 20.0 + f64::from(row / 40) } else { 0.0 })
             .collect();
         assert_eq!(OutlyingActions::of_column(&rare, 7), None);
     }
@@ -101,7 +103,7 @@ mod tests {
     #[test]
     fn few_values_are_levels_of_their_own() {
         let few: Vec<f64> =
-            (0..600).map(|row| if row == 5 { 1e6 } else { (row % 3) as f64 }).collect();
+            (0..600).map(|row| if row == 5 { 1e6 } else { f64::from(row % 3) }).collect();
         assert_eq!(OutlyingActions::of_column(&few, 7), None);
         assert!(OutlyingActions::of_column(&few, 3).is_some());
         assert_eq!(OutlyingActions::of_column(&[f64::NAN; 4], 2), None);
