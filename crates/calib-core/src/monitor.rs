@@ -8,10 +8,14 @@ pub struct Cancelled;
 /// The command line draws a progress bar from it; libraries and tests pass [`Silent`].
 pub trait Monitor: Sync {
     /// Work of `total` units called `task` begins.
-    fn begin(&self, task: &str, total: u64);
+    fn begin(&self, task: &str, total: u64) {
+        let _ = (task, total);
+    }
 
     /// `units` more units are done.
-    fn advance(&self, units: u64);
+    fn advance(&self, units: u64) {
+        let _ = units;
+    }
 
     /// Whether the user asked to stop. Work then ends at its next safe point.
     fn interrupted(&self) -> bool {
@@ -45,8 +49,4 @@ impl<M: Monitor + ?Sized> Monitor for Box<M> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 
-impl Monitor for Silent {
-    fn begin(&self, _task: &str, _total: u64) {}
-
-    fn advance(&self, _units: u64) {}
-}
+impl Monitor for Silent {}

@@ -34,10 +34,6 @@ struct Kept {
 struct Watching(Arc<Mutex<bool>>);
 
 impl Monitor for Watching {
-    fn begin(&self, _task: &str, _total: u64) {}
-
-    fn advance(&self, _units: u64) {}
-
     fn interrupted(&self) -> bool {
         *self.0.lock().expect("no panic")
     }

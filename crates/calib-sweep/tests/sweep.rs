@@ -310,10 +310,6 @@ struct Impatient {
 }
 
 impl Monitor for Impatient {
-    fn begin(&self, _task: &str, _total: u64) {}
-
-    fn advance(&self, _units: u64) {}
-
     fn interrupted(&self) -> bool {
         self.asked.fetch_add(1, Ordering::Relaxed) >= self.patience
     }

@@ -162,8 +162,6 @@ impl Monitor for Stopped {
         assert_eq!((task, total), ("rollouts", 200));
     }
 
-    fn advance(&self, _units: u64) {}
-
     fn interrupted(&self) -> bool {
         true
     }

@@ -12,6 +12,10 @@ use calib_model::{
 
 use super::{model, rows_of_member};
 
+fn starts_of(member: &Member<'_>, source: StartSource<'_>, count: usize) -> Vec<StartState> {
+    start_states(member, source, count, Seed::new(0)).expect("starts")
+}
+
 fn nearest_to(member: &Member<'_>, row: RowIndex, k: usize) -> Vec<Neighbor> {
     let found = member.nearest_to_rows(&[row], k, &ScratchPlace::Memory, &Silent);
     found.expect("found").remove(0)
@@ -23,7 +27,7 @@ fn recent_starts_are_spread_over_the_latest_rows_or_are_the_nearest_to_them() {
     let timestamps: Vec<Timestamp> = (0..441).map(Timestamp::from_micros).collect();
     let starts = |member: usize, before| {
         let source = StartSource::Recent { timestamps: &timestamps, before, window: Some(40) };
-        start_states(&model.member(member), source, 3, Seed::new(0)).expect("starts")
+        starts_of(&model.member(member), source, 3)
     };
     let first = starts(0, None);
     let rows = first.iter().map(|start| (start.wanted, start.replaced));
@@ -50,10 +54,7 @@ fn rows_that_the_member_lacks_are_searched_or_replaced() {
     let segment_start = RowIndex(0);
     let excluded = model.transitions().next(TransitionIndex(model.blocks().own(2).start + 3));
     let rows = [inside, segment_start, excluded];
-    let starts = |absent| {
-        start_states(&member, StartSource::Rows { rows: &rows, absent }, 4, Seed::new(0))
-            .expect("starts")
-    };
+    let starts = |absent| starts_of(&member, StartSource::Rows { rows: &rows, absent }, 4);
     let external = starts(Absent::External);
     let wanted = RequestedStart::Recorded(inside);
     let there = StartState { start: Start::At(TransitionIndex(4)), wanted, replaced: None };
@@ -155,12 +156,6 @@ impl Monitor for Searches {
             self.0.lock().expect("nobody panics").push(total);
         }
     }
-
-    fn advance(&self, _units: u64) {}
-
-    fn interrupted(&self) -> bool {
-        false
-    }
 }
 
 #[test]
@@ -217,10 +212,6 @@ fn a_search_for_starts_ends_when_the_user_asks() {
 struct LongStopped;
 
 impl Monitor for LongStopped {
-    fn begin(&self, _task: &str, _total: u64) {}
-
-    fn advance(&self, _units: u64) {}
-
     fn interrupted(&self) -> bool {
         true
     }
