@@ -34,13 +34,6 @@ pub enum Precision {
     Bf16,
 }
 
-impl Precision {
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
-    fn is_single(&self) -> bool {
-        *self == Self::F32
-    }
-}
-
 /// How parameters follow the semi-gradient.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -91,7 +84,7 @@ pub enum ReplayKind {
 pub struct AgentConfig {
     /// `"td"` (default): calib's own agents. `"external"`: those of a program, which reads states and answers with predictions; of the other
     /// keys, those that have a meaning then are `gamma`, `command`, `parameters`, `states_per_message` and `timeout_secs`.
-    #[serde(skip_serializing_if = "AgentConfig::is_default_kind")]
+    #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = "td"))]
     pub kind: AgentKind,
     /// With `kind = "external"`: the program and its arguments, such as `["python3", "agent.py"]`. It is started in the folder of the study,
@@ -129,7 +122,7 @@ pub struct AgentConfig {
     pub hidden_units: usize,
     /// `"f32"` (default) or `"bf16"`, for MLPs only. Left out where it is the default, as it was before there was another one: what follows
     /// from an agent is known by its fields.
-    #[serde(skip_serializing_if = "Precision::is_single")]
+    #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = "f32"))]
     pub precision: Precision,
     /// `"adam"` (default), `"sgd"`, or for linear agents without replay `"true_online_td"` or `"swift_td"`, which need hardly any
@@ -139,7 +132,7 @@ pub struct AgentConfig {
     pub learning_rate: f64,
     /// Updates after which the step size is half of `learning_rate`; after n updates it is `learning_rate / (1 + n / halve_after)`.
     /// With 0 (default) it stays as it is. Left out where it is the default.
-    #[serde(skip_serializing_if = "AgentConfig::is_constant_rate")]
+    #[serde(skip_serializing_if = "is_default")]
     #[schemars(extend("default" = 0))]
     pub halve_after: u64,
     /// Decay of the eligibility traces of `"true_online_td"` and `"swift_td"`, in [0, 1]. Default 0.9. Left out where it is the default,
@@ -440,11 +433,6 @@ impl AgentConfig {
         *value == RATE_DECAY
     }
 
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
-    fn is_constant_rate(halve_after: &u64) -> bool {
-        *halve_after == 0
-    }
-
     /// What the agent sees of a state of `width` values: these and their traces.
     pub fn seen_width(&self, width: usize) -> usize {
         width * (1 + self.traces.len())
@@ -462,6 +450,10 @@ impl AgentConfig {
             "at most 16 different numbers in [0, 1), such as [0.9, 0.99]",
         )
     }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// Whether `value` is positive, and neither 0 nor infinite in single precision.

@@ -47,7 +47,7 @@ fn trained(golden: &Golden, config: &AgentConfig) -> (Vec<f32>, Vec<f32>) {
     let width = golden.states[0].len();
     let states = States::new(golden.states.concat(), steps, width).expect("valid");
     let stream = RowStream::unbroken(states, (0..steps).map(RowIndex::new).collect());
-    let learners = [Learner { config, cumulant: golden.cumulant, start: None, baseline: None }];
+    let learners = [Learner::new(config, golden.cumulant)];
     let (name, mut values): (_, Box<dyn Values>) = match config.value_function {
         ValueFunction::Mlp => {
             let values = MlpValues::new(&learners, &stream, config.batch_size, Seed::new(1));

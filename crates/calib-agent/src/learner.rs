@@ -43,7 +43,12 @@ pub fn parameter_count(config: &AgentConfig, width: usize) -> usize {
     layer_sizes(config, width).windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum()
 }
 
-impl Learner<'_> {
+impl<'a> Learner<'a> {
+    /// One that starts from nothing.
+    pub const fn new(config: &'a AgentConfig, cumulant: usize) -> Self {
+        Self { config, cumulant, start: None, baseline: None }
+    }
+
     /// Check the hyperparameters, and that checkpoint and baseline fit them and the stream.
     pub(crate) fn check(&self, stream: &dyn Stream) -> Result<(), AgentError> {
         self.config.check()?;

@@ -304,8 +304,7 @@ mod tests {
 
     /// One agent that predicts the first of two columns.
     fn agents_of(config: &AgentConfig, stream: &RowStream) -> LinearValues {
-        let learner = Learner { config, cumulant: 0, start: None, baseline: None };
-        LinearValues::new(&[learner], stream, Seed::new(1))
+        LinearValues::new(&[Learner::new(config, 0)], stream, Seed::new(1))
     }
 
     /// Learn from the transition that starts at `t`, as without replay.

@@ -239,8 +239,7 @@ mod tests {
         let states = States::new(values, 10, 3).expect("valid");
         let stream = RowStream::unbroken(states, (0..10).map(RowIndex::new).collect());
         let starts = [8, 2, 2, 5];
-        let learner = Learner { config: &config, cumulant: 1, start: None, baseline: None };
-        let mut agents = MlpValues::new(&[learner], &stream, 4, Seed::new(9));
+        let mut agents = MlpValues::new(&[Learner::new(&config, 1)], &stream, 4, Seed::new(9));
         let before = first_network(&agents);
         let value = |network: &Mlp, t: usize| {
             network.forward(stream.state(t), &mut Workspace::new(network, 1))[0]

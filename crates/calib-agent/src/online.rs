@@ -121,6 +121,13 @@ impl Memory {
 }
 
 impl Agent {
+    /// One of so many weights, that learns from the first of the series.
+    fn new(config: &AgentConfig, length: usize) -> Self {
+        let rule = Rule::of(config);
+        let memory = Memory::new(length, config.learning_rate, rule);
+        Self { rule, series: 0, learns: true, weights: vec![0.0; length], memory, updates: 0 }
+    }
+
     fn value(&self, features: &[f32]) -> f32 {
         self.weights.iter().zip(features).map(|(w, x)| w * x).sum()
     }
@@ -226,16 +233,10 @@ impl OnlineValues {
             agents: learners
                 .iter()
                 .zip(series_of)
-                .map(|(learner, series): (&Learner<'_>, usize)| {
-                    let rule = Rule::of(learner.config);
-                    Agent {
-                        rule,
-                        series,
-                        learns: learner.learns(),
-                        weights: vec![0.0; length],
-                        memory: Memory::new(length, learner.config.learning_rate, rule),
-                        updates: 0,
-                    }
+                .map(|(learner, series): (&Learner<'_>, usize)| Agent {
+                    series,
+                    learns: learner.learns(),
+                    ..Agent::new(learner.config, length)
                 })
                 .collect(),
             series,
@@ -347,6 +348,15 @@ mod tests {
         log_rates: Vec<f64>,
     }
 
+    fn swift_td() -> AgentConfig {
+        AgentConfig {
+            value_function: ValueFunction::Linear,
+            replay: ReplayKind::None,
+            optimiser: OptimiserKind::SwiftTd,
+            ..AgentConfig::default()
+        }
+    }
+
     fn close(got: f32, expected: f64) -> bool {
         (f64::from(got) - expected).abs() < 2e-4 * expected.abs().max(1.0)
     }
@@ -366,26 +376,16 @@ mod tests {
         let stream = RowStream::unbroken(states, (0..steps).map(RowIndex::new).collect());
         for case in &golden.cases {
             let config = AgentConfig {
-                value_function: ValueFunction::Linear,
-                replay: ReplayKind::None,
-                optimiser: OptimiserKind::SwiftTd,
                 gamma: golden.gamma,
                 lambda: case.lambda,
                 learning_rate: case.learning_rate,
                 rate_bound: case.rate_bound,
                 rate_decay: case.rate_decay,
                 meta_step_size: case.meta_step_size,
-                ..AgentConfig::default()
+                ..swift_td()
             };
             config.check().expect("valid");
-            let mut agent = Agent {
-                rule: Rule::of(&config),
-                series: 0,
-                learns: true,
-                weights: vec![0.0; width],
-                memory: Memory::new(width, config.learning_rate, Rule::of(&config)),
-                updates: 0,
-            };
+            let mut agent = Agent::new(&config, width);
             for t in 0..steps {
                 let features = &golden.features[t];
                 if t == 0 {
@@ -409,22 +409,7 @@ mod tests {
     #[test]
     fn outliers_end_nothing() {
         for learning_rate in [1e-6, 1e-3] {
-            let config = AgentConfig {
-                value_function: ValueFunction::Linear,
-                replay: ReplayKind::None,
-                optimiser: OptimiserKind::SwiftTd,
-                learning_rate,
-                ..AgentConfig::default()
-            };
-            let rule = Rule::of(&config);
-            let mut agent = Agent {
-                rule,
-                series: 0,
-                learns: true,
-                weights: vec![0.0; 3],
-                memory: Memory::new(3, learning_rate, rule),
-                updates: 0,
-            };
+            let mut agent = Agent::new(&AgentConfig { learning_rate, ..swift_td() }, 3);
             let mut error = 0.0;
             for t in 0..20_000 {
                 let wave = (t as f32 * 0.05).sin();

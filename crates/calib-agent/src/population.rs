@@ -13,20 +13,25 @@ use crate::{
     values::{Batch, Learned, Values},
 };
 
-/// The value functions of learners of one kind and shape, for batches of up to `batch` transitions of a stream.
+/// The value functions of learners of one kind and shape, as they start, for batches of up to `batch` transitions of a stream.
 pub(crate) fn values_of(
     learners: &[Learner<'_>],
     stream: &dyn Stream,
     batch: usize,
     seed: Seed,
 ) -> Box<dyn Values> {
-    if learners[0].config.optimiser.has_traces() {
-        return Box::new(OnlineValues::new(learners, stream));
-    }
-    match learners[0].config.value_function {
+    let config = learners[0].config;
+    let mut values: Box<dyn Values> = match config.value_function {
+        _ if config.optimiser.has_traces() => Box::new(OnlineValues::new(learners, stream)),
         ValueFunction::Mlp => Box::new(MlpValues::new(learners, stream, batch, seed)),
         ValueFunction::Linear => Box::new(LinearValues::new(learners, stream, seed)),
+    };
+    for (agent, learner) in learners.iter().enumerate() {
+        if let Some(start) = learner.start {
+            values.restore(agent, &ValueState::from(start));
+        }
     }
+    values
 }
 
 /// What agents must share to learn in lockstep: what they see, the shape and precision of the value function, γ, whether there are
@@ -181,12 +186,7 @@ impl<'a> Population<'a> {
         let Task { stream, seed, steps } = task;
         let replay = Replay::of_agent(shared, seed, steps);
         let batch = shared.transitions_per_update();
-        let mut values = values_of(learners, stream, batch, seed);
-        for (agent, learner) in learners.iter().enumerate() {
-            if let Some(start) = learner.start {
-                values.restore(agent, &ValueState::from(start));
-            }
-        }
+        let values = values_of(learners, stream, batch, seed);
         Self {
             task,
             truth,

@@ -77,8 +77,7 @@ mod tests {
         let curve = CurveRule { windows: 7 };
         // A linear agent without weights that never learns predicts 0.
         let nothing = Checkpoint { parameters: vec![0.0; 2], moments: None };
-        let learner =
-            Learner { config: &config, cumulant: 0, start: Some(&nothing), baseline: None };
+        let learner = Learner { start: Some(&nothing), ..Learner::new(&config, 0) };
         let run = Run { stream: &stream, steps: 119, curve, seed: Seed::new(1) };
         let trained = train_learners(run, &[learner], &NoKeeper, &Silent).expect("trained");
         let zeros = vec![0.0; 119];

@@ -211,12 +211,7 @@ impl<'a> PretrainRun<'a> {
                     let learners: Vec<Learner<'_>> =
                         members.iter().map(|&position| learners[position]).collect();
                     let batch = learners[0].config.batch_size;
-                    let mut values = values_of(&learners, stream, batch, seed);
-                    for (agent, learner) in learners.iter().enumerate() {
-                        if let Some(start) = learner.start {
-                            values.restore(agent, &ValueState::from(start));
-                        }
-                    }
+                    let values = values_of(&learners, stream, batch, seed);
                     LearnerGroup { values, members: members.to_vec() }
                 })
                 .collect(),
@@ -334,11 +329,8 @@ impl<'a> PretrainRun<'a> {
 
     fn resume(&mut self, file: Option<&StateFile>) {
         let count = self.courses.len();
-        let Some((epochs, courses, values)) = file
-            .and_then(StateFile::read::<(usize, Vec<Course>)>)
-            .and_then(|((epochs, courses), values)| {
-                (courses.len() == count).then_some((epochs, courses, values))
-            })
+        let kept = file.and_then(StateFile::read::<(usize, Vec<Course>)>);
+        let Some(((epochs, courses), values)) = kept.filter(|((_, kept), _)| kept.len() == count)
         else {
             return;
         };

@@ -55,10 +55,7 @@ pub fn train(
     seed: Seed,
     monitor: &dyn Monitor,
 ) -> Result<Vec<RunOutcome>, AgentError> {
-    let learners: Vec<_> = agents
-        .iter()
-        .map(|config| Learner { config, cumulant, start: None, baseline: None })
-        .collect();
+    let learners: Vec<_> = agents.iter().map(|config| Learner::new(config, cumulant)).collect();
     let steps = stream.len().saturating_sub(1);
     train_learners(Run { stream, steps, curve, seed }, &learners, &NoKeeper, monitor)
 }
@@ -222,7 +219,7 @@ impl Progress<'_> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 #[cfg(test)]
 mod baseline_tests;

@@ -62,11 +62,6 @@ impl AgentConfig {
     }
 
     #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
-    pub(super) fn is_default_kind(kind: &AgentKind) -> bool {
-        *kind == AgentKind::Td
-    }
-
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands fields over so")]
     pub(super) fn is_default_message(states: &usize) -> bool {
         *states == STATES_PER_MESSAGE
     }

@@ -1,35 +1,22 @@
 use calib_core::{RowStream, Segments, Silent, States};
 
 use super::*;
-use crate::{OptimiserKind, Precision, ValueFunction};
+use crate::{
+    Precision,
+    train::tests::{self, waves_in, weighted_sum},
+};
 
 /// A slow wave and its derivative in two segments; the second sensor is the first one a quarter later.
 fn waves(steps: usize) -> RowStream {
-    let mut rng = Seed::new(11).rng();
-    let values = (0..steps).flat_map(|t| {
-        let phase = t as f64 * 0.05;
-        let state = [0.5 + 0.4 * phase.sin(), 0.5 + 0.4 * phase.cos()];
-        state.map(|value| (value + 0.01 * rng.normal()) as f32)
-    });
-    let states = States::new(values.collect(), steps, 2).expect("valid");
-    let segments = Segments::from_lengths([steps / 3, steps - steps / 3]).expect("valid");
-    RowStream::replay(states, &segments)
+    waves_in([steps / 3, steps - steps / 3])
 }
 
 fn mlp(learning_rate: f64) -> AgentConfig {
-    AgentConfig {
-        hidden_units: 12,
-        gamma: 0.9,
-        batch_size: 16,
-        learning_rate,
-        ..AgentConfig::default()
-    }
+    AgentConfig { learning_rate, ..tests::mlp() }
 }
 
 fn linear(learning_rate: f64) -> AgentConfig {
-    let value_function = ValueFunction::Linear;
-    let optimiser = OptimiserKind::Sgd;
-    AgentConfig { value_function, optimiser, ..mlp(learning_rate) }
+    AgentConfig { learning_rate, ..tests::linear() }
 }
 
 fn rounded() -> AgentConfig {
@@ -47,10 +34,7 @@ fn run(
     sensors: &[usize],
     file: Option<&StateFile>,
 ) -> Result<Vec<Pretrained>, AgentError> {
-    let learners: Vec<_> = sensors
-        .iter()
-        .map(|&cumulant| Learner { config, cumulant, start: None, baseline: None })
-        .collect();
+    let learners: Vec<_> = sensors.iter().map(|&cumulant| Learner::new(config, cumulant)).collect();
     let training = Pretraining { stream, settings, seed: Seed::new(5) };
     let outcomes = pretrain(training, &learners, file, &Silent)?;
     Ok(outcomes.into_iter().map(|outcome| outcome.expect("it does not diverge")).collect())
@@ -70,11 +54,6 @@ fn agents_learn_from_epoch_to_epoch() {
         assert!(last.training_loss < first.training_loss, "{first:?} {last:?}");
         assert!(last.validation_loss < first.validation_loss, "{first:?} {last:?}");
     }
-}
-
-/// The value of features by the weights of a linear value function.
-fn weighted_sum(w: &[f64], x: [f64; 3]) -> f64 {
-    x.iter().zip(w).map(|(x, w)| x * w).sum()
 }
 
 /// One epoch of linear gradient descent, as plainly as possible and in f64.
@@ -162,12 +141,7 @@ fn a_resumed_training_is_the_uninterrupted_one() {
             let file = StateFile::new(path, "key".to_owned());
             let training =
                 Pretraining { stream: &stream, settings: settings(12, 3), seed: Seed::new(5) };
-            let learners = [0, 1].map(|cumulant| Learner {
-                config: &config,
-                cumulant,
-                start: None,
-                baseline: None,
-            });
+            let learners = [0, 1].map(|cumulant| Learner::new(&config, cumulant));
             let transitions: Vec<usize> = (0..132).chain(133..399).collect();
             let (train, validate) = transitions.split_at(298);
             let mut begun = PretrainRun::new(training, &learners, validate);
@@ -200,12 +174,7 @@ fn an_agent_that_diverges_stops_alone() {
     let trained = |sensors: &[usize], file: Option<&StateFile>| {
         let learners: Vec<_> = sensors
             .iter()
-            .map(|&cumulant| Learner {
-                config: &config,
-                cumulant,
-                start: Some(&start),
-                baseline: None,
-            })
+            .map(|&cumulant| Learner { start: Some(&start), ..Learner::new(&config, cumulant) })
             .collect();
         pretrain(training, &learners, file, &Silent).expect("trains")
     };
@@ -235,12 +204,8 @@ fn agents_of_several_discount_factors_learn_as_they_do_alone() {
     let stream = waves(400);
     let far = mlp(1e-3);
     let near = AgentConfig { gamma: 0.5, ..mlp(1e-3) };
-    let learners = [(&far, 0), (&near, 1), (&far, 1)].map(|(config, cumulant)| Learner {
-        config,
-        cumulant,
-        start: None,
-        baseline: None,
-    });
+    let learners =
+        [(&far, 0), (&near, 1), (&far, 1)].map(|(config, cumulant)| Learner::new(config, cumulant));
     let training = Pretraining { stream: &stream, settings: settings(3, 0), seed: Seed::new(5) };
     let together = pretrain(training, &learners, None, &Silent).expect("trains");
     for (learner, got) in learners.iter().zip(together) {

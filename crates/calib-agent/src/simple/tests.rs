@@ -20,6 +20,23 @@ fn stream(rows: usize, seed: u64) -> RowStream {
     RowStream::replay(states, &Segments::from_lengths([rows / 3, rows - rows / 3]).expect("valid"))
 }
 
+/// One segment of states that have these values.
+fn replay(values: Vec<f32>, columns: usize) -> RowStream {
+    let rows = values.len() / columns;
+    let states = States::new(values, rows, columns).expect("valid");
+    RowStream::replay(states, &Segments::from_lengths([rows]).expect("valid"))
+}
+
+/// The values of its first states.
+fn values_of(stream: &RowStream, rows: usize) -> Vec<f32> {
+    (0..rows).flat_map(|t| Stream::state(stream, t).to_vec()).collect()
+}
+
+/// All that are told apart by their errors, and what is made of them.
+fn every_predictor() -> impl Iterator<Item = SimplePredictor> {
+    SimplePredictor::ALL.into_iter().chain([SimplePredictor::Best, SimplePredictor::Mixture])
+}
+
 fn error(fitted: &FittedPredictor, stream: &RowStream) -> f64 {
     let predictions = fitted.predictions(stream);
     let steps = stream.len() - 1;
@@ -57,8 +74,7 @@ fn linear_predictors_find_the_expected_return() {
 #[test]
 fn an_oscillation_is_known_from_two_values() {
     let values = (0..3000).map(|t| (t as f32 * 0.3).cos()).collect();
-    let states = States::new(values, 3000, 1).expect("valid");
-    let train = RowStream::replay(states, &Segments::from_lengths([3000]).expect("valid"));
+    let train = replay(values, 1);
     let fitter = Fitter::new(&train, GAMMA, &[]);
     let lags = error(&fitter.fit(SimplePredictor::Autoregression, 0), &train);
     let line = error(&fitter.fit(SimplePredictor::Line, 0), &train);
@@ -74,14 +90,7 @@ fn persistence_and_the_mean_are_what_they_say() {
     assert!((f64::from(persistence.predictions(&train)[7]) - expected).abs() < 1e-5);
     let mean = fitter.fit(SimplePredictor::Mean, 0);
     let returns = discounted_returns(&train, 0, GAMMA);
-    let known: Vec<f64> = train
-        .rows()
-        .iter()
-        .enumerate()
-        .map(|(t, _)| t)
-        .filter(|&t| t < 1000 - 21 || (1000..3000 - 21).contains(&t))
-        .map(|t| returns[t])
-        .collect();
+    let known = [&returns[..1000 - 21], &returns[1000..3000 - 21]].concat();
     assert_eq!(fitter.rows(), known.len());
     let expected = known.iter().sum::<f64>() / known.len() as f64;
     assert!((f64::from(mean.predictions(&train)[0]) - expected).abs() < 1e-5);
@@ -91,8 +100,7 @@ fn persistence_and_the_mean_are_what_they_say() {
 fn a_line_is_what_least_squares_gives() {
     // o = 1, 2, 1, 2 … : the return after a 1 is above that after a 2.
     let values = (0..400).map(|t| if t % 2 == 0 { 1.0 } else { 2.0 }).collect();
-    let states = States::new(values, 400, 1).expect("valid");
-    let train = RowStream::replay(states, &Segments::from_lengths([400]).expect("valid"));
+    let train = replay(values, 1);
     let line = Fitter::new(&train, 0.5, &[]).fit(SimplePredictor::Line, 0);
     // After 1: 2 + 0.5 + 0.5 + … = (2 + 0.5 · 1) / (1 − 0.25).
     let predicted = line.predictions(&train);
@@ -101,9 +109,7 @@ fn a_line_is_what_least_squares_gives() {
 
 /// Which predictor of column 0 is taken for the best.
 fn best_of(values: Vec<f32>, columns: usize) -> Option<SimplePredictor> {
-    let rows = values.len() / columns;
-    let states = States::new(values, rows, columns).expect("valid");
-    let train = RowStream::replay(states, &Segments::from_lengths([rows]).expect("valid"));
+    let train = replay(values, columns);
     let fitter = Fitter::new(&train, GAMMA, &[]);
     let best = fitter.fit(SimplePredictor::Best, 0);
     SimplePredictor::ALL.into_iter().find(|&other| fitter.fit(other, 0) == best)
@@ -124,8 +130,7 @@ fn the_best_is_what_predicts_what_comes_later() {
     let wave = (0..4000).map(|t| (t as f32 * 0.3).cos()).collect();
     assert_eq!(best_of(wave, 1), Some(SimplePredictor::Autoregression));
     let train = stream(9000, 13);
-    let both = (0..9000).flat_map(|t| Stream::state(&train, t).to_vec()).collect();
-    assert_eq!(best_of(both, 3), Some(SimplePredictor::Ridge));
+    assert_eq!(best_of(values_of(&train, 9000), 3), Some(SimplePredictor::Ridge));
 }
 
 /// A pump that was tried out at two speeds before it ran as it does now: what the first recordings fit fails later, and what all
@@ -144,8 +149,7 @@ fn the_best_is_not_decided_by_the_first_recordings_alone() {
         };
         values.extend([(speed + 0.8 * rng.normal()) as f32, speed as f32]);
     }
-    let states = States::new(values, rows, 2).expect("valid");
-    let train = RowStream::replay(states, &Segments::from_lengths([rows]).expect("valid"));
+    let train = replay(values, 2);
     let fitter = Fitter::new(&train, GAMMA, &[]);
     assert_eq!(fitter.best_of(0), Some(SimplePredictor::Ridge));
     assert_eq!(fitter.fit(SimplePredictor::Best, 0), fitter.fit(SimplePredictor::Ridge, 0));
@@ -167,8 +171,7 @@ fn a_mixture_does_nearly_as_well_as_the_best_of_what_it_mixes() {
         let (up, down) = if t > 500 { (3.0, 40.0) } else { (0.0, 0.0) };
         [a + up, b - down, *c]
     });
-    let states = States::new(states.collect(), 6000, 3).expect("valid");
-    let changed = RowStream::replay(states, &Segments::from_lengths([6000]).expect("valid"));
+    let changed = replay(states.collect(), 3);
     let each = SimplePredictor::ALL.map(|predictor| error(&fitter.fit(predictor, 0), &changed));
     let best = each.into_iter().fold(f64::INFINITY, f64::min);
     let mixed = error(&mixture, &changed);
@@ -181,22 +184,19 @@ fn a_mixture_knows_nothing_of_what_comes() {
     let train = stream(3000, 23);
     let mixture = Fitter::new(&train, GAMMA, &[]).fit(SimplePredictor::Mixture, 0);
     let all = mixture.predictions(&train);
-    let states = (0..700).flat_map(|t| Stream::state(&train, t).to_vec()).collect();
-    let states = States::new(states, 700, 3).expect("valid");
-    let part = RowStream::replay(states, &Segments::from_lengths([700]).expect("valid"));
+    let part = replay(values_of(&train, 700), 3);
     assert_eq!(mixture.predictions(&part), all[..700]);
 }
 
 #[test]
 fn what_is_excluded_has_no_influence() {
     let train = stream(3000, 4);
-    let mut values: Vec<f32> = (0..3000).flat_map(|t| Stream::state(&train, t).to_vec()).collect();
+    let mut values = values_of(&train, 3000);
     values[3 * 1500..3 * 2000].fill(1e6);
     let states = States::new(values, 3000, 3).expect("valid");
     let changed = RowStream::replay(states, &Segments::from_lengths([1000, 2000]).expect("valid"));
     let excluded = std::slice::from_ref(&(1500..2000));
-    let both = [SimplePredictor::Best, SimplePredictor::Mixture];
-    for predictor in SimplePredictor::ALL.into_iter().chain(both) {
+    for predictor in every_predictor() {
         let fitted = Fitter::new(&train, GAMMA, excluded).fit(predictor, 0);
         let again = Fitter::new(&changed, GAMMA, excluded).fit(predictor, 0);
         assert_eq!(fitted, again, "{predictor:?}");
@@ -207,10 +207,8 @@ fn what_is_excluded_has_no_influence() {
 fn a_large_penalty_leaves_the_line() {
     // The other column predicts perfectly in training, and is noise afterwards: within folds it helps nowhere.
     let mut rng = Seed::new(8).rng();
-    let values: Vec<f32> =
-        (0..2000).flat_map(|_| [rng.normal() as f32, rng.normal() as f32]).collect();
-    let states = States::new(values, 2000, 2).expect("valid");
-    let train = RowStream::replay(states, &Segments::from_lengths([2000]).expect("valid"));
+    let values = (0..2000).flat_map(|_| [rng.normal() as f32, rng.normal() as f32]).collect();
+    let train = replay(values, 2);
     let fitter = Fitter::new(&train, GAMMA, &[]);
     let FittedPredictor::Affine { weights: ridge, .. } = fitter.fit(SimplePredictor::Ridge, 0)
     else {
@@ -222,10 +220,8 @@ fn a_large_penalty_leaves_the_line() {
 #[test]
 fn logs_without_information_give_their_mean() {
     let short = stream(24, 5);
-    let constant = States::new(vec![0.25; 600], 300, 2).expect("valid");
-    let constant = RowStream::replay(constant, &Segments::from_lengths([300]).expect("valid"));
-    let both = [SimplePredictor::Best, SimplePredictor::Mixture];
-    for predictor in SimplePredictor::ALL.into_iter().chain(both) {
+    let constant = replay(vec![0.25; 600], 2);
+    for predictor in every_predictor() {
         let predictions = Fitter::new(&short, GAMMA, &[]).fit(predictor, 0).predictions(&short);
         assert!(predictions.iter().all(|value| value.is_finite()), "{predictor:?}");
         let of_constant = Fitter::new(&constant, GAMMA, &[]).fit(predictor, 0);

@@ -3,7 +3,7 @@
 use calib_core::Silent;
 
 use super::{
-    tests::{linear, mlp, waves},
+    tests::{linear, mlp, waves, waves_in},
     *,
 };
 use crate::{
@@ -116,11 +116,7 @@ fn online(optimiser: OptimiserKind) -> AgentConfig {
 /// In two pieces, so that traces end at a gap.
 #[test]
 fn agents_with_traces_learn_and_begin_anew_after_a_gap() {
-    let whole = waves(4000);
-    let values: Vec<f32> = (0..4000).flat_map(|t| whole.state(t).to_vec()).collect();
-    let states = calib_core::States::new(values, 4000, 2).expect("valid");
-    let segments = calib_core::Segments::from_lengths([2500, 1500]).expect("valid");
-    let stream = calib_core::RowStream::replay(states, &segments);
+    let stream = waves_in([2500, 1500]);
     let mean = {
         let frozen = AgentConfig { learning_rate: 0.0, ..linear() };
         let fitted = Fitter::new(&stream, frozen.gamma, &[]).fit(SimplePredictor::Mean, 0);
@@ -128,7 +124,7 @@ fn agents_with_traces_learn_and_begin_anew_after_a_gap() {
     };
     for optimiser in [OptimiserKind::TrueOnlineTd, OptimiserKind::SwiftTd] {
         let outcome = trained(&stream, &online(optimiser), None, None);
-        let settled = outcome.scores.of(Part::FinalQuarter).expect("steps").rmse;
+        let settled = settled_error(&outcome);
         assert!(settled < 0.3 * mean, "{optimiser:?}: {settled} {mean}");
         assert_eq!(outcome.updates, 3998);
     }
@@ -138,12 +134,7 @@ fn agents_with_traces_learn_and_begin_anew_after_a_gap() {
 #[test]
 fn without_traces_true_online_td_is_td() {
     let stream = waves(3000);
-    let descent = AgentConfig {
-        optimiser: OptimiserKind::Sgd,
-        replay: crate::ReplayKind::None,
-        learning_rate: 0.02,
-        ..linear()
-    };
+    let descent = online(OptimiserKind::Sgd);
     let nothing = crate::Checkpoint { parameters: vec![0.0; 3], moments: None };
     let td = trained(&stream, &descent, None, Some(&nothing));
     let config = AgentConfig { lambda: 0.0, ..online(OptimiserKind::TrueOnlineTd) };

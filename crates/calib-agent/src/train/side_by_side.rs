@@ -69,22 +69,13 @@ fn checkpoint(config: &AgentConfig, moments: bool) -> Checkpoint {
     Checkpoint { parameters, moments }
 }
 
-/// A learner without a baseline.
-fn learner<'a>(
-    config: &'a AgentConfig,
-    cumulant: usize,
-    start: Option<&'a Checkpoint>,
-) -> Learner<'a> {
-    Learner { config, cumulant, start, baseline: None }
-}
-
 #[test]
 fn sensors_side_by_side_are_what_they_are_alone() {
     let stream = waves(300);
     let agents = agents();
     let together: Vec<_> = [1, 0]
         .iter()
-        .flat_map(|&cumulant| agents.iter().map(move |config| learner(config, cumulant, None)))
+        .flat_map(|&cumulant| agents.iter().map(move |config| Learner::new(config, cumulant)))
         .collect();
     let all = outcomes(&stream, &together);
     for (learner, outcome) in together.iter().zip(&all) {
@@ -105,7 +96,9 @@ fn a_checkpoint_is_where_learning_starts() {
         let fast = with(1e-2);
         let bare = checkpoint(&kind, false);
         let whole = checkpoint(&kind, true);
-        let outcome = |config, start| outcomes(&stream, &[learner(config, 0, start)]).remove(0);
+        let outcome = |config, start| {
+            outcomes(&stream, &[Learner { start, ..Learner::new(config, 0) }]).remove(0)
+        };
 
         let kept = outcome(&frozen, Some(&bare));
         let moved = outcome(&slow, Some(&bare));
@@ -126,7 +119,7 @@ fn a_checkpoint_of_another_shape_is_refused() {
     let stream = waves(60);
     let config = mlp();
     let start = checkpoint(&linear(), false);
-    let learner = Learner { config: &config, cumulant: 0, start: Some(&start), baseline: None };
+    let learner = Learner { start: Some(&start), ..Learner::new(&config, 0) };
     let error = train_learners(run(&stream), &[learner], &NoKeeper, &Silent);
     assert_eq!(
         error.expect_err("refused").to_string(),
@@ -168,7 +161,7 @@ fn a_resumed_run_is_the_uninterrupted_one() {
         .enumerate()
         .map(|(index, config)| {
             let start = (parameter_count(config, 2) == start.parameters.len()).then_some(&start);
-            Learner { config, cumulant: index % 2, start, baseline: None }
+            Learner { start, ..Learner::new(config, index % 2) }
         })
         .collect();
     let whole = outcomes(&stream, &learners);
@@ -188,7 +181,7 @@ fn a_resumed_run_is_the_uninterrupted_one() {
 fn an_interrupted_run_keeps_its_state() {
     let stream = waves(1_000);
     let agents = [mlp()];
-    let learners = [Learner { config: &agents[0], cumulant: 0, start: None, baseline: None }];
+    let learners = [Learner::new(&agents[0], 0)];
     let stop = |work| {
         let memory = Memory { work, states: RefCell::default() };
         let impatient = Impatient { patience: 500, advanced: AtomicU64::new(0) };

@@ -15,7 +15,7 @@ fn unbroken(values: Vec<f32>, width: usize, order: impl IntoIterator<Item = usiz
 }
 
 /// A slow wave, its derivative, and a little noise.
-pub(super) fn waves(steps: usize) -> RowStream {
+pub(crate) fn waves(steps: usize) -> RowStream {
     let mut rng: Rng = Seed::new(11).rng();
     let values = (0..steps).flat_map(|t| {
         let phase = t as f64 * 0.05;
@@ -23,6 +23,15 @@ pub(super) fn waves(steps: usize) -> RowStream {
         state.map(|value| (value + 0.01 * rng.normal()) as f32)
     });
     unbroken(values.collect(), 2, 0..steps)
+}
+
+/// The same in segments of these lengths.
+pub(crate) fn waves_in<const SEGMENTS: usize>(lengths: [usize; SEGMENTS]) -> RowStream {
+    let steps = lengths.iter().sum();
+    let whole = waves(steps);
+    let values = (0..steps).flat_map(|t| whole.state(t).to_vec()).collect();
+    let states = States::new(values, steps, 2).expect("valid");
+    RowStream::replay(states, &Segments::from_lengths(lengths).expect("valid"))
 }
 
 fn run(stream: &RowStream, agents: &[AgentConfig]) -> Vec<RunOutcome> {
@@ -39,7 +48,7 @@ fn settled(outcome: &RunOutcome) -> PartScore {
     outcome.scores.of(Part::FinalQuarter).expect("scored")
 }
 
-pub(super) fn linear() -> AgentConfig {
+pub(crate) fn linear() -> AgentConfig {
     AgentConfig {
         value_function: ValueFunction::Linear,
         optimiser: OptimiserKind::Sgd,
@@ -50,7 +59,7 @@ pub(super) fn linear() -> AgentConfig {
     }
 }
 
-pub(super) fn mlp() -> AgentConfig {
+pub(crate) fn mlp() -> AgentConfig {
     AgentConfig { hidden_units: 12, gamma: 0.9, batch_size: 16, ..AgentConfig::default() }
 }
 
@@ -100,18 +109,14 @@ fn a_network_predicts_a_wave() {
 }
 
 /// The value of features by the weights of a linear value function.
-fn weighted_sum(w: &[f64], x: [f64; 3]) -> f64 {
+pub(crate) fn weighted_sum(w: &[f64], x: [f64; 3]) -> f64 {
     x.iter().zip(w).map(|(x, w)| x * w).sum()
 }
 
 /// The whole algorithm once more, as plainly as possible and in f64: online, linear, piece by piece.
 #[test]
 fn the_online_agent_is_the_textbooks() {
-    let wave = waves(120);
-    let values: Vec<f32> = (0..120).flat_map(|t| wave.state(t).to_vec()).collect();
-    let states = States::new(values, 120, 2).expect("valid");
-    let segments = Segments::from_lengths([50, 1, 30, 39]).expect("valid");
-    let stream = RowStream::replay(states, &segments);
+    let stream = waves_in([50, 1, 30, 39]);
     let config = AgentConfig { replay: ReplayKind::None, gamma: 0.6, ..linear() };
     let outcome = &run(&stream, std::slice::from_ref(&config))[0];
 
@@ -175,12 +180,7 @@ fn a_population_changes_nothing_about_its_agents() {
         AgentConfig { traces: vec![0.5, 0.9], ..linear() },
         AgentConfig { traces: vec![0.9], replay: ReplayKind::None, ..linear() },
     ];
-    let learners = agents.each_ref().map(|config| Learner {
-        config,
-        cumulant: 0,
-        start: None,
-        baseline: None,
-    });
+    let learners = agents.each_ref().map(|config| Learner::new(config, 0));
     assert_eq!(populations(&learners)[0], [0, 2, 3, 14, 15, 16, 17]);
     let together = run(&stream, &agents);
     assert!(together[3].diverged.is_some() && together[9].diverged.is_some());
@@ -308,8 +308,6 @@ pub(super) struct Impatient {
 }
 
 impl Monitor for Impatient {
-    fn begin(&self, _task: &str, _total: u64) {}
-
     fn advance(&self, units: u64) {
         self.advanced.fetch_add(units, Ordering::Relaxed);
     }
@@ -341,10 +339,6 @@ fn the_monitor_sees_the_stream_once_and_can_stop() {
 struct Patience(AtomicU64);
 
 impl Monitor for Patience {
-    fn begin(&self, _task: &str, _total: u64) {}
-
-    fn advance(&self, _units: u64) {}
-
     fn interrupted(&self) -> bool {
         self.0.fetch_add(1, Ordering::Relaxed) >= 20
     }
