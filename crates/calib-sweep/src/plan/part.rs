@@ -87,7 +87,7 @@ impl Plan<'_> {
             .collect();
         let mut ready: Vec<ReadyPass<'p>> =
             passes.iter().map(|_| ReadyPass { jobs: Vec::new() }).collect();
-        for job in self.jobs_of(&survivors, &|unit| pass_of.contains_key(unit)) {
+        for job in self.jobs_after(Some(&survivors), &|unit| pass_of.contains_key(unit)) {
             ready[pass_of[&job.unit]].jobs.push(job);
         }
         ready
