@@ -20,6 +20,7 @@ pub struct CurvePoint {
     /// The step after the window's last.
     pub step: usize,
     /// RMSE over the steps of the window whose returns are known.
+    #[serde(with = "crate::scoring::infinite")]
     pub rmse: f64,
 }
 

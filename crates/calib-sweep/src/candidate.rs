@@ -127,16 +127,15 @@ fn only_number(values: &[(String, Value)]) -> Option<f64> {
 
 fn with_values(agent: &AgentConfig, values: &[(String, Value)]) -> Result<AgentConfig, SweepError> {
     let invalid = |reason: String| SweepError::Candidate { candidate: label(values), reason };
-    if agent.is_external() {
-        let with = of_program(agent, values);
-        with.check().map_err(|error| invalid(error.to_string()))?;
-        return Ok(with);
-    }
-    let mut fields = agent.fields();
-    fields.extend(values.iter().cloned());
-    let with: AgentConfig = serde_json::from_value(Value::Object(fields))
-        .map_err(|error| invalid(error.to_string()))?;
-    let with = AgentConfig { gammas: agent.gammas.clone(), ..with };
+    let with = if agent.is_external() {
+        of_program(agent, values)
+    } else {
+        let mut fields = agent.fields();
+        fields.extend(values.iter().cloned());
+        let with: AgentConfig = serde_json::from_value(Value::Object(fields))
+            .map_err(|error| invalid(error.to_string()))?;
+        AgentConfig { gammas: agent.gammas.clone(), ..with }
+    };
     with.check().map_err(|error| invalid(error.to_string()))?;
     Ok(with)
 }

@@ -61,6 +61,7 @@ pub use baselines::{
     Baselines, FittedSimple, FittingRows, RecordedWindow, SimpleScore, recorded_windows,
     simple_scores,
 };
+pub use calib_agent::CurvePoint;
 pub use candidate::{Candidate, candidates, written};
 pub use config::{Beginning, RaceKind, SweepConfig};
 pub use environment::{Environment, EnvironmentId, NotFinite, RunStream};
@@ -82,7 +83,7 @@ pub use sampling::Sampling;
 pub use sink::UnitSink;
 pub use span::Span;
 pub use store::{UnitStore, remove_states};
-pub use unit::{CurvePoint, PlannedUnit, RunRow, SettingRun, Unit, UnitResult, UnitRuns};
+pub use unit::{PlannedUnit, RunRow, SettingRun, Unit, UnitResult, UnitRuns};
 pub use verdict::{
     Agreement, BaselineRegret, ChoiceBaseline, Dropped, ENOUGH_WINDOWS, EnvironmentScores, Grade,
     Judging, NO_WORSE, PartChoice, Recommendation, Rule, RuleChoice, SensorVerdict, Share,

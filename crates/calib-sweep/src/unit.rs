@@ -3,7 +3,7 @@ use std::{
     fmt,
 };
 
-use calib_agent::{Part, RunOutcome, Scores};
+use calib_agent::{CurvePoint, Part, RunOutcome, Scores};
 use calib_files::Fingerprinter;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -168,11 +168,7 @@ impl SettingRun {
             updates: outcome.updates,
             scores: outcome.scores,
             diverged_at: outcome.diverged,
-            curve: outcome
-                .curve
-                .into_iter()
-                .map(|point| CurvePoint { step: point.step, rmse: point.rmse })
-                .collect(),
+            curve: outcome.curve,
         }
     }
 
@@ -222,30 +218,6 @@ pub struct RunRow {
     pub diverged_at: Option<usize>,
     /// The learning curve.
     pub curve: Vec<CurvePoint>,
-}
-
-/// A point of a learning curve.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CurvePoint {
-    /// The step after the window's last.
-    pub step: usize,
-    /// RMSE over the window.
-    #[serde(with = "infinite")]
-    pub rmse: f64,
-}
-
-/// JSON has no infinity: a diverged error is stored as `null`.
-pub(crate) mod infinite {
-    use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
-
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde prescribes the signature")]
-    pub(crate) fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
-        value.is_finite().then_some(*value).serialize(serializer)
-    }
-
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-        Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
-    }
 }
 
 impl RunRow {

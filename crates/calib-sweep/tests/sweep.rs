@@ -5,6 +5,7 @@ use std::{
     fs,
     path::Path,
     sync::atomic::{AtomicU64, Ordering},
+    time::SystemTime,
 };
 
 use calib_agent::{AgentConfig, Checkpoint, Part, ReturnMoments, ValueFunction};
@@ -47,6 +48,22 @@ fn span() -> Span {
 
 fn demand(span: Span) -> ScoringDemand {
     ScoringDemand { span, gamma: 0.8, part: Part::WholeRun }
+}
+
+fn plan_options(span: Span, seed: Seed) -> PlanOptions {
+    PlanOptions { part: Part::WholeRun, span, curve_points: 10, seed }
+}
+
+fn sensors() -> Vec<(String, usize)> {
+    vec![("A".to_owned(), 0), ("B".to_owned(), 1)]
+}
+
+fn written_at(file: &Path) -> SystemTime {
+    fs::metadata(file).and_then(|metadata| metadata.modified()).expect("there")
+}
+
+fn warns(verdict: &SensorVerdict, text: &str) -> bool {
+    verdict.warnings.iter().any(|warning| warning.contains(text))
 }
 
 struct Study {
@@ -128,9 +145,8 @@ impl Study {
         let mut environments: Vec<&dyn Environment> =
             members.iter().map(|member| member as &dyn Environment).collect();
         environments.extend([&online as &dyn Environment, &replay]);
-        let options = PlanOptions { part: Part::WholeRun, span: span(), curve_points: 10, seed };
-        let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
-        then(Plan::new(&self.candidates, environments, sensors, options))
+        let options = plan_options(span(), seed);
+        then(Plan::new(&self.candidates, environments, sensors(), options))
     }
 }
 
@@ -157,17 +173,14 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     let kept = one.directory().join("A/member-0/run-0000.json");
     fs::remove_file(&lost).expect("was there");
     fs::write(&damaged, b"{").expect("writable");
-    let before = fs::metadata(&kept).and_then(|metadata| metadata.modified()).expect("there");
+    let before = written_at(&kept);
     let (units, settings) = study.units(1);
     assert!(matches!(
         one.collect(&units, &settings),
         Err(SweepError::Incomplete { missing: 2, .. })
     ));
     assert_eq!(run(&one), alone);
-    assert_eq!(
-        fs::metadata(&kept).and_then(|metadata| metadata.modified()).expect("there"),
-        before
-    );
+    assert_eq!(written_at(&kept), before);
     assert_eq!(one.collect(&units, &settings).expect("complete"), alone);
 
     // A run of n + 1 states in one piece has n steps.
@@ -255,7 +268,7 @@ fn the_verdict_chooses_what_learns_and_prices_the_alternatives() {
     assert_eq!(verdict.grade, Grade::Good);
     assert_eq!((verdict.stability[0].candidate, verdict.stability[0].share), (2, 1.0));
     assert_eq!(verdict.stability_nearby, Some(1.0));
-    assert!(verdict.warnings.iter().any(|warning| warning.contains("diverged")));
+    assert!(warns(&verdict, "diverged"));
 }
 
 /// By the paper's rule, over the whole run.
@@ -444,7 +457,7 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
     assert_eq!(judged_race.chosen, of_whole.chosen);
     let diverged = judged_race.dropped.iter().find(|dropped| dropped.candidate == 3);
     assert!(diverged.is_some_and(|dropped| dropped.runs < dropped.of_runs));
-    assert!(judged_race.warnings.iter().any(|text| text.contains("the race dropped")));
+    assert!(warns(&judged_race, "the race dropped"));
     assert!(of_whole.dropped.is_empty());
     let scores = judged_race.truth.as_ref().map(|truth| &truth.scores);
     let scores_of_whole = of_whole.truth.as_ref().map(|truth| &truth.scores);
@@ -456,10 +469,7 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
     let kept = ["A/member-2/run-0000.json", "A/member-1/run-0001.json"];
     let kept = kept.map(|name| one.directory().join(name));
     fs::remove_file(lost).expect("was there");
-    let written = || {
-        kept.each_ref()
-            .map(|file| fs::metadata(file).and_then(|metadata| metadata.modified()).expect("there"))
-    };
+    let written = || kept.each_ref().map(|file| written_at(file));
     let before = written();
     assert_eq!(race(&study, &one), alone);
     assert_eq!(written(), before);
@@ -513,10 +523,8 @@ fn a_rollout_that_is_not_finite_is_a_flagged_result() {
     };
     let environment =
         MemberEnvironment::new(&model, 0, study.train.states(), starts.to_vec(), options);
-    let options =
-        PlanOptions { part: Part::WholeRun, span: span(), curve_points: 10, seed: Seed::new(1) };
-    let sensors = vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
-    let plan = Plan::new(&study.candidates, vec![&environment], sensors, options);
+    let options = plan_options(span(), Seed::new(1));
+    let plan = Plan::new(&study.candidates, vec![&environment], sensors(), options);
     let directory = tempfile::tempdir().expect("a directory");
     let store = UnitStore::new(directory.path().to_owned());
     let results = plan.run(&store, &Silent).expect("the sweep goes on");
@@ -537,15 +545,9 @@ fn a_rollout_that_is_not_finite_is_a_flagged_result() {
     let verdict = judged(&study, &results);
     let selection = verdict.selection.as_ref().expect("three members");
     assert!(selection.mean_errors.iter().all(|error| error.is_infinite()));
-    assert!(
-        verdict
-            .warnings
-            .iter()
-            .any(|told| told.contains("diverged to infinity or NaN in 1 of 2 runs")),
-        "{:?}",
-        verdict.warnings
-    );
-    assert!(verdict.warnings.iter().any(|told| told.contains("1 of 8 runs diverged")));
+    for text in ["diverged to infinity or NaN in 1 of 2 runs", "1 of 8 runs diverged"] {
+        assert!(warns(&verdict, text), "{:?}", verdict.warnings);
+    }
 }
 
 #[test]
@@ -565,10 +567,8 @@ fn a_sensor_of_another_discount_factor_leaves_the_others_as_they_are() {
     };
     let longer = Span::new(600, [0.9]);
     let [of_near, of_far] = [replay(span()), replay(longer)];
-    let near_options =
-        PlanOptions { part: Part::WholeRun, span: span(), curve_points: 10, seed: Seed::new(1) };
-    let far_options = PlanOptions { span: longer, ..near_options };
-    let sensors = || vec![("A".to_owned(), 0), ("B".to_owned(), 1)];
+    let near_options = plan_options(span(), Seed::new(1));
+    let far_options = plan_options(longer, Seed::new(1));
     let near_plan = Plan::new(&study.candidates, vec![&of_near], sensors(), near_options);
     let far_plan = Plan::new(&far, vec![&of_far], sensors(), far_options);
     let near_group =

@@ -182,13 +182,13 @@ impl SensorVerdict {
     }
 }
 
-/// Whether any of these numbers differs from another. A single one has none to differ from.
-fn differ(scores: &[f64]) -> bool {
-    scores.len() < 2 || scores.windows(2).any(|pair| pair[0] != pair[1])
+/// Whether any of these differs from another. A single one has none to differ from.
+fn differ<T: PartialEq>(all: &[T]) -> bool {
+    all.len() < 2 || all.windows(2).any(|pair| pair[0] != pair[1])
 }
 
 /// Whether the members prefer any value to another: by worst rank, or at least by mean rank.
 fn told_apart(selection: &Selection) -> bool {
     let ranks: Vec<_> = selection.worst_ranks.iter().zip(&selection.mean_ranks).collect();
-    ranks.len() == 1 || ranks.windows(2).any(|pair| pair[0] != pair[1])
+    differ(&ranks)
 }

@@ -91,6 +91,16 @@ fn with(more: impl IntoIterator<Item = UnitResult>) -> Vec<UnitResult> {
     members().into_iter().chain(more).collect()
 }
 
+fn warns(verdict: &SensorVerdict, text: &str) -> bool {
+    verdict.warnings.iter().any(|warning| warning.contains(text))
+}
+
+/// The regret of another way to choose.
+fn cost(truth: &Truth, baseline: ChoiceBaseline) -> Option<f64> {
+    let own = truth.baselines.iter().find(|known| known.baseline == baseline).expect("there");
+    own.regret.map(|regret| regret.value)
+}
+
 fn near(a: f64, b: f64) {
     assert!((a - b).abs() < 1e-12, "{a} instead of {b}");
 }
@@ -160,16 +170,8 @@ fn the_log_decides_alone_where_there_is_no_model() {
 
 #[test]
 fn what_a_race_on_the_log_dropped_is_told_with_its_error_there() {
-    let mut results: Vec<UnitResult> = (0..4)
-        .map(|number: usize| {
-            run(
-                EnvironmentId::LogReplay,
-                number,
-                9 * u32::try_from(number).expect("small"),
-                [0.2, 0.4, 0.3],
-            )
-        })
-        .collect();
+    let mut results: Vec<UnitResult> =
+        (0..4).map(|number: u32| log_run(number as usize, 9 * number, [0.2, 0.4, 0.3])).collect();
     for result in &mut results[1..] {
         result.rows.retain(|row| row.candidate != 1);
     }
@@ -260,10 +262,7 @@ fn regrets_are_geometric_over_windows() {
     near(regrets[1], 2.0_f64.sqrt() - 1.0);
     near(regrets[2], 1.0);
     assert_eq!((truth.best, truth.scores.streams, truth.scores.runs), (Some(0), 2, 4));
-    let cost = |baseline| {
-        let own = truth.baselines.iter().find(|known| known.baseline == baseline).expect("there");
-        own.regret.map(|regret| regret.value)
-    };
+    let cost = |baseline| cost(&truth, baseline);
     near(cost(ChoiceBaseline::AnotherWindow).expect("two windows"), 1.0);
     near(cost(ChoiceBaseline::Hindsight).expect("known"), 2.0_f64.sqrt() - 1.0);
     near(cost(ChoiceBaseline::Default).expect("known"), 1.0);
@@ -280,9 +279,7 @@ fn one_window_has_no_floor_and_is_not_green() {
     let results = with(online().into_iter().filter(|result| result.start_row == 100));
     let truth = judge(Rule::WorstRank, &results).truth.expect("held out");
     assert_eq!(truth.windows.len(), 1);
-    let other_window =
-        truth.baselines.iter().find(|row| row.baseline == ChoiceBaseline::AnotherWindow);
-    assert_eq!(other_window.expect("there").regret, None);
+    assert_eq!(cost(&truth, ChoiceBaseline::AnotherWindow), None);
     assert_eq!(truth.scores.candidates[0].runs, 2, "runs are the sample where there is one window");
     assert_eq!(judge(Rule::WorstRank, &results).grade, Grade::Fair);
 }
@@ -308,29 +305,18 @@ fn a_default_that_is_better_is_poor_advice() {
 }
 
 #[test]
-fn windows_in_which_everything_diverges_are_left_out() {
+fn windows_in_which_everything_diverges_are_left_out_and_told() {
     let lost = run(EnvironmentId::Online, 4, 2000, [INF, INF, INF]);
-    let truth = judge(Rule::WorstRank, &with(online().into_iter().chain([lost]))).truth;
-    let truth = truth.expect("held out");
+    let verdict = judge(Rule::WorstRank, &with(online().into_iter().chain([lost])));
+    assert_eq!(verdict.grade, Grade::Poor, "the choice diverged there too");
+    assert!(warns(&verdict, "diverged in 1 of 3 held-out windows"));
+    let truth = verdict.truth.expect("held out");
     assert_eq!((truth.windows.len(), truth.windows[2].best), (3, None));
     near(truth.regrets.expect("of two windows")[0], 2.0_f64.sqrt() - 1.0);
     let all = [run(EnvironmentId::Online, 0, 100, [INF, INF, INF])];
     let verdict = judge(Rule::WorstRank, &with(all));
     assert_eq!(verdict.grade, Grade::Poor);
     assert_eq!(verdict.truth.expect("held out").choice.regret, None);
-}
-
-#[test]
-fn one_window_in_which_all_diverge_is_no_good_word() {
-    let lost = run(EnvironmentId::Online, 4, 2000, [INF, INF, INF]);
-    let verdict = judge(Rule::WorstRank, &with(online().into_iter().chain([lost])));
-    assert_eq!(verdict.grade, Grade::Poor, "the choice diverged there too");
-    assert!(
-        verdict
-            .warnings
-            .iter()
-            .any(|warning| warning.contains("diverged in 1 of 3 held-out windows"))
-    );
 }
 
 #[test]
@@ -343,9 +329,7 @@ fn a_divergence_of_another_windows_choice_excuses_nothing() {
     ];
     let verdict = judge(Rule::WorstRank, &with(windows));
     let truth = verdict.truth.expect("held out");
-    let another =
-        truth.baselines.iter().find(|known| known.baseline == ChoiceBaseline::AnotherWindow);
-    let another = another.and_then(|known| known.regret).expect("pairs without divergence").value;
+    let another = cost(&truth, ChoiceBaseline::AnotherWindow).expect("pairs without divergence");
     // 0.2 / 0.2 of 0.15, 9 of 0.1; 0.15 by itself: the pairs that did not diverge.
     let expected = ((1.0_f64.ln() + 9.0_f64.ln() + (0.2_f64 / 0.15).ln() + 0.0) / 4.0).exp_m1();
     near(another, expected);
@@ -364,7 +348,7 @@ fn values_that_all_diverge_in_the_evidence_are_not_recommended() {
     let verdict = judge(Rule::Pooled, &results);
     assert_eq!(verdict.chosen, 0, "of those that diverged once the best elsewhere");
     assert_eq!(verdict.grade, Grade::Poor);
-    assert!(verdict.warnings.iter().any(|warning| warning.contains("recommends none of them")));
+    assert!(warns(&verdict, "recommends none of them"));
     assert_eq!(judge(Rule::WorstRank, &results).grade, Grade::Fair, "members did not diverge");
 }
 

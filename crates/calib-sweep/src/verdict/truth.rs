@@ -2,7 +2,7 @@ use calib_stats::{Bounded, Estimate, kendall_tau_b, spearman};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::errors::EnvironmentScores;
+use super::{differ, errors::EnvironmentScores};
 use crate::SweepError;
 
 /// What held-out data says of one window.
@@ -24,7 +24,7 @@ pub struct Agreement {
     /// The candidate.
     pub chosen: usize,
     /// Its mean NRMSE on held-out data.
-    #[serde(with = "crate::unit::infinite")]
+    #[serde(with = "calib_stats::diverged")]
     #[schemars(with = "Option<f64>")]
     pub online_error: f64,
     /// exp(mean over windows of ln(error / best error of the window)) − 1; none if every value diverged.
@@ -110,9 +110,7 @@ impl Truth {
     /// Whether the errors of different values differ. A single one has none to differ from.
     pub fn tells_apart(&self) -> bool {
         // Of every window the best value has no regret: where all have none, all have the same error.
-        self.regrets.as_deref().is_none_or(|regrets| {
-            regrets.len() < 2 || regrets.windows(2).any(|pair| pair[0] != pair[1])
-        })
+        self.regrets.as_deref().is_none_or(differ)
     }
 }
 
