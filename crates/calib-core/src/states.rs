@@ -1,7 +1,5 @@
 use std::{fmt, ops::Range, sync::Arc};
 
-use ndarray::ArrayView2;
-
 /// Normalised states, row-major `f32 [n, d]`, owned or memory-mapped, cheap to clone.
 #[derive(Clone)]
 pub struct States {
@@ -105,12 +103,6 @@ impl States {
         Self { first: self.first + rows.start, rows: rows.len(), ..self.clone() }
     }
 
-    /// The values as an `ndarray` view of shape `[n, d]`.
-    pub fn view(&self) -> ArrayView2<'_, f32> {
-        ArrayView2::from_shape((self.rows, self.columns), self.as_slice())
-            .unwrap_or_else(|_| unreachable!("the shape was checked when the states were made"))
-    }
-
     /// One state.
     pub fn row(&self, row: usize) -> &[f32] {
         &self.as_slice()[row * self.columns..][..self.columns]
@@ -141,7 +133,6 @@ mod tests {
         let states = States::new(vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 3, 2).expect("valid");
         assert_eq!(states.row(1), [3.0, 4.0]);
         assert_eq!((states.rows(), states.columns()), (3, 2));
-        assert_eq!(states.view()[[2, 0]], 5.0);
         let tail = states.slice(1..3);
         assert_eq!((tail.rows(), tail.as_slice()), (2, &[3.0_f32, 4.0, 5.0, 6.0][..]));
         assert_eq!(tail.slice(1..2).row(0), [5.0, 6.0]);

@@ -56,11 +56,6 @@ impl Transitions {
         &self.sources
     }
 
-    /// The position of the segment that the transition lies in.
-    pub fn segment_of(&self, transition: TransitionIndex) -> usize {
-        self.firsts.partition_point(|&first| first <= transition.0) - 1
-    }
-
     /// The transition that starts from `row`; none for the last row of a segment.
     pub fn starting_at(&self, row: RowIndex) -> Option<TransitionIndex> {
         let position = self.segments.position_of(row.get())?;
@@ -91,8 +86,6 @@ mod tests {
         assert_eq!(all.sources(), [0, 1, 4]);
         let next: Vec<u32> = (0..3).map(|i| all.next(TransitionIndex(i)).0).collect();
         assert_eq!(next, [1, 2, 5]);
-        let segments: Vec<usize> = (0..3).map(|i| all.segment_of(TransitionIndex(i))).collect();
-        assert_eq!(segments, [0, 0, 2]);
     }
 
     #[test]
