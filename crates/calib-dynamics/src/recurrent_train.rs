@@ -109,19 +109,6 @@ impl<'a> RecurrentTrainer<'a> {
         Ok(Self::with(gru, config, seed, parts, parameters))
     }
 
-    /// Go on where [`checkpoint`](crate::Trainer::checkpoint) was taken, with the same data, configuration and seed.
-    ///
-    /// # Errors
-    /// If the checkpoint is not one of such a training.
-    pub fn resume(
-        data: &Transitioning<'a>,
-        config: &DynamicsConfig,
-        seed: Seed,
-        checkpoint: &calib_files::Tensors,
-    ) -> Result<Self, DynamicsError> {
-        Self::new(data, config, seed)?.resumed(checkpoint)
-    }
-
     /// The model as it is now.
     pub fn present(&self) -> Recurrent {
         self.learnable().start.with_flat(self.parameters())
@@ -156,7 +143,7 @@ mod tests {
     use serde::Deserialize;
 
     use super::*;
-    use crate::{GruLayer, Trainer as _};
+    use crate::{Dynamics as _, GruLayer, LANES, Trainer as _};
 
     #[derive(Deserialize)]
     struct Golden {
@@ -171,10 +158,55 @@ mod tests {
 
     #[derive(Deserialize)]
     struct Case {
+        /// `[sequences][length][columns]`.
+        predictions: Vec<Vec<Vec<f64>>>,
         loss: f64,
         gradients: BTreeMap<String, Vec<f64>>,
         tensors_after: BTreeMap<String, Vec<f64>>,
         loss_after: f64,
+    }
+
+    impl Golden {
+        fn read() -> Self {
+            serde_json::from_str(include_str!("../tests/golden/dynamics.json")).expect("reads")
+        }
+
+        fn model(&self) -> Recurrent {
+            let tensor = |name: String| self.tensors[&name].clone();
+            let layers = (0..self.layers)
+                .map(|number: usize| GruLayer {
+                    weight_ih: tensor(format!("gru.weight_ih_l{number}")),
+                    weight_hh: tensor(format!("gru.weight_hh_l{number}")),
+                    bias_ih: tensor(format!("gru.bias_ih_l{number}")),
+                    bias_hh: tensor(format!("gru.bias_hh_l{number}")),
+                })
+                .collect();
+            let [weight, bias] = ["head.weight", "head.bias"].map(|name| tensor(name.to_owned()));
+            Recurrent::new(layers, weight, bias, 0).expect("sizes agree")
+        }
+    }
+
+    /// PyTorch's own single precision is within 2e-8.
+    #[test]
+    fn a_gru_predicts_what_pytorch_predicts() {
+        let golden = Golden::read();
+        let model = golden.model();
+        let mut walk = model.walk().expect("it runs");
+        let columns = golden.columns;
+        let mut states = vec![0.0; LANES * columns];
+        let mut next = vec![0.0; LANES * columns];
+        for step in 0..golden.gru.predictions[0].len() {
+            for (lane, sequence) in golden.states.iter().enumerate() {
+                states[lane * columns..][..columns].copy_from_slice(&sequence[step]);
+            }
+            walk.step(&states, &mut next).expect("a step");
+            for (lane, expected) in golden.gru.predictions.iter().enumerate() {
+                for (got, expected) in next[lane * columns..].iter().zip(&expected[step]) {
+                    let difference = (f64::from(*got) - expected).abs();
+                    assert!(difference < 5e-7, "step {step}: {got}, expected {expected}");
+                }
+            }
+        }
     }
 
     /// What a flat vector holds, by PyTorch's names.
@@ -196,19 +228,8 @@ mod tests {
     /// Gradients and a training of 20 updates as PyTorch computes them: `scripts/golden/gru.py`.
     #[test]
     fn a_gru_learns_as_in_pytorch() {
-        let golden: Golden =
-            serde_json::from_str(include_str!("../tests/golden/dynamics.json")).expect("reads");
-        let tensor = |name: String| golden.tensors[&name].clone();
-        let layers = (0..golden.layers)
-            .map(|number: usize| GruLayer {
-                weight_ih: tensor(format!("gru.weight_ih_l{number}")),
-                weight_hh: tensor(format!("gru.weight_hh_l{number}")),
-                bias_ih: tensor(format!("gru.bias_ih_l{number}")),
-                bias_hh: tensor(format!("gru.bias_hh_l{number}")),
-            })
-            .collect();
-        let [weight, bias] = ["head.weight", "head.bias"].map(|name| tensor(name.to_owned()));
-        let model = Recurrent::new(layers, weight, bias, 0).expect("sizes agree");
+        let golden = Golden::read();
+        let model = golden.model();
         let shape = GruShape::of(&model);
         let count = golden.states.len();
         let length = golden.states[0].len() - 1;
@@ -275,8 +296,8 @@ mod tests {
                     trainer.epoch(&Silent).expect("finite");
                     if put_aside {
                         let kept = trainer.checkpoint().expect("native");
-                        trainer =
-                            RecurrentTrainer::resume(&data, &config, seed, &kept).expect("ours");
+                        let begun = RecurrentTrainer::new(&data, &config, seed);
+                        trainer = begun.expect("sequences").resumed(&kept).expect("ours");
                     }
                 }
                 (trainer.record().clone(), trainer.weights().expect("native"))

@@ -86,8 +86,11 @@ impl<L: Learnable> NativeTrainer<L> {
         }
     }
 
-    /// The same training, as far as a checkpoint of it had come.
-    pub(crate) fn resumed(mut self, checkpoint: &Tensors) -> Result<Self, DynamicsError> {
+    /// The same training, as far as it had come when [`checkpoint`](Trainer::checkpoint) was taken, with the same data, configuration and seed.
+    ///
+    /// # Errors
+    /// If the checkpoint is not one of such a training.
+    pub fn resumed(mut self, checkpoint: &Tensors) -> Result<Self, DynamicsError> {
         let state = TrainingState::from_tensors(checkpoint, self.parameters.len())?;
         self.parameters = state.parameters;
         self.adam = Adam::from_moments(self.adam.rule(), state.moments);
@@ -279,19 +282,6 @@ impl<'a> FeedForwardTrainer<'a> {
             validation: data.validation().map(|transition| transition as u32).collect(),
         };
         Self::with(NextState { data: *data, network }, config, seed, parts, parameters)
-    }
-
-    /// Go on where [`checkpoint`](Trainer::checkpoint) was taken, with the same data, configuration and seed.
-    ///
-    /// # Errors
-    /// If the checkpoint is not one of such a training.
-    pub fn resume(
-        data: &Transitioning<'a>,
-        config: &DynamicsConfig,
-        seed: Seed,
-        checkpoint: &Tensors,
-    ) -> Result<Self, DynamicsError> {
-        Self::new(data, config, seed).resumed(checkpoint)
     }
 
     /// The network as it is now.

@@ -1,8 +1,6 @@
 //! Predictions and gradients as PyTorch computes them: `scripts/golden/gru.py`.
 
-use std::collections::BTreeMap;
-
-use calib_dynamics::{Dynamics, FeedForward, GruLayer, LANES, Recurrent};
+use calib_dynamics::{Dynamics as _, FeedForward, LANES};
 use calib_nn::{Adam, AdamRule, Mlp, Workspace};
 use serde::Deserialize;
 
@@ -12,21 +10,12 @@ const TOLERANCE: f64 = 5e-7;
 #[derive(Deserialize)]
 struct Golden {
     columns: usize,
-    layers: usize,
     steps: usize,
     /// `[sequences][length + 1][columns]`.
     states: Vec<Vec<Vec<f32>>>,
-    tensors: BTreeMap<String, Vec<f32>>,
-    gru: GruCase,
     nn_sizes: Vec<usize>,
     nn_parameters: Vec<f32>,
     nn: NnCase,
-}
-
-#[derive(Deserialize)]
-struct GruCase {
-    /// `[sequences][length][columns]`.
-    predictions: Vec<Vec<Vec<f64>>>,
 }
 
 #[derive(Deserialize)]
@@ -38,10 +27,6 @@ struct NnCase {
     parameters_after: Vec<f64>,
 }
 
-fn golden() -> Golden {
-    serde_json::from_str(include_str!("golden/dynamics.json")).expect("reads")
-}
-
 fn assert_close(what: &str, got: &[f32], expected: &[f64]) {
     assert_eq!(got.len(), expected.len(), "{what}");
     for (index, (got, expected)) in got.iter().zip(expected).enumerate() {
@@ -51,38 +36,9 @@ fn assert_close(what: &str, got: &[f32], expected: &[f64]) {
 }
 
 #[test]
-fn a_gru_predicts_what_pytorch_predicts() {
-    let golden = golden();
-    let tensor = |name: String| golden.tensors[&name].clone();
-    let layers = (0..golden.layers)
-        .map(|number: usize| GruLayer {
-            weight_ih: tensor(format!("gru.weight_ih_l{number}")),
-            weight_hh: tensor(format!("gru.weight_hh_l{number}")),
-            bias_ih: tensor(format!("gru.bias_ih_l{number}")),
-            bias_hh: tensor(format!("gru.bias_hh_l{number}")),
-        })
-        .collect();
-    let head = ["head.weight", "head.bias"].map(|name| golden.tensors[name].clone());
-    let [weight, bias] = head;
-    let model = Recurrent::new(layers, weight, bias, 0).expect("sizes agree");
-    let mut walk = model.walk().expect("it runs");
-    let columns = golden.columns;
-    let mut states = vec![0.0; LANES * columns];
-    let mut next = vec![0.0; LANES * columns];
-    for step in 0..golden.gru.predictions[0].len() {
-        for (lane, sequence) in golden.states.iter().enumerate() {
-            states[lane * columns..][..columns].copy_from_slice(&sequence[step]);
-        }
-        walk.step(&states, &mut next).expect("a step");
-        for (lane, expected) in golden.gru.predictions.iter().enumerate() {
-            assert_close("prediction", &next[lane * columns..][..columns], &expected[step]);
-        }
-    }
-}
-
-#[test]
 fn a_feed_forward_network_learns_as_in_pytorch() {
-    let golden = golden();
+    let golden: Golden =
+        serde_json::from_str(include_str!("golden/dynamics.json")).expect("reads");
     let network = Mlp::from_parameters(&golden.nn_sizes, &golden.nn_parameters).expect("fits");
     let inputs: Vec<f32> =
         golden.states.iter().flat_map(|sequence| sequence[..sequence.len() - 1].concat()).collect();

@@ -99,7 +99,7 @@ fn put_aside_and_resumed_is_the_same_to_the_bit() {
     for _ in 0..5 {
         let mut trainer = match &checkpoint {
             None => FeedForwardTrainer::new(&data, &config, seed),
-            Some(found) => FeedForwardTrainer::resume(&data, &config, seed, found).expect("ours"),
+            Some(found) => FeedForwardTrainer::new(&data, &config, seed).resumed(found).expect("ours"),
         };
         trainer.epoch(&Silent).expect("finite");
         calib_files::write_tensors(&path, &trainer.checkpoint().expect("native")).expect("written");
@@ -110,7 +110,7 @@ fn put_aside_and_resumed_is_the_same_to_the_bit() {
     whole.tensors.sort_by(|a, b| a.name.cmp(&b.name));
     assert_eq!(resumed, whole);
     let other = DynamicsConfig { hidden_units: 25, ..config };
-    let error = FeedForwardTrainer::resume(&data, &other, seed, &resumed).expect_err("wider");
+    let error = FeedForwardTrainer::new(&data, &other, seed).resumed(&resumed).expect_err("wider");
     assert!(error.to_string().contains("another network"), "{error}");
 }
 

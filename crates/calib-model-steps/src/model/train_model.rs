@@ -218,14 +218,14 @@ pub(crate) fn train(
     let (mut trainer, backend): (Box<dyn Trainer + '_>, String) = match (study.model.kind, device) {
         (ModelKind::Nn, None) => {
             let trainer = match &found {
-                Some(found) => FeedForwardTrainer::resume(&data, config, seed, found)?,
+                Some(found) => FeedForwardTrainer::new(&data, config, seed).resumed(found)?,
                 None => FeedForwardTrainer::new(&data, config, seed),
             };
             (Box::new(trainer), NATIVE.to_owned())
         }
         (ModelKind::Gru, None) => {
             let trainer = match &found {
-                Some(found) => RecurrentTrainer::resume(&data, config, seed, found)?,
+                Some(found) => RecurrentTrainer::new(&data, config, seed)?.resumed(found)?,
                 None => RecurrentTrainer::new(&data, config, seed)?,
             };
             (Box::new(trainer), NATIVE.to_owned())
