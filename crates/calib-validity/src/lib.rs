@@ -15,15 +15,11 @@
 //!     plant: plant.to_owned(),
 //!     sensor: "pressure".to_owned(),
 //!     optimiser: "adam".to_owned(),
-//!     task: Vec::new(),
 //!     online: vec![0.5; 3],
 //!     skill: Some(0.5),
 //!     regrets: Some(regrets.to_vec()),
 //!     default: Some(2),
-//!     log_replay: None,
-//!     latest_window: None,
-//!     another_window: None,
-//!     models: Vec::new(),
+//!     ..Pair::default()
 //! };
 //! let values = ["1e-4", "1e-3", "1e-2"].map(str::to_owned).to_vec();
 //! let pairs = vec![pair("a", [1.0, 0.0, 2.0]), pair("b", [0.0, 0.25, 0.5])];

@@ -9,7 +9,7 @@ use crate::ValidityError;
 pub const CAP: f64 = 10.0;
 
 /// A sensor of a plant whose held-out data was replayed Online, by one score.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pair {
     /// The plant: the unit of all intervals.
     pub plant: String,
@@ -49,7 +49,7 @@ pub enum TaskValue {
 }
 
 /// A calibration model, and what is known of it, on one sensor of one plant.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ModelPair {
     /// Its name.
     pub model: String,

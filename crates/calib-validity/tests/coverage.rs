@@ -65,31 +65,17 @@ impl Plants {
 }
 
 fn pair(plant: usize, sensor: usize, regrets: [f64; 3]) -> Pair {
-    let model = ModelPair {
-        model: "a".to_owned(),
-        chosen: 1,
-        stability: None,
-        saved_by_halving: None,
-        rules: Vec::new(),
-        spearman: None,
-        one_step: None,
-        one_step_relative: None,
-        one_step_all: None,
-        dtw: None,
-    };
     Pair {
         plant: plant.to_string(),
         sensor: sensor.to_string(),
         optimiser: "adam".to_owned(),
-        task: Vec::new(),
         online: vec![0.5; 3],
         skill: Some(0.5),
         regrets: Some(regrets.to_vec()),
         default: Some(2),
         log_replay: Some(0),
-        latest_window: None,
-        another_window: None,
-        models: vec![model],
+        models: vec![ModelPair { model: "a".to_owned(), chosen: 1, ..ModelPair::default() }],
+        ..Pair::default()
     }
 }
 

@@ -91,9 +91,7 @@ fn pair(golden: GoldenPair) -> Pair {
         plant: golden.plant,
         sensor: golden.sensor,
         optimiser: golden.optimiser,
-        task: Vec::new(),
         online: vec![1.0; golden.regrets.len()],
-        skill: None,
         regrets: Some(golden.regrets),
         default: Some(golden.default),
         log_replay: Some(golden.log_replay),
@@ -105,20 +103,15 @@ fn pair(golden: GoldenPair) -> Pair {
             .map(|(name, model)| ModelPair {
                 model: name,
                 chosen: model.chosen,
-                stability: None,
-                saved_by_halving: None,
                 rules: model
                     .rules
                     .into_iter()
                     .map(|(rule, chosen)| RuleChoice { rule, chosen })
                     .collect(),
-                spearman: None,
-                one_step: None,
-                one_step_relative: None,
-                one_step_all: None,
-                dtw: None,
+                ..ModelPair::default()
             })
             .collect(),
+        ..Pair::default()
     }
 }
 

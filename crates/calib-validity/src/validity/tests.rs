@@ -8,15 +8,13 @@ pub(crate) fn pair(plant: &str, sensor: &str, regrets: [f64; 3]) -> Pair {
         plant: plant.to_owned(),
         sensor: sensor.to_owned(),
         optimiser: "adam".to_owned(),
-        task: Vec::new(),
         online: vec![0.5; 3],
         skill: Some(0.5),
         regrets: Some(regrets.to_vec()),
         default: Some(2),
         log_replay: Some(0),
-        latest_window: None,
         another_window: Some(0.5),
-        models: Vec::new(),
+        ..Pair::default()
     }
 }
 
@@ -33,9 +31,7 @@ fn model(name: &str, chosen: usize, one_step: f64, spearman: f64) -> ModelPair {
         rules: vec![rule("worst_rank", chosen), rule("pooled", 0)],
         spearman: Some(spearman),
         one_step: Some(one_step),
-        one_step_relative: None,
-        one_step_all: None,
-        dtw: None,
+        ..ModelPair::default()
     }
 }
 
