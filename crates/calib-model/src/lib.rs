@@ -60,6 +60,6 @@ pub use rollout::{Rollout, rollout, rollout_seed, rollouts};
 pub use start::{Start, StartSource, StartState, start_states, start_states_of_all};
 pub use start_row::{StartRow, start_rows};
 pub use statistics::JumpStatistics;
-pub use trajectory::{LeftFinite, Trajectory};
+pub use trajectory::{NotFinite, Trajectory};
 pub use walks::WalkStatistics;
 pub use wanted::RequestedStart;

@@ -17,7 +17,6 @@ pub struct Rollout {
     rows: Vec<RowIndex>,
     transitions: Vec<TransitionIndex>,
     start: StartState,
-    seed: Seed,
 }
 
 impl Rollout {
@@ -39,11 +38,6 @@ impl Rollout {
     /// Where it started.
     pub fn start(&self) -> &StartState {
         &self.start
-    }
-
-    /// The seed of its draws.
-    pub fn seed(&self) -> Seed {
-        self.seed
     }
 
     /// The trajectory as a stream for an agent, in one unbroken piece.
@@ -131,7 +125,7 @@ impl<'a> Walk<'a> {
         Self {
             member,
             rng: seed.rng(),
-            rollout: Rollout { rows, transitions, start: start.clone(), seed },
+            rollout: Rollout { rows, transitions, start: start.clone() },
         }
     }
 

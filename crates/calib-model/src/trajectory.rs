@@ -2,6 +2,8 @@ use std::sync::Arc;
 
 use calib_core::{RowIndex, States, Stream};
 use calib_dynamics::{Ended, PredictedStream, Prediction};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::{RequestedStart, Rollout, StartRow};
 
@@ -19,10 +21,10 @@ pub enum Trajectory {
     },
 }
 
-/// Where a rollout left the finite numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LeftFinite {
-    /// The step that is not there, counted from 1.
+/// Where a model's rollout left the finite numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct NotFinite {
+    /// The step that could not be taken, counted from 1.
     pub step: usize,
     /// The first column of its state that is not finite.
     pub column: usize,
@@ -81,12 +83,12 @@ impl Trajectory {
     }
 
     /// Where its states would have left the finite numbers, if they would.
-    pub fn left_finite(&self) -> Option<LeftFinite> {
+    pub fn left_finite(&self) -> Option<NotFinite> {
         match self {
             Self::Recorded(_) => None,
             Self::Predicted { prediction, .. } => match prediction.ended() {
                 Ended::Complete => None,
-                Ended::NotFinite { step, column } => Some(LeftFinite { step, column }),
+                Ended::NotFinite { step, column } => Some(NotFinite { step, column }),
             },
         }
     }

@@ -2,6 +2,7 @@ use std::fmt;
 
 use calib_core::{RowIndex, Stream};
 use calib_files::Fingerprint;
+use calib_model::NotFinite;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -46,15 +47,6 @@ impl RunStream {
     pub fn complete(stream: impl Stream + 'static, start_row: RowIndex) -> Self {
         Self { stream: Box::new(stream), start_row, not_finite: None }
     }
-}
-
-/// Where a model's rollout left the finite numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct NotFinite {
-    /// The step that could not be taken, counted from 1.
-    pub step: usize,
-    /// The first column of its state that is not finite.
-    pub column: usize,
 }
 
 /// A source of streams. The stream of a run depends on the run alone, never on the agent,

@@ -62,9 +62,10 @@ pub use baselines::{
     simple_scores,
 };
 pub use calib_agent::CurvePoint;
+pub use calib_model::NotFinite;
 pub use candidate::{Candidate, candidates, written};
 pub use config::{Beginning, RaceKind, SweepConfig};
-pub use environment::{Environment, EnvironmentId, NotFinite, RunStream};
+pub use environment::{Environment, EnvironmentId, RunStream};
 pub use error::SweepError;
 pub use error_scale::ErrorScale;
 pub use kept::WORK_BETWEEN;

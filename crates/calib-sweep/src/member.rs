@@ -4,7 +4,7 @@ use calib_core::{Seed, States};
 use calib_files::Fingerprint;
 use calib_model::{CalibrationModel, ModelError, ModelStart, Rolling, Trajectory, Weights};
 
-use crate::{Environment, EnvironmentId, FittingRows, NotFinite, RunStream, Span, SweepError};
+use crate::{Environment, EnvironmentId, FittingRows, RunStream, Span, SweepError};
 
 /// The rollouts of runs that step together, or why there are none.
 type LockstepRollouts = Result<Vec<Trajectory>, Arc<ModelError>>;
@@ -60,10 +60,11 @@ impl<'a> MemberEnvironment<'a> {
     }
 
     fn stream_of(&self, trajectory: &Trajectory) -> RunStream {
-        let not_finite =
-            trajectory.left_finite().map(|left| NotFinite { step: left.step, column: left.column });
-        let start_row = trajectory.start_row();
-        RunStream { stream: trajectory.stream(self.states), start_row, not_finite }
+        RunStream {
+            stream: trajectory.stream(self.states),
+            start_row: trajectory.start_row(),
+            not_finite: trajectory.left_finite(),
+        }
     }
 }
 

@@ -5,10 +5,11 @@ use std::{
 
 use calib_agent::{CurvePoint, Part, RunOutcome, Scores};
 use calib_files::Fingerprinter;
+use calib_model::NotFinite;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{EnvironmentId, NotFinite};
+use crate::EnvironmentId;
 
 /// One unit of a sweep: all candidates trained to predict one sensor on one stream.
 #[derive(

@@ -5,7 +5,7 @@ use calib_base::{
     output::{Printer, count},
 };
 use calib_core::States;
-use calib_model::{LeftFinite, Trajectory};
+use calib_model::{NotFinite, Trajectory};
 use calib_report::{Cell, Table};
 use calib_stats::{collapse_step, median};
 use schemars::JsonSchema;
@@ -64,7 +64,7 @@ pub(crate) fn of(
     let mut ended = Vec::new();
     for (member, rollouts) in all.iter().enumerate() {
         for (number, rollout) in rollouts.iter().enumerate() {
-            if let Some(LeftFinite { step, column }) = rollout.left_finite() {
+            if let Some(NotFinite { step, column }) = rollout.left_finite() {
                 let column = columns[column].name.clone();
                 ended.push(EndedEarly { member, rollout: number, step, column });
             }
