@@ -1,7 +1,7 @@
 //! Models with actions: as arrays, walked through by many agents at once, and what a sweep of agents in them says.
 
 use std::{
-    path::{Path, PathBuf},
+    path::PathBuf,
     sync::{Arc, OnceLock},
 };
 
@@ -10,7 +10,7 @@ use calib_control::{
     ReturnVerdict, Rules, Run, Support, Walkers, judge,
 };
 use calib_core::{Bounds, Seed, Silent};
-use calib_pipeline::{Advice, ControlModel, PYTHON};
+use calib_pipeline::{Advice, ControlModel, PYTHON, StepError};
 use calib_report::Decision;
 use pyo3::{exceptions::PyIndexError, prelude::*};
 use serde::Serialize;
@@ -47,6 +47,19 @@ pub(crate) struct PyActionModel {
 }
 
 impl PyActionModel {
+    /// Arrays are mapped, and no table is read: this works in a process that was forked as well.
+    fn opened(
+        py: Python<'_>,
+        directory: PathBuf,
+        open: impl FnOnce() -> Result<ControlModel, StepError> + Send,
+    ) -> PyResult<Self> {
+        let since = Since::now();
+        let opened = watched(py, Needs::Threads, None, |_| open())?;
+        let opened = opened.map_err(|error| errors::of_step(py, &error))?;
+        since.check(py)?;
+        Ok(Self { kept: Arc::new(Kept::new(opened, since)), directory })
+    }
+
     pub(crate) fn model(&self) -> &ActionModel {
         &self.kept.opened.model
     }
@@ -101,26 +114,15 @@ impl PyActionModel {
     /// The model in a folder.
     #[staticmethod]
     fn open(py: Python<'_>, directory: PathBuf) -> PyResult<Self> {
-        let since = Since::now();
-        // Arrays are mapped, and no table is read: this works in a process that was forked as well.
-        let opened = watched(py, Needs::Threads, None, |_| {
-            ControlModel::in_directory(Path::new(&directory))
-        })?;
-        let opened = opened.map_err(|error| errors::of_step(py, &error))?;
-        since.check(py)?;
-        Ok(Self { kept: Arc::new(Kept::new(opened, since)), directory })
+        let place = directory.clone();
+        Self::opened(py, directory, || ControlModel::in_directory(&place))
     }
 
     /// The model of a study, which was built.
     #[staticmethod]
     fn of_job(py: Python<'_>, job: &Bound<'_, PyJob>) -> PyResult<Self> {
         let job = &job.get().job;
-        let since = Since::now();
-        let opened = watched(py, Needs::Threads, None, |_| ControlModel::of_job(job))?;
-        let opened = opened.map_err(|error| errors::of_step(py, &error))?;
-        since.check(py)?;
-        let directory = job.layout().control_model();
-        Ok(Self { kept: Arc::new(Kept::new(opened, since)), directory })
+        Self::opened(py, job.layout().control_model(), || ControlModel::of_job(job))
     }
 
     /// The folder that it was opened from.
@@ -202,7 +204,7 @@ impl PyActionModel {
     /// What the recorded behaviour got an episode of at most `timeout` steps: mean, and the best and the worst whole episode.
     fn recorded(&self, timeout: usize) -> PyResult<(f64, Option<f64>, Option<f64>)> {
         let recorded = self.model().log().recorded_return(timeout);
-        let recorded = recorded.map_err(|error| errors::value(error.to_string()))?;
+        let recorded = recorded.map_err(errors::unusable)?;
         Ok((recorded.mean, recorded.best, recorded.worst))
     }
 
@@ -335,10 +337,9 @@ impl PyActionModel {
         seed: u64,
         constants: &str,
     ) -> PyResult<String> {
-        let runs: Vec<Run> =
-            serde_json::from_str(runs).map_err(|error| errors::value(error.to_string()))?;
+        let runs: Vec<Run> = serde_json::from_str(runs).map_err(errors::unusable)?;
         let constants: Vec<ConstantReturns> =
-            serde_json::from_str(constants).map_err(|error| errors::value(error.to_string()))?;
+            serde_json::from_str(constants).map_err(errors::unusable)?;
         let names = &self.kept.opened.names;
         let fewest = fewest_terminals.unwrap_or(names.fewest_terminals);
         let support = Support {
@@ -370,7 +371,7 @@ impl PyActionModel {
             kinds_agreement: verdict.kinds_agreement(),
             verdict: &verdict,
         };
-        serde_json::to_string(&judged).map_err(|error| errors::value(error.to_string()))
+        serde_json::to_string(&judged).map_err(errors::unusable)
     }
 }
 

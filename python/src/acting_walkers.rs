@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use calib_control::{At, Coverage, Drift, Rules, Target, Walkers, Went};
-use calib_core::{Bounds, Normalised};
+use calib_core::Normalised;
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -11,11 +11,8 @@ use crate::{
     acting::Kept,
     array::{copied, owned},
     errors,
-    walkers::{marked, require_each},
+    walkers::{Mapped, marked, require_each},
 };
-
-/// A column of the states, and the map to what is seen of it.
-type Mapped = (usize, Bounds);
 
 /// Walks through members of a model, which actions change.
 #[pyclass(module = "calib_rl._calib")]
@@ -166,13 +163,12 @@ impl ActionWalkers {
 impl ActionWalkers {
     /// Where every walk is and what it will draw, as text.
     fn state(&self) -> PyResult<String> {
-        serde_json::to_string(&self.walkers).map_err(|error| errors::value(error.to_string()))
+        serde_json::to_string(&self.walkers).map_err(errors::unusable)
     }
 
     /// Go on where other walkers through the same members were.
     fn restore(&mut self, state: &str) -> PyResult<()> {
-        let walkers: Walkers =
-            serde_json::from_str(state).map_err(|error| errors::value(error.to_string()))?;
+        let walkers: Walkers = serde_json::from_str(state).map_err(errors::unusable)?;
         let restored = walkers.restored(&self.kept.opened.model, &self.walkers);
         self.walkers = restored
             .ok_or_else(|| errors::value("the state is of walkers through another model"))?;
@@ -195,7 +191,7 @@ impl ActionWalkers {
         let coverage = self.walkers.coverage();
         let drift = self.walkers.drift();
         let lived = Lived { coverage, drift };
-        serde_json::to_string(&lived).map_err(|error| errors::value(error.to_string()))
+        serde_json::to_string(&lived).map_err(errors::unusable)
     }
 
     /// Begin anew, all or those where `which` is true; what they see, as `step` has it.

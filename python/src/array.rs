@@ -175,8 +175,7 @@ pub(crate) fn require_memory(bytes: u64, what: &str, remedy: &str) -> PyResult<(
 #[pyfunction]
 #[pyo3(name = "require_memory")]
 pub(crate) fn require_memory_of(bytes: f64, what: &str, remedy: &str) -> PyResult<()> {
-    calib_pipeline::require_memory(bytes as u64, what, remedy)
-        .map_err(|refused| pyo3::exceptions::PyMemoryError::new_err(refused.to_string()))
+    require_memory(bytes as u64, what, remedy)
 }
 
 /// `MemoryError`.

@@ -175,12 +175,10 @@ impl ControlAgent {
     fn new(model: &PyActionModel, settings: &str, seed: u64) -> PyResult<Self> {
         let settings: AgentConfig =
             serde_json::from_str(settings).map_err(|error| errors::value(setting_error(&error)))?;
-        settings.check().map_err(|error| errors::value(error.to_string()))?;
+        settings.check().map_err(errors::unusable)?;
         let columns = model.described_columns();
         let actions = model.described_actions();
-        settings
-            .bytes(columns.len(), actions.len())
-            .map_err(|error| errors::value(error.to_string()))?;
+        settings.bytes(columns.len(), actions.len()).map_err(errors::unusable)?;
         Ok(Self::new_of(Described { format: FORMAT, settings, columns, actions, seed }))
     }
 
@@ -191,9 +189,7 @@ impl ControlAgent {
         let found = watched(py, Needs::Threads, None, |_| ControlEvaluation::of_job(job))?;
         let evaluation = found.map_err(|error| errors::of_step(py, &error))?;
         match &evaluation.agents()[evaluation.verdict().chosen] {
-            ActingAgent::Own(settings) => {
-                serde_json::to_string(settings).map_err(|error| errors::value(error.to_string()))
-            }
+            ActingAgent::Own(settings) => serde_json::to_string(settings).map_err(errors::unusable),
             // Verdicts about agents of a program are refused before.
             ActingAgent::Program { .. } => {
                 Err(errors::of_text(py, "the agents are those of a program"))
@@ -237,8 +233,7 @@ impl ControlAgent {
         if self.has_diverged || !is_finite {
             return Err(errors::of_text(py, NOT_WRITTEN));
         }
-        let text = serde_json::to_string(&self.described)
-            .map_err(|error| errors::value(error.to_string()))?;
+        let text = serde_json::to_string(&self.described).map_err(errors::unusable)?;
         tensors.metadata.insert(DESCRIBED.to_owned(), text);
         write_tensors(&path, &tensors).map_err(|error| errors::of_any(py, &error))
     }
@@ -246,8 +241,7 @@ impl ControlAgent {
     /// The settings, as JSON.
     #[getter]
     fn settings(&self) -> PyResult<String> {
-        serde_json::to_string(&self.described.settings)
-            .map_err(|error| errors::value(error.to_string()))
+        serde_json::to_string(&self.described.settings).map_err(errors::unusable)
     }
 
     #[getter]

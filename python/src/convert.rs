@@ -102,5 +102,5 @@ pub(crate) fn to_toml_value(object: &Bound<'_, PyAny>, key: &str) -> PyResult<St
 /// The same as the text of a study file.
 #[pyfunction]
 pub(crate) fn to_toml(of: &Bound<'_, PyAny>) -> PyResult<String> {
-    toml::to_string(&table(of, "")?).map_err(|error| crate::errors::value(error.to_string()))
+    toml::to_string(&table(of, "")?).map_err(crate::errors::unusable)
 }

@@ -43,6 +43,11 @@ pub(crate) fn of_any(py: Python<'_>, error: &dyn std::error::Error) -> PyErr {
     of_calib(py, "CalibError", &error.to_string())
 }
 
+/// What a caller gave that cannot be used.
+pub(crate) fn unusable(error: impl std::fmt::Display) -> PyErr {
+    value(error.to_string())
+}
+
 /// What a caller got wrong.
 pub(crate) fn value(text: impl Into<String>) -> PyErr {
     PyValueError::new_err(text.into())

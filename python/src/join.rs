@@ -40,7 +40,7 @@ pub(crate) fn knn_join<'py>(
     let (values, shape) = copied::<f32>(points, "points", &[2])?;
     let queries = queries.map(|queries| copied::<f32>(queries, "queries", &[2])).transpose()?;
     let count = queries.as_ref().map_or(shape[0], |(_, shape)| shape[0]);
-    let points = Points::new(values, shape[1]).map_err(|error| errors::value(error.to_string()))?;
+    let points = Points::new(values, shape[1]).map_err(errors::unusable)?;
     // More than there are is refused by the search, whatever it would take.
     let needed = points.search_need(count, k.min(points.len()), rayon::current_num_threads());
     require_memory(needed, "the nearest neighbours", "lower k, or ask for fewer points at a time")?;
@@ -58,6 +58,6 @@ pub(crate) fn knn_join<'py>(
             points.join(k, self_match, kind, &monitor)
         },
     )?;
-    let found = found.map_err(|error| errors::value(error.to_string()))?;
+    let found = found.map_err(errors::unusable)?;
     Ok((owned(py, found.neighbors, &[count, k])?, owned(py, found.distances, &[count, k])?))
 }

@@ -1,14 +1,11 @@
 //! Calibration models as arrays.
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::{path::PathBuf, sync::Arc};
 
 use calib_core::{Bounds, RowIndex, Seed, Segments, States, TransitionIndex, Transitions};
 use calib_knn::{KnnModel, MemoryNeed, ModelConfig, Weights};
 use calib_model::{Absent, StartSource, rollouts, start_states};
-use calib_pipeline::Calibration;
+use calib_pipeline::{Calibration, StepError};
 use pyo3::{exceptions::PyIndexError, prelude::*, types::PyDict};
 
 use crate::{
@@ -83,8 +80,15 @@ pub(crate) struct Model {
 }
 
 impl Model {
-    fn stored(model: Calibration, since: Since) -> Self {
-        Self { kept: Arc::new(Kept::Stored(Box::new(model), since)) }
+    fn opened(
+        py: Python<'_>,
+        open: impl FnOnce() -> Result<Calibration, StepError> + Send,
+    ) -> PyResult<Self> {
+        let since = Since::now();
+        let opened = watched(py, Needs::Tables, None, |_| open())?;
+        let model = opened.map_err(|error| errors::of_step(py, &error))?;
+        since.check(py)?;
+        Ok(Self { kept: Arc::new(Kept::Stored(Box::new(model), since)) })
     }
 
     pub(crate) fn check_member(&self, member: usize) -> PyResult<()> {
@@ -105,23 +109,14 @@ impl Model {
     /// The model in a folder.
     #[staticmethod]
     fn open(py: Python<'_>, directory: PathBuf) -> PyResult<Self> {
-        let since = Since::now();
-        let opened =
-            watched(py, Needs::Tables, None, |_| Calibration::in_directory(Path::new(&directory)))?;
-        let model = opened.map_err(|error| errors::of_step(py, &error))?;
-        since.check(py)?;
-        Ok(Self::stored(model, since))
+        Self::opened(py, || Calibration::in_directory(&directory))
     }
 
     /// The model of a study.
     #[staticmethod]
     fn of_job(py: Python<'_>, job: &Bound<'_, PyJob>) -> PyResult<Self> {
         let job = &job.get().job;
-        let since = Since::now();
-        let opened = watched(py, Needs::Tables, None, |_| Calibration::of_job(job))?;
-        let model = opened.map_err(|error| errors::of_step(py, &error))?;
-        since.check(py)?;
-        Ok(Self::stored(model, since))
+        Self::opened(py, || Calibration::of_job(job))
     }
 
     /// A model of normalised states, `[n, d]`, in segments of these lengths; `options` are keys of `[model]`.

@@ -72,7 +72,7 @@ impl Score {
                     ("mean_return", score.mean_return),
                     ("return_std", score.return_std),
                 ];
-                Some((part_name(part), numbers.into()))
+                Some((part.name(), numbers.into()))
             })
             .collect()
     }
@@ -88,15 +88,6 @@ impl Score {
 /// As the verdict has it: 0 for the mean of the returns, 1 for no error at all.
 fn skill(score: PartScore) -> f64 {
     if score.return_std > 0.0 { 1.0 - score.rmse / score.return_std } else { f64::NAN }
-}
-
-/// What a part of a run is called in studies and results.
-fn part_name(part: Part) -> &'static str {
-    match part {
-        Part::WholeRun => "whole_run",
-        Part::AfterFirstQuarter => "after_first_quarter",
-        Part::FinalQuarter => "final_quarter",
-    }
 }
 
 #[pymethods]
@@ -156,7 +147,7 @@ impl Streams {
     /// What is scored.
     #[getter]
     fn part(&self) -> &'static str {
-        part_name(self.streams.part())
+        self.streams.part().name()
     }
 
     /// States of a stream, `float32 [m, d]`, and its unbroken pieces.
@@ -214,7 +205,7 @@ impl Streams {
     ) -> PyResult<()> {
         let candidates = candidates.into_iter().map(|(json, is_default)| {
             let values: serde_json::Map<String, serde_json::Value> =
-                serde_json::from_str(&json).map_err(|error| errors::value(error.to_string()))?;
+                serde_json::from_str(&json).map_err(errors::unusable)?;
             Ok(ExternalCandidate { values: values.into_iter().collect(), is_default })
         });
         let candidates = candidates.collect::<PyResult<Vec<_>>>()?;

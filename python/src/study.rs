@@ -87,7 +87,7 @@ impl PyJob {
 
     /// The study as it was resolved, as JSON.
     fn json(&self) -> PyResult<String> {
-        serde_json::to_string(self.job.study()).map_err(|error| errors::value(error.to_string()))
+        serde_json::to_string(self.job.study()).map_err(errors::unusable)
     }
 
     /// Whether the study has a calibration model.

@@ -60,8 +60,7 @@ impl PageSetting {
 /// Write a page on tuned agents, given as JSON.
 #[pyfunction]
 pub(crate) fn write_tuned_page(py: Python<'_>, path: PathBuf, page: &str) -> PyResult<()> {
-    let page: TunedPage =
-        serde_json::from_str(page).map_err(|error| errors::value(error.to_string()))?;
+    let page: TunedPage = serde_json::from_str(page).map_err(errors::unusable)?;
     let html = page.overview().html();
     write_atomically(&path, |file| file.write_all(html.as_bytes()))
         .map_err(|error| errors::of_any(py, &error))

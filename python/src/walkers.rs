@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// A column of the states, and the map to what is seen of it.
-type Mapped = (usize, Bounds);
+pub(crate) type Mapped = (usize, Bounds);
 
 /// One walk.
 #[derive(Serialize, Deserialize)]
@@ -161,13 +161,12 @@ impl Walker {
 impl Walkers {
     /// Where every walk is and what it will draw, as text.
     fn state(&self) -> PyResult<String> {
-        serde_json::to_string(&self.walks).map_err(|error| errors::value(error.to_string()))
+        serde_json::to_string(&self.walks).map_err(errors::unusable)
     }
 
     /// Go on where other walkers through the same members were.
     fn restore(&mut self, state: &str) -> PyResult<()> {
-        let walks: Vec<Walker> =
-            serde_json::from_str(state).map_err(|error| errors::value(error.to_string()))?;
+        let walks: Vec<Walker> = serde_json::from_str(state).map_err(errors::unusable)?;
         let transitions = self.kept.knn().transitions().len();
         let members = walks.iter().map(|walker| walker.member);
         if members.ne(self.walks.iter().map(|walker| walker.member))
