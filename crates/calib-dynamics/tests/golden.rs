@@ -37,8 +37,7 @@ fn assert_close(what: &str, got: &[f32], expected: &[f64]) {
 
 #[test]
 fn a_feed_forward_network_learns_as_in_pytorch() {
-    let golden: Golden =
-        serde_json::from_str(include_str!("golden/dynamics.json")).expect("reads");
+    let golden: Golden = serde_json::from_str(include_str!("golden/dynamics.json")).expect("reads");
     let network = Mlp::from_parameters(&golden.nn_sizes, &golden.nn_parameters).expect("fits");
     let inputs: Vec<f32> =
         golden.states.iter().flat_map(|sequence| sequence[..sequence.len() - 1].concat()).collect();

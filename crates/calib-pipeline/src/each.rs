@@ -104,10 +104,8 @@ fn each_of<T: Told>(
             printer.heading(&part.name());
         }
         let result = told(run(part, which)?, part, printer)?;
-        let model = part.model();
-        let deployment = part.deployment();
-        let model = model.map(str::to_owned);
-        let deployment = deployment.map(str::to_owned);
+        let model = part.model().map(str::to_owned);
+        let deployment = part.deployment().map(str::to_owned);
         results.push(PartResult { model, deployment, result });
     }
     Ok(Results { parts: results })

@@ -161,10 +161,8 @@ impl Plan {
 
 impl PlannedStep {
     fn new(step: StepKind, part: &Job, state: State) -> Self {
-        let model = part.model();
-        let deployment = part.deployment();
-        let model = model.map(str::to_owned);
-        let deployment = deployment.map(str::to_owned);
+        let model = part.model().map(str::to_owned);
+        let deployment = part.deployment().map(str::to_owned);
         Self { step, model, deployment, state, expected: None }
     }
 

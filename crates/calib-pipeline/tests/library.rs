@@ -2,6 +2,7 @@
 
 use std::{
     io,
+    path::Path,
     sync::{Arc, Mutex},
 };
 
@@ -20,6 +21,13 @@ const STUDY: &str = "\
 [rollout]\nsteps = 200\n\
 [sweep]\nsensors = [\"PIT300\"]\nsteps = 600\nonline_runs = 2\nmember_runs = 1\nlog_replay_runs = 2\n\
 [sweep.grid]\nlearning_rate = [1e-4, 1e-2]\n";
+
+/// The study of this text, in a file of `folder`.
+fn resolved(folder: &Path, text: &str) -> Job {
+    let file = folder.join("study.toml");
+    std::fs::write(&file, text).expect("writable");
+    Job::resolve(Request::new(&file)).expect("a study")
+}
 
 /// Keeps what it is told.
 #[derive(Default)]
@@ -61,9 +69,7 @@ impl Observer for Kept {
 #[test]
 fn a_study_is_run_stopped_and_gone_on_with() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("study.toml");
-    std::fs::write(&file, STUDY).expect("writable");
-    let job = Job::resolve(Request::new(&file)).expect("a study");
+    let job = resolved(folder.path(), STUDY);
     let stopping = Kept { until: Some("] sweep\")"), ..Kept::default() };
     let stopped = calib_pipeline::run(&job, None, &Printer::new(Arc::new(stopping)));
     assert!(stopped.expect_err("it is asked to stop").was_cancelled());
@@ -83,9 +89,7 @@ fn a_study_is_run_stopped_and_gone_on_with() {
 #[test]
 fn what_steps_come_to_are_values() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("study.toml");
-    std::fs::write(&file, STUDY).expect("writable");
-    let job = Job::resolve(Request::new(&file)).expect("a study");
+    let job = resolved(folder.path(), STUDY);
     let printer = Printer::nobody();
     let ended = calib_pipeline::run(&job, None, &printer).expect("a run");
     let evaluation = ended.evaluation.expect("it is judged");
@@ -115,10 +119,8 @@ fn what_steps_come_to_are_values() {
 #[test]
 fn a_log_is_taken_to_a_verdict_by_values_alone() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("plant.toml");
-    std::fs::write(&file, STUDY).expect("writable");
     let printer = Printer::nobody();
-    let plant = Job::resolve(Request::new(&file)).expect("a study");
+    let plant = resolved(folder.path(), STUDY);
     calib_pipeline::simulate(&plant, &printer).expect("written").expect("it describes a plant");
     let options = ProposeOptions {
         logs: folder.path().join("plant"),
@@ -136,12 +138,7 @@ fn a_log_is_taken_to_a_verdict_by_values_alone() {
 
     let job = Job::resolve(Request::new(proposed.study())).expect("a study");
     let standing = || {
-        let request = StatusRequest {
-            path: options.study.clone(),
-            set: Vec::new(),
-            profile: None,
-            output: None,
-        };
+        let request = StatusRequest { path: options.study.clone(), ..StatusRequest::default() };
         match calib_pipeline::status(&request, &printer).expect("a study") {
             StandingOf::Study(standing) => standing,
             StandingOf::Cluster(_) => panic!("it is no plan for a cluster"),
@@ -164,9 +161,7 @@ fn a_log_is_taken_to_a_verdict_by_values_alone() {
 #[test]
 fn a_mistake_has_its_place() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("study.toml");
-    std::fs::write(&file, STUDY.replace("PIT300", "PIT301")).expect("writable");
-    let job = Job::resolve(Request::new(&file)).expect("a study");
+    let job = resolved(folder.path(), &STUDY.replace("PIT300", "PIT301"));
     let error = calib_pipeline::run(&job, None, &Printer::new(Arc::new(Kept::default())))
         .expect_err("no such sensor");
     assert!(!error.was_cancelled());
@@ -176,10 +171,8 @@ fn a_mistake_has_its_place() {
 #[test]
 fn a_log_that_changed_between_two_steps_is_read_again() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("study.toml");
     let text = STUDY.split_once("[data]").map(|(_, rest)| format!("[data]{rest}")).expect("data");
-    std::fs::write(&file, text).expect("writable");
-    let job = Job::resolve(Request::new(&file)).expect("a study");
+    let job = resolved(folder.path(), &text);
     let built = |rows: i64| {
         let times: Vec<Timestamp> =
             (0..rows).map(|row| Timestamp::from_micros(60_000_000 * row)).collect();

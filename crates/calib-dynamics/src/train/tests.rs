@@ -99,7 +99,9 @@ fn put_aside_and_resumed_is_the_same_to_the_bit() {
     for _ in 0..5 {
         let mut trainer = match &checkpoint {
             None => FeedForwardTrainer::new(&data, &config, seed),
-            Some(found) => FeedForwardTrainer::new(&data, &config, seed).resumed(found).expect("ours"),
+            Some(found) => {
+                FeedForwardTrainer::new(&data, &config, seed).resumed(found).expect("ours")
+            }
         };
         trainer.epoch(&Silent).expect("finite");
         calib_files::write_tensors(&path, &trainer.checkpoint().expect("native")).expect("written");

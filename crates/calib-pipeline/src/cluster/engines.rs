@@ -4,8 +4,6 @@ pub(crate) mod kubernetes;
 pub(crate) mod queue;
 pub(crate) mod slurm;
 
-use calib_study::shell_words;
-
 use crate::cluster::{config::ClusterConfig, plan_file::PlanFile};
 
 /// The driver for Ray, a Python program with `ray` from the package index; it is also a package of its own, in
@@ -35,9 +33,4 @@ impl TaskDemand {
             }),
         }
     }
-}
-
-/// Words that a shell reads as they are.
-pub(crate) fn quoted(text: &str) -> String {
-    shell_words([text])
 }

@@ -32,7 +32,7 @@ use crate::cluster::{
         FORMAT, INPUTS, PLAN, PartStreams, PlanFile, PlannedPart, PlannedPass, PlannedStudy, Shard,
         SweepPart, inputs_in, path_in,
     },
-    results::{self, Header},
+    results::Header,
     status::{Summary, summary},
 };
 
@@ -48,39 +48,7 @@ pub struct ClusterPlan {
 
 /// A plan as it would be written.
 #[derive(Debug)]
-pub struct ClusterDryPlan {
-    pub(crate) directory: PathBuf,
-    pub(crate) summary: Summary,
-}
-
-impl ClusterPlan {
-    /// Its folder.
-    pub fn directory(&self) -> &Path {
-        &self.directory
-    }
-
-    /// How many shards it has.
-    pub fn shards(&self) -> usize {
-        self.summary.shards
-    }
-
-    /// Predicted seconds on one thread, of all shards.
-    pub fn secs(&self) -> f64 {
-        self.summary.secs
-    }
-}
-
-impl ClusterDryPlan {
-    /// How many shards it would have.
-    pub fn shards(&self) -> usize {
-        self.summary.shards
-    }
-
-    /// Predicted seconds on one thread, of all shards.
-    pub fn secs(&self) -> f64 {
-        self.summary.secs
-    }
-}
+pub struct ClusterDryPlan(pub(crate) ClusterPlan);
 
 /// Plan the sweeps of a study.
 pub(crate) fn make(
@@ -128,11 +96,9 @@ pub(crate) fn make(
     let mut parts = Vec::new();
     let mut work = Vec::new();
     for part in job.parts(Scope::Deployment)? {
-        let model = part.model();
-        let deployment = part.deployment();
         let mut planned = PlannedPart {
-            model: model.map(str::to_owned),
-            deployment: deployment.map(str::to_owned),
+            model: part.model().map(str::to_owned),
+            deployment: part.deployment().map(str::to_owned),
             sweep: None,
         };
         if let Some((sweep, passes)) = planning.part(parts.len(), &part, context)? {
@@ -143,10 +109,9 @@ pub(crate) fn make(
     }
     let shards = planning.shards(&parts, work);
     let plan = PlanFile { format: FORMAT, maker, asked: PlannedStudy::of(job)?, parts, shards };
-    let summary = summary(&plan);
-    let place = directory.clone();
+    let planned = ClusterPlan { directory: directory.clone(), summary: summary(&plan) };
     if job.policy().is_dry() {
-        return Ok(StepResult::Planned(ClusterDryPlan { directory: place, summary }));
+        return Ok(StepResult::Planned(ClusterDryPlan(planned)));
     }
     create_directory(&directory.join("shards"))?;
     match write_new_sealed_json(&path, &plan) {
@@ -154,7 +119,7 @@ pub(crate) fn make(
         Err(FileError::Occupied { .. }) => bail!(is_planned(directory)),
         written => written?,
     }
-    Ok(StepResult::Made(ClusterPlan { directory: place, summary }))
+    Ok(StepResult::Made(planned))
 }
 
 /// Why nothing is planned there.
@@ -279,12 +244,7 @@ impl Planning<'_> {
             let mapped = inputs::mapped_bytes(&job.layout().model(), &files, described);
             return Ok((files, mapped + inputs::log_bytes(setting)));
         };
-        let header = Header {
-            format: results::FORMAT,
-            plan: String::new(),
-            shard: number,
-            maker: self.maker.clone(),
-        };
+        let header = Header::new(String::new(), number, self.maker);
         let own = inputs::names(setting, stored);
         record.note(own.into_iter().map(|name| format!("{INPUTS}/{number}/{name}")))?;
         let files = inputs::write(&place, job, setting, stored, header)?;

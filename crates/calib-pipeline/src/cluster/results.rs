@@ -23,7 +23,13 @@ pub(crate) struct Header {
 }
 
 /// Version of the file.
-pub(crate) const FORMAT: u32 = 2;
+const FORMAT: u32 = 2;
+
+impl Header {
+    pub(crate) fn new(plan: String, shard: usize, maker: &Maker) -> Self {
+        Self { format: FORMAT, plan, shard, maker: maker.clone() }
+    }
+}
 
 /// Whether a shard has all its results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -152,7 +158,7 @@ mod tests {
             arithmetic: "a".to_owned(),
         };
         ShardResults {
-            header: Header { format: FORMAT, plan: "plan".to_owned(), shard: 3, maker },
+            header: Header::new("plan".to_owned(), 3, &maker),
             units: units.into(),
             extent: Extent::Partial,
         }

@@ -103,12 +103,7 @@ impl Running<'_> {
         };
         self.check_memory()?;
         let before = self.before()?;
-        let header = Header {
-            format: results::FORMAT,
-            plan: opened.fingerprint.to_string(),
-            shard: number,
-            maker: opened.plan.maker.clone(),
-        };
+        let header = Header::new(opened.fingerprint.to_string(), number, &opened.plan.maker);
         let states = opened.states(number);
         let sink = ShardSink::new(opened.results(number), states.clone(), header, units);
         let had = sink.len();

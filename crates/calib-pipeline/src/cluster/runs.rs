@@ -8,27 +8,20 @@ use calib_sweep_steps::sweep::planned::PlannedSweep;
 
 use super::{
     inputs,
-    plan_file::OpenedPlan,
+    plan_file::{OpenedPlan, PlannedPart},
     results::{self, UnitsInOrder},
     status::Status,
 };
 
 /// The runs of one model and deployment.
 pub(crate) struct PartRuns {
-    names: [Option<String>; 2],
+    pub(crate) model: Option<String>,
+    pub(crate) deployment: Option<String>,
     pub(crate) planned: PlannedSweep,
     units: UnitsInOrder,
 }
 
 impl PartRuns {
-    pub(crate) fn model(&self) -> Option<&str> {
-        self.names[0].as_deref()
-    }
-
-    pub(crate) fn deployment(&self) -> Option<&str> {
-        self.names[1].as_deref()
-    }
-
     /// The runs of a unit that are there.
     pub(crate) fn get(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {
         self.units.get(&(unit.clone(), key.to_owned())).cloned()
@@ -50,12 +43,12 @@ pub(crate) fn standing(directory: &Path) -> Result<(Status, Vec<PartRuns>), Step
         }
     }
     let mut parts = Vec::new();
-    for (number, part) in std::mem::take(&mut opened.plan.parts).into_iter().enumerate() {
-        let Some(sweep) = part.sweep else { continue };
+    let planned = std::mem::take(&mut opened.plan.parts).into_iter().enumerate();
+    for (number, PlannedPart { model, deployment, sweep }) in planned {
+        let Some(sweep) = sweep else { continue };
         let mut units = inputs::stored(&opened.inputs(number)).unwrap_or_default();
         results::add(&mut units, made.values().cloned());
-        let names = [part.model, part.deployment];
-        parts.push(PartRuns { names, planned: sweep.planned, units });
+        parts.push(PartRuns { model, deployment, planned: sweep.planned, units });
     }
     Ok((status, parts))
 }

@@ -35,8 +35,9 @@ impl Told<()> for ClusterPlan {
 
 impl Told<()> for ClusterDryPlan {
     fn tell(&self, _of: &(), printer: &Printer) -> Result<(), StepError> {
-        self.summary.tell(printer)?;
-        printer.say(&format!("dry run: nothing written to {}", self.directory.display()));
+        let Self(plan) = self;
+        plan.summary.tell(printer)?;
+        printer.say(&format!("dry run: nothing written to {}", plan.directory.display()));
         Ok(())
     }
 }

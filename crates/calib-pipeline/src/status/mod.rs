@@ -309,7 +309,8 @@ fn of_cluster(directory: PathBuf) -> Result<ClusterStanding, StepError> {
     let mut all = Vec::new();
     for part in &parts {
         let stored = part.planned.stored(&|unit, key| part.get(unit, key));
-        all.extend(rankings(&part.planned, &stored, (part.model(), part.deployment()))?);
+        let names = (part.model.as_deref(), part.deployment.as_deref());
+        all.extend(rankings(&part.planned, &stored, names)?);
     }
     Ok(ClusterStanding { directory, cluster, rankings: all })
 }

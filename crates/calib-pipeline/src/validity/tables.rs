@@ -96,14 +96,11 @@ fn groups(groups: &[GroupSummary]) -> Table {
 
 fn agreement(agreement: &[RankAgreement]) -> Table {
     let rows = agreement.iter().map(|agreement| {
-        let interval = agreement
-            .interval
-            .map(|interval| format!("{:.2} to {:.2}", interval.low, interval.high));
         vec![
             Cell::Text(agreement.model.clone()),
             count(agreement.pairs),
             to_hundredths(agreement.mean),
-            interval.map_or(Cell::Missing, Cell::Text),
+            correlations(agreement.interval),
             to_hundredths(agreement.smallest),
             agreement.stability.map_or(Cell::Missing, Cell::Percent),
             agreement.saved_by_halving.map_or(Cell::Missing, Cell::Percent),
@@ -121,6 +118,12 @@ fn to_hundredths(value: f64) -> Cell {
     Cell::Text(format!("{value:.2}"))
 }
 
+fn correlations(interval: Option<Interval>) -> Cell {
+    interval.map_or(Cell::Missing, |Interval { low, high }| {
+        Cell::Text(format!("{low:.2} to {high:.2}"))
+    })
+}
+
 fn accuracy(all: &[Accuracy]) -> Table {
     let rows = all.iter().filter_map(|accuracy| {
         let correlation = accuracy.correlation?;
@@ -133,16 +136,13 @@ fn accuracy(all: &[Accuracy]) -> Table {
             Badness::Regret => "regret",
             Badness::Disagreement => "disagreement of rankings",
         };
-        let interval = accuracy
-            .interval
-            .map(|interval| format!("{:.2} to {:.2}", interval.low, interval.high));
         Some(vec![
             Cell::Text(predictor.to_owned()),
             Cell::Text(outcome.to_owned()),
             count(accuracy.pairs),
             count(accuracy.models),
-            Cell::Text(format!("{correlation:.2}")),
-            interval.map_or(Cell::Missing, Cell::Text),
+            to_hundredths(correlation),
+            correlations(accuracy.interval),
         ])
     });
     table(

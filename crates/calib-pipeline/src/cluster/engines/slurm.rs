@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::{TaskDemand, quoted};
+use calib_study::shell_words;
+
+use super::TaskDemand;
 use crate::cluster::{config::ClusterConfig, missing::ranges};
 
 /// The script of an array whose tasks are shards.
@@ -45,7 +47,7 @@ if [ "$code" = 75 ] && [ "${{SLURM_RESTART_COUNT:-0}}" -lt {requeues} ]; then
 fi
 exit "$code"
 "#,
-        place = quoted(plan),
+        place = shell_words([plan]),
         threads = config.threads,
         requeues = config.requeues,
     );
@@ -66,7 +68,7 @@ pub(crate) fn merge(
         ("output".to_owned(), format!("{plan}/slurm/merge.out")),
     ];
     options.extend(limits(demand));
-    let mut body = format!("{} cluster merge {}\n", config.calib, quoted(plan));
+    let mut body = format!("{} cluster merge {}\n", config.calib, shell_words([plan]));
     if let Some(evaluate) = evaluate {
         let _ = writeln!(
             body,
