@@ -178,7 +178,6 @@ pub(crate) fn require_memory_of(bytes: f64, what: &str, remedy: &str) -> PyResul
     require_memory(bytes as u64, what, remedy)
 }
 
-/// `MemoryError`.
 pub(crate) fn no_memory(bytes: usize) -> PyErr {
     pyo3::exceptions::PyMemoryError::new_err(format!("cannot allocate {bytes} bytes"))
 }

@@ -12,7 +12,6 @@ use crate::errors;
 
 /// Pages that became zeros.
 static LOST: AtomicU64 = AtomicU64::new(0);
-/// Steps that are at work.
 static STEPS: AtomicUsize = AtomicUsize::new(0);
 
 /// What was open when so many pages were lost.
@@ -20,7 +19,6 @@ static STEPS: AtomicUsize = AtomicUsize::new(0);
 pub(crate) struct Since(u64);
 
 impl Since {
-    /// From now on.
     pub(crate) fn now() -> Self {
         Self(LOST.load(Ordering::Acquire))
     }

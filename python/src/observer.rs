@@ -22,11 +22,8 @@ pub(crate) type Told = (&'static str, String);
 /// How far a task is.
 #[derive(Clone, Default, PartialEq)]
 pub(crate) struct Progress {
-    /// What is being done.
     pub(crate) task: String,
-    /// Units that are done.
     pub(crate) done: u64,
-    /// Units in all.
     pub(crate) total: u64,
 }
 
@@ -50,7 +47,6 @@ impl Watch {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Ask the work to stop.
     pub(crate) fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }

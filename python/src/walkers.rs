@@ -15,13 +15,11 @@ use crate::{
 /// A column of the states, and the map to what is seen of it.
 pub(crate) type Mapped = (usize, Bounds);
 
-/// One walk.
 #[derive(Serialize, Deserialize)]
 struct Walker {
     member: usize,
     at: TransitionIndex,
     rng: Rng,
-    /// Steps since it began.
     steps: u64,
     /// Whether the next step begins anew.
     over: bool,

@@ -37,7 +37,6 @@ static TABLES: AtomicBool = AtomicBool::new(false);
 /// What work needs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Needs {
-    /// Processors.
     Threads,
     /// Tables in files as well.
     Tables,

@@ -67,7 +67,6 @@ fn replay_sizes(config: &AgentConfig) -> Option<(usize, usize)> {
 pub(crate) struct Task<'a> {
     /// At least one state longer than the run: what follows only completes returns.
     pub(crate) stream: &'a dyn Stream,
-    /// Steps of the run.
     pub(crate) steps: usize,
     pub(crate) seed: Seed,
 }
@@ -226,7 +225,6 @@ impl<'a> Population<'a> {
         self.live.iter().map(|&agent| (agent, self.values.state(agent)))
     }
 
-    /// Errors so far.
     pub(crate) fn trackers(&self) -> &[Tracker] {
         &self.trackers
     }

@@ -194,7 +194,6 @@ struct PretrainRun<'a> {
     validations: Vec<Validation<'a>>,
     courses: Vec<Course>,
     best: Vec<Option<Checkpoint>>,
-    /// Epochs done.
     epochs: usize,
 }
 
@@ -304,7 +303,6 @@ impl<'a> PretrainRun<'a> {
         }
     }
 
-    /// A learner as it stands.
     fn state(&self, learner: usize) -> ValueState {
         self.groups
             .iter()

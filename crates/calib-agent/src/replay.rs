@@ -31,7 +31,6 @@ impl Replay {
         self.starts.push(t as u32);
     }
 
-    /// Number of transitions held.
     pub(crate) fn len(&self) -> usize {
         self.starts.len().min(self.capacity)
     }

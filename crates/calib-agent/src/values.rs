@@ -48,7 +48,6 @@ pub(crate) trait Values: Send {
     /// without replay is the textbook's `θ ← θ + α δ ∇v(s_t)`.
     fn learn(&mut self, batch: Batch<'_>, live: &[usize], learned: &mut [Learned]);
 
-    /// One agent as it stands.
     fn state(&self, agent: usize) -> ValueState;
 
     /// Go on from `state`, which fits the agent's shape. Without moments they start from zero; without a

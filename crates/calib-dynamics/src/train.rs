@@ -139,7 +139,6 @@ impl<L: Learnable> NativeTrainer<L> {
         a + b
     }
 
-    /// Mean squared error over the validation part.
     fn validate(&mut self) -> f64 {
         let items = std::mem::take(&mut self.parts.validation);
         let batch = self.config.batch_size.max(WORTH_SHARING);

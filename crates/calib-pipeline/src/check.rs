@@ -60,7 +60,6 @@ pub(crate) fn run(root: &Path, logs: Logs, printer: &Printer) -> Result<CheckedR
     Ok(check.checked)
 }
 
-/// A walk through results.
 struct Check<'a> {
     checked: CheckedResults,
     printer: &'a Printer,

@@ -95,7 +95,6 @@ impl Plan {
         Ok(())
     }
 
-    /// All of them, in order.
     pub(crate) fn steps(&self) -> &[PlannedStep] {
         &self.steps
     }

@@ -36,14 +36,12 @@ impl<'a> RunProgress<'a> {
         Ok(Self { talk, stages, begun: Cell::new(0), later: Cell::new(later) })
     }
 
-    /// The next stage begins.
     pub(crate) fn stage(&self, name: &str) {
         self.begun.set(self.begun.get() + 1);
         self.tell(None);
         self.talk.heading(&format!("[{}/{}] {name}", self.begun.get(), self.stages));
     }
 
-    /// So many stages will not be.
     pub(crate) fn skip(&self, stages: usize) {
         self.begun.set(self.begun.get() + stages);
     }

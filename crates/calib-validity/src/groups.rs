@@ -41,7 +41,6 @@ pub struct GroupSummary {
 struct PairGroup {
     feature: String,
     name: String,
-    /// Numbers of the pairs.
     pairs: Vec<usize>,
 }
 

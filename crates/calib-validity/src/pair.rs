@@ -117,7 +117,6 @@ impl Pair {
         }
     }
 
-    /// The model called `name`.
     pub(crate) fn model(&self, name: &str) -> Option<&ModelPair> {
         self.models.iter().find(|model| model.model == name)
     }

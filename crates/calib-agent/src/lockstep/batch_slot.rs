@@ -30,11 +30,8 @@ enum Observations<'a> {
 /// What a network did at a step.
 #[derive(Clone, Copy)]
 pub(super) struct StepRecord {
-    /// Which step of the run.
     pub(super) at: usize,
-    /// Which update of the step.
     pub(super) update: usize,
-    /// Whether it learnt.
     pub(super) learnt: bool,
 }
 
@@ -61,7 +58,6 @@ impl<'a> BatchSlot<'a> {
         self.seen.stream()
     }
 
-    /// Steps that it makes.
     pub(super) fn len(&self) -> usize {
         self.course.len()
     }

@@ -119,12 +119,10 @@ impl Folds {
         parts.iter().map(|&part| self.parts[part].len()).sum()
     }
 
-    /// Every part.
     pub(super) fn all(&self) -> Vec<usize> {
         (0..self.parts.len()).collect()
     }
 
-    /// Steps of a part.
     pub(super) fn rows_of(&self, part: usize) -> &[usize] {
         &self.rows[self.parts[part].clone()]
     }

@@ -20,14 +20,12 @@ pub(crate) struct Attempt {
     pub(crate) process: u32,
     /// What it has begun and not finished: what it was at when it was killed.
     pub(crate) doing: Vec<String>,
-    /// Passes that it made.
     pub(crate) made: Vec<MadePass>,
     /// Units that failed, and why.
     pub(crate) failed: Vec<String>,
     pub(crate) ended: RunOutcome,
 }
 
-/// A pass and how long it took.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct MadePass {
     pub(crate) pass: String,
@@ -36,7 +34,6 @@ pub(crate) struct MadePass {
     pub(crate) secs: f64,
 }
 
-/// How an attempt ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum RunOutcome {
@@ -80,12 +77,10 @@ impl Diary {
         self.attempt.lock().unwrap_or_else(PoisonError::into_inner).before == 0
     }
 
-    /// A pass begins.
     pub(crate) fn begins(&self, pass: &str) {
         self.change(|attempt| attempt.doing.push(pass.to_owned()));
     }
 
-    /// A pass is made.
     pub(crate) fn made(&self, pass: &str, units: usize, predicted_secs: f64, took: Duration) {
         self.change(|attempt| {
             attempt.doing.retain(|doing| doing != pass);
@@ -95,7 +90,6 @@ impl Diary {
         });
     }
 
-    /// A pass failed.
     pub(crate) fn failed(&self, pass: &str, reason: &str) {
         self.change(|attempt| {
             attempt.doing.retain(|doing| doing != pass);
@@ -103,7 +97,6 @@ impl Diary {
         });
     }
 
-    /// The attempt ends.
     pub(crate) fn ends(&self, ended: RunOutcome) {
         self.change(|attempt| attempt.ended = ended);
     }

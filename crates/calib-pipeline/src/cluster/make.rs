@@ -50,7 +50,6 @@ pub struct ClusterPlan {
 #[derive(Debug)]
 pub struct ClusterDryPlan(pub(crate) ClusterPlan);
 
-/// Plan the sweeps of a study.
 pub(crate) fn make(
     job: &Job,
     options: &ClusterPlanOptions,
@@ -144,7 +143,6 @@ struct Planning<'a> {
     record: Option<&'a mut FolderRecord>,
     maker: &'a Maker,
     division: Division,
-    /// What passes take.
     measured: MeasuredPasses,
     /// Keys of units that parts before make: those that are the same are made once.
     seen: BTreeSet<String>,

@@ -22,7 +22,6 @@ pub(crate) struct Maker {
 }
 
 impl Maker {
-    /// This process.
     pub(crate) fn here() -> Result<Self, StepError> {
         Ok(Self {
             tool: TOOL.to_owned(),

@@ -14,15 +14,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::cluster::{maker::Maker, results::ShardResults};
 
-/// The file of a plan.
 pub(crate) const PLAN: &str = "plan.json";
-/// The folder of what shards read.
 pub(crate) const INPUTS: &str = "inputs";
 
 /// Version of a plan and of what lies beside it.
 pub(crate) const FORMAT: u32 = 4;
 
-/// A plan.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct PlanFile {
     pub(crate) format: u32,
@@ -161,12 +158,10 @@ pub(crate) struct PlannedPass {
 }
 
 impl PlanFile {
-    /// Stages, one after the other.
     pub(crate) fn stages(&self) -> usize {
         self.shards.iter().map(|shard| shard.stage + 1).max().unwrap_or(0)
     }
 
-    /// The numbers of the shards of a stage.
     pub(crate) fn of_stage(&self, stage: usize) -> impl Iterator<Item = usize> + '_ {
         let all = self.shards.iter().enumerate();
         all.filter(move |(_, shard)| shard.stage == stage).map(|(number, _)| number)
@@ -191,7 +186,6 @@ impl PlanFile {
     }
 }
 
-/// Whether there is a plan in a folder.
 pub(crate) fn is_plan(directory: &Path) -> bool {
     path_in(directory).is_file() && directory.join("shards").is_dir()
 }
@@ -229,7 +223,6 @@ impl OpenedPlan {
         Ok(Self { directory: directory.to_owned(), plan, fingerprint })
     }
 
-    /// The shard of this number.
     pub(crate) fn shard(&self, number: usize) -> Result<&Shard, StepError> {
         let count = self.plan.shards.len();
         self.plan.shards.get(number).with_context(|| match count {
@@ -239,7 +232,6 @@ impl OpenedPlan {
         })
     }
 
-    /// Where a shard's results are.
     pub(crate) fn results(&self, shard: usize) -> PathBuf {
         self.directory.join("shards").join(format!("{shard:04}.units"))
     }
@@ -249,12 +241,10 @@ impl OpenedPlan {
         self.directory.join("shards").join(format!("{shard:04}.state"))
     }
 
-    /// Where attempts at a shard are told of.
     pub(crate) fn attempts(&self, shard: usize) -> PathBuf {
         self.directory.join("shards").join(format!("{shard:04}.attempts"))
     }
 
-    /// What a part's shards read.
     pub(crate) fn inputs(&self, part: usize) -> PathBuf {
         inputs_in(&self.directory, part)
     }
@@ -278,7 +268,6 @@ impl OpenedPlan {
     }
 }
 
-/// Where a plan is.
 pub(crate) fn path_in(directory: &Path) -> PathBuf {
     directory.join(PLAN)
 }

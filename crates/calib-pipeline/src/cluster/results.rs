@@ -16,13 +16,11 @@ use crate::cluster::maker::Maker;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Header {
     pub(crate) format: u32,
-    /// The fingerprint of the plan.
     pub(crate) plan: String,
     pub(crate) shard: usize,
     pub(crate) maker: Maker,
 }
 
-/// Version of the file.
 const FORMAT: u32 = 2;
 
 impl Header {
@@ -35,9 +33,7 @@ impl Header {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Extent {
-    /// Some are to come.
     Partial,
-    /// All are there.
     Whole,
 }
 
@@ -63,7 +59,6 @@ pub(crate) fn add(units: &mut UnitsInOrder, more: impl IntoIterator<Item = UnitR
     }
 }
 
-/// What is in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ShardResults {
     pub(crate) header: Header,

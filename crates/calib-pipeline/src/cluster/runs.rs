@@ -22,7 +22,6 @@ pub(crate) struct PartRuns {
 }
 
 impl PartRuns {
-    /// The runs of a unit that are there.
     pub(crate) fn get(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {
         self.units.get(&(unit.clone(), key.to_owned())).cloned()
     }

@@ -50,7 +50,6 @@ impl Summary {
         self.lines().iter().try_for_each(|line| printer.result(line))
     }
 
-    /// In words.
     fn lines(&self) -> Vec<String> {
         if self.shards == 0 {
             return vec!["nothing is left to train".to_owned()];

@@ -38,12 +38,10 @@ impl ShardSink {
         Self { path, states, header, kept }
     }
 
-    /// What there is of a unit.
     pub(crate) fn get(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {
         self.locked().units.get(&(unit.clone(), key.to_owned())).cloned()
     }
 
-    /// How many units there are.
     pub(crate) fn len(&self) -> usize {
         self.locked().units.len()
     }

@@ -94,7 +94,6 @@ pub(crate) struct Status {
 }
 
 impl Status {
-    /// How the shards of a plan stand.
     pub(crate) fn of(opened: &OpenedPlan) -> Self {
         let queued = queue::states(&opened.directory);
         let shards: Vec<ShardStatus> = (0..opened.plan.shards.len())
@@ -142,7 +141,6 @@ impl ClusterStatus {
     }
 }
 
-/// How a plan stands.
 pub(crate) fn status(
     directory: &Path,
     options: ClusterStatusOptions,

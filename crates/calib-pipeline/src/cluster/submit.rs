@@ -72,7 +72,6 @@ pub struct ClusterScript {
     pub text: String,
 }
 
-/// Write the scripts of a plan, and submit them.
 pub(crate) fn submit(
     directory: &Path,
     options: &ClusterSubmitOptions,

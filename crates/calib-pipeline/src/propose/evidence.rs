@@ -14,7 +14,6 @@ const FAR_WORSE: f64 = 100.0;
 /// What was tried where only the training range is known, and what follows from it.
 pub(super) struct Evidence {
     pub(super) agent: ProposedAgent,
-    /// In words.
     pub(super) reason: String,
     /// Of each proposed sensor.
     pub(super) predicted: Vec<TrialPrediction>,

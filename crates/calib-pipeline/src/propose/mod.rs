@@ -117,7 +117,6 @@ impl ProposedStudy {
     }
 }
 
-/// Look at a log, and write a study of it.
 pub(crate) fn run(args: &ProposeOptions, context: &RunContext) -> Result<ProposedStudy, StepError> {
     check_arguments(
         args,

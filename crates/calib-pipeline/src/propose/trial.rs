@@ -76,7 +76,6 @@ pub(super) fn rows_within(within: f64, cost: GrowingCosts, rows: usize) -> usize
     }
 }
 
-/// What a study takes.
 pub(super) struct MeasuredCosts {
     /// On the clock.
     pub(super) time: Costs,
@@ -114,7 +113,6 @@ pub(super) fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: 
 
 /// A model of part of the log.
 struct TrialModel {
-    /// How long it took.
     secs: f64,
     warnings: Vec<String>,
     /// How its rollouts move, in words.

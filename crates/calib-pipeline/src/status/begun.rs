@@ -38,7 +38,6 @@ impl BegunSweep {
         (self.part.model(), self.part.deployment())
     }
 
-    /// The runs that are there.
     pub(super) fn stored(&self) -> Vec<StoredRun<'_>> {
         self.planned.stored_in(&self.part.layout().sweep())
     }

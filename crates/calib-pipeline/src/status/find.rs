@@ -23,7 +23,6 @@ pub struct StatusRequest {
     pub output: Option<PathBuf>,
 }
 
-/// What a path names.
 pub(super) enum Subject {
     Study(Box<Job>),
     Cluster(PathBuf),

@@ -23,7 +23,6 @@ fn tests(tests: &[Test]) -> Table {
     )
 }
 
-/// The row of a test.
 fn cells(test: &Test) -> Vec<Cell> {
     let (value, interval) = match test.claim {
         Claim::SmallRegret => (Cell::Percent(test.value), at_most(test.upper)),

@@ -21,7 +21,6 @@ const CEILING: f64 = 10.0;
 const MARKERS: [Marker; 5] =
     [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::TriangleDown];
 
-/// Write all figures as SVG and PNG.
 pub(super) fn write(directory: &Path, judged: &JudgedStudies) -> Result<(), StepError> {
     for (name, figure) in all(judged) {
         figures::write(directory, name, &Figure::new(figure.chart))?;
@@ -29,7 +28,6 @@ pub(super) fn write(directory: &Path, judged: &JudgedStudies) -> Result<(), Step
     Ok(())
 }
 
-/// All figures with their names.
 pub(super) fn all(judged: &JudgedStudies) -> Vec<(&'static str, OverviewFigure)> {
     let first = judged.validity();
     let mut all = vec![("regret", regrets(first, "")), ("profile", profile(first))];

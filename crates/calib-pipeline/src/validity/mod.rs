@@ -180,7 +180,6 @@ fn output(args: &ValidityOptions, listing: &Listing) -> PathBuf {
     })
 }
 
-/// What all studies gave.
 #[derive(Default)]
 struct GatheredStudies {
     gathered: Vec<(String, Gathered)>,
@@ -189,7 +188,6 @@ struct GatheredStudies {
     lacking: BTreeMap<String, usize>,
 }
 
-/// Go through all studies.
 fn all(
     listing: &Listing,
     args: &ValidityOptions,
@@ -263,7 +261,6 @@ fn take(
     gather(study, &models, protocol.map_or(1, protocol::ProtocolFile::least_windows), context)
 }
 
-/// Judge what was gathered, by each score.
 fn judged(
     all: GatheredStudies,
     listing: &Listing,

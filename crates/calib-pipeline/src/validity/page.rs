@@ -8,7 +8,6 @@ use calib_report::{Overview, Table};
 
 use super::{JudgedStudies, claims::findings, figures, show, tables};
 
-/// Write the page.
 pub(super) fn write(path: &Path, judged: &JudgedStudies) -> Result<(), StepError> {
     let page = Overview {
         title: "Does calib choose well?".to_owned(),

@@ -23,7 +23,6 @@ pub(super) struct PlannedPlant {
     pub(super) state: PlantState,
 }
 
-/// How a plant stands.
 #[derive(Debug)]
 pub(super) enum PlantState {
     /// Nothing can be run of it, for this reason.
@@ -62,7 +61,6 @@ impl ValidityPlan {
         left.map(|plant| plant.plant.as_str()).collect()
     }
 
-    /// How many plants are swept.
     pub(super) fn swept(&self) -> usize {
         self.plants.iter().filter(|plant| matches!(plant.state, PlantState::Swept)).count()
     }

@@ -96,7 +96,6 @@ fn planned(PlannedPlant { plant, task, state }: &PlannedPlant) -> Vec<String> {
     names.into_iter().chain(numbers).chain([state]).collect()
 }
 
-/// Print all tables.
 fn show(judged: &JudgedStudies, printer: &Printer) -> Result<(), StepError> {
     printer.result(&subtitle(judged))?;
     for (number, score) in judged.scores.iter().enumerate() {

@@ -45,7 +45,6 @@ impl Task {
         ]
     }
 
-    /// In words.
     pub(super) fn text(&self) -> String {
         let Self { optimiser, gamma, steps, batch_size, agent } = self;
         format!("{optimiser}, {agent}, gamma {gamma}, {steps} steps, batches of {batch_size}")

@@ -28,9 +28,7 @@ pub struct EnvironmentScores {
 /// Runs over one stream.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stream {
-    /// Row that it begins at.
     pub(super) start_row: u32,
-    /// Steps that are scored.
     pub(super) scored_steps: usize,
     /// NRMSE `[run][candidate]`; +∞ where a value diverged, none where it was dropped before the run.
     pub(super) runs: Vec<Vec<Option<f64>>>,
@@ -153,7 +151,6 @@ impl Errors {
             .collect()
     }
 
-    /// How many streams are independent.
     fn independent(&self) -> usize {
         match self.environment {
             EnvironmentId::LogReplay => fitting(&self.streams, self.steps),
@@ -161,7 +158,6 @@ impl Errors {
         }
     }
 
-    /// What is shown of them.
     pub(super) fn scores(&self) -> Result<EnvironmentScores, SweepError> {
         Ok(EnvironmentScores {
             environment: self.environment,
@@ -209,7 +205,6 @@ fn fitting(windows: &[Stream], steps: usize) -> usize {
     parts.map(|part| (part[part.len() - 1] - part[0]) / steps.max(1) + 1).sum()
 }
 
-/// RMSE of a run over a part.
 fn rmse(result: &UnitResult, row: &RunRow, part: Part) -> Result<f64, SweepError> {
     row.rmse(part).ok_or_else(|| SweepError::NothingScored { unit: result.unit.clone() })
 }

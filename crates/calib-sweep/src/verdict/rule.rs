@@ -104,7 +104,6 @@ impl Chooser<'_> {
         select_among(&evidence.members.map(Drawn::means).unwrap_or_default(), self.dropped)
     }
 
-    /// The choice of a rule.
     pub(super) fn choose(
         &self,
         rule: Rule,

@@ -114,7 +114,6 @@ impl Truth {
     }
 }
 
-/// The first of the smallest.
 pub(super) fn least(values: &[f64]) -> usize {
     (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0)
 }
