@@ -6,16 +6,17 @@
 //!
 //! Loops rather than iterator closures: a closure that is not inlined is compiled without vectors.
 
+#![expect(
+    clippy::inline_always,
+    reason = "only what is inlined into the dispatch is compiled for the processor"
+)]
+
 use pulp::Simd;
 
 /// Number of partial sums. Values are stored in multiples of this many, the rest zeros.
 pub(crate) const LANES: usize = 16;
 
 /// The dot products of each of `rows` with `weights`; all of one length, a multiple of [`LANES`].
-#[expect(
-    clippy::inline_always,
-    reason = "only what is inlined into the dispatch is compiled for the processor"
-)]
 #[inline(always)]
 pub(crate) fn dot_products<S: Simd, const ROWS: usize>(
     simd: S,
@@ -50,10 +51,6 @@ pub(crate) fn dot_products<S: Simd, const ROWS: usize>(
 }
 
 /// `sum` += Σ `scales`ᵢ · `rows`ᵢ, one row after the other, by fused multiply-adds.
-#[expect(
-    clippy::inline_always,
-    reason = "only what is inlined into the dispatch is compiled for the processor"
-)]
 #[inline(always)]
 pub(crate) fn add_scaled<S: Simd, const ROWS: usize>(
     simd: S,
@@ -92,7 +89,6 @@ mod tests {
     impl WithSimd for Both<'_> {
         type Output = ([f32; 3], Vec<f32>);
 
-        #[expect(clippy::inline_always, reason = "as the kernels")]
         #[inline(always)]
         fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
             let mut sum = self.weights.to_vec();

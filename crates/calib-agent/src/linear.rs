@@ -1,3 +1,8 @@
+#![expect(
+    clippy::inline_always,
+    reason = "only what is inlined into the dispatch is compiled for the processor"
+)]
+
 use calib_core::{Seed, Stream};
 use calib_nn::{Mlp, Moments, Optimiser};
 use pulp::{Arch, Simd, WithSimd};
@@ -182,10 +187,6 @@ struct Predict<'a> {
 impl WithSimd for Predict<'_> {
     type Output = f32;
 
-    #[expect(
-        clippy::inline_always,
-        reason = "only what is inlined into the dispatch is compiled for the processor"
-    )]
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f32 {
         let [value] = dot_products(simd, [self.state], self.weights);
@@ -204,10 +205,6 @@ struct Pass<'a> {
 impl WithSimd for Pass<'_> {
     type Output = ();
 
-    #[expect(
-        clippy::inline_always,
-        reason = "only what is inlined into the dispatch is compiled for the processor"
-    )]
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         for &agent in self.live {
@@ -225,10 +222,6 @@ impl WithSimd for Pass<'_> {
 
 impl Pass<'_> {
     /// Read a few transitions once, then add to the gradient of each agent.
-    #[expect(
-        clippy::inline_always,
-        reason = "only what is inlined into the dispatch is compiled for the processor"
-    )]
     #[inline(always)]
     fn add_gradients<S: Simd, const ROWS: usize>(&mut self, simd: S, starts: [usize; ROWS]) {
         let LinearValues { gamma, agents, series, cumulants, padded, states, ahead, .. } =
@@ -305,29 +298,6 @@ mod tests {
     /// One agent that predicts the first of two columns.
     fn agents_of(config: &AgentConfig, stream: &RowStream) -> LinearValues {
         LinearValues::new(&[Learner::new(config, 0)], stream, Seed::new(1))
-    }
-
-    /// Learn from the transition that starts at `t`, as without replay.
-    fn online(agents: &mut LinearValues, stream: &RowStream, t: usize) -> Learned {
-        let mut learned = [Learned::default()];
-        let batch = Batch { stream, starts: &[t], present: Some(t) };
-        agents.learn(batch, &[0], &mut learned);
-        learned[0]
-    }
-
-    #[test]
-    fn one_online_update_is_the_one_done_by_hand() {
-        let states = States::new(vec![1.0, 0.5, 0.25, -1.0], 2, 2).expect("valid");
-        let stream = RowStream::unbroken(states, vec![RowIndex::new(0), RowIndex::new(1)]);
-        let mut agents = agents_of(&sgd(0.5, 0.5), &stream);
-        agents.agents[0].weights[..3].copy_from_slice(&[2.0, -1.0, 0.5]);
-        // v(s) = 2 − 0.5 + 0.5 = 2, v(s') = 0.5 + 1 + 0.5 = 2, δ = 0.25 + 0.5 · 2 − 2 = −0.75.
-        let learned = online(&mut agents, &stream, 0);
-        assert_eq!(learned.prediction, Some(2.0));
-        let half_error = 0.5 * -0.75;
-        let expected = [2.0 + half_error, -1.0 + 0.5 * half_error, 0.5 + half_error];
-        assert_eq!(agents.weights(0)[..3], expected);
-        assert!(agents.weights(0)[3..].iter().all(|&padding| padding == 0.0));
     }
 
     /// TD(0) with linear values converges to the w with Σ x (x − γx')ᵀ w = Σ x o (Bradtke & Barto 1996).

@@ -4,7 +4,7 @@ use calib_core::Monitor;
 
 use crate::{
     Accelerator, AgentConfig, AgentError, AgentKind, Learner, Precision, Run, RunOutcome,
-    ValueFunction, layer_sizes, parameter_count, train::populations,
+    ValueFunction, layer_sizes, parameter_count, population::can_share, train::grouped,
 };
 
 mod batch_slot;
@@ -120,15 +120,5 @@ pub fn check_accelerated(config: &AgentConfig) -> Result<(), AgentError> {
 
 /// Learners that can share a population and have the same kind of optimiser.
 fn groups(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
-    let mut groups = Vec::new();
-    for group in populations(learners) {
-        let first = learners[group[0]].config.optimiser;
-        let (same, other): (Vec<usize>, Vec<usize>) =
-            group.into_iter().partition(|&place| learners[place].config.optimiser == first);
-        groups.push(same);
-        if !other.is_empty() {
-            groups.push(other);
-        }
-    }
-    groups
+    grouped(learners, |a, b| can_share(a, b) && a.optimiser == b.optimiser)
 }

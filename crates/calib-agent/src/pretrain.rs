@@ -8,6 +8,7 @@ use crate::{
     checkpointer::ValueState,
     population::{can_share, values_of, work_per_step},
     traces::TracedStream,
+    train::{check_cumulant, grouped},
     validation::Validation,
     values::{Batch, Learned, Values},
 };
@@ -120,7 +121,7 @@ pub fn pretrain<'a>(
     }
     for learner in learners {
         learner.check(stream)?;
-        crate::train::check_cumulant(stream, learner.cumulant)?;
+        check_cumulant(stream, learner.cumulant)?;
         let alike = AgentConfig { gamma: first.config.gamma, ..learner.config.clone() };
         assert!(
             can_share(first.config, &alike),
@@ -164,19 +165,6 @@ pub fn pretrain<'a>(
     Ok(run.finish())
 }
 
-/// Positions of the learners of each discount factor: those of one learn in lockstep.
-fn of_one_gamma(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
-    let mut groups: Vec<Vec<usize>> = Vec::new();
-    for (position, learner) in learners.iter().enumerate() {
-        let gamma = learner.config.gamma;
-        match groups.iter_mut().find(|group| learners[group[0]].config.gamma == gamma) {
-            Some(group) => group.push(position),
-            None => groups.push(vec![position]),
-        }
-    }
-    groups
-}
-
 /// Work after which the state is worth a file, in multiplications: some seconds.
 const WORK_BETWEEN_EPOCHS: u64 = 500_000_000_000;
 
@@ -203,7 +191,8 @@ impl<'a> PretrainRun<'a> {
         let of_group = learners.len().div_ceil(rayon::current_num_threads());
         Self {
             training,
-            groups: of_one_gamma(learners)
+            // Those of one discount factor learn in lockstep.
+            groups: grouped(learners, |a, b| a.gamma == b.gamma)
                 .iter()
                 .flat_map(|positions| positions.chunks(of_group))
                 .map(|members: &[usize]| {

@@ -178,11 +178,19 @@ pub fn train_learners(
     Ok(outcomes.into_iter().flatten().collect())
 }
 
-/// Learners grouped by what they can share, each group and the groups in the order of `learners`.
+/// Learners grouped by what they can share.
 pub(crate) fn populations(learners: &[Learner<'_>]) -> Vec<Vec<usize>> {
+    grouped(learners, can_share)
+}
+
+/// Positions of learners that are `alike`, each group and the groups in the order of `learners`.
+pub(crate) fn grouped(
+    learners: &[Learner<'_>],
+    alike: impl Fn(&AgentConfig, &AgentConfig) -> bool,
+) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = vec![];
     for (index, learner) in learners.iter().enumerate() {
-        match groups.iter_mut().find(|group| can_share(learners[group[0]].config, learner.config)) {
+        match groups.iter_mut().find(|group| alike(learners[group[0]].config, learner.config)) {
             Some(group) => group.push(index),
             None => groups.push(vec![index]),
         }

@@ -57,17 +57,4 @@ mod tests {
             }
         }
     }
-
-    /// The month so many seconds after 1970 began.
-    fn month_at(secs: i64) -> u8 {
-        month_of(Timestamp::from_micros(secs * 1_000_000))
-    }
-
-    #[test]
-    fn known_dates_have_their_months() {
-        assert_eq!(month_at(0), 1);
-        assert_eq!(month_at(1_709_164_800), 2); // 2024-02-29
-        assert_eq!(month_at(1_709_251_200), 3); // 2024-03-01
-        assert_eq!(month_at(-1), 12);
-    }
 }

@@ -120,14 +120,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_there_is_an_error() {
-        let (states, transitions) = data();
-        let starts = |source| start_rows(&states, &transitions, source, 1, Seed::new(2));
-        let unknown = [RowIndex(20)];
-        let unknown = StartSource::Rows { rows: &unknown, absent: Absent::External };
-        assert!(matches!(starts(unknown), Err(RolloutError::UnknownRow { .. })));
-        let none = StartSource::Rows { rows: &[], absent: Absent::External };
-        assert!(matches!(starts(none), Err(RolloutError::NoRows)));
+    fn data_without_transitions_has_no_random_start() {
+        let (states, _) = data();
         let still = Transitions::new(Segments::from_lengths([1; 20]).expect("valid"));
         let nothing = start_rows(&states, &still, StartSource::Random, 1, Seed::new(2));
         assert!(matches!(nothing, Err(RolloutError::NoTransitions)));

@@ -5,12 +5,13 @@ use crate::{
     outcome::Tracker,
     population::{Task, Truth},
     replay::Replay,
-    traces::TracedStream,
+    traces::with_traces,
 };
 
 /// One run of a cohort: what it sees, and what came of it so far.
 pub(super) struct BatchSlot<'a> {
-    seen: Observations<'a>,
+    /// Its stream, with traces where learners have them.
+    seen: Box<dyn Stream + 'a>,
     pub(super) seed: Seed,
     truth: Truth<'a>,
     /// The steps that it makes, and whether their returns are known.
@@ -19,12 +20,6 @@ pub(super) struct BatchSlot<'a> {
     trackers: Vec<Tracker>,
     /// The last step that there is.
     last: usize,
-}
-
-/// A run's stream, with traces where learners have them.
-enum Observations<'a> {
-    Bare(&'a dyn Stream),
-    Traced(TracedStream),
 }
 
 /// What a network did at a step.
@@ -40,12 +35,8 @@ impl<'a> BatchSlot<'a> {
     pub(super) fn new(run: &Run<'a>, learners: &[Learner<'a>]) -> Result<Self, AgentError> {
         let Run { stream, steps, curve, seed } = *run;
         let shared = learners[0].config;
-        let seen = if shared.traces.is_empty() {
-            Observations::Bare(stream)
-        } else {
-            Observations::Traced(TracedStream::new(stream, &shared.traces))
-        };
-        let task = Task { stream: seen.stream(), steps, seed };
+        let seen = with_traces(stream, &shared.traces);
+        let task = Task { stream: &*seen, steps, seed };
         let truth = Truth::new(task, learners)?;
         let course = task.course(shared.gamma).collect();
         let replay = Replay::of_agent(shared, seed, steps);
@@ -55,7 +46,7 @@ impl<'a> BatchSlot<'a> {
     }
 
     pub(super) fn stream(&self) -> &dyn Stream {
-        self.seen.stream()
+        &*self.seen
     }
 
     pub(super) fn len(&self) -> usize {
@@ -126,14 +117,5 @@ impl<'a> BatchSlot<'a> {
             .enumerate()
             .map(|(learner, tracker)| tracker.outcome(|part| truth.scored(learner, part)))
             .collect()
-    }
-}
-
-impl Observations<'_> {
-    fn stream(&self) -> &dyn Stream {
-        match self {
-            Self::Bare(stream) => *stream,
-            Self::Traced(stream) => stream,
-        }
     }
 }
