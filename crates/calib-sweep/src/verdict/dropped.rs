@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::LOWER;
-use crate::{EnvironmentId, UnitResult, unit::infinite};
+use crate::{EnvironmentId, UnitResult};
 
 /// A value that was dropped before all runs were made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -19,7 +19,7 @@ pub struct Dropped {
     /// Runs that those made which were left.
     pub of_runs: usize,
     /// Mean error over the members that it made runs in, or on the log where there is no model; infinite if it made none.
-    #[serde(with = "infinite")]
+    #[serde(with = "calib_stats::diverged")]
     #[schemars(with = "Option<f64>")]
     pub mean_error: f64,
 }
