@@ -89,11 +89,6 @@ impl Normaliser {
         self.columns.iter().position(|column| column.name == name)
     }
 
-    /// A value of column `column` on the scale of the states.
-    pub fn normalise(&self, column: usize, value: Physical) -> Normalised {
-        self.columns[column].bounds.normalise(value)
-    }
-
     /// A value of column `column` in the unit of its sensor.
     pub fn physical(&self, column: usize, value: Normalised) -> Physical {
         self.columns[column].bounds.physical(value)

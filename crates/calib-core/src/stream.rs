@@ -58,19 +58,6 @@ impl RowStream {
         Self { states, rows, pieces }
     }
 
-    /// Replay of the rows `window` in time order, one piece for each segment that it touches.
-    ///
-    /// # Panics
-    /// If the window reaches past the segments, or the segments past `states`.
-    pub fn window(states: States, segments: &Segments, window: Range<usize>) -> Self {
-        assert!(
-            window.end <= segments.rows() && segments.rows() <= states.rows(),
-            "a stream visits recorded rows only"
-        );
-        let pieces = segments.looped_pieces(window.start, window.len());
-        Self { states, rows: window.map(RowIndex::new).collect(), pieces }
-    }
-
     /// Replay of `length` rows from `start` on in time order, over and over: after the last row comes the first. One piece for
     /// each segment that it touches, and a new one whenever the rows begin again.
     ///
@@ -117,9 +104,6 @@ mod tests {
         let segments = Segments::from_lengths([2, 1]).expect("valid");
         let stream = RowStream::replay(states.clone(), &segments);
         assert_eq!(stream.pieces(), [0..2, 2..3]);
-        let window = RowStream::window(states.clone(), &segments, 1..3);
-        assert_eq!(window.pieces(), [0..1, 1..2]);
-        assert_eq!(window.rows(), [RowIndex(1), RowIndex(2)]);
         let looped = RowStream::looped(states.clone(), &segments, 1, 6);
         let rows: Vec<u32> = looped.rows().iter().map(|row| row.0).collect();
         assert_eq!(rows, [1, 2, 0, 1, 2, 0]);

@@ -33,11 +33,6 @@ impl UnitStore {
         Self { beside: others, ..self }
     }
 
-    /// The directory of the files.
-    pub fn directory(&self) -> &Path {
-        &self.directory
-    }
-
     /// The stored runs of `unit` that were made from the inputs that `key` stands for.
     /// A file that is missing, damaged or made from other inputs has none.
     pub fn get(&self, unit: &Unit, key: &str) -> Option<UnitRuns> {

@@ -168,9 +168,9 @@ fn results_do_not_depend_on_threads_or_on_interruptions() {
     assert_eq!(alone, together);
 
     // Lose a unit, damage another: only these are run again, to the same result.
-    let lost = one.directory().join("A/online/run-0001.json");
-    let damaged = one.directory().join("B/member-2/run-0000.json");
-    let kept = one.directory().join("A/member-0/run-0000.json");
+    let lost = directory.path().join("one/A/online/run-0001.json");
+    let damaged = directory.path().join("one/B/member-2/run-0000.json");
+    let kept = directory.path().join("one/A/member-0/run-0000.json");
     fs::remove_file(&lost).expect("was there");
     fs::write(&damaged, b"{").expect("writable");
     let before = written_at(&kept);
@@ -336,7 +336,7 @@ fn long_runs_go_on_in_the_middle() {
     let whole = store("whole");
     let stopped = store("stopped");
     let expected = study.with_plan(1, |plan| plan.run(&whole, &Silent).expect("runs"));
-    let unfinished = stopped.directory().join(".unfinished");
+    let unfinished = directory.path().join("stopped/.unfinished");
     // Six or eight agents of at least a million multiplications a step: a state every hundred steps.
     let mut resumed = 0;
     let results = loop {
@@ -465,9 +465,9 @@ fn a_race_is_the_whole_sweep_with_runs_left_out() {
 
     // A unit of the first round lost: it is run again, and nothing else.
     let one = UnitStore::new(directory.path().join("one"));
-    let lost = one.directory().join("A/member-1/run-0000.json");
-    let kept = ["A/member-2/run-0000.json", "A/member-1/run-0001.json"];
-    let kept = kept.map(|name| one.directory().join(name));
+    let lost = directory.path().join("one/A/member-1/run-0000.json");
+    let kept = ["one/A/member-2/run-0000.json", "one/A/member-1/run-0001.json"];
+    let kept = kept.map(|name| directory.path().join(name));
     fs::remove_file(lost).expect("was there");
     let written = || kept.each_ref().map(|file| written_at(file));
     let before = written();
