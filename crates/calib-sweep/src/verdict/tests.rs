@@ -257,7 +257,7 @@ fn regrets_are_geometric_over_windows() {
         [Some(1), Some(0)]
     );
     // Mean errors are 0.4, 0.2, 0.4 and 0.2, 0.4, 0.4: by the best 2, 1, 2 and 1, 2, 2.
-    let regrets = truth.regrets.expect("finite");
+    let regrets = truth.regrets.as_ref().expect("finite");
     near(regrets[0], 2.0_f64.sqrt() - 1.0);
     near(regrets[1], 2.0_f64.sqrt() - 1.0);
     near(regrets[2], 1.0);
