@@ -2,7 +2,7 @@
 //!
 //! - [`Mlp`]: any depth and width, `ReLU` between layers, linear output, biases. All parameters lie in
 //!   one flat vector ([`Layer`] says where), so that optimisers, copies and checkpoints are one pass.
-//! - [`Workspace`]: every buffer of a training step, allocated once.
+//! - [`Workspace`]: every buffer of a training step, allocated once. Small batches of narrow networks have passes of their own, which pack nothing.
 //! - [`Naming`], [`Mlp::to_tensors`]: parameters as other frameworks name and lay them out.
 //! - [`Matrix`], [`multiply`]: the product they consist of, for losses that need one.
 //! - [`Optimiser`]: [`Adam`] (optionally with decoupled weight decay) or [`Sgd`].
@@ -37,6 +37,7 @@ mod kernels;
 mod layout;
 mod memory;
 mod mlp;
+mod narrow;
 mod optimiser;
 mod product;
 mod sgd;

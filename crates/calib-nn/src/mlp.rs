@@ -1,12 +1,15 @@
 use std::ops::Range;
 
 use calib_core::Seed;
+use pulp::Arch;
 
 use crate::{
-    Workspace,
+    Adam, Workspace,
     aligned::{Aligned, aligned},
     kernels::{add_bias, add_bias_and_rectify, mask_and_sum_rows, sum_rows},
+    narrow::{Backward, Forward, Narrow},
     product::{Matrix, multiply},
+    sink::Kept,
 };
 
 /// Where one layer's parameters lie in the flat vector.
@@ -126,6 +129,12 @@ impl Mlp {
     pub fn forward<'w>(&self, input: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
         let rows = rows_of(input, self.inputs(), workspace.capacity());
         let last = self.layers.len() - 1;
+        let Workspace { activations, narrow, .. } = &mut *workspace;
+        if let Some(narrow) = narrow {
+            let Self { layers, parameters } = self;
+            Arch::new().dispatch(Forward { layers, parameters, input, rows, activations, narrow });
+            return &workspace.activations[last][..rows * self.outputs()];
+        }
         for (index, layer) in self.layers.iter().enumerate() {
             let (before, after) = workspace.activations.split_at_mut(index);
             let input = before.last().map_or(input, |values| &values[..rows * layer.inputs]);
@@ -161,6 +170,25 @@ impl Mlp {
             input.len() >= rows * self.inputs(),
             "a gradient covers at most the rows of its forward pass"
         );
+        if let Workspace { activations, deltas, gradients, narrow: Some(narrow), .. } =
+            &mut *workspace
+            && Narrow::learns_from(&self.layers, rows)
+        {
+            let Self { layers, parameters } = self;
+            narrow.set_weights(layers, parameters);
+            let sink = Kept(gradients);
+            Arch::new().dispatch(Backward {
+                layers,
+                input,
+                output_gradient,
+                rows,
+                activations,
+                deltas,
+                narrow,
+                sink,
+            });
+            return &workspace.gradients;
+        }
         let Workspace { activations, deltas: [delta, previous], gradients, .. } = workspace;
         delta[..output_gradient.len()].copy_from_slice(output_gradient);
         for (index, layer) in self.layers.iter().enumerate().rev() {
@@ -190,6 +218,44 @@ impl Mlp {
             std::mem::swap(delta, previous);
         }
         gradients
+    }
+
+    /// A step of `adam` against the gradients of [`Mlp::backward`], with the same bytes; the workspace need not keep them.
+    ///
+    /// # Panics
+    /// As [`Mlp::backward`], or if `adam` has not as many moments as there are parameters.
+    pub fn learn(
+        &mut self,
+        input: &[f32],
+        output_gradient: &[f32],
+        workspace: &mut Workspace,
+        adam: &mut Adam,
+    ) {
+        let rows = rows_of(output_gradient, self.outputs(), workspace.capacity());
+        assert!(
+            input.len() >= rows * self.inputs(),
+            "a gradient covers at most the rows of its forward pass"
+        );
+        if let Workspace { activations, deltas, narrow: Some(narrow), .. } = &mut *workspace
+            && Narrow::learns_from(&self.layers, rows)
+        {
+            let Self { layers, parameters } = self;
+            narrow.set_weights(layers, parameters);
+            let sink = adam.begin(parameters);
+            Arch::new().dispatch(Backward {
+                layers,
+                input,
+                output_gradient,
+                rows,
+                activations,
+                deltas,
+                narrow,
+                sink,
+            });
+        } else {
+            let gradients = self.backward(input, output_gradient, workspace);
+            adam.step(&mut self.parameters, gradients);
+        }
     }
 
     fn weights(&self, layer: &Layer) -> Matrix<'_> {

@@ -3,7 +3,7 @@
 mod thin;
 
 use gemm::{Parallelism, gemm};
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 
 /// A matrix over borrowed values: element (i, j) is `values[i * row_stride + j * column_stride]`.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +37,7 @@ impl<'a> Matrix<'a> {
         }
     }
 
+    #[inline]
     fn at(&self, row: usize, column: usize) -> f32 {
         self.values[row * self.row_stride + column * self.column_stride]
     }
@@ -52,7 +53,7 @@ impl<'a> Matrix<'a> {
 const CHAIN: usize = 512;
 
 /// Results of at most so many values, from operands that both lie along the inner size, are dot products.
-const FEW: usize = 256;
+pub(crate) const FEW: usize = 256;
 
 /// `out` = `left` · `right`, with `out` as `[left.rows, right.columns]`, row after row.
 ///
@@ -134,19 +135,38 @@ fn add_part(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>, first: usize, 
 
 /// The definition, loop by loop: for processors without fused multiply-adds, and for products that are hardly any.
 fn chains(out: &mut [f32], left: Matrix<'_>, right: Matrix<'_>) {
-    let k = left.columns;
-    let n = right.columns;
-    let part = k.div_ceil(k.div_ceil(CHAIN).max(1)).max(1);
-    for (index, out) in out.iter_mut().enumerate() {
-        let i = index / n;
-        let j = index % n;
-        let chain = |first: usize| {
-            let inner = first..k.min(first + part);
-            inner.fold(0.0, |sum, l| left.at(i, l).mul_add(right.at(l, j), sum))
-        };
-        *out = chain(0);
-        for first in (part..k).step_by(part) {
-            *out += chain(first);
+    Arch::new().dispatch(Chains { out, left, right });
+}
+
+struct Chains<'a> {
+    out: &'a mut [f32],
+    left: Matrix<'a>,
+    right: Matrix<'a>,
+}
+
+impl NullaryFnOnce for Chains<'_> {
+    type Output = ();
+
+    #[expect(
+        clippy::inline_always,
+        reason = "only what is inlined into the dispatch is compiled for the processor"
+    )]
+    #[inline(always)]
+    fn call(self) {
+        let Self { out, left, right } = self;
+        let k = left.columns;
+        let part = k.div_ceil(k.div_ceil(CHAIN).max(1)).max(1);
+        for (i, row) in out.chunks_exact_mut(right.columns).enumerate() {
+            for (j, out) in row.iter_mut().enumerate() {
+                *out = 0.0;
+                for first in (0..k).step_by(part) {
+                    let mut sum = 0.0;
+                    for l in first..k.min(first + part) {
+                        sum = left.at(i, l).mul_add(right.at(l, j), sum);
+                    }
+                    *out = if first == 0 { sum } else { *out + sum };
+                }
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 use crate::{
     Mlp,
     aligned::{Aligned, filled},
+    narrow::Narrow,
 };
 
 /// Every buffer of a forward and backward pass, allocated once and reused.
@@ -15,6 +16,8 @@ pub struct Workspace {
     pub(crate) deltas: [Aligned<f32>; 2],
     /// Gradients of all parameters, in their order.
     pub(crate) gradients: Aligned<f32>,
+    /// What a narrow network needs besides.
+    pub(crate) narrow: Option<Narrow>,
 }
 
 impl Workspace {
@@ -27,6 +30,7 @@ impl Workspace {
             activations: layers.iter().map(|layer| filled(0.0, rows * layer.outputs)).collect(),
             deltas: [filled(0.0, rows * widest), filled(0.0, rows * widest)],
             gradients: filled(0.0, network.parameter_count()),
+            narrow: Narrow::new(layers, rows),
         }
     }
 

@@ -1,0 +1,120 @@
+/// `[rows, columns]` as `[columns, rows]`.
+pub(super) fn transpose(values: &[f32], rows: usize, columns: usize, out: &mut [f32]) {
+    assert!(values.len() == rows * columns && out.len() == values.len());
+    #[cfg(target_arch = "x86_64")]
+    if rows.is_multiple_of(x86::SIDE)
+        && columns.is_multiple_of(x86::SIDE)
+        && let pulp::Arch::V4(simd) = pulp::Arch::new()
+    {
+        pulp::Simd::vectorize(simd, x86::Blocks { simd, values, rows, columns, out });
+        return;
+    }
+    for (column, out) in out.chunks_exact_mut(rows).enumerate() {
+        for (out, values) in out.iter_mut().zip(values[column..].iter().step_by(columns)) {
+            *out = *values;
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use std::arch::x86_64::__m512i;
+
+    use pulp::{NullaryFnOnce, Simd, cast, x86::V4};
+
+    /// Rows and columns of a block.
+    pub(super) const SIDE: usize = 16;
+
+    /// A transpose of whole blocks.
+    pub(super) struct Blocks<'a> {
+        pub(super) simd: V4,
+        pub(super) values: &'a [f32],
+        pub(super) rows: usize,
+        pub(super) columns: usize,
+        pub(super) out: &'a mut [f32],
+    }
+
+    impl NullaryFnOnce for Blocks<'_> {
+        type Output = ();
+
+        #[expect(
+            clippy::inline_always,
+            reason = "only what is inlined into the dispatch is compiled for the processor"
+        )]
+        #[inline(always)]
+        fn call(self) {
+            let Self { simd, values, rows, columns, out } = self;
+            let mut square = [simd.avx512f._mm512_setzero_si512(); SIDE];
+            for row in (0..rows).step_by(SIDE) {
+                for column in (0..columns).step_by(SIDE) {
+                    for (place, square) in square.iter_mut().enumerate() {
+                        let from = &values[(row + place) * columns + column..][..SIDE];
+                        *square = cast(V4::as_simd_f32s(from).0[0]);
+                    }
+                    for (place, &turned) in turn(simd, square).iter().enumerate() {
+                        let to = &mut out[(column + place) * rows + row..][..SIDE];
+                        V4::as_mut_simd_f32s(to).0[0] = cast(turned);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Four rows of four become four columns, in each quarter of the vectors; then quarters change places in the same way.
+    ///
+    /// Loops rather than closures, which are compiled without vectors where they are not inlined.
+    #[expect(clippy::inline_always, reason = "as above")]
+    #[inline(always)]
+    fn turn(simd: V4, rows: [__m512i; SIDE]) -> [__m512i; SIDE] {
+        const FIRSTS: i32 = 0b10_00_10_00;
+        const SECONDS: i32 = 0b11_01_11_01;
+        let all = simd.avx512f;
+        let mut fours = rows;
+        for first in [0, 4, 8, 12] {
+            let [a, b, c, d] = [rows[first], rows[first + 1], rows[first + 2], rows[first + 3]];
+            let ab = all._mm512_unpacklo_epi32(a, b);
+            let cd = all._mm512_unpacklo_epi32(c, d);
+            let upper_ab = all._mm512_unpackhi_epi32(a, b);
+            let upper_cd = all._mm512_unpackhi_epi32(c, d);
+            fours[first] = all._mm512_unpacklo_epi64(ab, cd);
+            fours[first + 1] = all._mm512_unpackhi_epi64(ab, cd);
+            fours[first + 2] = all._mm512_unpacklo_epi64(upper_ab, upper_cd);
+            fours[first + 3] = all._mm512_unpackhi_epi64(upper_ab, upper_cd);
+        }
+        let mut turned = rows;
+        for column in 0..4 {
+            let a = fours[column];
+            let b = fours[4 + column];
+            let c = fours[8 + column];
+            let d = fours[12 + column];
+            let even_ab = all._mm512_shuffle_i32x4::<FIRSTS>(a, b);
+            let even_cd = all._mm512_shuffle_i32x4::<FIRSTS>(c, d);
+            let odd_ab = all._mm512_shuffle_i32x4::<SECONDS>(a, b);
+            let odd_cd = all._mm512_shuffle_i32x4::<SECONDS>(c, d);
+            turned[column] = all._mm512_shuffle_i32x4::<FIRSTS>(even_ab, even_cd);
+            turned[4 + column] = all._mm512_shuffle_i32x4::<FIRSTS>(odd_ab, odd_cd);
+            turned[8 + column] = all._mm512_shuffle_i32x4::<SECONDS>(even_ab, even_cd);
+            turned[12 + column] = all._mm512_shuffle_i32x4::<SECONDS>(odd_ab, odd_cd);
+        }
+        turned
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_become_columns() {
+        for (rows, columns) in [(1, 3), (16, 16), (64, 64), (48, 112), (5, 64), (64, 2)] {
+            let values: Vec<f32> = (0..rows * columns).map(|value| value as f32).collect();
+            let mut out = vec![0.0; values.len()];
+            transpose(&values, rows, columns, &mut out);
+            for row in 0..rows {
+                for column in 0..columns {
+                    assert_eq!(out[column * rows + row], values[row * columns + column]);
+                }
+            }
+        }
+    }
+}
