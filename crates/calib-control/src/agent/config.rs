@@ -207,7 +207,7 @@ mod tests {
         assert_eq!(bytes_of(tiles), 3 * 16 * (4 * 9 + 6 * 81) * 16);
         assert_eq!(bytes_of(AgentConfig { pairs: false, ..tiles }), 3 * 16 * 4 * 9 * 16);
         let network = AgentConfig { algorithm: Algorithm::DeepQLearning, ..tiles };
-        let replayed = network.replay as u64 * (2 * 4 * 4 + 24);
+        let replayed = network.replay as u64 * ((2 * 4 + 1) * 4 + 24);
         assert!(
             (replayed..replayed + 200_000).contains(&bytes_of(network)),
             "{}",

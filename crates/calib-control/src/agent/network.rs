@@ -36,15 +36,19 @@ struct Replay {
     states: Vec<f32>,
     nexts: Vec<f32>,
     taken: Vec<(usize, Outcome)>,
+    /// The target network's max q⁻(s', ·), which stays until that network is renewed; NaN where it is not known.
+    bests: Vec<f32>,
 }
 
 /// A batch.
 #[derive(Clone, Debug, Default)]
 struct Drawn {
+    /// Which transitions.
+    numbers: Vec<usize>,
     states: Vec<f32>,
+    /// Those whose next state has no known value, and these states.
+    unknown: Vec<usize>,
     nexts: Vec<f32>,
-    taken: Vec<(usize, Outcome)>,
-    targets: Vec<f64>,
     gradients: Vec<f32>,
 }
 
@@ -54,25 +58,41 @@ impl Replay {
             self.states.extend_from_slice(state);
             self.nexts.extend_from_slice(next);
             self.taken.push((action, outcome));
+            self.bests.push(f32::NAN);
             return;
         }
         let start = self.oldest * self.columns;
         self.states[start..start + self.columns].copy_from_slice(state);
         self.nexts[start..start + self.columns].copy_from_slice(next);
         self.taken[self.oldest] = (action, outcome);
+        self.bests[self.oldest] = f32::NAN;
         self.oldest = (self.oldest + 1) % self.most;
     }
 
     fn draw(&self, count: usize, rng: &mut Rng, drawn: &mut Drawn) {
+        drawn.numbers.clear();
         drawn.states.clear();
+        drawn.unknown.clear();
         drawn.nexts.clear();
-        drawn.taken.clear();
         for _ in 0..count {
             let number = rng.below(self.taken.len());
             let columns = number * self.columns..(number + 1) * self.columns;
+            drawn.numbers.push(number);
             drawn.states.extend_from_slice(&self.states[columns.clone()]);
-            drawn.nexts.extend_from_slice(&self.nexts[columns]);
-            drawn.taken.push(self.taken[number]);
+            let (_, outcome) = self.taken[number];
+            if outcome.ending == Ending::Continues && self.bests[number].is_nan() {
+                drawn.unknown.push(number);
+                drawn.nexts.extend_from_slice(&self.nexts[columns]);
+            }
+        }
+    }
+
+    /// y of a transition whose next state has a known value.
+    fn target(&self, number: usize, gamma: f64) -> f64 {
+        let (_, outcome) = self.taken[number];
+        match outcome.ending {
+            Ending::Terminal => outcome.reward,
+            Ending::Continues => outcome.reward + gamma * f64::from(self.bests[number]),
         }
     }
 }
@@ -104,6 +124,7 @@ impl Network {
                 states: Vec::new(),
                 nexts: Vec::new(),
                 taken: Vec::new(),
+                bests: Vec::new(),
             },
             rng: seed.child("replay").rng(),
             steps: 0,
@@ -141,11 +162,11 @@ impl Network {
         sizes.windows(2).map(|layer| (layer[0] + 1) * layer[1]).sum()
     }
 
-    /// Memory of one whose replay is full: both networks, two moments and two gradients, and what is replayed.
+    /// Memory of one whose replay is full: both networks, two moments, two gradients and two transposes, and what is replayed.
     pub(super) fn bytes(config: &AgentConfig, columns: usize, actions: usize) -> u64 {
         let parameters = Self::parameters(config, columns, actions);
-        let transition = 2 * columns * size_of::<f32>() + size_of::<(usize, Outcome)>();
-        (6 * parameters * size_of::<f32>() + config.replay * transition) as u64
+        let transition = (2 * columns + 1) * size_of::<f32>() + size_of::<(usize, Outcome)>();
+        (8 * parameters * size_of::<f32>() + config.replay * transition) as u64
     }
 
     /// Be in `state`, whose values are put in `values`.
@@ -176,6 +197,7 @@ impl Network {
             self.steps += 1;
             if self.steps.is_multiple_of(config.target_steps) {
                 self.target.clone_from(&self.online);
+                self.replay.bests.fill(f32::NAN);
             }
         }
         self.go_on(next, values);
@@ -185,27 +207,27 @@ impl Network {
         let drawn = &mut self.drawn;
         self.replay.draw(config.batch, &mut self.rng, drawn);
         let actions = self.online.outputs();
+        if let (&[number], true) = (&drawn.unknown[..], config.batch > 1) {
+            // Wide layers sum a single row in another order than several.
+            drawn.unknown.push(number);
+            drawn.nexts.extend_from_within(..);
+        }
         let next = self.target.forward(&drawn.nexts, &mut self.batch);
-        drawn.targets.clear();
-        drawn.targets.extend(drawn.taken.iter().zip(next.chunks(actions)).map(
-            |((_, outcome), values)| match outcome.ending {
-                Ending::Terminal => outcome.reward,
-                Ending::Continues => {
-                    let best = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-                    outcome.reward + config.gamma * f64::from(best)
-                }
-            },
-        ));
+        for (&number, values) in drawn.unknown.iter().zip(next.chunks(actions)) {
+            let best = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            self.replay.bests[number] = best;
+        }
         let outputs = self.online.forward(&drawn.states, &mut self.batch);
         drawn.gradients.clear();
         drawn.gradients.resize(outputs.len(), 0.0);
-        for (row, (&(action, _), target)) in drawn.taken.iter().zip(&drawn.targets).enumerate() {
+        for (row, &number) in drawn.numbers.iter().enumerate() {
+            let (action, _) = self.replay.taken[number];
             let place = row * actions + action;
-            let error = f64::from(outputs[place]) - target;
+            let error = f64::from(outputs[place]) - self.replay.target(number, config.gamma);
             drawn.gradients[place] = (error / config.batch as f64) as f32;
         }
-        let gradients = self.online.backward(&drawn.states, &drawn.gradients, &mut self.batch);
-        self.adam.step(self.online.parameters_mut(), gradients);
+        let gradients = &drawn.gradients;
+        self.online.learn(&drawn.states, gradients, &mut self.batch, &mut self.adam);
     }
 }
 
@@ -224,7 +246,8 @@ mod tests {
         let states = Vec::new();
         let nexts = Vec::new();
         let taken = Vec::new();
-        let mut replay = Replay { columns: 1, most: 3, oldest: 0, states, nexts, taken };
+        let bests = Vec::new();
+        let mut replay = Replay { columns: 1, most: 3, oldest: 0, states, nexts, taken, bests };
         for number in 0..5 {
             let outcome = Outcome { reward: f64::from(number), ending: Ending::Continues };
             replay.keep(&[number as f32], 0, outcome, &[number as f32 + 1.0]);
@@ -233,13 +256,29 @@ mod tests {
         assert_eq!(replay.nexts, [4.0, 5.0, 3.0]);
         let mut drawn = Drawn::default();
         replay.draw(40, &mut Seed::new(1).rng(), &mut drawn);
+        let rewards = drawn.numbers.iter().map(|&number| replay.taken[number].1.reward);
         assert!(
-            drawn
-                .states
-                .iter()
-                .zip(&drawn.taken)
-                .all(|(&taken, (_, outcome))| { f64::from(taken) == outcome.reward })
+            drawn.states.iter().zip(rewards).all(|(&state, reward)| f64::from(state) == reward)
         );
         assert!((2..5).all(|number| drawn.states.contains(&(number as f32))));
+    }
+
+    #[test]
+    fn next_states_are_valued_once_a_target_network() {
+        let states = vec![0.0; 4];
+        let nexts = states.clone();
+        let outcome = Outcome { reward: 1.0, ending: Ending::Continues };
+        let terminal = Outcome { ending: Ending::Terminal, ..outcome };
+        let taken = vec![(0, outcome), (0, outcome), (0, terminal), (0, outcome)];
+        let bests = vec![2.0, f32::NAN, f32::NAN, 4.0];
+        let mut replay = Replay { columns: 1, most: 4, oldest: 3, states, nexts, taken, bests };
+        let mut drawn = Drawn::default();
+        replay.draw(40, &mut Seed::new(1).rng(), &mut drawn);
+        assert!(drawn.unknown.iter().all(|&number| number == 1) && drawn.numbers.contains(&3));
+        assert_eq!(drawn.nexts.len(), drawn.unknown.len());
+        assert_eq!([0, 2, 3].map(|number| replay.target(number, 0.5)), [2.0, 1.0, 3.0]);
+        // Another transition in its place.
+        replay.keep(&[0.0], 0, outcome, &[0.0]);
+        assert!(replay.bests[3].is_nan());
     }
 }
