@@ -21,8 +21,8 @@ struct CountedValue {
 
 impl OutlyingActions {
     /// Those of `column`, NaN being missing; none where nothing stands out, or where its own values are no more than `levels`. The least or the
-    /// largest value stands out if it is farther from the next one than all others are from each other. So does the next one, if the same holds
-    /// without it, up to one row in a hundred.
+    /// largest value stands out if it is farther from the next one than all others are from each other. Both do if each would without the other.
+    /// So does the next one, if the same holds without it, up to one row in a hundred.
     pub fn of_column(column: &[f64], levels: usize) -> Option<Self> {
         let mut values: Vec<f64> =
             column.iter().map(|value| value + 0.0).filter(|value| !value.is_nan()).collect();
@@ -40,10 +40,15 @@ impl OutlyingActions {
             && let [first, .., last] = inner
         {
             let spread = last.value - first.value;
-            if largest.rows <= left && largest.value - last.value > spread {
+            let [below, above] = [first.value - least.value, largest.value - last.value];
+            let both = least.rows + largest.rows;
+            if both <= left && below > spread && above > spread {
+                left -= both;
+                others = inner;
+            } else if largest.rows <= left && above > below + spread {
                 left -= largest.rows;
                 others = &others[..others.len() - 1];
-            } else if least.rows <= left && first.value - least.value > spread {
+            } else if least.rows <= left && below > spread + above {
                 left -= least.rows;
                 others = &others[1..];
             } else {
@@ -84,6 +89,9 @@ mod tests {
         let several = found(&[(9, -1e5), (7, 1e6), (8, 2_000.0)]).expect("slips on both sides");
         assert_eq!((&several.rows[..], several.range), (&[7, 8, 9][..], [-1e5, 1e6]));
         assert_eq!(several.others, [0.0, 99.0]);
+        // Neither is farther from the rest than the other one is.
+        let opposite = found(&[(7, 1e6), (8, -1e6)]).expect("slips as far on both sides");
+        assert_eq!((&opposite.rows[..], opposite.range), (&[7, 8][..], [-1e6, 1e6]));
         assert_eq!(found(&[(300, 190.0)]), None, "no farther than others are from each other");
     }
 
@@ -98,6 +106,14 @@ mod tests {
             .map(|row| if row % 40 == 0 { 20.0 + f64::from(row / 40) } else { 0.0 })
             .collect();
         assert_eq!(OutlyingActions::of_column(&rare, 7), None);
+        // A pump that is off half of the time runs at 40 to 60, and once at 85: nearer to 60 than 60 is to 0.
+        let mut halves: Vec<f64> = (0..600)
+            .map(|row| if row % 2 == 0 { 0.0 } else { 40.0 + f64::from(row % 41) / 2.0 })
+            .collect();
+        halves[301] = 85.0;
+        assert_eq!(OutlyingActions::of_column(&halves, 7), None);
+        halves[301] = 850.0;
+        assert_eq!(OutlyingActions::of_column(&halves, 7).map(|found| found.rows), Some(vec![301]));
     }
 
     #[test]
