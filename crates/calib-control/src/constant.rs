@@ -24,15 +24,15 @@ pub struct ConstantReturns {
 }
 
 /// A policy that learns nothing.
-#[derive(Clone, Copy)]
-enum Fixed {
+#[derive(Clone, Copy, Debug)]
+pub enum FixedPolicy {
     /// One action in every state.
     Constant(usize),
     /// Each of so many actions equally often.
     Random(usize),
 }
 
-impl Actor for Fixed {
+impl Actor for FixedPolicy {
     fn look(&mut self, _state: &[f32]) {}
 
     fn act(&mut self, rng: &mut Rng) -> Option<usize> {
@@ -63,8 +63,11 @@ pub fn constant_returns<M: Ensemble>(
     let lived = (0..units).into_par_iter().map(|unit| -> Result<_, ControlError> {
         let member = unit / policies;
         let action = unit % policies;
-        let mut policy =
-            if action == actions { Fixed::Random(actions) } else { Fixed::Constant(action) };
+        let mut policy = if action == actions {
+            FixedPolicy::Random(actions)
+        } else {
+            FixedPolicy::Constant(action)
+        };
         let mut sum = 0.0;
         let mut coverage = Coverage::default();
         for run in 0..extent.runs {

@@ -37,7 +37,7 @@ pub use agent::{Agent, AgentConfig, Algorithm};
 pub use agent_run::{Actor, AgentRun, RunLength, live};
 pub use behaviour::{Behaviour, Quality, Recorded, record};
 pub use config::{ControlConfig, LEAST_LEVELS, StartRows};
-pub use constant::{ConstantReturns, constant_returns};
+pub use constant::{ConstantReturns, FixedPolicy, constant_returns};
 pub use decision_rows::{ChangedDecisions, DecisionRows, RowsWithoutReward};
 pub use drift::Drift;
 pub use environment::{Ending, Environment, Outcome};

@@ -5,10 +5,10 @@ use std::time::Duration;
 use calib_base::{StepError, clock::Stopwatch};
 use calib_control::{
     ActionModel, ActionModelKind, Actor, Agent, AgentConfig, Algorithm, ControlConfig, Decisions,
-    Ensemble as _, Environment as _, IncrementModel, Increments, NetworkConfig, NetworkModel,
-    Outcome, RunLength, Walked, live, off_policy_values,
+    Ensemble as _, Environment as _, FixedPolicy, IncrementModel, Increments, NetworkConfig,
+    NetworkModel, RunLength, Walked, live, off_policy_values,
 };
-use calib_core::{Monitor, Rng, Seed, Silent, States};
+use calib_core::{Monitor, Seed, Silent, States};
 
 use super::log;
 
@@ -101,7 +101,7 @@ impl MeasuredCosts {
         let part = PartModel::build(config, log, worst_return, monitor)?;
         let model = kept.unwrap_or(&part.model);
         let timeout = config.timeout;
-        let mut random = RandomActions(log.levels());
+        let mut random = FixedPolicy::Random(log.levels());
         let neighbors_step = step_secs(&mut random, &mut model.walk(0), timeout);
         let mut kinds = Vec::new();
         for &kind in &config.models {
@@ -125,19 +125,6 @@ impl MeasuredCosts {
 /// Transitions of the smallest part of a log of which the models of a study can be made.
 fn least_transitions(config: &ControlConfig) -> usize {
     FEW_TRANSITIONS.max(config.model.members.saturating_mul(4))
-}
-
-/// Takes each of so many actions equally often.
-struct RandomActions(usize);
-
-impl Actor for RandomActions {
-    fn look(&mut self, _state: &[f32]) {}
-
-    fn act(&mut self, rng: &mut Rng) -> Option<usize> {
-        Some(rng.below(self.0))
-    }
-
-    fn learn(&mut self, _action: usize, _outcome: Outcome, _next: &[f32]) {}
 }
 
 /// Seconds of a step that `actor` takes in `walk`, by more and more steps until they take a while.
@@ -208,7 +195,7 @@ impl PartModel {
         let increments = Increments::new(&self.model, config.model.coverage, monitor)?;
         let making = clock.elapsed().as_secs_f64();
         let model = IncrementModel::new(&self.model, &increments);
-        let mut random = RandomActions(log.levels());
+        let mut random = FixedPolicy::Random(log.levels());
         let step = step_secs(&mut random, &mut model.walk(0), config.timeout);
         let grown = grown(self.model.log().len(), log.len());
         // A step looks at all transitions with its action.
@@ -250,7 +237,7 @@ impl FewDecisions {
         let model =
             NetworkModel::train_members(&self.log, starts, &timed, &[0], Seed::new(0), monitor)?;
         let update = clock.elapsed().as_secs_f64() / updates(&timed, self.log.len());
-        let mut random = RandomActions(log.levels());
+        let mut random = FixedPolicy::Random(log.levels());
         let step = step_secs(&mut random, &mut model.walk(0), config.timeout);
         Ok(KindCost { making: update * updates(&whole, log.len()), step })
     }
