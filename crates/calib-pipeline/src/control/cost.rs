@@ -25,6 +25,8 @@ const FEW_TRANSITIONS: usize = 500;
 const MANY_TRANSITIONS: usize = 8_000;
 /// Settings whose agents are timed; of others it is assumed that they take as long as these in the mean.
 const TIMED_AGENTS: usize = 10;
+/// In which order parts of a grid are timed, so that some of them from all over it are before the time is over.
+const SPREAD_OUT: [usize; TIMED_AGENTS] = [0, 9, 4, 7, 2, 5, 8, 1, 6, 3];
 /// How long agents are timed in all. The first is, however long that takes.
 const ALL_AGENTS: Duration = Duration::from_millis(1_200);
 /// A step size with which no agent diverges while it is timed.
@@ -279,9 +281,10 @@ impl AgentTiming<'_> {
         let clock = Stopwatch::start();
         let mut costs: Vec<Option<AgentCost>> = vec![None; different.len()];
         let timed = different.len().min(TIMED_AGENTS);
-        for number in 0..timed {
+        let order = SPREAD_OUT.into_iter().filter(|&number| number < timed);
+        for (before, number) in order.enumerate() {
             monitor.check()?;
-            if number > 0 && clock.elapsed() >= ALL_AGENTS {
+            if before > 0 && clock.elapsed() >= ALL_AGENTS {
                 break;
             }
             let place = number * different.len() / timed;
@@ -366,6 +369,20 @@ mod tests {
         let config = NetworkConfig { members: 5, updates: 100, batch: 64, ..Default::default() };
         // Twenty times a fifth of 9,600 transitions, 64 at a time, a third of an update each.
         assert!((updates(&config, 9_600) - 300.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn agents_are_timed_from_all_over_a_grid() {
+        let mut sorted = SPREAD_OUT;
+        sorted.sort_unstable();
+        assert!(sorted.into_iter().eq(0..TIMED_AGENTS), "each part once");
+        for timed in 2..=TIMED_AGENTS {
+            let order = SPREAD_OUT.into_iter().filter(|&number| number < timed);
+            let early: Vec<usize> = order.take(timed.div_ceil(2)).collect();
+            let mean = early.iter().sum::<usize>() as f64 / early.len() as f64;
+            let middle = (timed - 1) as f64 / 2.0;
+            assert!((mean - middle).abs() <= 1.0, "{early:?} of {timed}");
+        }
     }
 
     #[test]
