@@ -80,8 +80,8 @@ pub fn off_policy_values(
 /// Memory of [`off_policy_values`] beside that of the agent, for one candidate at a time, in bytes.
 pub fn off_policy_bytes(log: &Decisions) -> u64 {
     let weights = FittedQ::bytes(log.states().columns(), log.levels());
-    // A probability per transition and action; where they were logged, a ratio and two values per transition as well.
-    let per_transition = log.levels() + if log.probabilities().is_some() { 3 } else { 0 };
+    // A probability per transition and action; where they were logged, a ratio, once more in its episode, and two values per transition as well.
+    let per_transition = log.levels() + if log.probabilities().is_some() { 4 } else { 0 };
     weights + (log.len() * per_transition * size_of::<f64>()) as u64
 }
 
@@ -145,7 +145,8 @@ fn policies<'a>(
     config: &AgentConfig,
     states: impl Iterator<Item = &'a [f32]>,
 ) -> Vec<f64> {
-    let mut all = Vec::new();
+    // A vector that grew would take up to three times as much for a moment.
+    let mut all = Vec::with_capacity(states.size_hint().0 * agent.actions());
     let mut probabilities = vec![0.0; agent.actions()];
     for state in states {
         agent.go_on(state);

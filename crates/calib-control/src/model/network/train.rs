@@ -104,8 +104,9 @@ struct Examples {
 impl Examples {
     fn new(log: &Decisions, scales: &Scales, transitions: impl Iterator<Item = usize>) -> Self {
         let widths = [scales.columns.len() + scales.actions, scales.columns.len() + 2];
-        let mut inputs = Vec::new();
-        let mut targets = Vec::new();
+        // Vectors that grew would take up to three times as much for a moment, in every network at a time.
+        let [mut inputs, mut targets] =
+            widths.map(|width| Vec::with_capacity(transitions.size_hint().0 * width));
         let mut input = vec![0.0; widths[0]];
         let mut target = vec![0.0; widths[1]];
         for number in transitions {
