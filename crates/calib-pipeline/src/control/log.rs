@@ -193,12 +193,22 @@ fn outlying_told(name: &str, found: &OutlyingActions, frames: &Frames) -> String
     let OutlyingActions { rows, range: [least, largest], others: [low, high] } = found;
     let at = format_time(frames.timestamps()[rows[0]]);
     let [low, high] = [*low, *high].map(significant);
-    let (values, remedy) = if rows.len() == 1 {
-        (format!("{least} at {at} stands"), format!(" or set data.missing_values = [{least}]"))
+    let values = match rows.len() {
+        1 => format!("{least} at {at} stands"),
+        many if least == largest => {
+            format!("{least} in {} rows, first at {at}, stands", count(many))
+        }
+        many => format!(
+            "{} from {} to {}, first at {at}, stand",
+            counted(many, "value"),
+            significant(*least),
+            significant(*largest)
+        ),
+    };
+    let remedy = if least == largest && least.is_finite() {
+        format!(" or add {least} to data.missing_values")
     } else {
-        let values = counted(rows.len(), "value");
-        let from_to = format!("from {} to {}", significant(*least), significant(*largest));
-        (format!("{values} {from_to}, first at {at}, stand"), String::new())
+        String::new()
     };
     format!(
         "{name} (control.actions): {values} out from all others, which lie from {low} to {high}. calib takes that for missing, because levels \
