@@ -3,7 +3,7 @@
 
     pip install numpy polars
     python3 scripts/lead_protocol.py DIR [--plants FIRST END]     # it can be stopped and run again
-    python3 scripts/lead_protocol.py docs/validity --report       # the tables of docs/validity.md
+    python3 scripts/lead_protocol.py DIR --report                 # only the tables
 
 The protocol, as it was fixed before its runs:
 
@@ -360,6 +360,8 @@ def main() -> None:
             with path.open("a") as file:
                 file.write(json.dumps(plants[number]) + "\n")
             print(f"plant {number} is done", flush=True)
+    if not plants:
+        parser.error(f"{path} has no plants; leave --report out to make them")
     report([plants[number] for number in sorted(plants)])
 
 

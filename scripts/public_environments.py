@@ -625,11 +625,14 @@ def report(folder, agent):
         rows["default"][name] = [regret(name, default)] * len(found)
         rows["best of the other environments"][name] = [regret(name, fixed)] * len(found)
         is_ahead = [not NOT_AHEAD & set(one["reasons"]) for one in found]
-        if values:
-            by_values = [values[path.stem] for path in sorted(folder.glob(f"{name}-[0-9]*.json"))]
+        logs = [path.stem for path in sorted(folder.glob(f"{name}-[0-9]*.json"))]
+        # They are made after the choices, and one log at a time.
+        if values and all(log in values for log in logs):
+            by_values = [values[log] for log in logs]
             rows["by fitted Q"][name] = [regret(name, own.index(max(own))) for own in by_values]
             rows["by fitted Q, less the choice"][name] = [one - other for one, other in zip(rows["by fitted Q"][name], chosen)]
-            print(f"(by fitted Q {name}: {statistics.fmean(rows['by fitted Q'][name]):.1f} %, worst {max(rows['by fitted Q'][name]):.0f})")
+            told = f"{name} by fitted Q: {statistics.fmean(rows['by fitted Q'][name]):.1f} %, worst {max(rows['by fitted Q'][name]):.0f}"
+            print(told, file=sys.stderr)
         rows["choice if ahead of the default"][name] = [one if ahead else regret(name, default) for one, ahead in zip(chosen, is_ahead)]
         for label in labels[:3]:
             rows[f"default less {label}"][name] = [regret(name, default) - one for one in rows[label][name]]
@@ -649,7 +652,9 @@ def report(folder, agent):
     for scope, names in (("all environments", set(truths)), ("environments whose settings are told apart", {name for name in truths if reliability(runs[name]) >= RELIABLE})):
         print(f"\nOver {scope}:\n")
         for row, of_logs in rows.items():
-            print(f"- {row}: {interval({name: logs for name, logs in of_logs.items() if name in names})} % of a random choice's regret")
+            own = {name: logs for name, logs in of_logs.items() if name in names}
+            if own:
+                print(f"- {row}: {interval(own)} % of a random choice's regret")
         print(f"- Spearman's correlation of ranks with the truth: {interval({name: logs for name, logs in correlations.items() if name in names}, 2)}")
         for low, high in ((-1.0, 0.5), (0.5, 0.8), (0.8, 1.01)):
             places = [(name, place) for name in names if name in agreements for place, value in enumerate(agreements[name]) if low <= value < high]
