@@ -63,6 +63,8 @@ pub struct ControlConfig {
 
 /// Rows that a decision may take, or its action may be shown later.
 const MOST_ROWS: usize = 1_000_000;
+/// Most runs of a setting in a member, as in sweeps of agents that predict.
+const MOST_RUNS: usize = 100_000;
 
 /// Where episodes begin in the model of a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -126,7 +128,7 @@ impl ControlConfig {
             ("lag", self.lag as f64, self.lag <= MOST_ROWS, "from 0 to 1,000,000"),
             ("timeout", self.timeout as f64, self.timeout > 0, "at least 1"),
             ("steps", self.steps as f64, self.steps > 0, "at least 1"),
-            ("runs", self.runs as f64, self.runs > 0, "at least 1"),
+            ("runs", self.runs as f64, (1..=MOST_RUNS).contains(&self.runs), "from 1 to 100,000"),
             (
                 "most_actions",
                 self.most_actions as f64,
@@ -263,6 +265,8 @@ mod tests {
         assert!(twice.expect_err("twice").to_string().contains("\"network\" twice"));
         let never = ControlConfig { every: 0, ..config.clone() };
         assert!(never.check().expect_err("never").to_string().contains("`every` is 0"));
+        let many = ControlConfig { runs: usize::MAX, ..config.clone() };
+        assert!(many.check().expect_err("many").to_string().contains("from 1 to 100,000"));
         let none = ControlConfig { steps: 0, ..config };
         assert!(none.check().expect_err("none").to_string().contains("steps"));
     }
