@@ -9,9 +9,9 @@ use std::{
 use calib_core::{Monitor, Timestamp};
 use calib_data::table::write_log;
 use calib_pipeline::{
-    BuildOptions, Calibration, Evaluation, ExistingFile, Freshness, Job, Logs, Observer, Outcome,
-    Printer, ProposeOptions, Remark, Request, Shown, StandingOf, StatusRequest, StepResult,
-    output::Result,
+    BuildOptions, Calibration, ClusterPlanOptions, ClusterStatusOptions, Evaluation, ExistingFile,
+    Freshness, Job, Leftovers, Logs, Observer, Outcome, Printer, ProposeOptions, Remark, Request,
+    Shown, StandingOf, StatusRequest, StepResult, output::Result,
 };
 
 const STUDY: &str = "\
@@ -156,6 +156,35 @@ fn a_log_is_taken_to_a_verdict_by_values_alone() {
     std::fs::write(results.join("sweep/manifest.json"), "{}").expect("writable");
     let damaged = calib_pipeline::check(&results, Logs::Leave, &printer).expect("results");
     assert!(!damaged.damages.is_empty(), "{damaged:?}");
+}
+
+#[test]
+fn a_plan_for_a_cluster_tells_its_shards() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let job = resolved(folder.path(), STUDY);
+    let printer = Printer::nobody();
+    calib_pipeline::simulate(&job, &printer).expect("written").expect("it describes a plant");
+    calib_pipeline::build_model(&job, &BuildOptions::default(), &printer).expect("built");
+    let options = ClusterPlanOptions {
+        directory: folder.path().join("plan"),
+        task_minutes: 1.0,
+        max_tasks: 100,
+        shards: Some(2),
+    };
+    let planned = calib_pipeline::cluster_plan(&job, &options, &printer).expect("a plan");
+    let plan = planned.made().expect("it is written");
+    assert_eq!((plan.directory(), plan.shards()), (options.directory.as_path(), 2));
+    assert!(plan.secs() > 0.0, "{plan:?}");
+    let missing = || {
+        let all = ClusterStatusOptions { missing: None, leftovers: Leftovers::Kept };
+        let status = calib_pipeline::cluster_status(plan.directory(), all, &printer);
+        let status = status.expect("a plan");
+        assert_eq!(status.shards(), plan.shards());
+        status.missing()
+    };
+    assert_eq!(missing(), [0, 1]);
+    calib_pipeline::cluster_run(plan.directory(), 0, &printer).expect("made");
+    assert_eq!(missing(), [1]);
 }
 
 #[test]

@@ -50,6 +50,30 @@ pub struct ClusterPlan {
 #[derive(Debug)]
 pub struct ClusterDryPlan(pub(crate) ClusterPlan);
 
+impl ClusterPlan {
+    /// Its folder.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// How many shards it has.
+    pub fn shards(&self) -> usize {
+        self.summary.shards
+    }
+
+    /// Predicted seconds on one thread, of all shards.
+    pub fn secs(&self) -> f64 {
+        self.summary.secs
+    }
+}
+
+impl ClusterDryPlan {
+    /// The plan.
+    pub fn plan(&self) -> &ClusterPlan {
+        &self.0
+    }
+}
+
 pub(crate) fn make(
     job: &Job,
     options: &ClusterPlanOptions,

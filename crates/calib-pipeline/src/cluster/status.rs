@@ -135,6 +135,11 @@ pub struct ClusterStatus {
 }
 
 impl ClusterStatus {
+    /// How many shards the plan has.
+    pub fn shards(&self) -> usize {
+        self.status.shards.len()
+    }
+
     /// The numbers of those that are not done.
     pub fn missing(&self) -> Vec<usize> {
         self.status.missing()

@@ -167,6 +167,37 @@ impl JudgedStudies {
     pub fn validity(&self) -> &Validity {
         &self.scores[0].validity
     }
+
+    /// The plants that were judged.
+    pub fn plants(&self) -> Vec<&str> {
+        self.plants.iter().map(|judged| judged.plant.as_str()).collect()
+    }
+
+    /// Plants that were not, each with the reason.
+    pub fn left_out(&self) -> Vec<[&str; 2]> {
+        named(&self.left_out)
+    }
+
+    /// The page that was written.
+    pub fn report(&self) -> &Path {
+        &self.report
+    }
+}
+
+impl SharedPlants {
+    /// How many plants the share has.
+    pub fn plants(&self) -> usize {
+        self.plants
+    }
+
+    /// Those that were not run, each with the reason.
+    pub fn left_out(&self) -> Vec<[&str; 2]> {
+        named(&self.left_out)
+    }
+}
+
+fn named(left_out: &[LeftOut]) -> Vec<[&str; 2]> {
+    left_out.iter().map(|plant| [plant.plant.as_str(), plant.reason.as_str()]).collect()
 }
 
 /// In the folder of the draw, or beside the first study, unless the user says where.
