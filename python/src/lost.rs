@@ -12,6 +12,7 @@ use crate::errors;
 
 /// Pages that became zeros.
 static LOST: AtomicU64 = AtomicU64::new(0);
+/// Steps that are at work.
 static STEPS: AtomicUsize = AtomicUsize::new(0);
 
 /// What was open when so many pages were lost.

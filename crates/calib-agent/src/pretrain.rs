@@ -182,6 +182,7 @@ struct PretrainRun<'a> {
     validations: Vec<Validation<'a>>,
     courses: Vec<Course>,
     best: Vec<Option<Checkpoint>>,
+    /// Epochs that are done.
     epochs: usize,
 }
 

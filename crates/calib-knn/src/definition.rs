@@ -59,6 +59,7 @@ pub(crate) fn by_definition(
 /// The search for the list of one cell.
 struct Search {
     member: usize,
+    /// The row of the table.
     row: u32,
     /// The state whose neighbours are wanted.
     state: Vec<f64>,

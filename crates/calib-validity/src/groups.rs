@@ -41,6 +41,7 @@ pub struct GroupSummary {
 struct PairGroup {
     feature: String,
     name: String,
+    /// Places of the pairs in the list of all.
     pairs: Vec<usize>,
 }
 

@@ -25,7 +25,9 @@ pub(super) struct BatchSlot<'a> {
 /// What a network did at a step.
 #[derive(Clone, Copy)]
 pub(super) struct StepRecord {
+    /// The step of the run.
     pub(super) at: usize,
+    /// The update of the step.
     pub(super) update: usize,
     pub(super) learnt: bool,
 }

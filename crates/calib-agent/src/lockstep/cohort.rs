@@ -16,7 +16,9 @@ const UPDATES: usize = 32;
 pub(super) struct Cohort<'a> {
     learners: &'a [Learner<'a>],
     seats: Vec<BatchSlot<'a>>,
+    /// Updates of a step.
     updates: usize,
+    /// Transitions of an update.
     batch: usize,
 }
 

@@ -80,6 +80,7 @@ fn length((from, to): (Timestamp, Timestamp)) -> i64 {
     to.micros_since(from)
 }
 
+/// The parts of the stretches that lie inside `part`.
 pub(crate) fn inside(stretches: &[Range<usize>], part: &Range<usize>) -> Vec<Range<usize>> {
     stretches
         .iter()
@@ -88,7 +89,7 @@ pub(crate) fn inside(stretches: &[Range<usize>], part: &Range<usize>) -> Vec<Ran
         .collect()
 }
 
-/// The same of the training range and the held-out one, in order.
+/// The parts that lie inside the training range or the held-out one, in order.
 pub(crate) fn inside_both(
     stretches: &[Range<usize>],
     train: &Range<usize>,

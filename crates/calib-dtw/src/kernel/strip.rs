@@ -28,6 +28,7 @@ impl Strip {
         (row / self.height, row % self.height)
     }
 
+    /// The last lane that has rows.
     pub(crate) fn last_lane(&self) -> usize {
         self.place(self.rows().end - 1).0
     }

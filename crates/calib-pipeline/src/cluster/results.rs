@@ -16,6 +16,7 @@ use crate::cluster::maker::Maker;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Header {
     pub(crate) format: u32,
+    /// The fingerprint of the plan.
     pub(crate) plan: String,
     pub(crate) shard: usize,
     pub(crate) maker: Maker,

@@ -113,6 +113,7 @@ pub(super) fn costs([(less, quick), (more, slow)]: [(f64, f64); 2], other_secs: 
 
 /// A model of part of the log.
 struct TrialModel {
+    /// How long it took.
     secs: f64,
     warnings: Vec<String>,
     /// How its rollouts move, in words.

@@ -151,6 +151,7 @@ impl Errors {
             .collect()
     }
 
+    /// How many streams are independent.
     fn independent(&self) -> usize {
         match self.environment {
             EnvironmentId::LogReplay => fitting(&self.streams, self.steps),

@@ -179,6 +179,7 @@ impl NestedRuns {
         })
     }
 
+    /// All of them, each once.
     pub(super) fn whole(&self) -> AllRuns<'_> {
         AllRuns {
             members: self.members.as_ref().map(Nested::whole),

@@ -114,6 +114,7 @@ impl Truth {
     }
 }
 
+/// The place of the smallest value, of several the first.
 pub(super) fn least(values: &[f64]) -> usize {
     (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0)
 }

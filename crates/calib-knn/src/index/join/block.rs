@@ -56,6 +56,7 @@ pub(super) struct Limit {
 
 /// What is known about the queries of a block while leaves are visited.
 struct Block<'a> {
+    /// The leaf that the queries lie in.
     leaf: usize,
     one: Vec<One<'a>>,
     /// Images `[query, coordinate]`.

@@ -85,6 +85,7 @@ fn centre(sources: &Sources<'_>) -> Vec<f32> {
 struct Block<'a> {
     scan: &'a Scan<'a>,
     queries: &'a Queries<'a>,
+    /// Which of the queries.
     order: &'a [u32],
     k: usize,
     /// Told of every tile of sources; asked whether to go on.
