@@ -258,13 +258,13 @@ impl Target {
 
 /// Temporary files are private by default; results should be readable like any other file.
 #[cfg(unix)]
-pub(crate) fn default_permissions() -> fs::Permissions {
+fn default_permissions() -> fs::Permissions {
     use std::os::unix::fs::PermissionsExt as _;
     fs::Permissions::from_mode(0o666)
 }
 
 #[cfg(not(unix))]
-pub(crate) fn default_permissions() -> fs::Permissions {
+fn default_permissions() -> fs::Permissions {
     fs::metadata(".")
         .map_or_else(|_| unreachable!("the working directory exists"), |m| m.permissions())
 }
