@@ -41,10 +41,7 @@ fn main() {
             ..AgentConfig::default()
         })
         .collect();
-    let all: Vec<Learner<'_>> = agents
-        .iter()
-        .map(|config| Learner { config, cumulant: 0, start: None, baseline: None })
-        .collect();
+    let all: Vec<Learner<'_>> = agents.iter().map(|config| Learner::new(config, 0)).collect();
     let choice = if place == "native" { "cpu" } else { &place };
     let choice = choice.parse().expect("cpu, cuda or native");
     let populations = Populations::new(device(choice).expect("it is there"));

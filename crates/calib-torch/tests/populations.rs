@@ -67,13 +67,9 @@ fn agents() -> Vec<AgentConfig> {
     ]
 }
 
-fn learner(config: &AgentConfig, cumulant: usize) -> Learner<'_> {
-    Learner { config, cumulant, start: None, baseline: None }
-}
-
 /// A learner of each.
 fn learners(agents: &[AgentConfig], cumulant: usize) -> Vec<Learner<'_>> {
-    agents.iter().map(|config| learner(config, cumulant)).collect()
+    agents.iter().map(|config| Learner::new(config, cumulant)).collect()
 }
 
 fn run(stream: &dyn Stream, steps: usize, seed: u64) -> Run<'_> {
@@ -143,7 +139,8 @@ fn a_checkpoint_is_where_learning_starts() {
     let learners: Vec<_> = configs
         .iter()
         .flat_map(|config| {
-            [None, Some(&bare), Some(&whole)].map(|start| Learner { start, ..learner(config, 1) })
+            [None, Some(&bare), Some(&whole)]
+                .map(|start| Learner { start, ..Learner::new(config, 1) })
         })
         .collect();
     let run = run(&stream, 190, 5);
@@ -176,7 +173,7 @@ fn who_does_not_learn_does_not_diverge() {
     let states = States::new(values, 300, 3).expect("finite");
     let stream = RowStream::replay(states, &Segments::from_lengths([300]).expect("one"));
     let frozen = AgentConfig { learning_rate: 0.0, ..network() };
-    let learners = [learner(&frozen, 1)];
+    let learners = [Learner::new(&frozen, 1)];
     let run = run(&stream, 250, 7);
     let torch = trained_together(&[run], &learners);
     assert_eq!((torch[0][0].diverged, alone(run, &learners)[0].diverged), (None, None));
@@ -214,7 +211,7 @@ fn more_runs_than_fit_are_fewer_side_by_side() {
 fn what_no_accelerator_trains_is_refused() {
     let stream = waves(6, &[100]);
     let train = |config: &AgentConfig, monitor: &dyn Monitor| {
-        train_together(&[run(&stream, 90, 1)], &[learner(config, 0)], &populations(), monitor)
+        train_together(&[run(&stream, 90, 1)], &[Learner::new(config, 0)], &populations(), monitor)
     };
     let linear = AgentConfig { value_function: ValueFunction::Linear, ..network() };
     let error = train(&linear, &Silent).expect_err("refused").to_string();
@@ -226,7 +223,7 @@ fn what_no_accelerator_trains_is_refused() {
     assert!(matches!(train(&rounded, &Silent), Err(AgentError::NotAccelerated(_))));
     let long = run(&stream, 100, 1);
     let config = network();
-    let learner = learner(&config, 0);
+    let learner = Learner::new(&config, 0);
     let error = train_together(&[long], &[learner], &populations(), &Silent);
     assert!(matches!(error, Err(AgentError::ShortStream { .. })));
     assert_eq!(train(&network(), &Stopped), Err(Cancelled.into()));
