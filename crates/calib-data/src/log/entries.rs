@@ -41,8 +41,8 @@ impl<'a> Entries<'a> {
         &self,
         names: &(impl Iterator<Item = &'b str> + Clone),
     ) -> Result<Option<f64>, [&Entry<'a>; 2]> {
-        let named = |name: &str| self.0.iter().find(|entry| entry.written == name);
-        if let Some(own) = names.clone().find_map(named) {
+        let own = names.clone().find_map(|name| self.0.iter().find(|entry| entry.written == name));
+        if let Some(own) = own {
             return Ok(Some(own.number));
         }
         let mut matching =
