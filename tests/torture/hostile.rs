@@ -15,7 +15,7 @@ use crate::{
     campaign::{Draws, everything, neighbours, number},
     faults::copied,
     harness::Place,
-    limits::{Ended, run, run_cases},
+    limits::{Ended, TriedCase, run, run_cases},
 };
 
 /// Cases with the other tests.
@@ -238,6 +238,7 @@ fn hostile() {
     run_cases("hostile", number("CALIB_CASES", SLICE), 3 << 30, |case, draws| {
         let target = TARGETS[case % TARGETS.len()];
         let (told, ended) = bases.case(target, draws);
-        (format!("hostile: {target}"), told.chars().take(1500).collect(), ended)
+        let told = told.chars().take(1500).collect();
+        TriedCase { kind: format!("hostile: {target}"), told, ended }
     });
 }

@@ -147,21 +147,29 @@ const REMEDIES: [&str; 49] = [
     "is not a channel",
 ];
 
+/// A case of a campaign.
+pub(crate) struct TriedCase {
+    /// What it is counted with.
+    pub(crate) kind: String,
+    /// What was done, in words.
+    pub(crate) told: String,
+    pub(crate) ended: Ended,
+}
+
 /// Do so many cases on all cores, with draws that follow from the seed, the number of the case, and a number that sets
-/// these cases `apart` from others. Each says what kind it was of, what was done and how that ended. Print the counts, and fail
-/// if something was wrong.
+/// these cases `apart` from others. Print the counts, and fail if something was wrong.
 pub(crate) fn run_cases(
     title: &str,
     cases: u64,
     apart: u64,
-    case: impl Fn(usize, &mut Draws) -> (String, String, Ended) + Sync,
+    case: impl Fn(usize, &mut Draws) -> TriedCase + Sync,
 ) {
     let seed = number("CALIB_SEED", 1);
-    let ended = on_all_cores(cases as usize, |number| {
+    let tried = on_all_cores(cases as usize, |number| {
         case(number, &mut Draws(seed << 32 | apart | number as u64))
     });
     let mut tally = Tally::default();
-    for (number, (kind, told, ended)) in ended.into_iter().enumerate() {
+    for (number, TriedCase { kind, told, ended }) in tried.into_iter().enumerate() {
         tally.add(&kind, &format!("case {number} of seed {seed}, {told}"), ended);
     }
     tally.close(title);

@@ -8,7 +8,7 @@ use std::fs;
 use crate::{
     campaign::{Draws, STUDY, number},
     harness::Place,
-    limits::{Ended, run, run_cases},
+    limits::{Ended, TriedCase, run, run_cases},
     shapes::{FILES, Shape},
     times::TIMES,
     types::{CONTENTS, KINDS},
@@ -103,7 +103,8 @@ fn odd_logs() {
         } else {
             "contents"
         };
-        (format!("odd logs: {kind}"), format!("{shape:?}, calib {}", args.join(" ")), ended)
+        let told = format!("{shape:?}, calib {}", args.join(" "));
+        TriedCase { kind: format!("odd logs: {kind}"), told, ended }
     });
 }
 

@@ -11,7 +11,7 @@ use calib_data::table::read_parquet;
 use crate::{
     campaign::{Draws, number},
     harness::Place,
-    limits::{Ended, run, run_cases},
+    limits::{Ended, TriedCase, run, run_cases},
     texts::{Kind, Log},
 };
 
@@ -125,7 +125,8 @@ fn odd_texts() {
         let kind = Kind::drawn(draws);
         let log = Log::of(&kind, draws);
         let (args, ended) = case(&kind, &log, draws);
-        (format!("odd texts: {}", kind.shape), format!("{kind:?}, calib {args}"), ended)
+        let told = format!("{kind:?}, calib {args}");
+        TriedCase { kind: format!("odd texts: {}", kind.shape), told, ended }
     });
 }
 
@@ -172,7 +173,7 @@ fn noise_by_the_names_of_logs() {
             _ => &["init", name, "study.toml", "--within", "1s"],
         };
         let told = format!("calib {}", args.join(" "));
-        ("noise".to_owned(), told, run(&place, args, &NAMES))
+        TriedCase { kind: "noise".to_owned(), told, ended: run(&place, args, &NAMES) }
     });
 }
 
@@ -284,6 +285,6 @@ fn small_logs_that_become_large() {
             _ => &["inspect", "logs"],
         };
         let told = format!("{kind}, calib {}", args.join(" "));
-        (kind.to_owned(), told, run(&place, args, &NAMES))
+        TriedCase { kind: kind.to_owned(), told, ended: run(&place, args, &NAMES) }
     });
 }

@@ -6,7 +6,7 @@ use crate::{
     campaign::{Draws, neighbours, number},
     faults::copied,
     harness::Place,
-    limits::{Ended, run, run_cases},
+    limits::{Ended, TriedCase, run, run_cases},
 };
 
 /// Cases with the other tests.
@@ -197,6 +197,7 @@ fn odd_values() {
         let key = draws.of(&keys);
         let (args, ended) = bases.case(key, draws);
         let section = key.split_once('.').map_or("top", |(section, _)| section);
-        (format!("odd values: [{section}]"), format!("calib {args}"), ended)
+        let told = format!("calib {args}");
+        TriedCase { kind: format!("odd values: [{section}]"), told, ended }
     });
 }
