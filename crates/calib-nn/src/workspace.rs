@@ -17,7 +17,7 @@ pub struct Workspace {
     /// Gradients of all parameters, in their order.
     pub(crate) gradients: Aligned<f32>,
     /// What a narrow network needs besides.
-    pub(crate) narrow: Option<Narrow>,
+    pub(crate) narrow: Option<Box<Narrow>>,
 }
 
 impl Workspace {
@@ -30,7 +30,7 @@ impl Workspace {
             activations: layers.iter().map(|layer| filled(0.0, rows * layer.outputs)).collect(),
             deltas: [filled(0.0, rows * widest), filled(0.0, rows * widest)],
             gradients: filled(0.0, network.parameter_count()),
-            narrow: Narrow::new(layers, rows),
+            narrow: Narrow::new(layers, rows).map(Box::new),
         }
     }
 

@@ -88,7 +88,7 @@ impl<T: Sink> Backward<'_, T> {
             &mut Errors {
                 activation,
                 width: layer.inputs,
-                errors: &mut self.deltas[0],
+                out: &mut self.deltas[0],
                 bias_gradient,
                 bits: bits_before,
                 words,
@@ -141,7 +141,7 @@ impl<T: Sink> Backward<'_, T> {
                 &mut Errors {
                     activation: &self.activations[index - 1],
                     width: layer.inputs,
-                    errors: delta_before,
+                    out: delta_before,
                     bias_gradient,
                     bits: bits_before,
                     words,
@@ -175,7 +175,6 @@ impl<T: Sink> Backward<'_, T> {
 }
 
 /// In which rows each column is not zero.
-#[expect(clippy::inline_always, reason = "as the pass")]
 #[inline(always)]
 fn by_columns(values: &[f32], width: usize, columns: &mut [u64]) {
     // Half a word has as many bits as a value: vectors hold as many of both.
@@ -202,7 +201,7 @@ fn by_columns(values: &[f32], width: usize, columns: &mut [u64]) {
 struct Errors<'a> {
     activation: &'a [f32],
     width: usize,
-    errors: &'a mut [f32],
+    out: &'a mut [f32],
     /// Their sums.
     bias_gradient: &'a mut [f32],
     bits: &'a mut [u64],
@@ -217,7 +216,7 @@ impl Finish for Errors<'_> {
         let zero = simd.splat_f32s(0.0);
         let at = row * self.width + column;
         let activation = S::as_simd_f32s(&self.activation[at..][..count]).0;
-        let errors = S::as_mut_simd_f32s(&mut self.errors[at..][..count]).0;
+        let errors = S::as_mut_simd_f32s(&mut self.out[at..][..count]).0;
         let totals = S::as_mut_simd_f32s(&mut self.bias_gradient[column..][..count]).0;
         let mut bits = 0;
         for (vector, &sum) in sums.iter().enumerate() {

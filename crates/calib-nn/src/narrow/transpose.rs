@@ -63,7 +63,6 @@ mod x86 {
     /// Four rows of four become four columns, in each quarter of the vectors; then quarters change places in the same way.
     ///
     /// Loops rather than closures, which are compiled without vectors where they are not inlined.
-    #[expect(clippy::inline_always, reason = "as above")]
     #[inline(always)]
     fn turn(simd: V4, rows: [__m512i; SIDE]) -> [__m512i; SIDE] {
         const FIRSTS: i32 = 0b10_00_10_00;
