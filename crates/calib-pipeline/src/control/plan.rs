@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use super::{
     agents::ComparedAgents,
-    cost::{AgentCost, MeasuredCosts},
+    cost::{AgentCost, KEEPING_SECS, MeasuredCosts},
     log::{self, ActionLog},
     model,
     run::members_of,
@@ -28,6 +28,8 @@ const MOST_RUNS: usize = 1_000_000;
 /// Bytes of a run in its file, and of what it has of each column.
 const RUN_BYTES: usize = 1_000;
 const COLUMN_BYTES: usize = 50;
+/// A file takes whole blocks of so many bytes on most disks.
+const BLOCK_BYTES: usize = 4_096;
 
 /// What `calib control` would do: the result of a dry run.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -74,7 +76,7 @@ struct ControlMemory {
 struct ControlTime {
     /// Making models, training networks among them.
     models_secs: f64,
-    /// The runs that are left.
+    /// The runs that are left, and keeping each in its file.
     runs_secs: f64,
     /// Constant and random actions, evaluations by the log alone, and the chosen agent once more; nothing of a share.
     other_secs: f64,
@@ -231,7 +233,7 @@ impl ControlTime {
             };
             let runs = left.of_settings.iter().zip(&costs.agents).map(|(&count, agent)| Pieces {
                 count,
-                secs: agent.beginning + steps * (agent.step + kind.step),
+                secs: agent.beginning + steps * (agent.step + kind.step) + KEEPING_SECS,
             });
             runs_secs += side_by_side(&runs.collect::<Vec<_>>(), threads);
             if work.extent == Extent::All {
@@ -364,12 +366,12 @@ fn tables_bytes(config: &ControlConfig, log: &Decisions) -> u64 {
 
 /// Bytes that the folder of results grows by, beside the report.
 fn disk(config: &ControlConfig, log: &Decisions, is_model_kept: bool, runs: usize) -> u64 {
-    let run = RUN_BYTES + COLUMN_BYTES * log.states().columns();
+    let run = (RUN_BYTES + COLUMN_BYTES * log.states().columns()).next_multiple_of(BLOCK_BYTES);
     // The lists of one action are there only while they are searched.
     let levels = log.levels() as u64;
     let tables = tables_bytes(config, log) / (levels + 1) * levels;
     let model = if is_model_kept { 0 } else { tables.saturating_add(log_bytes(log)) };
-    model.saturating_add((runs * run) as u64)
+    model.saturating_add((runs as u64).saturating_mul(run as u64))
 }
 
 impl ControlPlan {
@@ -462,15 +464,17 @@ mod tests {
         // The model, and two networks.
         assert_eq!(all.models_secs, 5.0 + 2.0 * 7.0);
         // Two runs of each setting, in steps of 2 and 4 seconds, and of 3 and 5.
-        assert_eq!(all.runs_secs, 10.0 * 2.0 * (2.0 + 4.0 + 3.0 + 5.0));
+        let kept = 8.0 * KEEPING_SECS;
+        assert!((all.runs_secs - 10.0 * 2.0 * (2.0 + 4.0 + 3.0 + 5.0) - kept).abs() < 1e-9);
         // Two constant actions and a random one in two members of both kinds; both agents by the log; one of them again.
         let [constant, by_the_log, again] =
             [10.0 * 6.0 * (1.0 + 2.0), 10.0 + 30.0 + 2.0 * 50.0, 30.0];
         assert_eq!(all.other_secs, constant + by_the_log + again);
         assert_eq!(all.secs, all.models_secs + all.runs_secs + all.other_secs);
         let part = time(&work(Extent::Share, [1, 0], 1));
-        assert_eq!((part.models_secs, part.runs_secs), (12.0, 10.0 * (2.0 + 3.0)));
-        assert_eq!((part.other_secs, part.secs), (0.0, 62.0));
+        assert_eq!((part.models_secs, part.other_secs), (12.0, 0.0));
+        assert!((part.runs_secs - 10.0 * (2.0 + 3.0) - 2.0 * KEEPING_SECS).abs() < 1e-9);
+        assert_eq!(part.secs, part.models_secs + part.runs_secs);
         assert_eq!(part.parts(), "models 12 s, runs 50 s");
         let none = time(&work(Extent::Share, [0, 0], 0));
         assert_eq!((none.models_secs, none.runs_secs), (5.0, 0.0));
@@ -480,7 +484,8 @@ mod tests {
     fn a_model_that_is_there_takes_no_disk() {
         let config = ControlConfig::default();
         let log = decisions();
-        let runs = 3 * (1_000 + 50) as u64;
+        // A block for each run.
+        let runs = 3 * 4_096;
         assert_eq!(disk(&config, &log, true, 3), runs);
         // 100 transitions and the start, two actions, three neighbours, five members, eight bytes; and the log.
         let tables = 101 * 2 * 3 * 5 * 8;
