@@ -122,7 +122,7 @@ fn a_dry_run_does_not_run_the_program() {
     for part in [
         "runs left to make: 12 of 12, on ",
         "how long it takes is not known: it depends on the program",
-        "without what the program takes",
+        "without what the agents' program takes",
     ] {
         assert!(told.contains(part), "{part} is missing in {told}");
     }

@@ -28,7 +28,7 @@ fn a_dry_run_says_what_a_sweep_takes() {
         let told = told(&place, command, &[]);
         for part in [
             "runs left to make: 18 of 18, on 2 threads",
-            "memory: up to ",
+            "memory beside the program: up to ",
             " of neighbours, ",
             " of increments or networks, ",
             " a thread",

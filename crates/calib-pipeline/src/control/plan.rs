@@ -54,7 +54,7 @@ pub struct ControlPlan {
     is_represented: bool,
 }
 
-/// Bytes that it takes at most.
+/// Bytes that it takes at most, beside the program itself.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 struct ControlMemory {
     /// The decisions of the log.
@@ -63,7 +63,7 @@ struct ControlMemory {
     tables: u64,
     /// What other kinds of models need beside them.
     other_models: u64,
-    /// An agent, or its evaluation by the log alone, on each thread. What a program takes is not in it.
+    /// An agent, or its evaluation by the log alone, on each thread. What a program of agents takes is not in it.
     thread: u64,
     /// All of it.
     total: u64,
@@ -339,13 +339,13 @@ impl ControlMemory {
             others => format!(", {} of increments or networks", bytes(others)),
         };
         let thread = match thread {
-            0 => "without what the program takes".to_owned(),
+            0 => "without what the agents' program takes".to_owned(),
             thread => format!("{} a thread", bytes(thread)),
         };
         let available =
             available.map_or_else(String::new, |there| format!("; {} are available", bytes(there)));
         format!(
-            "memory: up to {} ({} of the log, {} of neighbours{others}, {thread}){available}",
+            "memory beside the program: up to {} ({} of the log, {} of neighbours{others}, {thread}){available}",
             bytes(total),
             bytes(log),
             bytes(tables),
