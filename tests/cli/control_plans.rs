@@ -71,14 +71,46 @@ fn a_dry_run_counts_what_is_left() {
     assert!(other.contains("runs left to make of share 1/3: 6 of 6, on 2 threads"), "{other}");
     assert!(place.content(FOLDER) == kept, "nothing is written, and nothing goes");
     place.calib(&["control", STUDY]).ends(&[1]);
-    let done = place.calib(&["control", STUDY, "--dry-run"]);
-    done.ends(&[1]);
-    assert!(!done.stderr().contains("runs left to make"), "{}", done.stderr());
+    // The verdict is there: nothing is left, and the plan is no verdict.
+    let kept = place.content(FOLDER);
+    let done = planned(&place, &[]);
+    assert_eq!((&done["runs"], &done["left"], &done["disk"]), (&18.into(), &0.into(), &0.into()));
+    assert_eq!(done["expected"]["secs"], 0.0, "{done}");
+    assert_eq!(planned(&place, &["--share", "0/3"])["runs"], 6);
+    for command in ["control", "run"] {
+        let done = told(&place, command, &[]);
+        assert!(done.contains("control is up to date"), "{done}");
+        assert!(!done.contains("runs left to make"), "{done}");
+    }
+    assert!(place.content(FOLDER) == kept, "nothing is written");
+    assert_eq!(planned(&place, &["--force"])["left"], 18);
 }
 
 #[test]
-fn more_runs_than_anybody_makes_are_not_counted() {
+fn many_runs_are_counted_without_a_list() {
     let place = control::place();
-    let told = told(&place, "control", &["--set", "control.runs=9000000000000000000"]);
-    assert!(told.contains("lower control.runs"), "{told}");
+    // Two settings in three members of three kinds.
+    let many = planned(&place, &["--set", "control.runs=1000000"]);
+    let all: Value = 18_000_000.into();
+    assert_eq!((&many["runs"], &many["left"]), (&all, &all), "{many}");
+    let secs = |plan: &Value| plan["expected"]["runs_secs"].as_f64().expect("seconds");
+    let share = ["--set", "control.runs=1000000", "--share", "0/10000"];
+    let few = planned(&place, &share);
+    assert_eq!((&few["runs"], &few["left"]), (&1_800.into(), &1_800.into()), "{few}");
+    assert!(secs(&few) < secs(&many) / 1_000.0, "{few} {many}");
+    let told = told(&place, "control", &["--set", "control.runs=1000000000000"]);
+    for part in ["runs left to make: 18,000,000,000,000 of ", "memory ", "on disk"] {
+        assert!(told.contains(part), "{part} is missing in {told}");
+    }
+}
+
+#[test]
+fn more_runs_than_anybody_makes_are_refused() {
+    let place = control::place();
+    let refused = |more: &[&str], part: &str| {
+        let args = [&["control", STUDY, "--dry-run", "--json"][..], more].concat();
+        place.calib(&args).fails_with(2, &[part]);
+    };
+    refused(&["--set", "control.runs=9000000000000000000"], "lower control.runs");
+    refused(&["--set", "control.runs=1000000", "--share", "0/2"], "smaller shares");
 }

@@ -174,7 +174,7 @@ pub fn evaluate(job: &Job, printer: &Printer) -> Result<StepResult<Evaluation>, 
 pub fn control(
     job: &Job,
     printer: &Printer,
-) -> Result<StepResult<ControlEvaluation, Option<ControlPlan>>, StepError> {
+) -> Result<StepResult<ControlEvaluation, ControlPlan>, StepError> {
     recorded(StepKind::Control.command(), job, printer, |printer| {
         told(controls::run(job, printer)?, job, printer)
     })

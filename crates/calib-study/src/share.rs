@@ -1,4 +1,4 @@
-use std::fmt;
+use std::{fmt, ops::Range};
 
 /// The share of one of several processes, here or on other machines, that divide among them what is to be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +16,12 @@ impl Share {
     /// Whether it has the piece of work with this number.
     pub fn has(self, piece: usize) -> bool {
         piece % self.count == self.number
+    }
+
+    /// How many pieces it has of those with these numbers.
+    pub fn pieces(self, numbers: Range<usize>) -> usize {
+        let before = |end: usize| end.saturating_sub(self.number).div_ceil(self.count);
+        before(numbers.end).saturating_sub(before(numbers.start))
     }
 }
 
@@ -37,6 +43,10 @@ mod tests {
             assert_eq!(shares.len(), count);
             for piece in 0..20 {
                 assert_eq!(shares.iter().filter(|share| share.has(piece)).count(), 1);
+                for share in &shares {
+                    let listed = (piece..20).filter(|&piece| share.has(piece)).count();
+                    assert_eq!(share.pieces(piece..20), listed, "{share} from {piece}");
+                }
             }
         }
         assert_eq!(Share::new(3, 3), None);

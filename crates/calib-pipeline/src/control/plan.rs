@@ -1,7 +1,7 @@
 //! What a sweep of agents that act will take, before it does.
 
 use calib_base::{
-    StepError, memory,
+    StepError, bail, memory,
     outcome::Told,
     output::{Printer, bytes, count, duration_of_secs},
 };
@@ -23,8 +23,10 @@ use super::{
     units::RunFiles,
 };
 
-/// Runs that are looked at one by one.
+/// Runs of a kind of models that are looked at one by one.
 const MOST_RUNS: usize = 1_000_000;
+/// Runs of a kind among which those of a share are looked for.
+const MOST_NUMBERS: usize = 100_000_000;
 /// Bytes of a run in its file, and of what it has of each column.
 const RUN_BYTES: usize = 1_000;
 const COLUMN_BYTES: usize = 50;
@@ -55,7 +57,7 @@ pub struct ControlPlan {
 }
 
 /// Bytes that it takes at most, beside the program itself.
-#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 struct ControlMemory {
     /// The decisions of the log.
     log: u64,
@@ -72,7 +74,7 @@ struct ControlMemory {
 }
 
 /// How long it takes, in seconds until the last thread ends, if nothing else runs.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 struct ControlTime {
     /// Making models, training networks among them.
     models_secs: f64,
@@ -124,16 +126,39 @@ impl KindLeft {
 }
 
 impl WorkLeft {
-    /// What `units` do not have; none if there are too many runs to be looked at.
-    fn of(job: &Job, config: &ControlConfig, settings: usize, units: &RunFiles) -> Option<Self> {
+    /// What `units` do not have.
+    ///
+    /// # Errors
+    /// If there are more runs than numbers, or too many in a share.
+    fn of(
+        job: &Job,
+        config: &ControlConfig,
+        settings: usize,
+        units: &RunFiles,
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
         let members = config.model.members;
-        let of_kind = members.checked_mul(config.runs)?.checked_mul(settings)?;
-        if of_kind > MOST_RUNS {
-            return None;
-        }
+        let of_kind = runs_of_kind(config, settings)?;
         let extent = if units.are_all() { Extent::All } else { Extent::Share };
         let mut work = Self { extent, runs: 0, kinds: Vec::new() };
+        if extent == Extent::All && !is_listed(job, of_kind, units, printer) {
+            work.runs = of_kind * config.models.len();
+            let of_settings = vec![members * config.runs; settings];
+            work.kinds.extend(config.models.iter().map(|&kind| KindLeft {
+                kind,
+                of_settings: of_settings.clone(),
+                members,
+            }));
+            return Ok(work);
+        }
         for &kind in &config.models {
+            if of_kind > MOST_NUMBERS || units.own_runs(kind, of_kind) > MOST_RUNS {
+                bail!(
+                    "a share of {} runs in a kind of models is not counted; take smaller shares (--share), \
+                     lower control.runs, or sweep fewer settings",
+                    count(of_kind)
+                );
+            }
             let ids = runs_here(kind, members, config.runs, settings, units);
             work.runs += ids.len();
             let left = if job.policy().redoes() { ids } else { units.split(ids).1 };
@@ -144,7 +169,7 @@ impl WorkLeft {
             };
             work.kinds.push(KindLeft::of(kind, &left, settings, members));
         }
-        Some(work)
+        Ok(work)
     }
 
     fn left(&self) -> usize {
@@ -157,10 +182,42 @@ impl WorkLeft {
     }
 }
 
+/// Runs in one kind of models.
+///
+/// # Errors
+/// If those of all kinds are more than numbers.
+fn runs_of_kind(config: &ControlConfig, settings: usize) -> Result<usize, StepError> {
+    let kinds = ActionModelKind::ALL.len();
+    let of_kind = [config.runs, settings]
+        .into_iter()
+        .try_fold(config.model.members, usize::checked_mul)
+        .filter(|of_kind| of_kind.checked_mul(kinds).is_some());
+    of_kind.ok_or_else(|| {
+        StepError::message(format!(
+            "control.runs is {}, which makes more runs than can be numbered; lower control.runs",
+            count(config.runs)
+        ))
+    })
+}
+
+/// Whether the runs of a whole sweep are looked at one by one, which tells those that were kept.
+fn is_listed(job: &Job, of_kind: usize, units: &RunFiles, printer: &Printer) -> bool {
+    if job.policy().redoes() || !units.has_kept() {
+        return false;
+    }
+    if of_kind > MOST_RUNS {
+        printer.say(&format!(
+            "runs that were kept are not looked at: there are more than {} in a kind of models",
+            count(MOST_RUNS)
+        ));
+    }
+    of_kind <= MOST_RUNS
+}
+
 /// What the sweep of a study will take, some of which is timed; `units` are the runs that are there.
 ///
 /// # Errors
-/// If the model that is there cannot be read, or the observer asks to stop.
+/// If there are too many runs, the model that is there cannot be read, or the observer asks to stop.
 pub(super) fn planned(
     job: &Job,
     config: &ControlConfig,
@@ -168,14 +225,8 @@ pub(super) fn planned(
     agents: &ComparedAgents,
     units: &RunFiles,
     printer: &Printer,
-) -> Result<Option<ControlPlan>, StepError> {
-    let Some(work) = WorkLeft::of(job, config, agents.count(), units) else {
-        printer.say(&format!(
-            "what more than {} runs in a kind of models take is not counted; lower control.runs, or sweep fewer settings",
-            count(MOST_RUNS)
-        ));
-        return Ok(None);
-    };
+) -> Result<ControlPlan, StepError> {
+    let work = WorkLeft::of(job, config, agents.count(), units, printer)?;
     let threads = rayon::current_num_threads();
     let kept = model::open_kept(job, config, log)?;
     let measured = match agents {
@@ -199,7 +250,7 @@ pub(super) fn planned(
     let is_represented = is_laplacian
         && kept.is_none()
         && (job.policy().redoes() || decisions::kept(job, log.material())?.is_none());
-    Ok(Some(ControlPlan {
+    Ok(ControlPlan {
         runs: work.runs,
         left: work.left(),
         threads,
@@ -208,7 +259,7 @@ pub(super) fn planned(
         expected,
         unknown,
         is_represented,
-    }))
+    })
 }
 
 impl ControlTime {
@@ -375,6 +426,29 @@ fn disk(config: &ControlConfig, log: &Decisions, is_model_kept: bool, runs: usiz
 }
 
 impl ControlPlan {
+    /// The plan of a sweep whose verdict is there.
+    ///
+    /// # Errors
+    /// If there are more runs than numbers.
+    pub(super) fn of_nothing(
+        config: &ControlConfig,
+        settings: usize,
+        units: &RunFiles,
+    ) -> Result<Self, StepError> {
+        let of_kind = runs_of_kind(config, settings)?;
+        let available = memory::available();
+        Ok(Self {
+            runs: config.models.iter().map(|&kind| units.own_runs(kind, of_kind)).sum(),
+            left: 0,
+            threads: rayon::current_num_threads(),
+            memory: ControlMemory { available, ..ControlMemory::default() },
+            disk: 0,
+            expected: Some(ControlTime::default()),
+            unknown: None,
+            is_represented: false,
+        })
+    }
+
     /// Say what will be done, and what it takes.
     pub(super) fn announce(&self, job: &Job, printer: &Printer) {
         let Self { runs, left, threads, disk, .. } = *self;

@@ -36,7 +36,7 @@ use super::{
 pub(crate) fn run(
     job: &Job,
     printer: &Printer,
-) -> Result<StepResult<ControlEvaluation, Option<ControlPlan>>, StepError> {
+) -> Result<StepResult<ControlEvaluation, ControlPlan>, StepError> {
     let clock = Stopwatch::start();
     job.refuse_deployment()?;
     let study = job.study();
@@ -46,6 +46,7 @@ pub(crate) fn run(
     let directory = job.layout().control();
     let key = files::key(study, &log.fingerprint, agents.program_identity())?;
     let kept = if job.policy().redoes() { None } else { files::kept(&directory, &key) };
+    let origin = RunOrigin { key: key.clone(), log: log.fingerprint.clone() };
     if let Some((evaluation, is_shown)) = kept {
         if !job.policy().is_dry() {
             if evaluation.log.distance == Distance::Laplacian {
@@ -62,6 +63,11 @@ pub(crate) fn run(
             }
         }
         printer.say(&format!("{} is up to date", directory.display()));
+        if job.policy().is_dry() {
+            let units = RunFiles::seen(&job.layout().control_units(), origin, job.policy().share);
+            let plan = ControlPlan::of_nothing(config, agents.count(), &units)?;
+            return Ok(StepResult::Planned(plan));
+        }
         if job.policy().share.is_some() {
             return Ok(StepResult::Nothing(Outcome::Done));
         }
@@ -72,13 +78,10 @@ pub(crate) fn run(
         fits(config, candidates, &log, printer)?;
     }
     log::require_model(&log.decisions, config)?;
-    let origin = RunOrigin { key: key.clone(), log: log.fingerprint.clone() };
     if job.policy().is_dry() {
         let units = RunFiles::seen(&job.layout().control_units(), origin, job.policy().share);
         let plan = plan::planned(job, config, &log, &agents, &units, printer)?;
-        if let Some(plan) = &plan {
-            plan.announce(job, printer);
-        }
+        plan.announce(job, printer);
         printer.say(&format!("dry run: nothing written to {}", directory.display()));
         return Ok(StepResult::Planned(plan));
     }

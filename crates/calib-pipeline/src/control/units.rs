@@ -119,6 +119,17 @@ impl RunFiles {
         (kept, left)
     }
 
+    /// How many runs are made here of a kind of models that has so many in all.
+    pub(super) fn own_runs(&self, kind: ActionModelKind, of_kind: usize) -> usize {
+        let first = kind as usize * of_kind;
+        self.share.map_or(of_kind, |share| share.pieces(first..first + of_kind))
+    }
+
+    /// Whether runs were kept here for a verdict like this one; they are not read.
+    pub(super) fn has_kept(&self) -> bool {
+        has_runs(&self.directory, &self.origin.key)
+    }
+
     /// Whether all runs are made here.
     pub(super) fn are_all(&self) -> bool {
         self.share.is_none()
@@ -164,15 +175,19 @@ pub(super) struct RunCounts {
 /// # Errors
 /// If the folder cannot be written.
 pub(super) fn remove_left(directory: &Path, key: &str) -> Result<(), StepError> {
-    let mut is_left = |path: &Path| is_unit(path) && path.to_string_lossy().contains(short(key));
-    let mut files = fs::read_dir(directory).into_iter().flatten().flatten();
-    if !files.any(|file| is_left(Path::new(&file.file_name()))) {
+    if !has_runs(directory, key) {
         return Ok(());
     }
     if let Some(_claim) = DirectoryLock::of_nobody(directory, Below::Ours)? {
-        remove_known(directory, &mut is_left)?;
+        remove_known(directory, &mut |path: &Path| is_unit_of(path, key))?;
     }
     Ok(())
+}
+
+/// Whether a folder has runs of the verdict `key`.
+fn has_runs(directory: &Path, key: &str) -> bool {
+    let mut files = fs::read_dir(directory).into_iter().flatten().flatten();
+    files.any(|file| is_unit_of(Path::new(&file.file_name()), key))
 }
 
 /// Runs in a folder.
@@ -228,6 +243,10 @@ const KEY_DIGITS: usize = 8;
 fn is_unit(path: &Path) -> bool {
     let name = path.to_string_lossy();
     name.starts_with("run-") && name.ends_with(".json")
+}
+
+fn is_unit_of(path: &Path, key: &str) -> bool {
+    is_unit(path) && path.to_string_lossy().contains(short(key))
 }
 
 impl RunKeeper for RunFiles {
