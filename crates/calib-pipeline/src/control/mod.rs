@@ -18,6 +18,7 @@ mod run;
 mod show;
 mod simulate;
 mod units;
+mod work_left;
 
 pub use advice::{Advice, PYTHON, Vocabulary};
 pub use agents::ActingAgent;

@@ -1,13 +1,12 @@
 //! What a sweep of agents that act will take, before it does.
 
 use calib_base::{
-    StepError, bail, memory,
+    StepError, memory,
     outcome::Told,
     output::{Printer, bytes, count, duration_of_secs},
 };
 use calib_control::{
-    ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, RunId, off_policy_bytes,
-    runs_here,
+    ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, off_policy_bytes,
 };
 use calib_model_steps::represent::decisions;
 use calib_study::Job;
@@ -19,14 +18,10 @@ use super::{
     cost::{AgentCost, KEEPING_SECS, MeasuredCosts},
     log::{self, ActionLog},
     model,
-    run::members_of,
     units::RunFiles,
+    work_left::{Extent, WorkLeft, runs_of_kind},
 };
 
-/// Runs of a kind of models that are looked at one by one.
-const MOST_RUNS: usize = 1_000_000;
-/// Runs of a kind among which those of a share are looked for.
-const MOST_NUMBERS: usize = 100_000_000;
 /// Bytes of a run in its file, and of what it has of each column.
 const RUN_BYTES: usize = 1_000;
 const COLUMN_BYTES: usize = 50;
@@ -84,134 +79,6 @@ struct ControlTime {
     other_secs: f64,
     /// All of it.
     secs: f64,
-}
-
-/// Whether only a share of the runs is made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Extent {
-    Share,
-    All,
-}
-
-/// What is left to do.
-struct WorkLeft {
-    extent: Extent,
-    /// Runs, those that are there among them.
-    runs: usize,
-    /// In the order of the study's kinds of models.
-    kinds: Vec<KindLeft>,
-}
-
-/// What is left to do in one kind of models.
-struct KindLeft {
-    kind: ActionModelKind,
-    /// Runs of each setting.
-    of_settings: Vec<usize>,
-    /// Ensemble members that are needed.
-    members: usize,
-}
-
-impl KindLeft {
-    fn of(kind: ActionModelKind, left: &[RunId], settings: usize, members: usize) -> Self {
-        let mut of_settings = vec![0; settings];
-        for run in left {
-            of_settings[run.candidate] += 1;
-        }
-        Self { kind, of_settings, members }
-    }
-
-    fn runs(&self) -> usize {
-        self.of_settings.iter().sum()
-    }
-}
-
-impl WorkLeft {
-    /// What `units` do not have.
-    ///
-    /// # Errors
-    /// If there are more runs than numbers, or too many in a share.
-    fn of(
-        job: &Job,
-        config: &ControlConfig,
-        settings: usize,
-        units: &RunFiles,
-        printer: &Printer,
-    ) -> Result<Self, StepError> {
-        let members = config.model.members;
-        let of_kind = runs_of_kind(config, settings)?;
-        let extent = if units.are_all() { Extent::All } else { Extent::Share };
-        let mut work = Self { extent, runs: 0, kinds: Vec::new() };
-        if extent == Extent::All && !is_listed(job, of_kind, units, printer) {
-            work.runs = of_kind * config.models.len();
-            let of_settings = vec![members * config.runs; settings];
-            work.kinds.extend(config.models.iter().map(|&kind| KindLeft {
-                kind,
-                of_settings: of_settings.clone(),
-                members,
-            }));
-            return Ok(work);
-        }
-        for &kind in &config.models {
-            if of_kind > MOST_NUMBERS || units.own_runs(kind, of_kind) > MOST_RUNS {
-                bail!(
-                    "a share of {} runs in a kind of models is not counted; take smaller shares (--share), \
-                     lower control.runs, or sweep fewer settings",
-                    count(of_kind)
-                );
-            }
-            let ids = runs_here(kind, members, config.runs, settings, units);
-            work.runs += ids.len();
-            let left = if job.policy().redoes() { ids } else { units.split(ids).1 };
-            let members = match extent {
-                // Constant actions are taken in every member, whatever was kept.
-                Extent::All => members,
-                Extent::Share => members_of(&left).len(),
-            };
-            work.kinds.push(KindLeft::of(kind, &left, settings, members));
-        }
-        Ok(work)
-    }
-
-    fn left(&self) -> usize {
-        self.kinds.iter().map(KindLeft::runs).sum()
-    }
-
-    /// Whether agents act, or actions are constant, in a model of this kind.
-    fn needs(&self, kind: ActionModelKind) -> bool {
-        self.kinds.iter().any(|left| left.kind == kind && left.members > 0)
-    }
-}
-
-/// Runs in one kind of models.
-///
-/// # Errors
-/// If those of all kinds are more than numbers.
-fn runs_of_kind(config: &ControlConfig, settings: usize) -> Result<usize, StepError> {
-    let kinds = ActionModelKind::ALL.len();
-    let of_kind = [config.runs, settings]
-        .into_iter()
-        .try_fold(config.model.members, usize::checked_mul)
-        .filter(|of_kind| of_kind.checked_mul(kinds).is_some());
-    of_kind.ok_or_else(|| {
-        StepError::message(format!(
-            "control.runs is {}, which makes more runs than can be numbered; lower control.runs",
-            count(config.runs)
-        ))
-    })
-}
-
-/// Whether the runs of a whole sweep are looked at one by one, which tells those that were kept.
-fn is_listed(job: &Job, of_kind: usize, units: &RunFiles, printer: &Printer) -> bool {
-    if job.policy().redoes() || !units.has_kept() {
-        return false;
-    }
-    if of_kind > MOST_RUNS {
-        printer.say(&format!(
-            "runs that were kept are not looked at: there are more than {} in a kind of models",
-            count(MOST_RUNS)
-        ));
-    }
-    of_kind <= MOST_RUNS
 }
 
 /// What the sweep of a study will take, some of which is timed; `units` are the runs that are there.
@@ -489,7 +356,7 @@ impl Told for ControlPlan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::cost::KindCost;
+    use crate::control::{cost::KindCost, work_left::KindLeft};
 
     #[test]
     fn pieces_take_whole_rounds_and_as_long_as_the_longest() {

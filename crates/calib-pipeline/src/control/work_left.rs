@@ -1,0 +1,143 @@
+//! Which runs of a sweep of agents that act are left to make.
+
+use calib_base::{
+    StepError, bail,
+    output::{Printer, count},
+};
+use calib_control::{ActionModelKind, ControlConfig, RunId, runs_here};
+use calib_study::Job;
+
+use super::{run::members_of, units::RunFiles};
+
+/// Runs of a kind of models that are looked at one by one.
+const MOST_RUNS: usize = 1_000_000;
+/// Runs of a kind among which those of a share are looked for.
+const MOST_NUMBERS: usize = 100_000_000;
+
+/// Whether only a share of the runs is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Extent {
+    Share,
+    All,
+}
+
+/// What is left to do.
+pub(super) struct WorkLeft {
+    pub(super) extent: Extent,
+    /// Runs, those that are there among them.
+    pub(super) runs: usize,
+    /// In the order of the study's kinds of models.
+    pub(super) kinds: Vec<KindLeft>,
+}
+
+/// What is left to do in one kind of models.
+pub(super) struct KindLeft {
+    pub(super) kind: ActionModelKind,
+    /// Runs of each setting.
+    pub(super) of_settings: Vec<usize>,
+    /// Ensemble members that are needed.
+    pub(super) members: usize,
+}
+
+impl KindLeft {
+    fn of(kind: ActionModelKind, left: &[RunId], settings: usize, members: usize) -> Self {
+        let mut of_settings = vec![0; settings];
+        for run in left {
+            of_settings[run.candidate] += 1;
+        }
+        Self { kind, of_settings, members }
+    }
+
+    fn runs(&self) -> usize {
+        self.of_settings.iter().sum()
+    }
+}
+
+impl WorkLeft {
+    /// What `units` do not have.
+    ///
+    /// # Errors
+    /// If there are more runs than numbers, or too many in a share.
+    pub(super) fn of(
+        job: &Job,
+        config: &ControlConfig,
+        settings: usize,
+        units: &RunFiles,
+        printer: &Printer,
+    ) -> Result<Self, StepError> {
+        let members = config.model.members;
+        let of_kind = runs_of_kind(config, settings)?;
+        let extent = if units.are_all() { Extent::All } else { Extent::Share };
+        let mut work = Self { extent, runs: 0, kinds: Vec::new() };
+        if extent == Extent::All && !is_listed(job, of_kind, units, printer) {
+            work.runs = of_kind * config.models.len();
+            let of_settings = vec![members * config.runs; settings];
+            work.kinds.extend(config.models.iter().map(|&kind| KindLeft {
+                kind,
+                of_settings: of_settings.clone(),
+                members,
+            }));
+            return Ok(work);
+        }
+        for &kind in &config.models {
+            if of_kind > MOST_NUMBERS || units.own_runs(kind, of_kind) > MOST_RUNS {
+                bail!(
+                    "a share of {} runs in a kind of models is not counted; take smaller shares (--share), \
+                     lower control.runs, or sweep fewer settings",
+                    count(of_kind)
+                );
+            }
+            let ids = runs_here(kind, members, config.runs, settings, units);
+            work.runs += ids.len();
+            let left = if job.policy().redoes() { ids } else { units.split(ids).1 };
+            let members = match extent {
+                // Constant actions are taken in every member, whatever was kept.
+                Extent::All => members,
+                Extent::Share => members_of(&left).len(),
+            };
+            work.kinds.push(KindLeft::of(kind, &left, settings, members));
+        }
+        Ok(work)
+    }
+
+    pub(super) fn left(&self) -> usize {
+        self.kinds.iter().map(KindLeft::runs).sum()
+    }
+
+    /// Whether agents act, or actions are constant, in a model of this kind.
+    pub(super) fn needs(&self, kind: ActionModelKind) -> bool {
+        self.kinds.iter().any(|left| left.kind == kind && left.members > 0)
+    }
+}
+
+/// Runs in one kind of models.
+///
+/// # Errors
+/// If those of all kinds are more than numbers.
+pub(super) fn runs_of_kind(config: &ControlConfig, settings: usize) -> Result<usize, StepError> {
+    let kinds = ActionModelKind::ALL.len();
+    let of_kind = [config.runs, settings]
+        .into_iter()
+        .try_fold(config.model.members, usize::checked_mul)
+        .filter(|of_kind| of_kind.checked_mul(kinds).is_some());
+    of_kind.ok_or_else(|| {
+        StepError::message(format!(
+            "control.runs is {}, which makes more runs than can be numbered; lower control.runs",
+            count(config.runs)
+        ))
+    })
+}
+
+/// Whether the runs of a whole sweep are looked at one by one, which tells those that were kept.
+fn is_listed(job: &Job, of_kind: usize, units: &RunFiles, printer: &Printer) -> bool {
+    if job.policy().redoes() || !units.has_kept() {
+        return false;
+    }
+    if of_kind > MOST_RUNS {
+        printer.say(&format!(
+            "runs that were kept are not looked at: there are more than {} in a kind of models",
+            count(MOST_RUNS)
+        ));
+    }
+    of_kind <= MOST_RUNS
+}
