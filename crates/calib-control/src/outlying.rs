@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 /// One row in so many may have a value that stands out. Our choice.
 const ROWS_TO_ONE: usize = 100;
 
@@ -19,10 +21,20 @@ struct CountedValue {
     rows: usize,
 }
 
+/// The least or the largest of some values.
+struct End {
+    /// How many values.
+    values: usize,
+    /// How many rows have them.
+    rows: usize,
+    /// How far the nearest of the other values is; infinite of no value.
+    gap: f64,
+}
+
 impl OutlyingActions {
-    /// Those of `column`, NaN being missing; none where nothing stands out, or where its own values are no more than `levels`. The least or the
-    /// largest value stands out if it is farther from the next one than all others are from each other. Both do if each would without the other.
-    /// So does the next one, if the same holds without it, up to one row in a hundred.
+    /// Those of `column`, NaN being missing; none where nothing stands out, or where its own values are no more than `levels`. Some of the least
+    /// values, some of the largest or both stand out if up to one row in a hundred has them, and either group is farther from the rest than the
+    /// rest are from each other. Of several such choices, that with most rows counts.
     pub fn of_column(column: &[f64], levels: usize) -> Option<Self> {
         let mut values: Vec<f64> =
             column.iter().map(|value| value + 0.0).filter(|value| !value.is_nan()).collect();
@@ -34,27 +46,7 @@ impl OutlyingActions {
         if counted.len() <= levels {
             return None;
         }
-        let mut others = &counted[..];
-        let mut left = (values.len() / ROWS_TO_ONE).max(1);
-        while let [least, inner @ .., largest] = others
-            && let [first, .., last] = inner
-        {
-            let spread = last.value - first.value;
-            let [below, above] = [first.value - least.value, largest.value - last.value];
-            let both = least.rows + largest.rows;
-            if both <= left && below > spread && above > spread {
-                left -= both;
-                others = inner;
-            } else if largest.rows <= left && above > below + spread {
-                left -= largest.rows;
-                others = &others[..others.len() - 1];
-            } else if least.rows <= left && below > spread + above {
-                left -= least.rows;
-                others = &others[1..];
-            } else {
-                break;
-            }
-        }
+        let others = &counted[inner(&counted, (values.len() / ROWS_TO_ONE).max(1))];
         let others = [others.first()?.value, others.last()?.value];
         let stands_out = |value: f64| value < others[0] || value > others[1];
         let rows: Vec<usize> = (0..column.len()).filter(|&row| stands_out(column[row])).collect();
@@ -63,6 +55,49 @@ impl OutlyingActions {
         let largest = outlying.next_back().unwrap_or(least);
         Some(Self { rows, range: [least, largest], others })
     }
+}
+
+/// Which of at least three values do not stand out, where up to `most_rows` may.
+fn inner(counted: &[CountedValue], most_rows: usize) -> Range<usize> {
+    let all = 0..counted.len();
+    let mut low = ends(counted.iter(), most_rows);
+    let mut high = ends(counted.iter().rev(), most_rows);
+    // No rest is closer together than what is between the longest ends, so that few ends are left to compare in pairs.
+    let [below, above] = [&low, &high].map(|ends| ends.last().map_or(0, |end| end.values));
+    let least = counted[all.end - 1 - above].value - counted[below].value;
+    low.retain(|end| end.gap > least);
+    high.retain(|end| end.gap > least);
+    let mut inner = all.clone();
+    let mut most = 0;
+    for low in &low {
+        for high in &high {
+            let rest = low.values..all.end - high.values;
+            let rows = low.rows + high.rows;
+            if rest.len() < 2 || rows > most_rows || rows <= most {
+                continue;
+            }
+            let spread = counted[rest.end - 1].value - counted[rest.start].value;
+            if low.gap > spread && high.gap > spread {
+                most = rows;
+                inner = rest;
+            }
+        }
+    }
+    inner
+}
+
+/// The ends of ordered values that up to `most_rows` have, the shortest first: no value, the first one, the first two, and so on.
+fn ends<'a>(values: impl Iterator<Item = &'a CountedValue> + Clone, most_rows: usize) -> Vec<End> {
+    let mut ends = vec![End { values: 0, rows: 0, gap: f64::INFINITY }];
+    let mut rows = 0;
+    for (place, (value, next)) in values.clone().zip(values.skip(1)).enumerate() {
+        rows += value.rows;
+        if rows > most_rows {
+            break;
+        }
+        ends.push(End { values: place + 1, rows, gap: (next.value - value.value).abs() });
+    }
+    ends
 }
 
 #[cfg(test)]
@@ -89,6 +124,11 @@ mod tests {
         let several = found(&[(9, -1e5), (7, 1e6), (8, 2_000.0)]).expect("slips on both sides");
         assert_eq!((&several.rows[..], several.range), (&[7, 8, 9][..], [-1e5, 1e6]));
         assert_eq!(several.others, [0.0, 99.0]);
+        // They are nearer to each other than to the rest.
+        let alike = found(&[(7, 5_000.0), (8, 5_200.0)]).expect("two unlike slips on one side");
+        assert_eq!((&alike.rows[..], alike.range), (&[7, 8][..], [5_000.0, 5_200.0]));
+        let four = found(&[(7, 5_000.0), (8, 5_200.0), (9, -900.0), (10, -950.0)]);
+        assert_eq!(four.map(|found| found.rows), Some(vec![7, 8, 9, 10]), "on both sides");
         // Neither is farther from the rest than the other one is.
         let opposite = found(&[(7, 1e6), (8, -1e6)]).expect("slips as far on both sides");
         assert_eq!((&opposite.rows[..], opposite.range), (&[7, 8][..], [-1e6, 1e6]));

@@ -198,6 +198,10 @@ fn outlying_told(name: &str, found: &OutlyingActions, frames: &Frames) -> String
         many if least == largest => {
             format!("{least} in {} rows, first at {at}, stands", count(many))
         }
+        many if significant(*least) == significant(*largest) => {
+            // Three digits do not tell them apart.
+            format!("{} from {least} to {largest}, first at {at}, stand", counted(many, "value"))
+        }
         many => format!(
             "{} from {} to {}, first at {at}, stand",
             counted(many, "value"),
@@ -205,10 +209,11 @@ fn outlying_told(name: &str, found: &OutlyingActions, frames: &Frames) -> String
             significant(*largest)
         ),
     };
-    let remedy = if least == largest && least.is_finite() {
-        format!(" or add {least} to data.missing_values")
-    } else {
-        String::new()
+    let remedy = match rows.len() {
+        _ if !(least.is_finite() && largest.is_finite()) => String::new(),
+        _ if least == largest => format!(" or add {least} to data.missing_values"),
+        2 => format!(" or add {least} and {largest} to data.missing_values"),
+        _ => " or add the values to data.missing_values".to_owned(),
     };
     format!(
         "{name} (control.actions): {values} out from all others, which lie from {low} to {high}. calib takes that for missing, because levels \
