@@ -206,6 +206,8 @@ mod tests {
         assert!(gamma.starts_with("agent.gamma: ") && gamma.contains("default: 0.99"), "{gamma}");
         let missing = explained("preprocess.missing");
         assert!(missing.contains("\"forward_fill\""), "{missing}");
+        let levels = explained("control.levels");
+        assert!(levels.contains("a whole number, at least 2, at most 1024"), "{levels}");
         assert!(explained("sweep").contains("sweep.member_runs"));
         assert!(explained("deployments.april.start").starts_with("deployments.april.start: "));
         assert!(explained("models.big.model.kind").starts_with("models.big.model.kind: "));

@@ -24,21 +24,28 @@ pub struct ControlConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub probability: Option<String>,
     /// Rows from one decision of an agent to the next. Rewards of the rows between are summed, and the action of the first row counts.
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub every: usize,
     /// Rows from the one in which an action was decided to the one in which the log shows it.
+    #[schemars(range(min = 0, max = 1_000_000))]
     pub lag: usize,
     /// Steps after which an episode is cut; a step is a decision.
+    #[schemars(range(min = 1))]
     pub timeout: usize,
     /// Steps for which the agent learns with each setting, in each ensemble member.
+    #[schemars(range(min = 1))]
     pub steps: usize,
     /// Runs of each setting in each ensemble member.
+    #[schemars(range(min = 1, max = 100_000))]
     pub runs: usize,
     /// For continuous actions: how many levels of each action column an agent chooses among, an even grid over its recorded range (its own values
     /// where it has no more). The model then takes what was set for a number: neighbours are near in the state and in the action. Default: every
     /// combination of values that occurs is an action of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 2, max = 1024))]
     pub levels: Option<usize>,
     /// The most actions; calib refuses a log with more, because each needs neighbours of its own.
+    #[schemars(range(min = 1, max = 1024))]
     pub most_actions: usize,
     /// The return that an episode ends with where the log does not cover a step. Default: that of the worst recorded episode.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -46,6 +53,7 @@ pub struct ControlConfig {
     /// Where episodes begin in the model.
     pub start: StartRows,
     /// The largest share of the chosen setting's steps that the log may leave uncovered; above it, calib refuses the choice.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub most_uncovered: f64,
     /// The fewest terminals of a log whose study names a terminal; below it, calib refuses a choice.
     pub fewest_terminals: usize,

@@ -57,7 +57,7 @@ pub struct Study {
     pub agent: AgentConfig,
     /// Agents that learned from the log before they are deployed.
     pub pretrain: PretrainConfig,
-    /// An agent that acts, tuned on a log with actions; `calib control` reads it.
+    /// An agent that acts, tuned on a log with actions: for `calib control` and `calib run`; `calib init` writes it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<ControlConfig>,
     /// What to sweep.
