@@ -248,6 +248,19 @@ fn what_speaks_against_a_choice_is_told_at_once() {
     assert!(told.contains("1 action was hardly ever taken: pump=2 (3 of 3"), "{told}");
     assert!(told.contains("the log has 4 terminals, and calib names no setting"), "{told}");
     assert_eq!(study(&place)["control"]["start"].as_str(), Some("anywhere"));
+    let rare = |told: &str| -> String {
+        let line = told.lines().find(|line| line.contains("hardly ever taken"));
+        line.unwrap_or_else(|| panic!("no such line in {told}")).to_owned()
+    };
+    let control = place.calib(&["control", "study.toml", "--dry-run"]);
+    assert_eq!(rare(&control.stderr()), rare(&told), "the same of the study");
+    let logged =
+        place.calib(&["control", "study.toml", "--dry-run", "--set=control.probability=\"odds\""]);
+    let told = rare(&logged.stderr());
+    assert!(
+        told.ends_with("in the log, or use a longer log"),
+        "levels have no probability: {told}"
+    );
 }
 
 /// The log is read twice: as it is, and with levels in the place of very many actions.

@@ -65,7 +65,7 @@ pub use task::{
     Acrobot, Begin, CartPole, Membrane, Pendulum, PuddleWorld, Rule, Simulated, Task, TaskKind,
 };
 pub use trajectory::{Trajectory, trajectory};
-pub use usage::{CoverageMap, Spread};
+pub use usage::{CoverageMap, FEW_STEPS, Spread, hardly_taken};
 pub use verdict::{
     BestConstant, Doubt, KINDS_AGREE, KindReturns, Question, RandomActions, Regret, ReturnVerdict,
     Support, judge, regret,

@@ -8,6 +8,14 @@ use crate::{ActionModel, ControlError, Decisions};
 /// In which states an action was taken: the 5 %, 50 % and 95 % quantiles of a column.
 pub type Spread = [f64; 3];
 
+/// Steps with an action below which little is known of it. Our choice.
+pub const FEW_STEPS: usize = 30;
+
+/// The actions of `counts`, which has the steps of each, that were taken in a few steps only or in none.
+pub fn hardly_taken(counts: &[usize]) -> Vec<usize> {
+    (0..counts.len()).filter(|&action| counts[action] < FEW_STEPS).collect()
+}
+
 impl Decisions {
     /// In which states each action was taken, `[actions][columns]`; no columns for an action that never was.
     ///
@@ -120,6 +128,11 @@ mod tests {
         assert!(low > 0.5 && (0.7..0.8).contains(&middle) && high > 0.95, "{spreads:?}");
         assert!(spreads[0][0][0] < 0.1);
         assert!(spreads[2].is_empty(), "never taken");
+    }
+
+    #[test]
+    fn actions_with_few_steps_are_hardly_taken() {
+        assert_eq!(hardly_taken(&[500, 3, 30, 0]), [1, 3]);
     }
 
     #[test]

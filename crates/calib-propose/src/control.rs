@@ -1,13 +1,11 @@
 use calib_control::{
-    AgentConfig, Algorithm, Decisions, PAIRED_COLUMNS, ProposedSettings, StartRows,
+    AgentConfig, Algorithm, Decisions, FEW_STEPS, PAIRED_COLUMNS, ProposedSettings, StartRows,
 };
 
 use crate::{Costs, ProposeError, size::PLANNED};
 
 /// Levels of each column of continuous actions: those of the tasks with a known answer. Our choice.
 const LEVELS: usize = 7;
-/// Steps with an action below which little is known of it. Our choice.
-const FEW_STEPS: usize = 30;
 /// Episodes below which runs begin anywhere: in fewer first states agents would meet little of the plant. Our choice.
 const FEW_EPISODES: usize = 10;
 /// Steps of an episode at most: a run of [`MOST_STEPS`] has some fifteen of them. Our choice.
@@ -199,11 +197,6 @@ pub fn action_levels(distinct: &[Option<u32>], most_actions: usize) -> Result<us
     })
 }
 
-/// The actions of `counts`, which has the steps of each, that were taken in a few steps only or in none.
-pub fn hardly_taken(counts: &[usize]) -> Vec<usize> {
-    (0..counts.len()).filter(|&action| counts[action] < FEW_STEPS).collect()
-}
-
 /// `control.steps` of a study that is to be done in `within_secs`: a multiple of a hundred.
 pub fn control_steps(within_secs: f64, costs: Costs) -> usize {
     let affordable = (PLANNED * within_secs - costs.fixed_secs) / costs.agent_step_secs;
@@ -347,7 +340,6 @@ mod tests {
         assert!(!actions_are_continuous(&[Some(40)], 40, 2_000), "50 steps each");
         assert!(!actions_are_continuous(&[Some(7)], 7, 100), "levels would be its own values");
         assert!(actions_are_continuous(&[Some(2), None], 60, 1_000));
-        assert_eq!(hardly_taken(&[500, 3, 30, 0]), [1, 3]);
     }
 
     #[test]

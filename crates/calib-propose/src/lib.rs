@@ -51,7 +51,6 @@ pub use angles::Angle;
 pub use cleaning::{Cleaning, Clock, many_left_out};
 pub use control::{
     GivenControl, ProposedControl, action_levels, actions_are_continuous, control_steps,
-    hardly_taken,
 };
 pub use control_draft::ControlDraft;
 pub use cut::{Cut, HELD_OUT};

@@ -28,7 +28,7 @@ use super::{
     log::{self, ActionLog},
     model, page,
     plan::{self, ControlPlan},
-    show,
+    rare, show,
     units::{self, RunCounts, RunFiles, RunOrigin},
 };
 
@@ -43,6 +43,9 @@ pub(crate) fn run(
     let Some(config) = &study.control else { return Err(no_section(job)) };
     let agents = ComparedAgents::of_study(job, config)?;
     let log = log::read(job, config, printer)?;
+    if let Some(told) = rare::hardly_taken(&log, config) {
+        printer.warn(&told);
+    }
     let directory = job.layout().control();
     let key = files::key(study, &log.fingerprint, agents.program_identity())?;
     let kept = if job.policy().redoes() { None } else { files::kept(&directory, &key) };

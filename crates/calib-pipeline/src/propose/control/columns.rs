@@ -1,7 +1,6 @@
 //! The columns that `calib init` is told are actions, rewards and terminals.
 
 use calib_base::{StepError, bail, ensure};
-use calib_control::{ControlConfig, LEAST_LEVELS};
 use calib_data::{ChannelSketch, Sketch, entry_of};
 use calib_propose::DecisionColumns;
 
@@ -95,16 +94,6 @@ fn is_telling(name: &str) -> bool {
     TELLING.iter().any(|word| last.eq_ignore_ascii_case(word))
 }
 
-/// How a study that has actions which were hardly ever taken has fewer.
-pub(super) fn fewer_actions(config: &ControlConfig) -> &'static str {
-    match (config.levels, config.actions.len()) {
-        (None, _) => "set control.levels",
-        (Some(levels), _) if levels > LEAST_LEVELS => "set control.levels lower",
-        (Some(_), 1) => "use a longer log",
-        (Some(_), _) => "name fewer columns with --action",
-    }
-}
-
 fn channel<'a>(sketch: &'a Sketch, name: &str) -> Option<&'a ChannelSketch> {
     sketch.channels.iter().find(|channel| channel.name == name)
 }
@@ -123,18 +112,6 @@ mod tests {
         let both = told(&["level", "Is.Done", "RETURN"]).expect("two");
         assert!(both.starts_with("the state has Is.Done, RETURN, which may be"), "{both}");
         assert!(both.ends_with("--set 'data.exclude=[\"Is.Done\", \"RETURN\"]'"), "{both}");
-    }
-
-    #[test]
-    fn two_levels_cannot_be_fewer() {
-        let advice = |levels: Option<usize>, columns: usize| {
-            let actions = vec!["dose".to_owned(); columns];
-            fewer_actions(&ControlConfig { levels, actions, ..ControlConfig::default() })
-        };
-        assert_eq!(advice(None, 1), "set control.levels");
-        assert_eq!(advice(Some(3), 2), "set control.levels lower");
-        assert_eq!(advice(Some(2), 2), "name fewer columns with --action");
-        assert_eq!(advice(Some(2), 1), "use a longer log");
     }
 
     #[test]

@@ -20,7 +20,7 @@ use calib_data::{Sentinel, Sketch};
 use calib_files::{TemporaryFolder, write_output};
 use calib_propose::{
     Angle, Cleaning, Clock, ControlDraft, Costs, DecisionColumns, GivenControl, LogDraft,
-    ProposedControl, Scope, action_levels, actions_are_continuous, control_steps, hardly_taken,
+    ProposedControl, Scope, action_levels, actions_are_continuous, control_steps,
 };
 use calib_study::{Job, Request};
 use schemars::JsonSchema;
@@ -41,8 +41,6 @@ const LONGER: usize = 4;
 const WORTH: f64 = 0.01;
 /// The share of the time asked for after which no longer runs are timed.
 const TRIED: f64 = 0.25;
-/// Actions that are named in a warning.
-const NAMED: usize = 3;
 /// Keys that decide nothing here, and what to do instead.
 const WITHOUT_EFFECT: [(&str, &str); 7] = [
     ("control", "it would replace the columns that were named; give each key by itself"),
@@ -402,30 +400,7 @@ fn has_many_actions(reason: &StepError) -> bool {
 /// What speaks against a choice by this log, whatever agents learn.
 fn doubts(log: &ActionLog, config: &ControlConfig) -> Vec<String> {
     let decisions = &log.decisions;
-    let mut doubts = Vec::new();
-    let counts = decisions.counts();
-    let hardly = hardly_taken(&counts);
-    if !hardly.is_empty() {
-        let told = hardly.iter().take(NAMED).map(|&action| {
-            format!(
-                "{} ({} of {})",
-                log.names.actions[action],
-                counts[action],
-                count(decisions.len())
-            )
-        });
-        let more = if hardly.len() > NAMED { ", …" } else { "" };
-        doubts.push(format!(
-            "{} hardly ever taken: {}{more}. Models know little of what follows; merge such actions with others in the log, or {}",
-            if hardly.len() == 1 {
-                "1 action was".to_owned()
-            } else {
-                format!("{} actions were", count(hardly.len()))
-            },
-            told.collect::<Vec<_>>().join(", "),
-            columns::fewer_actions(config)
-        ));
-    }
+    let mut doubts: Vec<String> = control::hardly_taken(log, config).into_iter().collect();
     let terminals = decisions.terminals();
     if config.terminal.is_some() && terminals < config.fewest_terminals {
         doubts.push(format!(

@@ -1,0 +1,85 @@
+//! Actions of which a log says little.
+
+use calib_base::output::count;
+use calib_control::{ControlConfig, LEAST_LEVELS};
+
+use super::log::ActionLog;
+
+/// Actions that are named in a warning.
+const NAMED: usize = 3;
+
+/// What is said of actions that were taken in a few steps only, or in none; levels are such actions too. Nothing where there are none.
+pub(crate) fn hardly_taken(log: &ActionLog, config: &ControlConfig) -> Option<String> {
+    told(&log.names.actions, &log.decisions.counts(), config)
+}
+
+/// The same of actions with these names, each of which was taken in so many steps.
+fn told(names: &[String], counts: &[usize], config: &ControlConfig) -> Option<String> {
+    let hardly = calib_control::hardly_taken(counts);
+    let counted = match hardly.len() {
+        0 => return None,
+        1 => "1 action was".to_owned(),
+        several => format!("{} actions were", count(several)),
+    };
+    let steps = count(counts.iter().sum());
+    let examples: Vec<String> = hardly
+        .iter()
+        .take(NAMED)
+        .map(|&action| format!("{} ({} of {steps})", names[action], counts[action]))
+        .collect();
+    let more = if hardly.len() > NAMED { ", …" } else { "" };
+    Some(format!(
+        "{counted} hardly ever taken: {}{more}. Models know little of what follows. If slips of the log are the reason, correct them there, or add \
+         their values to data.missing_values if no column has them otherwise. If not, {}",
+        examples.join(", "),
+        fewer_actions(config)
+    ))
+}
+
+/// How a study with such actions has fewer of them.
+fn fewer_actions(config: &ControlConfig) -> &'static str {
+    match (config.levels, config.actions.len()) {
+        // Levels have no probability but a density.
+        (None, _) if config.probability.is_some() => {
+            "merge such actions with others in the log, or use a longer log"
+        }
+        (None, _) => "merge such actions with others in the log, or set control.levels",
+        (Some(levels), _) if levels > LEAST_LEVELS => "set control.levels lower",
+        (Some(_), 1) => "use a longer log",
+        (Some(_), _) => "name fewer columns of actions",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config(levels: Option<usize>, columns: usize) -> ControlConfig {
+        let actions = vec!["dose".to_owned(); columns];
+        ControlConfig { levels, actions, ..ControlConfig::default() }
+    }
+
+    #[test]
+    fn actions_that_were_hardly_taken_are_counted_and_named() {
+        let names: Vec<String> = (0..6).map(|dose| format!("dose={dose}")).collect();
+        let told = |counts: &[usize]| told(&names, counts, &config(None, 1));
+        assert_eq!(told(&[30, 500, 30, 30, 30, 30]), None);
+        let one = told(&[500, 500, 500, 499, 1_000, 1]).expect("one");
+        assert!(one.starts_with("1 action was hardly ever taken: dose=5 (1 of 3,000). "), "{one}");
+        let several = told(&[3_000, 0, 1, 2, 3, 500]).expect("four");
+        let named = "4 actions were hardly ever taken: dose=1 (0 of 3,506), dose=2 (1 of 3,506), dose=3 (2 of 3,506), …. ";
+        assert!(several.starts_with(named), "{several}");
+    }
+
+    #[test]
+    fn what_is_proposed_is_possible() {
+        let advice =
+            |levels: Option<usize>, columns: usize| fewer_actions(&config(levels, columns));
+        assert!(advice(None, 1).ends_with("set control.levels"));
+        assert_eq!(advice(Some(3), 2), "set control.levels lower");
+        assert_eq!(advice(Some(2), 2), "name fewer columns of actions");
+        assert_eq!(advice(Some(2), 1), "use a longer log");
+        let logged = ControlConfig { probability: Some("odds".to_owned()), ..config(None, 1) };
+        assert!(fewer_actions(&logged).ends_with("use a longer log"), "levels have no probability");
+    }
+}
