@@ -181,17 +181,17 @@ fn without_outlying(
     let columns = config.actions.iter().zip(recorded);
     let told = columns.filter_map(|(name, values)| {
         let found = OutlyingActions::of_column(values, levels)?;
-        let told = outlying_told(name, &found, frames);
+        let at = format_time(frames.timestamps()[found.rows[0]]);
+        let told = outlying_told(name, &found, &at);
         found.rows.iter().for_each(|&row| values[row] = f64::NAN);
         Some(told)
     });
     told.collect()
 }
 
-/// What is said of values of a column that stand out.
-fn outlying_told(name: &str, found: &OutlyingActions, frames: &Frames) -> String {
+/// What is said of values of a column that stand out, the first of them at the time `at`.
+fn outlying_told(name: &str, found: &OutlyingActions, at: &str) -> String {
     let OutlyingActions { rows, range: [least, largest], others: [low, high] } = found;
-    let at = format_time(frames.timestamps()[rows[0]]);
     let [low, high] = [*low, *high].map(significant);
     let values = match rows.len() {
         1 => format!("{least} at {at} stands"),
@@ -411,4 +411,28 @@ pub(super) fn starts(
         States::new(values, rows.len(), states.columns()).context("the first states of episodes")
     };
     Ok(Starts { observed: at_starts(log.states())?, metric: at_starts(metric)? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_that_stand_out_are_told_apart() {
+        let told = |rows: usize, range: [f64; 2]| {
+            let found = OutlyingActions { rows: (0..rows).collect(), range, others: [-2.0, 2.0] };
+            outlying_told("dose", &found, "noon")
+        };
+        let alike = told(8, [50.0; 2]);
+        assert!(alike.contains("50 in 8 rows, first at noon, stands out"), "{alike}");
+        assert!(alike.contains("correct it there or add 50 to data.missing_values"), "{alike}");
+        let near = told(8, [50.001, 50.002]);
+        assert!(near.contains("8 values from 50.001 to 50.002, first at noon, stand"), "{near}");
+        assert!(near.contains("or add the values to data.missing_values"), "{near}");
+        let two = told(2, [50.0, 52.0]);
+        assert!(two.contains("2 values from 50.0 to 52.0"), "{two}");
+        assert!(two.contains("or add 50 and 52 to data.missing_values"), "{two}");
+        let infinite = told(1, [f64::INFINITY; 2]);
+        assert!(!infinite.contains("data.missing_values"), "{infinite}");
+    }
 }
