@@ -76,9 +76,8 @@ fn a_dry_run_counts_what_is_left() {
     let done = planned(&place, &[]);
     assert_eq!((&done["runs"], &done["left"], &done["disk"]), (&18.into(), &0.into(), &0.into()));
     assert_eq!(done["expected"]["secs"], 0.0, "{done}");
-    assert_eq!(planned(&place, &["--share", "0/3"])["runs"], 6);
-    for command in ["control", "run"] {
-        let done = told(&place, command, &[]);
+    for (command, share) in [("control", &[][..]), ("run", &[]), ("control", &["--share", "0/3"])] {
+        let done = told(&place, command, share);
         assert!(done.contains("control is up to date"), "{done}");
         assert!(!done.contains("runs left to make"), "{done}");
     }
@@ -106,9 +105,13 @@ fn many_runs_are_counted_without_a_list() {
 fn more_runs_than_anybody_makes_are_refused() {
     let place = control::place();
     let refused = |more: &[&str], part: &str| {
-        let args = [&["control", STUDY, "--dry-run", "--json"][..], more].concat();
+        let args = [&["control", STUDY, "--dry-run"][..], more].concat();
         place.calib(&args).fails_with(2, &[part]);
     };
-    refused(&["--set", "control.runs=9000000000000000000"], "lower control.runs");
-    refused(&["--set", "control.runs=1000000", "--share", "0/2"], "smaller shares");
+    refused(&["--set", "control.runs=9000000000000000000"], "expected from 1 to 100,000");
+    // Twelve settings in three members: 3.6 million runs of a kind.
+    let settings =
+        "control.grid.step_size=[0.01,0.02,0.03,0.04,0.05,0.06,0.07,0.08,0.09,0.1,0.2,0.3]";
+    let many = ["--set", "control.runs=100000", "--set", settings];
+    refused(&[&many[..], &["--share", "0/2"]].concat(), "smaller shares");
 }

@@ -107,8 +107,8 @@ fn try_one(job: &Job, base: &Place, whole: &Content, fault: &str) -> Result<Outc
             let cause = ["a failure on purpose", "no storage space"];
             let says_why =
                 told.contains("error: ") && cause.iter().any(|cause| told.contains(cause));
-            let says_where =
-                told.contains("study") || told.contains("data") || told.contains("made");
+            let places = ["study", "data", "made", "working file in"];
+            let says_where = places.iter().any(|place| told.contains(place));
             if !says_why || !says_where || told.contains("panicked") {
                 return Err(format!("unclear: {told}"));
             }
