@@ -196,9 +196,9 @@ def test_arguments_of_a_model_with_actions_are_named_as_in_python(tmp_path: Path
         with pytest.raises(TypeError) as refused:
             calib_rl.build_model(tank(60), tmp_path / "new", actions=["valve0"], reward="reward", **sections)
         assert str(refused.value).startswith(f"build_model() got an unexpected argument '{given}'; {told}"), refused.value
-    of_predictions: dict[str, Any] = {"neighbours": 3}
+    predicting: dict[str, Any] = {"neighbours": 3}
     with pytest.raises(TypeError, match="did you mean model={'neighbors': ...}"):
-        calib_rl.build_model(tank(60), tmp_path / "new", **of_predictions)
+        calib_rl.build_model(tank(60), tmp_path / "new", **predicting)
     with pytest.raises(ValueError, match="^levels is 1, expected a whole number of at least 2"):
         calib_rl.build_model(tank(60), tmp_path / "new", actions=["valve0"], reward="reward", levels=1)
     with pytest.raises(TypeError, match="^timeout is 'x', expected a whole number"):
