@@ -42,6 +42,8 @@ mod optimiser;
 mod product;
 mod sgd;
 mod sink;
+#[cfg(target_arch = "x86_64")]
+mod square;
 mod workspace;
 
 pub use adam::{Adam, AdamRule, Moments};

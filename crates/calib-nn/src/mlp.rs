@@ -7,7 +7,7 @@ use crate::{
     Adam, Workspace,
     aligned::{Aligned, aligned},
     kernels::{add_bias, add_bias_and_rectify, mask_and_sum_rows, sum_rows},
-    narrow::{Backward, Forward, Narrow},
+    narrow::{Backward, Forward},
     product::{Matrix, multiply},
     sink::Kept,
 };
@@ -165,28 +165,12 @@ impl Mlp {
         output_gradient: &[f32],
         workspace: &'w mut Workspace,
     ) -> &'w [f32] {
-        let rows = rows_of(output_gradient, self.outputs(), workspace.capacity());
-        assert!(
-            input.len() >= rows * self.inputs(),
-            "a gradient covers at most the rows of its forward pass"
-        );
-        if let Workspace { activations, deltas, gradients, narrow: Some(narrow), .. } =
-            &mut *workspace
-            && Narrow::learns_from(&self.layers, rows)
-        {
-            let Self { layers, parameters } = self;
-            narrow.set_weights(layers, parameters);
+        let rows = self.gradient_rows(input, output_gradient, workspace);
+        let Self { layers, parameters } = self;
+        if let Some((mut buffers, gradients)) = workspace.narrow_buffers(layers, rows) {
+            buffers.set_weights(layers, parameters);
             let sink = Kept(gradients);
-            Arch::new().dispatch(Backward {
-                layers,
-                input,
-                output_gradient,
-                rows,
-                activations,
-                deltas,
-                narrow,
-                sink,
-            });
+            Arch::new().dispatch(Backward { layers, input, output_gradient, rows, buffers, sink });
             return &workspace.gradients;
         }
         let Workspace { activations, deltas: [delta, previous], gradients, .. } = workspace;
@@ -231,31 +215,26 @@ impl Mlp {
         workspace: &mut Workspace,
         adam: &mut Adam,
     ) {
-        let rows = rows_of(output_gradient, self.outputs(), workspace.capacity());
-        assert!(
-            input.len() >= rows * self.inputs(),
-            "a gradient covers at most the rows of its forward pass"
-        );
-        if let Workspace { activations, deltas, narrow: Some(narrow), .. } = &mut *workspace
-            && Narrow::learns_from(&self.layers, rows)
-        {
-            let Self { layers, parameters } = self;
-            narrow.set_weights(layers, parameters);
+        let rows = self.gradient_rows(input, output_gradient, workspace);
+        let Self { layers, parameters } = &mut *self;
+        if let Some((mut buffers, _)) = workspace.narrow_buffers(layers, rows) {
+            buffers.set_weights(layers, parameters);
             let sink = adam.begin(parameters);
-            Arch::new().dispatch(Backward {
-                layers,
-                input,
-                output_gradient,
-                rows,
-                activations,
-                deltas,
-                narrow,
-                sink,
-            });
+            Arch::new().dispatch(Backward { layers, input, output_gradient, rows, buffers, sink });
         } else {
             let gradients = self.backward(input, output_gradient, workspace);
             adam.step(&mut self.parameters, gradients);
         }
+    }
+
+    /// How many rows a gradient covers.
+    fn gradient_rows(&self, input: &[f32], gradient: &[f32], workspace: &Workspace) -> usize {
+        let rows = rows_of(gradient, self.outputs(), workspace.capacity());
+        assert!(
+            input.len() >= rows * self.inputs(),
+            "a gradient covers at most the rows of its forward pass"
+        );
+        rows
     }
 
     fn weights(&self, layer: &Layer) -> Matrix<'_> {

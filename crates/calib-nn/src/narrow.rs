@@ -15,7 +15,7 @@ use crate::{
     product::FEW,
 };
 
-pub(crate) use backward::Backward;
+pub(crate) use backward::{Backward, NarrowBuffers};
 pub(crate) use forward::Forward;
 use products::{GROUP, WORD};
 

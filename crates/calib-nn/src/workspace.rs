@@ -1,7 +1,7 @@
 use crate::{
-    Mlp,
+    Layer, Mlp,
     aligned::{Aligned, filled},
-    narrow::Narrow,
+    narrow::{Narrow, NarrowBuffers},
 };
 
 /// Every buffer of a forward and backward pass, allocated once and reused.
@@ -37,6 +37,18 @@ impl Workspace {
     /// The gradients of the latest [`Mlp::backward`], which losses over several workspaces may add up.
     pub fn gradients_mut(&mut self) -> &mut [f32] {
         &mut self.gradients
+    }
+
+    /// What a pass back through a narrow network needs, and where it may keep gradients; none where a network of these layers does not
+    /// learn from so many rows in that way.
+    pub(crate) fn narrow_buffers(
+        &mut self,
+        layers: &[Layer],
+        rows: usize,
+    ) -> Option<(NarrowBuffers<'_>, &mut [f32])> {
+        let Self { activations, deltas, gradients, narrow, .. } = self;
+        let narrow = narrow.as_deref_mut().filter(|_| Narrow::learns_from(layers, rows))?;
+        Some((NarrowBuffers { activations, deltas, narrow }, gradients))
     }
 
     /// The most rows of a pass.

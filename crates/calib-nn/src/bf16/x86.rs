@@ -4,20 +4,22 @@ use std::{
     arch::x86_64::{
         __m512, __m512bh, __m512i, _MM_HINT_T0, _mm_prefetch, _mm512_cvtne2ps_pbh,
         _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_loadu_si512, _mm512_permutexvar_epi16,
-        _mm512_set1_epi32, _mm512_setzero_ps, _mm512_shuffle_i32x4, _mm512_storeu_ps,
-        _mm512_unpackhi_epi32, _mm512_unpackhi_epi64, _mm512_unpacklo_epi32, _mm512_unpacklo_epi64,
+        _mm512_set1_epi32, _mm512_setzero_ps, _mm512_storeu_ps,
     },
     mem::transmute,
 };
 
-use pulp::{f32x16, u32x16, x86::V4};
+use pulp::{cast, f32x16, u32x16, x86::V4};
 
 use super::{
     kernel::{Kernel, Left, Square, Tile, by_halves},
     layout::{HALF, PANEL},
     processor::Task,
 };
-use crate::aligned::LINE;
+use crate::{
+    aligned::LINE,
+    square::{SIDE, turn},
+};
 
 /// That the processor has AVX-512 with bfloat16 products. Only [`Hardware::detect`] makes one.
 #[derive(Clone, Copy, Debug)]
@@ -69,8 +71,15 @@ impl Kernel for Hardware {
     #[expect(clippy::inline_always, reason = "as the sums")]
     #[inline(always)]
     fn turn(self, square: &Square) -> Square {
-        // SAFETY: there is a `Hardware` only where the features were detected.
-        unsafe { turn(square) }
+        let mut rows = [self.0.avx512f._mm512_setzero_si512(); SIDE];
+        for (row, values) in rows.iter_mut().zip(square) {
+            *row = cast(*values);
+        }
+        let mut turned = [[0; HALF]; HALF];
+        for (values, row) in turned.iter_mut().zip(turn(self.0, rows)) {
+            *values = cast(row);
+        }
+        turned
     }
 
     #[expect(
@@ -118,46 +127,6 @@ fn join(first: f32x16, second: f32x16) -> u32x16 {
         let both = transmute::<__m512bh, __m512i>(both);
         transmute::<__m512i, u32x16>(_mm512_permutexvar_epi16(order, both))
     }
-}
-
-/// Four rows of four become four columns, in each quarter of the vectors; then quarters change places in the same way.
-#[inline]
-#[target_feature(enable = "avx512f")]
-fn turn(square: &Square) -> Square {
-    const FIRSTS: i32 = 0b10_00_10_00;
-    const SECONDS: i32 = 0b11_01_11_01;
-    let rows: [__m512i; HALF] = std::array::from_fn(|row| load(&square[row]));
-    let mut fours = rows;
-    for (four, rows) in fours.as_chunks_mut::<4>().0.iter_mut().zip(rows.as_chunks::<4>().0) {
-        let [a, b, c, d] = *rows;
-        let ab = _mm512_unpacklo_epi32(a, b);
-        let cd = _mm512_unpacklo_epi32(c, d);
-        let upper_ab = _mm512_unpackhi_epi32(a, b);
-        let upper_cd = _mm512_unpackhi_epi32(c, d);
-        *four = [
-            _mm512_unpacklo_epi64(ab, cd),
-            _mm512_unpackhi_epi64(ab, cd),
-            _mm512_unpacklo_epi64(upper_ab, upper_cd),
-            _mm512_unpackhi_epi64(upper_ab, upper_cd),
-        ];
-    }
-    let mut turned = [[0; HALF]; HALF];
-    for column in 0..4 {
-        let [a, b, c, d] = std::array::from_fn(|four| fours[4 * four + column]);
-        let even = [_mm512_shuffle_i32x4::<FIRSTS>(a, b), _mm512_shuffle_i32x4::<FIRSTS>(c, d)];
-        let odd = [_mm512_shuffle_i32x4::<SECONDS>(a, b), _mm512_shuffle_i32x4::<SECONDS>(c, d)];
-        let quarters = [
-            _mm512_shuffle_i32x4::<FIRSTS>(even[0], even[1]),
-            _mm512_shuffle_i32x4::<FIRSTS>(odd[0], odd[1]),
-            _mm512_shuffle_i32x4::<SECONDS>(even[0], even[1]),
-            _mm512_shuffle_i32x4::<SECONDS>(odd[0], odd[1]),
-        ];
-        for (quarter, pairs) in quarters.into_iter().enumerate() {
-            // SAFETY: both are 64 bytes without invalid values.
-            turned[4 * quarter + column] = unsafe { transmute::<__m512i, [u32; HALF]>(pairs) };
-        }
-    }
-    turned
 }
 
 #[inline]

@@ -6,12 +6,23 @@ use super::{
     transpose::transpose,
     words_of,
 };
-use crate::{Layer, aligned::Aligned, sink::Sink};
+use crate::{
+    Layer,
+    aligned::Aligned,
+    sink::{Kept, Sink},
+};
 
-impl Narrow {
+/// What [`Backward`] reads and writes beside gradients.
+pub(crate) struct NarrowBuffers<'a> {
+    pub(crate) activations: &'a [Aligned<f32>],
+    pub(crate) deltas: &'a mut [Aligned<f32>; 2],
+    pub(crate) narrow: &'a mut Narrow,
+}
+
+impl NarrowBuffers<'_> {
     /// Prepare for [`Backward`], which no longer reads the weights.
     pub(crate) fn set_weights(&mut self, layers: &[Layer], parameters: &[f32]) {
-        for (transposed, layer) in self.transposed.iter_mut().zip(&layers[1..]) {
+        for (transposed, layer) in self.narrow.transposed.iter_mut().zip(&layers[1..]) {
             transpose(&parameters[layer.weights.clone()], layer.inputs, layer.outputs, transposed);
         }
     }
@@ -23,9 +34,7 @@ pub(crate) struct Backward<'a, T> {
     pub(crate) input: &'a [f32],
     pub(crate) output_gradient: &'a [f32],
     pub(crate) rows: usize,
-    pub(crate) activations: &'a [Aligned<f32>],
-    pub(crate) deltas: &'a mut [Aligned<f32>; 2],
-    pub(crate) narrow: &'a mut Narrow,
+    pub(crate) buffers: NarrowBuffers<'a>,
     pub(crate) sink: T,
 }
 
@@ -52,8 +61,9 @@ impl<T: Sink> Backward<'_, T> {
         let last = self.layers.len() - 1;
         let layer = &self.layers[last];
         let rows = self.rows;
+        let NarrowBuffers { activations, deltas, narrow } = &mut self.buffers;
         let Narrow { transposed, errors, columns, bias_gradient, output_gradient, .. } =
-            &mut *self.narrow;
+            &mut **narrow;
         let gradient = self.output_gradient;
         let outputs = layer.outputs;
         bias_gradient[..outputs].fill(0.0);
@@ -69,7 +79,7 @@ impl<T: Sink> Backward<'_, T> {
             errors[0][row] = bits;
         }
         self.sink.take(simd, layer.bias.start, &bias_gradient[..outputs]);
-        let activation = &self.activations[last - 1][..rows * layer.inputs];
+        let activation = &activations[last - 1][..rows * layer.inputs];
         bias_gradient[..layer.inputs].fill(0.0);
         let [bits, bits_before] = errors;
         let words = words_of(layer.inputs);
@@ -88,7 +98,7 @@ impl<T: Sink> Backward<'_, T> {
             &mut Errors {
                 activation,
                 width: layer.inputs,
-                out: &mut self.deltas[0],
+                out: &mut deltas[0],
                 bias_gradient,
                 bits: bits_before,
                 words,
@@ -107,7 +117,7 @@ impl<T: Sink> Backward<'_, T> {
             },
             outputs,
             Right { values: activation, stride: layer.inputs },
-            &mut Plain { out: transposed, width: layer.inputs },
+            &mut Gradient { sink: &mut Kept(transposed), start: 0, width: layer.inputs },
         );
         transpose(transposed, outputs, layer.inputs, in_order);
         self.sink.take(simd, layer.weights.start, in_order);
@@ -119,9 +129,10 @@ impl<T: Sink> Backward<'_, T> {
     fn hidden_layer<S: Simd>(&mut self, simd: S, index: usize) {
         let layer = &self.layers[index];
         let rows = self.rows;
-        let Narrow { transposed, errors, columns, bias_gradient, .. } = &mut *self.narrow;
+        let NarrowBuffers { activations, deltas, narrow } = &mut self.buffers;
+        let Narrow { transposed, errors, columns, bias_gradient, .. } = &mut **narrow;
         self.sink.take(simd, layer.bias.start, &bias_gradient[..layer.outputs]);
-        let [delta, delta_before] = &mut *self.deltas;
+        let [delta, delta_before] = &mut **deltas;
         if index > 0 {
             bias_gradient[..layer.inputs].fill(0.0);
             let [bits, bits_before] = errors;
@@ -139,7 +150,7 @@ impl<T: Sink> Backward<'_, T> {
                 rows,
                 Right { values: &transposed[index - 1], stride: layer.inputs },
                 &mut Errors {
-                    activation: &self.activations[index - 1],
+                    activation: &activations[index - 1],
                     width: layer.inputs,
                     out: delta_before,
                     bias_gradient,
@@ -148,7 +159,7 @@ impl<T: Sink> Backward<'_, T> {
                 },
             );
         }
-        let inputs = if index == 0 { self.input } else { &self.activations[index - 1] };
+        let inputs = if index == 0 { self.input } else { &activations[index - 1] };
         let inputs = &inputs[..rows * layer.inputs];
         by_columns(inputs, layer.inputs, columns);
         products(
@@ -169,7 +180,7 @@ impl<T: Sink> Backward<'_, T> {
                 width: layer.outputs,
             },
         );
-        self.deltas.swap(0, 1);
+        deltas.swap(0, 1);
         errors.swap(0, 1);
     }
 }
@@ -243,23 +254,5 @@ impl<T: Sink> Finish for Gradient<'_, T> {
     fn finish<S: Simd>(&mut self, simd: S, row: usize, column: usize, sums: &[S::f32s]) {
         let at = self.start + row * self.width + column;
         self.sink.take(simd, at, bytemuck::cast_slice(sums));
-    }
-}
-
-/// The sums themselves.
-struct Plain<'a> {
-    out: &'a mut [f32],
-    width: usize,
-}
-
-impl Finish for Plain<'_> {
-    #[expect(clippy::inline_always, reason = "as the products")]
-    #[inline(always)]
-    fn finish<S: Simd>(&mut self, _simd: S, row: usize, column: usize, sums: &[S::f32s]) {
-        let count = sums.len() * S::F32_LANES;
-        let out = &mut self.out[row * self.width + column..][..count];
-        for (out, &sum) in S::as_mut_simd_f32s(out).0.iter_mut().zip(sums) {
-            *out = sum;
-        }
     }
 }
