@@ -84,6 +84,11 @@ fn of_limits(limits: &str, status: &str) -> Option<u64> {
     Some(limit.saturating_sub(kib * 1024))
 }
 
+/// What ends a line on memory, where the system says how much there is: "; 21.3 GiB are available".
+pub fn available_told(available: Option<u64>) -> String {
+    available.map_or_else(String::new, |there| format!("; {} are available", bytes(there)))
+}
+
 /// Refuse what would take more memory than there is. `what` would take `needed` bytes; `remedy` says what takes less.
 ///
 /// # Errors

@@ -260,8 +260,7 @@ impl ControlMemory {
             0 => "without what the agents' program takes".to_owned(),
             thread => format!("{} a thread", bytes(thread)),
         };
-        let available =
-            available.map_or_else(String::new, |there| format!("; {} are available", bytes(there)));
+        let available = memory::available_told(available);
         format!(
             "memory beside the program: up to {} ({} of the log, {} of neighbours{others}, {thread}){available}",
             bytes(total),

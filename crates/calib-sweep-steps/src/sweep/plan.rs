@@ -230,9 +230,7 @@ impl Memory {
     }
 
     fn text(&self) -> String {
-        let available = self
-            .available
-            .map_or_else(String::new, |available| format!("; {} are available", bytes(available)));
+        let available = memory::available_told(self.available);
         let predictions = match self.predictions {
             0 => String::new(),
             predictions => format!(", {} of predicted states", bytes(predictions)),
