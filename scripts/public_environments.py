@@ -255,9 +255,12 @@ class Agent:
             action = int(self.rng.integers(len(values)) if explores else values.argmax())
             seen, reward, terminated, truncated, _ = self.env.step(action)
             after, over = self.features(seen), terminated or truncated
-            target = reward + (0.0 if terminated else GAMMA * (self.weights @ after).max())
-            self.weights[action] += self.learning_rate * (target - values[action]) * here
+            self.update(here, action, values[action], reward, after, terminated)
             here = after
+
+    def update(self, here, action, value, reward, after, terminated):
+        target = reward + (0.0 if terminated else GAMMA * (self.weights @ after).max())
+        self.weights[action] += self.learning_rate * (target - value) * here
 
 
 class Counted:
@@ -479,8 +482,8 @@ def fitted_q(name, number):
         before, after = features[here], features[here + 1]
         for update in range(STEPS):
             at = update % len(here)
-            target = rewards[at] + (GAMMA * (agent.weights @ after[at]).max() if goes_on[at] else 0.0)
-            agent.weights[actions[at]] += agent.learning_rate * (target - agent.weights[actions[at]] @ before[at]) * before[at]
+            value = agent.weights[actions[at]] @ before[at]
+            agent.update(before[at], actions[at], value, rewards[at], after[at], not goes_on[at])
         values.append(policy_value(agent, before, after, actions, rewards, goes_on, features[begins], limit))
     return values
 
