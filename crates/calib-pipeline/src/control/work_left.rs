@@ -122,8 +122,10 @@ pub(super) fn runs_of_kind(config: &ControlConfig, settings: usize) -> Result<us
         .filter(|of_kind| of_kind.checked_mul(kinds).is_some());
     of_kind.ok_or_else(|| {
         StepError::message(format!(
-            "control.runs is {}, which makes more runs than can be numbered; lower control.runs",
-            count(config.runs)
+            "{} ensemble members, {} runs and {} settings make more runs than can be numbered; lower control.model.members",
+            count(config.model.members),
+            count(config.runs),
+            count(settings)
         ))
     })
 }
