@@ -31,12 +31,12 @@ The protocol, as it was fixed before its runs:
 - *Second*: `lead` and `year` from the last six and three months of the log only, where agents remain.
 """
 
-import argparse
 import json
-import math
-import subprocess
 from datetime import datetime, timedelta
 from pathlib import Path
+
+import protocols
+from protocols import CAP, head, mean_of, quotient, regrets, row, smallest, typical_regret
 
 SENSORS = ["PIT300", "TIT101", "TUIT101"]
 RATES = [0, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2]
@@ -45,7 +45,6 @@ MONTHS = range(1, 11)
 ENDS = [datetime(2023, 3, 31), datetime(2023, 7, 31), datetime(2023, 11, 30)]
 # How long before T the training of an agent began, at the most.
 LENGTHS = {"12 months": 365, "6 months": 182, "3 months": 91}
-CAP = math.log(10)
 ROWS_A_DAY = 144
 
 STUDY = """seed = {seed}
@@ -114,13 +113,11 @@ def days(count: int) -> timedelta:
 
 
 class Plant:
-    def __init__(self, number: int, calib: str, folder: Path):
-        self.number = number
+    def __init__(self, number: int, folder: Path, calib: str):
         self.seed = 700 + number
         self.end = ENDS[number % 3]
         self.calib = calib
-        self.folder = folder / f"plant-{number}"
-        self.folder.mkdir(parents=True, exist_ok=True)
+        self.folder = folder
 
     def runs(self, name: str, train: str, pretrain: str, model: str, leads: list[int], origin: datetime, online: int, replay: int):
         """The runs of one study: its agents are deployed so many days after `origin`. By deployment."""
@@ -136,8 +133,7 @@ class Plant:
             text += f"\n[deployments.d{lead}]\nstart = {day(start)}\nend = {day(start + days(14))}\n"
         path.write_text(text)
         # The plant is the same in all studies, and looking whether it is there takes seconds: the first study does.
-        for step in ["simulate", "pretrain", "sweep"] if name == "newest" else ["pretrain", "sweep"]:
-            subprocess.run([self.calib, step, "-q", str(path)], check=True, stdout=subprocess.DEVNULL)
+        protocols.run(self.calib, path, *["simulate"] * (name == "newest"), "pretrain", "sweep")
         tables = {}
         for lead in leads:
             several = self.folder / name / "deployments" / f"d{lead}" / "sweep" / "runs.parquet"
@@ -163,7 +159,6 @@ class Plant:
                 origins[number] = self.runs(f"month-{number}", span(begin, origin), pretrain, model, leads, origin, 2, 1)
         first = {name: 365 - length for name, length in LENGTHS.items()}
         return {
-            "plant": self.number,
             "truth": {lead: errors(table, "online") for lead, table in newest.items()},
             "half_truth": {lead: errors(table, "online") for lead, table in half.items()},
             "split": errors(split[3], "log-replay"),
@@ -194,51 +189,7 @@ def errors(table, environment: str, since: int | None = None) -> list[list[float
         own = own.filter(polars.col("start_row") >= since)
         if own.is_empty():
             return None
-    found = []
-    for sensor in SENSORS:
-        row = []
-        for candidate in range(len(RATES)):
-            runs = own.filter((polars.col("sensor") == sensor) & (polars.col("candidate") == candidate))
-            values = runs["nrmse"].to_numpy()
-            if runs["diverged"].any() or not all(math.isfinite(value) for value in values):
-                row.append(math.inf)
-            else:
-                row.append(round(sum(math.log(value) for value in values) / len(values), 5))
-        found.append(row)
-    return found
-
-
-def mean_of(tables: list) -> list[list[float]] | None:
-    if not tables:
-        return None
-    return [
-        [round(sum(table[sensor][rate] for table in tables) / len(tables), 5) for rate in range(len(RATES))]
-        for sensor in range(len(SENSORS))
-    ]
-
-
-def smallest(row: list[float]) -> int:
-    return min(range(len(row)), key=lambda rate: row[rate])
-
-
-def interval(values: list[float]) -> tuple[float, float, float]:
-    """Mean and 95 % interval by Student's t."""
-    # Two-sided 97.5 % points of Student's t for 1 to 30 degrees of freedom.
-    points = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
-              2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042]
-    count = len(values)
-    mean = sum(values) / count
-    if count < 2:
-        return mean, math.nan, math.nan
-    deviation = math.sqrt(sum((value - mean) ** 2 for value in values) / (count - 1))
-    half = points[min(count - 1, 30) - 1] * deviation / math.sqrt(count)
-    return mean, mean - half, mean + half
-
-
-def regrets(truth: list[float]) -> list[float]:
-    """Logarithm of each rate's error by the best one's, at most that of ten."""
-    best = min(truth)
-    return [min(value - best, CAP) for value in truth]
+    return protocols.errors(own, SENSORS, len(RATES))
 
 
 def report(plants: list[dict]) -> None:
@@ -276,45 +227,34 @@ def report(plants: list[dict]) -> None:
             values.append(sum(own) / len(own))
         return values
 
-    def percent(value: float) -> str:
-        return f"{(math.exp(value) - 1) * 100:.1f}"
-
     print(f"{len(plants)} plants. Typical regret in % (95 % over plants), by days from training to deployment:\n")
-    print("| chooser | " + " | ".join(f"{lead} days" for lead in LEADS) + " |")
-    print("|---" * (len(LEADS) + 1) + "|")
+    columns = [f"{lead} days" for lead in LEADS]
+    head("chooser", *columns)
     rows = [(name, "12 months") for name in ["not going on", "split", "year", "lead", "others", "hindsight", "random"]]
     rows += [(name, length) for length in list(LENGTHS)[1:] for name in ["year", "lead"]]
     for name, length in rows:
         cells = []
         for lead in LEADS:
             values = over_sensors(lead, name, length)
-            if values is None:
-                cells.append("")
-                continue
-            mean, low, high = interval(values)
-            cells.append(f"{percent(mean)} ({percent(low)} to {percent(high)})")
-        label = name if length == "12 months" else f"{name}, {length}"
-        print(f"| {label} | " + " | ".join(cells) + " |")
+            cells.append("" if values is None else typical_regret(values))
+        row(name if length == "12 months" else f"{name}, {length}", *cells)
     cells = []
     for lead in LEADS:
         own = [
             [regrets(plant["half_truth"][str(lead)][sensor])[smallest(plant["half"][sensor])] for sensor in range(len(SENSORS))]
             for plant in plants
         ]
-        mean, low, high = interval([sum(values) / len(values) for values in own])
-        cells.append(f"{percent(mean)} ({percent(low)} to {percent(high)})")
-    print("| agent of the first half, log replay of the second (its own regret) | " + " | ".join(cells) + " |")
+        cells.append(typical_regret([sum(values) / len(values) for values in own]))
+    row("agent of the first half, log replay of the second (its own regret)", *cells)
 
     print("\nQuotients of errors (95 % over plants):\n")
-    print("| | " + " | ".join(f"{lead} days" for lead in LEADS) + " |")
-    print("|---" * (len(LEADS) + 1) + "|")
+    head("", *columns)
     for one, other in [("lead", "split"), ("year", "split"), ("year", "lead"), ("lead", "others"), ("lead", "not going on")]:
         cells = []
         for lead in LEADS:
             pairs = zip(over_sensors(lead, one), over_sensors(lead, other))
-            mean, low, high = interval([a - b for a, b in pairs])
-            cells.append(f"{math.exp(mean):.3f} ({math.exp(low):.3f} to {math.exp(high):.3f})")
-        print(f"| {one} / {other} | " + " | ".join(cells) + " |")
+            cells.append(quotient([a - b for a, b in pairs]))
+        row(f"{one} / {other}", *cells)
     cells = []
     for lead in LEADS:
         values = []
@@ -325,13 +265,11 @@ def report(plants: list[dict]) -> None:
                 newest = plant["truth"][str(lead)][sensor][chosen(plant, lead, sensor, "lead", "12 months")]
                 own.append(max(min(newest - half, CAP), -CAP))
             values.append(sum(own) / len(own))
-        mean, low, high = interval(values)
-        cells.append(f"{math.exp(mean):.3f} ({math.exp(low):.3f} to {math.exp(high):.3f})")
-    print("| newest agent by lead / agent of the first half by log replay | " + " | ".join(cells) + " |")
+        cells.append(quotient(values))
+    row("newest agent by lead / agent of the first half by log replay", *cells)
 
     print("\nMost frequent choice of each sensor:\n")
-    print("| chooser | sensor | " + " | ".join(f"{lead} days" for lead in LEADS) + " |")
-    print("|---" * (len(LEADS) + 2) + "|")
+    head("chooser", "sensor", *columns)
     for name in ["split", "year", "lead", "hindsight"]:
         for number, sensor in enumerate(SENSORS):
             cells = []
@@ -339,31 +277,10 @@ def report(plants: list[dict]) -> None:
                 all_chosen = [chosen(plant, lead, number, name, "12 months") for plant in plants]
                 mode = max(set(all_chosen), key=all_chosen.count)
                 cells.append(f"{RATES[mode]:g} ({all_chosen.count(mode)})")
-            print(f"| {name} | {sensor} | " + " | ".join(cells) + " |")
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--plants", type=int, nargs=2, default=[0, 24], metavar=("FIRST", "END"))
-    parser.add_argument("--report", action="store_true", help="only print the tables of FOLDER/lead.jsonl")
-    parser.add_argument("--calib", default="target/release/calib")
-    arguments = parser.parse_args()
-    path = arguments.folder / "lead.jsonl"
-    lines = path.read_text().splitlines() if path.exists() else []
-    plants = {plant["plant"]: plant for plant in map(json.loads, lines)}
-    if not arguments.report:
-        for number in range(*arguments.plants):
-            if number in plants:
-                continue
-            plants[number] = json.loads(json.dumps(Plant(number, arguments.calib, arguments.folder).outcome()))
-            with path.open("a") as file:
-                file.write(json.dumps(plants[number]) + "\n")
-            print(f"plant {number} is done", flush=True)
-    if not plants:
-        parser.error(f"{path} has no plants; leave --report out to make them")
-    report([plants[number] for number in sorted(plants)])
+            row(name, sensor, *cells)
 
 
 if __name__ == "__main__":
-    main()
+    protocols.make_and_report(
+        __doc__, "lead.jsonl", 24, lambda number, folder, calib: Plant(number, folder, calib).outcome(), report
+    )

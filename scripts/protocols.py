@@ -1,0 +1,115 @@
+"""What the protocols with simulated plants share: how their plants are made and kept, and how regrets are told."""
+
+import argparse
+import json
+import math
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+# An error this many times the best one's counts as no worse than this: a run that diverged must not decide every mean.
+CAP = math.log(10)
+
+
+def make_and_report(description: str, name: str, plants: int, make: Callable, report: Callable) -> None:
+    """The command line of a protocol: makes its plants one by one, keeps them in FOLDER/NAME, and prints the report.
+
+    `make(number, folder, calib)` gives a plant's outcome as JSON, `report(outcomes)` prints the tables.
+    """
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--plants", type=int, nargs=2, default=[0, plants], metavar=("FIRST", "END"))
+    parser.add_argument("--report", action="store_true", help=f"only print the tables of FOLDER/{name}")
+    parser.add_argument("--calib", default="target/release/calib")
+    arguments = parser.parse_args()
+    path = arguments.folder / name
+    lines = path.read_text().splitlines() if path.exists() else []
+    kept = {plant["plant"]: plant for plant in map(json.loads, lines)}
+    if not arguments.report:
+        for number in range(*arguments.plants):
+            if number in kept:
+                continue
+            folder = arguments.folder / f"plant-{number}"
+            folder.mkdir(parents=True, exist_ok=True)
+            kept[number] = json.loads(json.dumps({"plant": number} | make(number, folder, arguments.calib)))
+            with path.open("a") as file:
+                file.write(json.dumps(kept[number]) + "\n")
+            print(f"plant {number} is done", flush=True)
+    if not kept:
+        parser.error(f"{path} has no plants; leave --report out to make them")
+    report([kept[number] for number in sorted(kept)])
+
+
+def run(calib: str, study: Path, *steps: str) -> None:
+    for step in steps:
+        subprocess.run([calib, step, "-q", str(study)], check=True, stdout=subprocess.DEVNULL)
+
+
+def errors(runs, sensors: list[str], candidates: int) -> list[list[float]]:
+    """Mean logarithm of the error over some rows of runs.parquet, `[sensor][candidate]`; infinite where a run diverged."""
+    import polars
+
+    found = []
+    for sensor in sensors:
+        row = []
+        for candidate in range(candidates):
+            own = runs.filter((polars.col("sensor") == sensor) & (polars.col("candidate") == candidate))
+            values = own["nrmse"].to_list()
+            if own["diverged"].any() or not all(math.isfinite(value) for value in values):
+                row.append(math.inf)
+            else:
+                row.append(round(sum(map(math.log, values)) / len(values), 5))
+        found.append(row)
+    return found
+
+
+def mean_of(tables: list[list[list[float]]]) -> list[list[float]] | None:
+    """Mean of tables `[sensor][candidate]`."""
+    if not tables:
+        return None
+    return [[round(sum(values) / len(values), 5) for values in zip(*rows)] for rows in zip(*tables)]
+
+
+def smallest(row: list[float]) -> int:
+    return min(range(len(row)), key=lambda place: row[place])
+
+
+def regrets(truth: list[float]) -> list[float]:
+    """Logarithm of each candidate's error by the best one's, at most that of ten."""
+    best = min(truth)
+    return [min(value - best, CAP) for value in truth]
+
+
+def interval(values: list[float]) -> tuple[float, float, float]:
+    """Mean and 95 % interval by Student's t."""
+    # Two-sided 97.5 % points of Student's t for 1 to 30 degrees of freedom.
+    points = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
+              2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042]
+    count = len(values)
+    mean = sum(values) / count
+    if count < 2:
+        return mean, math.nan, math.nan
+    deviation = math.sqrt(sum((value - mean) ** 2 for value in values) / (count - 1))
+    half = points[min(count - 1, 30) - 1] * deviation / math.sqrt(count)
+    return mean, mean - half, mean + half
+
+
+def typical_regret(values: list[float]) -> str:
+    """In per cent with its interval, of logarithms of plants."""
+    mean, low, high = (f"{(math.exp(value) - 1) * 100:.1f}" for value in interval(values))
+    return f"{mean} ({low} to {high})"
+
+
+def quotient(values: list[float]) -> str:
+    """With its interval, of differences of plants' logarithms."""
+    mean, low, high = (f"{math.exp(value):.3f}" for value in interval(values))
+    return f"{mean} ({low} to {high})"
+
+
+def head(*names: str) -> None:
+    print("| " + " | ".join(names) + " |")
+    print("|---" * len(names) + "|")
+
+
+def row(*cells: object) -> None:
+    print("| " + " | ".join(map(str, cells)) + " |")
