@@ -8,7 +8,7 @@
 A rate that fails in one stream of fifty passes fifteen windows of the log in three cases of four (0.98^15 = 0.74). It passes 150
 rollouts in one case of twenty. The protocol, as it was fixed before its runs:
 
-- *Plants.* 24 simulated plants, numbers 0 to 23: seed 900 + number, 64 channels, a row every minute, 75 days, of which the first 27
+- *Plants.* 48 simulated plants, numbers 0 to 47: seed 900 + number, 64 channels, a row every minute, 75 days, of which the first 27
   are the log. `random.Random(900 + number)` draws drift, noise, storms and the first day from the ranges of
   configs/validity/protocol.toml. The historian has no outages, so that every window is whole.
 - *Agents.* SGD from scratch, eleven rates from 1e-5 to 1, for PIT300, TIT101 and TUIT101. Drawn for each plant: a linear agent or
@@ -374,4 +374,4 @@ def print_choices(plants: list[dict]) -> None:
 
 
 if __name__ == "__main__":
-    protocols.make_and_report(__doc__, "divergence.jsonl", 24, make, report)
+    protocols.make_and_report(__doc__, "divergence.jsonl", 48, make, report)
