@@ -1,8 +1,9 @@
-//! The schema of a study is current, every study names it, and the guide tells the same keys and defaults.
+//! The schema of a study is current, every study names it, every protocol draws studies, and the guide tells the same keys and
+//! defaults.
 
-use std::{fs, path::PathBuf};
+use std::{collections::BTreeMap, fs, path::PathBuf};
 
-use calib_study::schema;
+use calib_study::{Protocol, schema};
 use serde_json::{Map, Value};
 use toml::Table;
 
@@ -60,6 +61,24 @@ fn every_study_of_the_repository_names_the_schema() {
         }
     }
     assert!(studies > 8, "{studies} studies");
+}
+
+#[test]
+fn every_protocol_of_the_repository_draws_valid_studies() {
+    let folder = file("configs/validity");
+    let mut plants = BTreeMap::new();
+    for entry in fs::read_dir(&folder).expect("a folder").flatten() {
+        let path = entry.path();
+        let Some(protocol) = Protocol::find(&path).expect("valid") else { continue };
+        let drawn = protocol.draw(&path, &folder, &[]).expect("plants and tasks");
+        for study in &drawn {
+            let job = study.job(&folder).expect("a valid study");
+            assert!(!job.study().sweep.sensors.is_empty(), "{}", study.plant);
+        }
+        plants.insert(entry.file_name().into_string().expect("text"), drawn.len());
+    }
+    assert_eq!((plants["protocol.toml"], plants["warm.toml"]), (29, 29));
+    assert_eq!((plants["wastewater.toml"], plants["wastewater-warm.toml"]), (20, 20));
 }
 
 /// What a table of docs/study.md says of a key.
