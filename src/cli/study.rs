@@ -65,7 +65,7 @@ pub(crate) struct ControlArgs {
     #[command(flatten)]
     pub(crate) study: StudyArgs,
     /// Make only this share of the runs, where others make the rest, such as 0/8 or auto/8; then run it without
-    #[arg(long, value_name = "I/N", conflicts_with = "json")]
+    #[arg(long, value_name = "I/N")]
     pub(crate) share: Option<String>,
 }
 

@@ -106,6 +106,7 @@ pub(crate) fn run(cli: Cli, printer: &Printer) -> Result<Outcome, StepError> {
             calib_pipeline::evaluate_runs(&runs, &study, output.as_deref(), printer)?.outcome()
         }
         Command::Control(ControlArgs { study, share }) => {
+            share::refuse_verdict(&study, share.as_deref())?;
             let job = share::shared(study.job()?, share.as_deref())?;
             calib_pipeline::control(&job, printer)?.outcome()
         }

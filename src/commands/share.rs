@@ -3,6 +3,8 @@
 use calib_pipeline::{Context as _, StepError, ensure};
 use calib_study::{Job, Policy, Share};
 
+use crate::cli::StudyArgs;
+
 /// What systems call the number of a task, and what the first one is.
 const NUMBERS: [(&str, usize); 5] = [
     ("SLURM_ARRAY_TASK_ID", 0),
@@ -63,6 +65,15 @@ pub(super) fn shared(job: Job, typed: Option<&str>) -> Result<Job, StepError> {
     );
     let share = share(typed, |name| std::env::var(name).ok())?;
     Ok(job.under(Policy { share: Some(share), ..policy }))
+}
+
+/// Refuse a share that is to print its verdict as JSON: only the plan of a share is a result.
+pub(super) fn refuse_verdict(study: &StudyArgs, typed: Option<&str>) -> Result<(), StepError> {
+    ensure!(
+        typed.is_none() || !study.json || study.dry_run,
+        "--share with --json: a share has no verdict to print; leave --json out, or add --dry-run to print the plan of the share"
+    );
+    Ok(())
 }
 
 #[cfg(test)]

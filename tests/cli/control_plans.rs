@@ -86,6 +86,23 @@ fn a_dry_run_counts_what_is_left() {
 }
 
 #[test]
+fn shares_print_their_parts_of_the_plan_as_json() {
+    let place = control::place();
+    place.calib(&["control", STUDY, "--share", "1/4"]).succeeds();
+    let whole = planned(&place, &[]);
+    let parts: Vec<Value> =
+        (0..4).map(|number| planned(&place, &["--share", &format!("{number}/4")])).collect();
+    for part in ["runs", "left"] {
+        let of_shares = parts.iter().map(|plan| plan[part].as_u64().expect("a number"));
+        assert_eq!(Some(of_shares.sum::<u64>()), whole[part].as_u64(), "{part} of {parts:?}");
+    }
+    // Of 18 runs the second of four shares has made its five.
+    assert_eq!((&parts[1]["runs"], &parts[1]["left"]), (&5.into(), &0.into()), "{}", parts[1]);
+    // Constant actions and evaluations by the log alone are no part of a share.
+    assert_eq!(parts[0]["expected"]["other_secs"], 0.0, "{}", parts[0]);
+}
+
+#[test]
 fn many_runs_are_counted_without_a_list() {
     let place = control::place();
     // Two settings in three members of three kinds.
