@@ -28,7 +28,8 @@ fn a_dry_run_says_what_a_sweep_takes() {
         let told = told(&place, command, &[]);
         for part in [
             "runs left to make: 18 of 18, on 2 threads",
-            "memory beside the program: up to ",
+            "memory: up to ",
+            " beside calib itself (",
             " of neighbours, ",
             " of increments or networks, ",
             " a thread",

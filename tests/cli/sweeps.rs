@@ -82,7 +82,9 @@ fn a_dry_run_lists_the_values_and_what_they_take() {
     ];
     let listed = place.calib(&sampled);
     assert_snapshot!(listed.succeeds());
-    assert!(listed.stderr().contains("memory: up to "), "{}", listed.stderr());
+    for part in ["memory: up to ", " beside calib itself ("] {
+        assert!(listed.stderr().contains(part), "{part} is missing in {}", listed.stderr());
+    }
     let plan = place.calib(&[&sampled[..], &["--json"]].concat()).json(&[0]);
     assert_eq!(plan["candidates"].as_array().map(Vec::len), Some(5), "{plan}");
     assert!(plan["memory"]["total"].as_u64() > plan["memory"]["data"].as_u64());

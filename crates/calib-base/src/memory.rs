@@ -84,9 +84,12 @@ fn of_limits(limits: &str, status: &str) -> Option<u64> {
     Some(limit.saturating_sub(kib * 1024))
 }
 
-/// What ends a line on memory, where the system says how much there is: "; 21.3 GiB are available".
-pub fn available_told(available: Option<u64>) -> String {
-    available.map_or_else(String::new, |there| format!("; {} are available", bytes(there)))
+/// The line of a plan on memory: that work takes `total` bytes at most, by its `parts` in words, and how many there are, where the
+/// system says so. Neither number has calib itself, its code and its threads, in it: they are there before anything is planned.
+pub fn plan_line(total: u64, parts: &str, available: Option<u64>) -> String {
+    let available =
+        available.map_or_else(String::new, |there| format!("; {} are available", bytes(there)));
+    format!("memory: up to {} beside calib itself ({parts}){available}", bytes(total))
 }
 
 /// Refuse what would take more memory than there is. `what` would take `needed` bytes; `remedy` says what takes less.
@@ -216,6 +219,14 @@ mod tests {
         let text = "MemTotal:       16 kB\nMemAvailable:    1024 kB\n";
         assert_eq!(of_meminfo(text), Some(1 << 20));
         assert_eq!(of_meminfo("MemTotal: 16 kB\n"), None);
+    }
+
+    #[test]
+    fn a_plan_says_what_it_leaves_out() {
+        let told = "memory: up to 3.0 MiB beside calib itself (2.0 MiB of data)";
+        assert_eq!(plan_line(3 << 20, "2.0 MiB of data", None), told);
+        let told = format!("{told}; 1.0 GiB are available");
+        assert_eq!(plan_line(3 << 20, "2.0 MiB of data", Some(1 << 30)), told);
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub struct ControlPlan {
     is_represented: bool,
 }
 
-/// Bytes that it takes at most, beside the program itself.
+/// Bytes that it takes at most, beside calib itself.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 struct ControlMemory {
     /// The decisions of the log.
@@ -260,13 +260,12 @@ impl ControlMemory {
             0 => "without what the agents' program takes".to_owned(),
             thread => format!("{} a thread", bytes(thread)),
         };
-        let available = memory::available_told(available);
-        format!(
-            "memory beside the program: up to {} ({} of the log, {} of neighbours{others}, {thread}){available}",
-            bytes(total),
+        let parts = format!(
+            "{} of the log, {} of neighbours{others}, {thread}",
             bytes(log),
             bytes(tables),
-        )
+        );
+        memory::plan_line(total, &parts, available)
     }
 }
 

@@ -93,7 +93,7 @@ pub struct SweepPlan {
     pub(crate) expected: Option<Expected>,
 }
 
-/// Bytes that a sweep takes at most.
+/// Bytes that a sweep takes at most, beside calib itself.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub(crate) struct Memory {
     /// Recorded states, shared by all threads.
@@ -230,18 +230,17 @@ impl Memory {
     }
 
     fn text(&self) -> String {
-        let available = memory::available_told(self.available);
         let predictions = match self.predictions {
             0 => String::new(),
             predictions => format!(", {} of predicted states", bytes(predictions)),
         };
-        format!(
-            "memory: up to {} ({} of data, {} a thread{predictions}, {} of results){available}",
-            bytes(self.total),
+        let parts = format!(
+            "{} of data, {} a thread{predictions}, {} of results",
             bytes(self.data),
             bytes(self.thread),
             bytes(self.results)
-        )
+        );
+        memory::plan_line(self.total, &parts, self.available)
     }
 }
 
