@@ -103,6 +103,46 @@ fn shares_print_their_parts_of_the_plan_as_json() {
     assert_eq!(parts[0]["expected"]["other_secs"], 0.0, "{}", parts[0]);
 }
 
+/// Neighbours are near in a small representation.
+const LAPLACIAN: [&str; 2] = [
+    "--set=control.model.distance='laplacian'",
+    "--set=representation={ dimension = 4, hidden_units = 16, batch_size = 32, learning_rate = 3e-3, steps = 300 }",
+];
+
+#[test]
+fn a_representation_counts_until_it_is_there() {
+    let place = control::place();
+    let laplacian = |more: &[&str]| planned(&place, &[&LAPLACIAN[..], more].concat());
+    let secs = |plan: &Value| {
+        plan["expected"]["representation_secs"].as_f64().expect("the time of the representation")
+    };
+    let plain = planned(&place, &[]);
+    let new = laplacian(&[]);
+    assert_eq!((secs(&plain), &plain["memory"]["representation"]), (0.0, &0.into()));
+    assert!(secs(&new) > 0.0, "{new}");
+    // Ten thousand times as many updates.
+    let longer = laplacian(&["--set=representation.steps=3000000"]);
+    assert!(secs(&longer) > secs(&new), "{longer} {new}");
+    let number = |plan: &Value, part: &str| plan.pointer(part).and_then(Value::as_u64);
+    // At least 1,500 rows, with 4 columns twice and 4 dimensions.
+    assert!(number(&new, "/memory/representation") > Some(1_500 * 12 * 4), "{new}");
+    assert!(number(&new, "/disk") > number(&plain, "/disk"), "{new}");
+    let said = told(&place, "control", &LAPLACIAN);
+    for part in [" of the representation, ", "(representation "] {
+        assert!(said.contains(part), "{part} is missing in {said}");
+    }
+    let share = [&["control", STUDY, "--share", "0/20"][..], &LAPLACIAN].concat();
+    place.calib(&share).succeeds();
+    // With the model, and where another model is to be made of it.
+    let same: &[&str] = &[];
+    for more in [same, &["--set=control.model.neighbors=2"]] {
+        let made = laplacian(more);
+        assert_eq!((secs(&made), &made["memory"]["representation"]), (0.0, &0.into()), "{made}");
+    }
+    let again = laplacian(&["--force"]);
+    assert!(secs(&again) > 0.0, "{again}");
+}
+
 #[test]
 fn many_runs_are_counted_without_a_list() {
     let place = control::place();

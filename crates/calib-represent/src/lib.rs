@@ -61,5 +61,5 @@ pub use section::{RepresentationConfig, RepresentationKind};
 pub use selection::{LEAST_UNIQUENESS, select};
 pub use split::Split;
 pub use stepper::Stepper;
-pub use train::{Divergence, Point, Task, Trained, train, train_with};
+pub use train::{CURVE_POINTS, Divergence, Point, SCORED_PAIRS, Task, Trained, train, train_with};
 pub use training::{Batch, Training};

@@ -15,10 +15,10 @@ use crate::{
 };
 
 /// Points of the learning curve, and checkpoints, that a training has at most.
-const POINTS: usize = 20;
+pub const CURVE_POINTS: usize = 20;
 
 /// Pairs of successive validation states that a point of the learning curve is scored on, at most.
-const SAMPLE: usize = 2_000;
+pub const SCORED_PAIRS: usize = 2_000;
 
 /// A loss this many times the greater of its first value and its natural scale is on its way to infinity.
 const EXPLOSION: f64 = 1e4;
@@ -120,7 +120,7 @@ pub fn train_with(
     let mut progress = restored.transpose()?.flatten().unwrap_or_default();
     monitor.advance(training.done() as u64);
     let sample = Sample::new(states, segments, split);
-    let every = config.steps.div_ceil(POINTS);
+    let every = config.steps.div_ceil(CURVE_POINTS);
     let keep = |training: &dyn Stepper, progress: &Progress| match checkpoint {
         Some(checkpoint) => checkpoint::write(checkpoint, training, progress),
         None => Ok(()),
@@ -174,7 +174,7 @@ struct Sample {
 impl Sample {
     fn new(states: &States, segments: &Segments, split: &Split) -> Self {
         let all: Vec<usize> = successive(segments, &split.validation).collect();
-        let count = all.len().min(SAMPLE);
+        let count = all.len().min(SCORED_PAIRS);
         let mut values = Vec::with_capacity(2 * count * states.columns());
         for place in 0..count {
             let row = all[place * all.len() / count];

@@ -6,13 +6,13 @@ use calib_base::{
     memory,
     output::Printer,
 };
-use calib_core::States;
+use calib_core::{Monitor, States};
 use calib_represent::Split;
 use calib_study::{Job, StepKind, Study};
 
 use super::{
-    LESS, Material, RepresentationFacts, RepresentationManifest, TriedCandidates, grid, made,
-    needed_bytes, none_qualifies, read, scored, seed, trained,
+    LESS, Material, RepresentationCost, RepresentationFacts, RepresentationManifest,
+    TriedCandidates, grid, made, needed_bytes, none_qualifies, read, scored, seed, trained,
 };
 
 /// Fingerprint of what the representation of the states of `material` follows from. What kind of representation a model without actions has does not
@@ -96,6 +96,31 @@ pub fn kept(job: &Job, material: Material<'_>) -> Result<Option<States>, StepErr
         return Ok(None);
     }
     Ok(Some(read(directory, &manifest, &job.command(StepKind::Control))?.psi))
+}
+
+/// What making the representation takes if it is not there. Some updates are made and timed, and nothing is written.
+///
+/// # Errors
+/// If all are there and none qualifies, training does not fit into memory or cannot be done, or the monitor interrupts.
+pub fn cost(
+    job: &Job,
+    material: Material<'_>,
+    monitor: &dyn Monitor,
+) -> Result<Option<RepresentationCost>, StepError> {
+    let study = job.study();
+    let directory = job.layout().control_representation();
+    let left = if job.policy().redoes() {
+        study.representation.candidates()
+    } else {
+        let key = key(job, material)?;
+        if let Some(manifest) = RepresentationManifest::find(&directory, &key) {
+            read(&directory, &manifest, &job.command(StepKind::Control))?;
+            return Ok(None);
+        }
+        grid::left(study, material, &directory)?
+    };
+    memory::require(needed_bytes(study, material), "training the representations", LESS)?;
+    RepresentationCost::measure(study, material, &left, monitor).map(Some)
 }
 
 /// What `calib control` trained, for the report.

@@ -117,6 +117,17 @@ fn keyed(study: &Study, material: Material<'_>) -> Result<Vec<KeyedCandidate>, S
         .collect()
 }
 
+/// The candidates of the grid whose training is not finished in `directory`.
+pub(super) fn left(
+    study: &Study,
+    material: Material<'_>,
+    directory: &Path,
+) -> Result<Vec<LaplacianConfig>, StepError> {
+    let grid = keyed(study, material)?.into_iter();
+    let left = grid.filter(|(key, _)| read(&place(directory, key), key).is_none());
+    Ok(left.map(|(_, config)| config).collect())
+}
+
 /// Where a candidate is.
 fn place(directory: &Path, key: &str) -> PathBuf {
     directory.join(CANDIDATES).join(short(key))

@@ -1,5 +1,6 @@
 //! Representations of the states: trained or imported, scored, chosen.
 
+mod cost;
 pub mod decisions;
 mod grid;
 mod import;
@@ -37,6 +38,8 @@ use calib_study::{Job, Layout, Share, StepKind, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use cost::RepresentationCost;
+use cost::needed_bytes;
 pub use table::report_table;
 pub(crate) use table::show;
 
@@ -255,24 +258,6 @@ fn announce(study: &Study, dataset: &Dataset, printer: &Printer) {
         count(steps),
         bytes(needed_bytes(study, Material::of(dataset))),
     ));
-}
-
-/// What training takes: the states, the representation of all of them, and the encoders that are trained at a time.
-fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
-    let (rows, columns) = material.shape();
-    let candidates = study.representation.candidates();
-    let widest = candidates.iter().map(|candidate| candidate.dimension).max().unwrap_or(0);
-    let at_once = rayon::current_num_threads().min(candidates.len()) as u64;
-    let mut largest = 0;
-    for LaplacianConfig { hidden_units, hidden_layers, dimension, batch_size, .. } in &candidates {
-        let mut sizes = vec![columns];
-        sizes.extend(std::iter::repeat_n(*hidden_units, *hidden_layers));
-        sizes.push(*dimension);
-        // A batch has u, v and x.
-        largest = largest.max(calib_nn::training_bytes(&sizes, batch_size.saturating_mul(3)));
-    }
-    let states = (rows * (2 * columns + widest) * 4) as u64;
-    states.saturating_add(largest.saturating_mul(at_once))
 }
 
 /// Representations, and which of them is used.

@@ -8,7 +8,7 @@ use calib_base::{
 use calib_control::{
     ActionModel, ActionModelKind, ControlConfig, Decisions, Distance, off_policy_bytes,
 };
-use calib_model_steps::represent::decisions;
+use calib_model_steps::represent::{RepresentationCost, decisions};
 use calib_study::Job;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -39,7 +39,7 @@ pub struct ControlPlan {
     threads: usize,
     /// What it takes.
     memory: ControlMemory,
-    /// Bytes of the model, if it is not there, and of the runs that are left.
+    /// Bytes of the representation and the model, if they are not there, and of the runs that are left.
     disk: u64,
     /// How long it will take, if that is known.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -47,8 +47,6 @@ pub struct ControlPlan {
     /// Why it is not known how long it will take.
     #[serde(skip_serializing_if = "Option::is_none")]
     unknown: Option<String>,
-    /// Whether a representation is trained first, whose time is not in it.
-    is_represented: bool,
 }
 
 /// Bytes that it takes at most, beside calib itself.
@@ -58,7 +56,9 @@ struct ControlMemory {
     log: u64,
     /// Tables of neighbours of all ensemble members.
     tables: u64,
-    /// What other kinds of models need beside them.
+    /// Training the representation, if it is not there.
+    representation: u64,
+    /// What other kinds of models need beside the tables.
     other_models: u64,
     /// An agent, or its evaluation by the log alone, on each thread. What a program of agents takes is not in it.
     thread: u64,
@@ -71,6 +71,8 @@ struct ControlMemory {
 /// How long it takes, in seconds until the last thread ends, if nothing else runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 struct ControlTime {
+    /// Training and scoring the representation, if it is not there.
+    representation_secs: f64,
     /// Making models, training networks among them.
     models_secs: f64,
     /// The runs that are left, and keeping each in its file.
@@ -96,10 +98,16 @@ pub(super) fn planned(
     let work = WorkLeft::of(job, config, agents.count(), units, printer)?;
     let threads = rayon::current_num_threads();
     let kept = model::open_kept(job, config, log)?;
+    let progress = printer.silent().progress();
+    let represented = if config.model.distance == Distance::Laplacian && kept.is_none() {
+        decisions::cost(job, log.material(), &progress)?
+    } else {
+        None
+    };
+    let represented = represented.as_ref();
     let measured = match agents {
         ComparedAgents::Own(_) => {
             let worst = model::rules(config, log)?.worst_return;
-            let progress = printer.silent().progress();
             let own = agents.own();
             let decisions = &log.decisions;
             MeasuredCosts::measure(config, own, decisions, kept.as_ref(), worst, &progress)
@@ -109,35 +117,37 @@ pub(super) fn planned(
         }
     };
     let (expected, unknown) = match measured {
-        Ok(costs) => (Some(ControlTime::of(&costs, &work, config, &log.decisions, threads)), None),
+        Ok(costs) => {
+            let decisions = &log.decisions;
+            let time = ControlTime::of(&costs, represented, &work, config, decisions, threads);
+            (Some(time), None)
+        }
         Err(reason) if reason.was_cancelled() => return Err(reason),
         Err(reason) => (None, Some(reason.to_string())),
     };
-    let is_laplacian = config.model.distance == Distance::Laplacian;
-    let is_represented = is_laplacian
-        && kept.is_none()
-        && (job.policy().redoes() || decisions::kept(job, log.material())?.is_none());
     Ok(ControlPlan {
         runs: work.runs,
         left: work.left(),
         threads,
-        memory: ControlMemory::of(config, log, agents, &work, threads)?,
-        disk: disk(config, &log.decisions, kept.is_some(), work.left()),
+        memory: ControlMemory::of(config, log, agents, represented, &work, threads)?,
+        disk: disk(config, &log.decisions, kept.is_some(), work.left())
+            .saturating_add(represented.map_or(0, |cost| cost.disk)),
         expected,
         unknown,
-        is_represented,
     })
 }
 
 impl ControlTime {
     fn of(
         costs: &MeasuredCosts,
+        represented: Option<&RepresentationCost>,
         work: &WorkLeft,
         config: &ControlConfig,
         log: &Decisions,
         threads: usize,
     ) -> Self {
         let steps = config.steps as f64;
+        let representation_secs = represented.map_or(0.0, |cost| representing(cost, threads));
         let mut models_secs = costs.building;
         let mut runs_secs = 0.0;
         let mut other_secs = 0.0;
@@ -173,13 +183,18 @@ impl ControlTime {
                 .map(|agent| agent.beginning + steps * (agent.step + costs.neighbors_step));
             other_secs += once_more.sum::<f64>() / costs.agents.len().max(1) as f64;
         }
-        let secs = models_secs + runs_secs + other_secs;
-        Self { models_secs, runs_secs, other_secs, secs }
+        let secs = representation_secs + models_secs + runs_secs + other_secs;
+        Self { representation_secs, models_secs, runs_secs, other_secs, secs }
     }
 
     /// "models 2.0 s, runs 8.0 s".
     fn parts(self) -> String {
-        let Self { models_secs, runs_secs, other_secs, .. } = self;
+        let Self { representation_secs, models_secs, runs_secs, other_secs, .. } = self;
+        let representation = if representation_secs > 0.0 {
+            format!("representation {}, ", duration_of_secs(representation_secs))
+        } else {
+            String::new()
+        };
         let [models, runs] = [models_secs, runs_secs].map(duration_of_secs);
         let others = if other_secs > 0.0 {
             let others = duration_of_secs(other_secs);
@@ -187,8 +202,14 @@ impl ControlTime {
         } else {
             String::new()
         };
-        format!("models {models}, runs {runs}{others}")
+        format!("{representation}models {models}, runs {runs}{others}")
     }
+}
+
+/// How long making a representation takes.
+fn representing(cost: &RepresentationCost, threads: usize) -> f64 {
+    let trainings = cost.trainings.iter().map(|&secs| Pieces { count: 1, secs });
+    side_by_side(&trainings.collect::<Vec<_>>(), threads) + cost.scoring
 }
 
 /// What the evaluation of an agent by the log alone takes: it learns from the log, and its policy is evaluated.
@@ -220,6 +241,7 @@ impl ControlMemory {
         config: &ControlConfig,
         log: &ActionLog,
         agents: &ComparedAgents,
+        represented: Option<&RepresentationCost>,
         work: &WorkLeft,
         threads: usize,
     ) -> Result<Self, StepError> {
@@ -244,14 +266,20 @@ impl ControlMemory {
         }
         let log = log_bytes(decisions);
         let all_threads = thread.saturating_mul(threads as u64);
-        let parts = [log, tables, other_models, all_threads];
-        let total = parts.into_iter().fold(0, u64::saturating_add);
+        // The representation is gone when runs begin; the tables are made from it.
+        let representation = represented.map_or(0, |cost| cost.memory);
+        let beside_tables = representation.max(other_models.saturating_add(all_threads));
+        let total = log.saturating_add(tables).saturating_add(beside_tables);
         let available = memory::available();
-        Ok(Self { log, tables, other_models, thread, total, available })
+        Ok(Self { log, tables, representation, other_models, thread, total, available })
     }
 
     fn line(&self) -> String {
-        let Self { log, tables, other_models, thread, total, available } = *self;
+        let Self { log, tables, representation, other_models, thread, total, available } = *self;
+        let representation = match representation {
+            0 => String::new(),
+            representation => format!(", {} of the representation", bytes(representation)),
+        };
         let others = match other_models {
             0 => String::new(),
             others => format!(", {} of increments or networks", bytes(others)),
@@ -261,7 +289,7 @@ impl ControlMemory {
             thread => format!("{} a thread", bytes(thread)),
         };
         let parts = format!(
-            "{} of the log, {} of neighbours{others}, {thread}",
+            "{} of the log{representation}, {} of neighbours{others}, {thread}",
             bytes(log),
             bytes(tables),
         );
@@ -310,7 +338,6 @@ impl ControlPlan {
             disk: 0,
             expected: Some(ControlTime::default()),
             unknown: None,
-            is_represented: false,
         })
     }
 
@@ -336,12 +363,7 @@ impl ControlPlan {
             let reason = self.unknown.as_deref().unwrap_or_default();
             format!("how long it takes is not known: {reason}")
         };
-        let represented = if self.is_represented {
-            "; training the representation comes before, and is not counted"
-        } else {
-            ""
-        };
-        printer.say(&format!("{time}; {disk}{represented}"));
+        printer.say(&format!("{time}; {disk}"));
     }
 }
 
@@ -398,7 +420,7 @@ mod tests {
         let costs = MeasuredCosts { building: 5.0, neighbors_step: 1.0, kinds, agents };
         let config = ControlConfig { steps: 10, runs: 1, ..ControlConfig::default() };
         let log = decisions();
-        let time = |work: &WorkLeft| ControlTime::of(&costs, work, &config, &log, 1);
+        let time = |work: &WorkLeft| ControlTime::of(&costs, None, work, &config, &log, 1);
         let all = time(&work(Extent::All, [2, 2], 2));
         // The model, and two networks.
         assert_eq!(all.models_secs, 5.0 + 2.0 * 7.0);
@@ -417,6 +439,23 @@ mod tests {
         assert_eq!(part.parts(), "models 12 s, runs 50 s");
         let none = time(&work(Extent::Share, [0, 0], 0));
         assert_eq!((none.models_secs, none.runs_secs), (5.0, 0.0));
+    }
+
+    #[test]
+    fn a_representation_comes_before_the_rest() {
+        let cost = RepresentationCost { trainings: vec![4.0; 3], scoring: 1.0, memory: 1, disk: 1 };
+        assert_eq!([1, 2, 3].map(|threads| representing(&cost, threads)), [13.0, 9.0, 5.0]);
+        let costs = MeasuredCosts {
+            building: 5.0,
+            neighbors_step: 1.0,
+            kinds: Vec::new(),
+            agents: Vec::new(),
+        };
+        let nothing = WorkLeft { extent: Extent::Share, runs: 0, kinds: Vec::new() };
+        let config = ControlConfig::default();
+        let time = ControlTime::of(&costs, Some(&cost), &nothing, &config, &decisions(), 2);
+        assert_eq!((time.representation_secs, time.secs), (9.0, 14.0));
+        assert_eq!(time.parts(), "representation 9.0 s, models 5.0 s, runs 0.0 s");
     }
 
     #[test]

@@ -1,0 +1,271 @@
+//! What it takes to train the representations of a study, before it does: some updates of each are made and timed.
+
+use std::time::Duration;
+
+use calib_base::{StepError, clock::Stopwatch};
+use calib_core::{Monitor, Seed, Segments};
+use calib_represent::{
+    CURVE_POINTS, LaplacianConfig, SCORED_PAIRS, Split, Training, encode, score,
+};
+use calib_study::Study;
+
+use super::{Material, seed};
+
+/// How long the updates of a candidate are timed, at least.
+const TIMED: Duration = Duration::from_millis(50);
+/// How long candidates are timed in all. The first is, however long that takes.
+const ALL_CANDIDATES: Duration = Duration::from_millis(1_200);
+/// Products of weights and states of a batch that a timed update has at most: some tens of milliseconds.
+const MOST_WORK: usize = 200_000_000;
+/// A step size with which no training diverges while it is timed.
+const SMALL_LEARNING_RATE: f64 = 1e-6;
+
+/// What it takes to make a representation that is not there.
+#[derive(Clone, Debug)]
+pub struct RepresentationCost {
+    /// Seconds of each training that is left, on one thread.
+    pub trainings: Vec<f64>,
+    /// Seconds until all candidates are scored after that, on all threads.
+    pub scoring: f64,
+    /// Bytes of memory, at most.
+    pub memory: u64,
+    /// Bytes of its files.
+    pub disk: u64,
+}
+
+impl RepresentationCost {
+    /// What making the representation of a study takes, of which the trainings of these candidates are left. Nothing is written.
+    ///
+    /// # Errors
+    /// If there are no two successive states, no candidate can be trained, or the monitor interrupts.
+    pub(super) fn measure(
+        study: &Study,
+        material: Material<'_>,
+        left: &[LaplacianConfig],
+        monitor: &dyn Monitor,
+    ) -> Result<Self, StepError> {
+        let split = Split::in_time(material.segments)?;
+        let timing = CandidateTiming { material, split: &split, seed: seed(study) };
+        let candidates = study.representation.candidates();
+        let costs = timing.all(&candidates, monitor)?;
+        let timed = candidates.iter().zip(&costs);
+        let trainings = timed.filter(|(candidate, _)| left.contains(candidate));
+        Ok(Self {
+            trainings: trainings.map(|(_, cost)| cost.training).collect(),
+            scoring: costs.iter().map(|cost| cost.scoring).sum(),
+            memory: needed_bytes(study, material),
+            disk: disk_bytes(&candidates, material),
+        })
+    }
+}
+
+/// What a candidate takes, in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct CandidateCost {
+    /// Its training with its learning curve, on one thread.
+    training: f64,
+    /// Encoding and scoring all states, on all threads.
+    scoring: f64,
+}
+
+impl CandidateCost {
+    /// The cost of a candidate that computes so many times as much.
+    fn times(self, factor: f64) -> Self {
+        Self { training: factor * self.training, scoring: factor * self.scoring }
+    }
+}
+
+/// A candidate that was timed.
+struct TimedCandidate {
+    config: LaplacianConfig,
+    cost: CandidateCost,
+}
+
+/// What candidates are timed on.
+struct CandidateTiming<'a> {
+    material: Material<'a>,
+    split: &'a Split,
+    seed: Seed,
+}
+
+impl CandidateTiming<'_> {
+    /// What each candidate takes. Those that differ in nothing that takes time are timed once. When the time is over, the cost of
+    /// another is that of one before it, by their weights.
+    fn all(
+        &self,
+        candidates: &[LaplacianConfig],
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<CandidateCost>, StepError> {
+        let columns = self.material.states.columns();
+        let weights = |config: &LaplacianConfig| parameters(config, columns) as f64;
+        let clock = Stopwatch::start();
+        let mut timed: Vec<TimedCandidate> = Vec::new();
+        let mut costs = Vec::with_capacity(candidates.len());
+        for candidate in candidates {
+            monitor.check()?;
+            let config = timed_like(candidate);
+            let known = timed.iter().find(|other| other.config == config).map(|other| other.cost);
+            let by_weights = timed.last().filter(|_| clock.elapsed() >= ALL_CANDIDATES);
+            let by_weights =
+                by_weights.map(|other| other.cost.times(weights(&config) / weights(&other.config)));
+            let cost = if let Some(cost) = known.or(by_weights) {
+                cost
+            } else {
+                let cost = self.candidate(&config)?;
+                timed.push(TimedCandidate { config, cost });
+                cost
+            };
+            costs.push(cost);
+        }
+        Ok(costs)
+    }
+
+    fn candidate(&self, config: &LaplacianConfig) -> Result<CandidateCost, StepError> {
+        let Material { states, segments, .. } = self.material;
+        let TimeableCandidate { config: timed, times } = timeable(config, states.columns());
+        let clock = Stopwatch::start();
+        let mut training = Training::new(&timed, states, segments, self.split, self.seed)?;
+        let beginning = clock.elapsed().as_secs_f64();
+        let update = times * update_secs(&mut training);
+        // As many states as a point of the learning curve is scored on.
+        let validation = &self.split.validation;
+        let rows = validation.len().min(2 * SCORED_PAIRS);
+        let few = states.slice(validation.start..validation.start + rows);
+        let clock = Stopwatch::start();
+        let psi = encode(training.encoder(), &few)?;
+        let encoding = clock.elapsed().as_secs_f64();
+        let clock = Stopwatch::start();
+        score(&few, &psi, &Segments::from_lengths([rows])?, &(0..rows), self.seed);
+        let scoring = clock.elapsed().as_secs_f64();
+        // A training encodes on its own thread, and in the end all threads do.
+        let point = encoding * rayon::current_num_threads() as f64 + scoring;
+        let points = config.steps.min(CURVE_POINTS) as f64;
+        let rows = rows as f64;
+        Ok(CandidateCost {
+            training: beginning + config.steps as f64 * update + points * point,
+            scoring: (encoding * states.rows() as f64 + scoring * validation.len() as f64) / rows,
+        })
+    }
+}
+
+/// The candidate that takes as long as this one, whatever both learn.
+fn timed_like(candidate: &LaplacianConfig) -> LaplacianConfig {
+    let LaplacianConfig { loss, kappa, .. } = LaplacianConfig::default();
+    LaplacianConfig { loss, kappa, learning_rate: SMALL_LEARNING_RATE, ..*candidate }
+}
+
+/// A candidate, as far as some of its updates can be timed.
+struct TimeableCandidate {
+    config: LaplacianConfig,
+    /// How much longer an update of the whole one takes.
+    times: f64,
+}
+
+/// The same candidate with smaller batches, where an update would take longer than anybody waits for.
+fn timeable(config: &LaplacianConfig, columns: usize) -> TimeableCandidate {
+    // A batch has u, v and x; at least two states of each.
+    let batch = (MOST_WORK / (3 * parameters(config, columns))).max(2).min(config.batch_size);
+    let times = config.batch_size as f64 / batch as f64;
+    TimeableCandidate { config: LaplacianConfig { batch_size: batch, ..*config }, times }
+}
+
+/// Weights of the encoder of states with so many columns.
+fn parameters(config: &LaplacianConfig, columns: usize) -> usize {
+    config.sizes(columns).windows(2).map(|layer| layer[1] * (layer[0] + 1)).sum()
+}
+
+/// Seconds of an update, by more and more updates until they take a while.
+fn update_secs(training: &mut Training) -> f64 {
+    // The first one fills the caches.
+    training.step();
+    let mut updates = 1_u32;
+    loop {
+        let clock = Stopwatch::start();
+        for _ in 0..updates {
+            training.step();
+        }
+        let took = clock.elapsed();
+        if took >= TIMED {
+            return took.as_secs_f64() / f64::from(updates);
+        }
+        updates *= 2;
+    }
+}
+
+/// What training takes: the states, the representation of all of them, and the encoders that are trained at a time.
+pub(super) fn needed_bytes(study: &Study, material: Material<'_>) -> u64 {
+    let (rows, columns) = material.shape();
+    let candidates = study.representation.candidates();
+    let at_once = rayon::current_num_threads().min(candidates.len()) as u64;
+    // A batch has u, v and x.
+    let encoders = candidates.iter().map(|candidate| {
+        let states = candidate.batch_size.saturating_mul(3);
+        calib_nn::training_bytes(&candidate.sizes(columns), states)
+    });
+    let largest = encoders.max().unwrap_or(0);
+    let states = (rows * (2 * columns + widest(&candidates)) * 4) as u64;
+    states.saturating_add(largest.saturating_mul(at_once))
+}
+
+/// Bytes of the encoders of all candidates, and of the chosen one with its representation of all states, at most.
+fn disk_bytes(candidates: &[LaplacianConfig], material: Material<'_>) -> u64 {
+    let (rows, columns) = material.shape();
+    let encoders = || candidates.iter().map(|candidate| parameters(candidate, columns));
+    let largest = encoders().max().unwrap_or(0);
+    4 * (encoders().sum::<usize>() + largest + rows * widest(candidates)) as u64
+}
+
+/// Dimensions of the widest representation.
+fn widest(candidates: &[LaplacianConfig]) -> usize {
+    candidates.iter().map(|candidate| candidate.dimension).max().unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Silent, States};
+    use calib_files::Fingerprint;
+    use calib_represent::{OneOrMore, RepresentationConfig};
+
+    use super::*;
+
+    #[test]
+    fn batches_that_nobody_waits_for_are_cut() {
+        let config = LaplacianConfig::default();
+        let TimeableCandidate { config: timed, times } = timeable(&config, 4);
+        assert_eq!((timed, times), (config, 1.0));
+        let huge = LaplacianConfig { hidden_units: 16_384, ..config };
+        let TimeableCandidate { config: timed, times } = timeable(&huge, 4);
+        assert_eq!((timed.batch_size, times), (2, 128.0));
+    }
+
+    /// A grid of two step sizes and two widths, of which the two wider encoders are left.
+    #[test]
+    fn candidates_that_take_as_long_are_timed_once() {
+        let study = Study {
+            representation: RepresentationConfig {
+                dimension: 3.into(),
+                hidden_layers: 1,
+                hidden_units: OneOrMore(vec![4, 8]),
+                learning_rate: OneOrMore(vec![1e-3, 3e-3]),
+                batch_size: 8,
+                steps: 1_000,
+                ..RepresentationConfig::default()
+            },
+            ..Study::default()
+        };
+        let values = (0..400_u16).map(|row| (f32::from(row) * 0.05).sin()).collect();
+        let states = States::new(values, 200, 2).expect("valid");
+        let segments = Segments::from_lengths([200]).expect("valid");
+        let fingerprint = Fingerprint::of(b"states");
+        let material = Material { states: &states, segments: &segments, fingerprint: &fingerprint };
+        let candidates = study.representation.candidates();
+        let left = &candidates[2..];
+        let cost = RepresentationCost::measure(&study, material, left, &Silent).expect("trainable");
+        assert_eq!(cost.trainings.len(), 2);
+        assert_eq!(cost.trainings[0], cost.trainings[1], "they differ in the step size");
+        assert!(cost.trainings[0] > 0.0 && cost.scoring > 0.0, "{cost:?}");
+        // 2 · 4 + 4 + 4 · 3 + 3 = 27 weights, and 2 · 8 + 8 + 8 · 3 + 3 = 51; ψ of 200 states.
+        assert_eq!(cost.disk, 4 * (2 * 27 + 2 * 51 + 51 + 200 * 3));
+        assert!(cost.memory > 4 * 200 * (2 * 2 + 3), "{cost:?}");
+    }
+}
