@@ -10,7 +10,7 @@ use calib_agent::{
     AgentConfig, CurveRule, FittedPredictor, Fitter, Scores, SimplePredictor, score_predictions,
     with_traces,
 };
-use calib_core::{Frames, RowStream, Stream};
+use calib_core::{Cancelled, Frames, Monitor, RowStream, Stream};
 use calib_files::{Fingerprint, Fingerprinter};
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -83,13 +83,15 @@ impl<'a> Baselines<'a> {
         &self.fingerprint
     }
 
-    /// The wanted predictors of what such an agent sees, fitted on these rows.
+    /// The wanted predictors of what such an agent sees, fitted on these rows. A wide log takes seconds, so that the `monitor` is asked
+    /// before each fit.
     fn fitted(
         &self,
         wanted: &[WantedPredictor],
         agent: &AgentConfig,
         rows: &FittingRows,
-    ) -> Vec<Arc<FittedPredictor>> {
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Arc<FittedPredictor>>, Cancelled> {
         let group = FittingGroup {
             gamma: agent.gamma.to_bits(),
             traces: agent.traces.iter().map(|decay| decay.to_bits()).collect(),
@@ -100,6 +102,7 @@ impl<'a> Baselines<'a> {
         let missing: Vec<WantedPredictor> =
             wanted.iter().copied().filter(|wanted| !fits.contains_key(wanted)).collect();
         if !missing.is_empty() {
+            monitor.check()?;
             let replay = RowStream::replay(self.log.states().clone(), self.log.segments());
             let stream = with_traces(&replay, &agent.traces);
             let excluded = rows.excluded(self.log.rows());
@@ -111,50 +114,62 @@ impl<'a> Baselines<'a> {
                 }
             }
             for (predictor, column) in missing {
+                monitor.check()?;
                 fits.insert((predictor, column), Arc::new(fitter.fit(predictor, column)));
             }
         }
-        wanted.iter().map(|wanted| Arc::clone(&fits[wanted])).collect()
+        Ok(wanted.iter().map(|wanted| Arc::clone(&fits[wanted])).collect())
     }
 
     /// Every simple predictor of each sensor, fitted on these rows; sensors come with their column of the states.
+    ///
+    /// # Errors
+    /// If the `monitor` asks to stop.
     pub fn simple(
         &self,
         sensors: &[(String, usize)],
         gamma: f64,
         rows: &FittingRows,
-    ) -> Vec<FittedSimple> {
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<FittedSimple>, Cancelled> {
         let agent = AgentConfig { gamma, ..AgentConfig::default() };
         let each = sensors.iter().flat_map(|(sensor, column)| {
             SimplePredictor::ALL.into_iter().map(move |predictor| (sensor, (predictor, *column)))
         });
         let wanted: Vec<WantedPredictor> = each.clone().map(|(_, wanted)| wanted).collect();
         // All at once: what they share of the log is summed up once.
-        let fitted = self.fitted(&wanted, &agent, rows);
+        let fitted = self.fitted(&wanted, &agent, rows, monitor)?;
         let named = each.zip(fitted).map(|((sensor, (predictor, column)), fitted)| FittedSimple {
             sensor: sensor.clone(),
             column,
             predictor,
             fitted: (*fitted).clone(),
         });
-        named.collect()
+        Ok(named.collect())
     }
 
     /// The best simple predictor of each sensor, fitted on all of the log, as an agent with `baseline = "best"` starts from it
     /// when it is deployed; sensors come with their column of the states. Those with too few rows to tell have none.
+    ///
+    /// # Errors
+    /// If the `monitor` asks to stop.
     pub fn best(
         &self,
         sensors: &[(String, usize)],
         gamma: f64,
-    ) -> BTreeMap<String, SimplePredictor> {
+        monitor: &dyn Monitor,
+    ) -> Result<BTreeMap<String, SimplePredictor>, Cancelled> {
+        monitor.check()?;
         let stream = RowStream::replay(self.log.states().clone(), self.log.segments());
         let fitter = Fitter::new(&stream, gamma, &[]);
-        sensors
-            .iter()
-            .filter_map(|(sensor, column): &(String, usize)| {
-                Some((sensor.clone(), fitter.best_of(*column)?))
-            })
-            .collect()
+        let mut all = BTreeMap::new();
+        for (sensor, column) in sensors {
+            monitor.check()?;
+            if let Some(best) = fitter.best_of(*column) {
+                all.insert(sensor.clone(), best);
+            }
+        }
+        Ok(all)
     }
 
     /// What agents start from at each state of a run's stream, for each of these agents and the column that it predicts; none
@@ -164,7 +179,8 @@ impl<'a> Baselines<'a> {
         agents: &[(&AgentConfig, usize)],
         stream: &dyn Stream,
         rows: &FittingRows,
-    ) -> Vec<Option<Arc<[f32]>>> {
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Option<Arc<[f32]>>>, Cancelled> {
         let mut made: Vec<Option<Arc<[f32]>>> = vec![None; agents.len()];
         for place in 0..agents.len() {
             let (agent, _) = agents[place];
@@ -181,7 +197,7 @@ impl<'a> Baselines<'a> {
             wanted.sort_unstable();
             wanted.dedup();
             let seen = with_traces(stream, &agent.traces);
-            let fitted = self.fitted(&wanted, agent, rows);
+            let fitted = self.fitted(&wanted, agent, rows, monitor)?;
             let values: Vec<Arc<[f32]>> =
                 fitted.iter().map(|fitted| fitted.predictions(&*seen).into()).collect();
             for (other, made) in made.iter_mut().enumerate().skip(place) {
@@ -191,7 +207,7 @@ impl<'a> Baselines<'a> {
                 }
             }
         }
-        made
+        Ok(made)
     }
 }
 
@@ -272,17 +288,18 @@ pub fn recorded_windows(
 /// the state, and are fitted on what the window does not hold.
 ///
 /// # Errors
-/// If no step of a window can be scored.
+/// If no step of a window can be scored, or the `monitor` asks to stop.
 pub fn simple_scores(
     baselines: &Baselines<'_>,
     windows: &[RecordedWindow],
     sensors: &[(String, usize)],
     gamma: f64,
     span: Span,
+    monitor: &dyn Monitor,
 ) -> Result<Vec<SimpleScore>, SweepError> {
     let scores: Result<Vec<Vec<SimpleScore>>, SweepError> = windows
         .par_iter()
-        .map(|window| window_scores(baselines, window, sensors, gamma, span))
+        .map(|window| window_scores(baselines, window, sensors, gamma, span, monitor))
         .collect();
     Ok(scores?.into_iter().flatten().collect())
 }
@@ -294,10 +311,11 @@ fn window_scores(
     sensors: &[(String, usize)],
     gamma: f64,
     span: Span,
+    monitor: &dyn Monitor,
 ) -> Result<Vec<SimpleScore>, SweepError> {
     let stream = &*window.stream;
     let steps = span.steps.min(stream.len().saturating_sub(1));
-    let fitted = baselines.simple(sensors, gamma, &window.fitting_rows);
+    let fitted = baselines.simple(sensors, gamma, &window.fitting_rows, monitor)?;
     let mut scores = Vec::with_capacity(fitted.len());
     for FittedSimple { sensor, column, predictor, fitted } in fitted {
         let predictions = fitted.predictions(stream);
@@ -313,4 +331,53 @@ fn window_scores(
         });
     }
     Ok(scores)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+    use calib_core::{Segments, Silent, States, Timestamp};
+
+    use super::*;
+
+    /// Asks to stop once it was asked so many times.
+    struct StopsAfter(AtomicUsize);
+
+    impl Monitor for StopsAfter {
+        fn interrupted(&self) -> bool {
+            let left = self.0.load(Relaxed);
+            self.0.store(left.saturating_sub(1), Relaxed);
+            left == 0
+        }
+    }
+
+    /// Two columns that swing.
+    fn log(rows: usize) -> Frames {
+        let values = (0..rows).flat_map(|row| [row as f32 / 7.0, row as f32 / 11.0]);
+        let states = States::new(values.map(f32::sin).collect(), rows, 2).expect("valid");
+        let times = (0..rows as i64).map(|row| Timestamp::from_micros(1_000_000 * row)).collect();
+        let segments = Segments::from_lengths([rows]).expect("valid");
+        Frames::new(times, segments, states).expect("valid")
+    }
+
+    #[test]
+    fn fits_stop_between_predictors_and_go_on_from_there() {
+        let log = log(400);
+        let baselines = Baselines::new(&log);
+        let sensors = [("A".to_owned(), 0), ("B".to_owned(), 1)];
+        let fitted =
+            |monitor: &dyn Monitor| baselines.simple(&sensors, 0.5, &FittingRows::All, monitor);
+        assert_eq!(fitted(&StopsAfter(AtomicUsize::new(0))), Err(Cancelled));
+        // Once before all of them, and before each of two.
+        assert_eq!(fitted(&StopsAfter(AtomicUsize::new(3))), Err(Cancelled));
+        let kept: usize = locked(&baselines.fitted).values().map(|fits| locked(fits).len()).sum();
+        assert_eq!(kept, 2);
+        let all = fitted(&Silent).expect("time enough");
+        assert_eq!(all.len(), 2 * SimplePredictor::ALL.len());
+        let at_once = Baselines::new(&log).simple(&sensors, 0.5, &FittingRows::All, &Silent);
+        assert_eq!(Ok(all), at_once);
+        let stopped = baselines.best(&sensors, 0.5, &StopsAfter(AtomicUsize::new(2)));
+        assert_eq!(stopped, Err(Cancelled), "between two sensors");
+    }
 }

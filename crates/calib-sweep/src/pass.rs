@@ -4,7 +4,7 @@ use calib_agent::{
     AgentConfig, AgentError, Checkpoint, CurveRule, FittedPredictor, Learner, Run, RunOutcome,
     train_learners, with_traces,
 };
-use calib_core::{Monitor, Stream};
+use calib_core::{Cancelled, Monitor, Stream};
 use calib_files::Fingerprint;
 
 use crate::{
@@ -54,7 +54,7 @@ impl Pass<'_, '_> {
             let outcomes = outcomes(program, &self.jobs, &**stream, self.options, monitor)?;
             return self.put_outcomes(sink, &streamed, outcomes);
         }
-        let baselines = self.baselines(&**stream);
+        let baselines = self.baselines(&**stream, monitor)?;
         let mut learners = self.learners();
         for (learner, baseline) in learners.iter_mut().zip(&baselines) {
             learner.baseline = baseline.as_deref();
@@ -93,13 +93,17 @@ impl Pass<'_, '_> {
     }
 
     /// What each of them starts from at each state of the stream.
-    fn baselines(&self, stream: &dyn Stream) -> Vec<Option<Arc<[f32]>>> {
+    fn baselines(
+        &self,
+        stream: &dyn Stream,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Option<Arc<[f32]>>>, Cancelled> {
         let pretrained: Option<Vec<_>> =
             self.jobs.iter().map(|job| pretrained_baseline(job, stream)).collect();
         if let Some(pretrained) = pretrained {
-            return pretrained.concat();
+            return Ok(pretrained.concat());
         }
-        let Some(baselines) = self.baselines else { return Vec::new() };
+        let Some(baselines) = self.baselines else { return Ok(Vec::new()) };
         let first = self.jobs[0];
         let rows = first.environment.fitting_rows(first.unit.run);
         let agents: Vec<(&AgentConfig, usize)> = self
@@ -107,7 +111,7 @@ impl Pass<'_, '_> {
             .iter()
             .flat_map(|job| job.agents.iter().map(|candidate| (&candidate.agent, job.column)))
             .collect();
-        baselines.predictions(&agents, stream, &rows)
+        baselines.predictions(&agents, stream, &rows, monitor)
     }
 
     /// The run that they make over the pass's stream.

@@ -192,13 +192,15 @@ impl Trials<'_> {
         let study = job.study();
         let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
         let baselines = Baselines::new(&dataset.train);
+        let progress = self.context.silent().progress();
         // Agents and simple predictors, each without the rows that the run replays.
-        let ((), taken) = TimeTaken::by(|| {
-            for row in 0..2 {
+        let (fitted, taken) = TimeTaken::by(|| {
+            (0..2).try_for_each(|row| {
                 let rows = FittingRows::AllBut(std::iter::once(row..row + 1).collect());
-                baselines.simple(&sensors, study.agent.gamma, &rows);
-            }
+                baselines.simple(&sensors, study.agent.gamma, &rows, &*progress).map(drop)
+            })
         });
+        fitted?;
         Ok(taken)
     }
 

@@ -8,7 +8,7 @@ use calib_base::{
     log::{context::RunContext, partition},
     output::Printer,
 };
-use calib_core::{Seed, Stream};
+use calib_core::{Seed, Silent, Stream};
 use calib_data::Dataset;
 use calib_files::{Fingerprint, FolderRecord, fingerprint_file};
 use calib_model_steps::model::model_files;
@@ -252,7 +252,7 @@ impl SweepStreams {
             let ScoringDemand { span, gamma, .. } = group.streams.demand;
             // What the program starts from is not known.
             let agent = AgentConfig { gamma, ..AgentConfig::default() };
-            all.add(SimpleErrors::measure(&baselines, windows, predicted, &agent, span)?);
+            all.add(SimpleErrors::measure(&baselines, windows, predicted, &agent, span, &Silent)?);
         }
         Ok(all)
     }

@@ -222,7 +222,7 @@ fn sweep(
             None => begun(&directory, &planned)?,
         };
         sweep_tables::write(&directory, &manifest, &results)?;
-        let simple = setting.simple_errors(&environments, &baselines)?;
+        let simple = setting.simple_errors(&environments, &baselines, &context.progress())?;
         context.say_all(simple.starts().as_slice());
         simple.write(&directory)?;
         write_data(&directory, study, &setting)?;

@@ -167,6 +167,7 @@ impl SweepContext {
         &self,
         environments: &[OpenedEnvironments<'_>],
         baselines: &Baselines<'_>,
+        monitor: &dyn Monitor,
     ) -> Result<SimpleErrors, StepError> {
         let mut all = SimpleErrors::default();
         for (group, environments) in self.groups.iter().zip(environments) {
@@ -177,7 +178,7 @@ impl SweepContext {
             let predicted = (&sensors[..], &self.dataset.normaliser);
             let agent = &group.candidates[0].agent;
             let span = group.streams.demand.span;
-            all.add(SimpleErrors::measure(baselines, &windows, predicted, agent, span)?);
+            all.add(SimpleErrors::measure(baselines, &windows, predicted, agent, span, monitor)?);
         }
         Ok(all)
     }

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use calib_agent::{AgentConfig, SimplePredictor};
 use calib_base::StepError;
-use calib_core::Normaliser;
+use calib_core::{Monitor, Normaliser};
 use calib_files::{Fingerprint, read_sealed_json, write_sealed_json};
 use calib_sweep::{
     Baselines, FittedSimple, FittingRows, RecordedWindow, SimpleScore, Span, simple_scores,
@@ -38,12 +38,13 @@ impl SimpleErrors {
         (sensors, normaliser): (&[(String, usize)], &Normaliser),
         agent: &AgentConfig,
         span: Span,
+        monitor: &dyn Monitor,
     ) -> Result<Self, StepError> {
         let gamma = agent.gamma;
-        let scores = simple_scores(baselines, windows, sensors, gamma, span)?;
-        let fitted = baselines.simple(sensors, gamma, &FittingRows::All);
+        let scores = simple_scores(baselines, windows, sensors, gamma, span, monitor)?;
+        let fitted = baselines.simple(sensors, gamma, &FittingRows::All, monitor)?;
         let best = match agent.baseline {
-            Some(SimplePredictor::Best) => baselines.best(sensors, gamma),
+            Some(SimplePredictor::Best) => baselines.best(sensors, gamma, monitor)?,
             _ => BTreeMap::new(),
         };
         Ok(Self {
