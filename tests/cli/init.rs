@@ -225,12 +225,13 @@ fn an_outage_in_the_part_that_agents_are_tried_on_ends_nothing() {
     let init = place.calib(&["init", "log.csv", "--within=30s"]);
     init.succeeds();
     assert!(!init.stderr().contains("could not be compared"), "{}", init.stderr());
+    assert!(place.read("study.toml").contains("of which `calib init` took"));
     place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
 }
 
 /// Reading the log takes longer than that, whatever the machine.
 #[test]
-fn nothing_is_compared_once_the_time_is_over() {
+fn nothing_is_compared_or_measured_once_the_time_is_over() {
     let place = Place::new();
     place.write("log.csv", &log());
     let init = place.calib(&["init", "log.csv", "--within=0.0001s"]);
@@ -238,8 +239,17 @@ fn nothing_is_compared_once_the_time_is_over() {
     let told = init.stderr();
     let compared = "agents could not be compared on the training range (half of the time of --within is over): a linear agent is proposed";
     assert!(told.contains(compared), "{told}");
+    assert!(
+        told.contains("ended before `calib init` could measure how long a study takes"),
+        "{told}"
+    );
+    assert!(!told.contains("measuring how long"), "{told}");
     let study = place.read("study.toml");
     assert!(study.contains("half of the time of --within is over"), "{study}");
+    assert!(study.contains("ended before it was measured how long a study takes"), "{study}");
+    let again = ["init", "log.csv", "--within=0.0001s", "--force", "--json"];
+    let said = place.calib(&again).json(&[0]);
+    assert!(said["expected_secs"].is_null(), "{said}");
     place.calib(&["run", "study.toml", "-q"]).ends(&[0, 1]);
 }
 

@@ -79,6 +79,28 @@ fn options_of_init_stand_together_in_its_help() {
     assert!(help.contains("[control]"), "{help}");
 }
 
+/// Reading the log takes longer than that, whatever the machine.
+#[test]
+fn no_run_is_timed_once_the_time_is_over() {
+    let place = Place::new();
+    let simulate = ["simulate", "pole", "--task=cart-pole", "--policy=random"];
+    place.calib(&[&simulate[..], &["--transitions=2000"]].concat()).succeeds();
+    let late = [&["init"][..], &POLE, &["--within=0.0001s", "--json"]].concat();
+    let ran = place.calib(&late);
+    let said = ran.json(&[0]);
+    assert!(said["expected_secs"].is_null(), "{said}");
+    assert_eq!(said["steps"], 2_000, "the least");
+    let told = ran.stderr();
+    assert!(
+        told.contains("ended before `calib init` could measure how long a study takes"),
+        "{told}"
+    );
+    assert!(!told.contains("measuring how long"), "{told}");
+    let text = place.read("study.toml");
+    assert!(text.contains("the least that says anything: "), "{text}");
+    place.calib(&["inspect", "study.toml"]).ends(&[0, 1]);
+}
+
 #[test]
 fn a_log_of_decisions_becomes_a_study_that_runs() {
     let place = Place::new();

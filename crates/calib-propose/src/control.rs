@@ -197,8 +197,9 @@ pub fn action_levels(distinct: &[Option<u32>], most_actions: usize) -> Result<us
     })
 }
 
-/// `control.steps` of a study that is to be done in `within_secs`: a multiple of a hundred.
-pub fn control_steps(within_secs: f64, costs: Costs) -> usize {
+/// `control.steps` of a study that is to be done in `within_secs`: a multiple of a hundred. The least where its costs are not known.
+pub fn control_steps(within_secs: f64, costs: Option<Costs>) -> usize {
+    let Some(costs) = costs else { return LEAST_STEPS };
     let affordable = (PLANNED * within_secs - costs.fixed_secs) / costs.agent_step_secs;
     let hundreds = (affordable / 100.0).floor() * 100.0;
     hundreds.clamp(LEAST_STEPS as f64, MOST_STEPS as f64) as usize
@@ -344,9 +345,10 @@ mod tests {
 
     #[test]
     fn runs_are_as_long_as_time_allows() {
-        let costs = Costs { fixed_secs: 10.0, agent_step_secs: 0.01, replay_run_secs: 0.0 };
+        let costs = Some(Costs { fixed_secs: 10.0, agent_step_secs: 0.01, replay_run_secs: 0.0 });
         assert_eq!(control_steps(100.0, costs), 7_500);
         assert_eq!(control_steps(5.0, costs), LEAST_STEPS, "no shorter ones say anything");
         assert_eq!(control_steps(1e6, costs), MOST_STEPS);
+        assert_eq!(control_steps(1e6, None), LEAST_STEPS);
     }
 }

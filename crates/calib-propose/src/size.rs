@@ -105,19 +105,36 @@ impl Size {
         Self { steps: steps.min(COMPARED_STEPS), hidden_units: 32, ..runs }
     }
 
+    /// The least that says anything, where runs have at most `most_steps` and there are so many `sensors`.
+    pub fn smallest(
+        agent: ProposedAgent,
+        model: ProposedModel,
+        most_steps: usize,
+        sensors: usize,
+    ) -> Self {
+        let [smallest, ..] = Self::levels(agent, model, most_steps, sensors);
+        smallest
+    }
+
     /// From the least that says anything to what the paper has.
-    fn levels(agent: ProposedAgent, model: ProposedModel) -> [Self; 7] {
-        let level = |steps, per_decade, hidden_units, sensors, runs: [usize; 3]| Self {
-            agent,
-            model,
-            steps,
-            per_decade,
-            hidden_units,
-            sensors,
-            online_runs: runs[0],
-            member_runs: model.runs(runs[1]),
-            log_replay_runs: runs[2],
-        };
+    fn levels(
+        agent: ProposedAgent,
+        model: ProposedModel,
+        most_steps: usize,
+        most_sensors: usize,
+    ) -> [Self; 7] {
+        let level =
+            |steps: usize, per_decade, hidden_units, sensors: usize, runs: [usize; 3]| Self {
+                agent,
+                model,
+                steps: steps.min(most_steps).max(LEAST_STEPS.min(most_steps)),
+                per_decade,
+                hidden_units,
+                sensors: sensors.min(most_sensors),
+                online_runs: runs[0],
+                member_runs: model.runs(runs[1]),
+                log_replay_runs: runs[2],
+            };
         [
             level(600, 1, 32, 1, [4, 1, 4]),
             level(1_000, 1, 32, 2, [4, 1, 4]),
@@ -140,16 +157,9 @@ impl Size {
         sensors: usize,
     ) -> Self {
         let planned = PLANNED * within_secs;
-        let mut levels = Self::levels(agent, model)
-            .map(|level| Self {
-                steps: level.steps.min(most_steps).max(LEAST_STEPS.min(most_steps)),
-                sensors: level.sensors.min(sensors),
-                ..level
-            })
-            .into_iter();
-        let smallest =
-            levels.next().unwrap_or_else(|| Self::trial(agent, model, most_steps, sensors));
-        let largest = levels.rfind(|level| level.secs(costs) <= planned).unwrap_or(smallest);
+        let [smallest, larger @ ..] = Self::levels(agent, model, most_steps, sensors);
+        let fitting = larger.into_iter().rfind(|level| level.secs(costs) <= planned);
+        let largest = fitting.unwrap_or(smallest);
         let swept = largest.secs(costs) - costs.fixed_secs;
         let stretch = ((planned - costs.fixed_secs) / swept).max(1.0);
         let more = |runs: usize| ((runs as f64 * stretch) as usize).clamp(runs, MOST_RUNS);
@@ -305,6 +315,8 @@ mod tests {
         assert_eq!((short.steps, short.sensors), (250, 1));
         let slow = Size::within(NETWORK, ENSEMBLE, 1.0, COSTS, 10_000, 3);
         assert_eq!((slow.values(), slow.online_runs), (6, 4), "the smallest");
+        assert_eq!(slow, Size::smallest(NETWORK, ENSEMBLE, 10_000, 3));
+        assert_eq!(short.steps, Size::smallest(NETWORK, ENSEMBLE, 250, 1).steps);
         assert_eq!(slow.learning_rates(), ["0", "1e-6", "1e-5", "1e-4", "1e-3", "1e-2"]);
         let finest = Size::within(ProposedAgent::Linear, ENSEMBLE, 1e6, COSTS, 10_000, 3);
         assert_eq!(

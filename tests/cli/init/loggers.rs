@@ -77,7 +77,6 @@ fn what_a_logger_wrote_goes_to_a_verdict_with_what_was_said() {
         "[data.angles]\nWind = 360 ",
         "Wind_sin and Wind_cos are channels in its place",
         "other channels explain",
-        "of which `calib init` took",
     ] {
         assert!(study.contains(line), "{line} in {study}");
     }

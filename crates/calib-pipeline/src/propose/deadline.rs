@@ -3,38 +3,75 @@
 use std::{io, sync::Arc};
 
 use calib_base::{
+    StepError,
     clock::Stopwatch,
     log::context::RunContext,
     output::{Observer, Printer, Remark, Result as Answered, Shown},
 };
 use calib_core::Monitor;
 
+/// Work of which nothing begins or goes on after a time.
+pub(super) struct TimeLimit {
+    deadline: Deadline,
+    /// Whoever may interrupt the command.
+    printer: Printer,
+    /// For work that says nothing, and is asked to stop where the time is over.
+    watched: RunContext,
+}
+
+impl TimeLimit {
+    /// Of so many seconds after the command has `begun`.
+    pub(super) fn new(begun: Stopwatch, within_secs: f64, printer: &Printer) -> Self {
+        let deadline = Deadline { begun, within_secs };
+        let observer = StoppingObserver { printer: printer.silent(), deadline };
+        let watched = RunContext::new(&Printer::new(Arc::new(observer)).silent());
+        Self { deadline, printer: printer.silent(), watched }
+    }
+
+    /// Seconds that are left.
+    pub(super) fn left_secs(&self) -> f64 {
+        self.deadline.left_secs()
+    }
+
+    /// Whether no time is left.
+    pub(super) fn is_over(&self) -> bool {
+        self.deadline.is_over()
+    }
+
+    /// What `work` makes; none where the time is over before it begins, or before it ends.
+    ///
+    /// # Errors
+    /// If the work fails, or somebody interrupts the command.
+    pub(super) fn done<T>(
+        &self,
+        work: impl FnOnce(&RunContext) -> Result<T, StepError>,
+    ) -> Result<Option<T>, StepError> {
+        if self.is_over() {
+            return Ok(None);
+        }
+        match work(&self.watched) {
+            Err(reason) if reason.was_cancelled() && !self.printer.progress().interrupted() => {
+                Ok(None)
+            }
+            made => made.map(Some),
+        }
+    }
+}
+
 /// The time that was asked for, from the beginning of the command on.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Deadline {
+struct Deadline {
     begun: Stopwatch,
     within_secs: f64,
 }
 
 impl Deadline {
-    pub(super) fn new(begun: Stopwatch, within_secs: f64) -> Self {
-        Self { begun, within_secs }
-    }
-
-    /// Seconds that are left.
-    pub(super) fn left_secs(self) -> f64 {
+    fn left_secs(self) -> f64 {
         (self.within_secs - self.begun.elapsed().as_secs_f64()).max(0.0)
     }
 
-    /// Whether no time is left.
-    pub(super) fn is_over(self) -> bool {
+    fn is_over(self) -> bool {
         self.left_secs() <= 0.0
-    }
-
-    /// For work that says nothing, and is asked to stop where the time is over.
-    pub(super) fn stopping(self, printer: &Printer) -> RunContext {
-        let observer = StoppingObserver { printer: printer.silent(), deadline: self };
-        RunContext::new(&Printer::new(Arc::new(observer)).silent())
     }
 }
 
@@ -83,13 +120,32 @@ impl Monitor for StoppingMonitor {
 mod tests {
     use super::*;
 
+    fn limit(within_secs: f64) -> TimeLimit {
+        TimeLimit::new(Stopwatch::start(), within_secs, &Printer::nobody())
+    }
+
     #[test]
     fn work_is_asked_to_stop_where_the_time_is_over() {
         for (within_secs, is_over) in [(0.0, true), (1e9, false)] {
-            let deadline = Deadline::new(Stopwatch::start(), within_secs);
-            assert_eq!(deadline.is_over(), is_over);
-            let context = deadline.stopping(&Printer::nobody());
-            assert_eq!(context.progress().interrupted(), is_over, "{within_secs} s");
+            let limit = limit(within_secs);
+            assert_eq!(limit.is_over(), is_over);
+            assert_eq!(limit.watched.progress().interrupted(), is_over, "{within_secs} s");
         }
+    }
+
+    #[test]
+    fn what_has_not_begun_in_time_does_not_begin() {
+        let done = limit(0.0).done(|_| -> Result<(), StepError> { panic!("it began") });
+        assert!(matches!(done, Ok(None)), "{done:?}");
+        let done = limit(1e9).done(|context| Ok(context.progress().check()?));
+        assert!(matches!(done, Ok(Some(()))), "{done:?}");
+    }
+
+    #[test]
+    fn work_that_stops_for_the_time_is_no_failure() {
+        let done = limit(1e9).done(|_| -> Result<(), StepError> { Err(StepError::Cancelled) });
+        assert!(matches!(done, Ok(None)), "{done:?}");
+        let done = limit(1e9).done(|_| -> Result<(), StepError> { Err(StepError::message("no")) });
+        assert!(done.is_err_and(|reason| reason.to_string() == "no"));
     }
 }

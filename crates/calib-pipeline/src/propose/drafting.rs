@@ -39,6 +39,16 @@ pub(super) fn warn_of_time(within: f64, tried_secs: f64, expected_secs: f64, pri
     ));
 }
 
+/// Say that the time asked for was over before it was known what a study takes, and why the study is as small as it is.
+pub(super) fn unmeasured(within: f64, printer: &Printer) -> String {
+    let asked = span(within);
+    printer.warn(&format!(
+        "the {asked} of --within ended before `calib init` could measure how long a study takes, so the study is the smallest that says \
+         anything: `calib run --dry-run` estimates its time, and a longer --within allows a larger one"
+    ));
+    format!("the {asked} of --within ended before it was measured how long a study takes")
+}
+
 /// What all drafts of a study have in common.
 pub(super) struct Drafting<'a> {
     pub(super) args: &'a ProposeOptions,

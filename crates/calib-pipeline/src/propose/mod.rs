@@ -36,11 +36,11 @@ use serde::Serialize;
 pub use self::control::ProposedControlStudy;
 pub(crate) use self::control::{ChosenControl, run as run_control};
 use self::{
-    deadline::Deadline,
-    drafting::Drafting,
+    deadline::TimeLimit,
+    drafting::{Drafting, unmeasured},
     evidence::Evidence,
     look::{ExaminedLog, bridged},
-    trial::{StateSpacing, Trials},
+    trial::{MeasuredCosts, StateSpacing, Trials},
 };
 
 /// The share of the time asked for after which agents are no longer compared: the rest is for the study. Our choice.
@@ -74,8 +74,9 @@ pub(crate) struct Chosen {
     /// Steps of every run.
     steps: usize,
     /// How long `calib run` takes on this machine, in seconds, as far as could be told: with what else it does while `calib init` measures.
-    expected_secs: f64,
-    /// Processor time that it takes, in seconds, whatever else the machine does; none where the system does not say.
+    /// None where the time was over before that was measured.
+    expected_secs: Option<f64>,
+    /// Processor time that it takes, in seconds, whatever else the machine does; none where the system does not say, or it was not measured.
     expected_processor_secs: Option<f64>,
 }
 
@@ -111,8 +112,9 @@ impl ProposedStudy {
         self.chosen.horizon_secs
     }
 
-    /// How long `calib run` takes on this machine, in seconds, as far as could be told.
-    pub fn expected_secs(&self) -> f64 {
+    /// How long `calib run` takes on this machine, in seconds, as far as could be told; none where the time was over before that was
+    /// measured.
+    pub fn expected_secs(&self) -> Option<f64> {
         self.chosen.expected_secs
     }
 }
@@ -243,8 +245,17 @@ struct Proposal {
     sensors: Sensors,
     agent: Evidence,
     horizon: Horizon,
+    sized: SizedStudy,
+}
+
+/// How large a study is.
+struct SizedStudy {
     size: Size,
-    expected_secs: f64,
+    reason: String,
+    /// Which simple predictor agents start from, in words; empty where that is not known.
+    best: String,
+    /// How long it takes, if that was measured.
+    expected_secs: Option<f64>,
     expected_processor_secs: Option<f64>,
 }
 
@@ -256,13 +267,17 @@ impl Proposal {
         begun: Stopwatch,
         context: &RunContext,
     ) -> Result<Self, StepError> {
-        let deadline = Deadline::new(begun, args.within);
         let sketch = &look.sketch;
         let place = TemporaryFolder::new()?;
         let model = ProposedModel::for_given(&args.set);
-        let comparing = Deadline::new(begun, COMPARED * args.within);
-        let stopping = comparing.stopping(context);
-        let trials = Trials { args, place: &place, model, context, deadline: comparing, stopping };
+        let trials = Trials {
+            args,
+            place: &place,
+            model,
+            context,
+            comparing: TimeLimit::new(begun, COMPARED * args.within, context),
+            measuring: TimeLimit::new(begun, args.within, context),
+        };
         let mut sensors = look.sensors.clone();
         let drafting = Drafting { args, path, look };
         let StateSpacing { spacing, why, cost } = chosen_spacing(&trials, &drafting)?;
@@ -273,7 +288,7 @@ impl Proposal {
         let agent = tried_agents(&trials, &drafting, spacing, &mut horizon)?;
         agent.reorder(&mut sensors, !args.sensors.is_empty());
         let all = look.cut.rows[0] / spacing;
-        let rows = trial::rows_within(deadline.left_secs(), cost, all);
+        let rows = trial::rows_within(trials.measuring.left_secs(), cost, all);
         let cut = if rows < all {
             look.cut.shortened(&sketch.timestamps, rows.saturating_mul(spacing))
         } else {
@@ -281,48 +296,29 @@ impl Proposal {
         };
         let steps = drafting.most_steps(spacing, horizon);
         // Without time left the study will be the smallest, which has one sensor.
-        let measured_sensors = if deadline.is_over() { 1 } else { sensors.proposed.len() };
-        let measured = trials
-            .costs(steps, &mut horizon, |steps: usize, horizon: Horizon| {
-                let size = Size::trial(agent.agent, model, steps, measured_sensors);
-                (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
-            })?
-            .with_reading(look.read);
-        let costs = measured.time;
-        // Looking and trying are of the time that was asked for.
-        let tried = begun.elapsed().as_secs_f64();
-        let predicted = sensors.proposed.len();
-        let size = Size::within(agent.agent, model, deadline.left_secs(), costs, steps, predicted);
-        let expected_secs = size.secs(costs);
-        let expected_processor_secs = measured.processors.map(|costs| size.secs(costs));
-        let reason =
-            drafting.size_reason(expected_secs, expected_secs - costs.fixed_secs, tried, context);
+        let measured_sensors = if trials.measuring.is_over() { 1 } else { sensors.proposed.len() };
+        let measured = trials.costs(steps, &mut horizon, |steps: usize, horizon: Horizon| {
+            let size = Size::trial(agent.agent, model, steps, measured_sensors);
+            (drafting.text(spacing, &cut, &sensors, horizon, &size, [""; 4]), size)
+        })?;
+        let sized = SizedStudy::of(&trials, &drafting, agent.agent, steps, measured, begun);
         let text = drafting.text(
             spacing,
             &cut,
             &sensors,
             horizon,
-            &size,
-            [&why, &agent.reason, &reason, &measured.best],
+            &sized.size,
+            [&why, &agent.reason, &sized.reason, &sized.best],
         );
         // What was given holds for the study: it is read with it, and must say the same without.
         let text = calib_propose::with_given(&text, &args.set);
-        let doubts = [drafting.too_far(horizon), drafting.few_windows(spacing, horizon, &size)];
+        let doubts =
+            [drafting.too_far(horizon), drafting.few_windows(spacing, horizon, &sized.size)];
         for doubt in doubts.iter().flatten() {
             context.warn(doubt);
         }
         Job::of_text(Request::new(&args.study), text.clone())?;
-        Ok(Self {
-            text,
-            spacing,
-            cut,
-            sensors,
-            agent,
-            horizon,
-            size,
-            expected_secs,
-            expected_processor_secs,
-        })
+        Ok(Self { text, spacing, cut, sensors, agent, horizon, sized })
     }
 
     /// What the study is, now that it is written.
@@ -332,7 +328,7 @@ impl Proposal {
             .sensors
             .proposed
             .iter()
-            .take(self.size.sensors)
+            .take(self.sized.size.sensors)
             .map(|&channel| sketch.channels[channel].name.clone())
             .collect();
         let left_out =
@@ -352,17 +348,58 @@ impl Proposal {
             agent_reason: self.agent.reason,
             gamma: self.horizon.gamma,
             horizon_secs: self.horizon.secs,
-            steps: self.size.steps,
-            expected_secs: self.expected_secs,
-            expected_processor_secs: self.expected_processor_secs,
+            steps: self.sized.size.steps,
+            expected_secs: self.sized.expected_secs,
+            expected_processor_secs: self.sized.expected_processor_secs,
         };
         ProposedStudy {
             chosen,
             of_channels: sketch.channels.len(),
             lacking: ranges.map(|range| Lacking::of(sketch, scope, &range)),
-            learning_rates: self.size.values(),
+            learning_rates: self.sized.size.values(),
             within: args.within,
             took,
+        }
+    }
+}
+
+impl SizedStudy {
+    /// The largest study that fits in the rest of the time, with runs of at most so many steps; the smallest, where it is not known what
+    /// one takes.
+    fn of(
+        trials: &Trials<'_>,
+        drafting: &Drafting<'_>,
+        agent: ProposedAgent,
+        most_steps: usize,
+        measured: Option<MeasuredCosts>,
+        begun: Stopwatch,
+    ) -> Self {
+        let look = drafting.look;
+        let sensors = look.sensors.proposed.len();
+        let Some(measured) = measured else {
+            return Self {
+                size: Size::smallest(agent, trials.model, most_steps, sensors),
+                reason: format!(
+                    "The smallest study that says anything: {}",
+                    unmeasured(trials.args.within, trials.context)
+                ),
+                best: String::new(),
+                expected_secs: None,
+                expected_processor_secs: None,
+            };
+        };
+        let MeasuredCosts { time, processors, best } = measured.with_reading(look.read);
+        // Looking and trying are of the time that was asked for.
+        let tried = begun.elapsed().as_secs_f64();
+        let left = trials.measuring.left_secs();
+        let size = Size::within(agent, trials.model, left, time, most_steps, sensors);
+        let secs = size.secs(time);
+        Self {
+            reason: drafting.size_reason(secs, secs - time.fixed_secs, tried, trials.context),
+            best,
+            expected_secs: Some(secs),
+            expected_processor_secs: processors.map(|costs| size.secs(costs)),
+            size,
         }
     }
 }

@@ -32,6 +32,15 @@ fn lines(proposed: &ProposedStudy) -> [String; 4] {
             format!(" (less about {} that lack {channel:?} for long)", count(*rows))
         })
     });
+    let time = match chosen.expected_secs {
+        Some(secs) => format!(
+            "about {} of the {} that were asked for{}",
+            span(secs.round()),
+            span(*within),
+            processors(chosen)
+        ),
+        None => format!("how long they take was not measured in {}", span(*within)),
+    };
     [
         format!(
             "{}: {} of {of_channels} channels, {train} rows to learn from{}, {held_out} held out{}",
@@ -48,13 +57,7 @@ fn lines(proposed: &ProposedStudy) -> [String; 4] {
             chosen.gamma
         ),
         chosen.agent_reason.clone(),
-        format!(
-            "{learning_rates} learning rates, runs of {} steps: about {} of the {} that were asked for{}",
-            count(chosen.steps),
-            span(chosen.expected_secs.round()),
-            span(*within),
-            processors(chosen)
-        ),
+        format!("{learning_rates} learning rates, runs of {} steps: {time}", count(chosen.steps)),
     ]
 }
 

@@ -11,7 +11,6 @@ use calib_base::{
     options::{BuildOptions, ProposeOptions},
     output::span,
 };
-use calib_core::Monitor as _;
 use calib_files::TemporaryFolder;
 use calib_model_steps::{
     model::{build_model, jumps, model_files::sensor_columns},
@@ -21,11 +20,11 @@ use calib_propose::{Costs, Horizon, MOST_RUNS, ProposedModel, Size};
 use calib_study::{Job, Request};
 use calib_sweep::{Baselines, FittingRows, SensorVerdict};
 use calib_sweep_steps::{
-    sweep::{self, plan::DryRunTally, simple::SimpleErrors},
+    sweep::{self, plan::DryRunTally, simple::SimpleErrors, streams},
     verdict::evaluate,
 };
 
-use super::deadline::Deadline;
+use super::deadline::TimeLimit;
 
 /// States of a trial model at most.
 pub(super) const ROWS: usize = 20_000;
@@ -136,10 +135,10 @@ pub(super) struct Trials<'a> {
     /// Whether the study has a model.
     pub(super) model: ProposedModel,
     pub(super) context: &'a RunContext,
-    /// When comparisons end, and nothing is tried that can be left out.
-    pub(super) deadline: Deadline,
-    /// What comparisons are watched by.
-    pub(super) stopping: RunContext,
+    /// Agents and models are compared no longer than that.
+    pub(super) comparing: TimeLimit,
+    /// What a study takes is measured no longer than that.
+    pub(super) measuring: TimeLimit,
 }
 
 impl Trials<'_> {
@@ -175,24 +174,24 @@ impl Trials<'_> {
         if states <= ROWS {
             return Ok(GrowingCosts::Fits(0.0));
         }
-        if self.deadline.is_over() {
-            return Ok(GrowingCosts::Fits(f64::INFINITY));
-        }
-        if self.model == ProposedModel::Ensemble {
-            return Ok(GrowingCosts::Model(self.built(spacing, text)?.secs));
-        }
-        let job = self.job(text, &format!("spacing-{spacing}"))?;
-        let fitting = on_all_threads(self.fitting(&job)?);
-        Ok(GrowingCosts::Fits(MOST_RUNS as f64 * fitting.secs))
+        let cost = self.comparing.done(|context| {
+            if self.model == ProposedModel::Ensemble {
+                return Ok(GrowingCosts::Model(self.built(spacing, text, context)?.secs));
+            }
+            let job = self.job(text, &format!("spacing-{spacing}"))?;
+            let fitting = on_all_threads(self.fitting(&job, context)?);
+            Ok(GrowingCosts::Fits(MOST_RUNS as f64 * fitting.secs))
+        })?;
+        Ok(cost.unwrap_or(GrowingCosts::Fits(f64::INFINITY)))
     }
 
     /// What it takes to fit all that the agents of one run on the replayed log start from, and what they are compared with.
-    fn fitting(&self, job: &Job) -> Result<TimeTaken, StepError> {
-        let Parts { dataset, .. } = partition::load(job, &self.context.silent())?;
+    fn fitting(&self, job: &Job, context: &RunContext) -> Result<TimeTaken, StepError> {
+        let Parts { dataset, .. } = partition::load(job, context)?;
         let study = job.study();
         let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
         let baselines = Baselines::new(&dataset.train);
-        let progress = self.context.silent().progress();
+        let progress = context.progress();
         // Agents and simple predictors, each without the rows that the run replays.
         let (fitted, taken) = TimeTaken::by(|| {
             (0..2).try_for_each(|row| {
@@ -204,10 +203,15 @@ impl Trials<'_> {
         Ok(taken)
     }
 
-    fn built(&self, spacing: usize, text: String) -> Result<TrialModel, StepError> {
+    fn built(
+        &self,
+        spacing: usize,
+        text: String,
+        context: &RunContext,
+    ) -> Result<TrialModel, StepError> {
         let job = self.job(text, &format!("spacing-{spacing}"))?;
         let clock = Stopwatch::start();
-        let built = build_model::run(&job, &BuildOptions::default(), &self.context.silent())?;
+        let built = build_model::run(&job, &BuildOptions::default(), context)?;
         let built = built.made().context("a trial is no dry run")?;
         let jumps = built.manifest.members.first().and_then(|member| member.jumps.as_ref());
         Ok(TrialModel {
@@ -229,7 +233,8 @@ impl Trials<'_> {
         let mut before = None;
         for &spacing in candidates.iter().take(TRIALS) {
             let apart = span(period_secs * spacing as f64);
-            let TrialModel { secs, warnings, moves } = self.built(spacing, text(spacing))?;
+            let built = self.comparing.done(|context| self.built(spacing, text(spacing), context));
+            let Some(TrialModel { secs, warnings, moves }) = built? else { break };
             let said = warnings.first().map_or(&moves, |first| first);
             self.context.say(&format!("states {apart} apart: {said}"));
             let why = match &before {
@@ -248,7 +253,17 @@ impl Trials<'_> {
             }
             before = Some(apart);
         }
-        let (warnings, spacing, why, secs) = best.unwrap_or((0, 1, String::new(), 0.0));
+        let Some((warnings, spacing, why, secs)) = best else {
+            let spacing = candidates.first().copied().unwrap_or(1);
+            let apart = span(period_secs * spacing as f64);
+            return Ok(StateSpacing {
+                spacing,
+                why: format!(
+                    "states {apart} apart; half of the time of --within was over before a model was tried"
+                ),
+                cost: GrowingCosts::Fits(f64::INFINITY),
+            });
+        };
         let why = if warnings == 0 {
             why
         } else {
@@ -257,25 +272,46 @@ impl Trials<'_> {
         Ok(StateSpacing { spacing, why, cost: GrowingCosts::Model(secs) })
     }
 
-    /// What a study takes, measured with short runs, and with longer ones until these take a share of `within` that is worth measuring. The
-    /// `horizon` is halved until some step of them can be scored.
+    /// What a study takes; none where the time is over before that is measured. The `horizon` is halved until some step can be scored.
     pub(super) fn costs(
         &self,
         most_steps: usize,
         horizon: &mut Horizon,
         text: impl Fn(usize, Horizon) -> (String, Size),
-    ) -> Result<MeasuredCosts, StepError> {
+    ) -> Result<Option<MeasuredCosts>, StepError> {
+        let short = most_steps.min(SHORT.max(2 * horizon.states as usize));
         let silent = &self.context.silent();
-        self.context.say("measuring how long a study takes");
+        // Whatever the time: a study without a step that can be scored would end without a result.
+        let (checked, read) = TimeTaken::by(|| {
+            scorable(horizon, |horizon| {
+                streams::check(&self.job(text(short, horizon).0, COSTS)?, silent)
+            })
+        });
+        checked?;
+        self.measuring.done(|context| {
+            self.context.say("measuring how long a study takes");
+            self.measured([short, most_steps], horizon, &text, read, context)
+        })
+    }
+
+    /// What a study takes, its log `read`: measured with `short` runs, and with longer ones until these take a share of `within` that is
+    /// worth measuring.
+    fn measured(
+        &self,
+        [short, most_steps]: [usize; 2],
+        horizon: &mut Horizon,
+        text: &impl Fn(usize, Horizon) -> (String, Size),
+        read: TimeTaken,
+        context: &RunContext,
+    ) -> Result<MeasuredCosts, StepError> {
         let steps = |length: usize| length.min(most_steps);
-        let short = steps(SHORT.max(2 * horizon.states as usize));
         let (made, before) = TimeTaken::by(|| {
             let job = self.job(text(short, *horizon).0, COSTS)?;
-            self.made_before(&job, silent)
+            self.made_before(&job, context)
         });
         made?;
         let sweep = |steps: usize, horizon: &mut Horizon| -> Result<MeasuredSweep, StepError> {
-            let taken = self.sweep(steps, horizon, &text)?;
+            let taken = self.sweep(steps, horizon, text, context)?;
             Ok(MeasuredSweep { agent_steps: text(steps, *horizon).1.agent_steps(), taken })
         };
         let less = sweep(short, horizon)?;
@@ -283,15 +319,15 @@ impl Trials<'_> {
         let mut more = sweep(length, horizon)?;
         let is_worth =
             |more: &MeasuredSweep| more.taken.secs - less.taken.secs >= WORTH * self.args.within;
-        while !is_worth(&more) && steps(LONGER * length) > length && !self.deadline.is_over() {
+        while !is_worth(&more) && steps(LONGER * length) > length && !self.comparing.is_over() {
             length = steps(LONGER * length);
             more = sweep(length, horizon)?;
         }
         let job = self.job(text(length, *horizon).0, COSTS)?;
-        let (judged, verdict) = TimeTaken::by(|| evaluate::run(&job, silent));
+        let (judged, verdict) = TimeTaken::by(|| evaluate::run(&job, context));
         judged?;
         let fitting = match self.model {
-            ProposedModel::None => on_all_threads(self.fitting(&job)?),
+            ProposedModel::None => on_all_threads(self.fitting(&job, context)?),
             // Its rows are few: a model takes longer than what agents start from.
             ProposedModel::Ensemble => TimeTaken::default(),
         };
@@ -299,13 +335,14 @@ impl Trials<'_> {
             let swept = [&less, &more].map(|swept| (swept.agent_steps, measure(swept.taken)));
             Costs {
                 replay_run_secs: measure(fitting),
-                ..costs(swept, measure(before) + measure(verdict))
+                ..costs(swept, measure(read) + measure(before) + measure(verdict))
             }
         };
+        let has_processors = [read, before, more.taken].iter().any(|one| one.processor_secs > 0.0);
         Ok(MeasuredCosts {
             best: SimpleErrors::read(&job.layout().sweep())?.best_told(),
             time: costs(|taken| taken.secs),
-            processors: (before.processor_secs > 0.0).then(|| costs(|taken| taken.processor_secs)),
+            processors: has_processors.then(|| costs(|taken| taken.processor_secs)),
         })
     }
 
@@ -327,37 +364,27 @@ impl Trials<'_> {
         horizon: &mut Horizon,
         text: impl Fn(Horizon) -> String,
     ) -> Result<Option<Vec<TrialPrediction>>, StepError> {
-        if self.deadline.is_over() {
-            return Ok(None);
-        }
-        match self.compared(horizon, text) {
-            Err(reason)
-                if reason.was_cancelled() && !self.context.silent().progress().interrupted() =>
-            {
-                Ok(None)
-            }
-            compared => compared.map(Some),
-        }
+        self.comparing.done(|context| self.compared(horizon, text, context))
     }
 
     fn compared(
         &self,
         horizon: &mut Horizon,
         text: impl Fn(Horizon) -> String,
+        context: &RunContext,
     ) -> Result<Vec<TrialPrediction>, StepError> {
-        let silent = &self.stopping;
         let smallest = match self.model {
             ProposedModel::None => &[][..],
             ProposedModel::Ensemble => &SMALLEST_MODEL,
         };
         let study = |horizon: Horizon| self.job_with(text(horizon), COMPARED, smallest);
         if self.model == ProposedModel::Ensemble {
-            build_model::run(&study(*horizon)?, &BuildOptions::default(), silent)?;
+            build_model::run(&study(*horizon)?, &BuildOptions::default(), context)?;
         }
         scorable(horizon, |horizon| {
-            sweep::run(&study(horizon)?, &DryRunTally::default(), None, silent)
+            sweep::run(&study(horizon)?, &DryRunTally::default(), None, context)
         })?;
-        let judged = evaluate::judge(&study(*horizon)?, silent, &*silent.progress())?;
+        let judged = evaluate::judge(&study(*horizon)?, context, &*context.progress())?;
         Ok(judged.summary.verdicts.iter().map(TrialPrediction::of).collect())
     }
 
@@ -366,12 +393,12 @@ impl Trials<'_> {
         steps: usize,
         horizon: &mut Horizon,
         text: &impl Fn(usize, Horizon) -> (String, Size),
+        context: &RunContext,
     ) -> Result<TimeTaken, StepError> {
-        let silent = self.context.silent();
         scorable(horizon, |horizon| {
             let job = self.job(text(steps, horizon).0, COSTS)?;
             let (swept, taken) =
-                TimeTaken::by(|| sweep::run(&job, &DryRunTally::default(), None, &silent));
+                TimeTaken::by(|| sweep::run(&job, &DryRunTally::default(), None, context));
             swept.map(|_| taken)
         })
     }

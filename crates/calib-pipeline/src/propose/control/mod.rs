@@ -28,8 +28,12 @@ use serde::Serialize;
 
 use self::columns::LookedAt;
 use super::{
-    check_arguments, drafting::warn_of_time, gives, look::SketchedLog, path_in_study, trial,
-    warn_of_cleaning, with_exclusions,
+    check_arguments,
+    deadline::TimeLimit,
+    drafting::{unmeasured, warn_of_time},
+    gives,
+    look::SketchedLog,
+    path_in_study, trial, warn_of_cleaning, with_exclusions,
 };
 use crate::control::{self, ActionLog};
 
@@ -91,8 +95,9 @@ pub(crate) struct ChosenControl {
     settings: usize,
     /// Steps of every run.
     steps: usize,
-    /// How long `calib run` takes on this machine, in seconds, as far as could be told.
-    expected_secs: f64,
+    /// How long `calib run` takes on this machine, in seconds, as far as could be told. None where the time was over before that was
+    /// measured.
+    expected_secs: Option<f64>,
 }
 
 /// An action of the log.
@@ -128,8 +133,9 @@ impl ProposedControlStudy {
         self.chosen.steps
     }
 
-    /// How long `calib run` takes on this machine, in seconds, as far as could be told.
-    pub fn expected_secs(&self) -> f64 {
+    /// How long `calib run` takes on this machine, in seconds, as far as could be told; none where the time was over before that was
+    /// measured.
+    pub fn expected_secs(&self) -> Option<f64> {
         self.chosen.expected_secs
     }
 }
@@ -159,10 +165,8 @@ pub(crate) fn run(
     // Looking and trying are of the time that was asked for.
     let tried = begun.elapsed().as_secs_f64();
     let steps = control_steps(args.within - tried, costs);
-    let expected_secs = costs.fixed_secs + steps as f64 * costs.agent_step_secs;
-    warn_of_time(args.within, tried, expected_secs, printer);
-    let [expected, asked] = [expected_secs.round(), args.within].map(span);
-    let why = format!("about {expected} on this machine, of the {asked} of --within");
+    let expected_secs = costs.map(|costs| costs.fixed_secs + steps as f64 * costs.agent_step_secs);
+    let why = steps_reason(args.within, tried, expected_secs, printer);
     let text = drafting.text(read.levels.as_ref(), Some(&proposed), steps, &why);
     // What was given holds for the study: it is read with it, and must say the same without.
     let text = calib_propose::with_given(&text, &args.set);
@@ -206,6 +210,21 @@ fn given(args: &ProposeOptions) -> Result<GivenControl, StepError> {
 /// Whether a field of the agent was given, alone or with the whole table, which replaces what would be proposed.
 fn gives_to_agent(args: &ProposeOptions, field: &str) -> bool {
     gives(args, "control.agent") || gives(args, &format!("control.agent.{field}"))
+}
+
+/// Why runs have so many steps. A study that takes longer than was asked for is warned of, and one whose time is not known.
+fn steps_reason(
+    within: f64,
+    tried_secs: f64,
+    expected_secs: Option<f64>,
+    printer: &Printer,
+) -> String {
+    let Some(secs) = expected_secs else {
+        return format!("the least that says anything: {}", unmeasured(within, printer));
+    };
+    warn_of_time(within, tried_secs, secs, printer);
+    let [expected, asked] = [secs.round(), within].map(span);
+    format!("about {expected} on this machine, of the {asked} of --within")
 }
 
 /// What a study says of agents that act.
@@ -357,25 +376,37 @@ impl ControlDrafting<'_> {
         Ok(())
     }
 
-    /// What the study takes, measured with short runs of all settings, and with longer ones until these take a share of the time
-    /// asked for that is worth measuring.
+    /// What the study takes; none where the time is over before that is measured.
     fn costs(
         &self,
         read: &ReadDecisions,
         proposed: &ProposedControl,
         begun: Stopwatch,
         printer: &Printer,
+    ) -> Result<Option<Costs>, StepError> {
+        TimeLimit::new(begun, self.args.within, printer).done(|watched| {
+            printer.say("measuring how long a study takes");
+            self.measured(read, proposed, begun, watched)
+        })
+    }
+
+    /// What the study takes, measured with short runs of all settings, and with longer ones until these take a share of the time
+    /// asked for that is worth measuring.
+    fn measured(
+        &self,
+        read: &ReadDecisions,
+        proposed: &ProposedControl,
+        begun: Stopwatch,
+        printer: &Printer,
     ) -> Result<Costs, StepError> {
-        printer.say("measuring how long a study takes");
-        let silent = printer.silent();
         let job =
             |steps: usize| self.job(self.text(read.levels.as_ref(), Some(proposed), steps, ""));
         let model = job(SHORT)?;
-        let (built, building) = TimeTaken::by(|| control::build(&model, &silent));
+        let (built, building) = TimeTaken::by(|| control::build(&model, printer));
         built?;
         let swept = |steps: usize| -> Result<(f64, f64), StepError> {
             let job = job(steps)?;
-            let (judged, taken) = TimeTaken::by(|| control::run(&job, &silent));
+            let (judged, taken) = TimeTaken::by(|| control::run(&job, printer));
             judged?;
             Ok((steps as f64, taken.secs))
         };
@@ -418,7 +449,7 @@ fn chosen(
     look: &ExaminedDecisions,
     log: &ActionLog,
     proposed: &ProposedControl,
-    expected_secs: f64,
+    expected_secs: Option<f64>,
 ) -> Result<ChosenControl, StepError> {
     let config = section(job)?;
     let decisions = &log.decisions;

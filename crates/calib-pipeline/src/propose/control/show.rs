@@ -87,17 +87,21 @@ fn numbers(chosen: &ChosenControl) -> String {
 /// What was chosen, and why.
 fn lines(proposed: &ProposedControlStudy) -> [String; 4] {
     let ProposedControlStudy { chosen, timeout_reason, gamma_reason, runs, within, .. } = proposed;
+    let time = match chosen.expected_secs {
+        Some(secs) => {
+            format!("about {} of the {} that were asked for", span(secs.round()), span(*within))
+        }
+        None => format!("how long they take was not measured in {}", span(*within)),
+    };
     [
         format!("episodes of at most {}: {timeout_reason}", counted(chosen.timeout, "step")),
         format!("gamma {}: {gamma_reason}", chosen.gamma),
         numbers(chosen),
         format!(
-            "{} x {} of {}: about {} of the {} that were asked for",
+            "{} x {} of {}: {time}",
             counted(chosen.settings, "setting"),
             counted(*runs, "run"),
-            counted(chosen.steps, "step"),
-            span(chosen.expected_secs.round()),
-            span(*within)
+            counted(chosen.steps, "step")
         ),
     ]
 }
