@@ -255,14 +255,20 @@ fn nothing_is_compared_or_measured_once_the_time_is_over() {
 
 /// Whatever else could be said of such a log follows from the period.
 #[test]
-fn a_period_shorter_than_the_steps_of_the_log_is_named_first() {
+fn a_period_that_is_not_that_of_the_log_is_named_first() {
     let place = Place::new();
     place.write("log.csv", &log());
-    let expected = "error: the rows are recorded every 120 s, and data.period_secs asks for one every 10 s: set data.period_secs = 120, or set data.resample";
-    let init = ["init", "log.csv", "--within=1s", "--set=data.period_secs=10"];
-    for columns in [&[][..], &["--action=XV400", "--reward=FIT300"]] {
-        let told = place.calib(&[&init[..], columns].concat()).fails(2);
-        assert!(told.starts_with(expected), "{told}");
+    // Ten seconds make gaps of all steps. The other two are near enough for a step to be one period.
+    for period in [10, 80, 140] {
+        let expected = format!(
+            "error: the rows are recorded every 120 s, and data.period_secs asks for one every {period} s: set data.period_secs = 120, or set data.resample"
+        );
+        let set = format!("--set=data.period_secs={period}");
+        let init = ["init", "log.csv", "--within=1s", &set];
+        for columns in [&[][..], &["--action=XV400", "--reward=FIT300"]] {
+            let told = place.calib(&[&init[..], columns].concat()).fails(2);
+            assert!(told.starts_with(&expected), "{told}");
+        }
     }
     assert!(!place.path().join("study.toml").exists());
 }

@@ -78,6 +78,7 @@ pub fn survey(
 ) -> Result<Surveyed, DataError> {
     let survey = Survey::new(data, preprocess, monitor)?;
     survey.refuse_contradictions(data.contradictions)?;
+    survey.refuse_period()?;
     survey.refuse_empty(data, preprocess)?;
     let columns = survey.columns(preprocess);
     Ok(Surveyed { survey, columns, preprocess: preprocess.clone() })

@@ -39,8 +39,8 @@ pub fn many_gaps(
     })
 }
 
-/// What is said of a log whose rows are further apart than the period that the study gives.
-pub fn period_too_short(period_secs: f64, recorded_secs: f64) -> String {
+/// What is said of a log whose rows are not as far apart as the period that the study gives.
+pub fn contradicted_period(period_secs: f64, recorded_secs: f64) -> String {
     format!(
         "the rows are recorded every {recorded_secs} s, and data.period_secs asks for one every {period_secs} s: \
          set data.period_secs = {recorded_secs}, or set data.resample to put them on the other clock"
@@ -69,10 +69,10 @@ impl Profile {
         let mut doubts = self.read_as.clone();
         let remedy = if self.period_was_detected { "set" } else { "correct or remove" };
         doubts.extend(match self.recorded_period_secs {
-            Some(recorded) => Some(period_too_short(self.period_secs, recorded)),
+            Some(recorded) => Some(contradicted_period(self.period_secs, recorded)),
             None => many_gaps(self.gaps.count, steps, self.period_secs, remedy, ""),
         });
-        if self.short_steps * 2 > steps {
+        if self.recorded_period_secs.is_none() && self.short_steps * 2 > steps {
             doubts.push(format!(
                 "{} of {steps} steps in time are shorter than the sample period of {} s, and they count as whole samples: {remedy} data.period_secs",
                 self.short_steps, self.period_secs,

@@ -345,10 +345,10 @@ pub enum DataError {
         /// How many were dropped for which reason.
         reasons: String,
     },
-    /// A period that is shorter than the steps of the log, so that no row of the training range follows another.
+    /// A period that the times of the log contradict.
     #[error("{told}")]
-    PeriodTooShort {
-        /// Both, and what to set, as [`period_too_short`](crate::period_too_short) says it.
+    ContradictedPeriod {
+        /// Both, and what to set, as [`contradicted_period`](crate::contradicted_period) says it.
         told: String,
     },
     /// Cleaning leaves no transition.

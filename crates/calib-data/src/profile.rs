@@ -57,7 +57,8 @@ pub struct Profile {
     pub period_secs: f64,
     /// Whether the period is the median step, or was configured.
     pub period_was_detected: bool,
-    /// The median step in seconds, if a period was configured that is so much shorter that most steps are gaps. Default: none was.
+    /// The median step in seconds, if a period was configured that it contradicts: nearly all steps are as long, or most are gaps. Default:
+    /// none was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recorded_period_secs: Option<f64>,
     /// Time from one row of the states to the next, in seconds: after sub-sampling.

@@ -1,10 +1,10 @@
-//! Logs of which nothing is left, and why.
+//! Logs of which nothing is left, or that contradict the study, and why.
 
 use std::collections::BTreeMap;
 
 use crate::{
     ChannelProfile, Contradictions, DataConfig, DataError, DropReason, PartProfile,
-    PreprocessConfig, period_too_short, survey::Survey,
+    PreprocessConfig, Sketch, contradicted_period, log::interval, survey::Survey,
 };
 
 impl Survey {
@@ -19,6 +19,20 @@ impl Survey {
             examples: found.examples.clone(),
             cause: found.cause.clone(),
         })
+    }
+
+    /// Refuse a period that nearly all steps of the training range contradict, or that leaves no transition of it. Whatever else is
+    /// missing, the period has to be right first.
+    pub(crate) fn refuse_period(&self) -> Result<(), DataError> {
+        let profile = &self.profile;
+        match profile.recorded_period_secs {
+            Some(recorded)
+                if self.log.other_interval().is_some() || profile.train.transitions == 0 =>
+            {
+                Err(refused_period(profile.period_secs, recorded))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Refuse a log without channels, or a range without transitions.
@@ -45,13 +59,6 @@ impl Survey {
             if let Some(part) = part
                 && part.transitions == 0
             {
-                // Whatever else is missing, the period has to be right first.
-                if let Some(recorded) = profile.recorded_period_secs
-                    && key == "train"
-                {
-                    let told = period_too_short(profile.period_secs, recorded);
-                    return Err(DataError::PeriodTooShort { told });
-                }
                 return Err(DataError::NoTransitions {
                     key,
                     rows: part.log_rows as usize,
@@ -74,7 +81,7 @@ impl Survey {
         subsample: usize,
     ) -> String {
         if let Some(recorded) = self.profile.recorded_period_secs {
-            return format!(": {}", period_too_short(self.profile.period_secs, recorded));
+            return format!(": {}", contradicted_period(self.profile.period_secs, recorded));
         }
         if subsample > 1 && part.dropped_rows + 1 < part.log_rows {
             return format!(
@@ -102,6 +109,26 @@ impl Survey {
             if key == "train" { " lower preprocess.max_missing," } else { "" }
         )
     }
+}
+
+impl Sketch {
+    /// Refuse a period that nearly all steps contradict, or that makes all of them gaps: how channels move could not be seen.
+    ///
+    /// # Errors
+    /// [`DataError::ContradictedPeriod`].
+    pub fn require_period(&self, gap_tolerance: f64) -> Result<(), DataError> {
+        let Some(recorded) = self.recorded_period_secs else { return Ok(()) };
+        let longest = gap_tolerance * self.period_secs * 1e6;
+        let mut steps = self.timestamps.windows(2).map(|pair| pair[1].micros_since(pair[0]));
+        if interval(&self.timestamps).is_none() && steps.any(|step| step as f64 <= longest) {
+            return Ok(());
+        }
+        Err(refused_period(self.period_secs, recorded))
+    }
+}
+
+fn refused_period(period_secs: f64, recorded_secs: f64) -> DataError {
+    DataError::ContradictedPeriod { told: contradicted_period(period_secs, recorded_secs) }
 }
 
 fn category(reason: &DropReason) -> &'static str {

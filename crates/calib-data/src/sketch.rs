@@ -42,7 +42,7 @@ pub struct Sketch {
     pub utc: bool,
     /// The median step, or the period that was given, in seconds.
     pub period_secs: f64,
-    /// The median step in seconds, if a period was given that is so much shorter that most steps are gaps.
+    /// The median step in seconds, if a period was given that it contradicts: nearly all steps are as long, or most are gaps.
     pub recorded_period_secs: Option<f64>,
     /// Steps back in time inside a file.
     pub backward_steps: BackwardSteps,

@@ -6,6 +6,12 @@ use calib_core::{Period, Timestamp};
 
 use crate::log::rows::EXAMPLES;
 
+/// Steps are alike if they differ by at most this share: clocks drift, and loggers round to whole seconds. Our choice.
+const ALIKE: f64 = 0.1;
+/// The share of steps that are alike in a log of one interval. With [`ALIKE`], it passes rows 1.1 s apart whose times are cut to whole
+/// seconds: a tenth of their steps is 2 s. Our choice.
+const REGULAR: f64 = 0.9;
+
 /// Steps of the log that are not one period.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Steps {
@@ -29,6 +35,23 @@ pub(crate) fn detect_period(timestamps: &[Timestamp]) -> Option<Period> {
         return None;
     }
     Period::from_micros(*steps.select_nth_unstable(middle).1)
+}
+
+/// The interval at which rows were recorded: the median step, if most others are like it. `None` where steps are uneven, so that any
+/// period may be meant.
+pub(crate) fn interval(timestamps: &[Timestamp]) -> Option<Period> {
+    let median = detect_period(timestamps)?;
+    let mut alike = 0_usize;
+    for pair in timestamps.windows(2) {
+        let step = Period::from_micros(pair[1].micros_since(pair[0]));
+        alike += usize::from(step.is_some_and(|step| are_alike(step, median)));
+    }
+    (alike as f64 >= REGULAR * (timestamps.len() - 1) as f64).then_some(median)
+}
+
+/// Whether a step is as long as the median one, or nearly.
+pub(crate) fn are_alike(step: Period, median: Period) -> bool {
+    step.as_micros().abs_diff(median.as_micros()) as f64 <= ALIKE * median.as_micros() as f64
 }
 
 /// Cut the rows where a step is longer than `tolerance` periods, and before each of `breaks` (in order).
@@ -118,6 +141,28 @@ mod tests {
         assert_eq!(period(&[0.0, 0.9, 2.0, 3.0, 4.0]), Some(1.0));
         assert_eq!(period(&[0.0, 60.0]), Some(60.0));
         assert_eq!(period(&[0.0]), None);
+    }
+
+    #[test]
+    fn an_interval_is_what_nearly_all_steps_are() {
+        let recorded = |times: &[f64]| interval(&seconds(times)).map(Period::as_secs);
+        let even: Vec<f64> = (0..20).map(f64::from).collect();
+        assert_eq!(recorded(&even), Some(1.0));
+        let drifting: Vec<f64> = even.iter().map(|row| 1.03 * row).collect();
+        assert!(recorded(&drifting).is_some());
+        let broken: Vec<f64> =
+            even.iter().map(|row| if *row < 9.0 { *row } else { 500.0 + row }).collect();
+        assert_eq!(recorded(&broken), Some(1.0), "one gap");
+        assert_eq!(recorded(&[0.0, 1.0, 4.0, 5.0, 9.0, 10.0]), None, "as values change");
+        assert_eq!(recorded(&[0.0]), None);
+        let cut = |secs: f64| -> Vec<f64> {
+            (0..200).map(|row| (secs * f64::from(row)).floor()).collect()
+        };
+        assert_eq!(recorded(&cut(1.05)), Some(1.0));
+        assert_eq!(recorded(&cut(1.4)), None, "whole seconds do not tell");
+        let [one, other] = [1.0, 1.1].map(|secs| Period::from_secs(secs).expect("positive"));
+        assert!(are_alike(other, one));
+        assert!(!are_alike(Period::from_secs(0.7).expect("positive"), one));
     }
 
     #[test]

@@ -46,7 +46,7 @@ pub(crate) use self::{
     column_aliases::{TAGS, plain},
     dedup::Contradicting,
     file::{FieldKind, classify},
-    gaps::{Steps, inside, inside_both},
+    gaps::{Steps, inside, inside_both, interval},
     read::{Batch, ChannelValues, Codes},
     room::Room,
     rows::EXAMPLES,
@@ -240,13 +240,24 @@ impl Log {
         self.recorded.as_ref().unwrap_or(&self.rows)
     }
 
-    /// The median step in seconds, where the study gives a period so much shorter that most steps are gaps.
+    /// The median step in seconds, where it is not the period that the study gives: nearly all steps of the training range are as long,
+    /// or most of the log are gaps.
     pub(crate) fn recorded_period_secs(&self) -> Option<f64> {
-        let steps = self.rows.timestamps.len().saturating_sub(1) as u64;
-        if self.period_was_detected || self.grid.is_some() || 2 * self.steps.gaps <= steps {
+        if self.period_was_detected || self.grid.is_some() {
             return None;
         }
-        gaps::detect_period(&self.rows.timestamps).map(Period::as_secs)
+        let steps = self.rows.timestamps.len().saturating_sub(1) as u64;
+        let recorded = match self.other_interval() {
+            None if 2 * self.steps.gaps > steps => gaps::detect_period(&self.rows.timestamps),
+            interval => interval,
+        };
+        recorded.map(Period::as_secs)
+    }
+
+    /// The interval at which the training range was recorded, where it is not the period.
+    pub(crate) fn other_interval(&self) -> Option<Period> {
+        let interval = interval(&self.rows.timestamps[self.train.clone()]);
+        interval.filter(|interval| !gaps::are_alike(self.period, *interval))
     }
 
     /// Stretches without a gap, cut at the ends of the two ranges; rows outside both are left out.

@@ -102,8 +102,22 @@ fn a_clock_that_is_not_as_meant_is_doubted() {
     let on_a_clock = DataConfig { resample: Some(Resample::Last), ..too_short };
     let dataset = load_with(&on_a_clock, &PreprocessConfig::default());
     assert_eq!(dataset.profile.clock_doubts(), Vec::<String>::new());
-    let [long] = &doubts(Some(60.0))[..] else { panic!("one doubt") };
-    assert!(long.starts_with("19 of 19 steps in time are shorter than the sample period of 60 s"));
+    // A step of 10 s is no gap of 7 s, and no short one of 12 s: all times would be wrong all the same.
+    for period in [7.0, 12.0, 60.0] {
+        let [told] = &doubts(Some(period))[..] else { panic!("one doubt") };
+        let both = format!("every 10 s, and data.period_secs asks for one every {period} s");
+        assert!(told.contains(&both), "{told}");
+        assert_refused(&DataConfig { period_secs: Some(period), ..folder.data() }, &[&both]);
+    }
+    assert_eq!(doubts(Some(9.5)), Vec::<String>::new(), "clocks drift");
+    // As values change: any period may be meant.
+    let seconds = [0, 3, 10, 25, 31, 60, 61].map(|second| start + second);
+    let uneven = Folder::of("a.parquet", &log_at(seconds, &[("x", &values[..7])]));
+    let short = DataConfig { period_secs: Some(1.0), ..uneven.data() };
+    assert_eq!(load_with(&short, &PreprocessConfig::default()).profile.train.transitions, 1);
+    let long = DataConfig { period_secs: Some(60.0), ..uneven.data() };
+    let [told] = &profile(&long).clock_doubts()[..] else { panic!("one doubt") };
+    assert!(told.starts_with("6 of 6 steps in time are shorter than the sample period of 60 s"));
 
     let sensor = Folder::of("a.parquet", &log_at(0..20, &[("x", &values)]));
     let [early] = &sensor.inspect().clock_doubts()[..] else { panic!("one doubt") };

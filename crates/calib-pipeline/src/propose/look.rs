@@ -3,7 +3,6 @@
 use calib_base::{
     Context as _, StepError,
     clock::{self, TimeTaken},
-    ensure,
     left_alone::text_left_alone,
     memory,
     options::ProposeOptions,
@@ -96,7 +95,7 @@ impl SketchedLog {
             data.max_age_secs = Some(MaxAge::All(clock.max_age_secs));
             sketch = calib_data::sketch(&data, &printer.progress())?;
         }
-        refuse_short_period(&sketch, data.gap_tolerance)?;
+        sketch.require_period(data.gap_tolerance)?;
         if gives(args, "data.contradictions")
             && let Some(left_out) = many_left_out(&sketch)
         {
@@ -154,19 +153,6 @@ fn warn_of_reading(sketch: &Sketch, printer: &Printer) {
     }
 }
 
-/// Refuse a period so much shorter than the steps of the log that no row follows another: how channels move could not be seen.
-fn refuse_short_period(sketch: &Sketch, gap_tolerance: f64) -> Result<(), StepError> {
-    let Some(recorded) = sketch.recorded_period_secs else { return Ok(()) };
-    let longest = gap_tolerance * sketch.period_secs * 1e6;
-    let mut steps = sketch.timestamps.windows(2).map(|pair| pair[1].micros_since(pair[0]));
-    ensure!(
-        steps.any(|step| step as f64 <= longest),
-        "{}",
-        calib_data::period_too_short(sketch.period_secs, recorded)
-    );
-    Ok(())
-}
-
 /// The angles of a log that was sketched, which are said.
 fn angles(
     data: &DataConfig,
@@ -211,7 +197,7 @@ fn contradicting(error: DataError) -> StepError {
 fn doubts(sketch: &Sketch) -> Vec<String> {
     let mut doubts = Vec::new();
     let recorded = sketch.recorded_period_secs;
-    doubts.extend(recorded.map(|secs| calib_data::period_too_short(sketch.period_secs, secs)));
+    doubts.extend(recorded.map(|secs| calib_data::contradicted_period(sketch.period_secs, secs)));
     let steps = sketch.timestamps.windows(2).map(|pair| (pair[1].micros_since(pair[0]), pair[0]));
     if let Some((step, from)) = steps.max()
         && step > YEAR_MICROS
