@@ -128,6 +128,24 @@ pub(super) struct StateSpacing {
     pub(super) cost: GrowingCosts,
 }
 
+/// What it takes to fit all that the agents of one run on the replayed log start from, and what they are compared with.
+fn fitting_time(job: &Job, context: &RunContext) -> Result<TimeTaken, StepError> {
+    let Parts { dataset, .. } = partition::load(job, context)?;
+    let study = job.study();
+    let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
+    let baselines = Baselines::new(&dataset.train);
+    let progress = context.progress();
+    // Agents and simple predictors, each without the rows that the run replays.
+    let (fitted, taken) = TimeTaken::by(|| {
+        (0..2).try_for_each(|row| {
+            let rows = FittingRows::AllBut(std::iter::once(row..row + 1).collect());
+            baselines.simple(&sensors, study.agent.gamma, &rows, &*progress).map(drop)
+        })
+    });
+    fitted?;
+    Ok(taken)
+}
+
 /// What trials have in common.
 pub(super) struct Trials<'a> {
     pub(super) args: &'a ProposeOptions,
@@ -179,28 +197,10 @@ impl Trials<'_> {
                 return Ok(GrowingCosts::Model(self.built(spacing, text, context)?.secs));
             }
             let job = self.job(text, &format!("spacing-{spacing}"))?;
-            let fitting = on_all_threads(self.fitting(&job, context)?);
+            let fitting = on_all_threads(fitting_time(&job, context)?);
             Ok(GrowingCosts::Fits(MOST_RUNS as f64 * fitting.secs))
         })?;
         Ok(cost.unwrap_or(GrowingCosts::Fits(f64::INFINITY)))
-    }
-
-    /// What it takes to fit all that the agents of one run on the replayed log start from, and what they are compared with.
-    fn fitting(&self, job: &Job, context: &RunContext) -> Result<TimeTaken, StepError> {
-        let Parts { dataset, .. } = partition::load(job, context)?;
-        let study = job.study();
-        let sensors = sensor_columns(study, &dataset.normaliser, &dataset.profile)?;
-        let baselines = Baselines::new(&dataset.train);
-        let progress = context.progress();
-        // Agents and simple predictors, each without the rows that the run replays.
-        let (fitted, taken) = TimeTaken::by(|| {
-            (0..2).try_for_each(|row| {
-                let rows = FittingRows::AllBut(std::iter::once(row..row + 1).collect());
-                baselines.simple(&sensors, study.agent.gamma, &rows, &*progress).map(drop)
-            })
-        });
-        fitted?;
-        Ok(taken)
     }
 
     fn built(
@@ -327,7 +327,7 @@ impl Trials<'_> {
         let (judged, verdict) = TimeTaken::by(|| evaluate::run(&job, context));
         judged?;
         let fitting = match self.model {
-            ProposedModel::None => on_all_threads(self.fitting(&job, context)?),
+            ProposedModel::None => on_all_threads(fitting_time(&job, context)?),
             // Its rows are few: a model takes longer than what agents start from.
             ProposedModel::Ensemble => TimeTaken::default(),
         };
