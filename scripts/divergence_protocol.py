@@ -8,7 +8,7 @@
 A rate that fails in one stream of fifty passes fifteen windows of the log in three cases of four (0.98^15 = 0.74). It passes 150
 rollouts in one case of twenty. The protocol, as it was fixed before its runs:
 
-- *Plants.* 48 simulated plants, numbers 0 to 47: seed 900 + number, 64 channels, a row every minute, 75 days, of which the first 27
+- *Plants.* 48 simulated plants, numbers 0 to 47, and more in the second pass: seed 900 + number, 64 channels, a row every minute, 75 days, of which the first 27
   are the log. `random.Random(900 + number)` draws drift, noise, storms and the first day from the ranges of
   configs/validity/protocol.toml. The historian has no outages, so that every window is whole.
 - *Agents.* SGD from scratch, eleven rates from 1e-5 to 1, for PIT300, TIT101 and TUIT101. Drawn for each plant: a linear agent or
@@ -41,6 +41,16 @@ rollouts in one case of twenty. The protocol, as it was fixed before its runs:
   rule without a screen, if disasters are at most half as many, McNemar's test has p < 0.05, and the upper end of the quotient of
   errors is at most 1.01. If the screen by 15 windows fulfils the same and has no more disasters, it is taken instead, because it
   needs no model.
+
+The second pass was fixed when 38 plants of the first were made. There `log` made three disasters, and none with the screen by 150
+rollouts: too few for McNemar's test. It also asks for a rival that needs no model, more windows of the same log:
+
+- *Plants* 48 to 111, drawn and run in the same way, with the seven rates from 1e-3 to 1 (smaller ones never failed).
+- *Evidence.* 150 windows of the log, which overlap. `log` looks at every tenth of them, `log, 150 windows` at all.
+- *Screens*: those of the first pass, and `150 windows`, which has the bound of `150 rollouts`.
+- *What is decided*, by plants 48 to 111 alone. `log, 150 windows` replaces `log` where time allows if it fulfils the three conditions
+  against `log`. A screen becomes a part of calib if it fulfils them against `log`, and if its quotient of errors by
+  `log, 150 windows` without a screen has an upper end below 1, or disasters are at most half of that rule's with McNemar's p < 0.05.
 """
 
 import json
@@ -56,7 +66,10 @@ from protocols import CAP, head, interval, quotient, row, smallest, typical_regr
 
 SENSORS = ["PIT300", "TIT101", "TUIT101"]
 RATES = [1e-5, 3.16e-5, 1e-4, 3.16e-4, 1e-3, 3.16e-3, 1e-2, 3.16e-2, 0.1, 0.316, 1]
-DEFAULT = RATES.index(1e-3)
+DEFAULT_RATE = 1e-3
+# The first plant of the second pass, and its rates.
+SECOND = 48
+SECOND_RATES = [rate for rate in RATES if rate >= DEFAULT_RATE]
 WINDOWS = 40
 # The largest share of failing runs that is accepted, and what its upper bound may be wrong by.
 SHARE = 0.05
@@ -98,7 +111,7 @@ steps = {steps}
 online_windows = {windows}
 online_runs = {windows}
 member_runs = 30
-log_replay_runs = 15
+log_replay_runs = {log_windows}
 curve_points = 0
 
 [sweep.grid]
@@ -132,7 +145,10 @@ def make(number: int, folder: Path, calib: str) -> dict:
     seed = 900 + number
     drawn = draw(seed)
     study = folder / "study.toml"
-    text = STUDY.format(seed=seed, sensors=json.dumps(SENSORS), windows=WINDOWS, rates=json.dumps(RATES), **drawn)
+    rates, log_windows = (RATES, 15) if number < SECOND else (SECOND_RATES, 150)
+    text = STUDY.format(
+        seed=seed, sensors=json.dumps(SENSORS), windows=WINDOWS, log_windows=log_windows, rates=json.dumps(rates), **drawn
+    )
     study.write_text(text)
     protocols.run(calib, study, "simulate", "build-model", "sweep")
     results = folder / "results"
@@ -142,23 +158,26 @@ def make(number: int, folder: Path, calib: str) -> dict:
     shutil.rmtree(results)
     in_member = polars.col("environment").str.starts_with("member:")
     online = polars.col("environment") == "online"
+    replay = polars.col("environment") == "log-replay"
     sources = {
-        "log": polars.col("environment") == "log-replay",
+        "log": replay & (polars.col("run") % (log_windows // 15) == 0),
         "few rollouts": in_member & (polars.col("run") < 3),
         "rollouts": in_member,
         "truth": online,
     }
+    if number >= SECOND:
+        sources["windows"] = replay
     return {
         "drawn": drawn,
         "windows": table.filter(online)["start_row"].n_unique(),
         "sensors": [
-            {name: summary(table.filter(which & (polars.col("sensor") == sensor))) for name, which in sources.items()}
+            {name: summary(table.filter(which & (polars.col("sensor") == sensor)), rates) for name, which in sources.items()}
             for sensor in SENSORS
         ],
     }
 
 
-def summary(table) -> dict:
+def summary(table, rates: list[float]) -> dict:
     """Of each candidate, over the runs of one sensor: how many there are, diverged and failed, and means of logarithms.
 
     `mean` is that of the error, over the runs that did not diverge. `excess` is that of the error by the least one of the same run,
@@ -169,7 +188,7 @@ def summary(table) -> dict:
         math.inf if diverged or not math.isfinite(error) else math.log(error)
         for error, diverged in ordered.select("nrmse", "diverged").iter_rows()
     ]
-    count = len(RATES)
+    count, default = len(rates), rates.index(DEFAULT_RATE)
     if ordered["candidate"].to_list() != list(range(count)) * (len(logs) // count):
         raise ValueError("runs.parquet does not have one row for each candidate of every run")
     streams = [logs[first : first + count] for first in range(0, len(logs), count)]
@@ -177,7 +196,7 @@ def summary(table) -> dict:
     for candidate in range(count):
         own = [stream[candidate] for stream in streams]
         finite = [value for value in own if value < math.inf]
-        failed = [fails(stream, candidate) for stream in streams]
+        failed = [fails(stream, candidate, default) for stream in streams]
         # Where all diverged, infinity minus infinity is no number.
         excess = [CAP if value == math.inf else min(value - min(stream), CAP) for value, stream in zip(own, streams)]
         cost = [CAP if failing else value for value, failing in zip(excess, failed)]
@@ -189,9 +208,9 @@ def summary(table) -> dict:
     return kept
 
 
-def fails(stream: list[float], candidate: int) -> bool:
+def fails(stream: list[float], candidate: int, default: int) -> bool:
     """Whether a candidate diverged, or has more than `FACTOR` times the default's error. Of logarithms."""
-    return stream[candidate] == math.inf or stream[candidate] > stream[DEFAULT] + math.log(FACTOR)
+    return stream[candidate] == math.inf or stream[candidate] > stream[default] + math.log(FACTOR)
 
 
 def rounded_mean(values: list[float]) -> float:
@@ -214,13 +233,15 @@ def least_error(*sources: dict) -> Callable[[int], tuple]:
     return key
 
 
+ALL_WINDOWS = "log, 150 windows"
 RULES = {
     "log": lambda pair: least_error(pair["log"]),
+    ALL_WINDOWS: lambda pair: least_error(pair["windows"]),
     "pooled": lambda pair: least_error(pair["log"], pair["few rollouts"]),
     "log, soft": lambda pair: lambda candidate: (pair["log"]["excess"][candidate],),
 }
 # The summaries that they look at.
-SCREENS = {"15 windows": ["log"], "150 rollouts": ["rollouts"], "both": ["log", "rollouts"]}
+SCREENS = {"15 windows": ["log"], "150 rollouts": ["rollouts"], "both": ["log", "rollouts"], "150 windows": ["windows"]}
 
 
 def at_most(count: int, trials: int, share: float) -> float:
@@ -239,7 +260,7 @@ def passes(pair: dict, screen: str, candidate: int) -> bool:
 
 
 def choose(pair: dict, rule: str, screen: str | None) -> int:
-    left = list(range(len(RATES)))
+    left = list(range(len(pair["truth"]["cost"])))
     if screen:
         failed = [sum(pair[name]["failed"][candidate] for name in SCREENS[screen]) for candidate in left]
         passed = [candidate for candidate in left if passes(pair, screen, candidate)]
@@ -285,30 +306,52 @@ def percent(logarithm: float) -> str:
 
 
 def report(plants: list[dict]) -> None:
+    for name, own, rates in [
+        ("First pass", [plant for plant in plants if plant["plant"] < SECOND], RATES),
+        ("Second pass", [plant for plant in plants if plant["plant"] >= SECOND], SECOND_RATES),
+    ]:
+        if own:
+            print(f"\n## {name}\n")
+            report_pass(own, rates)
+
+
+def report_pass(plants: list[dict], rates: list[float]) -> None:
     few = [str(plant["plant"]) for plant in plants if plant["windows"] < WINDOWS]
     if few:
         print(f"Fewer than {WINDOWS} different held-out windows: plants {', '.join(few)}.\n")
+    is_second = rates is SECOND_RATES
+    rules = [rule for rule in RULES if is_second or rule != ALL_WINDOWS]
+    screens = [screen for screen, sources in SCREENS.items() if is_second or "windows" not in sources]
     judged = {
-        (rule, screen): judge(plants, lambda pair, _: choose(pair, rule, screen))
-        for rule in RULES
-        for screen in [None, *SCREENS]
+        (rule, screen): judge(plants, lambda pair, _: choose(pair, rule, screen)) for rule in rules for screen in [None, *screens]
     }
-    print_choosers(plants, judged)
-    print_screens(judged)
-    print_accuracy(plants)
-    print_choices(plants)
+    print_choosers(plants, judged, rates)
+    print("\nEach screen against the same rule without it. Errors are quotients (95 % over plants):\n")
+    head("chooser", "by", "disasters", "avoided / new", "McNemar's p", "plants with fewer / more", "sign test's p",
+         "quotient of errors", "half, p < 0.05, quotient")
+    for rule in rules:
+        for screen in screens:
+            compare(judged, (rule, screen), (rule, None))
+    if is_second:
+        for chooser in [(ALL_WINDOWS, None), (ALL_WINDOWS, "150 windows"), (ALL_WINDOWS, "150 rollouts")]:
+            compare(judged, chooser, ("log", None))
+        for screen in screens:
+            compare(judged, ("log", screen), (ALL_WINDOWS, None))
+    print_accuracy(plants, screens, rates)
+    print_choices(plants, rules, screens)
 
 
-def print_choosers(plants: list[dict], judged: dict[tuple, Judged]) -> None:
+def print_choosers(plants: list[dict], judged: dict[tuple, Judged], rates: list[float]) -> None:
+    default = rates.index(DEFAULT_RATE)
     fixed = [
-        smallest([sum(plant["sensors"][sensor]["truth"]["cost"][rate] for plant in plants) for rate in range(len(RATES))])
+        smallest([sum(plant["sensors"][sensor]["truth"]["cost"][rate] for plant in plants) for rate in range(len(rates))])
         for sensor in range(len(SENSORS))
     ]
-    named = {rule if screen is None else f"{rule}, screened by {screen}": own for (rule, screen), own in judged.items()}
-    named["default"] = judge(plants, lambda pair, sensor: DEFAULT)
+    named = {named_chooser(chooser): own for chooser, own in judged.items()}
+    named["default"] = judge(plants, lambda pair, sensor: default)
     named["hindsight"] = judge(plants, lambda pair, sensor: fixed[sensor])
     named["best rate"] = judge(plants, lambda pair, sensor: smallest(pair["truth"]["cost"]))
-    every = [judge(plants, lambda pair, sensor: rate) for rate in range(len(RATES))]
+    every = [judge(plants, lambda pair, sensor: rate) for rate in range(len(rates))]
 
     pairs = len(plants) * len(SENSORS)
     print(f"{len(plants)} plants, {pairs} pairs of plant and sensor. Typical regret in % (95 % over plants):\n")
@@ -320,58 +363,57 @@ def print_choosers(plants: list[dict], judged: dict[tuple, Judged]) -> None:
         row(name, typical_regret(own.over_sensors()), percent(sum(tenth) / len(tenth)), percent(worst[0]),
             sum(flat(own.disasters())), failing)
     regrets = [sum(values) / len(values) for values in zip(*(own.over_sensors() for own in every))]
-    disasters = sum(sum(flat(own.disasters())) for own in every) / len(RATES)
-    failing = sum(sum(share > 0 for share in flat(own.failing)) for own in every) / len(RATES)
+    disasters = sum(sum(flat(own.disasters())) for own in every) / len(rates)
+    failing = sum(sum(share > 0 for share in flat(own.failing)) for own in every) / len(rates)
     row("random", typical_regret(regrets), "", "", f"{disasters:.1f}", f"{failing:.1f}")
 
 
-def print_screens(judged: dict[tuple, Judged]) -> None:
-    print("\nEach screen against the same rule without it. Errors are quotients (95 % over plants):\n")
-    head("rule", "screen", "disasters", "avoided / new", "McNemar's p", "plants with fewer / more", "sign test's p",
-         "error / unscreened", "half, p < 0.05, quotient")
-    for rule in RULES:
-        before = judged[rule, None]
-        for screen in SCREENS:
-            after = judged[rule, screen]
-            old, new = before.disasters(), after.disasters()
-            avoided = sum(a and not b for a, b in zip(flat(old), flat(new)))
-            added = sum(b and not a for a, b in zip(flat(old), flat(new)))
-            fewer = sum(sum(b) < sum(a) for a, b in zip(old, new))
-            more = sum(sum(b) > sum(a) for a, b in zip(old, new))
-            changes = [b - a for a, b in zip(before.over_sensors(), after.over_sensors())]
-            mcnemar = sign_test(avoided, added)
-            holds = [2 * sum(flat(new)) <= sum(flat(old)), mcnemar < 0.05, math.exp(interval(changes)[2]) <= 1.01]
-            row(rule, screen, f"{sum(flat(old))} to {sum(flat(new))}", f"{avoided} / {added}", f"{mcnemar:.3f}",
-                f"{fewer} / {more}", f"{sign_test(fewer, more):.3f}", quotient(changes),
-                ", ".join("yes" if condition else "no" for condition in holds))
+def named_chooser(chooser: tuple[str, str | None]) -> str:
+    rule, screen = chooser
+    return rule if screen is None else f"{rule}, screened by {screen}"
 
 
-def print_accuracy(plants: list[dict]) -> None:
+def compare(judged: dict[tuple, Judged], chooser: tuple[str, str | None], other: tuple[str, str | None]) -> None:
+    after, before = judged[chooser], judged[other]
+    old, new = before.disasters(), after.disasters()
+    avoided = sum(a and not b for a, b in zip(flat(old), flat(new)))
+    added = sum(b and not a for a, b in zip(flat(old), flat(new)))
+    fewer = sum(sum(b) < sum(a) for a, b in zip(old, new))
+    more = sum(sum(b) > sum(a) for a, b in zip(old, new))
+    changes = [b - a for a, b in zip(before.over_sensors(), after.over_sensors())]
+    mcnemar = sign_test(avoided, added)
+    holds = [2 * sum(flat(new)) <= sum(flat(old)), mcnemar < 0.05, math.exp(interval(changes)[2]) <= 1.01]
+    row(named_chooser(chooser), named_chooser(other), f"{sum(flat(old))} to {sum(flat(new))}", f"{avoided} / {added}",
+        f"{mcnemar:.3f}", f"{fewer} / {more}", f"{sign_test(fewer, more):.3f}", quotient(changes),
+        ", ".join("yes" if condition else "no" for condition in holds))
+
+
+def print_accuracy(plants: list[dict], screens: list[str], rates: list[float]) -> None:
     print("\nAll rates of all pairs, by the share of held-out windows that fail, and how many of them each screen refuses:\n")
-    head("windows that fail", "rates", *SCREENS, "mean share of rollouts that fail")
+    head("windows that fail", "rates", *screens, "mean share of rollouts that fail")
     bounds = {"none": (-1, 0), "up to 5 %": (0, SHARE), "5 to 20 %": (SHARE, 0.2), "more": (0.2, 1)}
     for name, (above, until) in bounds.items():
         places = [
             (pair, rate)
             for plant in plants
             for pair in plant["sensors"]
-            for rate in range(len(RATES))
+            for rate in range(len(rates))
             if above < pair["truth"]["failed"][rate] / pair["truth"]["runs"] <= until
         ]
-        refused = [sum(not passes(pair, screen, rate) for pair, rate in places) for screen in SCREENS]
+        refused = [sum(not passes(pair, screen, rate) for pair, rate in places) for screen in screens]
         shares = [pair["rollouts"]["failed"][rate] / pair["rollouts"]["runs"] for pair, rate in places]
         row(name, len(places), *refused, f"{sum(shares) / len(shares) * 100:.1f} %" if shares else "")
 
 
-def print_choices(plants: list[dict]) -> None:
+def print_choices(plants: list[dict], rules: list[str], screens: list[str]) -> None:
     pairs = [pair for plant in plants for pair in plant["sensors"]]
     print("\nHow often a screen leaves no rate, and how often it changes the choice:\n")
-    head("screen", "leaves no rate", *(f"changes `{rule}`" for rule in RULES))
-    for screen in SCREENS:
-        empty = sum(not any(passes(pair, screen, rate) for rate in range(len(RATES))) for pair in pairs)
-        changed = [sum(choose(pair, rule, screen) != choose(pair, rule, None) for pair in pairs) for rule in RULES]
+    head("screen", "leaves no rate", *(f"changes `{rule}`" for rule in rules))
+    for screen in screens:
+        empty = sum(not any(passes(pair, screen, rate) for rate in range(len(pair["truth"]["cost"]))) for pair in pairs)
+        changed = [sum(choose(pair, rule, screen) != choose(pair, rule, None) for pair in pairs) for rule in rules]
         row(screen, empty, *changed)
 
 
 if __name__ == "__main__":
-    protocols.make_and_report(__doc__, "divergence.jsonl", 48, make, report)
+    protocols.make_and_report(__doc__, "divergence.jsonl", 112, make, report)
