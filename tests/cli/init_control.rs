@@ -239,7 +239,10 @@ fn what_is_no_action_reward_or_terminal_is_refused() {
             "no column of numbers with this name; did you mean pump? `calib inspect` shows all columns",
         ),
         (vec!["--action=pump", "--reward=gian"], "--reward gian: the log has no column"),
-        (vec!["--action=mode", "--reward=gain"], "--action mode: the "),
+        (
+            vec!["--action=mode", "--reward=gain"],
+            "--action mode: the column holds no number, but text, such as \"high\"; write its values",
+        ),
         (vec!["--action=fixed", "--reward=gain"], "--action fixed: it is 3 in every row"),
         (vec!["--action=pump", "--reward=fixed"], "3 in every step, and no episode ends"),
         (vec!["--action=pump", "--reward=pump"], "--reward pump: --action names this column"),

@@ -77,16 +77,13 @@ impl Surveyed {
         for some in channels.chunks(log.batch_size()) {
             for (&number, channel) in some.iter().zip(log.read(some, &mut batch, monitor)?) {
                 let name = &log.channels[number].name;
-                let words = &channel.not_numbers.words;
-                // The first in the alphabet of those that are as frequent.
-                if let Some((word, _)) = words.iter().rev().max_by_key(|(_, count)| **count) {
+                if let Some(example) = channel.not_numbers.example() {
                     if channel.values.iter().all(|value| value.is_nan()) {
-                        let type_name = format!("text, such as {word:?}");
+                        let type_name = format!("text, such as {example:?}");
                         return Err(DataError::NoNumbers { name: name.clone(), type_name });
                     }
-                    let rows = words.values().sum();
-                    let [column, example] = [name.clone(), word.clone()];
-                    recorded.texts.push(TextFound { column, example, rows });
+                    let rows = channel.not_numbers.words.values().sum();
+                    recorded.texts.push(TextFound { column: name.clone(), example, rows });
                 }
                 contradicting.push((number, channel.contradictions.clone()));
                 recorded

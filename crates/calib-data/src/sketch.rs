@@ -65,6 +65,8 @@ pub struct ChannelSketch {
     pub name: String,
     /// The angle of which it is the sine or the cosine, if it is.
     pub angle: Option<AngleOf>,
+    /// The most frequent text in it that is no number; none where there is none.
+    pub text: Option<String>,
     /// The share of the rows of each bin that have a value.
     pub present: Vec<f64>,
     /// Whether it changes within each bin, spikes left aside.
@@ -171,8 +173,10 @@ struct Look<'a> {
 
 impl Look<'_> {
     fn channel(&self, source: &Channel, channel: &mut ChannelValues) -> ChannelSketch {
+        let text = channel.not_numbers.example();
         if let Some(seldom) = &channel.seldom {
-            return self.seldom(source, seldom, channel.contradictions.count);
+            let sketch = self.seldom(source, seldom, channel.contradictions.count);
+            return ChannelSketch { text, ..sketch };
         }
         let values = &mut channel.values;
         let timestamps = &self.log.rows.timestamps;
@@ -188,6 +192,7 @@ impl Look<'_> {
         ChannelSketch {
             name: source.name.clone(),
             angle: source.angle.clone(),
+            text,
             present: self.bins.iter().map(|bin| present(&values[bin.clone()])).collect(),
             moves: self.bins.iter().map(|bin| moves(&values[bin.clone()])).collect(),
             distinct: movement.distinct,
@@ -243,6 +248,7 @@ impl Look<'_> {
         ChannelSketch {
             name: source.name.clone(),
             angle: source.angle.clone(),
+            text: None,
             present: self
                 .bins
                 .iter()

@@ -54,6 +54,7 @@ fn channel(name: &str, value_at: &Channel, rows: usize, bins: &[Range<usize>]) -
     ChannelSketch {
         name: name.to_owned(),
         angle: None,
+        text: None,
         present: bins
             .iter()
             .map(|bin| {

@@ -304,8 +304,7 @@ fn take_part(
     values: &mut [f64],
     not_numbers: &NotNumbers,
 ) -> Result<(), DataError> {
-    let most = not_numbers.words.iter().max_by_key(|(_, count)| **count);
-    if let Some((word, _)) = most
+    if let Some(word) = not_numbers.example()
         && values.iter().all(|value| value.is_nan())
     {
         let reason = format!(

@@ -23,11 +23,16 @@ pub(crate) struct NotNumbers {
 }
 
 impl NotNumbers {
-    /// The words and how often each occurs, the most frequent first.
+    /// The words and how often each occurs, the most frequent first; those that are counted together come last.
     pub(crate) fn by_frequency(&self) -> Vec<(String, u64)> {
         let mut words: Vec<(String, u64)> = self.words.clone().into_iter().collect();
-        words.sort_by_key(|(_, times)| std::cmp::Reverse(*times));
+        words.sort_by_key(|(word, times)| (word == OTHER_WORDS, std::cmp::Reverse(*times)));
         words
+    }
+
+    /// The most frequent word, the first in the alphabet of several; none without words.
+    pub(crate) fn example(&self) -> Option<String> {
+        self.by_frequency().into_iter().next().map(|(word, _)| word)
     }
 
     fn word(&mut self, word: &str) {
@@ -306,6 +311,8 @@ mod tests {
         let column = pl::StringChunked::from_slice("a".into(), &text).into_column();
         let (_, not_numbers) = numbers(&column);
         assert_eq!(not_numbers.words[OTHER_WORDS], 500);
+        assert_eq!(not_numbers.example().as_deref(), Some("w0"), "a word that a cell holds");
+        assert_eq!(not_numbers.by_frequency().last(), Some(&(OTHER_WORDS.to_owned(), 500)));
         assert_eq!(not_numbers.words.len(), WORDS + 1);
     }
 

@@ -46,9 +46,12 @@ pub(super) fn check(
             );
         };
         let Some([low, _]) = channel.range else {
-            bail!(
-                "{argument} {name}: the column is empty, or holds text; write its values as numbers, or name another one"
-            );
+            if let Some(text) = &channel.text {
+                bail!(
+                    "{argument} {name}: the column holds no number, but text, such as {text:?}; write its values as numbers, or name another one"
+                );
+            }
+            bail!("{argument} {name}: the column is empty; name another one");
         };
         let is_constant = channel.distinct == Some(1);
         ensure!(
