@@ -11,9 +11,17 @@ pub type Spread = [f64; 3];
 /// Steps with an action below which little is known of it. Our choice.
 pub const FEW_STEPS: usize = 30;
 
-/// The actions of `counts`, which has the steps of each, that were taken in a few steps only or in none.
+/// One step in so many is a share above which an action of a short log is not rare. Our choice: 5 %.
+const STEPS_TO_ONE: usize = 20;
+
+/// The actions of `counts`, which has the steps of each, that were taken in a few steps only, which are a small share of all, or in none.
 pub fn hardly_taken(counts: &[usize]) -> Vec<usize> {
-    (0..counts.len()).filter(|&action| counts[action] < FEW_STEPS).collect()
+    let steps: usize = counts.iter().sum();
+    let taken = counts.iter().copied().enumerate();
+    taken
+        .filter(|&(_, taken)| taken < FEW_STEPS && taken * STEPS_TO_ONE < steps)
+        .map(|(action, _)| action)
+        .collect()
 }
 
 impl Decisions {
@@ -133,6 +141,8 @@ mod tests {
     #[test]
     fn actions_with_few_steps_are_hardly_taken() {
         assert_eq!(hardly_taken(&[500, 3, 30, 0]), [1, 3]);
+        assert!(hardly_taken(&[23, 13, 20]).is_empty(), "a short log, whose actions are not rare");
+        assert_eq!(hardly_taken(&[54, 2]), [1], "below 5 %");
     }
 
     #[test]
