@@ -203,6 +203,9 @@ fn mistakes_in_rewards_and_grids_name_the_key() {
             "grid={ epsilon = [0.1, 0.2] }",
             "control.grid.epsilon decides nothing: expected_sarsa does not use it",
         ),
+        ("terminal='action'", "control.terminal names action, which control.actions names already"),
+        ("reward='action'", "control.reward names action, which control.actions names already"),
+        ("terminal='reward'", "control.terminal names reward, which control.reward names already"),
         ("grid={ hidden_width = [8, 16] }", "control.grid.hidden_width decides nothing"),
         ("grid={ step_size = [0.1, 0.2, 0.1] }", "control.grid.step_size has the value 0.1 twice"),
     ] {

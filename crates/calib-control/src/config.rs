@@ -121,6 +121,7 @@ impl ControlConfig {
         if self.actions.is_empty() {
             return Err(ControlError::NoActions);
         }
+        self.refuse_repeated_columns()?;
         if self.levels.is_some() && self.probability.is_some() {
             return Err(ControlError::ProbabilityOfLevels);
         }
@@ -172,6 +173,25 @@ impl ControlConfig {
         self.grid.candidates(self.agent).map(|_| ())
     }
 
+    /// Refuse a column that is two things. Terms of a reward may charge for an action or a terminal.
+    fn refuse_repeated_columns(&self) -> Result<(), ControlError> {
+        let others = [
+            ("reward", self.reward.recorded_column()),
+            ("terminal", self.terminal.as_ref()),
+            ("probability", self.probability.as_ref()),
+        ];
+        let others = others.into_iter().filter_map(|(key, column)| Some((key, column?)));
+        let actions = self.actions.iter().map(|column| ("actions", column));
+        let named: Vec<(&'static str, &String)> = actions.chain(others).collect();
+        for (place, &(key, column)) in named.iter().enumerate() {
+            let before = named[..place].iter().find(|(_, other)| *other == column);
+            if let Some(&(before, _)) = before {
+                return Err(ControlError::RepeatedColumn { key, column: column.clone(), before });
+            }
+        }
+        Ok(())
+    }
+
     /// How many members of all kinds of models agents act in.
     pub fn all_members(&self) -> usize {
         self.models.len() * self.model.members
@@ -184,10 +204,7 @@ impl ControlConfig {
 
     /// The columns that are no part of the state: actions, what the reward is when it is recorded as such, the terminal and the probability.
     pub fn beside_the_state(&self) -> Vec<String> {
-        let reward = match &self.reward {
-            Reward::Column(column) => Some(column),
-            Reward::Terms(_) => None,
-        };
+        let reward = self.reward.recorded_column();
         let columns = self.actions.iter().chain(reward).chain(&self.terminal);
         columns.chain(&self.probability).cloned().collect()
     }
@@ -277,5 +294,28 @@ mod tests {
         assert!(many.check().expect_err("many").to_string().contains("from 1 to 100,000"));
         let none = ControlConfig { steps: 0, ..config };
         assert!(none.check().expect_err("none").to_string().contains("steps"));
+    }
+
+    #[test]
+    fn a_column_is_one_thing() {
+        let checked = |text: &str| toml::from_str::<ControlConfig>(text).expect("valid").check();
+        for (text, keys) in [
+            ("actions = ['dose', 'dose']", ["actions", "actions"]),
+            ("actions = ['dose']\nreward = 'dose'", ["reward", "actions"]),
+            ("actions = ['dose']\nterminal = 'dose'", ["terminal", "actions"]),
+            ("actions = ['dose']\nterminal = 'reward'", ["terminal", "reward"]),
+            (
+                "actions = ['dose']\nterminal = 'end'\nprobability = 'end'",
+                ["probability", "terminal"],
+            ),
+        ] {
+            let told = checked(text).expect_err("two things").to_string();
+            let [key, before] = keys;
+            assert!(told.starts_with(&format!("control.{key} names ")), "{told}");
+            assert!(told.contains(&format!(", which control.{before} names already")), "{told}");
+        }
+        let charged = "[{ column = 'dose', weight = -1 }, { column = 'end', weight = -9 }]";
+        checked(&format!("actions = ['dose']\nterminal = 'end'\nreward = {charged}"))
+            .expect("terms may charge for what was done, and for the end");
     }
 }

@@ -42,6 +42,18 @@ pub enum ControlError {
     /// A study does not say which columns are actions.
     #[error("`actions` is empty; name the columns of the action that was taken in a row")]
     NoActions,
+    /// A column that is two things.
+    #[error(
+        "control.{key} names {column}, which control.{before} names already; name another column"
+    )]
+    RepeatedColumn {
+        /// The key that names it again.
+        key: &'static str,
+        /// The column.
+        column: String,
+        /// The key that names it first.
+        before: &'static str,
+    },
     /// No kind of model to let agents act in.
     #[error(
         "control.models is empty; list \"neighbors\", \"increments\" or \"network\", or leave the key out for all of them"

@@ -294,6 +294,14 @@ impl Reward {
         }
     }
 
+    /// The column that holds it, if one does.
+    pub(crate) fn recorded_column(&self) -> Option<&String> {
+        match self {
+            Self::Column(column) => Some(column),
+            Self::Terms(_) => None,
+        }
+    }
+
     /// The columns that it is made of, one of several terms more than once.
     pub fn columns(&self) -> impl Iterator<Item = &String> {
         let (column, terms) = match self {
