@@ -39,7 +39,7 @@ pub struct ControlConfig {
     #[schemars(range(min = 1, max = 100_000))]
     pub runs: usize,
     /// For continuous actions: how many levels of each action column an agent chooses among, an even grid over its recorded range (its own values
-    /// where it has no more). The model then takes what was set for a number: neighbours are near in the state and in the action. Default: every
+    /// where it has no more, or one value of each narrow cluster of values). The model then takes what was set for a number: neighbours are near in the state and in the action. Default: every
     /// combination of values that occurs is an action of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 2, max = 1024))]

@@ -17,6 +17,7 @@ mod error;
 mod evaluation;
 mod grid;
 mod importance;
+mod level_grid;
 mod levels;
 mod log;
 mod model;

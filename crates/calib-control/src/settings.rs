@@ -2,7 +2,7 @@
 
 use calib_core::{States, TransitionIndex};
 
-use crate::{ControlError, Decisions, LEAST_LEVELS, Levels};
+use crate::{ControlError, Decisions, LEAST_LEVELS, Levels, level_grid::of_column};
 
 /// What a log of continuous actions set, and the levels that an agent chooses among; each column as a share of its recorded range.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,30 +14,10 @@ pub struct Settings {
     of_levels: Vec<f32>,
 }
 
-/// The levels of one column: its own values where there are no more than `levels`, else an even grid from the least to the largest.
-fn of_column(column: &[f64], levels: usize) -> Vec<f64> {
-    let mut own: Vec<f64> =
-        column.iter().map(|value| value + 0.0).filter(|value| !value.is_nan()).collect();
-    own.sort_by(f64::total_cmp);
-    own.dedup();
-    let (Some(&low), Some(&high)) = (own.first(), own.last()) else { return own };
-    if own.len() <= levels {
-        return own;
-    }
-    let last = levels - 1;
-    (0..levels)
-        .map(|level| {
-            let value = low + (high - low) * level as f64 / last as f64;
-            // In single precision, as most logs have it, so that names are short.
-            f64::from(value as f32)
-        })
-        .collect()
-}
-
 impl Levels {
     /// Levels of continuous actions, `[columns][rows]`, NaN being missing, and what was set: every combination of up to `levels` values a column,
-    /// which are its own where it has no more, else an even grid over its recorded range. The action of a row is the level that is nearest to what was
-    /// set, in shares of the ranges.
+    /// which are its own where it has no more, one value of each of its narrow clusters, or an even grid over its recorded range without the
+    /// levels that are nearest to no row. The action of a row is the level that is nearest to what was set, in shares of the ranges.
     ///
     /// # Errors
     /// If there are more than `most` combinations.
@@ -199,10 +179,10 @@ mod tests {
 
     #[test]
     fn levels_are_an_even_grid_and_rows_have_the_nearest() {
-        let torque = vec![-2.0, 1.9, 0.1, f64::NAN, 2.0, -0.9, -1.2];
+        let torque = vec![-2.0, 1.9, 0.1, f64::NAN, 2.0, -0.9, 1.2];
         let (levels, settings) = Levels::of_range(&[torque], 5, 64).expect("five");
         assert_eq!(levels.values, [[-2.0], [-1.0], [0.0], [1.0], [2.0]]);
-        assert_eq!(levels.of_rows, [Some(0), Some(4), Some(2), None, Some(4), Some(1), Some(1)]);
+        assert_eq!(levels.of_rows, [Some(0), Some(4), Some(2), None, Some(4), Some(1), Some(3)]);
         assert_eq!((settings.rows(), settings.levels()), (7, 5));
         let metric = States::new(vec![7.0; 7], 7, 1).expect("valid");
         let taken = settings.taken(&metric, 2.0).expect("finite");

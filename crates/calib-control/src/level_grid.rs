@@ -1,0 +1,125 @@
+//! The levels of a column of continuous actions.
+
+use crate::FEW_STEPS;
+
+/// A cluster of values is at most this share of the range wide. Our choice.
+const WIDEST: f64 = 0.05;
+/// The empty space beside a cluster is at least so many times as wide as the widest one. Our choice.
+const SPACE: f64 = 2.0;
+/// Digits after the point at most of a level that stands for a cluster.
+const MOST_DIGITS: i32 = 12;
+
+/// Levels of a column, NaN being missing, ascending: its own values where there are no more than `levels`. If all values lie in as few narrow
+/// clusters, as those of a valve that is read back with noise, one value of each. Else an even grid from the least to the largest, without
+/// the levels that are the nearest to no value.
+pub(crate) fn of_column(column: &[f64], levels: usize) -> Vec<f64> {
+    let mut sorted: Vec<f64> =
+        column.iter().map(|value| value + 0.0).filter(|value| !value.is_nan()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let mut own = sorted.clone();
+    own.dedup();
+    if own.len() <= levels {
+        return own;
+    }
+    clustered(&sorted, levels).unwrap_or_else(|| even(&own, levels))
+}
+
+/// One value of each cluster of ascending values; none if they do not lie in 2 to `most` clusters.
+fn clustered(sorted: &[f64], most: usize) -> Option<Vec<f64>> {
+    let range = sorted.last()? - sorted.first()?;
+    let clusters: Vec<&[f64]> =
+        sorted.chunk_by(|value, next| next - value <= WIDEST * range).collect();
+    if !(2..=most).contains(&clusters.len()) {
+        return None;
+    }
+    let widest = clusters.iter().map(|cluster| width(cluster)).fold(0.0, f64::max);
+    let spaces = clusters.windows(2).map(|pair| pair[1][0] - pair[0][pair[0].len() - 1]);
+    let nearest = spaces.fold(f64::INFINITY, f64::min);
+    let are_narrow = widest <= WIDEST * range && nearest >= SPACE * widest;
+    let have_rows = clusters.iter().all(|cluster| cluster.len() >= FEW_STEPS);
+    (are_narrow && have_rows).then(|| clusters.iter().map(|cluster| centre(cluster)).collect())
+}
+
+/// From the least to the largest of ascending values.
+fn width(cluster: &[f64]) -> f64 {
+    cluster[cluster.len() - 1] - cluster[0]
+}
+
+/// The mean of ascending values, with no more digits than a number between them needs: 0.5 of 0.497 to 0.504.
+fn centre(cluster: &[f64]) -> f64 {
+    let mean = cluster.iter().sum::<f64>() / cluster.len() as f64;
+    let between = cluster[0]..=cluster[cluster.len() - 1];
+    let mut rounded = (0..=MOST_DIGITS).map(|digits| {
+        let unit = 10_f64.powi(digits);
+        // Adding 0 makes one zero of both.
+        (mean * unit).round() / unit + 0.0
+    });
+    rounded.find(|value| between.contains(value)).unwrap_or(mean)
+}
+
+/// An even grid from the least to the largest of ascending values, without the levels that are the nearest to none of them.
+fn even(own: &[f64], levels: usize) -> Vec<f64> {
+    let [low, high] = [own[0], own[own.len() - 1]];
+    let last = levels - 1;
+    let step = (high - low) / last as f64;
+    let mut is_near = vec![false; levels];
+    for value in own {
+        is_near[(((value - low) / step).round() as usize).min(last)] = true;
+    }
+    let grid = (0..levels).filter(|&level| is_near[level]).map(|level| {
+        let value = low + (high - low) * level as f64 / last as f64;
+        // In single precision, as most logs have it, so that names are short.
+        f64::from(value as f32)
+    });
+    grid.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A valve at one of `levels` in each row, read back with noise of up to `noise`.
+    fn read_back(levels: &[f64], noise: f64, rows: usize) -> Vec<f64> {
+        (0..rows)
+            .map(|row: usize| {
+                let off = (row * 37 % 101) as f64 / 50.0 - 1.0;
+                levels[row % levels.len()] + off * noise
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_noisy_reading_has_the_levels_that_were_set() {
+        let valve = read_back(&[0.0, 0.5, 1.0], 0.009, 600);
+        assert_eq!(of_column(&valve, 7), [0.0, 0.5, 1.0]);
+        assert_eq!(of_column(&valve, 3), [0.0, 0.5, 1.0]);
+        let uneven = read_back(&[0.0, 20.0, 100.0], 0.7, 600);
+        assert_eq!(of_column(&uneven, 7), [0.0, 20.0, 100.0]);
+        let mut known = valve;
+        known.extend([f64::NAN; 9]);
+        assert_eq!(of_column(&known, 7), [0.0, 0.5, 1.0], "what is missing is no value");
+    }
+
+    #[test]
+    fn what_does_not_lie_in_narrow_clusters_has_an_even_grid() {
+        let even = of_column(&read_back(&[50.0], 50.0, 500), 5);
+        assert_eq!(even, [0.0, 25.0, 50.0, 75.0, 100.0]);
+        // More clusters than levels.
+        let valve = read_back(&[0.0, 0.25, 0.5, 0.75, 1.0], 0.009, 600);
+        assert_eq!(of_column(&valve, 3).len(), 3);
+        // A cluster of few rows may be slips.
+        let mut rare = read_back(&[0.0, 0.5], 0.009, 600);
+        rare.extend([1.0; 29]);
+        assert_ne!(of_column(&rare, 7), [0.0, 0.5, 1.0]);
+        rare.push(1.0);
+        assert_eq!(of_column(&rare, 7), [0.0, 0.5, 1.0]);
+    }
+
+    #[test]
+    fn a_level_that_is_nearest_to_no_row_is_left_out() {
+        // Off, or anywhere in the upper half.
+        let mut pump = read_back(&[75.0], 25.0, 500);
+        pump.extend([0.0; 100]);
+        assert_eq!(of_column(&pump, 5), [0.0, 50.0, 75.0, 100.0]);
+    }
+}
