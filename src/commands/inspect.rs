@@ -21,7 +21,11 @@ pub(super) fn run(args: &InspectArgs, printer: &Printer) -> Result<Outcome, Step
             Some(job) => Descriptions::of(job, profile)?,
             None => Descriptions::of_log(profile),
         };
-        show_channels(profile, &descriptions, args, printer)?;
+        let beside = match job.as_ref().and_then(|job| job.study().control.as_ref()) {
+            Some(control) => control.beside_the_state(),
+            None => Vec::new(),
+        };
+        show_channels(profile, &descriptions, &beside, args, printer)?;
         let deployments = inspect_deployments(deployments, &preprocess, printer)?;
         show_parts(profile, &deployments, printer)?;
         if let Some(acted) = &inspection.control {

@@ -12,16 +12,21 @@ use crate::cli::InspectArgs;
 /// Channels that are listed without `--all`.
 const LISTED: usize = 60;
 
-/// The channels: what is dropped and why, and what is kept.
+/// The channels: what is dropped and why, and what is kept. Channels `beside` the states, such as actions, are read whatever they miss, so that
+/// they are not dropped.
 pub(super) fn show_channels(
     profile: &Profile,
     descriptions: &Descriptions,
+    beside: &[String],
     args: &InspectArgs,
     printer: &Printer,
 ) -> Result<(), StepError> {
     let limit = if args.all { profile.channels.len() } else { LISTED };
-    let dropped: Vec<&ChannelProfile> =
-        profile.channels.iter().filter(|channel| channel.dropped.is_some()).collect();
+    let dropped: Vec<&ChannelProfile> = profile
+        .channels
+        .iter()
+        .filter(|channel| channel.dropped.is_some() && !beside.contains(&channel.name))
+        .collect();
     let more = |shown: usize, total: usize| match total.saturating_sub(shown) {
         0 => Ok(()),
         left => printer.result(&format!("… and {} more; --all shows them", count(left))),
